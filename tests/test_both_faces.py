@@ -1083,6 +1083,7 @@ def vehicle_lists(vehicle: FakeVehicle) -> bytes:
         (Px4, survey(), {}),
         (lambda: ArduPilot(capacity=5), survey(), {"timeout": 0.4}),
         (lambda: ArduPilot(armed=True), survey(), {}),
+        (lambda: ArduPilot(armed=True), survey(), {"while_armed": True}),
         (ArduPilot, survey(), {"timeout": -1.0}),
     ],
 )

@@ -99,7 +99,7 @@ LEVELS = (
     FOUNDATION,
     {"errors"},
     {"arguments", "output", "_jit", "inputs"},
-    {"atomic", "access", "json_object"},
+    {"atomic", "access", "databases", "json_object"},
     {"execution"},
     {"raster"},
     {"segmentation"},

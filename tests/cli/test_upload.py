@@ -149,10 +149,19 @@ def test_warnings_are_printed_and_quiet_hides_them(tmp_path: Path) -> None:
     high = [replace(item, altitude_m=150.0) if item.has_position else item for item in survey().items]
     files.write_mission(replace(survey(), items=tuple(high)), plan)
     with udp_vehicle(ArduPilot(armed=True)) as address:
-        done = run("upload", plan, "--connect", address)
+        done = run("upload", plan, "--connect", address, "--while-armed")
         assert "uavseg: warning: 150 m above home" in done.stderr
         assert "uavseg: warning: the vehicle is armed" in done.stderr
-        assert run("upload", plan, "--connect", address, "-q").output == ""
+        assert run("upload", plan, "--connect", address, "--while-armed", "-q").output == ""
+
+
+def test_an_armed_vehicle_is_an_error_of_one_line(tmp_path: Path) -> None:
+    files.write_mission(survey(), tmp_path / "fly.plan")
+    vehicle = ArduPilot(armed=True)
+    with udp_vehicle(vehicle) as address:
+        done = run("upload", tmp_path / "fly.plan", "--connect", address)
+    assert done.exit_code == 1 and done.stderr.startswith("uavseg: error: the vehicle is armed and may be")
+    assert done.stderr.count("\n") == 1 and vehicle.seen == {"HEARTBEAT"}
 
 
 @pytest.mark.slow

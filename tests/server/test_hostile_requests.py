@@ -1,19 +1,28 @@
 """Hostile requests leave the server answering, and none of them gets what the raster is not."""
 
 import errno
+import json
+import logging
 import random
+import re
 import socket
+import threading
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import uavseg
 from tests.server.asking import fetch
+from uavseg.cli._say import library_messages
+from uavseg.server import local_server
+from uavseg.server.local_server import MAX_ARRIVING, MAX_REQUESTS, Answer, LocalServer, json_answer
 from uavseg.server.words import MapServer
 
 SAMPLE = Path(uavseg.__file__).parents[1] / "samples" / "quarry.tif"
+HUGE = 10**398
 METHODS = (
     "GET",
     "POST",
@@ -61,6 +70,8 @@ BODIES = (
         b'{"job": 1, "altitude": 60, "zones": [[[0,0],[1,1],[0,1],[1,0]]]}',
         b'{"center": [91, 0], "edge": [0, 0]}',
     ),
+    *(b'{"low": %d, "high": 1}' % HUGE, b'{"job": 1, "ids": [%d], "altitude": 60}' % HUGE),
+    *(b'{"center": [%d, 0], "edge": [0, 0]}' % HUGE, b'{"job": 1, "altitude": %d}' % HUGE),
     *(b'{"center": "/etc/passwd", "edge": [0, 0]}', b'{"job": 1e308, "altitude": 60}', b"9" * 5000),
 )
 HEADERS = (
@@ -158,3 +169,100 @@ def test_many_connections_that_say_nothing_are_let_go(server: MapServer) -> None
         except OSError:
             continue
     assert status == 200
+
+
+@pytest.mark.parametrize(
+    ("kind", "body", "name"),
+    [
+        ("extract", {"low": HUGE, "high": 1}, "low"),
+        ("extract", {"low": 0, "high": -HUGE}, "high"),
+        ("extract", {"low": 0, "high": 1, "min_area": HUGE}, "min_area"),
+        ("match", {"center": [HUGE, 0], "edge": [0, 0]}, "lat"),
+        ("plan", {"job": 1, "altitude": HUGE}, "altitude"),
+        ("plan", {"job": HUGE, "altitude": 60}, "job"),
+        ("plan", {"job": 1, "altitude": 60, "ids": [HUGE]}, "ids"),
+        ("plan", {"job": 1, "altitude": 60, "zones": [[[0, 0], [1, 1], [HUGE, 0]]]}, "lat"),
+    ],
+)
+def test_numbers_beyond_those_of_a_float_are_refused(
+    kind: str, body: Any, name: str, server: MapServer
+) -> None:
+    status, content = fetch(f"{server.url}jobs/{kind}", body)
+    assert status == 400
+    assert re.fullmatch(rf"{name} (is a|are whole) numbers?", json.loads(content)["error"])
+
+
+def test_connections_that_show_no_token_keep_nobody_out(server: MapServer) -> None:
+    port = int(server.url.split(":")[2].split("/")[0])
+    held = [socket.create_connection(("127.0.0.1", port)) for _ in range(150)]
+    try:
+        for connection in held[-MAX_ARRIVING:]:
+            connection.sendall(b"GET /")  # the others were let go
+        for _ in range(3):
+            assert fetch(server.url)[0] == 200
+    finally:
+        for connection in held:
+            connection.close()
+
+
+def test_more_requests_with_the_token_than_there_are_places_are_refused(server: MapServer) -> None:
+    token, port = server.url.split("/")[3], int(server.url.split(":")[2].split("/")[0])
+    head = (
+        f"POST /{token}/jobs/extract HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nContent-Type: application/json\r\n"
+    )
+    held = [socket.create_connection(("127.0.0.1", port), timeout=20) for _ in range(MAX_REQUESTS)]
+    try:
+        for connection in held:
+            connection.sendall(f"{head}Content-Length: 5\r\n\r\n1".encode())
+        found = [fetch(server.url) for _ in range(20)]
+        assert found[-1] == (503, b'{"error": "too many requests are open; ask again"}')
+    finally:
+        for connection in held:
+            connection.close()
+
+
+@pytest.mark.parametrize("start", ["GET /x", "POST /{token}/jobs/extract HTTP/1.1\r\nHost: 127.0.0.1"])
+def test_a_request_has_a_deadline_as_a_whole(start: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(local_server, "TIMEOUT_S", 0.3)
+    served = LocalServer(lambda method, path, body: json_answer(None))
+    threading.Thread(target=served.serve_forever, args=(0.01,), daemon=True).start()
+    try:
+        with socket.create_connection(served.server_address, timeout=0.02) as connection:
+            connection.sendall(start.format(token=served.gate.token).encode())
+            for _ in range(500):
+                try:
+                    connection.sendall(b"x")
+                    assert connection.recv(1000) == b""
+                    break
+                except TimeoutError:
+                    continue
+                except ConnectionError:
+                    break
+            else:
+                pytest.fail("a request that never ends was read on and on")
+    finally:
+        served.shutdown()
+        served.server_close()
+
+
+def test_the_log_of_an_error_of_the_program_says_where_it_came_from(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(logging.getLogger(), "handlers", [])  # those of pytest
+
+    def failing(method: str, path: str, body: bytes) -> Answer:
+        raise KeyError("what was\x1b missing")
+
+    served = LocalServer(failing)
+    threading.Thread(target=served.serve_forever, args=(0.01,), daemon=True).start()
+    try:
+        with library_messages():
+            status, content = fetch(served.url)
+    finally:
+        served.shutdown()
+        served.server_close()
+    assert status == 500 and b"missing" not in content and b"its log says how" in content
+    log = capsys.readouterr().err
+    assert log.startswith("uavseg: error: an answer failed\nTraceback (most recent call last):\n")
+    assert "KeyError: 'what was\\x1b missing'\n" in log and "in failing" in log
+    assert served.gate.token not in log and "library" not in log

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import threading
 import time
 import warnings
@@ -24,7 +25,9 @@ from tests.server.asking import fetch, run_job
 from uavseg.cli import main
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress
+from uavseg.plot.web import page
 from uavseg.raster.map_tile import has_map_tiles
+from uavseg.server.site import FIELDS
 from uavseg.server.tasks import KEPT, BusyError, Tasks
 from uavseg.server.words import MapServer
 
@@ -130,6 +133,23 @@ def test_wrong_questions_are_refused_in_a_sentence(
     status, content = fetch(f"{server.url}jobs/{kind}", body)
     assert status in (400, 404)
     assert words in json.loads(content)["error"]
+
+
+def test_what_a_plan_advises_is_a_field_of_the_page(server: MapServer) -> None:
+    regions = run_job(server.url, "extract", {"low": 0, "high": 1})
+    ids = [one["properties"]["id"] for one in regions["answer"]["regions"]["features"]]
+    question = {"job": regions["job"], "ids": ids, "altitude": 60, "pattern": "visit", "home": ZONE[0]}
+    refused = run_job(server.url, "plan", question)
+    assert refused["state"] == "failed" and "--" not in refused["error"]
+    assert refused["error"].endswith('over them all the same ("Regions at the edge of the raster too")')
+    assert run_job(server.url, "plan", question | {"allow_edge": True})["state"] == "done"
+
+
+def test_fields_that_messages_name_are_on_the_page() -> None:
+    program = (Path(page.__file__).parent / "assets" / "served.js").read_text(encoding="utf-8")
+    for label in FIELDS.values():
+        assert re.search(rf'"(?:\\u00a0)?{label}[":,]', program), label
+    assert "allow_edge: edge.checked" in program
 
 
 def test_a_job_that_fails_says_why(server: MapServer) -> None:

@@ -18,6 +18,7 @@ def upload(
     *,
     connect: str,
     timeout: float = 10.0,
+    while_armed: bool = False,
     progress: Progress | bool | None = None,
 ) -> None:
     """Send a mission to a vehicle with its fence and rally points, read them back and compare.
@@ -33,6 +34,9 @@ def upload(
         Where the vehicle is: udpout:HOST:PORT, udpin:HOST:PORT, tcp:HOST:PORT or serial:DEVICE[:BAUD].
     timeout : float
         Seconds to wait for an answer, and without progress.
+    while_armed : bool
+        Whether the mission of a vehicle whose motors are armed may be replaced: it may be flying, and
+        ArduPilot replaces the items one by one. Otherwise nothing is sent to it.
     progress : callable, optional
         Called with (done, total) for each item that is sent or read back.
 
@@ -43,14 +47,16 @@ def upload(
     UnverifiedError
         If the vehicle accepted the mission, which could then not be read back.
     LinkError
-        If the vehicle cannot be reached, refuses, falls silent, or is not alone on the link.
+        If the vehicle is armed, cannot be reached, refuses, falls silent, is not alone on the link, or holds
+        something else afterwards.
 
     Examples
     --------
     >>> import uavseg
     >>> uavseg.upload("fly.plan", connect="udpout:192.168.4.1:14550")  # doctest: +SKIP
     """
-    warn(run_upload(mission, LinkRequest(connect, timeout), progress_of(progress)).warnings)
+    request = LinkRequest(connect, timeout)
+    warn(run_upload(mission, request, progress_of(progress), while_armed).warnings)
 
 
 @checked

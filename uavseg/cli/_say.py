@@ -6,6 +6,7 @@ import errno
 import logging
 import os
 import sys
+import traceback
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -72,7 +73,7 @@ def _written_out() -> Iterator[None]:
 def saying_decisions() -> None:
     """Print what jobs log ("uavseg" and its children, at INFO) until the command ends."""
     logger, handler = logging.getLogger("uavseg"), logging.Handler(logging.INFO)
-    handler.emit = lambda record: say(f"uavseg: {record.getMessage()}")  # type: ignore[method-assign]
+    handler.emit = _say_record  # type: ignore[method-assign]
     before = logger.level
     logger.addHandler(handler)
     logger.setLevel(logging.INFO)
@@ -82,6 +83,14 @@ def saying_decisions() -> None:
         logger.setLevel(before)
 
     click.get_current_context().call_on_close(end)
+
+
+def _say_record(record: logging.LogRecord) -> None:
+    """What `uavseg` logs; of an error that it did not expect, with where it came from."""
+    say(f"uavseg: {'error: ' * (record.levelno >= logging.ERROR)}{record.getMessage()}")
+    if record.exc_info:
+        for line in "".join(traceback.format_exception(*record.exc_info)).splitlines():
+            say(line)
 
 
 @contextmanager
@@ -105,8 +114,14 @@ def library_messages() -> Iterator[None]:
         if not isinstance(found.exc_value, UnicodeDecodeError):
             tell(found.exc_value)
 
+    def emit(record: logging.LogRecord) -> None:
+        if record.name.partition(".")[0] == "uavseg":
+            _say_record(record)
+        else:
+            tell(record.getMessage())
+
     handler = logging.Handler(logging.WARNING)
-    handler.emit = lambda record: tell(record.getMessage())  # type: ignore[method-assign]
+    handler.emit = emit  # type: ignore[method-assign]
     logging.getLogger("matplotlib").setLevel(logging.ERROR)  # without a home it tells where its cache is
     os.environ.setdefault("PROJ_DEBUG", "0")  # PROJ writes its errors to stderr and reports them as well
     before = warnings.showwarning, logging.lastResort, sys.unraisablehook, sys.excepthook

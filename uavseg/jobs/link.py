@@ -80,7 +80,10 @@ class Downloaded:
 
 
 def upload(
-    source: str | os.PathLike[str] | Mission, request: LinkRequest, progress: Progress | None = None
+    source: str | os.PathLike[str] | Mission,
+    request: LinkRequest,
+    progress: Progress | None = None,
+    while_armed: bool = False,
 ) -> Uploaded:
     """Send a mission to a vehicle with its fence and rally points, read them back and compare.
 
@@ -90,6 +93,8 @@ def upload(
     request : LinkRequest
     progress : callable, optional
         Called with the number of items that were sent or read back, and of all.
+    while_armed : bool
+        Whether the mission of a vehicle whose motors are armed may be replaced.
 
     Raises
     ------
@@ -98,12 +103,12 @@ def upload(
     UnverifiedError
         If the vehicle accepted the mission, which could then not be read back.
     LinkError
-        If the vehicle cannot be reached, refuses, falls silent, or is not alone on the link.
+        If the vehicle is armed, cannot be reached, refuses, falls silent, or is not alone on the link.
     """
     mission = source if isinstance(source, Mission) else _read_uploadable(source)
     with _connected(request) as link:
         with phase("upload and comparison"):
-            found = upload_mission(link, mission, progress)
+            found = upload_mission(link, mission, progress, while_armed)
         return Uploaded(mission, str(link.vehicle), (*mission.warnings, *found))
 
 

@@ -1,10 +1,14 @@
 """HTTP server on 127.0.0.1 with a random port and a token in its address."""
 
+import io
 import json
 import logging
 import secrets
+import socket
 import threading
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
@@ -15,7 +19,8 @@ from uavseg.server.gate import Gate, Refusal
 
 MAX_REQUESTS = 64  # that are open at the same time: a map that is zoomed gives up many, and asks for others
 MAX_ANSWERS = 4  # that are computed at the same time
-TIMEOUT_S = 20.0  # for a request to arrive
+MAX_ARRIVING = 64  # requests without a token as yet; one more ends the oldest
+TIMEOUT_S = 20.0  # for a whole request to arrive, and for its answer to leave
 POLICY = "frame-ancestors 'none'"
 
 logger = logging.getLogger(__name__)
@@ -67,6 +72,8 @@ class LocalServer(ThreadingHTTPServer):
 
     def __init__(self, answering: Answering, port: int = 0) -> None:
         self._slots = threading.BoundedSemaphore(MAX_REQUESTS)
+        self._arriving: dict[socket.socket, None] = {}  # the oldest first
+        self._lock = threading.Lock()
         self.computing = threading.BoundedSemaphore(MAX_ANSWERS)
         super().__init__(("127.0.0.1", port), _Handler)
         self.answering = answering
@@ -78,14 +85,18 @@ class LocalServer(ThreadingHTTPServer):
         return f"http://127.0.0.1:{self.gate.port}/{self.gate.token}/"
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        """Answer in a thread, unless too many are at it."""
-        if not self._slots.acquire(blocking=False):
-            self.shutdown_request(request)
-            return
+        """Answer in a thread; who has shown no token as yet takes no place of those who have."""
+        with self._lock:
+            self._arriving[request] = None
+            if len(self._arriving) > MAX_ARRIVING:
+                with suppress(OSError):
+                    oldest = next(iter(self._arriving))
+                    del self._arriving[oldest]
+                    oldest.shutdown(socket.SHUT_RDWR)  # its thread reads the end, and closes it
         try:
             super().process_request(request, client_address)
         except BaseException:
-            self._slots.release()
+            self._arrived(request)
             raise
 
     def process_request_thread(self, request: Any, client_address: Any) -> None:
@@ -93,7 +104,22 @@ class LocalServer(ThreadingHTTPServer):
         try:
             super().process_request_thread(request, client_address)
         finally:
-            self._slots.release()
+            self._arrived(request)
+
+    def _arrived(self, request: Any) -> None:
+        with self._lock:
+            self._arriving.pop(request, None)
+
+    @contextmanager
+    def slot(self, request: Any) -> Iterator[bool]:
+        """One of the places of requests that know the token; False if all are taken."""
+        self._arrived(request)
+        is_free = self._slots.acquire(blocking=False)
+        try:
+            yield is_free
+        finally:
+            if is_free:
+                self._slots.release()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """A connection that broke off is no error of ours; others are logged."""
@@ -105,6 +131,11 @@ class _Handler(BaseHTTPRequestHandler):
     server_version, sys_version = "uavseg", ""
     protocol_version = "HTTP/1.0"  # a connection for each request
     timeout = TIMEOUT_S
+
+    def setup(self) -> None:
+        """Read against a deadline: a timeout alone begins again with each byte."""
+        super().setup()
+        self.rfile = io.BufferedReader(_UntilDeadline(self.connection, time.monotonic() + TIMEOUT_S))
 
     def do_GET(self) -> None:
         self._answer()
@@ -128,6 +159,13 @@ class _Handler(BaseHTTPRequestHandler):
         if isinstance(path, Refusal):
             self._refuse(path)
             return
+        with self.server.slot(self.connection) as is_free:
+            if is_free:
+                self._answer_allowed(path, headers)
+            else:
+                self._refuse(Refusal(503, "too many requests are open; ask again"))
+
+    def _answer_allowed(self, path: str, headers: dict[str, list[str]]) -> None:
         body = b""
         if self.command == "POST":
             length = self.server.gate.body_length(headers)
@@ -153,6 +191,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _send(self, answer: Answer) -> None:
         self.close_connection = True
+        self.connection.settimeout(TIMEOUT_S)
         try:
             self.send_response(answer.status)
             self.send_header("Content-Type", answer.kind)
@@ -169,3 +208,20 @@ class _Handler(BaseHTTPRequestHandler):
                 self.wfile.write(answer.content)
         except (ConnectionError, TimeoutError):
             logger.debug("the connection was closed before the answer")
+
+
+class _UntilDeadline(io.RawIOBase):
+    """What a connection sends until a moment of the clock."""
+
+    def __init__(self, connection: socket.socket, ends_at: float) -> None:
+        self._connection, self._ends_at = connection, ends_at
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        left_s = self._ends_at - time.monotonic()
+        if left_s <= 0:
+            raise TimeoutError("the request did not arrive in time")
+        self._connection.settimeout(left_s)
+        return self._connection.recv_into(buffer)

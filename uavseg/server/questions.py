@@ -25,6 +25,7 @@ from uavseg.regions.sample.place import Disc
 from uavseg.segmentation.params import IntensityRange, SegmentParams
 
 MAX_ZONES, MAX_CORNERS = 100, 1000
+MAX_ID = 1 << 63
 AUTOPILOTS = ("ardupilot", "px4", "generic")
 
 
@@ -59,9 +60,13 @@ class Words:
     def number(self, name: str, default: float | None = None) -> float:
         """A finite number."""
         value = self.values.get(name, default)
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        try:
+            found = math.nan if value is None or isinstance(value, bool | str) else float(value)
+        except (TypeError, OverflowError):  # a whole number of JSON may have 400 digits
+            found = math.nan
+        if not math.isfinite(found):
             raise ParameterError(f"{name} is a number")
-        return float(value)
+        return found
 
     def optional(self, name: str) -> float | None:
         """A finite number, or None."""
@@ -150,7 +155,9 @@ def plan_question(body: bytes) -> PlanQuestion:
     )
     ids = words.values.get("ids")
     if ids is not None and not (
-        isinstance(ids, list) and len(ids) <= 100_000 and all(type(one) is int for one in ids)
+        isinstance(ids, list)
+        and len(ids) <= 100_000
+        and all(type(one) is int and abs(one) < MAX_ID for one in ids)
     ):
         raise ParameterError("ids are whole numbers")
     allow_edge = words.values.get("allow_edge", False)

@@ -2,11 +2,14 @@
 
 import re
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from uavseg.errors import UavsegError
 from uavseg.execution.executors import Progress, threads
 from uavseg.jobs.cell_tiles import CellTiles
 from uavseg.jobs.extract import ExtractRequest, extract
@@ -38,6 +41,18 @@ Made = tuple[Any, dict[str, Path]]
 _TILE = re.compile(r"tiles/([0-9]{1,2})/([0-9]{1,9})/([0-9]{1,9})")
 _CODES = re.compile(r"codes/([0-9]{1,2})/([0-9]{1,9})/([0-9]{1,9})")
 _JOB = re.compile(r"jobs/([0-9]{1,9})(?:/(stop)|/files/([a-z0-9.-]{1,40}))?")
+_OPTION = re.compile(r"--[a-z][a-z-]*")
+FIELDS = {  # of the page, by the options that messages advise
+    "--allow-edge": "Regions at the edge of the raster too",
+    "--altitude": "Height above home",
+    "--avoid": "Keep-out zone",
+    "--camera": "Camera",
+    "--home": "Home",
+    "--min-area": "Smallest region",
+    "--pattern": "Pattern",
+    "--spacing": "Distance of lines",
+    "--speed": "Speed",
+}
 MISSING = json_answer({"error": "there is no such thing here"}, 404)
 
 
@@ -74,6 +89,10 @@ class Site:
         UavsegError
             If the question is wrong.
         """
+        with _advising_of_page():
+            return self._answer(method, path, body)
+
+    def _answer(self, method: str, path: str, body: bytes) -> Answer:
         if method == "GET" and path == "":
             return Answer(self.page, "text/html; charset=utf-8")
         if method == "GET" and (tile := _TILE.fullmatch(path)):
@@ -125,7 +144,7 @@ class Site:
         else:
             return MISSING
         try:
-            return json_answer(self.tasks.begin(job).report(), 202)
+            return json_answer(self.tasks.begin(_advising_of_page()(job)).report(), 202)
         except BusyError as error:
             return json_answer({"error": str(error)}, 409)
 
@@ -145,8 +164,22 @@ class Site:
             paths = planned.write(folder / "mission.plan")
         notes = [*planned.warnings, *dict.fromkeys(str(one.message) for one in caught)]
         flights = read_flights(planned)
-        answer = {"missions": flights, "warnings": [printable(note) for note in notes]}
+        answer = {"missions": flights, "warnings": [printable(_as_of_page(note)) for note in notes]}
         return answer, {path.name: path for path in paths}
+
+
+@contextmanager
+def _advising_of_page() -> Iterator[None]:
+    """Context in which errors name fields of the page in place of options of the command line."""
+    try:
+        yield
+    except UavsegError as error:
+        raise UavsegError(_as_of_page(str(error))) from error
+
+
+def _as_of_page(text: str) -> str:
+    """A message that names fields in place of options; what the page does not offer is of `uavseg`."""
+    return _OPTION.sub(lambda one: f'"{FIELDS[one[0]]}"' if one[0] in FIELDS else f"uavseg {one[0]}", text)
 
 
 def _is_tile(zoom: int, x: int, y: int) -> bool:
@@ -161,5 +194,6 @@ def _work(progress: Progress) -> Work:
 def _regions(found: Extraction, folder: Path) -> tuple[dict[str, Any], dict[str, Path]]:
     path = folder / REGIONS
     write_regions(found.regions, path)
-    answer = {"regions": read_collection(path), "warnings": [printable(note) for note in found.warnings]}
+    notes = [printable(_as_of_page(note)) for note in found.warnings]
+    answer = {"regions": read_collection(path), "warnings": notes}
     return answer, {path.name: path}

@@ -1,12 +1,15 @@
 """Missions that go there and back, whatever the network loses."""
 
+import math
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from pymavlink.dialects.v20 import common
 
 from tests.flight.link.link_missions import FENCE, HOME, RALLY, fenced, looped, survey
-from tests.flight.link.network import Network, linked
+from tests.flight.link.network import GROUND, Network, linked
 from tests.flight.link.transfers import AUTOPILOTS, LOSSES, VEHICLES, during_upload, rows, sent_to
 from tests.flight.link.vehicles import (
     MISSION_MESSAGES,
@@ -16,6 +19,7 @@ from tests.flight.link.vehicles import (
     Item,
     Px4,
 )
+from uavseg.errors import LinkError
 from uavseg.flight.items import (
     FRAME_TERRAIN,
     HomePosition,
@@ -117,9 +121,70 @@ def test_a_fence_that_the_mission_does_not_have_is_kept_with_a_warning() -> None
     assert len(vehicle.stored[1]) == 8
 
 
-def test_an_armed_vehicle_gives_a_warning() -> None:
-    warnings = upload_mission(linked(Network([ArduPilot(armed=True)])), survey())
-    assert "armed" in warnings[0]
+@pytest.mark.parametrize("make", VEHICLES)
+@pytest.mark.parametrize("mode", [128, 128 | 8 | 1, 255])  # alone, with guided and custom mode, all flags
+def test_nothing_is_sent_to_an_armed_vehicle(make: type[FakeVehicle], mode: int) -> None:
+    vehicle = make(armed=True)
+    vehicle.armed_mode = mode
+    with pytest.raises(LinkError, match=r"is armed and may be flying: nothing was sent to it.*--while-armed"):
+        upload_mission(linked(Network([vehicle])), fenced(survey(autopilot=AUTOPILOTS[make])))
+    assert vehicle.seen <= {"HEARTBEAT"} and vehicle.stored == {0: [], 1: [], 2: []}
+
+
+def test_an_armed_vehicle_gets_its_mission_where_that_is_allowed() -> None:
+    vehicle = ArduPilot(armed=True)
+    [warning] = upload_mission(linked(Network([vehicle])), survey(), while_armed=True)
+    assert "armed" in warning and len(vehicle.stored[0]) == 13
+
+
+def test_the_last_heartbeat_of_the_autopilot_says_whether_it_is_armed() -> None:
+    vehicle = ArduPilot(armed=True)
+    network = Network([vehicle])
+    link = linked(network)
+    vehicle.armed = False
+    link.next_message(network.now() + 3, none_expected=True)
+    assert upload_mission(link, survey()) == ()
+    vehicle.armed = True
+    link.next_message(network.now() + 3, none_expected=True)
+    with pytest.raises(LinkError, match="armed"):
+        upload_mission(link, survey())
+
+
+def test_a_heartbeat_of_another_component_does_not_say_whether_the_motors_are_armed() -> None:
+    vehicle = ArduPilot(armed=True)
+    network = Network([vehicle])
+    link = linked(network)
+    other = common.MAVLink(
+        SimpleNamespace(write=lambda data: network.post(GROUND, bytes(data), "vehicles")), vehicle.system, 100
+    )
+    for _ in range(5):
+        other.heartbeat_send(2, vehicle.autopilot, 0, 0, 4)
+    with pytest.raises(LinkError, match="armed"):
+        upload_mission(link, survey())
+
+
+def test_a_vehicle_that_is_armed_during_an_upload_gets_no_further_list() -> None:
+    vehicle = ArduPilot()
+    network = Network([vehicle], latency_s=0.3)
+    during_upload(network, lambda: setattr(vehicle, "armed", True))
+    with pytest.raises(LinkError, match=r"armed after its fence had been sent.*nothing more was sent"):
+        upload_mission(linked(network), fenced(survey()))
+    assert len(vehicle.stored[1]) == 8 and not vehicle.stored[0] and not vehicle.stored[2]
+
+
+@pytest.mark.parametrize("make", VEHICLES)
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("field", ["z", "param1"])
+def test_a_vehicle_that_holds_no_number_is_not_called_equal(
+    make: type[FakeVehicle], value: float, field: str
+) -> None:
+    class Wrong(make):  # type: ignore[valid-type,misc]
+        def item_message(self, item: Item, number: int, *rest: Any) -> None:
+            changes = {"z": value} if field == "z" else {"params": (value, *item.params[1:])}
+            super().item_message(replace(item, **changes), number, *rest)
+
+    with pytest.raises(LinkError, match=f"item [01]: .* {value:g} .*instead of "):
+        sent_to(Wrong, survey(autopilot=AUTOPILOTS[make]))
 
 
 def test_progress_never_exceeds_the_total_and_ends_there() -> None:

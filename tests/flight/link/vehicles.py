@@ -69,6 +69,7 @@ class FakeVehicle:
         self.silent_after: float | None = None  # number of messages
         self.handled = 0
         self.armed = armed
+        self.armed_mode = 128  # its flags while it is armed
         self.upload: Upload | None = None
         self.outbox: list[bytes] = []
         self.system = system
@@ -102,7 +103,7 @@ class FakeVehicle:
         self.now = now
         if now - self._heartbeat_at >= self.heartbeat_s:
             self._heartbeat_at = now
-            self._mav.heartbeat_send(2, self.autopilot, 128 if self.armed else 0, 0, 4)
+            self._mav.heartbeat_send(2, self.autopilot, self.armed_mode if self.armed else 0, 0, 4)
         if self.upload is not None and not self.is_mute:
             if now - self.upload.received_at > self.give_up_s:
                 self.on_give_up(self.upload)

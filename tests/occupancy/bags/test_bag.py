@@ -3,6 +3,7 @@
 import bz2
 import random
 import shutil
+import sqlite3
 import sys
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ import pytest
 from rosbags.rosbag2 import CompressionFormat, CompressionMode
 
 from tests.occupancy.bags.write_bags import Drive, write_ros1, write_ros2
-from uavseg.errors import BagError, UavsegError
+from uavseg.errors import AccessError, BagError, UavsegError
 from uavseg.occupancy.bags import bag, bounded, storage
 from uavseg.occupancy.bags.merge_bag import merge_bag
 
@@ -80,6 +81,20 @@ def test_the_definitions_of_a_bag_are_not_made_code(bags: Path, tmp_path: Path) 
     hostile = tmp_path / "a.db3"
     hostile.write_bytes(whole.replace(b"float32 angle_min", b"float32 angle-mi}"))
     assert merge_bag(hostile).counts.merged == 3
+
+
+def test_a_bag_whose_messages_are_a_view_that_never_ends_is_refused(bags: Path, tmp_path: Path) -> None:
+    path = tmp_path / "a.db3"
+    path.write_bytes((bags / "db3/db3.db3").read_bytes())
+    with sqlite3.connect(path) as database:
+        database.execute("ALTER TABLE messages RENAME TO held")
+        database.execute(
+            "CREATE VIEW messages AS WITH RECURSIVE n(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM n) "
+            "SELECT held.* FROM held, n"
+        )
+    database.close()
+    with pytest.raises(AccessError, match="has the view 'messages'"):
+        merge_bag(path)
 
 
 def test_a_type_that_only_has_the_name_of_a_scan_is_refused(bags: Path, tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """A raster opens as what its extension promises, and what it names is checked at any depth."""
 
 import os
+import sqlite3
 import warnings
 from pathlib import Path
 
@@ -251,3 +252,28 @@ def test_each_extension_has_its_drivers() -> None:
     assert "VRT" not in drivers_of("a") and "WMS" not in drivers_of("a.txt")
     for subdataset in ('NETCDF:"a.nc":b', "GTIFF_DIR:2:a.tif", "<VRTDataset/>"):
         assert drivers_of(subdataset) == ()
+
+
+ENDLESS = "WITH RECURSIVE n(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM n)"
+
+
+def test_a_database_of_tiles_with_a_view_that_never_ends_is_not_opened(tmp_path: Path) -> None:
+    how = {"crs": "EPSG:3857", "transform": rasterio.Affine(1, 0, 0, 0, -1, 16)}
+    with rasterio.open(tmp_path / "a.gpkg", "w", "GPKG", 16, 16, 3, dtype="uint8", **how) as file:
+        file.write(np.full((3, 16, 16), 7, np.uint8))
+    with sqlite3.connect(tmp_path / "a.gpkg") as database:
+        database.execute("CREATE VIEW chosen AS SELECT * FROM gpkg_contents WHERE min_x < 0")
+    database.close()
+    (tmp_path / "g.vrt").write_text(vrt_of("a.gpkg"))
+    (tmp_path / "m.vrt").write_text(vrt_of("a.mbtiles"))
+    assert Dataset.open(tmp_path / "a.gpkg").geobox.shape == (16, 16)
+    for name, table in (("a.gpkg", "gpkg_contents"), ("a.mbtiles", "metadata")):
+        with sqlite3.connect(tmp_path / name) as database:
+            if name == "a.mbtiles":
+                database.execute("CREATE TABLE metadata (name, value)")
+            database.execute(f"ALTER TABLE {table} RENAME TO held")
+            database.execute(f"CREATE VIEW {table} AS {ENDLESS} SELECT held.* FROM held, n")
+        database.close()
+    for name in ("a.gpkg", "g.vrt", "a.mbtiles", "m.vrt"):
+        with pytest.raises(AccessError, match="view"):
+            Dataset.open(tmp_path / name)

@@ -18,6 +18,7 @@ import shapely
 from uavseg.access import allowing
 from uavseg.errors import AccessError, RegionError
 from uavseg.plot.polygons import PolygonTable
+from uavseg.regions.formats.about_file import about_file, is_region_file
 from uavseg.regions.formats.read import read_regions
 
 RING = [[15, 40], [15.01, 40], [15.01, 40.01], [15, 40.01], [15, 40]]
@@ -185,16 +186,55 @@ def test_what_geopandas_writes_is_read(tmp_path: Path, name: str) -> None:
     [
         ("CREATE VIEW v AS SELECT load_extension('/tmp/x.so') AS a", "view"),
         ("CREATE VIEW v AS SELECT ogr_layer_SRID('a') AS a", "view"),
+        ("CREATE VIEW v AS SELECT random() AS a", "view"),
+        (
+            "CREATE VIEW v AS WITH RECURSIVE n(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM n) "
+            "SELECT x FROM n",
+            "view",
+        ),
+        ("CREATE VIEW v AS SELECT (SELECT count(*) FROM a b, a c) AS n FROM a", "view"),
+        pytest.param(
+            "CREATE VIEW v AS SELECT a.* FROM a, a b, a c, a d, a e, a f",
+            "interrupted",
+            marks=pytest.mark.slow,
+        ),
+        ("CREATE VIEW v AS SELECT * FROM w", "view"),
+        ('CREATE VIEW """; SELECT 1" AS SELECT random() AS a', "view"),
+        ("CREATE VIRTUAL TABLE v USING rtree(a, b, c); CREATE VIEW w AS SELECT 1 UNION SELECT 2", "view"),
     ],
 )
 def test_a_geopackage_with_code_is_refused(tmp_path: Path, statement: str, reason: str) -> None:
-    frame = geopandas.GeoDataFrame({"id": [1]}, geometry=[shapely.Polygon(RING)], crs="EPSG:4326")
-    frame.to_file(tmp_path / "a.gpkg")
+    squares = [shapely.box(n, 0, n + 0.5, 1) for n in range(60)]
+    geopandas.GeoDataFrame(geometry=squares, crs="EPSG:4326").to_file(tmp_path / "a.gpkg")
     with sqlite3.connect(tmp_path / "a.gpkg") as database:
-        database.execute(statement)
+        database.executescript(statement)
     database.close()
-    with pytest.raises(AccessError, match=reason):
-        read_regions(tmp_path / "a.gpkg")
+    for source in (tmp_path / "a.gpkg", (tmp_path / "a.gpkg").read_bytes()):
+        with pytest.raises(AccessError, match=reason):
+            read_regions(source)
+    for read in (about_file, is_region_file):
+        with pytest.raises(AccessError, match=reason):
+            read(tmp_path / "a.gpkg")
+
+
+def test_a_view_that_selects_from_a_table_is_a_layer(tmp_path: Path) -> None:
+    path = tmp_path / "a.gpkg"
+    squares = [shapely.box(n, 0, n + 0.5, 1) for n in range(60)]
+    geopandas.GeoDataFrame({"size": range(60)}, geometry=squares, crs="EPSG:4326").to_file(path)
+    with sqlite3.connect(path) as database:
+        database.execute("CREATE VIEW big AS SELECT fid AS OGC_FID, geom, size FROM a WHERE round(size) > 40")
+        database.execute(
+            "INSERT INTO gpkg_contents (table_name, data_type, identifier, srs_id) "
+            "SELECT 'big', data_type, 'big', srs_id FROM gpkg_contents"
+        )
+        database.execute(
+            "INSERT INTO gpkg_geometry_columns SELECT 'big', column_name, geometry_type_name, srs_id, z, m "
+            "FROM gpkg_geometry_columns"
+        )
+    database.close()
+    found = read_regions(path, "big")
+    assert found.columns["size"].tolist() == list(range(41, 60))
+    assert len(read_regions(path, "a")) == 60
 
 
 def test_more_features_than_bytes_are_refused(tmp_path: Path) -> None:

@@ -1,8 +1,20 @@
 """Comparison of what a vehicle holds with what was sent to it."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 
-from uavseg.flight.items import POSITION_COMMANDS
+from uavseg.flight.items import (
+    FRAME_MISSION,
+    HEADING_COMMANDS,
+    LAND,
+    LANDINGS,
+    LOITER,
+    LOITER_TIME,
+    LOITER_TO_ALTITUDE,
+    LOITER_TURNS,
+    POSITION_COMMANDS,
+    WAYPOINT,
+)
 from uavseg.flight.link.link_items import LOCATED, LinkItem
 from uavseg.flight.link.results import Kind
 
@@ -11,13 +23,25 @@ ALTITUDE_M = 0.02  # ArduPilot keeps whole centimetres, rounded down
 RALLY_ALTITUDE_M = 1.0  # and whole metres of rally points
 RELATIVE = 1e-6  # of a 32-bit float
 EXACT_PARAMS = 2  # param1 and param2 of items without position decide what they do
+MAX_BYTE = 255  # ArduPilot keeps radii and turns in 8 bits, and radii above that in tens of metres
+# Parameters of items with a position (command, number) that are not left out; ArduPlane leaves out holds.
+ARDUPILOT_KEEPS = frozenset(
+    {(LOITER, 3), (LOITER_TURNS, 1), (LOITER_TURNS, 3), (LOITER_TIME, 1), (LOITER_TO_ALTITUDE, 2)}
+)
+PX4_KEEPS = frozenset(
+    {(WAYPOINT, 1), (WAYPOINT, 2), (LOITER, 3), (LOITER_TIME, 1), (LOITER_TIME, 3), (LOITER_TO_ALTITUDE, 2)}
+    | {(command, 4) for command in (*HEADING_COMMANDS, *LANDINGS)}
+)
+ARDUPILOT_FLAGS = frozenset((command, 4) for command in (LOITER_TURNS, LOITER_TIME, LOITER_TO_ALTITUDE))
+PX4_FLAGS = frozenset({(LOITER_TIME, 2), (LOITER_TIME, 4), (LOITER_TO_ALTITUDE, 1), (LOITER_TO_ALTITUDE, 4)})
 
 
 def differences(sent: Sequence[LinkItem], kept: Sequence[LinkItem], kind: Kind, autopilot: str) -> list[str]:
     """What the vehicle holds other than it was sent, so that it would not fly the mission; empty if nothing.
 
-    Home (item 0 of ArduPilot) is not compared, because the vehicle replaces it. Parameters that autopilots
-    round or do not store are compared by `rounded`; a generic vehicle keeps everything.
+    Home (item 0 of ArduPilot) is not compared, because the vehicle replaces it. A parameter may come back as
+    what the autopilot is known to make of it, which `rounded` tells; a generic vehicle keeps everything. NaN
+    where a number was sent, and infinity, are differences everywhere.
     """
     if len(sent) != len(kept):
         return [f"it holds {len(kept)} items instead of {len(sent)}"]
@@ -31,16 +55,17 @@ def differences(sent: Sequence[LinkItem], kept: Sequence[LinkItem], kind: Kind, 
 
 def rounded(sent: Sequence[LinkItem], kept: Sequence[LinkItem], kind: Kind, autopilot: str) -> list[str]:
     """Parameters that the vehicle keeps otherwise, one line for each command and parameter."""
-    if autopilot == "generic" or kind != Kind.MISSION:
+    if kind != Kind.MISSION:
         return []
-    seen: dict[tuple[int, int], list[tuple[float, float]]] = {}
+    seen: dict[tuple[int, int], list[tuple[float | None, float | None]]] = {}
     for mine, theirs in zip(sent[_first(kind, autopilot) :], kept[_first(kind, autopilot) :], strict=True):
         for n, (value, known) in enumerate(zip(mine.params, theirs.params, strict=True), start=1):
-            if value is not None and not _equal(value, known or 0.0):
-                seen.setdefault((mine.command, n), []).append((value, known or 0.0))
+            # ArduPilot and PX4 keep 0 for what is not set; of others nobody knows how they fly it
+            if (value is not None or autopilot == "generic") and not _equal(value, known):
+                seen.setdefault((mine.command, n), []).append((value, known))
     return [
-        f"the vehicle keeps parameter {n} of command {command} as {pairs[0][1]:g} instead of {pairs[0][0]:g}"
-        + (f", and otherwise in {len(pairs)} items" if len(pairs) > 1 else "")
+        f"the vehicle keeps parameter {n} of command {command} as {_text(pairs[0][1])} instead of "
+        f"{_text(pairs[0][0])}" + (f", and otherwise in {len(pairs)} items" if len(pairs) > 1 else "")
         for (command, n), pairs in sorted(seen.items())
     ]
 
@@ -52,34 +77,82 @@ def _first(kind: Kind, autopilot: str) -> int:
 def _difference(sent: LinkItem, kept: LinkItem, kind: Kind, autopilot: str) -> str:
     if kept.command != sent.command:
         return f"command {kept.command} instead of {sent.command}"
-    is_place = kind != Kind.MISSION or sent.command in POSITION_COMMANDS
-    if (is_place or sent.x or sent.y) and max(abs(kept.x - sent.x), abs(kept.y - sent.y)) > UNITS:
+    if kind == Kind.MISSION and kept.autocontinue != sent.autocontinue:
+        return f"autocontinue is {kept.autocontinue} instead of {sent.autocontinue}"
+    has_place = kind != Kind.MISSION or sent.command in POSITION_COMMANDS or bool(sent.x or sent.y)
+    if has_place and max(abs(kept.x - sent.x), abs(kept.y - sent.y)) > UNITS:
         return f"position {_position(kept)} instead of {_position(sent)}"
-    if kind != Kind.FENCE and is_place:
-        tolerance_m = RALLY_ALTITUDE_M if kind == Kind.RALLY else ALTITUDE_M
-        if abs(kept.z - sent.z) > tolerance_m:
-            return f"altitude {kept.z:g} m instead of {sent.z:g} m"
-        if kept.frame != sent.frame and kind == Kind.MISSION:
-            return f"frame {kept.frame} instead of {sent.frame}"
-    for n in range(_exact_params(sent, kind, autopilot)):
-        value, known = sent.params[n] or 0.0, kept.params[n] or 0.0
-        if not _equal(value, known):
-            return f"parameter {n + 1} is {known:g} instead of {value:g}"
+    is_located = has_place and (kind == Kind.RALLY or sent.command in LOCATED)
+    tolerance_m = (RALLY_ALTITUDE_M if kind == Kind.RALLY else ALTITUDE_M) if is_located else math.inf
+    if not (math.isfinite(kept.z) and abs(kept.z - sent.z) <= tolerance_m):
+        return f"altitude {kept.z:g} m instead of {sent.z:g} m"
+    if is_located and kind == Kind.MISSION and FRAME_MISSION != sent.frame != kept.frame:
+        return f"frame {kept.frame} instead of {sent.frame}"
+    for n, (value, known) in enumerate(zip(sent.params, kept.params, strict=True), start=1):
+        if not _is_kept(value, known, n, sent.command, kind, autopilot):
+            return f"parameter {n} is {_text(known)} instead of {_text(value)}"
     return ""
 
 
-def _exact_params(sent: LinkItem, kind: Kind, autopilot: str) -> int:
-    """How many parameters must be kept exactly."""
+def _is_kept(
+    value: float | None, known: float | None, n: int, command: int, kind: Kind, autopilot: str
+) -> bool:
+    """Whether a parameter came back as it was sent, or as what the autopilot is known to make of it."""
+    if _equal(value, known):
+        return True
+    if known is None or not math.isfinite(known):
+        return False
     if autopilot == "generic":
-        return 4
+        return value is None and known == 0
     if kind != Kind.MISSION:
-        return int(kind == Kind.FENCE)  # the number of vertices, or the radius
-    return 0 if sent.command in LOCATED else EXACT_PARAMS
+        return not (kind == Kind.FENCE and n == 1)  # the number of vertices, or the radius
+    if command not in LOCATED:
+        return known == 0 and (value is None or n > EXACT_PARAMS)
+    made = _of_ardupilot if autopilot == "ardupilot" else _of_px4
+    return any(_equal(one, known) for one in made(value, command, n))
+
+
+def _of_ardupilot(value: float | None, command: int, n: int) -> Iterator[float]:
+    """What ArduPilot makes of a parameter of an item with a position (AP_Mission.cpp)."""
+    if value is None or (command, n) not in ARDUPILOT_KEEPS:
+        yield 0.0
+    number = value or 0.0
+    sign = math.copysign(1.0, number)
+    yield float(math.trunc(number))
+    if (command, n) == (LOITER_TURNS, 1) and abs(number) < 1:
+        yield math.floor(256 * number) / 256
+    if abs(number) > MAX_BYTE and (n > 1 or command == LOITER_TURNS):
+        yield from (sign * 10 * min(math.trunc(abs(number) / 10), MAX_BYTE), sign * MAX_BYTE)
+    if (command, n) in {(LAND, 4), (LOITER_TIME, 3)}:  # the direction of the turn
+        yield sign
+    if (command, n) in ARDUPILOT_FLAGS:
+        yield float(number > 0)
+
+
+def _of_px4(value: float | None, command: int, n: int) -> Iterator[float]:
+    """What PX4 makes of a parameter of an item with a position (mavlink_mission.cpp)."""
+    if (command, n) not in PX4_KEEPS:
+        yield 0.0
+    elif value is not None and n == 4:
+        yield value % 360
+    if value is not None and (command, n) in PX4_FLAGS:
+        yield float(value > 0)
+    if value is not None and (command, n) == (LAND, 2):
+        yield float(math.trunc(value))
 
 
 def _position(item: LinkItem) -> str:
     return f"{item.x / 1e7:.7f},{item.y / 1e7:.7f}"
 
 
-def _equal(one: float, other: float) -> bool:
+def _text(value: float | None) -> str:
+    return "nan" if value is None else f"{value:g}"
+
+
+def _equal(one: float | None, other: float | None) -> bool:
+    """Whether two numbers are equal as 32-bit floats; None is NaN, which equals itself alone."""
+    if one is None or other is None:
+        return one is other
+    if not (math.isfinite(one) and math.isfinite(other)):
+        return one == other
     return abs(one - other) <= RELATIVE * max(abs(one), abs(other), 1.0)

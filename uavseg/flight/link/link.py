@@ -5,6 +5,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
 from pymavlink.dialects.v20 import common
@@ -196,8 +197,8 @@ class Link:
 
     def _hear_vehicle(self, heartbeat: Any, source: Source) -> None:
         system, component = heartbeat.get_srcSystem(), heartbeat.get_srcComponent()
+        armed = bool(heartbeat.base_mode & ARMED)
         if self._vehicle is None:
-            armed = bool(heartbeat.base_mode & ARMED)
             self._vehicle = Vehicle(system, component, heartbeat.autopilot, armed, source)
             self._transport.answer(source)
             return
@@ -214,6 +215,8 @@ class Link:
                 f"two vehicles on the link have the system id {system}; "
                 "give an address where only one answers, or another id to one of them"
             )
+        if component == known.component:  # a gimbal or a camera of the system says nothing of the motors
+            self._vehicle = replace(known, is_armed=armed)
 
     def _check_other(self, message: Any, system: int) -> None:
         """Another ground station that writes, or another system that answers us."""

@@ -54,6 +54,8 @@ class LinkItem:
         Latitude and longitude in 1e-7 degrees; as they are in frame 2.
     z : float
         Altitude in metres.
+    autocontinue : int
+        1 if the next item of the mission follows by itself.
     """
 
     command: int
@@ -62,11 +64,13 @@ class LinkItem:
     x: int = 0
     y: int = 0
     z: float = 0.0
+    autocontinue: int = 1
 
     def fields(self, number: int, is_current: bool) -> tuple[Any, ...]:
         """The fields of MISSION_ITEM_INT after its target, for the item with this number."""
         params = (math.nan if value is None else value for value in self.params)
-        return (number, self.frame, self.command, int(is_current), 1, *params, self.x, self.y, self.z)
+        start = (number, self.frame, self.command, int(is_current), self.autocontinue)
+        return (*start, *params, self.x, self.y, self.z)
 
     @classmethod
     def of_message(cls, message: Any) -> "LinkItem":
@@ -77,7 +81,8 @@ class LinkItem:
         )
         frame = EQUAL_FRAMES.get(message.frame, message.frame)
         params = (first, second, third, fourth)
-        return cls(message.command, frame, params, message.x, message.y, _decimal(message.z))
+        place = message.x, message.y, _decimal(message.z)
+        return cls(message.command, frame, params, *place, message.autocontinue)
 
 
 def items_of_mission(mission: Mission, has_home_row: bool) -> list[LinkItem]:

@@ -15,7 +15,9 @@ from uavseg.flight.mission import Mission
 ATTEMPTS = 3
 
 
-def upload_mission(link: Link, mission: Mission, progress: Progress | None = None) -> tuple[str, ...]:
+def upload_mission(
+    link: Link, mission: Mission, progress: Progress | None = None, while_armed: bool = False
+) -> tuple[str, ...]:
     """Upload a mission with its fence and rally points, read them back and compare.
 
     The fence goes first, so that the vehicle never holds the mission without it. A fence and rally points
@@ -27,6 +29,8 @@ def upload_mission(link: Link, mission: Mission, progress: Progress | None = Non
     mission : Mission
     progress : callable, optional
         Called with the number of items that were sent or read back, and of all.
+    while_armed : bool
+        Whether the lists of a vehicle whose motors are armed may be replaced.
 
     Returns
     -------
@@ -40,18 +44,19 @@ def upload_mission(link: Link, mission: Mission, progress: Progress | None = Non
     UnverifiedError
         If the vehicle accepted a list that could not be read back.
     LinkError
-        If the vehicle refuses a list, falls silent, or holds another one afterwards.
+        If the vehicle is armed, refuses a list, falls silent, or holds another one afterwards.
     """
-    vehicle = link.vehicle
-    check_autopilot(mission, vehicle)
+    check_autopilot(mission, link.vehicle)
     warnings = []
-    if vehicle.is_armed:
-        warnings.append("the vehicle is armed: its mission was replaced while it may be flying")
-    lists = _lists(mission, vehicle)
+    lists = _lists(mission, link.vehicle)
     steps = _Steps(progress, 2 * sum(map(len, lists.values())))
     for kind, items in lists.items():
+        if not while_armed:
+            _check_disarmed(link.vehicle, kind, list(lists))
         warnings += _transfer(link, kind, items, steps)
         steps.begin += 2 * len(items)
+    if link.vehicle.is_armed:
+        warnings.append("the vehicle is armed: its mission was replaced while it may be flying")
     for kind in (Kind.FENCE, Kind.RALLY):
         left = None if kind in lists else count_items(link, kind)
         if left:
@@ -68,6 +73,19 @@ def check_autopilot(mission: Mission, vehicle: Vehicle) -> None:
         f"the mission is for {AUTOPILOT_NAMES[mission.autopilot]}, and the vehicle is {vehicle}; plan it for "
         f"{AUTOPILOT_NAMES[known]} (a .waypoints file is always for ArduPilot)"
     )
+
+
+def _check_disarmed(vehicle: Vehicle, kind: Kind, kinds: Sequence[Kind]) -> None:
+    """Raise LinkError if a vehicle is armed, in any mode: it may be switched to its mission at any time."""
+    if not vehicle.is_armed:
+        return
+    done = " and ".join(map(str, kinds[: kinds.index(kind)]))
+    what = "the vehicle is armed and may be flying: nothing was sent to it"
+    if done:
+        what = (
+            f"the vehicle was armed after its {done} had been sent, and may be flying: nothing more was sent"
+        )
+    raise LinkError(f"{what}; disarm it, or give --while-armed if its mission may change while it flies")
 
 
 def _lists(mission: Mission, vehicle: Vehicle) -> dict[Kind, list[LinkItem]]:

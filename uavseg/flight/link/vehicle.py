@@ -24,7 +24,7 @@ class Vehicle:
     mav_autopilot : int
         MAV_AUTOPILOT.
     is_armed : bool
-        Whether its motors were armed when it was heard first.
+        Whether its motors are armed, by its last heartbeat.
     source : object
         Where its messages come from, see `transport.Source`.
     """

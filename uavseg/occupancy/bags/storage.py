@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from uavseg.access import current_policy
+from uavseg.databases import check_database
 from uavseg.errors import BagError
 from uavseg.inputs import check_yaml_brackets, read_bytes, regular_file
 from uavseg.plain_text import cause_of, shown
@@ -96,3 +97,4 @@ def _check_database(file: Path) -> None:
                 f"{file} was not closed when it was recorded: {left.name} holds messages; open and close it "
                 "once with sqlite3, or ros2 bag reindex"
             )
+    check_database(file, os.fspath(file), BagError)

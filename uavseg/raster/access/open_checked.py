@@ -9,6 +9,7 @@ from rasterio.errors import RasterioIOError
 from rasterio.io import DatasetReader
 
 from uavseg.access import current_policy, is_address
+from uavseg.databases import check_database
 from uavseg.errors import AccessError, RasterReadError
 from uavseg.inputs import regular_file
 from uavseg.plain_text import cause_of
@@ -21,6 +22,7 @@ from uavseg.raster.sequential_rows import is_sequential, read_rows_before
 from uavseg.raster.tiling import Window
 
 _PAGE = re.compile(r"GTIFF_DIR:\d+:(.*)", re.IGNORECASE | re.DOTALL)
+_DATABASES = (("GPKG",), ("MBTiles",))
 _ARCHIVE = re.compile(r"/vsi(?!curl|s3|gs|az|adls|oss|swift|hdfs|webhdfs)", re.IGNORECASE)
 
 
@@ -44,6 +46,9 @@ def open_checked(path: str) -> Iterator[DatasetReader]:
     if is_local(path):
         found = NamedFiles(path)
         found.check()
+        for source_path in (path, *found.rasters):
+            if drivers_of(source_path) in _DATABASES and Path(source_path).is_file():
+                check_database(source_path, source_path, RasterReadError)
     elif page := _PAGE.fullmatch(path):
         regular_file(page[1])
     elif drivers_of(path) == ("VRT",):

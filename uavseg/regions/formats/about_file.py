@@ -156,14 +156,14 @@ def _bounds(found: Any) -> tuple[float, float, float, float] | None:
 def _holds_tiles(path: str | os.PathLike[str]) -> bool:
     """Whether a GeoPackage holds images and no features."""
     import sqlite3
-    from contextlib import closing
+
+    from uavseg.databases import check_database, open_database
 
     try:
-        with closing(
-            sqlite3.connect(f"{Path(path).resolve().as_uri()}?mode=ro&immutable=1", uri=True)
-        ) as base:
+        check_database(path, os.fspath(path), RegionError)
+        with open_database(path) as base:
             base.text_factory = bytes  # text of a damaged file may not be UTF-8
             kinds = {kind for (kind,) in base.execute("SELECT data_type FROM gpkg_contents")}
-    except (sqlite3.Error, UnicodeError):  # the message of an error may quote what is no text
+    except (RegionError, sqlite3.Error, UnicodeError):  # the message of an error may quote what is no text
         return True  # MBTiles and others
     return b"features" not in kinds

@@ -9,11 +9,12 @@ import json
 import os
 import re
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from uavseg.access import current_policy
+from uavseg.databases import check_database
 from uavseg.errors import AccessError, RegionError
 from uavseg.inputs import MAX_TEXT, parse_json, read_bytes, read_start, regular_file
 from uavseg.plain_text import cause_of
@@ -83,10 +84,10 @@ def check_vector(source: str | os.PathLike[str] | bytes, name: str) -> None:
         )
     if kind == "GeoJSON":
         _check_json(source, name)
+    elif kind == "GeoPackage":
+        check_database(source, name, RegionError)
     elif isinstance(source, bytes):
         return
-    elif kind == "GeoPackage":
-        _check_sqlite(source, name)
     elif kind == "Shapefile":
         for beside in (Path(source).with_suffix(end) for end in _BESIDE):
             if os.path.lexists(beside):
@@ -163,24 +164,3 @@ def _linked_crs(found: Any) -> str | None:
                         return named
             pending += value.values()
     return None
-
-
-def _check_sqlite(source: str | os.PathLike[str], name: str) -> None:
-    """Refuse virtual tables other than indexes, and views that call functions of extensions."""
-    import sqlite3
-
-    address = f"{Path(source).resolve().as_uri()}?mode=ro&immutable=1"
-    try:
-        with closing(sqlite3.connect(address, uri=True)) as database:
-            definitions = [
-                str(row[0]) for row in database.execute("SELECT sql FROM sqlite_master WHERE sql NOT NULL")
-            ]
-    except (sqlite3.Error, UnicodeError) as error:
-        raise RegionError(f"{name} cannot be read as regions: {cause_of(error)}") from error
-    for text in definitions:
-        virtual = re.match(r"\s*create\s+virtual\s+table.*?\susing\s+(\w+)", text, re.IGNORECASE | re.DOTALL)
-        view = re.match(r"\s*create\s+(?:temp\w*\s+)?view", text, re.IGNORECASE)
-        if virtual and not virtual[1].lower().startswith(("rtree", "fts")):
-            raise AccessError(f"{name} has a virtual table of {virtual[1]}, which may read other files")
-        if view and re.search(r"load_extension|readfile|writefile|ogr_|gdal_|edit\s*\(", text, re.IGNORECASE):
-            raise AccessError(f"{name} has a view that calls a function which may read other files")

@@ -66,11 +66,12 @@ function addServed(page) {
   const spacing = field("Distance of lines, m (with no camera)", "spacing", 20);
   const camera = choice("Camera", "camera", ["", ...data.server.cameras]);
   const pattern = choice("Pattern", "pattern", ["survey", "visit", "perimeter"]);
+  const edge = make("input", {type: "checkbox", id: "allow-edge"});
   const home = button("Home: auto", "home"), zone = button("Keep-out zone", "zone"), clear = button("No zones", "clear");
   const plan = button("Plan mission", "plan"), result = make("div"), drawn = L.layerGroup().addTo(map);
   panel.append(make("section", {}, make("h2", {textContent: "Plan a mission"}),
     make("p", {textContent: "Over the exact regions that are chosen."}), altitude.label, speed.label, pattern.label,
-    camera.label, spacing.label, home, " ", zone, " ", clear, " ", plan, result));
+    camera.label, spacing.label, make("label", {className: "tick"}, edge, "\u00a0Regions at the edge of the raster too"), home, " ", zone, " ", clear, " ", plan, result));
   const shown = [];
 
   home.onclick = () => drawing.point("Click the place from which the vehicle starts.", (at) => { own.home = at; mark(); });
@@ -102,7 +103,7 @@ function addServed(page) {
     const way = camera.value() || pattern.value() !== "survey" ? {} : {spacing: spacing.value()};
     const report = await run("plan", {
       job: own.job, ids: chosen, home: own.home ? [own.home.lat, own.home.lng] : "auto", altitude: altitude.value(),
-      speed: speed.value(), pattern: pattern.value(), camera: camera.value() || null, ...way,
+      speed: speed.value(), pattern: pattern.value(), camera: camera.value() || null, allow_edge: edge.checked, ...way,
       zones: own.zones.map((corners) => corners.map(({lat, lng}) => [lat, lng])),
     });
     if (!report) return;
