@@ -48,7 +48,7 @@ class RangeWidget(anywidget.AnyWidget):  # type: ignore[misc]
 
     Parameters
     ----------
-    source : path, sequence of paths, DataArray or Dataset
+    source : path, sequence of paths, DataArray, open raster of rasterio, or Dataset
         As of `uavseg.extract`, with a coordinate system.
     range : (float, float)
         Of v, in thousandths, the first below the second. Also an attribute, which follows the slider when it

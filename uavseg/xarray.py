@@ -19,7 +19,7 @@ class UavsegAccessor:
     Parameters
     ----------
     array : DataArray
-        With rioxarray's `.rio`, of which the CRS, the transform and nodata are used.
+        With a CRS and nodata as rioxarray has them; it lies where its coordinates say.
     """
 
     def __init__(self, array: xarray.DataArray) -> None:

@@ -110,9 +110,10 @@ def test_the_file_of_a_block_map_is_a_raster_where_that_is_asked_for() -> None:
         (["tile.tif", "ros.yaml"], {}, "a ROS map is no part of a mosaic; name it alone"),
         ("ros.yaml", {"rgb": (1, 2, 3)}, "a ROS map has neither bands nor nodata"),
         ("ros.yaml", {"stretch": "0,1"}, "a ROS map holds probabilities, which are not stretched"),
-        (SCENE, {"nodata": 0}, "an array has one band and no nodata"),
-        (SCENE > 3, {}, "expected a 2-D array of numbers, got bool of shape"),
-        (SCENE[None], {}, "expected a 2-D array of numbers, got uint8 of shape"),
+        (grid(), {"nodata": 0}, "a map has one band and no nodata"),
+        (SCENE.astype(str), {}, "holds no numbers of a raster: .* got <U"),
+        (SCENE[None, None], {}, r"expected an array of \(rows, cols\) or"),
+        ([SCENE, SCENE], {}, "does not say where it lies, so it is no part of a mosaic"),
         ([], {}, "give at least one"),
     ],
 )

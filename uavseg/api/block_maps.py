@@ -41,7 +41,7 @@ def divide(
 
     Parameters
     ----------
-    source : path, sequence of paths, DataArray or Dataset
+    source : path, sequence of paths, array, DataArray, open raster of rasterio, or Dataset
     band, rgb, index, expr, band_names, nodata, stretch, flatten
     tile, threads : int, optional
     resume : path, optional

@@ -58,7 +58,7 @@ def classify(
 
     Parameters
     ----------
-    source : path, DataArray, (rows, cols) array, OccupancyGrid or Dataset
+    source : path, array, DataArray, open raster of rasterio, OccupancyGrid or Dataset
         The path is of a raster or of the YAML file of a ROS map. Integers are divided by the largest of their
         type; floats lie in 0..1.
     free_is_white : bool, optional
@@ -157,7 +157,7 @@ def path(
 
     Parameters
     ----------
-    source : path, DataArray, (rows, cols) array, OccupancyGrid or Dataset
+    source : path, array, DataArray, open raster of rasterio, OccupancyGrid or Dataset
         A map of probabilities, as of `classify`.
     range : (float, float) or None
         Of v in [0, 1], both ends in it: what is passable, such as (0, 0.45). None where `values` or

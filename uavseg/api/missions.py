@@ -160,7 +160,7 @@ def plan(
         Regions of these classes are keep-out zones too.
     avoid_margin : float
         Least distance to keep-out zones in metres.
-    raster : path, sequence of paths, array or DataArray, optional
+    raster : path, sequence of paths, array, DataArray or open raster of rasterio, optional
         Where the ranges of `avoid` are looked for, and home "auto" lies on a valid pixel. Regions that touch
         its edge are left out: they may go on beyond it, or be a collar.
     allow_edge : bool

@@ -6,15 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from affine import Affine
-
 from uavseg.errors import MapError, ParameterError, RasterReadError
 from uavseg.jobs.source import AUTO, Blocks, ProbabilityMap, Raster, ReadOptions, Source
 from uavseg.plain_text import shown
-from uavseg.raster.array_source import is_array
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.dataset import Dataset, is_pixels
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec
 from uavseg.raster.source_list import expand_sources, is_list
 from uavseg.segmentation.blocks.block_file import is_block_map, read_block_map
@@ -30,8 +25,8 @@ def open_source(source: Any, options: ReadOptions = ReadOptions()) -> Source:
 
     Parameters
     ----------
-    source : path, sequence of paths, (rows, cols) array, DataArray, Dataset or OccupancyGrid
-        Many paths are one mosaic. A path may name a block map, the YAML file of a ROS map, or several
+    source : path, array, DataArray, open raster of rasterio, sequence of these, Dataset or OccupancyGrid
+        Many are one mosaic. A path may name a block map, the YAML file of a ROS map, or several
         rasters, see `expand_sources`.
     options : ReadOptions
 
@@ -141,16 +136,18 @@ def _is_path(source: Any) -> bool:
 
 
 def _is_value(source: Any) -> bool:
-    return isinstance(source, Dataset | np.ndarray) or is_array(source)
+    return isinstance(source, Dataset) or is_pixels(source)
 
 
 def _listed(source: Any) -> list[Any]:
     """The parts of a mosaic."""
     if isinstance(source, Iterable) and not isinstance(source, bytes | Mapping):
         parts = list(source)
-        if all(_is_path(part) or is_array(part) for part in parts):
+        if all(_is_path(part) or is_pixels(part) for part in parts):
             return parts
-    raise ParameterError(f"source is a path, a list of paths, an array or a Dataset, not {shown(source)}")
+    raise ParameterError(
+        f"source is a path, a list of paths, an array, an open raster or a Dataset, not {shown(source)}"
+    )
 
 
 def _expanded(source: Any) -> Any:
@@ -183,17 +180,7 @@ def _raster(source: Any, options: ReadOptions) -> Raster:
 def _dataset(source: Any, options: ReadOptions) -> Dataset:
     if isinstance(source, Dataset):
         return replace(source, skip_bad_tiles=source.skip_bad_tiles or options.skip_bad_tiles)
-    if not isinstance(source, np.ndarray):
-        return options.open(source)
-    if source.ndim != 2 or source.dtype.kind not in "iuf" or source.size == 0:
-        raise ParameterError(f"expected a 2-D array of numbers, got {source.dtype} of shape {source.shape}")
-    _check_one_band(options)
-    return Dataset.of_values(source, GeoBox(source.shape, Affine.identity(), None), "array")
-
-
-def _check_one_band(options: ReadOptions) -> None:
-    if options.chooses_pixels:
-        raise ParameterError("an array has one band and no nodata; what is missing in it is NaN")
+    return options.open(source)
 
 
 def _refuse_flatten(options: ReadOptions, what: str) -> None:
@@ -246,7 +233,8 @@ def _unknown_polarity(picture: Path) -> str:
 
 
 def _grid(grid: "OccupancyGrid", options: ReadOptions) -> ProbabilityMap:
-    _check_one_band(options)
+    if options.chooses_pixels:
+        raise ParameterError("a map has one band and no nodata; leave band, rgb and nodata out")
     _refuse_flatten(options, "a map holds probabilities, which have no light")
     dataset = grid.dataset()
     return ProbabilityMap(dataset, _probability_stretch(dataset, options))

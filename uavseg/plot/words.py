@@ -45,7 +45,7 @@ def preview(
 
     Parameters
     ----------
-    source : path, sequence of paths or Dataset, optional
+    source : path, sequence of paths, array, DataArray, open raster of rasterio or Dataset, optional
         Many paths are one mosaic; the YAML file of a ROS map is a raster too. Without it, missions are drawn
         on a blank map, with a profile of their heights below.
     output : path, optional

@@ -10,12 +10,14 @@ import numpy as np
 from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.plain_text import shown
-from uavseg.raster.array_source import from_array, from_values, is_array
+from uavseg.raster.array_source import ArraySource, from_array, from_values, is_array_like
 from uavseg.raster.bands import BandChoice, Valid, Values, choose_bands, without
 from uavseg.raster.collar.pixel_mask import PixelMask
+from uavseg.raster.data_array import from_data_array, is_data_array
 from uavseg.raster.geobox import GeoBox, scaled
 from uavseg.raster.inspect_file import inspect_file
-from uavseg.raster.mosaic import Mosaic, align_rasters, with_nodata
+from uavseg.raster.mosaic import Mosaic, RasterSource, align_rasters, with_nodata
+from uavseg.raster.open_raster import from_open_raster, is_open_raster
 from uavseg.raster.opening import OpenFiles
 from uavseg.raster.part_reader import PartReader
 from uavseg.raster.spectral.band_names import renamed
@@ -65,9 +67,10 @@ class Dataset:
 
         Parameters
         ----------
-        sources : path, sequence of paths, or DataArray
+        sources : path, array, DataArray, open raster of rasterio, or sequence of these
             Several rasters make one mosaic; where they overlap, the first with a valid pixel wins. A path is
-            anything that GDAL opens. A DataArray needs rioxarray's `.rio`.
+            anything that GDAL opens. A DataArray needs rioxarray. An array is (rows, cols), or has at most 16
+            bands first or last; it has no place on the map, and is no part of a mosaic.
         band : int or str, optional
             The band to use, counted from 1 or by its name.
         rgb : three ints or texts, optional
@@ -92,9 +95,8 @@ class Dataset:
         ParameterError
             If a band does not exist, or an index or expression does not fit the bands.
         """
-        files = [
-            from_array(source) if is_array(source) else inspect_file(source) for source in _listed(sources)
-        ]
+        files = [_inspected(source) for source in _listed(sources)]
+        _check_placed(files)
         files = [replace(file, layout=renamed(file.layout, words.names)) for file in files]
         mosaic = align_rasters(files)
         first = files[0]
@@ -281,15 +283,39 @@ class Dataset:
         return values, valid, GeoBox(shape, transform, self.geobox.crs)
 
 
+def is_pixels(source: object) -> bool:
+    """Whether a source is itself an array of pixels or an open raster, not a name or a list."""
+    return is_data_array(source) or is_array_like(source) or is_open_raster(source)
+
+
+def _inspected(source: Any) -> RasterSource:
+    if isinstance(source, str | os.PathLike):
+        return inspect_file(source)
+    if is_open_raster(source):
+        return from_open_raster(source)
+    return from_data_array(source) if is_data_array(source) else from_array(source)
+
+
+def _check_placed(files: Sequence[RasterSource]) -> None:
+    for file in files:
+        if len(files) > 1 and isinstance(file, ArraySource) and not file.placed:
+            raise ParameterError(
+                f"{file.name} does not say where it lies, so it is no part of a mosaic; give DataArrays with "
+                "coordinates, or files, or one array"
+            )
+
+
 def _listed(sources: Any) -> list[Any]:
     """The sources as a list."""
-    if isinstance(sources, str | os.PathLike) or is_array(sources):
+    if isinstance(sources, str | os.PathLike) or is_pixels(sources):
         return [sources]
     if not isinstance(sources, Sequence) or isinstance(sources, bytes):
-        raise ParameterError(f"sources is a path, a DataArray or a list of these, not {shown(sources)}")
+        raise ParameterError(
+            f"sources is a path, an array, an open raster or a list of these, not {shown(sources)}"
+        )
     if not sources:
         raise ParameterError("there is no raster to open; give at least one")
     for source in sources:
-        if not (isinstance(source, str | os.PathLike) or is_array(source)):
-            raise ParameterError(f"a source is a path or a DataArray, not {shown(source)}")
+        if not (isinstance(source, str | os.PathLike) or is_pixels(source)):
+            raise ParameterError(f"a source is a path, an array or an open raster, not {shown(source)}")
     return list(sources)

@@ -51,6 +51,20 @@ def inspect_file(path: str | os.PathLike[str]) -> RasterFile:
         raise RasterReadError(open_error_text(name, error)) from error
 
 
+def inspect_open(source: DatasetReader) -> RasterFile:
+    """The metadata of a raster that is open.
+
+    Raises
+    ------
+    UavsegError
+        As of `inspect_file`.
+    """
+    try:
+        return _metadata(source.name, source)
+    except GDAL_ERRORS as error:
+        raise RasterReadError(open_error_text(source.name, error)) from error
+
+
 def _metadata(path: str, source: DatasetReader) -> RasterFile:
     warnings: list[str] = []
     crs = _crs(source, warnings)

@@ -133,7 +133,7 @@ def serve(
 
     Parameters
     ----------
-    source : path or sequence of paths
+    source : path, sequence of paths, DataArray, open raster of rasterio, or Dataset
         Many paths are one mosaic. It has a coordinate system.
     port : int
         Of 127.0.0.1; 0 is any that is free.

@@ -31,7 +31,7 @@ def dataset_of(values: NDArray, scale: BandScale | None = None) -> Dataset:
     box = GeoBox(values.shape, Affine.identity(), None)
     if scale is None:
         return Dataset.of_values(values, box, "array")
-    source = replace(from_values(values, box, "array"), scale=scale)
+    source = replace(from_values(values, box, "array"), scales=(scale,))
     return Dataset(align_rasters([source]), choose_bands(source.layout), ())
 
 

@@ -16,3 +16,10 @@ def test_a_block_map_larger_than_the_memory_is_refused_and_one_that_fits_is_not(
     memory.check_memory((10_000, 10_000))
     monkeypatch.setattr(memory, "_physical_memory", lambda: None)  # where the system does not say
     memory.check_memory((1_000_000, 1_000_000))
+
+
+def test_the_memory_is_at_most_what_the_process_may_have(monkeypatch: pytest.MonkeyPatch) -> None:
+    resource = pytest.importorskip("resource")
+    monkeypatch.setattr(resource, "getrlimit", lambda _kind: (10**6, 10**6))
+    with pytest.raises(RasterError, match="and this machine has 0 GB"):
+        memory.check_memory((10_000, 10_000))

@@ -49,7 +49,7 @@ def map_page(
 
     Parameters
     ----------
-    source : path, sequence of paths, DataArray or Dataset
+    source : path, sequence of paths, DataArray, open raster of rasterio, or Dataset
         Many paths are one mosaic. It has a coordinate system.
     output : path
         The page, .html.

@@ -1,10 +1,17 @@
 """Memory of a block map, checked before it is allocated."""
 
 import os
+from types import ModuleType
 
 from uavseg.errors import RasterError
 from uavseg.segmentation.blocks.division import RATIOS
 from uavseg.units import CELLS
+
+resource: ModuleType | None
+try:
+    import resource
+except ImportError:  # Windows
+    resource = None
 
 
 def check_memory(shape: tuple[int, int]) -> None:
@@ -27,8 +34,12 @@ def check_memory(shape: tuple[int, int]) -> None:
 
 
 def _physical_memory() -> int | None:
-    """Bytes of memory of this machine; None where the system does not say."""
+    """Bytes of memory of this machine that a process may have; None where the system does not say."""
     try:
-        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+        memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     except (AttributeError, ValueError, OSError):
         return None
+    if resource is None:
+        return memory
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    return memory if limit == resource.RLIM_INFINITY else min(memory, limit)
