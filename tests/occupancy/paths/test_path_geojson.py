@@ -40,6 +40,13 @@ def parts_of(shape: Any) -> list[np.ndarray]:
     return [np.array(line) for line in lines]
 
 
+@pytest.mark.parametrize("side, decimals", [(0.05, 9), (0.6, 7)])
+def test_positions_have_the_decimals_that_cells_need(side: float, decimals: int) -> None:
+    box = GeoBox((100, 200), Affine(side, 0, 4e5, 0, -side, 5e6), CRS.from_epsg(32633))
+    [line] = parts_of(geometry(planned([(0, 0), (50, 77), (99, 199)], box)))
+    assert max(len(repr(x).partition(".")[2]) for x in line.ravel().tolist()) == decimals
+
+
 @settings(max_examples=60)
 @given(CORNERS, st.floats(-180, 180), st.floats(-60, 60))
 def test_a_line_in_degrees_is_as_long_as_the_path_and_never_jumps(

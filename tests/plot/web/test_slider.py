@@ -120,6 +120,8 @@ def test_the_picture_of_cells_lies_where_the_raster_lies_and_its_area_is_that_of
     assert (expected.ravel() == answer["cells"]).mean() > 0.999  # others lie on an edge of two cells
     assert 0.5 < inside.mean() < 0.9
     regions = in_page("run_blocks.js", asked, tmp_path)
+    numbers = re.findall(r"\d+\.(\d+)", json.dumps([one["geometry"] for one in regions[0]["features"]]))
+    assert max(map(len, numbers)) == 8  # as pixels of half a metre need
     sums = [sum(one["properties"]["area_m2"] for one in found["features"]) for found in regions]
     np.testing.assert_allclose(answer["areas"], sums, rtol=1e-5)
 
@@ -134,7 +136,7 @@ def compare(answer: dict[str, Any], expected: geopandas.GeoDataFrame) -> None:
     assert shapely.is_valid(polygons).all()
     found = geopandas.GeoSeries(polygons, crs=4326).to_crs(expected.crs)
     others = expected.geometry
-    # Seven decimals of a degree are a centimetre: sides move by less than two.
+    # The page interpolates places to half a centimetre: sides move by less than two.
     assert (found.symmetric_difference(others).area <= 0.02 * others.length).all()
     np.testing.assert_allclose([one["properties"]["area_m2"] for one in features], expected["area_m2"], 1e-5)
     np.testing.assert_allclose(

@@ -24,6 +24,7 @@ def squares(count: int) -> Regions:
     x, y = np.random.default_rng(count).random((2, count)) * 1e4
     columns = {
         "id": np.arange(1, count + 1),
+        "area_m2": np.full(count, 400.0),
         "pixels": np.full(count, 100),
         "mean": y / 1e4,
         "source": np.full(count, "a.tif", object),

@@ -4,18 +4,23 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavseg.regions.formats.decimal_text import UNITS_PER_DEGREE, pack_words, unpack_lines, write_degrees
+from uavseg.raster.geodesy.globe import MAX_DECIMALS, MIN_DECIMALS
+from uavseg.regions.formats.decimal_text import degree_words, pack_words, unpack_lines, write_degrees
 
 
-@given(st.lists(st.integers(-1_800_000_000, 1_800_000_000), min_size=1), st.booleans())
-def test_degrees_are_written_as_python_writes_them(values: list[int], latitudes: bool) -> None:
-    values = [value // 2 if latitudes else value for value in values]
-    words = np.empty((len(values), 4), np.uint32)
-    write_degrees(np.array(values), words[:, :3], after="," if latitudes else "")
-    words[:, 3] = pack_words(["\n"])
+@given(st.lists(st.floats(-1, 1), min_size=1), st.integers(MIN_DECIMALS, MAX_DECIMALS), st.booleans())
+def test_degrees_are_written_as_python_writes_them(
+    shares: list[float], decimals: int, latitudes: bool
+) -> None:
+    unit = 10**decimals
+    values = [round(share * (90 if latitudes else 180) * unit) for share in shares]
+    size = degree_words(decimals)
+    words = np.empty((len(values), size + 1), np.uint32)
+    write_degrees(np.array(values), words[:, :size], decimals, after="," if latitudes else "")
+    words[:, size] = pack_words(["\n"])
     comma = "," if latitudes else ""
-    unit = UNITS_PER_DEGREE
-    expected = [f"{comma}{'-' * (v < 0)}{abs(v) // unit}.{abs(v) % unit:07}".encode() for v in values]
+    parts = [("-" * (v < 0), *divmod(abs(v), unit)) for v in values]
+    expected = [f"{comma}{sign}{whole}.{rest:0{decimals}}".encode() for sign, whole, rest in parts]
     assert unpack_lines(words) == expected
 
 

@@ -62,10 +62,12 @@ def test_there_is_no_crs_member_and_numbers_with_a_point_keep_it():
     assert '"mean":1.0,"std":0.0,' in text
 
 
-def test_every_coordinate_has_seven_decimals():
-    text = written(regions_of())
+@pytest.mark.parametrize("side, decimals", [(30, 7), (0.6, 7), (0.5, 8), (0.05, 9), (0.01, 9), (0.003, 10)])
+def test_every_coordinate_has_the_decimals_that_its_pixels_need(side, decimals):
+    text = written(regions_of(transform=Affine(side, 0, 4e5, 0, -side, 5e6)))
     coordinates = "".join(re.findall(r'"coordinates":(.*?)}}', text))
-    assert re.fullmatch(r"(\[+-?\d+\.\d{7},-?\d+\.\d{7}\]+,?)+", coordinates)
+    number = rf"-?\d+\.\d{{{decimals}}}"
+    assert re.fullmatch(rf"(\[+{number},{number}\]+,?)+", coordinates)
 
 
 def test_exteriors_are_counter_clockwise_and_holes_clockwise():

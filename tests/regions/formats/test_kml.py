@@ -66,11 +66,12 @@ def test_coordinates_are_those_of_wgs84(transform: Affine, crs: int) -> None:
     assert shapely.equals_exact(found, wgs84_geometries(regions), 1e-12).all()
 
 
-def test_every_vertex_has_seven_decimals() -> None:
-    for placemark in placemarks(regions_of()):
+@pytest.mark.parametrize("side, decimals", [(30, 7), (0.5, 8), (0.003, 10)])
+def test_every_vertex_has_the_decimals_that_its_pixels_need(side: float, decimals: int) -> None:
+    for placemark in placemarks(regions_of(transform=Affine(side, 0, 4e5, 0, -side, 5e6))):
         for element in placemark.iter(f"{KML}coordinates"):
             numbers = (element.text or "").replace(",", " ").split()
-            assert {len(number.partition(".")[2]) for number in numbers} == {7}
+            assert {len(number.partition(".")[2]) for number in numbers} == {decimals}
 
 
 def test_attributes_are_in_the_order_of_the_schema() -> None:

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -27,6 +28,18 @@ def equal(one: Rings, other: Rings) -> bool:
     return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in names)
 
 
+def without_nodes(rings: Rings) -> Rings:
+    """Rings of their turns alone: a region keeps the vertices where the borders of others end."""
+    turns = []
+    for k in range(len(rings.labels)):
+        ring = rings.vertices[rings.starts[k] : rings.starts[k + 1]]
+        before, after = np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0)
+        turns.append(((before != ring) & (ring != after)).sum(axis=1) == 0)
+    keep = np.concatenate([np.zeros(0, bool), *turns])
+    starts = np.concatenate([[0], np.cumsum(keep)])[rings.starts]
+    return replace(rings, vertices=rings.vertices[keep], starts=starts)
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_areas_sum_to_the_pixels_of_each_label(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -45,7 +58,8 @@ def test_selected_rings_are_those_of_an_image_with_the_selected_labels(
     kept = rings.labels > 1
     new = np.array([0, *names])
     selected = rings.select(kept, new[rings.labels[kept]])
-    assert equal(selected, trace(np.where(labels > 1, new[labels], 0).astype(np.uint32)))
+    expected = trace(np.where(labels > 1, new[labels], 0).astype(np.uint32))
+    assert equal(without_nodes(selected), without_nodes(expected))
 
 
 @settings(max_examples=40)

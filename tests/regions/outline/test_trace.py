@@ -52,7 +52,9 @@ def polygons(rings: Rings) -> list[tuple[int, shapely.Polygon]]:
 
 
 def as_text(pairs: list[tuple[int, shapely.Geometry]]) -> list[tuple[int, str]]:
-    return sorted((label, shapely.to_wkt(shapely.normalize(geometry), 3)) for label, geometry in pairs)
+    """Without the vertices at which outlines do not turn."""
+    turns = [(label, shapely.normalize(shapely.simplify(geometry, 0))) for label, geometry in pairs]
+    return sorted((label, shapely.to_wkt(geometry, 3)) for label, geometry in turns)
 
 
 def of_rasterio(labels: Labels) -> list[tuple[int, shapely.Geometry]]:
@@ -125,6 +127,16 @@ def test_an_island_of_the_same_label_in_a_hole_is_a_part_of_its_own() -> None:
     assert rings.parts.tolist() == [0, 0, 1] and set(rings.labels.tolist()) == {1}
 
 
+def test_outlines_have_a_vertex_where_the_border_of_others_ends() -> None:
+    assert corners("11 23") == [
+        [[0, 0], [0, 2], [1, 2], [1, 1], [1, 0]],
+        [[1, 0], [1, 1], [2, 1], [2, 0]],
+        [[1, 1], [1, 2], [2, 2], [2, 1]],
+    ]
+    assert corners("11 2.")[0] == [[0, 0], [0, 2], [1, 2], [1, 1], [1, 0]]
+    assert corners("11 ..") == [[[0, 0], [0, 2], [1, 2], [1, 0]]]
+
+
 def test_parts_of_a_label_are_in_raster_order_of_their_first_pixels() -> None:
     rings = trace(picture("..1 ... 1.2 ..2 .1."))
     assert rings.labels.tolist() == [1, 1, 1, 2]
@@ -156,6 +168,14 @@ def test_outlines_of_small_images_are_those_of_rasterio(labels: Labels) -> None:
     assert as_text(found) == as_text(of_rasterio(labels))
 
 
+@settings(max_examples=100)
+@given(label_images())
+def test_regions_are_a_valid_coverage(labels: Labels) -> None:
+    found = polygons(trace(labels))
+    parts = {name: [polygon for label, polygon in found if label == name] for name, _ in found}
+    assert shapely.coverage_is_valid([shapely.MultiPolygon(polygons) for polygons in parts.values()])
+
+
 @settings(max_examples=60)
 @given(label_images())
 def test_every_ring_is_simple_and_begins_where_it_should(labels: Labels) -> None:
@@ -164,8 +184,13 @@ def test_every_ring_is_simple_and_begins_where_it_should(labels: Labels) -> None
         ring = rings.vertices[rings.starts[k] : rings.starts[k + 1]]
         assert ring[0].tolist() == min(ring.tolist())
         assert len(np.unique(ring, axis=0)) == len(ring)
-        upright = np.diff(np.vstack([ring, ring[:1]])[:, 1]) == 0
-        assert (upright[1:] != upright[:-1]).all()  # it turns at every corner
+        around = np.vstack([ring[-1:], ring, ring[:1]])
+        upright = np.diff(around[:, 1]) == 0
+        turns = upright[1:] != upright[:-1]
+        near = np.pad(labels, 1)
+        for (row, col), turning in zip(ring.tolist(), turns.tolist(), strict=True):
+            corner = near[row : row + 2, col : col + 2]
+            assert turning or len(np.unique(corner)) == 3  # a node, at which another border ends
         seen = shapely.LinearRing(np.stack([ring[:, 1], -ring[:, 0]], 1))
         assert shapely.is_ccw(seen) != exterior
 

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 from uavseg.errors import OutputError, RasterError
 from uavseg.occupancy.paths.find_path import PlannedPath
 from uavseg.raster.geobox import GeoBox
-from uavseg.raster.geodesy.globe import densify_line, split_at_antimeridian, wrap_lon_beyond_180
+from uavseg.raster.geodesy.globe import decimals_for, densify_line, split_at_antimeridian, wrap_lon_beyond_180
+from uavseg.raster.geodesy.ground import ground_resolution
 from uavseg.regions.wgs84 import to_wgs84
 
 Floats = NDArray[np.float64]
 
-_DECIMALS = 7  # of degrees: a centimetre
 _LONGEST_LEG_M = 500.0  # a straight leg on the map bends by less than a centimetre over it
 
 
@@ -63,7 +63,7 @@ def path_lonlat(path: PlannedPath, corners: Floats | None = None) -> tuple[Float
 
 
 def path_to_geojson(path: PlannedPath) -> str:
-    """A FeatureCollection of one line: WGS 84 with seven decimals, local coordinates without a CRS.
+    """A FeatureCollection of one line: WGS 84 with decimals as the cells need, or local without a CRS.
 
     A line that crosses the antimeridian is split there. A path of one cell has two equal positions.
     """
@@ -82,7 +82,8 @@ def _geometry(path: PlannedPath) -> dict[str, Any]:
     if path.geobox.crs is None:
         return _line(path.xy)
     degrees = np.stack(path_lonlat(path, _densify(path)), axis=1)
-    parts = [np.round(part, _DECIMALS) for part in split_at_antimeridian(degrees)]
+    decimals = decimals_for(min(ground_resolution(path.geobox)))
+    parts = [np.round(part, decimals) for part in split_at_antimeridian(degrees)]
     if len(parts) == 1:
         return _line(parts[0])
     return {"type": "MultiLineString", "coordinates": [part.tolist() for part in parts]}

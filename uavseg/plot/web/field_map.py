@@ -17,7 +17,7 @@ from uavseg.plot.layers.mission_layer import read_missions
 from uavseg.plot.map_furniture import length_text
 from uavseg.plot.web.page import data_url, render_page
 from uavseg.plot.web.region_features import first_range
-from uavseg.raster.geodesy.globe import crs_name
+from uavseg.raster.geodesy.globe import MAX_DECIMALS, crs_name, decimals_for
 
 if TYPE_CHECKING:
     from uavseg.flight.mission import Mission
@@ -154,9 +154,10 @@ def _cells(found: FieldMap) -> dict[str, Any]:
         "counts": _packed(cells.counts),
         "ground": {
             "shape": ground.lon.shape,
-            "lon": [round(value, 10) for value in ground.lon.ravel().tolist()],
-            "lat": [round(value, 10) for value in ground.lat.ravel().tolist()],
+            "lon": [round(value, MAX_DECIMALS) for value in ground.lon.ravel().tolist()],
+            "lat": [round(value, MAX_DECIMALS) for value in ground.lat.ravel().tolist()],
             "pixel_m2": [float(f"{value:.10g}") for value in ground.pixel_m2.ravel().tolist()],
+            "decimals": decimals_for(float(np.sqrt(ground.pixel_m2.min()))),
         },
     }
 

@@ -11,7 +11,7 @@ from uavseg.jobs.field_map import STEPS
 from uavseg.jobs.plan_regions import open_regions
 
 DEFAULT_RANGE = (550, 1000)
-_DECIMALS = 7  # of degrees: a centimetre
+_DECIMALS = 9  # of degrees: a tenth of a millimetre
 
 
 def read_collection(regions: Any) -> dict[str, Any]:

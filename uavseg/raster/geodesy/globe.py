@@ -21,6 +21,8 @@ Transform = Callable[[Any, Any], tuple[Floats, Floats]]
 """From x and y to x and y of another CRS, arrays of one shape; infinite where there is no such place."""
 
 WGS84 = "EPSG:4326"
+MIN_DECIMALS, MAX_DECIMALS = 7, 11  # of degrees in files
+_DEGREE_M = 111_320  # of latitude, and of longitude at the equator
 EARTH_RADII_M = (6.3e6, 6.4e6)  # ellipsoids of the Earth have their semi-major axis in here
 
 
@@ -190,6 +192,25 @@ def geod_wgs84() -> Any:
     return Geod(ellps="WGS84")
 
 
+def decimals_for(pixel_m: float) -> int:
+    """Decimals of degrees with which rounding moves a vertex by a hundredth of a pixel at most; 7 to 11.
+
+    Parameters
+    ----------
+    pixel_m : float
+        Side of a pixel in metres.
+
+    Examples
+    --------
+    >>> [decimals_for(side) for side in (30, 1, 0.5, 0.05, 0.003)]
+    [7, 7, 8, 9, 10]
+    """
+    if not pixel_m > 0:
+        return MIN_DECIMALS
+    needed = np.ceil(np.log10(_DEGREE_M / 2 / (pixel_m / 100)))
+    return int(np.clip(needed, MIN_DECIMALS, MAX_DECIMALS))
+
+
 def wrap_lon(lon: ArrayLike, around: float = 0.0) -> Floats:
     """Longitudes (or differences of them), in degrees, moved by turns into [around - 180, around + 180).
 
@@ -213,8 +234,14 @@ def wrap_lon_beyond_180(lon: Floats) -> Floats:
     return np.where(np.abs(lon) > 180, wrap_lon(lon), lon)
 
 
-def unwrap_lon(lon: Floats) -> Floats:
+def unwrap_lon(lon: Floats, turn: float = 360.0) -> Floats:
     """Longitudes along a line that run on past 180 where they jumped to -180, and the other way round.
+
+    Parameters
+    ----------
+    lon : (n,) float64 array
+    turn : float
+        A whole turn in its unit.
 
     Examples
     --------
@@ -222,7 +249,7 @@ def unwrap_lon(lon: Floats) -> Floats:
     array([170., 185., 178.])
     """
     unwrapped = lon.copy()
-    unwrapped[1:] += 360 * np.cumsum(-np.round(np.diff(lon) / 360))
+    unwrapped[1:] += turn * np.cumsum(-np.round(np.diff(lon) / turn))
     return unwrapped
 
 
@@ -268,7 +295,7 @@ def densify_line(vertices: Floats, pieces: NDArray[np.int64]) -> Floats:
 def densify_rings(
     vertices: Floats, starts: NDArray[np.int64], pieces: NDArray[np.int64]
 ) -> tuple[Floats, NDArray[np.int64]]:
-    """Closed rings with each of their edges divided into equal pieces.
+    """Closed rings with each of their edges divided into equal pieces, at the same points in both directions.
 
     Parameters
     ----------
@@ -293,7 +320,12 @@ def densify_rings(
     """
     edge = np.repeat(np.arange(len(vertices)), pieces)
     first = np.cumsum(pieces) - pieces
-    share = (np.arange(len(edge)) - first[edge]) / pieces[edge]
-    following = np.minimum(edge + 1, len(vertices) - 1)
-    dense = vertices[edge] + (vertices[following] - vertices[edge]) * share[:, None]
+    steps, following = np.arange(len(edge)) - first[edge], np.minimum(edge + 1, len(vertices) - 1)
+    # From the smaller end: regions that share an edge run along it in opposite directions.
+    (x, y), (next_x, next_y) = vertices[edge].T, vertices[following].T
+    back = (x > next_x) | ((x == next_x) & (y > next_y))
+    start, end = np.where(back, following, edge), np.where(back, edge, following)
+    share = np.where(back, pieces[edge] - steps, steps) / pieces[edge]
+    dense = vertices[start] + (vertices[end] - vertices[start]) * share[:, None]
+    dense[first] = vertices
     return dense, np.append(first, len(dense))[starts]

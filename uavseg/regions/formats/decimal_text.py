@@ -10,31 +10,43 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.raster.geodesy.globe import MIN_DECIMALS
+
 Words = NDArray[np.uint32]
 
-UNITS_PER_DEGREE = 10_000_000
-"""Coordinates are integers of 1e-7 degrees: seven decimals."""
+
+def degree_words(decimals: int) -> int:
+    """How many words a coordinate with so many decimals of degrees takes."""
+    return 3 if decimals == MIN_DECIMALS else 4
 
 
-def write_degrees(value: NDArray[np.int64], words: Words, after: str = "") -> None:
-    """Format integers of 1e-7 degrees with seven decimals.
+def write_degrees(value: NDArray[np.int64], words: Words, decimals: int, after: str = "") -> None:
+    """Format integers of the last decimal as degrees.
 
     Parameters
     ----------
     value : (n,) int64 array
-        In units of 1e-7 degrees, within -180..180 degrees; within -90..90 degrees if `after` is given.
-    words : (n, 3) uint32 array
-        Output: sign and degrees, point and three decimals, four decimals.
+        In units of the last decimal, within -180..180 degrees; within -90..90 degrees if `after` is given.
+    words : (n, degree_words(decimals)) uint32 array
+        Output: sign and degrees, point and three decimals, four decimals, those that follow.
+    decimals : int
+        7 to 11.
     after : str
         A single character before the number, or none.
     """
     degrees = _degrees(after)
+    unit, rest = 10**decimals, 10 ** (decimals - MIN_DECIMALS)
     size = np.abs(value)
-    whole = size // UNITS_PER_DEGREE
-    decimals = (size - whole * UNITS_PER_DEGREE).astype(np.int32)
+    whole = size // unit
     words[:, 0] = degrees[whole + (value < 0) * (len(degrees) // 2)]
-    words[:, 1] = _three_decimals()[decimals // 10_000]
-    words[:, 2] = _four_decimals()[decimals % 10_000]
+    fraction = size - whole * unit
+    if rest > 1:
+        first = fraction // rest
+        words[:, 3] = _decimals(decimals - MIN_DECIMALS)[fraction - first * rest]
+        fraction = first
+    fraction = fraction.astype(np.int32)
+    words[:, 1] = _decimals(3, ".")[fraction // 10_000]
+    words[:, 2] = _decimals(4)[fraction % 10_000]
 
 
 def pack_words(texts: Iterable[str]) -> Words:
@@ -48,7 +60,7 @@ def unpack_lines(words: Words) -> list[bytes]:
     Examples
     --------
     >>> words = np.empty((2, 4), np.uint32)
-    >>> write_degrees(np.array([-5_000_000, 1_230_000_000]), words[:, :3])
+    >>> write_degrees(np.array([-5_000_000, 1_230_000_000]), words[:, :3], 7)
     >>> words[:, 3] = pack_words(["\\n"])
     >>> unpack_lines(words)
     [b'-0.5000000', b'123.0000000']
@@ -64,10 +76,6 @@ def _degrees(after: str) -> Words:
 
 
 @cache
-def _three_decimals() -> Words:
-    return pack_words(f".{decimals:03}" for decimals in range(1000))
-
-
-@cache
-def _four_decimals() -> Words:
-    return pack_words(f"{decimals:04}" for decimals in range(10_000))
+def _decimals(count: int, before: str = "") -> Words:
+    """Words of all numbers of so many digits, up to four."""
+    return pack_words(f"{before}{number:0{count}}" for number in range(10**count))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from shapely.geometry import mapping
 
 from uavseg.raster.geodesy.globe import parse_crs
-from uavseg.regions.formats.decimal_text import pack_words, unpack_lines, write_degrees
+from uavseg.regions.formats.decimal_text import degree_words, pack_words, unpack_lines, write_degrees
 from uavseg.regions.formats.metadata import METADATA_KEY, metadata_text
 from uavseg.regions.shapes import RaggedPolygons
 from uavseg.regions.table import Regions
@@ -46,9 +46,10 @@ COLLECTION = GeoJsonForm()
 def write_geojson(regions: Regions, stream: IO[bytes], form: GeoJsonForm = COLLECTION) -> None:
     """Write regions as a FeatureCollection, or as a sequence of features.
 
-    Longitudes and latitudes are in WGS 84 with seven decimals, exteriors run counter-clockwise, and polygons
-    that cross the antimeridian are cut there. Without a CRS the local coordinates are written unchanged. A
-    collection has the metadata of the regions as its foreign member ``uavseg``.
+    Longitudes and latitudes are in WGS 84 with decimals as the pixels need (see `decimals_for`), exteriors
+    run counter-clockwise, and polygons that cross the antimeridian are cut there. Without a CRS the local
+    coordinates are written unchanged. A collection has the metadata of the regions as its foreign member
+    ``uavseg``.
 
     Parameters
     ----------
@@ -124,7 +125,7 @@ def _local_geometries(regions: Regions) -> Iterator[bytes]:
 
 def _wgs84_geometries(regions: Regions) -> Iterator[bytes]:
     for batch in wgs84_batches(regions):
-        polygons = _polygon_texts(batch.polygons)
+        polygons = _polygon_texts(batch.polygons, batch.decimals)
         for place, (first, last) in enumerate(pairwise(batch.polygons.regions.tolist())):
             if place in batch.others:
                 yield _compact(mapping(batch.others[place]))
@@ -134,18 +135,19 @@ def _wgs84_geometries(regions: Regions) -> Iterator[bytes]:
                 yield b'{"type":"MultiPolygon","coordinates":[%b]}' % b",".join(polygons[first:last])
 
 
-def _polygon_texts(flat: RaggedPolygons) -> list[bytes]:
+def _polygon_texts(flat: RaggedPolygons, decimals: int) -> list[bytes]:
     """The coordinates of each polygon as JSON: one row of words per vertex, with its brackets."""
-    rows = np.empty((len(flat.vertices), 8), np.uint32)
+    size = degree_words(decimals)
+    rows = np.empty((len(flat.vertices), 2 * size + 2), np.uint32)
     ends = flat.rings[flat.polygons]
     rows[:, 0] = _OPEN_VERTEX
     rows[flat.rings[:-1], 0] = _OPEN_RING
     rows[ends[:-1], 0] = _OPEN_POLYGON
-    rows[:, 7] = _CLOSE_VERTEX
-    rows[flat.rings[1:] - 1, 7] = _CLOSE_RING
-    rows[ends[1:] - 1, 7] = _CLOSE_POLYGON
-    write_degrees(flat.vertices[:, 0], rows[:, 1:4])
-    write_degrees(flat.vertices[:, 1], rows[:, 4:7], after=",")
+    rows[:, -1] = _CLOSE_VERTEX
+    rows[flat.rings[1:] - 1, -1] = _CLOSE_RING
+    rows[ends[1:] - 1, -1] = _CLOSE_POLYGON
+    write_degrees(flat.vertices[:, 0], rows[:, 1 : 1 + size], decimals)
+    write_degrees(flat.vertices[:, 1], rows[:, 1 + size : -1], decimals, after=",")
     return unpack_lines(rows)
 
 

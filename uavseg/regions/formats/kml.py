@@ -8,7 +8,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.regions.formats.decimal_text import UNITS_PER_DEGREE, pack_words, unpack_lines, write_degrees
+from uavseg.regions.formats.decimal_text import degree_words, pack_words, unpack_lines, write_degrees
 from uavseg.regions.formats.metadata import METADATA_KEY, metadata_text
 from uavseg.regions.shapes import RaggedPolygons
 from uavseg.regions.table import Regions
@@ -32,7 +32,7 @@ _RING = b"<LinearRing><coordinates>%b</coordinates></LinearRing>"
 
 
 def write_kml(regions: Regions, stream: IO[bytes]) -> None:
-    """Write regions as KML, in WGS 84 with seven decimals, cut at the antimeridian.
+    """Write regions as KML, in WGS 84 with decimals as the pixels need, cut at the antimeridian.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def _data(name: str, column: NDArray[Any]) -> Iterator[str]:
 def _geometries(regions: Regions) -> Iterator[bytes]:
     for batch in wgs84_batches(regions):
         flat = RaggedPolygons.from_geometries(batch.geometries())
-        rings = [_RING % text for text in _ring_texts(flat)]
+        rings = [_RING % text for text in _ring_texts(flat, batch.decimals)]
         polygons = [_polygon(rings[first:last]) for first, last in pairwise(flat.polygons.tolist())]
         for first, last in pairwise(flat.regions.tolist()):
             text = b"".join(polygons[first:last])
@@ -90,12 +90,13 @@ def _polygon(rings: list[bytes]) -> bytes:
     return b"<Polygon><outerBoundaryIs>%b</outerBoundaryIs>%b</Polygon>" % (exterior, inner)
 
 
-def _ring_texts(flat: RaggedPolygons) -> list[bytes]:
+def _ring_texts(flat: RaggedPolygons, decimals: int) -> list[bytes]:
     """The coordinates of each ring as text."""
-    units = np.rint(flat.vertices * UNITS_PER_DEGREE).astype(np.int64)
-    rows = np.empty((len(units), 7), np.uint32)
-    write_degrees(units[:, 0], rows[:, 0:3])
-    write_degrees(units[:, 1], rows[:, 3:6], after=",")
-    rows[:, 6] = pack_words([" "])
-    rows[flat.rings[1:] - 1, 6] = pack_words(["\n"])
+    units = np.rint(flat.vertices * 10**decimals).astype(np.int64)
+    size = degree_words(decimals)
+    rows = np.empty((len(units), 2 * size + 1), np.uint32)
+    write_degrees(units[:, 0], rows[:, :size], decimals)
+    write_degrees(units[:, 1], rows[:, size:-1], decimals, after=",")
+    rows[:, -1] = pack_words([" "])
+    rows[flat.rings[1:] - 1, -1] = pack_words(["\n"])
     return unpack_lines(rows)

@@ -1,8 +1,10 @@
 """Boundary tracing of one tile (crack following): chains of pixel corners along the edges between pixels.
 
 A boundary is followed with its region on the right-hand side: an exterior runs clockwise in the image, a hole
-counter-clockwise. Directions are 0 right, 1 down, 2 left, 3 up. A tile follows the edges of its own pixels;
-where a boundary continues along a pixel of another tile, the chain ends and stores the key of the next edge.
+counter-clockwise. Its vertices are its turns, and its nodes: corners where what lies on its left changes. So
+regions that share a border share its vertices. Directions are 0 right, 1 down, 2 left, 3 up. A tile follows
+the edges of its own pixels; where a boundary continues along a pixel of another tile, the chain ends and
+stores the key of the next edge.
 """
 
 from dataclasses import dataclass
@@ -24,14 +26,15 @@ class Chains:
     Parameters
     ----------
     vertices : (v, 2) int32 array
-        Row and column of pixel corners. A closed chain holds turns only; an open one begins with its first
-        point, which may lie on a straight edge, and ends before the first point of its continuation.
+        Row and column of pixel corners. A closed chain holds turns and nodes only; an open one begins with
+        its first point, which may lie on a straight edge, and ends before the first point of its
+        continuation.
     pinched : (v,) uint8 array
         1 where the component touches itself, or another one of its label, corner to corner.
     table : (k, 6) int64 array
         Of each chain, by column: OWNER, its label; START, its first vertex; FIRST and LAST, its first and
-        last direction; HEAD and TAIL, the keys of its first edge and of the edge after its last, -1 if
-        closed.
+        last direction, FIRST -1 where its first vertex is a node; HEAD and TAIL, the keys of its first edge
+        and of the edge after its last, -1 if closed.
     """
 
     vertices: NDArray[np.int32]
@@ -168,9 +171,11 @@ def follow_boundary(tile, found, row, col, direction):  # type: ignore[no-untype
     chain = sizes[1]
     used = sizes[0]
     if chain < table.shape[0]:
+        at_first = place + ahead[(direction + 3) & 3]
+        node = flat[at_first] != flat[at_first - steps[direction]]
         table[chain, 0] = labels[pixel_row(row, direction, True), pixel_col(col, direction, True)]
         table[chain, 1] = used
-        table[chain, 2] = direction
+        table[chain, 2] = -1 if node else direction
         table[chain, 4] = ((top + row) * (width + 1) + left + col) * 4 + direction
     sizes[1] += 1
     pinch = False
@@ -186,14 +191,14 @@ def follow_boundary(tile, found, row, col, direction):  # type: ignore[no-untype
         left_hand = ahead[(direction + 3) & 3]
         step = steps[direction]
         run_limit = steps_within(row, col, direction, shape)
+        beside = flat[place + left_hand]
         count = 0
-        same = False
         while True:
             place += step
             count += 1
-            same = flat[place + left_hand] == label
-            if same or flat[place + right] != label or count == run_limit:
+            if flat[place + left_hand] != beside or flat[place + right] != label or count == run_limit:
                 break
+        same = flat[place + left_hand] == label
         row += count * step_row(direction)
         col += count * step_col(direction)
         before = direction
@@ -206,7 +211,7 @@ def follow_boundary(tile, found, row, col, direction):  # type: ignore[no-untype
             direction = (direction + 3) & 3
             exits = not lies_within(pixel_row(row, direction, True), pixel_col(col, direction, True), shape)
         else:
-            exits = True
+            exits = count == run_limit
         closed = place == first_place and direction == first
         if closed or exits:
             sizes[0] = used

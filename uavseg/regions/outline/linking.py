@@ -25,7 +25,7 @@ def link_chains(
     Returns
     -------
     vertices, pinched
-        As given, in the order of the rings, without vertices on straight edges.
+        As given, in the order of the rings, without first vertices on straight edges unless they are nodes.
     starts : (r + 1,) int64 array
         Offset of each ring in `vertices`.
     owners : (r,) int64 array

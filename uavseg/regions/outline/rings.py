@@ -20,7 +20,8 @@ class Rings:
     Parameters
     ----------
     vertices : (v, 2) int32 array
-        Row and column of pixel corners; the first vertex is not repeated, and every vertex is a turn.
+        Row and column of pixel corners; the first vertex is not repeated. Vertices
+        are turns, and nodes: corners where what lies beyond the outline changes.
     starts : (r + 1,) int64 array
         Offset of each ring in `vertices`; v at the end.
     labels : (r,) int64 array

@@ -1,1 +1,1 @@
-"""Polygons in WGS 84: reprojected, densified, cut at the antimeridian, with seven decimals."""
+"""Polygons in WGS 84: reprojected, densified, cut at the antimeridian, rounded."""

@@ -1,8 +1,8 @@
 """Polygons on the globe: edges densified, split at the antimeridian, closed around a pole.
 
 A ring is unwrapped first, so that its longitudes never jump; one that encloses a pole is closed through it.
-The planar result is cut at every odd multiple of 180 degrees and shifted back. Holes are processed separately
-and subtracted at the end.
+The planar result gets a vertex wherever it crosses an odd multiple of 180 degrees, the same in rings that
+share an edge, is cut there and shifted back. Holes are processed separately and subtracted at the end.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,7 +19,7 @@ from uavseg.regions.shapes import RaggedPolygons
 
 Floats = NDArray[np.float64]
 
-_AT_POLE = 90 - 1e-9
+_AT_POLE = 90 * (1 - 1e-11)
 _MAX_TURNS = 16  # around the Earth, by one region
 _MAX_ADDED = 10_000_000  # vertices that may be added to the edges of a batch
 
@@ -27,17 +27,19 @@ _MAX_ADDED = 10_000_000  # vertices that may be added to the edges of a batch
 PAST_EDGE = "a region reaches past the edge of its projection; write a .gpkg instead"
 
 
-def cut_at_antimeridian(rings: Sequence[Floats], jumping: bool) -> Any:
+def cut_at_antimeridian(rings: Sequence[Floats], jumping: bool, degree: float = 1.0) -> Any:
     """Cut one polygon into longitudes -180..180 and latitudes -90..90.
 
     Parameters
     ----------
     rings : sequence of (m, 2) float64 arrays
-        Closed rings in degrees: the exterior, counter-clockwise as seen from above, then the holes,
-        clockwise.
+        Closed rings of longitudes and latitudes: the exterior, counter-clockwise as seen from above, then the
+        holes, clockwise.
     jumping : bool
         Whether longitudes jump from 180 to -180 where a ring crosses the antimeridian (True), or continue
         past 180 or -180 (False).
+    degree : float
+        A degree in the unit of the rings, and of the result.
 
     Returns
     -------
@@ -49,24 +51,31 @@ def cut_at_antimeridian(rings: Sequence[Floats], jumping: bool) -> Any:
     >>> cut_at_antimeridian([ring], jumping=False).bounds
     (-180.0, 0.0, 180.0, 10.0)
     """
-    exterior, *holes = (_cut_ring(ring if i == 0 else ring[::-1], jumping) for i, ring in enumerate(rings))
+    exterior, *holes = (
+        _cut_ring(ring if i == 0 else ring[::-1], jumping, degree) for i, ring in enumerate(rings)
+    )
     return shapely.difference(exterior, shapely.union_all(holes)) if holes else exterior
 
 
-def _cut_ring(ring: Floats, jumping: bool) -> Any:
+def _cut_ring(ring: Floats, jumping: bool, degree: float) -> Any:
     """The area to the left of a ring."""
     if jumping:
-        ring = _close_at_pole(_unwrap(_split_at_poles(ring)))
-    return _cut_into_bands(shapely.Polygon(ring))
+        ring = _close_at_pole(_unwrap(_split_at_poles(ring, degree), degree), degree)
+    width = np.ptp(ring[:, 0])
+    if not width <= 360 * degree * _MAX_TURNS:
+        raise OutputError(
+            f"a region is {width / degree:.3g} degrees wide; the georeference of the raster is damaged"
+        )
+    return _cut_into_bands(shapely.Polygon(_with_crossings(ring, degree)), degree)
 
 
-def _split_at_poles(ring: Floats) -> Floats:
+def _split_at_poles(ring: Floats, degree: float) -> Floats:
     """A vertex at a pole has every longitude: it becomes two, at the longitudes of its neighbours."""
-    at_pole = np.abs(ring[:, 1]) > _AT_POLE
+    at_pole = np.abs(ring[:, 1]) > _AT_POLE * degree
     if not at_pole.any():
         return ring
     open_ring = np.roll(ring[:-1], -int(np.argmin(at_pole[:-1])), axis=0)
-    at_pole = np.abs(open_ring[:, 1]) > _AT_POLE
+    at_pole = np.abs(open_ring[:, 1]) > _AT_POLE * degree
     twice = np.repeat(open_ring, 1 + at_pole, axis=0)
     second = np.flatnonzero(np.repeat(at_pole, 1 + at_pole))
     twice[second[0::2], 0] = twice[second[0::2] - 1, 0]
@@ -74,40 +83,55 @@ def _split_at_poles(ring: Floats) -> Floats:
     return np.concatenate([twice, twice[:1]])
 
 
-def _unwrap(ring: Floats) -> Floats:
+def _unwrap(ring: Floats, degree: float) -> Floats:
     """A ring with continuous longitudes; the last one differs from the first by 360 around a pole."""
-    return np.stack([unwrap_lon(ring[:, 0]), ring[:, 1]], axis=1)
+    return np.stack([unwrap_lon(ring[:, 0], 360 * degree), ring[:, 1]], axis=1)
 
 
-def _close_at_pole(ring: Floats) -> Floats:
+def _close_at_pole(ring: Floats, degree: float) -> Floats:
     """A ring that ends a turn away from its start, closed through the pole on its left."""
     turn = ring[-1, 0] - ring[0, 0]
-    if abs(turn) < 180:
+    if abs(turn) < 180 * degree:
         return ring
-    pole = np.copysign(90.0, turn)
+    pole = np.copysign(90.0 * degree, turn)
     nearest = int(np.argmax(ring[:-1, 1] * np.sign(pole)))
     ring = np.concatenate([ring[nearest:-1], ring[: nearest + 1] + np.array([turn, 0])])
     return np.concatenate([ring, [[ring[-1, 0], pole], [ring[0, 0], pole], ring[0]]])
 
 
-def _cut_into_bands(polygon: Any) -> Any:
-    west, _, east, _ = polygon.bounds
-    if not east - west <= 360 * _MAX_TURNS:
-        raise OutputError(
-            f"a region is {east - west:.3g} degrees wide; the georeference of the raster is damaged"
-        )
+def _with_crossings(ring: Floats, degree: float) -> Floats:
+    """A ring with a vertex wherever it crosses an odd multiple of 180 degrees."""
+    half, turn = 180 * degree, 360 * degree
+    west, east = (side(ring[:-1, 0], ring[1:, 0]) for side in (np.minimum, np.maximum))  # of each edge
+    first, last = np.floor((west - half) / turn) + 1, np.ceil((east - half) / turn) - 1
+    counts = np.maximum(last - first + 1, 0).astype(np.int64)
+    edge = np.repeat(np.arange(len(counts)), counts)
+    step = np.arange(len(edge)) - np.repeat(np.cumsum(counts) - counts, counts)
+    here, there = ring[edge], ring[edge + 1]
+    forward = here[:, 0] < there[:, 0]
+    lon = half + turn * np.where(forward, first[edge] + step, last[edge] - step)
+    # From the western end, so that the result depends neither on the direction nor on whole turns.
+    from_lon, from_lat = np.where(forward, here.T, there.T)
+    to_lon, to_lat = np.where(forward, there.T, here.T)
+    lat = from_lat + (to_lat - from_lat) * ((lon - from_lon) / (to_lon - from_lon))
+    return np.insert(ring, edge + 1, np.stack([lon, lat], axis=1), axis=0)
+
+
+def _cut_into_bands(polygon: Any, degree: float) -> Any:
+    west, _, east, _ = np.array(polygon.bounds) / degree
     bands = range(int(np.floor((west + 180) / 360)), int(np.ceil((east + 180) / 360)))
     try:
-        return shapely.union_all([_band_of(polygon, 360.0 * k) for k in bands])
+        return shapely.union_all([_band_of(polygon, 360.0 * k, degree) for k in bands])
     except shapely.errors.GEOSException as error:  # far outside of a projection, outlines cross themselves
         raise OutputError(PAST_EDGE) from error
 
 
-def _band_of(polygon: Any, centre: float) -> Any:
+def _band_of(polygon: Any, centre: float, degree: float) -> Any:
     """The part of a polygon within 180 degrees of a meridian, shifted to longitude 0."""
-    parts = shapely.get_parts(shapely.intersection(polygon, shapely.box(centre - 180, -90, centre + 180, 90)))
+    box = shapely.box(*(np.array([centre - 180, -90, centre + 180, 90]) * degree))
+    parts = shapely.get_parts(shapely.intersection(polygon, box))
     areas = shapely.union_all(parts[shapely.area(parts) > 0])
-    return shapely.transform(areas, lambda lonlat: lonlat - [centre, 0])
+    return shapely.transform(areas, lambda lonlat: lonlat - [centre * degree, 0])
 
 
 Integers = NDArray[np.int64]

@@ -1,7 +1,7 @@
-"""Reproject polygons to WGS 84 as GeoJSON requires: seven decimals, cut at the antimeridian.
+"""Reproject polygons to WGS 84 as GeoJSON requires: decimals as the pixels need, cut at the antimeridian.
 
-Coordinates are integers of 1e-7 degrees in ragged arrays; the few polygons that need a geometry library (cut
-at the antimeridian, around a pole, or invalid after rounding) are returned as separate geometries.
+Coordinates are integers of the last decimal in ragged arrays; the few polygons that need a geometry library
+(cut at the antimeridian, around a pole, or invalid after rounding) are returned as separate geometries.
 """
 
 from collections.abc import Iterator
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from uavseg.errors import OutputError, RasterError
 from uavseg.raster.geodesy.globe import (
     Transform,
+    decimals_for,
     equatorial_radius,
     is_geographic,
     is_on_earth,
@@ -24,7 +25,6 @@ from uavseg.raster.geodesy.globe import (
     wrap_lon,
 )
 from uavseg.regions import shapes
-from uavseg.regions.formats.decimal_text import UNITS_PER_DEGREE
 from uavseg.regions.shapes import RaggedPolygons
 from uavseg.regions.table import Regions
 from uavseg.regions.wgs84.antimeridian import PAST_EDGE, cut_at_antimeridian, densify_edges
@@ -42,17 +42,20 @@ class Wgs84Batch:
     Parameters
     ----------
     polygons : RaggedPolygons
-        Its vertices are an int64 array of longitudes and latitudes in 1e-7 degrees.
+        Its vertices are an int64 array of longitudes and latitudes in units of the last decimal.
+    decimals : int
+        Of degrees, see `globe.decimals_for`.
     others : dict of int -> shapely Polygon or MultiPolygon
         Geometries in degrees of regions without polygons in `polygons`, by their index in the batch.
     """
 
     polygons: RaggedPolygons
+    decimals: int
     others: dict[int, Any]
 
     def geometries(self) -> Objects:
         """The regions as shapely geometries, in degrees."""
-        degrees = replace(self.polygons, vertices=self.polygons.vertices / UNITS_PER_DEGREE)
+        degrees = replace(self.polygons, vertices=self.polygons.vertices / 10**self.decimals)
         wgs84_geometries = degrees.to_geometries()
         wgs84_geometries[list(self.others)] = list(self.others.values())
         return wgs84_geometries
@@ -72,9 +75,11 @@ def wgs84_batches(regions: Regions, vertices: int = shapes.BATCH_VERTICES) -> It
     if not len(regions):
         return
     reprojection = _Reprojection.of(regions.wkt)
-    pixel = shapes.total_area(regions.polygons) / regions.columns["pixels"].sum()
+    pixels = regions.columns["pixels"].sum()
+    pixel = shapes.total_area(regions.polygons) / pixels
+    decimals = decimals_for(float(np.sqrt(np.nansum(regions.columns["area_m2"]) / pixels)))
     for part in shapes.batch_slices(regions.polygons, vertices):
-        yield _batch(regions.polygons[part], pixel, reprojection)
+        yield _batch(regions.polygons[part], pixel, decimals, reprojection)
 
 
 def wgs84_geometries(regions: Regions) -> Objects:
@@ -139,47 +144,51 @@ class _Reprojection:
         return bool(a * d - b * c < 0)
 
 
-def _batch(polygons: Objects, pixel: float, reprojection: _Reprojection) -> Wgs84Batch:
+def _batch(polygons: Objects, pixel: float, decimals: int, reprojection: _Reprojection) -> Wgs84Batch:
     flat = RaggedPolygons.from_geometries(shapely.orient_polygons(polygons))
     degrees = reprojection.degrees(flat.vertices)
     if reprojection.mirrors(flat.vertices[np.argmin(np.abs(degrees[:, 1]))]):
         flat = RaggedPolygons.from_geometries(shapely.orient_polygons(polygons, exterior_cw=True))
         degrees = reprojection.degrees(flat.vertices)
-    safe = _rounding_is_safe(flat, degrees, pixel)
-    if reprojection.geographic:
-        on_globe, crossing = _shift_turns(flat, degrees)
+    degree = 10**decimals
+    safe = _rounding_is_safe(flat, degrees * degree, pixel)
+    jumping = not reprojection.geographic
+    if jumping:
+        flat = densify_edges(flat, degrees, np.sqrt(pixel), reprojection.radius, reprojection.degrees)
     else:
-        on_globe, crossing = _find_jumps(
-            densify_edges(flat, degrees, np.sqrt(pixel), reprojection.radius, reprojection.degrees)
-        )
-    lonlat = np.rint(on_globe.vertices * UNITS_PER_DEGREE).astype(np.int64)
-    np.clip(lonlat[:, 1], -90 * UNITS_PER_DEGREE, 90 * UNITS_PER_DEGREE, out=lonlat[:, 1])
-    kept = _drop_repeats(replace(on_globe, vertices=lonlat)).without(crossing)
+        flat = replace(flat, vertices=degrees)
+    exact = replace(flat, vertices=flat.vertices * degree)
+    units = np.rint(exact.vertices).astype(np.int64)
+    np.clip(units[:, 1], -90 * degree, 90 * degree, out=units[:, 1])
+    find_crossing = _find_jumps if jumping else _shift_turns
+    rounded, crossing = find_crossing(replace(flat, vertices=units), degree)
+    kept = _drop_repeats(rounded.without(crossing))
     broken = _collapsed(kept) if safe else _invalid(kept)
-    special = np.flatnonzero(crossing | broken)
-    others = {
-        int(i): _round(_geometry_of(on_globe, int(i), bool(crossing[i]), not reprojection.geographic))
-        for i in special
-    }
-    return Wgs84Batch(kept.without(broken), others)
+    precise = rounded if safe else exact  # cut where vertices lie, if that is possible
+    others = {}
+    for i in np.flatnonzero(crossing | broken).tolist():
+        source = precise if crossing[i] else exact
+        geometry = _round(_geometry_of(source, i, bool(crossing[i]), jumping, degree))
+        others[i] = shapely.transform(geometry, lambda lonlat: lonlat / degree)
+    return Wgs84Batch(polygons=kept.without(broken), decimals=decimals, others=others)
 
 
-def _shift_turns(flat: RaggedPolygons, degrees: Floats) -> tuple[RaggedPolygons, Flags]:
+def _shift_turns(flat: RaggedPolygons, degree: int) -> tuple[RaggedPolygons, Flags]:
     """Regions shifted by whole turns into -180..180, and a mask of those that cross the antimeridian."""
     starts = flat.rings[flat.polygons[flat.regions]]
-    lon = degrees[:, 0]
+    lon = flat.vertices[:, 0]
     west, east = np.minimum.reduceat(lon, starts[:-1]), np.maximum.reduceat(lon, starts[:-1])
-    turns = np.floor((west + 180 + 0.5 / UNITS_PER_DEGREE) / 360)
-    lon = lon - np.repeat(360 * turns, np.diff(starts))
-    crossing = east - 360 * turns > 180 + 0.5 / UNITS_PER_DEGREE
-    return replace(flat, vertices=np.stack([lon, degrees[:, 1]], axis=1)), crossing
+    shifts = 360 * degree * ((west + 180 * degree) // (360 * degree))
+    lon = lon - np.repeat(shifts, np.diff(starts))
+    crossing = east - shifts > 180 * degree
+    return replace(flat, vertices=np.stack([lon, flat.vertices[:, 1]], axis=1)), crossing
 
 
-def _find_jumps(flat: RaggedPolygons) -> tuple[RaggedPolygons, Flags]:
+def _find_jumps(flat: RaggedPolygons, degree: int) -> tuple[RaggedPolygons, Flags]:
     """Regions unchanged, and a mask of those whose longitudes jump or that have a vertex at a pole."""
-    jumps = np.abs(np.diff(flat.vertices[:, 0])) > 180
+    jumps = np.abs(np.diff(flat.vertices[:, 0])) > 180 * degree
     jumps[flat.rings[1:-1] - 1] = False
-    at_pole = np.abs(flat.vertices[:, 1]) > 90 - 1e-9
+    at_pole = np.abs(flat.vertices[:, 1]) == 90 * degree
     crossing = np.zeros(len(flat.regions) - 1, bool)
     crossing[flat.region_of(np.append(np.flatnonzero(jumps), np.flatnonzero(at_pole)))] = True
     return flat, crossing
@@ -207,12 +216,11 @@ def _collapsed(flat: RaggedPolygons) -> Flags:
 def _invalid(flat: RaggedPolygons) -> Flags:
     """Mask of regions that rounding has made invalid."""
     collapsed = _collapsed(flat)
-    flat = flat.without(collapsed)
-    valid: Flags = shapely.is_valid(replace(flat, vertices=flat.vertices / UNITS_PER_DEGREE).to_geometries())
+    valid: Flags = shapely.is_valid(flat.without(collapsed).to_geometries())
     return collapsed | ~valid
 
 
-def _rounding_is_safe(flat: RaggedPolygons, degrees: Floats, pixel: float) -> bool:
+def _rounding_is_safe(flat: RaggedPolygons, units: Floats, pixel: float) -> bool:
     """Whether polygons follow the edges of pixels so large that rounding cannot make them invalid.
 
     Then validity need not be tested for each polygon, which takes longer than writing it. A pixel is at least
@@ -224,24 +232,26 @@ def _rounding_is_safe(flat: RaggedPolygons, degrees: Floats, pixel: float) -> bo
         return False
     side = pixel / max(across[across > 0].min(), down[down > 0].min())
     some = np.flatnonzero(across + down > 0)[:: max(1, len(across) // 1000)]
-    units = np.hypot(*(degrees[some + 1] - degrees[some]).T) * UNITS_PER_DEGREE / (across + down)[some]
-    return bool(side * units.min() > 2.5)
+    scale = np.hypot(*(units[some + 1] - units[some]).T) / (across + down)[some]
+    return bool(side * scale.min() > 2.5)
 
 
-def _geometry_of(flat: RaggedPolygons, region: int, crossing: bool, jumping: bool) -> Any:
+def _geometry_of(flat: RaggedPolygons, region: int, crossing: bool, jumping: bool, degree: int) -> Any:
     """The geometry of one region, cut if it crosses the antimeridian."""
     pieces = []
     for polygon in range(flat.regions[region], flat.regions[region + 1]):
         ends = flat.rings[flat.polygons[polygon] : flat.polygons[polygon + 1] + 1]
-        rings = [flat.vertices[start:end] for start, end in pairwise(ends)]
+        rings = [flat.vertices[start:end].astype(np.float64) for start, end in pairwise(ends)]
         pieces.append(
-            cut_at_antimeridian(rings, jumping) if crossing else shapely.Polygon(rings[0], rings[1:])
+            cut_at_antimeridian(rings, jumping, degree) if crossing else shapely.Polygon(rings[0], rings[1:])
         )
     return shapely.union_all(pieces) if len(pieces) > 1 else pieces[0]
 
 
 def _round(geometry: Any) -> Any:
-    """Valid geometry with seven decimals, exteriors counter-clockwise; unrounded if it would vanish."""
-    rounded = shapely.set_precision(geometry, 1 / UNITS_PER_DEGREE)
+    """Valid geometry of whole numbers, exteriors counter-clockwise; unrounded if it would vanish."""
+    rounded = shapely.transform(geometry, np.rint)
+    if not rounded.is_valid:
+        rounded = shapely.set_precision(geometry, 1)
     parts = shapely.get_parts(shapely.orient_polygons(geometry if rounded.is_empty else rounded))
     return parts[0] if len(parts) == 1 else shapely.MultiPolygon(parts.tolist())

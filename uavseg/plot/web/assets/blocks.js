@@ -122,7 +122,8 @@ function makeBlocks() {
       return (1 - v) * ((1 - u) * at(top, left) + u * at(top, left + 1)) +
         v * ((1 - u) * at(top + 1, left) + u * at(top + 1, left + 1));
     };
-    return [mix(ground.lon), mix(ground.lat)].map((degrees) => Math.round(degrees * 1e7) / 1e7);
+    const unit = 10 ** ground.decimals;
+    return [mix(ground.lon), mix(ground.lat)].map((degrees) => Math.round(degrees * unit) / unit);
   }
 
   /** Row and column in pixels of a longitude and latitude: Newton's method on the table of places. */
