@@ -19,6 +19,11 @@ from tests.hostile.judging import Finding
 
 KINDS = {  # share of the cases
     "files": 6,
+    "forms": 4,
+    "arrays": 3,
+    "bands": 1,
+    "ranges": 2,
+    "segments": 2,
 }
 OFF: dict[str, int] = {}
 PATIENCE_S = 60

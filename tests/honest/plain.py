@@ -64,8 +64,6 @@ def area_m2(which: NDArray[np.bool_], transform: Affine, crs: Any) -> float:
         return float(np.count_nonzero(which) * abs(transform.determinant))
     system = CRS.from_user_input(crs)
     rows, cols = which.shape
-    down, right = (np.unique(np.linspace(0, n, 17).astype(int)) for n in (rows, cols))
-    x, y = transform * tuple(grid.astype(float) for grid in np.meshgrid(right, down))
     to_degrees = Transformer.from_crs(system, system.geodetic_crs, always_xy=True)
     lon, lat = to_degrees.transform(*(transform * (cols / 2, rows / 2)))
     ellipsoid = system.ellipsoid
@@ -74,16 +72,26 @@ def area_m2(which: NDArray[np.bool_], transform: Affine, crs: Any) -> float:
         f"+b={ellipsoid.semi_minor_metre!r} +units=m"
     )
     to_metres = Transformer.from_crs(equal.geodetic_crs, equal, always_xy=True)
-    areas = quad_areas(*to_metres.transform(*to_degrees.transform(x, y)))
-    density = areas / np.outer(np.diff(down), np.diff(right))
-    centres = np.meshgrid((down[1:] + down[:-1]) / 2 / rows, (right[1:] + right[:-1]) / 2 / cols, indexing="ij")
-    fitted = np.linalg.lstsq(_powers(*(axis.ravel() for axis in centres)), density.ravel(), rcond=None)[0]
+    # The area of a pixel hardly changes from place to place: a polynomial over cells of metres at least.
+    size = abs(transform.determinant) ** 0.5 * (111_000 if system.is_geographic else 1)
+    across = [n * max(1.0, 2000 / (n * size)) for n in (rows, cols)]
+    down, right = (n / 2 + np.linspace(-0.5, 0.5, 17) * more for n, more in zip((rows, cols), across, strict=True))
+    x, y = transform * tuple(np.meshgrid(right, down))
+    density = quad_areas(*to_metres.transform(*to_degrees.transform(x, y)))
+    density *= 256 / (across[0] * across[1])
+    centres = np.meshgrid((down[1:] + down[:-1]) / 2, (right[1:] + right[:-1]) / 2, indexing="ij")
+    place = [((n / 2), more) for n, more in zip((rows, cols), across, strict=True)]
+
+    def powers(*axes: NDArray[np.float64]) -> NDArray[np.float64]:
+        return _powers(*((axis - middle) / more for axis, (middle, more) in zip(axes, place, strict=True)))
+
+    fitted = np.linalg.lstsq(powers(*(axis.ravel() for axis in centres)), density.ravel(), rcond=None)[0]
     row, col = np.nonzero(which)
-    return float(np.sum(_powers((row + 0.5) / rows, (col + 0.5) / cols) @ fitted))
+    return float(np.sum(powers(row + 0.5, col + 0.5) @ fitted))
 
 
 def _powers(row: NDArray[np.float64], col: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.stack([row**0, row, col, row**2, row * col, col**2], axis=-1)
+    return np.stack([row**i * col**j for i in range(5) for j in range(5 - i)], axis=-1)
 
 
 def quad_areas(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
