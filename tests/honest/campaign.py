@@ -24,8 +24,10 @@ KINDS = {  # share of the cases
     "bands": 1,
     "ranges": 2,
     "segments": 2,
+    "outputs": 3,
+    "turns": 2,
 }
-OFF: dict[str, int] = {}
+OFF = {"things": 1}  # a law that is not fulfilled yet
 PATIENCE_S = 60
 
 

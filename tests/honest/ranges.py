@@ -33,9 +33,16 @@ def plain_things(rng: Random, shape: tuple[int, int]) -> NDArray[np.float64]:
     field = np.full(shape, rng.choice(LEVELS))
     for row in range(0, shape[0], 128):
         for col in range(0, shape[1], 128):
-            top, left = row + rng.randint(0, 24), col + rng.randint(0, 24)
-            field[top : top + rng.randint(48, 56), left : left + rng.randint(48, 56)] = rng.choice(LEVELS)
+            down, right = (_stretch(rng, start, size) for start, size in zip((row, col), shape, strict=True))
+            field[down, right] = rng.choice(LEVELS)
     return field
+
+
+def _stretch(rng: Random, start: int, size: int) -> slice:
+    """One side of a rectangle, which leaves no strip of less than 3 pixels at the edge."""
+    first = start + rng.randint(3, 24)
+    last = first + rng.randint(48, 56)
+    return slice(first, last if last + 3 <= size else size)
 
 
 def case(rng: Random, folder: Path) -> Iterator[Finding]:
