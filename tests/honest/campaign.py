@@ -26,6 +26,8 @@ KINDS = {  # share of the cases
     "segments": 2,
     "outputs": 3,
     "turns": 2,
+    "missions": 2,
+    "summaries": 1,
 }
 OFF = {"things": 1}  # a law that is not fulfilled yet
 PATIENCE_S = 60
