@@ -18,7 +18,9 @@ def main() -> int:
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--seconds", type=float, default=float("inf"), help="begin no case after so many")
     parser.add_argument("--kinds", nargs="+", choices=known, default=list(campaign.KINDS))
-    parser.add_argument("--case", nargs=2, metavar=("KIND:NUMBER", "FOLDER"), help="run one case, and keep its files")
+    parser.add_argument(
+        "--case", nargs=2, metavar=("KIND:NUMBER", "FOLDER"), help="run one case, and keep its files"
+    )
     given = parser.parse_args()
     start = time.monotonic()
     if given.case is not None:

@@ -35,7 +35,9 @@ FORMS: dict[str, Lazy] = {
     "every second": lambda array, _: array[:, ::2, ::2],
     "every third row": lambda array, _: array[:, ::3],
     "coarsened": lambda array, _: array.coarsen(x=2, y=2, boundary="trim").max(),
-    "another name of x and y": lambda array, _: array.rename(x="lon_", y="lat_").rio.set_spatial_dims("lon_", "lat_"),
+    "another name of x and y": lambda array, _: array.rename(x="lon_", y="lat_").rio.set_spatial_dims(
+        "lon_", "lat_"
+    ),
     "without spatial_ref": lambda array, _: array.drop_vars("spatial_ref"),
     "masked by rioxarray": lambda array, _: array,
     "in chunks": lambda array, _: array.chunk(x=50, y=64),
@@ -50,7 +52,9 @@ FORMS: dict[str, Lazy] = {
 def case(rng: Random, folder: Path) -> Iterator[Finding]:
     """One form of an array, against the same array written to a file by rioxarray."""
     shape = tuple(max(side, 12) for side in any_shape(rng, 300))
-    picture = any_picture(rng, shape, bys=("all", "nodata", "nan"), dtypes=("uint8", "uint16", "int16", "float32"))
+    picture = any_picture(
+        rng, shape, bys=("all", "nodata", "nan"), dtypes=("uint8", "uint16", "int16", "float32")
+    )
     if not is_upright(picture.transform):
         return
     if rng.random() < 0.3:
@@ -64,6 +68,13 @@ def case(rng: Random, folder: Path) -> Iterator[Finding]:
         if truth is None or not truth.valid.any():
             return
         yield from answer(array, truth, name, picture.span)
+
+
+def of_values(values: Any) -> xarray.DataArray:
+    """A DataArray as rioxarray opens one, of (bands, rows, cols)."""
+    _, rows, cols = values.shape
+    coords = {"band": [*range(1, 1 + len(values))], "y": 100.5 - np.arange(rows), "x": 7.5 + np.arange(cols)}
+    return xarray.DataArray(values, coords, ("band", "y", "x")).rio.write_crs("EPSG:32633")
 
 
 def truth_of(array: xarray.DataArray, picture: Picture) -> plain.Plain | None:
@@ -101,7 +112,9 @@ def answer(source: Any, truth: plain.Plain, about: str, span: tuple[float, float
         return
     yield from differ("VALID", about, int(found["pixels"].sum()), int(np.count_nonzero(truth.valid)))
     place = truth.valid.shape, truth.transform
-    yield from unlike("PLACE", about, plain.drawn_pixels(found.geometry, *place), truth.valid.astype(np.uint8))
+    yield from unlike(
+        "PLACE", about, plain.drawn_pixels(found.geometry, *place), truth.valid.astype(np.uint8)
+    )
     v = plain.v_of(truth.intensity[truth.valid], *span)
     mean = float(np.average(found["mean"], weights=found["pixels"]))
     yield from far("MEAN", about, mean, float(v.mean()), 0, 1.1 / 65535)

@@ -1,4 +1,4 @@
-"""Bands, indices and band arithmetic: the mean of v is that of numpy's arithmetic over the bands of the file."""
+"""Bands, indices and band arithmetic: the mean of v is that of numpy over the bands of the file."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -59,7 +59,13 @@ def case(rng: Random, folder: Path) -> Iterator[Finding]:
 
 
 def asked(
-    rng: Random, path: Path, values: Any, valid: Any, transform: Any, order: list[int], span: tuple[float, float]
+    rng: Random,
+    path: Path,
+    values: Any,
+    valid: Any,
+    transform: Any,
+    order: list[int],
+    span: tuple[float, float],
 ) -> Iterator[Finding]:
     """One question to the bands."""
     bands = dict(zip(NAMES, values, strict=True))
@@ -73,7 +79,9 @@ def asked(
         name = rng.choice(NAMES)
         how["band"], number = rng.choice([name, name.upper()]), bands[name]
     elif kind == "luminance":
-        number = np.tensordot(plain.LUMINANCE, np.stack([bands[name] for name in ("red", "green", "blue")]), 1)
+        number = np.tensordot(
+            plain.LUMINANCE, np.stack([bands[name] for name in ("red", "green", "blue")]), 1
+        )
     elif kind == "rgb":
         three = rng.sample(range(4), 3)
         how["rgb"] = tuple(order.index(n) + 1 for n in three)
@@ -87,9 +95,8 @@ def asked(
         low, high = (-1.0, 1.0) if kind == "index" else (-3.0, span[1])
         how["stretch"] = f"{low!r},{high!r}"
         valid = valid & np.isfinite(number)
-        if "b1" in text or "b2" in text:  # numbers of bands are those of the file
-            if order != [0, 1, 2, 3]:
-                return
+        if ("b1" in text or "b2" in text) and order != [0, 1, 2, 3]:
+            return  # numbers of bands are those of the file
     if not valid.any():
         return
     found = uavseg.extract(path, range=(0, 1), refine="none", collar="keep", threads=1, **how)

@@ -4,7 +4,6 @@ import re
 import traceback
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -53,15 +52,13 @@ def findings_of(case: Case, rng: Random, folder: Path) -> list[Finding]:
             frame = traceback.extract_tb(error.__traceback__)[-1]
             where = f"{Path(frame.filename).name}:{frame.name}"
             found.append(Finding("RAW", f"{type(error).__name__} {where}", traceback.format_exc()[-900:]))
-    for warning in said:
-        if not isinstance(warning.message, UserWarning) or "/uavseg/" in warning.filename:
-            if issubclass(warning.category, RuntimeWarning):
-                found.append(Finding("PYWARN", digest(str(warning.message)), str(warning)))
-    return found
+    raw = [warning for warning in said if issubclass(warning.category, RuntimeWarning)]
+    return found + [Finding("PYWARN", digest(str(warning.message)), str(warning)) for warning in raw]
 
 
 def digest(text: str) -> str:
     """A message without numbers and names, which differ from case to case."""
+    text = text.removeprefix("uavseg: error: ")
     text = re.sub(r"'[^']*'|\"[^\"]*\"|\S+\.(tif|vrt|plan|gpkg|geojson)\b", "..", text)
     return re.sub(r"[-+]?\d[\d.,e+-]*|\bnan\b|\binf\b", "#", text)[:140]
 
@@ -72,7 +69,9 @@ def differ(law: str, about: str, found: Any, expected: Any) -> Iterator[Finding]
         yield Finding(law, about, f"{found}, not {expected}")
 
 
-def far(law: str, about: str, found: float, expected: float, relative: float, least: float = 0.0) -> Iterator[Finding]:
+def far(
+    law: str, about: str, found: float, expected: float, relative: float, least: float = 0.0
+) -> Iterator[Finding]:
     """A finding where two numbers are not close."""
     if not abs(found - expected) <= max(relative * abs(expected), least):
         yield Finding(law, about, f"{found!r}, not {expected!r}")

@@ -56,7 +56,10 @@ def same_regions(
     about = f"{about} {how['refine']}"
     at = truth.valid.shape, truth.transform
     yield from unlike(
-        "SAME PIXELS", about, plain.drawn_pixels(found.geometry, *at), plain.drawn_pixels(expected.geometry, *at)
+        "SAME PIXELS",
+        about,
+        plain.drawn_pixels(found.geometry, *at),
+        plain.drawn_pixels(expected.geometry, *at),
     )
     columns = ["pixels", "area_m2", "mean", "holes"]
     columns += ["mean_value"] * (form_of(source) != "b.tif")  # it knows clipped means alone
@@ -77,7 +80,11 @@ def fitted(form: Any, picture: Picture) -> Picture:
         return replace(picture, by="mask")
     if form is picture_file:
         dtype = picture.values.dtype.name
-        return replace(picture, by="all", valid=picture.valid | True) if dtype in ("uint8", "uint16") else picture
+        return (
+            replace(picture, by="all", valid=picture.valid | True)
+            if dtype in ("uint8", "uint16")
+            else picture
+        )
     return picture
 
 
@@ -156,7 +163,17 @@ def block_map(rng: Random, folder: Path, picture: Picture) -> Any:
     low, high = picture.span
     if not plain.read(folder / "plain.tif", (1, 2, 3) if len(picture.values) == 3 else (1,)).valid.any():
         return None
-    command("divide", "plain.tif", "-o", "b.tif", f"--stretch={low!r},{high!r}", "--collar", "keep", "--threads", 1)
+    command(
+        "divide",
+        "plain.tif",
+        "-o",
+        "b.tif",
+        f"--stretch={low!r},{high!r}",
+        "--collar",
+        "keep",
+        "--threads",
+        1,
+    )
     return folder / "b.tif"
 
 
@@ -166,13 +183,20 @@ def picture_file(rng: Random, folder: Path, picture: Picture) -> Any:
     drivers = ["HFA", "ENVI"] if dtype != "int8" else []
     if dtype in ("uint8", "uint16") and picture.by == "all":
         drivers += ["PNG", "JP2OpenJPEG"]
-    if bands == 1 and dtype in ("int32", "float32") and picture.by in ("all", "nodata") and is_square(picture):
+    if (
+        bands == 1
+        and dtype in ("int32", "float32")
+        and picture.by in ("all", "nodata")
+        and is_square(picture)
+    ):
         drivers += ["AAIGrid"]
     if picture.by not in ("all", "nodata", "nan") or not drivers:
         return None
     driver = rng.choice(drivers)
     suffix = {"HFA": ".img", "ENVI": ".bsq", "PNG": ".png", "JP2OpenJPEG": ".jp2", "AAIGrid": ".asc"}[driver]
-    how = {"PNG": {"worldfile": "YES"}, "JP2OpenJPEG": {"quality": "100", "reversible": "YES"}}.get(driver, {})
+    how = {"PNG": {"worldfile": "YES"}, "JP2OpenJPEG": {"quality": "100", "reversible": "YES"}}.get(
+        driver, {}
+    )
     if driver == "AAIGrid":
         how = {"significant_digits": "17"}
     with quiet():

@@ -40,6 +40,7 @@ ODD_NODATA = {
     "float64": [float("nan"), -9999.0, -1.7976931348623157e308, 0.1, 1e-200, float("-inf")],
 }
 Pixels = NDArray[Any]
+UTM = Affine(1, 0, 500000, 0, -1, 4500000)
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +64,7 @@ class Picture:
     by: str = "all"
     nodata: float | None = None
     crs: str | None = "EPSG:32633"
-    transform: Affine = Affine(1, 0, 500000, 0, -1, 4500000)
+    transform: Affine = UTM
     place: str = "utm, north up"
     names: dict[str, Any] = field(default_factory=dict)
 
@@ -110,7 +111,7 @@ def any_picture(
     if by == "nan" and not dtype.startswith("float"):
         by = "nodata"
     valid = np.ones(shape, bool) if by == "all" else holes(rng, shape)
-    crs, transform, place = any_place(rng, shape) if placed else ("EPSG:32633", Picture.transform, "utm")
+    crs, transform, place = any_place(rng, shape) if placed else ("EPSG:32633", UTM, "utm")
     nodata = rng.choice(ODD_NODATA[dtype]) if by == "nodata" else None
     picture = Picture(values, valid, span, by, nodata, crs, transform, place)
     return with_holes(picture)
@@ -221,7 +222,11 @@ def any_file(rng: Random, folder: Path, picture: Picture) -> str:
         compress = rng.choice(["deflate", "lzw", "zstd", "none"])
         with quiet():
             rasterio.shutil.copy(
-                path, folder / "cog.tif", driver="COG", compress=compress, blocksize=rng.choice([128, 256, 512])
+                path,
+                folder / "cog.tif",
+                driver="COG",
+                compress=compress,
+                blocksize=rng.choice([128, 256, 512]),
             )
         return "cog.tif"
     return "x.tif"

@@ -25,7 +25,15 @@ PLACES = {
     "antimeridian in degrees": ("EPSG:4326", (180.0, -17.0), DEGREES),
     "local": (None, (0.0, 0.0), METRES),
 }
-TURNS = ("north up",) * 8 + ("south up", "mirrored", "not square", "anisotropic", "turned", "turned", "sheared")
+TURNS = ("north up",) * 8 + (
+    "south up",
+    "mirrored",
+    "not square",
+    "anisotropic",
+    "turned",
+    "turned",
+    "sheared",
+)
 
 
 def any_place(rng: Random, shape: tuple[int, int]) -> tuple[str | None, Affine, str]:

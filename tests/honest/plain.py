@@ -75,7 +75,9 @@ def area_m2(which: NDArray[np.bool_], transform: Affine, crs: Any) -> float:
     # The area of a pixel hardly changes from place to place: a polynomial over cells of metres at least.
     size = abs(transform.determinant) ** 0.5 * (111_000 if system.is_geographic else 1)
     across = [n * max(1.0, 2000 / (n * size)) for n in (rows, cols)]
-    down, right = (n / 2 + np.linspace(-0.5, 0.5, 17) * more for n, more in zip((rows, cols), across, strict=True))
+    down, right = (
+        n / 2 + np.linspace(-0.5, 0.5, 17) * more for n, more in zip((rows, cols), across, strict=True)
+    )
     x, y = transform * tuple(np.meshgrid(right, down))
     density = quad_areas(*to_metres.transform(*to_degrees.transform(x, y)))
     density *= 256 / (across[0] * across[1])

@@ -57,7 +57,11 @@ def case(rng: Random, folder: Path) -> Iterator[Finding]:
     if str(how.get("compress", "")).startswith(("jpeg", "lerc", "webp")):
         how = {}
     write_tiff(folder / "x.tif", picture, how)
-    scale, offset = (rng.choice([0.1, 2.0, -1.0, 0.0001]), rng.choice([0.0, -273.15, 7.0])) if rng.random() < 0.3 else (1.0, 0.0)
+    scale, offset = (
+        (rng.choice([0.1, 2.0, -1.0, 0.0001]), rng.choice([0.0, -273.15, 7.0]))
+        if rng.random() < 0.3
+        else (1.0, 0.0)
+    )
     if (scale, offset) != (1.0, 0.0):
         with quiet(), rasterio.open(folder / "x.tif", "r+") as file:
             file.scales, file.offsets = (scale,), (offset,)
@@ -78,8 +82,18 @@ def asked(
     kind = rng.choice(["values", "values", "open", "v"])
     numbers = values.astype(np.float64)
     if kind == "v":
-        ends = (0.0, float(np.iinfo(dtype).max)) if dtype in ("uint8", "uint16") else (float(span[0]), float(span[1]))
-        stretch = "dtype" if dtype in ("uint8", "uint16") else "none" if span == (0.0, 1.0) else f"{ends[0]!r},{ends[1]!r}"
+        ends = (
+            (0.0, float(np.iinfo(dtype).max))
+            if dtype in ("uint8", "uint16")
+            else (float(span[0]), float(span[1]))
+        )
+        stretch = (
+            "dtype"
+            if dtype in ("uint8", "uint16")
+            else "none"
+            if span == (0.0, 1.0)
+            else f"{ends[0]!r},{ends[1]!r}"
+        )
         v = (numbers - ends[0]) / (ends[1] - ends[0])
         bounds = sorted(((float(one) - ends[0]) / (ends[1] - ends[0])) for one in (low, high))
         if not 0 <= bounds[0] < bounds[1] <= 1:

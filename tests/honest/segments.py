@@ -1,6 +1,7 @@
 """Classes and levels: each valid pixel is in one segment at most, of levels in exactly one."""
 
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -22,7 +23,11 @@ def case(rng: Random, folder: Path) -> Iterator[Finding]:
     truth = plain.read(path, (1, 2, 3) if len(picture.values) == 3 else (1,))
     if not truth.valid.any():
         return
-    how: dict[str, Any] = {"stretch": f"{picture.span[0]!r},{picture.span[1]!r}", "collar": "keep", "threads": 1}
+    how: dict[str, Any] = {
+        "stretch": f"{picture.span[0]!r},{picture.span[1]!r}",
+        "collar": "keep",
+        "threads": 1,
+    }
     how["refine"] = rng.choice(["tv", "none"])
     place = truth.valid.shape, truth.transform
     if rng.random() < 0.6:
@@ -30,7 +35,9 @@ def case(rng: Random, folder: Path) -> Iterator[Finding]:
             how |= {"min_area": f"{rng.choice([4, 20, 100])}px", "small": "merge"}
         found = uavseg.levels(path, width=rng.choice([0.05, 0.1, 0.2, 0.34, 0.5, 1.0]), **how)
         about = f"levels {how['refine']} {'merged' if 'min_area' in how else ''}"
-        yield from unlike("COVER", about, plain.drawn_pixels(found.geometry, *place), truth.valid.astype(np.uint8))
+        yield from unlike(
+            "COVER", about, plain.drawn_pixels(found.geometry, *place), truth.valid.astype(np.uint8)
+        )
         area = plain.area_m2(truth.valid, truth.transform, truth.crs)
         yield from far("AREA", about, float(found["area_m2"].sum()), area, 2e-6)
         v = plain.v_of(truth.intensity[truth.valid], *picture.span)
@@ -42,7 +49,7 @@ def case(rng: Random, folder: Path) -> Iterator[Finding]:
                 yield Finding("LEVEL", about, str(found[["mean", "range_low", "range_high"]].head()))
     else:
         ends = sorted({0.0, *(round(rng.random(), 2) for _ in range(3)), 1.0})
-        classes = {f"c{n}": pair for n, pair in enumerate(zip(ends, ends[1:], strict=False))}
+        classes = {f"c{n}": pair for n, pair in enumerate(pairwise(ends))}
         if rng.random() < 0.5:
             classes.pop(rng.choice(sorted(classes)))
         found = uavseg.extract(path, classes=classes, **how)

@@ -1,4 +1,4 @@
-"""`info`: size, place, number of valid pixels, mean and deviation are those of numpy over rasterio's pixels."""
+"""`info`: size, place, count, mean and deviation are those of numpy over rasterio's pixels."""
 
 import json
 from collections.abc import Iterator
@@ -34,7 +34,9 @@ def case(rng: Random, folder: Path) -> Iterator[Finding]:
     yield from far("MEAN", about, said["mean"], float(v.mean()), 0, 1.1 / 65535)
     yield from far("STD", about, said["std"], float(v.std()), 1e-4, 2e-5)
     yield from differ("HISTOGRAM", about, sum(said["histogram"]), said["valid"])
-    corners = [truth.transform * (col, row) for col in (0, truth.valid.shape[1]) for row in (0, truth.valid.shape[0])]
+    corners = [
+        truth.transform * (col, row) for col in (0, truth.valid.shape[1]) for row in (0, truth.valid.shape[0])
+    ]
     x, y = np.array(corners).T
     bounds = [x.min(), y.min(), x.max(), y.max()]
     if not np.allclose(said["bounds"], bounds, rtol=1e-12, atol=1e-9):

@@ -1,4 +1,4 @@
-"""The law of small things: what stands out by six deviations of the noise is found, whatever its arrangement."""
+"""Small things: what stands out by six deviations of the noise is found, whatever its arrangement."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -24,9 +24,13 @@ def case(rng: Random, folder: Path) -> Iterator[Finding]:
     contrast = max(6 * sigma, rng.choice([0.1, 0.3, 0.6]))
     dark = round(rng.uniform(0.1, 0.9 - contrast), 3) if contrast < 0.8 else 0.1
     field = np.where(truth, dark + contrast, dark) + drawn(rng).normal(0, sigma, shape)
-    picture = Picture(as_type(np.clip(field, 0, 1), (0, 65535), "uint16")[np.newaxis], truth | True, (0, 65535))
+    picture = Picture(
+        as_type(np.clip(field, 0, 1), (0, 65535), "uint16")[np.newaxis], truth | True, (0, 65535)
+    )
     write_tiff(folder / "x.tif", picture, {})
-    found = uavseg.extract(folder / "x.tif", range=(dark + contrast / 2, 1), stretch="dtype", collar="keep", threads=1)
+    found = uavseg.extract(
+        folder / "x.tif", range=(dark + contrast / 2, 1), stretch="dtype", collar="keep", threads=1
+    )
     got = plain.drawn_pixels(found.geometry, shape, picture.transform) > 0
     if truth.any():
         overlap = np.count_nonzero(got & truth) / np.count_nonzero(got | truth)

@@ -36,7 +36,9 @@ def case(rng: Random, folder: Path) -> Iterator[Finding]:
         field = np.clip(field + drawn(rng).normal(0, 0.04, shape), 0, 1)
     if rng.random() < 0.3:
         valid = holes(rng, shape)
-    picture = with_holes(Picture(as_type(field, (0, 65535), "uint16")[np.newaxis], valid, (0, 65535), "nodata", 0))
+    picture = with_holes(
+        Picture(as_type(field, (0, 65535), "uint16")[np.newaxis], valid, (0, 65535), "nodata", 0)
+    )
     refine = rng.choice(["none", "none", "tv"])
     ends = round(0.5 * rng.random(), 2), round(0.51 + 0.49 * rng.random(), 2)
     if not picture.valid.any():
@@ -46,7 +48,9 @@ def case(rng: Random, folder: Path) -> Iterator[Finding]:
         name = rng.choice(sorted(TURNS))
         turn = TURNS[name]
         values = np.stack([turn(band) for band in picture.values])
-        second = answer(folder / "b.tif", replace(picture, values=values, valid=turn(picture.valid)), ends, refine)
+        second = answer(
+            folder / "b.tif", replace(picture, values=values, valid=turn(picture.valid)), ends, refine
+        )
         expected = turn(first)
     else:
         name = "shifted by 64"

@@ -135,9 +135,7 @@ def outcomes_of(case: Case) -> list[Outcome]:
         sandbox.close()
 
 
-def _batch(
-    first: int, end: int, seed: int, kinds: dict[str, int], until: float
-) -> Batch:
+def _batch(first: int, end: int, seed: int, kinds: dict[str, int], until: float) -> Batch:
     if time.monotonic() > until:
         return Counter(), []
     prepare()
