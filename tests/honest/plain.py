@@ -76,11 +76,11 @@ def area_m2(which: NDArray[np.bool_], transform: Affine, crs: Any) -> float:
     size = abs(transform.determinant) ** 0.5 * (111_000 if system.is_geographic else 1)
     across = [n * max(1.0, 2000 / (n * size)) for n in (rows, cols)]
     down, right = (
-        n / 2 + np.linspace(-0.5, 0.5, 17) * more for n, more in zip((rows, cols), across, strict=True)
+        n / 2 + np.linspace(-0.5, 0.5, 41) * more for n, more in zip((rows, cols), across, strict=True)
     )
     x, y = transform * tuple(np.meshgrid(right, down))
     density = quad_areas(*to_metres.transform(*to_degrees.transform(x, y)))
-    density *= 256 / (across[0] * across[1])
+    density *= 1600 / (across[0] * across[1])
     centres = np.meshgrid((down[1:] + down[:-1]) / 2, (right[1:] + right[:-1]) / 2, indexing="ij")
     place = [((n / 2), more) for n, more in zip((rows, cols), across, strict=True)]
 
