@@ -33,7 +33,7 @@ def main() -> int:
 def one(name: str, folder: Path, seed: int) -> int:
     """Make one case in a folder, run it, and say what it did."""
     case = campaign.save(folder, name, seed)
-    with campaign.started() as pool:
+    with campaign.started_with_seeds() as pool:
         outcomes = pool.submit(campaign.outcomes_of, case).result()
     for outcome in outcomes:
         print(outcome.err.decode("utf-8", "backslashreplace"), file=sys.stderr)

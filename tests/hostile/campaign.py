@@ -7,6 +7,7 @@ import os
 import sys
 import time
 from collections import Counter
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict
 from functools import cache
@@ -56,6 +57,7 @@ BATCH = 200
 BATCHES_A_PROCESS = 20  # then a fresh one; max_tasks_per_child of the pool itself was seen to wait for ever
 
 Found = dict[tuple[str, str], tuple[int, str, Finding]]
+Batch = tuple[Counter[str], list[tuple[Finding, str]]]
 
 
 def make(kind: str, seed: int, number: int, address: str = "127.0.0.1:9") -> Case:
@@ -78,6 +80,8 @@ def run(
     processes: int = 1,
     kinds: dict[str, int] = KINDS,
     seconds: float = float("inf"),
+    batch: Callable[..., Batch] | None = None,
+    started: Callable[[int], ProcessPoolExecutor] | None = None,
 ) -> tuple[Counter[str], Found]:
     """Run cases; returns how many of each kind, and the findings with how often and the first case.
 
@@ -89,13 +93,16 @@ def run(
     kinds : dict of str to int
     seconds : float
         After which no new batch is begun.
+    batch, started : callable, optional
+        What runs some cases, and the processes in which it does: those of another campaign.
     """
+    batch, started = batch or _batch, started or started_with_seeds
     start, count, found = time.monotonic(), Counter[str](), Found()
     batches = [(first, min(first + BATCH, cases)) for first in range(0, cases, BATCH)]
     for turn in range(0, len(batches), BATCHES_A_PROCESS * processes):
         with started(processes) as pool:
             these = batches[turn : turn + BATCHES_A_PROCESS * processes]
-            waiting = {pool.submit(_batch, *batch, seed, kinds, start + seconds) for batch in these}
+            waiting = {pool.submit(batch, *part, seed, kinds, start + seconds) for part in these}
             for done in as_completed(waiting):
                 counted, findings = done.result()
                 count += counted
@@ -106,7 +113,7 @@ def run(
     return count, found
 
 
-def started(processes: int = 1) -> ProcessPoolExecutor:
+def started_with_seeds(processes: int = 1) -> ProcessPoolExecutor:
     """Processes from which cases are forked: fresh ones, without threads, which do not survive a fork."""
     os.environ["PROJ_DEBUG"] = "0"  # for the new processes: PROJ reads it once, when it is loaded
     drawn = {"initializer": seeds.use, "initargs": (seeds.everything(),)}
@@ -114,7 +121,7 @@ def started(processes: int = 1) -> ProcessPoolExecutor:
 
 
 def judged(case: Case) -> list[Finding]:
-    """Findings of one case, run from this process, which is one of those that `started` gives."""
+    """Findings of one case, run from this process, which is one of those that `started_with_seeds` gives."""
     return judge(case, outcomes_of(case))
 
 
@@ -128,9 +135,7 @@ def outcomes_of(case: Case) -> list[Outcome]:
         sandbox.close()
 
 
-def _batch(
-    first: int, end: int, seed: int, kinds: dict[str, int], until: float
-) -> tuple[Counter[str], list[tuple[Finding, str]]]:
+def _batch(first: int, end: int, seed: int, kinds: dict[str, int], until: float) -> Batch:
     if time.monotonic() > until:
         return Counter(), []
     prepare()

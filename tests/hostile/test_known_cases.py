@@ -17,7 +17,7 @@ CASES = known_cases() if FOLDER.is_dir() else {}
 
 @pytest.fixture(scope="module")
 def pool() -> Iterator[ProcessPoolExecutor]:
-    with campaign.started() as pool:
+    with campaign.started_with_seeds() as pool:
         yield pool
 
 

@@ -53,7 +53,7 @@ def pool(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ProcessPoolExecut
     seeds.everything()
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("LD_PRELOAD", str(library))
-        with campaign.started() as pool:
+        with campaign.started_with_seeds() as pool:
             pool.submit(os.getpid).result()  # starts it while the variable is set
             yield pool
 

@@ -21,7 +21,7 @@ def lengths(request: pytest.FixtureRequest) -> int:
 
 @pytest.fixture(scope="module")
 def pool() -> Iterator[ProcessPoolExecutor]:
-    with campaign.started() as pool:
+    with campaign.started_with_seeds() as pool:
         yield pool
 
 

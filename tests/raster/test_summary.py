@@ -147,6 +147,14 @@ def test_a_raster_without_valid_pixels_has_a_summary(tmp_path: Path) -> None:
     assert info(open_to_describe(raster), named=[raster]).command == ""
 
 
+def test_a_nodata_value_of_infinity_is_no_number_of_json(tmp_path: Path) -> None:
+    pixels = np.full((20, 20), 0.5, np.float32)
+    pixels[0] = -np.inf
+    found = summarize(opened(tmp_path / "a.tif", pixels, nodata=-np.inf))
+    assert json.loads(json.dumps(found.as_dict(), allow_nan=False))["bands"][0]["nodata"] is None
+    assert found.valid == 19 * 20
+
+
 def test_many_rasters_are_one_mosaic(tmp_path: Path) -> None:
     opened(tmp_path / "a.tif", np.full((20, 30), 51, np.uint8))
     opened(

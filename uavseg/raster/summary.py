@@ -131,7 +131,7 @@ class Summary:
         return f"{self.cut:g},1" if bright else f"0,{self.cut:g}"
 
     def as_dict(self) -> dict[str, Any]:
-        """All fields as plain values for JSON, with None instead of NaN."""
+        """All fields as plain values for JSON, with None instead of NaN and infinity."""
         found = asdict(self)
         found["bands"] = [
             dict(zip(("dtype", "color", "nodata"), map(_plain, b), strict=True)) for b in self.bands
@@ -278,4 +278,4 @@ def _bands(file: RasterSource) -> tuple[tuple[str, str, float | None], ...]:
 
 
 def _plain(value: Any) -> Any:
-    return None if isinstance(value, float) and math.isnan(value) else value
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -185,3 +185,21 @@ def test_empty_parts_of_multipolygons_are_left_out() -> None:
     found = read_regions(text.encode())
     assert not shapely.is_empty(shapely.get_parts(np.array(found.polygons, object))).any()
     assert len(uavseg.plan(found.frame(), altitude=50, home=(40.6, 15, 0)).missions) == 1
+
+
+@pytest.mark.parametrize("suffix", ["shp", "geojson", "gpkg"])
+@pytest.mark.parametrize("clockwise", [False, True])
+def test_a_flight_around_a_region_has_the_direction_that_every_file_gives(
+    tmp_path: Path, suffix: str, clockwise: bool
+) -> None:
+    drawn = shapely.orient_polygons([near()], exterior_cw=clockwise)
+    frame(list(drawn), id=[1]).to_file(tmp_path / f"a.{suffix}")
+    [found] = read_regions(tmp_path / f"a.{suffix}").polygons
+    assert found.equals(near()) and found.exterior.is_ccw
+    how: dict[str, Any] = {"altitude": 50, "home": (46.999, 8.0, 500), "pattern": "perimeter"}
+    with pytest.warns(UserWarning, match="simplified"):
+        first, second = (
+            uavseg.plan(tmp_path / f"a.{suffix}", **how),
+            uavseg.plan(frame([near()], id=[1]), **how),
+        )
+    assert first.missions == second.missions

@@ -206,7 +206,8 @@ def _polygons(geometries: NDArray[np.object_], name: str) -> NDArray[np.object_]
         )
     for n in np.flatnonzero(~shapely.is_valid(geometries)):
         geometries[n] = _repair(geometries[n], f"polygon {n + 1} of {name}")
-    return _without_empty_parts(geometries)
+    whole = _without_empty_parts(geometries)
+    return np.asarray(shapely.orient_polygons(whole), dtype=object)  # a shapefile turns them round
 
 
 def _without_empty_parts(geometries: NDArray[np.object_]) -> NDArray[np.object_]:
@@ -289,6 +290,4 @@ def _inner_points(polygons: NDArray[np.object_], lon: Any, lat: Any) -> tuple[An
 
 def _areas_m2(polygons: NDArray[np.object_]) -> NDArray[np.float64]:
     geod = geod_wgs84()
-    return np.array(
-        [abs(geod.geometry_area_perimeter(polygon)[0]) for polygon in shapely.orient_polygons(polygons)]
-    )
+    return np.array([abs(geod.geometry_area_perimeter(polygon)[0]) for polygon in polygons])

@@ -1,0 +1,80 @@
+"""The same scene flipped, turned or shifted: the same answer, within what is promised."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import numpy as np
+from affine import Affine
+from numpy.typing import NDArray
+
+import uavseg
+from tests.honest import plain
+from tests.honest.findings import unlike
+from tests.honest.patterns import any_pattern, drawn, holes
+from tests.honest.picture import Picture, as_type, with_holes, write_tiff
+from tests.hostile.judging import Finding
+
+Turn = Callable[[NDArray[Any]], NDArray[Any]]
+TURNS: dict[str, Turn] = {
+    "upside down": lambda a: a[::-1],
+    "from right to left": lambda a: a[:, ::-1],
+    "half a turn": lambda a: a[::-1, ::-1],
+    "transposed": lambda a: a.T,
+    "a quarter turn": lambda a: np.rot90(a),
+}
+MOVED = 0.02  # share of the pixels that refinement may decide otherwise
+
+
+def case(rng: Random, folder: Path) -> Iterator[Finding]:
+    """Two extractions, of a scene and of the same scene turned or shifted."""
+    shape = 64 * rng.randint(1, 4), 64 * rng.randint(1, 4)
+    field, valid = any_pattern(rng, shape), np.ones(shape, bool)
+    if rng.random() < 0.3:
+        field = np.clip(field + drawn(rng).normal(0, 0.04, shape), 0, 1)
+    if rng.random() < 0.3:
+        valid = holes(rng, shape)
+    picture = with_holes(
+        Picture(as_type(field, (0, 65535), "uint16")[np.newaxis], valid, (0, 65535), "nodata", 0)
+    )
+    refine = rng.choice(["none", "none", "tv"])
+    ends = round(0.5 * rng.random(), 2), round(0.51 + 0.49 * rng.random(), 2)
+    if not picture.valid.any():
+        return
+    first = answer(folder / "a.tif", picture, ends, refine)
+    if rng.random() < 0.7:
+        name = rng.choice(sorted(TURNS))
+        turn = TURNS[name]
+        values = np.stack([turn(band) for band in picture.values])
+        second = answer(
+            folder / "b.tif", replace(picture, values=values, valid=turn(picture.valid)), ends, refine
+        )
+        expected = turn(first)
+    else:
+        name = "shifted by 64"
+        down, right = 64 * rng.randint(0, 2), 64 * rng.randint(0, 2)
+        around = ((0, 0), (down, 0), (right, 0))
+        values = np.pad(picture.values, around)
+        moved = replace(
+            picture,
+            values=values,
+            valid=np.pad(picture.valid, around[1:]),
+            transform=picture.transform * Affine.translation(-right, -down),
+        )
+        second = answer(folder / "b.tif", moved, ends, refine)[down:, right:]
+        expected = first
+    if refine == "none" or name.startswith("shifted"):
+        yield from unlike("TURNED", f"{name} {refine}", second, expected)
+    else:
+        share = np.count_nonzero(second != expected) / second.size
+        if share > MOVED:
+            yield Finding("TURNED", f"{name} {refine}", f"{share:.2%} of the pixels differ")
+
+
+def answer(path: Path, picture: Picture, ends: tuple[float, float], refine: str) -> NDArray[np.uint8]:
+    """The pixels of a range."""
+    write_tiff(path, picture, {})
+    found = uavseg.extract(path, range=ends, refine=refine, stretch="dtype", collar="keep", threads=1)
+    return plain.drawn_pixels(found.geometry, picture.shape, picture.transform)
