@@ -28,8 +28,8 @@ KINDS = {  # share of the cases
     "turns": 2,
     "missions": 1,
     "summaries": 2,
+    "things": 2,
 }
-OFF = {"things": 1}  # a law that is not fulfilled yet
 PATIENCE_S = 60
 
 

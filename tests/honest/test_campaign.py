@@ -73,7 +73,7 @@ def test_a_tile_as_wide_as_the_raster_that_is_taken_for_a_strip_is_found(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", campaign.KINDS | campaign.OFF)
+@pytest.mark.parametrize("kind", campaign.KINDS)
 def test_a_case_is_always_the_same(tmp_path: Path, kind: str) -> None:
     made = []
     for folder in (tmp_path / "a", tmp_path / "b"):

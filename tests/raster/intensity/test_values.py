@@ -234,3 +234,21 @@ def test_values_too_far_apart_for_a_stretch_are_refused() -> None:
     dataset = Dataset.of_values(image, GeoBox(image.shape, Affine.identity(), None), "far.tif")
     with pytest.raises(ParameterError, match=r"far.tif reach from -?inf to inf.*give a stretch around it"):
         fit_values(dataset, parse_stretch("auto"), [ValueRange(50, 100, True)], TilePass(dataset.windows()))
+
+
+@settings(max_examples=60)
+@given(
+    st.lists(st.integers(-20, 20).map(lambda n: n / 10), min_size=2, max_size=6, unique=True),
+    st.sampled_from([0.1, 0.0001, -0.1, 3.7]),
+    st.sampled_from([-273.15, 7.0, 0.1]),
+    st.booleans(),
+)
+def test_scaled_floats_are_decided_at_the_values_that_they_show(
+    stored: list[float], scale: float, offset: float, is_low: bool
+) -> None:
+    values = np.tile(stored, (3, 1))
+    shown = values * scale + offset
+    end = float(shown[0, 1])
+    asked = ValueRange(end, None) if is_low else ValueRange(None, end)
+    stretch, [found] = fitted(dataset_of(values, BandScale(scale, offset)), "auto", asked)
+    assert np.array_equal(selected(values, stretch, found), in_range(shown, asked))

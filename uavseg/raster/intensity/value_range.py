@@ -154,8 +154,8 @@ def stored_range(asked: ValueRange, scale: BandScale, dataset: Dataset, statisti
         ends = [None if end is None else statistics[_percent(end, scale)] for end in (asked.low, asked.high)]
     else:
         ends = [
-            None if end is None else nearest_of_type(scale.stored(end), dataset)
-            for end in (asked.low, asked.high)
+            None if end is None else _stored_bound(end, k == 0, scale, dataset)
+            for k, end in enumerate((asked.low, asked.high))
         ]
     low, high = ends if scale.scale > 0 else ends[::-1]
     low, high = -inf if low is None else low, inf if high is None else high
@@ -164,6 +164,27 @@ def stored_range(asked: ValueRange, scale: BandScale, dataset: Dataset, statisti
             float(np.nextafter(np.float32(end), np.float32(way))) for end, way in ((low, -inf), (high, inf))
         )
     return Bounds(low, high)
+
+
+def _stored_bound(end: float, is_low: bool, scale: BandScale, dataset: Dataset) -> float:
+    """The outermost stored number whose value lies within the end of a range.
+
+    Many 64-bit numbers have one value once a scale and an offset are applied; it is found by bisection.
+    """
+    stored = nearest_of_type(scale.stored(end), dataset)
+    if not is_wide(dataset) or (scale.scale, scale.offset) == (1.0, 0.0):
+        return stored
+    step = 8 * np.finfo(np.float64).eps * (abs(end) + abs(scale.offset)) / scale.scale
+    inner, outer = (stored + step, stored - step) if is_low else (stored - step, stored + step)
+    while True:
+        middle = (inner + outer) / 2
+        if middle in (inner, outer):
+            return float(inner)
+        value = float(scale.values(middle))
+        if value >= end if is_low else value <= end:
+            inner = middle
+        else:
+            outer = middle
 
 
 def nearest_of_type(stored: float, dataset: Dataset) -> float:
