@@ -294,7 +294,8 @@ def test_plain_progress_rises_to_100(folder: Path, tile: int) -> None:
         result = extracted(raster, *RANGE, "--progress", "plain", "--tile", tile, "-o", "-")
         lines = [line for line in result.stderr.splitlines() if line.startswith("progress")]
         percents = [int(line.removeprefix("progress ")) for line in lines]
-        assert percents == sorted(set(percents)) and percents[-1] == 100 and len(percents) > 1
+        assert percents == sorted(set(percents)) and percents[-1] == 100
+        assert len(percents) > (raster == "deep.tif")  # its stretch takes a pass of its own
 
 
 def test_plain_progress_is_for_programs_also_where_it_is_quiet() -> None:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -210,7 +209,10 @@ def _outlined(
         kinds_at = kinds.at
     trim_heap()
     outlined = filled(grey, outlined, request.fill_holes, tile_pass)
-    count = partial(count_pixels, grey, partition.grey_table, tile_pass.silent)
+
+    def count() -> NDArray[np.int64]:
+        return count_pixels(grey, partition.grey_table, tile_pass.silent)
+
     how = request.segment.refine
     return Segmented(outlined, kinds_at, SourceInfo.of(grey), partition, how, count=count)
 
