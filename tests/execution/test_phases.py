@@ -14,8 +14,8 @@ from tests.occupancy.bags.write_bags import Drive, write_ros1
 from uavseg._jit import messages
 from uavseg.cli import main
 from uavseg.cli.options.running import Reporter
-from uavseg.execution.phases import phase, working_seconds
-from uavseg.execution.progress_bar import ProgressLine
+from uavseg.execution.phases import phase, steps_done, watched, working_seconds
+from uavseg.execution.progress_bar import PhaseLine, ProgressLine
 
 SAMPLES = Path(__file__).resolve().parents[2] / "samples"
 QUARRY = str(SAMPLES / "quarry.tif")
@@ -133,3 +133,27 @@ def test_a_bar_is_not_drawn_for_each_step(capsys: pytest.CaptureFixture[str]) ->
     for done in range(1, 10_001):
         line(done, 10_000)
     assert capsys.readouterr().err.count("\r") < 100
+
+
+def test_a_phase_that_takes_long_is_shown_with_how_far_it_is(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = [100.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    line = PhaseLine()
+    with watched(line), phase("union of regions"):
+        steps_done(3, 12)
+        now[0] += 1.9
+        line.draw_if_due()
+        assert not capsys.readouterr().err
+        now[0] += 0.2
+        line.draw_if_due()
+        line.draw_if_due()
+        assert capsys.readouterr().err == "uavseg: union of regions: 25 %, 0:02\n"
+        now[0] += 10
+        line.draw_if_due()
+        assert capsys.readouterr().err == "uavseg: union of regions: 25 %, 0:12\n"
+    now[0] += 60
+    line.draw_if_due()
+    steps_done(1, 1)  # nobody watches
+    assert not capsys.readouterr().err

@@ -1,5 +1,7 @@
 """The local plane: distances compared with geodesics."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 import shapely
@@ -58,3 +60,22 @@ def test_a_hole_that_touches_the_border_stays() -> None:
     assert flat.area == pytest.approx(whole - inner, rel=1e-6)
     [pair] = plane.project_polygons([shapely.MultiPolygon([polygon, shapely.box(-179.5, 50, -179, 51)])])
     assert len(pair.geoms) == 2 and len(pair.geoms[0].interiors) == 1
+
+
+def test_many_polygons_are_projected_as_one_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = shapely.box(8, 47, 8.01, 47.02) - shapely.box(8.002, 47.004, 8.004, 47.008)
+    two = shapely.MultiPolygon([shapely.box(8.1, 47, 8.11, 47.01), shapely.box(8.2, 47, 8.21, 47.01)])
+    polygons = [one, two, shapely.MultiPolygon([one]), shapely.force_3d(one, 5.0)]
+    plane, calls = Plane(47.0, 8.0), []
+    alone = [plane.project_polygons([polygon])[0] for polygon in polygons]
+    project = Plane.xy_from_lonlat
+
+    def counted(self: Plane, *lonlat: Any) -> Any:
+        calls.append(1)
+        return project(self, *lonlat)
+
+    monkeypatch.setattr(Plane, "xy_from_lonlat", counted)
+    together = plane.project_polygons(polygons)
+    assert calls == [1] and not len(plane.project_polygons([]))
+    assert all(shapely.equals_identical(a, b) for a, b in zip(together, alone, strict=True))
+    assert [flat.geom_type for flat in together] == ["Polygon", "MultiPolygon", "Polygon", "Polygon"]

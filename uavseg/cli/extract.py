@@ -150,10 +150,12 @@ def command(**options: Any) -> None:
     if flight is not None:
         from uavseg.cli.options.limits import zones_of
         from uavseg.cli.options.mission import report
+        from uavseg.cli.options.verbosity import showing_phases
         from uavseg.jobs.plan import plan
         from uavseg.jobs.plan_regions import open_regions
 
-        planned = plan(open_regions(found.regions), flight, zones_of(options, source), source)
+        with showing_phases(run.reporter.quiet):
+            planned = plan(open_regions(found.regions), flight, zones_of(options, source), source)
     paths: list[Path] = []
     unwritten: list[str] = []
     with transaction():

@@ -16,7 +16,7 @@ from uavseg.cli.options.home_words import HomeCommand
 from uavseg.cli.options.limits import zone_files, zones_of
 from uavseg.cli.options.mission import mission_options, plan_request, report
 from uavseg.cli.options.vehicle import missions_json
-from uavseg.cli.options.verbosity import heed_verbose, verbosity_options
+from uavseg.cli.options.verbosity import heed_verbose, showing_phases, verbosity_options
 
 if TYPE_CHECKING:
     from uavseg.jobs.source import Source
@@ -78,9 +78,10 @@ def command(**options: Any) -> None:
     keep_inputs([output], regions, raster, zone_files(options), options["dem"])
     request, form = plan_request(options), parse_file_options(options)
     source = click.open_file("-", "rb").read() if regions == "-" else regions
-    found = open_regions(source, options["layer"])
-    opened = None if raster is None else _opened(raster)
-    planned = plan(found, request, zones_of(options, opened), opened)
+    with showing_phases(options["quiet"]):
+        found = open_regions(source, options["layer"])
+        opened = None if raster is None else _opened(raster)
+        planned = plan(found, request, zones_of(options, opened), opened)
     paths, unwritten = write_plan_output(planned, output, options["overwrite"], form)
     if options["as_json"]:
         notes = [*planned.warnings, *unwritten]

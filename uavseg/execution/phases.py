@@ -2,10 +2,15 @@
 
 import logging
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 
 logger = logging.getLogger("uavseg.jobs")
+
+Watcher = Callable[[str | None, int, int], object]
+"""Called with a phase that begins, None where it ends or "" between; and its steps: those done, and all."""
+_watcher: ContextVar[Watcher | None] = ContextVar("watcher", default=None)
 
 
 def decided(text: str, *values: object) -> None:
@@ -17,8 +22,30 @@ def decided(text: str, *values: object) -> None:
 def phase(name: str) -> Iterator[None]:
     """Context that logs how long a phase took, without the time in which kernels were compiled."""
     begun = working_seconds()
+    watcher = _watcher.get()
+    if watcher is not None:
+        watcher(name, 0, 0)
     yield
+    if watcher is not None:
+        watcher(None, 0, 0)
     logger.info("phase %s: %.2f s", name, working_seconds() - begun)
+
+
+@contextmanager
+def watched(watcher: Watcher) -> Iterator[None]:
+    """Context in which a function is called as phases begin, end and go on."""
+    token = _watcher.set(watcher)
+    try:
+        yield
+    finally:
+        _watcher.reset(token)
+
+
+def steps_done(done: int, total: int) -> None:
+    """Tell who watches that so many steps of a phase are done."""
+    watcher = _watcher.get()
+    if watcher is not None:
+        watcher("", done, total)
 
 
 def working_seconds() -> float:

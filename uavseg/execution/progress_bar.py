@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import sys
+import threading
+import time
 from dataclasses import dataclass
 
 from uavseg.execution.phases import working_seconds
 
 _WIDTH = 24
 _REDRAW_S = 0.1
+_WATCH_S, _LONG_S = 0.5, 2.0
+_EACH_S, _LINES_EACH_S = 1.0, 10.0
 
 
 class ProgressLine:
@@ -25,6 +29,68 @@ class ProgressLine:
         self._drawn = now
         end = "\n" if share >= 1 else ""
         print(f"\r{bar(share, now - self._begun):<60}", end=end, file=sys.stderr, flush=True)
+
+
+class PhaseLine:
+    """The phase of a job that takes more than two seconds, on stderr; a watcher of `phases.watched`.
+
+    A terminal shows one line that is drawn again each second; elsewhere it is a line each ten seconds. A
+    thread draws it, so that one long step is shown too.
+    """
+
+    def __init__(self) -> None:
+        self._phase: str | None = None
+        self._steps = 0, 0
+        self._begun = self._drawn = time.monotonic()
+        self._is_drawn = False
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._draw_often, daemon=True)
+
+    def __enter__(self) -> PhaseLine:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ended.set()
+        self._thread.join()
+        self._clear()
+
+    def __call__(self, phase: str | None, done: int, total: int) -> None:
+        """Take in that a phase begins (or, as None, ends), or where it is empty, how many steps are done."""
+        if phase != "":
+            self._phase, self._begun, self._drawn = phase, time.monotonic(), -_LINES_EACH_S
+            self._clear()
+        self._steps = done, total
+
+    def _draw_often(self) -> None:
+        while not self._ended.wait(_WATCH_S):
+            self.draw_if_due()
+
+    def draw_if_due(self) -> None:
+        """Draw the line, if the phase takes long and it was not drawn just now."""
+        now, phase = time.monotonic(), self._phase
+        every = _EACH_S if _is_terminal() else _LINES_EACH_S
+        if phase is not None and now - self._begun >= _LONG_S and now - self._drawn >= every:
+            self._drawn = now
+            self._draw(phase, now - self._begun, *self._steps)
+
+    def _draw(self, phase: str, seconds: float, done: int, total: int) -> None:
+        share = f"{int(100 * done / total)} %, " if total else ""
+        text = f"{phase}: {share}{clock(seconds)}"
+        if _is_terminal():
+            print(f"\r{text}\x1b[K", end="", file=sys.stderr, flush=True)
+            self._is_drawn = True
+        elif sys.stderr is not None:
+            print(f"uavseg: {text}", file=sys.stderr, flush=True)
+
+    def _clear(self) -> None:
+        if self._is_drawn:
+            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+            self._is_drawn = False
+
+
+def _is_terminal() -> bool:
+    return sys.stderr is not None and sys.stderr.isatty()
 
 
 @dataclass(frozen=True, slots=True)

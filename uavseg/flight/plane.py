@@ -33,27 +33,30 @@ class Plane:
         lon, lat = _projection(self.lat, self.lon)(np.asarray(x, float), np.asarray(y, float), inverse=True)
         return lon, lat
 
-    def project_polygons(self, polygons: Sequence[Any]) -> NDArray[np.object_]:
-        """Densify polygons in degrees (lon, lat) and project them to metres."""
-        flat = [shapely.transform(_densified(polygon), self._project_points) for polygon in polygons]
-        return np.array([*flat, None], dtype=object)[:-1]
+    def project_polygons(self, polygons: Sequence[Any] | NDArray[np.object_]) -> NDArray[np.object_]:
+        """Densify polygons in degrees (lon, lat) and project them to metres, all at once.
 
-    def _project_points(self, lonlat: Floats) -> Floats:
-        return np.column_stack(self.xy_from_lonlat(lonlat[:, 0], lonlat[:, 1]))
-
-
-def _densified(polygon: Any) -> Any:
-    """A polygon or multipolygon without long edges.
-
-    It is made ring by ring: what GEOS densifies whole it also makes valid, and a hole that touches the border
-    was seen to be lost.
-    """
-    parts = [
-        [shapely.segmentize(ring, LONGEST_EDGE_DEG) for ring in (part.exterior, *part.interiors)]
-        for part in shapely.get_parts(shapely.force_2d(polygon))
-    ]
-    drawn = [shapely.Polygon(outer, holes) for outer, *holes in parts]
-    return drawn[0] if len(drawn) == 1 else shapely.MultiPolygon(drawn)
+        They are densified ring by ring: what GEOS densifies whole it also makes valid, and a hole that
+        touches the border was seen to be lost.
+        """
+        count = len(polygons)
+        parts, owners = shapely.get_parts(np.array([*polygons, None], object)[:-1], return_index=True)
+        rings, owned = shapely.get_rings(parts, return_index=True)
+        rings = shapely.segmentize(shapely.force_2d(rings), LONGEST_EDGE_DEG)
+        lonlat = shapely.get_coordinates(rings)
+        ends = np.cumsum([0, *shapely.get_num_coordinates(rings)])
+        flat = shapely.from_ragged_array(
+            shapely.GeometryType.POLYGON,
+            np.column_stack(self.xy_from_lonlat(lonlat[:, 0], lonlat[:, 1])),
+            (ends, np.searchsorted(owned, np.arange(len(parts) + 1))),
+        )
+        first = np.searchsorted(owners, np.arange(count + 1))
+        drawn = np.empty(count, object)
+        single = np.diff(first) == 1
+        drawn[single] = flat[first[:-1][single]]
+        for k in np.flatnonzero(~single).tolist():
+            drawn[k] = shapely.MultiPolygon(list(flat[first[k] : first[k + 1]]))
+        return drawn
 
 
 def plane_around(bounds: NDArray[np.float64], lon: float) -> Plane:

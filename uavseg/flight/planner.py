@@ -15,9 +15,9 @@ from uavseg.flight.items import HomePosition
 from uavseg.flight.mission import Mission
 from uavseg.flight.params import PlanParams
 from uavseg.flight.patterns import candidates as patterns
-from uavseg.flight.patterns.pattern_params import MAX_MARGIN_M, PARAMS_OF
+from uavseg.flight.patterns.pattern_params import MAX_MARGIN_M, PARAMS_OF, PerimeterParams
 from uavseg.flight.patterns.survey_blocks import blocks_of_surveys
-from uavseg.flight.route import short_route
+from uavseg.flight.route import check_order, short_route
 from uavseg.flight.safety.keep_out import KeepOut
 from uavseg.flight.safety.near_zones import near_zones
 from uavseg.flight.targets import clear_parts, plane_of, region_parts
@@ -73,6 +73,7 @@ def plan_missions(
     """
     if len(polygons) == 0:
         raise MissionError("there is no region to fly to; choose at least one")
+    check_regions(len(polygons), params)
     home, at_home = home_on_ground(home, params)
     start = HomePosition(*home)
     plane = plane_of(polygons, points, start)
@@ -95,6 +96,18 @@ def plan_missions(
     missions = missions_over(route, start, plane, keep_out, params, notes)
     blocks = blocks_of_surveys(found.surveys, plane, params)
     return tuple(replace(mission, blocks=blocks) for mission in missions)
+
+
+def check_regions(count: int, params: PlanParams) -> None:
+    """Check before any work that so many regions can be ordered.
+
+    Raises
+    ------
+    MissionError
+        If not. Perimeters inside of regions are counted later: small regions have none.
+    """
+    if not (isinstance(params.how, PerimeterParams) and params.how.offset_m < 0):
+        check_order(count)
 
 
 def _reach_m(regions: NDArray[np.object_], params: PlanParams) -> float:

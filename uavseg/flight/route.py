@@ -88,12 +88,23 @@ def short_route(candidates: Sequence[Sequence[Track]], home: Floats, space: Free
     return Route(home, tuple(pieces), tuple(ways), space)
 
 
+def check_order(count: int) -> None:
+    """Check that so many regions can be ordered.
+
+    Raises
+    ------
+    MissionError
+        If not.
+    """
+    if count > MAX_REGIONS:
+        raise MissionError(
+            f"there are {count:,} regions, and at most {MAX_REGIONS:,} are ordered; choose fewer"
+        )
+
+
 def _ordered(candidates: Sequence[Sequence[Track]], home: Floats, space: FreeSpace) -> list[Track]:
     """One track for each region, in an order that makes a short tour from home and back."""
-    if len(candidates) > MAX_REGIONS:
-        raise MissionError(
-            f"there are {len(candidates):,} regions, and at most {MAX_REGIONS:,} are ordered; choose fewer"
-        )
+    check_order(len(candidates))
     ends = np.concatenate([[track.xy[[0, -1]] for track in tracks] for tracks in candidates])
     points, index = np.unique(np.concatenate([home[None], ends.reshape(-1, 2)]), axis=0, return_inverse=True)
     pairs = index.ravel()[1:].reshape(-1, 2)

@@ -14,7 +14,7 @@ from uavseg.flight.formats.options import DEFAULT_DJI_MODEL, FileOptions
 from uavseg.flight.mission import Mission
 from uavseg.flight.numbered import write_flights
 from uavseg.flight.params import PlanParams
-from uavseg.flight.planner import plan_missions
+from uavseg.flight.planner import check_regions, plan_missions
 from uavseg.flight.safety.home_place import IsGround, home_outside
 from uavseg.flight.safety.paper_check import PaperCheck
 from uavseg.flight.terrain.clearance import clearance_of
@@ -195,11 +195,13 @@ def plan(
         chosen = select_regions(chosen, request.ids, request.largest, request.where)
     polygons, points = list(chosen.polygons), _points(chosen)
     flight, home = request.flight, request.home
+    check_regions(len(polygons), flight)
     if home == "auto":
         everywhere = list(regions.polygons)
         margin_m = flight.safety.avoid_margin_m
         is_ground = None if raster is None else _valid_ground(raster)
-        home = home_outside(everywhere, points or _points(regions), zones, margin_m, is_ground)
+        with phase("place for home"):
+            home = home_outside(everywhere, points or _points(regions), zones, margin_m, is_ground)
         notes.append(
             f"home is {home[0]:.7f},{home[1]:.7f}, outside of all regions and keep-out zones; look at the "
             "place before the flight: the plan knows nothing of trees, water or roads there"

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from uavseg.errors import ParameterError
+from uavseg.execution.phases import phase
 from uavseg.plain_text import shown
 from uavseg.regions.table import Regions
 
@@ -36,7 +37,8 @@ def open_regions(
     from uavseg.regions.formats import read
 
     if isinstance(source, str | os.PathLike | bytes):
-        return read.read_regions(source, layer)
+        with phase("reading of regions"):
+            return read.read_regions(source, layer)
     if not hasattr(source, "geometry") or not hasattr(source, "columns"):
         raise ParameterError(f"regions is a file of polygons or a GeoDataFrame, not {shown(source)}")
     return read.regions_of_frame(source)

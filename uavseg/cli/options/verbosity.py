@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any, TypeVar
 
 import click
@@ -26,3 +27,16 @@ def heed_verbose(quiet: bool, verbose: bool) -> None:
     """Print what the job of this command decides, if -v is given and -q is not."""
     if verbose and not quiet:
         saying_decisions()
+
+
+@contextmanager
+def showing_phases(quiet: bool) -> Iterator[None]:
+    """Context in which phases that take more than two seconds are shown on stderr, unless it is quiet."""
+    from uavseg.execution.phases import watched
+    from uavseg.execution.progress_bar import PhaseLine
+
+    if quiet:
+        yield
+        return
+    with PhaseLine() as line, watched(line):
+        yield

@@ -5,16 +5,20 @@ from typing import Any
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from uavseg.errors import MissionError
-from uavseg.flight.avoid.enclosing import MANY_CORNERS, enclosing
-from uavseg.flight.plane import plane_around
+from uavseg.execution.phases import steps_done
+from uavseg.flight.avoid.enclosing import MANY_CORNERS, filled_parts, merged, neighbour_groups, without_holes
+from uavseg.flight.plane import Plane, plane_around
 from uavseg.flight.safety.keep_out import KeepOut
 
 IsGround = Callable[[float, float], bool]
 
 CLEARANCE_M = 15.0
 """Distance from home to regions and to zones with their margin."""
+SIMPLIFIED_M = 0.75
+"""How far outlines of many corners may be moved; GEOS moves the ends of rings by up to twice as much."""
 STEP_M = 5.0
 MOST_TRIED = 5000
 _DECIMALS = 7  # of degrees: a centimetre
@@ -54,15 +58,10 @@ def home_outside(
     """
     if not len(polygons):
         raise MissionError("there is no region to fly to; choose at least one")
-    bounds = shapely.bounds(shapely.get_parts(np.array(polygons, dtype=object)))
-    plane = plane_around(bounds, points[0][0])
-    regions = shapely.make_valid(plane.project_polygons(polygons))
+    regions = np.array([*polygons, None], object)[:-1]
+    plane = plane_around(shapely.bounds(shapely.get_parts(regions)), points[0][0])
     keep_out = KeepOut(list(plane.project_polygons(zones)), avoid_margin_m)
-    area = shapely.union_all([*regions, keep_out.grown])
-    if shapely.get_num_coordinates(area) > MANY_CORNERS:
-        area = enclosing(_without_holes(area), CLEARANCE_M / 10)
-    grown = shapely.buffer(area, CLEARANCE_M, quad_segs=4)
-    outlines = shapely.get_exterior_ring(shapely.get_parts(_without_holes(grown)))
+    outlines = shapely.get_exterior_ring(shapely.get_parts(_around(regions, plane, keep_out.grown)))
     places = shapely.get_coordinates(shapely.segmentize(outlines, STEP_M))
     middle = np.mean(np.column_stack(plane.xy_from_lonlat(*np.array(points).T)), axis=0)
     nearest = places[np.argsort(np.hypot(*(places - middle).T), kind="stable")[:MOST_TRIED]]
@@ -74,6 +73,27 @@ def home_outside(
     )
 
 
-def _without_holes(polygons: Any) -> Any:
-    filled = [shapely.Polygon(ring) for ring in shapely.get_exterior_ring(shapely.get_parts(polygons))]
-    return shapely.union_all(filled)
+def _around(regions: NDArray[np.object_], plane: Plane, zones: Any) -> Any:
+    """Regions in degrees and zones in metres, with the clearance around them and without holes.
+
+    A hole of some of them together lies within all of them, so holes are filled group by group.
+    """
+    west, south, east, north = shapely.bounds(regions).T
+    bounds = np.column_stack([*plane.xy_from_lonlat(west, south), *plane.xy_from_lonlat(east, north)])
+    groups = neighbour_groups(regions, bounds)
+    areas = []
+    for k, group in enumerate(groups):
+        steps_done(k, len(groups))
+        metres = shapely.make_valid(plane.project_polygons(regions[group]))
+        areas.append(_grown(metres if k else np.append(metres, zones)))
+    return merged(areas, fill=True)
+
+
+def _grown(areas: NDArray[np.object_]) -> Any:
+    """Areas with the clearance around them and without holes; those of many corners are simplified before."""
+    if shapely.get_num_coordinates(areas).sum() <= MANY_CORNERS:
+        grown = shapely.buffer(shapely.union_all(areas), CLEARANCE_M, quad_segs=4)
+    else:
+        simple = shapely.simplify(filled_parts(areas), SIMPLIFIED_M)
+        grown = shapely.union_all(shapely.buffer(simple, CLEARANCE_M + 2 * SIMPLIFIED_M, quad_segs=4))
+    return without_holes(grown)

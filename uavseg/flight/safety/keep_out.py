@@ -12,7 +12,7 @@ import shapely
 from numpy.typing import NDArray
 
 from uavseg.errors import MissionError
-from uavseg.flight.avoid.enclosing import enclosing
+from uavseg.flight.avoid.enclosing import enclosing, merged, neighbour_groups
 from uavseg.flight.avoid.free_space import FreeSpace
 from uavseg.flight.track import Track
 
@@ -58,7 +58,9 @@ class KeepOut:
     @cached_property
     def _whole(self) -> Any:
         """The zones; of those with many corners an outline around them."""
-        zones = shapely.union_all(shapely.make_valid(np.array(self.zones, object)))
+        parts = np.array([*self.zones, None], object)[:-1]
+        groups = neighbour_groups(parts, shapely.bounds(parts))
+        zones = merged([shapely.union_all(shapely.make_valid(parts[group])) for group in groups])
         reach_m = max(self.margin_m / 8, LEAST_REACH_M)
         around = enclosing(zones, reach_m)
         while shapely.get_num_coordinates(around) > MOST_OUTLINED and reach_m < MOST_TOLERANCE_M:

@@ -73,12 +73,12 @@ class PaperCheck:
     def _near_zones(self, mission: Mission, walk: "_Walk", plane: Plane) -> Iterator[str]:
         if not self.zones:
             return
-        zones = shapely.union_all(shapely.make_valid(plane.project_polygons(self.zones)))
+        zones = shapely.STRtree(shapely.make_valid(plane.project_polygons(self.zones)))
         places = [shapely.Point(plane.xy_from_lonlat(point.lon, point.lat)) for point in mission.rally]
         for kind, shapes in ((walk.leg, walk.legs), (partial(_rally, mission), places)):
-            distance = shapely.distance(shapes, zones)
-            if not len(distance):
+            if not len(shapes):
                 continue
+            _, distance = zones.query_nearest(shapes, return_distance=True, all_matches=False)
             nearest = int(distance.argmin())
             if distance[nearest] < self.safety.avoid_margin_m - SLACK_M or distance[nearest] == 0:
                 yield (

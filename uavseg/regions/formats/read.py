@@ -14,6 +14,7 @@ import shapely
 from numpy.typing import NDArray
 
 from uavseg.errors import RegionError, UavsegError
+from uavseg.execution.phases import steps_done
 from uavseg.plain_text import cause_of
 from uavseg.raster.geodesy.globe import WGS84, geod_wgs84
 from uavseg.raster.opening import file_exists
@@ -25,6 +26,7 @@ from uavseg.regions.formats.check_read import (
 )
 from uavseg.regions.formats.parquet import import_pyarrow
 from uavseg.regions.formats.vector_files import check_vector, reading_vectors
+from uavseg.regions.shapes import batch_slices
 from uavseg.regions.table import COLUMNS, VALUE_COLUMNS, Regions
 from uavseg.warning_filters import changing_filters
 
@@ -204,8 +206,10 @@ def _polygons(geometries: NDArray[np.object_], name: str) -> NDArray[np.object_]
         raise RegionError(
             f"{name} has a polygon with a coordinate that is not a finite number; repair it first"
         )
-    for n in np.flatnonzero(~shapely.is_valid(geometries)):
-        geometries[n] = _repair(geometries[n], f"polygon {n + 1} of {name}")
+    for part in batch_slices(geometries):
+        for n in (part.start + np.flatnonzero(~shapely.is_valid(geometries[part]))).tolist():
+            geometries[n] = _repair(geometries[n], f"polygon {n + 1} of {name}")
+        steps_done(part.stop, len(geometries))
     whole = _without_empty_parts(geometries)
     return np.asarray(shapely.orient_polygons(whole), dtype=object)  # a shapefile turns them round
 
@@ -281,11 +285,14 @@ def _complete(columns: dict[str, NDArray[Any]], polygons: NDArray[np.object_]) -
 
 def _inner_points(polygons: NDArray[np.object_], lon: Any, lat: Any) -> tuple[Any, Any]:
     """The given points where they lie inside their polygons, computed ones elsewhere."""
-    own = shapely.get_coordinates(shapely.point_on_surface(polygons))
     if lon is None or lat is None or lon.dtype.kind != "f" or lat.dtype.kind != "f":
-        return own[:, 0], own[:, 1]
-    inside = shapely.contains_xy(polygons, lon, lat)
-    return np.where(inside, lon, own[:, 0]), np.where(inside, lat, own[:, 1])
+        lon = lat = np.full(len(polygons), np.nan)
+    points = np.column_stack([lon, lat])
+    for part in batch_slices(polygons):
+        outside = part.start + np.flatnonzero(~shapely.contains_xy(polygons[part], *points[part].T))
+        points[outside] = shapely.get_coordinates(shapely.point_on_surface(polygons[outside]))
+        steps_done(part.stop, len(polygons))
+    return points[:, 0], points[:, 1]
 
 
 def _areas_m2(polygons: NDArray[np.object_]) -> NDArray[np.float64]:
