@@ -9,16 +9,19 @@ takes longer.
 Several files that belong together, and outputs of one command, appear together: see `output.transaction`.
 """
 
+import errno
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from uavseg.errors import OutputError
+from uavseg.errors import OutputError, UavsegError
 from uavseg.output.renames import recover
 from uavseg.output.staging import is_staged
 from uavseg.output.targets import Target, find_target, sidecars
 from uavseg.output.transaction import Transaction, current_transaction, output_errors
+
+_PROBE = 1 << 16  # bytes
 
 
 def check_target(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
@@ -72,14 +75,29 @@ def atomic_file(path: str | os.PathLike[str], overwrite: bool = False, sync: boo
             temporary = files.add(target, overwrite)
             try:
                 yield temporary
-            except BaseException:
+            except BaseException as error:
+                reason = _no_room(temporary) if isinstance(error, UavsegError) else None
                 files.drop(temporary)
+                if reason is not None:
+                    raise OutputError(f"{target.given} cannot be written: {reason}") from error
                 raise
             if outer is None:
                 files.commit()
     finally:
         if outer is None:
             files.close()
+
+
+def _no_room(path: Path) -> str | None:
+    """Why no more can be written to a file that is given up, or None: libraries do not report a full disk."""
+    try:
+        with path.open("ab") as file:
+            file.write(bytes(_PROBE))
+            file.flush()
+            os.fsync(file.fileno())
+    except OSError as error:
+        return error.strerror if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG) else None
+    return None
 
 
 def _checked(path: str | os.PathLike[str], overwrite: bool) -> Target:

@@ -1,5 +1,6 @@
 """GDAL access: a pool of open files per thread, a small block cache, captured messages, readable errors."""
 
+import ctypes
 import logging
 import os
 import re
@@ -7,7 +8,7 @@ import threading
 import warnings
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +41,25 @@ GDAL_ERRORS = (  # they have no common base class
     CPLE_BaseError,
     UnicodeError,  # of a name, or of a text in the file
 )
+
+
+def _silence_libtiff() -> None:
+    """Take away the handlers of libtiff that print to stderr; GDAL reports its errors file by file.
+
+    GDAL's layer for files has no handler of its own there, so that a full disk or a damaged offset printed
+    lines. Where libtiff is not a library of its own, or the system is not Linux, nothing is changed.
+    """
+    with suppress(OSError, AttributeError):
+        maps = Path("/proc/self/maps").read_text(errors="replace")
+        for path in set(re.findall(r"/\S*/libtiff[^/\s]*\.so[^/\s]*", maps)):
+            library = ctypes.CDLL(path)
+            for name in ("TIFFSetErrorHandler", "TIFFSetWarningHandler"):
+                unset = getattr(library, name)
+                unset.argtypes, unset.restype = [ctypes.c_void_p], ctypes.c_void_p
+                unset(None)
+
+
+_silence_libtiff()
 
 
 class OpenFiles:
