@@ -244,3 +244,18 @@ def test_the_fingerprint_knows_the_collar(tmp_path: Path) -> None:
     path = write(tmp_path / "a.tif", framed(texture(SHAPE), PICTURES["turned"], 0))
     assert fingerprint(cleaned(path)) != fingerprint(Dataset.open(path))
     assert fingerprint(cleaned(path)) == fingerprint(cleaned(path))
+
+
+@pytest.mark.parametrize("noise", [1.0, 3.0])
+@pytest.mark.parametrize("tilt", [0.0, 0.1])
+def test_a_pale_sky_above_a_horizon_is_kept(tmp_path: Path, noise: float, tilt: float) -> None:
+    """It fades from white, and is no wider in its corners than elsewhere: the user decides."""
+    rng, (row, col) = np.random.default_rng(3), np.indices((600, 600))
+    horizon = 70 + tilt * col
+    ground = 90 + 240 * ndimage.gaussian_filter(rng.normal(size=row.shape), 4) + rng.normal(0, 6, row.shape)
+    sky = 235 + 40 * (1 - row / horizon) + rng.normal(0, noise, row.shape)
+    image = np.clip(np.where(row < horizon, sky, ground), 1, 255).round().astype(np.uint8)
+    write(tmp_path / "a.tif", image)
+    found = cleaned(tmp_path / "a.tif")
+    assert not left_out(found).any()
+    assert (image == 255).mean() > 0.02 and "treated as nodata" not in notes(found)

@@ -93,15 +93,16 @@ class Evidence:
     def is_collar(self) -> bool:
         """Whether it is a collar beyond doubt.
 
-        A sharp step to a textured picture leaves the shape to decide; a smeared one has to have the picture
-        in one piece too; and beside a picture that is nearly black or white itself, all of it is required.
+        A sharp step to a textured picture leaves the shape to decide. A smeared one has to surround the
+        picture, in one piece: a pale sky above a horizon fades like what JPEG smears. Beside a picture that
+        is nearly black or white itself, all of it is required.
         """
         if self.fades or self.is_speckled:
             return False
         if not self.is_textured:
             return self.is_straight and self.is_all_around and self.is_one_piece
         if self.is_smeared:
-            return self.is_one_piece and (self.is_straight or self.is_around)
+            return self.is_one_piece and self.is_around
         return self.is_straight or (self.is_around and self.is_one_piece)
 
     @property

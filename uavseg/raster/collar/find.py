@@ -8,7 +8,8 @@ A collar
   side that cuts a rectangle cuts off at least one;
 - is more than a sliver: a thousandth of the raster;
 - ends in a step to a picture, where ground that is clipped at 0 fades into it and is speckled with it;
-- has a border of few long straight lines, or surrounds the picture, which is in one piece.
+- has a border of few long straight lines, or surrounds the picture, which is in one piece; where its border
+  is smeared, as by JPEG, it surrounds the picture, because a pale sky has a smeared border too.
 
 Along a collar, and along nodata that holds a corner, pixels that are nearly constant and concentrated there
 are what lossy compression and resampling leave: they go with it, within 16 pixels.
