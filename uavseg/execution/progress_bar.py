@@ -32,10 +32,10 @@ class ProgressLine:
 
 
 class PhaseLine:
-    """The phase of a job that takes more than two seconds, on stderr; a watcher of `phases.watched`.
+    """The phase of a job that takes long, on stderr; a watcher of `phases.watched`.
 
-    A terminal shows one line that is drawn again each second; elsewhere it is a line each ten seconds. A
-    thread draws it, so that one long step is shown too.
+    A terminal shows one line from two seconds on, drawn again each second; elsewhere it is a line each ten
+    seconds. A thread draws it, so that one long step is shown too.
     """
 
     def __init__(self) -> None:
@@ -69,8 +69,8 @@ class PhaseLine:
     def draw_if_due(self) -> None:
         """Draw the line, if the phase takes long and it was not drawn just now."""
         now, phase = time.monotonic(), self._phase
-        every = _EACH_S if _is_terminal() else _LINES_EACH_S
-        if phase is not None and now - self._begun >= _LONG_S and now - self._drawn >= every:
+        first, every = (_LONG_S, _EACH_S) if _is_terminal() else (_LINES_EACH_S, _LINES_EACH_S)
+        if phase is not None and now - self._begun >= first and now - self._drawn >= every:
             self._drawn = now
             self._draw(phase, now - self._begun, *self._steps)
 

@@ -194,7 +194,7 @@ def test_a_flight_around_a_region_has_the_direction_that_every_file_gives(
 ) -> None:
     drawn = shapely.orient_polygons([near()], exterior_cw=clockwise)
     frame(list(drawn), id=[1]).to_file(tmp_path / f"a.{suffix}")
-    [found] = read_regions(tmp_path / f"a.{suffix}").polygons
+    found = read_regions(tmp_path / f"a.{suffix}").polygons[0]
     assert found.equals(near()) and found.exterior.is_ccw
     how: dict[str, Any] = {"altitude": 50, "home": (46.999, 8.0, 500), "pattern": "perimeter"}
     with pytest.warns(UserWarning, match="simplified"):
@@ -203,3 +203,34 @@ def test_a_flight_around_a_region_has_the_direction_that_every_file_gives(
             uavseg.plan(frame([near()], id=[1]), **how),
         )
     assert first.missions == second.missions
+
+
+@pytest.mark.parametrize("crs", ["EPSG:3832", "EPSG:32660", "EPSG:32701", "past 180", "jumping"])
+@pytest.mark.parametrize("suffix", ["gpkg", "geojson", "fgb"])
+def test_a_region_across_the_antimeridian_is_read_on_both_sides_of_it(
+    tmp_path: Path, crs: str, suffix: str
+) -> None:
+    square = shapely.Polygon(
+        [(179.99, -16.5), (180.02, -16.5), (180.02, -16.4), (179.99, -16.4)],
+        [[(179.999, -16.46), (179.999, -16.45), (180.001, -16.45), (180.001, -16.46)]],
+    )
+    parted = shapely.transform(square, lambda xy: xy - [[360, 0]] * (xy[:, :1] > 180))
+    frame = geopandas.GeoDataFrame({"id": [1]}, geometry=[square if crs == "past 180" else parted], crs=4326)
+    if crs.startswith("EPSG"):
+        if suffix == "geojson":
+            pytest.skip("GeoJSON is in longitude and latitude")
+        frame = frame.to_crs(crs)
+    frame.to_file(tmp_path / f"a.{suffix}")
+    found = read_regions(tmp_path / f"a.{suffix}").polygons[0]
+    west, east = (shapely.box(x, -90, x + 180, 90) for x in (-180, 0))
+    assert found.geom_type == "MultiPolygon" and found.is_valid
+    assert found.intersection(east).bounds == pytest.approx((179.99, -16.5, 180, -16.4), abs=1e-6)
+    assert found.intersection(west).bounds == pytest.approx((-180, -16.5, -179.98, -16.4), abs=1e-6)
+    assert found.area == pytest.approx(square.area, rel=1e-3)
+
+
+def test_a_ring_around_a_pole_is_refused(tmp_path: Path) -> None:
+    ring = shapely.Point(0, 0).buffer(1000)
+    geopandas.GeoDataFrame(geometry=[ring], crs="EPSG:3413").to_file(tmp_path / "a.gpkg")
+    with pytest.raises(RegionError, match="surrounds a pole; write the regions as GeoJSON"):
+        read_regions(tmp_path / "a.gpkg")

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from uavseg.errors import RegionError, UavsegError
 from uavseg.execution.phases import steps_done
 from uavseg.plain_text import cause_of
-from uavseg.raster.geodesy.globe import WGS84, geod_wgs84
+from uavseg.raster.geodesy.globe import WGS84, geod_wgs84, unwrap_lon
 from uavseg.raster.opening import file_exists
 from uavseg.regions.formats.check_read import (
     check_attributes,
@@ -28,6 +28,7 @@ from uavseg.regions.formats.parquet import import_pyarrow
 from uavseg.regions.formats.vector_files import check_vector, reading_vectors
 from uavseg.regions.shapes import batch_slices
 from uavseg.regions.table import COLUMNS, VALUE_COLUMNS, Regions
+from uavseg.regions.wgs84.antimeridian import cut_at_antimeridian
 from uavseg.warning_filters import changing_filters
 
 if TYPE_CHECKING:
@@ -188,12 +189,41 @@ def _to_wgs84(frame: "GeoDataFrame", name: str) -> "GeoDataFrame":
         reason = cause_of(error)
         raise RegionError(f"the coordinate system of {name} has no place on Earth: {reason}") from error
     west, south, east, north = frame.total_bounds
-    if not (west >= -180.001 and south >= -90.001 and east <= 180.001 and north <= 90.001):
+    turned = 180.001 < east <= 360.001 and east - west < 180  # longitudes may go on past the antimeridian
+    if not (west >= -180.001 and south >= -90.001 and (east <= 180.001 or turned) and north <= 90.001):
         raise RegionError(
             f"{name} lies at {west:g} to {east:g} by {south:g} to {north:g}: not longitudes and latitudes, "
             "but probably local coordinates; give the file its coordinate system"
         )
-    return frame
+    return frame.set_geometry(_cut_at_antimeridian(np.asarray(frame.geometry, object), name), crs=frame.crs)
+
+
+def _cut_at_antimeridian(geometries: NDArray[np.object_], name: str) -> NDArray[np.object_]:
+    """Polygons in degrees, those that cross the antimeridian as one part on each side of it.
+
+    They cross it where longitudes go on past 180, and where an edge is longer than half a turn: reprojection
+    puts the two sides of a polygon at both ends of the map.
+    """
+    west, _, east, _ = shapely.bounds(geometries).T
+    crossing = np.flatnonzero((east > 180.001) | (east - west > 180))
+    if len(crossing):
+        geometries = geometries.copy()
+    for n in crossing.tolist():
+        parts = [
+            _cut_polygon(part, f"polygon {n + 1} of {name}") for part in shapely.get_parts(geometries[n])
+        ]
+        geometries[n] = shapely.union_all(parts) if len(parts) > 1 else parts[0]
+    return geometries
+
+
+def _cut_polygon(polygon: Any, name: str) -> Any:
+    rings = [shapely.get_coordinates(ring) for ring in shapely.get_rings(polygon)]
+    for number, ring in enumerate(rings):
+        ring[:, 0] = unwrap_lon(ring[:, 0])
+        if abs(ring[-1, 0] - ring[0, 0]) > 180:
+            raise RegionError(f"{name} surrounds a pole; write the regions as GeoJSON, which closes it there")
+        rings[number] = ring if shapely.LinearRing(ring).is_ccw == (number == 0) else ring[::-1]
+    return cut_at_antimeridian(rings, jumping=False)
 
 
 def _polygons(geometries: NDArray[np.object_], name: str) -> NDArray[np.object_]:
