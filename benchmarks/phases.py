@@ -14,16 +14,9 @@ from pathlib import Path
 from benchmarks.competitors import LOW, MIN_PIXELS, with_project
 
 TIMED_FUNCTIONS = (
-    ("raster/raster_file.py", "read", "decoding, twice: `raster_file.read`"),
+    ("raster/raster_file.py", "read", "decoding: `raster_file.read`"),
     ("raster/intensity/stretch.py", "apply", "8 to 16 bit: `Stretch.apply`"),
-    ("segmentation/blocks/block_map.py", "cell_sums", "`block_map.cell_sums`"),
-    ("segmentation/blocks/lbp.py", "contrast_histogram", "`lbp.contrast_histogram`"),
-    ("segmentation/source.py", "put", "mixed blocks cached: `BlockCache.put`"),
-    ("segmentation/blocks/division.py", "selected_ratios", "`division.selected_ratios`"),
-    ("segmentation/blocks/leaves.py", "cells_in_range", "`leaves.cells_in_range`"),
     ("segmentation/blocks/leaves.py", "pixels_in_range", "`leaves.pixels_in_range`"),
-    ("segmentation/blocks/leaves.py", "cells_to_pixels", "`leaves.cells_to_pixels`"),
-    ("segmentation/blocks/leaves.py", "mixed_cells", "`leaves.mixed_cells`"),
     ("segmentation/refine/tv.py", "refine_by_tv", "total variation: `tv.refine_by_tv`"),
     ("segmentation/components.py", "label_components", "`components.label_components`"),
     ("segmentation/components.py", "component_sums", "`components.component_sums`"),

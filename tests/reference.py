@@ -308,14 +308,16 @@ def extract(
     tau: float | None = None,
     refine: str = "scan",
     connect: str = "leaves",
+    decided: bool = True,
 ) -> Labels:
     """Labels of the regions whose intensity is in [lo, hi].
 
     Reading: without refinement, leaves connect ("leaves that share an edge form one region"), so invalid
     pixels never split a leaf; only refined regions are components of pixels. `connect="pixels"` is the other
-    interpretation: components of pixels in both cases. They differ only where pixels are invalid.
+    interpretation: components of pixels in both cases. They differ only where pixels are invalid. With
+    `decided`, values decide on which side of an end a grey lies.
     """
-    g = grey(values, valid, low, high, [lo], [hi])
+    g = grey(values, valid, low, high, *(([lo], [hi]) if decided else ()))
     leaves = divide(g, valid, X, tau)
     if refine == "none" and connect == "leaves":
         cells = classify_cells(leaves, g.shape, lambda op: int(lo <= op <= hi))

@@ -143,16 +143,16 @@ def test_a_phase_that_takes_long_is_shown_with_how_far_it_is(
     line = PhaseLine()
     with watched(line), phase("union of regions"):
         steps_done(3, 12)
-        now[0] += 9.9
+        now[0] += 29.9
         line.draw_if_due()
         assert not capsys.readouterr().err
         now[0] += 0.2
         line.draw_if_due()
         line.draw_if_due()
-        assert capsys.readouterr().err == "uavseg: union of regions: 25 %, 0:10\n"
-        now[0] += 10
+        assert capsys.readouterr().err == "uavseg: union of regions: 25 %, 0:30\n"
+        now[0] += 30
         line.draw_if_due()
-        assert capsys.readouterr().err == "uavseg: union of regions: 25 %, 0:20\n"
+        assert capsys.readouterr().err == "uavseg: union of regions: 25 %, 1:00\n"
     now[0] += 60
     line.draw_if_due()
     steps_done(1, 1)  # nobody watches

@@ -12,7 +12,7 @@ from uavseg.execution.phases import working_seconds
 _WIDTH = 24
 _REDRAW_S = 0.1
 _WATCH_S, _LONG_S = 0.5, 2.0
-_EACH_S, _LINES_EACH_S = 1.0, 10.0
+_EACH_S, _LINES_EACH_S = 1.0, 30.0
 
 
 class ProgressLine:
@@ -34,7 +34,7 @@ class ProgressLine:
 class PhaseLine:
     """The phase of a job that takes long, on stderr; a watcher of `phases.watched`.
 
-    A terminal shows one line from two seconds on, drawn again each second; elsewhere it is a line each ten
+    A terminal shows one line from two seconds on, drawn again each second; elsewhere it is a line each thirty
     seconds. A thread draws it, so that one long step is shown too.
     """
 
