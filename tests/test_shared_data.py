@@ -163,7 +163,11 @@ def grey(path: Path, case: Case) -> tuple[NDArray[np.uint16], NDArray[np.bool_]]
             return np.full(values.shape, 32768, np.uint16), valid
         low, high = limits(values, valid, file, case.stretch)
     v = np.clip((np.where(valid, values, low) - low) / (high - low), 0, 1)
-    return np.where(valid, np.floor(65535 * v + 0.5), 0).astype(np.uint16), valid
+    g = np.floor(65535 * v + 0.5)
+    first = np.ceil(65535 * RANGE[0])  # values decide at the end of the range, not their rounded greys
+    above = np.float32(values) >= np.float32(low + RANGE[0] * (high - low))
+    g = np.where((g == first) & ~above, first - 1, np.where((g == first - 1) & above, first, g))
+    return np.where(valid, g, 0).astype(np.uint16), valid
 
 
 def labels_of_reference(
