@@ -22,7 +22,7 @@ def estimate_noise(
     grey: NDArray[np.uint16],
     valid: NDArray[np.uint8],
     active: NDArray[np.uint8],
-    intervals: NDArray[np.uint8],
+    bounds: NDArray[np.int64],
 ) -> NDArray[np.float64]:
     """Standard deviation of the noise around each square with active cells, in grey; 0 elsewhere.
 
@@ -30,10 +30,10 @@ def estimate_noise(
     pixels. Only the second detects grain and crowns of trees. The median over 3 x 3 squares makes it robust
     against edges.
 
-    Structure is not noise: where the pixels below and above an edge between intervals form two separate
-    groups, the estimates are those of the residuals from the means of the groups. Two groups are separate
-    where the difference of their means is more than `_SEPARATION` times the standard deviation within them.
-    Halves of one normal distribution are 2.7 apart, those of a uniform one 3.5.
+    Structure is not noise: where the pixels below a bound and those from it on form two separate groups,
+    the estimates are those of the residuals from the means of the groups. Groups are separate where their
+    means differ by more than `_SEPARATION` times the standard deviation within them. Halves of one normal
+    distribution are 2.7 apart, those of a uniform one 3.5.
 
     Parameters
     ----------
@@ -41,8 +41,8 @@ def estimate_noise(
         M and N are multiples of 16.
     valid : (M, N) uint8 array
     active : (M / 8, N / 8) uint8 array, 0 or 1
-    intervals : (65536,) uint8 array
-        The interval of each grey, counted from 0: steps of 0 or 1.
+    bounds : (k,) int64 array
+        Greys at which intervals begin, above 0.
 
     Returns
     -------
@@ -53,19 +53,9 @@ def estimate_noise(
     estimates = np.full((2, rows, cols), -1.0)
     lines, means = np.empty((3, grey.shape[1]), np.int32), np.empty((_COARSE, _COARSE * cols), np.int32)
     flags = np.empty(grey.shape[1], np.uint8), np.empty(means.shape, np.uint8)
-    residuals, groups = np.empty((NOISE_SIDE, grey.shape[1]), np.int32), np.empty((int(intervals[-1]) + 1, 3))
+    residuals = np.empty((NOISE_SIDE, grey.shape[1]), np.int32)
     _measure_squares(
-        grey,
-        valid,
-        dilate(squares),
-        intervals,
-        residuals,
-        groups,
-        lines,
-        flags[0],
-        means,
-        flags[1],
-        *estimates,
+        grey, valid, dilate(squares), bounds, residuals, lines, flags[0], means, flags[1], *estimates
     )
     return math.sqrt(math.pi / 2) / 6 * medians_around(estimates.max(axis=0), squares)
 
@@ -150,75 +140,75 @@ def extent_of_nonzero(needed):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def sum_groups(grey, valid, intervals, row, col, groups):  # type: ignore[no-untyped-def]
-    """Sum up the pixels of a square by interval; return the first interval that occurs, and the last."""
-    groups[:] = 0.0
-    first, last = np.int64(groups.shape[0]), np.int64(-1)
-    for r in range(row, row + NOISE_SIDE):
-        for c in range(col, col + NOISE_SIDE):
-            if valid[r, c]:
-                k = np.int64(intervals[grey[r, c]])
-                value = np.float64(grey[r, c])
-                groups[k, 0] += 1.0
-                groups[k, 1] += value
-                groups[k, 2] += value * value
-                first = min(first, k)
-                last = max(last, k)
-    return first, last
+def extremes(grey, valid, row, col):  # type: ignore[no-untyped-def]
+    """The least and the largest grey of the valid pixels of a square."""
+    minimum = np.uint16(65535)
+    maximum = np.uint16(0)
+    for r in range(row, row + np.uintp(NOISE_SIDE)):
+        for c in range(col, col + np.uintp(NOISE_SIDE)):
+            minimum = min(minimum, grey[r, c] | (np.uint16(valid[r, c]) - np.uint16(1)))
+            maximum = max(maximum, grey[r, c])  # 0 where not valid
+    return np.int64(minimum), np.int64(maximum)
 
 
 @inlined
-def separate_groups(groups, first, last):  # type: ignore[no-untyped-def]
-    """Find two separate groups: the first interval of the upper, and the difference of the means; or 0.
+def sums_from(grey, valid, row, col, bound):  # type: ignore[no-untyped-def]
+    """Number, sum and sum of squares of the valid pixels of a square whose grey is at least the bound."""
+    count = np.int64(0)
+    total = np.int64(0)
+    squares = np.int64(0)
+    for r in range(row, row + np.uintp(NOISE_SIDE)):
+        for c in range(col, col + np.uintp(NOISE_SIDE)):
+            is_upper = valid[r, c] & np.uint8(grey[r, c] >= bound)
+            own = np.int64(grey[r, c]) * np.int64(is_upper)
+            count += np.int64(is_upper)
+            total += own
+            squares += own * own
+    return count, total, squares
 
-    All sums are integers below 2 ** 53, so that their order does not matter.
+
+@inlined
+def separating_bound(grey, valid, row, col, bounds):  # type: ignore[no-untyped-def]
+    """Find the bound that parts a square into the most separate groups, and the difference of their means.
+
+    Both are 0 where no groups are separate.
     """
-    count = 0.0
-    total = 0.0
-    squares = 0.0
-    for k in range(first, last + 1):
-        count += groups[k, 0]
-        total += groups[k, 1]
-        squares += groups[k, 2]
-    best = _SEPARATION * _SEPARATION
-    begin = 0
+    found = np.int64(0)
     difference = 0.0
-    number = 0.0
-    below = 0.0
-    for k in range(first, last):
-        number += groups[k, 0]
-        below += groups[k, 1]
-        gap = (total - below) / (count - number) - below / number
-        within = (
-            squares - below * below / number - (total - below) * (total - below) / (count - number)
-        ) / count
-        if gap * gap > best * max(within, 0.0):
-            best = gap * gap / max(within, 1e-9)
-            begin, difference = k + 1, gap
-    return begin, difference
+    minimum, maximum = extremes(grey, valid, row, col)
+    most = _SEPARATION * _SEPARATION
+    for k in range(bounds.shape[0]):
+        if bounds[k] <= minimum or bounds[k] > maximum:
+            continue
+        count, total, squares = sums_from(grey, valid, row, col, np.uint16(0))
+        upper, upper_total, _ = sums_from(grey, valid, row, col, np.uint16(bounds[k]))
+        lower, lower_total = count - upper, total - upper_total
+        gap = upper_total / upper - lower_total / lower
+        spread = squares - lower_total * lower_total / lower - upper_total * upper_total / upper
+        within = max(spread / count, 0.0)
+        if gap * gap > most * within:
+            most = gap * gap / max(within, 1e-9)
+            found, difference = bounds[k], gap
+    return found, difference
 
 
 @inlined
-def store_residuals(grey, valid, intervals, row, col, groups, residuals):  # type: ignore[no-untyped-def]
+def store_residuals(grey, valid, row, col, bounds, residuals):  # type: ignore[no-untyped-def]
     """Store the greys of a square, those of the upper of two groups less the difference of the means."""
-    first, last = sum_groups(grey, valid, intervals, row, col, groups)
-    begin = 0
-    difference = 0.0
-    if first < last:
-        begin, difference = separate_groups(groups, first, last)
+    bound, difference = separating_bound(grey, valid, row, col, bounds)
     shift = np.int32(difference + 0.5)
-    for r in range(NOISE_SIDE):
-        for c in range(col, col + NOISE_SIDE):
-            own = grey[row + r, c]
-            residuals[r, c] = np.int32(own) - (shift if intervals[own] >= begin else np.int32(0))
+    for r in range(np.uintp(NOISE_SIDE)):
+        for c in range(col, col + np.uintp(NOISE_SIDE)):
+            own = np.int32(grey[row + r, c])
+            residuals[r, c] = own - (shift if own >= np.int32(bound) else np.int32(0))
 
 
 @kernel(
-    "void(u2[:,::1], u1[:,::1], u1[:,::1], u1[::1], i4[:,::1], f8[:,::1], i4[:,::1], u1[::1], i4[:,::1],"
-    " u1[:,::1], f8[:,::1], f8[:,::1])"
+    "void(u2[:,::1], u1[:,::1], u1[:,::1], i8[::1], i4[:,::1], i4[:,::1], u1[::1], i4[:,::1], u1[:,::1],"
+    " f8[:,::1], f8[:,::1])"
 )
 def _measure_squares(  # type: ignore[no-untyped-def]
-    grey, valid, needed, intervals, residuals, groups, lines, line, means, all_valid, fine, coarse
+    grey, valid, needed, bounds, residuals, lines, line, means, all_valid, fine, coarse
 ):
     sums, total, number = lines[0], lines[1], lines[2]
     side = np.uintp(NOISE_SIDE)
@@ -232,9 +222,7 @@ def _measure_squares(  # type: ignore[no-untyped-def]
         begin, end = np.uintp(first * NOISE_SIDE), np.uintp(last * NOISE_SIDE)
         inner = valid[row * side : (row + np.uintp(1)) * side]
         for col in range(first, last):
-            store_residuals(
-                grey, valid, intervals, np.int64(row) * NOISE_SIDE, col * NOISE_SIDE, groups, residuals
-            )
+            store_residuals(grey, valid, row * side, np.uintp(col) * side, bounds, residuals)
         for r in range(np.uintp(2), side, four):
             add_responses(residuals, inner, r, begin, end, sums, line, total, number)
         store_mean_responses(total, number, side, 1, needed[row], fine[row])

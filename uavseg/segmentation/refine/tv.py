@@ -48,11 +48,8 @@ def refine_by_tv(
     _two_sided_cells(inside, valid, np.empty((2, inside.shape[1]), np.uint8), two_sided)
     if two_sided.any():
         active = dilate(two_sided)
-        intervals = np.zeros(GREY_LEVELS, np.uint8)
-        if separate:
-            intervals[max(greys[0], 0) :] = greys[0] > 0
-            intervals[greys[1] + 1 :] += 1
-        weights = _weights(estimate_noise(grey, valid, active, intervals), active)
+        bounds = [bound for bound in (greys[0], greys[1] + 1) if separate and 0 < bound < GREY_LEVELS]
+        weights = _weights(estimate_noise(grey, valid, active, np.array(bounds, np.int64)), active)
         threshold_tv(grey, valid, weights, greys, inside)
         drop_specks(inside, valid, (weights > 0).view(np.uint8))
     return inside
@@ -86,9 +83,8 @@ def refine_kinds_by_tv(
     _cells_of_two_kinds(kinds, valid, two_sided)
     if two_sided.any():
         active = dilate(two_sided)
-        intervals = np.zeros(GREY_LEVELS, np.uint8)
-        np.cumsum(table[1:] != table[:-1], out=intervals[1:])
-        weights = _weights(estimate_noise(grey, valid, active, intervals), active)
+        bounds = 1 + np.flatnonzero(table[1:] != table[:-1])
+        weights = _weights(estimate_noise(grey, valid, active, bounds), active)
         classify_tv(grey, valid, weights, table, kinds)
         drop_specks(kinds, valid, (weights > 0).view(np.uint8))
     return kinds
