@@ -83,6 +83,9 @@ FAMILIES = {
         Family("16 bit", shapes.coast, _SAND, camera=Camera(0.1, white=4095)),
         Family("collar", shapes.blobs, camera=Camera(0.1, collar=True)),
         Family("resolution", shapes.parcels, _SAND, camera=Camera(0.1, coarse=3)),
+        Family("crop rows", shapes.crop_rows, camera=Camera(0.04)),
+        Family("grids", shapes.grids, camera=Camera(0.04)),
+        Family("small", shapes.small, camera=Camera(0.04)),
         Family("country", shapes.country, _ROWS, _FOREST, Camera(0.06, light=(0.92, 1.08), jpeg=60)),
         Family(
             "equal means: rows in sand",

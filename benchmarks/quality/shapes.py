@@ -70,6 +70,39 @@ def coast(side: int, rng: Rng) -> Mask:
     return np.asarray(np.sum(heights, axis=0) > 0.1)
 
 
+def crop_rows(side: int, rng: Rng) -> Mask:
+    """Straight rows in Voronoi cells: 3 to 8 pixels wide, with gaps of 2 to 12, at any angle."""
+    _, fields = nearest_seed(side, 128, rng)
+    mask = np.zeros((side, side), bool)
+    for field in range(fields.max() + 1):
+        along, _ = rotated_axes(side, rng.uniform(0, np.pi))
+        width = rng.uniform(3, 8)
+        mask |= (fields == field) & (along % (width + rng.uniform(2, 12)) < width)
+    return mask
+
+
+def grids(side: int, rng: Rng) -> Mask:
+    """Squares of 4 to 10 pixels in rows and columns, as trees and solar panels stand."""
+    mask = np.zeros((side, side), bool)
+    rows, cols = np.indices((side, side))
+    for part in np.indices((2, 2)).reshape(2, -1).T:
+        width = int(rng.integers(4, 11))
+        pitch = int(width * rng.uniform(2, 3))
+        here = (rows * 2 // side == part[0]) & (cols * 2 // side == part[1])
+        mask |= here & (rows % pitch < width) & (cols % pitch < width)
+    return mask
+
+
+def small(side: int, rng: Rng) -> Mask:
+    """Rectangles of 3 to 7 pixels, one in each square of 32 pixels: cars and stones."""
+    mask = np.zeros((side, side), bool)
+    for row in range(0, side - 31, 32):
+        for col in range(0, side - 31, 32):
+            (top, left), (height, width) = rng.integers(0, 24, 2), rng.integers(3, 8, 2)
+            mask[row + top : row + top + height, col + left : col + left + width] = True
+    return mask
+
+
 def country(side: int, rng: Rng) -> Mask:
     """Fields and roads."""
     return parcels(side, rng) & (smooth_noise(side, 80, rng) > 0) | roads(side, rng)
