@@ -1,8 +1,10 @@
 """A place for home beside many regions: they are united group by group, and a long search can be followed."""
 
+import os
 import signal
+import subprocess
+import sys
 import time
-from types import FrameType
 from typing import Any
 
 import numpy as np
@@ -92,20 +94,31 @@ def test_too_many_regions_are_refused_before_any_work(monkeypatch: pytest.Monkey
         plan_missions(regions, [(8.0, 47.0)] * 4001, PlanParams(60), HOME)
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="there is no timer on Windows")
-def test_the_search_ends_soon_after_an_interrupt() -> None:
-    def interrupt(number: int, frame: FrameType | None) -> None:
-        raise KeyboardInterrupt
+SEARCH = """
+from tests.flight.small_regions import box
+from uavseg.flight.safety.home_place import home_outside
 
-    regions = [box(12.0 * (k % 400), 12.0 * (k // 400), 4, 4) for k in range(80_000)]
-    before = signal.signal(signal.SIGALRM, interrupt)
-    try:
-        signal.setitimer(signal.ITIMER_REAL, 2)
-        begun = time.monotonic()
-        with pytest.raises(KeyboardInterrupt):
-            home_outside(regions, [(8.001, 47.001)])
-        assert time.monotonic() - begun < 12
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
+regions = [box(12.0 * (k % 400), 12.0 * (k // 400), 4, 4) for k in range(160_000)]
+print("begun", flush=True)
+home_outside(regions, [(8.001, 47.001)])
+print("ended", flush=True)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="Windows sends no SIGINT to another process")
+def test_the_search_ends_soon_after_an_interrupt() -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-c", SEARCH], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    with process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "begun\n"
+        time.sleep(1)
+        process.send_signal(signal.SIGINT)
+        try:
+            rest, errors = process.communicate(timeout=60)
+        finally:
+            process.kill()
+    assert rest == ""
+    assert "KeyboardInterrupt" in errors
