@@ -54,7 +54,7 @@ class Processes:
         raise TimeoutError((self.folder / "scheduler.log").read_text())
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def processes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Processes]:
     """A scheduler with four workers that are connected to it."""
     distributed = pytest.importorskip("distributed", reason="dask.distributed is not installed")

@@ -37,17 +37,18 @@ def command(**options: Any) -> None:
     regions, missions, and a slider that extracts regions of a range at the scale of blocks.
 
     Its regions are those of `uavseg extract` from the block map that divide writes, with --refine none, for
-    ranges in thousandths of v. Regions are chosen by tick boxes and downloaded as GeoJSON.
+    ranges in thousandths of v, of the intensity that --regions were made from where they say it and no other
+    is chosen. Regions are chosen by tick boxes and downloaded as GeoJSON.
     """
     from uavseg.jobs.field_map import FieldMapRequest, field_map
-    from uavseg.jobs.open_source import open_source
     from uavseg.plot.web.page_file import PageFile
 
     run = RunOptions.of(options)
     request = FieldMapRequest(segment_params(options, None), options["size"])
     shown = options["regions"], options["mission"] or None, options["camera"]
     page = PageFile.prepared(options["output"], run.overwrite, options["rasters"], *shown)
-    found = field_map(open_source(options["rasters"], read_options(options)), request, run.work())
+    source = page.open_source(options["rasters"], read_options(options))
+    found = field_map(source, request, run.work())
     size, notes = page.write(found)
     run.reporter.finish(notes)
     rows, cols = found.image.shape
@@ -55,6 +56,7 @@ def command(**options: Any) -> None:
         {
             "page": f"{size / 1e6:.2f} MB -> {options['output']}",
             "picture": f"{cols} x {rows} pixels",
+            "intensity": f"{found.info.band_names}, stretch {found.info.stretch.name}",
             "regions": "-" if page.regions is None else f"{len(page.regions['features']):,}",
             "missions": f"{len(page.flights)}",
             "seconds": f"{run.reporter.seconds:.2f}",

@@ -5,21 +5,29 @@ time in it.
 """
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import fields, replace
+from pathlib import Path
 from typing import Any
 
 from uavseg._version import __version__
+from uavseg.errors import ParameterError
 from uavseg.jobs.detail import Length
 from uavseg.jobs.ranges import FoundRange
 from uavseg.jobs.result import Drawing, Extraction
-from uavseg.jobs.source import Blocks, Raster, Source
+from uavseg.jobs.source import Blocks, Raster, ReadOptions, Source
 from uavseg.plain_text import printable
+from uavseg.raster.intensity.stretch import Stretch
+from uavseg.raster.spectral.formula import BandWords
 from uavseg.raster.value_scale import ValueAxis
 from uavseg.regions.edit.small import Area
 from uavseg.segmentation.blocks.saved_blocks import Origin
 from uavseg.segmentation.params import SegmentParams
 
+_BANDS = re.compile(
+    r"band (\d{1,6})|luminance of bands (\d{1,6}),(\d{1,6}),(\d{1,6})"
+)  # see `BandChoice.name`
 # by what they result in
 _SAID_OTHERWISE = ("band", "rgb", "stretch", "skip_bad_tiles", "free_is_white", "words", "collar", "flatten")
 
@@ -49,6 +57,41 @@ def with_metadata(found: Extraction, source: Source, job: str, how: Mapping[str,
     }
     known = {name: _plain(value) for name, value in facts.items() if value is not None}
     return replace(found, regions=replace(found.regions, metadata=known))
+
+
+def same_reading(metadata: Mapping[str, Any], raster: Raster) -> ReadOptions | None:
+    """The options that make of a raster the intensity that regions of it were made from.
+
+    Parameters
+    ----------
+    metadata : mapping
+        Of the regions, as `with_metadata` writes it.
+    raster : Raster
+
+    Returns
+    -------
+    options : ReadOptions or None
+        None where the regions are of other files, or their metadata is not what is written here.
+    """
+    named = metadata.get("sources")
+    ours = [Path(name).name for name in _names(raster)]
+    if not isinstance(named, list) or [Path(str(name)).name for name in named] != ours:
+        return None
+    read = str(metadata.get("band"))
+    bands = [int(number) for number in re.findall(r"\d+", read)] if _BANDS.fullmatch(read) else []
+    try:
+        ends = float(metadata["stretch_low"]), float(metadata["stretch_high"])
+        return replace(
+            raster.options,
+            band=bands[0] if len(bands) == 1 else None,
+            rgb=(bands[0], bands[1], bands[2]) if len(bands) == 3 else None,
+            nodata=metadata.get("nodata"),
+            stretch=Stretch(*ends, str(metadata.get("stretch"))),
+            words=BandWords(*(metadata.get(name) for name in ("index", "expr", "band_names"))),
+            flatten=metadata.get("flatten"),
+        )
+    except (KeyError, ValueError, TypeError, ParameterError):
+        return None
 
 
 def range_facts(wanted: FoundRange | None, axis: ValueAxis | None) -> dict[str, Any]:

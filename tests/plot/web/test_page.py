@@ -24,10 +24,12 @@ from rasterio.crs import CRS
 import uavseg
 from uavseg.cli import main
 from uavseg.errors import OutputError, ParameterError, RasterError
+from uavseg.jobs.result import SourceInfo
 from uavseg.plot.web.page import render_page
 from uavseg.plot.web.region_features import DEFAULT_RANGE, first_range, read_collection
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.ground_grid import ground_grid
+from uavseg.raster.intensity.stretch import Stretch
 
 SAMPLE = Path(uavseg.__file__).parents[1] / "samples" / "quarry.tif"
 LEAFLET = Path(uavseg.__file__).parent / "plot" / "web" / "assets" / "leaflet"
@@ -74,6 +76,11 @@ def write_raster(path: Path, crs: str | None, transform: Affine) -> Path:
     with rasterio.open(path, "w", **how, crs=crs, transform=transform) as file:
         file.write(np.arange(64 * 128, dtype=np.uint8).reshape(1, 64, 128))
     return path
+
+
+def data_of_page(path: Path) -> Any:
+    [data] = re.findall(r'id="data">(.*?)</script>', path.read_text(encoding="utf-8"), re.DOTALL)
+    return json.loads(data)
 
 
 def test_leaflet_is_the_released_one_with_its_licence() -> None:
@@ -148,8 +155,7 @@ def test_the_picture_lies_where_the_raster_lies(angle: float, tmp_path: Path) ->
     transform = Affine.translation(5e5, 5e6) * Affine.rotation(angle) * Affine.scale(2, -2)
     raster = write_raster(tmp_path / "x.tif", "EPSG:32633", transform)
     uavseg.map_page(raster, tmp_path / "x.html")
-    [data] = re.findall(r'id="data">(.*?)</script>', (tmp_path / "x.html").read_text(), re.DOTALL)
-    found: Any = json.loads(data)["image"]["bounds"]
+    found = data_of_page(tmp_path / "x.html")["image"]["bounds"]
     corners = [transform * place for place in ((0, 0), (128, 0), (0, 64), (128, 64))]
     outline = geopandas.GeoSeries([shapely.MultiPoint(corners)], crs=32633).to_crs(4326)
     np.testing.assert_allclose(found, outline.total_bounds, rtol=0, atol=1e-6)
@@ -157,6 +163,11 @@ def test_the_picture_lies_where_the_raster_lies(angle: float, tmp_path: Path) ->
 
 def collection(*ranges: tuple[Any, Any]) -> dict[str, Any]:
     return {"features": [{"properties": {"range_low": low, "range_high": high}} for low, high in ranges]}
+
+
+SHOWN = SourceInfo(
+    "x.tif", GeoBox((64, 64), Affine.identity(), None), Stretch(0, 255, "dtype"), "band 1", (), False
+)
 
 
 @pytest.mark.parametrize(
@@ -176,7 +187,70 @@ def collection(*ranges: tuple[Any, Any]) -> dict[str, Any]:
 def test_the_slider_begins_with_the_range_that_all_regions_have(
     regions: dict[str, Any] | None, steps: tuple[int, int]
 ) -> None:
-    assert first_range(regions) == steps
+    assert first_range(regions, SHOWN) == steps
+
+
+FOUR = {
+    "red": (40, 60),
+    "green": (200, 40),
+    "blue": (50, 50),
+    "nir": (20, 60),
+}  # inside, around
+
+
+def write_bands(path: Path) -> Path:
+    planes = np.empty((4, 128, 192), np.uint8)
+    for plane, (inside, around) in zip(planes, FOUR.values(), strict=True):
+        plane[:] = around + np.arange(128)[:, None] % 7
+        plane[32:96, 64:128] = inside
+    how = {"driver": "GTiff", "height": 128, "width": 192, "count": 4, "dtype": "uint8"}
+    with rasterio.open(path, "w", **how, crs="EPSG:32633", transform=Affine(2, 0, 5e5, 0, -2, 5e6)) as file:
+        file.write(planes)
+        file.descriptions = tuple(FOUR)
+    return path
+
+
+READINGS: dict[str, dict[str, Any]] = {
+    "an index": {"index": "ndwi"},
+    "an expression": {"expr": "green / (red + 1)"},
+    "names of bands": {"expr": "g - n", "band_names": "r,g,b,n"},
+    "a band": {"band": 2},
+    "three bands": {"rgb": (2, 2, 4)},
+    "a stretch": {"stretch": "percentile:5,90"},
+    "an index and a stretch": {"index": "ndwi", "stretch": "-0.5,1"},
+    "nodata": {"band": 2, "nodata": 41},
+}
+
+
+def _text(value: Any) -> str:
+    return ",".join(map(str, value)) if isinstance(value, tuple) else str(value)
+
+
+@pytest.mark.parametrize("kind", ["frame", "geojson", "gpkg"])
+@pytest.mark.parametrize("name", READINGS)
+def test_the_slider_shows_the_intensity_of_the_regions(name: str, kind: str, tmp_path: Path) -> None:
+    reading, raster = READINGS[name], write_bands(tmp_path / "x.tif")
+    if kind == "frame":
+        regions: Any = uavseg.extract(raster, (0.65, 1), **reading)
+    else:
+        regions = tmp_path / f"r.{kind}"
+        words = [f"--{word.replace('_', '-')}={_text(value)}" for word, value in reading.items()]
+        line = ["extract", str(raster), "--range", "0.65,1", "-o", str(regions), *words]
+        assert CliRunner().invoke(main, line).exit_code == 0
+    uavseg.map_page(raster, tmp_path / "a.html", regions=regions, **reading)
+    uavseg.map_page(raster, tmp_path / "b.html", regions=regions)
+    chosen, found = (data_of_page(tmp_path / f"{page}.html") for page in "ab")
+    assert found["cells"] == chosen["cells"]
+    assert found["range"] == [650, 1000]
+
+
+def test_another_intensity_than_that_of_the_regions_is_said(tmp_path: Path) -> None:
+    raster, other = write_bands(tmp_path / "x.tif"), write_bands(tmp_path / "y.tif")
+    regions = uavseg.extract(raster, (0.7, 1), index="ndwi")
+    for source, chosen in ((raster, {"band": 1}), (raster, {"stretch": "0,100"}), (other, {})):
+        with pytest.warns(UserWarning, match="made from ndwi .*; the slider shows .* means something else"):
+            uavseg.map_page(source, tmp_path / "x.html", regions=regions, overwrite=True, **chosen)
+        assert data_of_page(tmp_path / "x.html")["range"] == list(DEFAULT_RANGE)
 
 
 REFUSED = {

@@ -19,6 +19,7 @@ from uavseg.regions.wgs84 import to_wgs84
 from uavseg.segmentation.components import Sums
 
 FIRSTS = np.empty((0, 2), np.int64)  # no measure depends on first pixels
+ROTATED = "+proj=ob_tran +o_proj=longlat +o_lat_p={} +o_lon_p=0 +lon_0={} +ellps=WGS84"
 PLACES = {
     "the south pole on a corner": (3031, Affine(50_000, 0, -300_000, 0, -50_000, 300_000)),
     "the south pole in a pixel": (3031, Affine(50_000, 0, -330_000, 0, -50_000, 310_000)),
@@ -35,6 +36,9 @@ PLACES = {
     "a sphere, half beyond the poles": ("+proj=longlat +R=6371229", Affine(30, 0, -15, 0, -16, 96)),
     "south-up": (32660, Affine(5000, 0, 650_000, 0, 5000, 4e6)),
     "south for x and west for y": (5513, Affine(500, 0, 1_080_000, 0, -500, 706_000)),
+    "a rotated pole": (ROTATED.format(39.25, 18), Affine(0.1, 0, -0.6, 0, -0.1, 0.6)),
+    "the antimeridian and a rotated pole": (ROTATED.format(39.25, 180), Affine(0.1, 0, -0.6, 0, -0.1, 0.6)),
+    "the north pole and a rotated pole": (ROTATED.format(0.1, 40), Affine(0.1, 0, -0.63, 0, -0.1, 0.62)),
     "west and south for x and y": (2053, Affine(500, 0, 9000, 0, -500, 3e6)),
 }
 pictures = st.integers(2, 4).flatmap(

@@ -63,7 +63,7 @@ def data_of(
         "notes": [printable(note) for note in found.warnings],
         "image": {"url": data_url(found.image.webp, "image/webp"), "bounds": found.image.bounds},
         "cells": _cells(found) if found.fits_page else None,
-        "range": first_range(regions),
+        "range": first_range(regions, found.info),
         "regions": regions,
         "missions": list(missions),
         "server": None,

@@ -7,11 +7,15 @@ from pathlib import Path
 from typing import Any
 
 from uavseg.atomic import atomic_file, check_target
-from uavseg.errors import OutputError
+from uavseg.errors import OutputError, UavsegError
 from uavseg.jobs.field_map import FieldMap
 from uavseg.jobs.inputs import keep_inputs
+from uavseg.jobs.metadata import same_reading
+from uavseg.jobs.open_source import open_source
+from uavseg.jobs.source import Raster, ReadOptions, Source
 from uavseg.plot.web.field_map import page_of, read_flights, size_notes
-from uavseg.plot.web.region_features import read_collection
+from uavseg.plot.web.region_features import other_intensity, read_collection
+from uavseg.regions.formats.metadata import METADATA_KEY
 
 
 @dataclass(frozen=True)
@@ -72,6 +76,28 @@ class PageFile:
         flights = [] if missions is None else read_flights(missions, camera)
         return cls(target, overwrite, collection, flights, camera)
 
+    def open_source(self, source: Any, options: ReadOptions) -> Source:
+        """Open the raster of the page: as its regions were read, where no other intensity is chosen.
+
+        Raises
+        ------
+        UavsegError
+            As of `open_source`.
+        """
+        raster = open_source(source, options)
+        made = (self.regions or {}).get(METADATA_KEY, {})
+        if options.chooses_pixels or options.stretches("auto") or not isinstance(raster, Raster):
+            return raster
+        alike = same_reading(made, raster)
+        if alike is None:
+            return raster
+        try:
+            found = open_source(source, alike)
+        except UavsegError:  # the raster has changed since; `write` says that its intensity is another one
+            return raster
+        is_theirs = isinstance(found, Raster) and found.dataset.band_names == made["band"]
+        return found if is_theirs else raster
+
     def write(self, found: FieldMap) -> tuple[int, tuple[str, ...]]:
         """Write the page, whole or not at all; returns its size in bytes, and warnings.
 
@@ -83,7 +109,8 @@ class PageFile:
         content = page_of(found, self.regions, self.flights)
         with atomic_file(self.path, self.overwrite) as temporary:
             temporary.write_bytes(content)
-        notes = _footprint_notes(self.flights, self.camera)
+        other = other_intensity(self.regions, found.info)
+        notes = [*([other] if other else []), *_footprint_notes(self.flights, self.camera)]
         return len(content), (*found.warnings, *notes, *size_notes(content))
 
 

@@ -1,6 +1,7 @@
 """Regions of any origin as GeoJSON features in WGS 84."""
 
 import math
+import os
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,9 @@ from numpy.typing import NDArray
 
 from uavseg.jobs.field_map import STEPS
 from uavseg.jobs.plan_regions import open_regions
+from uavseg.jobs.result import SourceInfo
+from uavseg.regions.formats.about_file import about_file
+from uavseg.regions.formats.metadata import METADATA_KEY
 
 DEFAULT_RANGE = (550, 1000)
 _DECIMALS = 9  # of degrees: a tenth of a millimetre
@@ -20,6 +24,11 @@ def read_collection(regions: Any) -> dict[str, Any]:
     Parameters
     ----------
     regions : path or GeoDataFrame
+
+    Returns
+    -------
+    collection : dict
+        With the metadata of the regions, where they have some, as in a GeoJSON file.
 
     Raises
     ------
@@ -39,11 +48,28 @@ def read_collection(regions: Any) -> dict[str, Any]:
         }
         for n, polygon in enumerate(rounded)
     ]
-    return {"type": "FeatureCollection", "features": features}
+    is_path = isinstance(regions, str | os.PathLike)
+    made = about_file(regions).metadata if is_path else regions.attrs.get(METADATA_KEY)
+    return {"type": "FeatureCollection", **({METADATA_KEY: made} if made else {}), "features": features}
 
 
-def first_range(collection: dict[str, Any] | None) -> tuple[int, int]:
-    """Where the slider begins, in steps: the range that all regions were made with, where they have one."""
+def other_intensity(collection: dict[str, Any] | None, info: SourceInfo) -> str | None:
+    """A note where regions say that they were made from another intensity than a page shows."""
+    made = (collection or {}).get(METADATA_KEY, {})
+    stretch = info.stretch
+    theirs = made.get("band"), made.get("stretch_low"), made.get("stretch_high")
+    if None in theirs or theirs == (info.band_names, stretch.low, stretch.high):
+        return None
+    return (
+        f"the regions were made from {made['band']}, stretch {made.get('stretch')}; the slider shows "
+        f"{info.band_names}, stretch {stretch.name}, where their range means something else"
+    )
+
+
+def first_range(collection: dict[str, Any] | None, info: SourceInfo) -> tuple[int, int]:
+    """Where the slider begins, in steps: the range of all regions, where it is one of the intensity shown."""
+    if other_intensity(collection, info):
+        return DEFAULT_RANGE
     features = [] if collection is None else collection["features"]
     found = {tuple(one["properties"].get(name) for name in ("range_low", "range_high")) for one in features}
     if len(found) != 1:

@@ -10,7 +10,6 @@ from typing import Any
 from uavseg.access import Folders, allowing
 from uavseg.arguments import checked
 from uavseg.jobs.field_map import FieldMapRequest, field_map
-from uavseg.jobs.open_source import open_source
 from uavseg.jobs.source import ReadOptions
 from uavseg.jobs.work import Work
 from uavseg.plot.web.page_file import PageFile
@@ -54,6 +53,8 @@ def map_page(
     output : path
         The page, .html.
     regions : path or GeoDataFrame, optional
+        Where they say how their intensity was made of this raster, the slider shows that one, unless another
+        is chosen.
     mission : Mission, path or sequence of these, optional
         What `uavseg.plan` gives, or mission files.
     camera : str, path or Camera, optional
@@ -88,7 +89,7 @@ def map_page(
     work = Work.by_threads(threads, tile, resume=resume)
     with allowing(allow_path, allow_network):
         page = PageFile.prepared(output, overwrite, source, regions, mission, camera)
-        found = field_map(open_source(source, options), request, work)
+        found = field_map(page.open_source(source, options), request, work)
         _, notes = page.write(found)
     for warning in notes:
         warnings.warn(warning, stacklevel=3)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.raster.geobox import GeoBox
-from uavseg.raster.geodesy.globe import Transform, geodetic_base, unit_factor
+from uavseg.raster.geodesy.globe import Transform, geodetic_base, is_geographic, unit_factor
 
 Floats = NDArray[np.float64]
 
@@ -110,7 +110,7 @@ def ellipsoid_under(wkt: str | None) -> Ellipsoid | None:
     angles, inverse = base
     unit = angles.axis_info[0].unit_conversion_factor
     radius = angles.ellipsoid.semi_major_metre
-    unit_m = unit * radius if inverse is None else unit_factor(wkt)
+    unit_m = unit_factor(wkt) * (radius if is_geographic(wkt) else 1.0)
     eccentricity2 = 1 - (angles.ellipsoid.semi_minor_metre / radius) ** 2
     return Ellipsoid(inverse, unit, unit_m, radius, eccentricity2)
 

@@ -137,7 +137,8 @@ def geodetic_base(wkt: str | None) -> tuple[Any, Transform | None] | None:
     Returns
     -------
     (pyproj CRS, Transform or None), or None
-        No transform where the CRS is geographic itself; None where it has no geographic CRS at all.
+        No transform where the CRS is geographic itself and its pole is that of the ellipsoid; None where it
+        has no geographic CRS at all.
     """
     from pyproj.exceptions import ProjError
 
@@ -148,7 +149,11 @@ def geodetic_base(wkt: str | None) -> tuple[Any, Transform | None] | None:
         base = crs.geodetic_crs
         if base is None:
             return None
-        return base, None if crs.is_geographic else _transformer(crs, base)
+        if base.is_derived:  # its pole is not that of the ellipsoid
+            base = base.source_crs
+        elif crs.is_geographic:
+            return base, None
+        return base, _transformer(crs, base)
     except ProjError:
         return None
 

@@ -18,6 +18,7 @@ from uavseg.raster.geodesy.globe import (
     Transform,
     decimals_for,
     equatorial_radius,
+    geodetic_base,
     is_geographic,
     is_on_earth,
     lonlat_transform,
@@ -120,8 +121,9 @@ class _Reprojection:
             raise OutputError(
                 "these regions are not on the Earth, and GeoJSON and KML are WGS 84; write a .gpkg instead"
             )
-        unit = unit_factor(wkt)
-        return cls(transform, is_geographic(wkt), equatorial_radius(wkt) / unit, 2 * np.pi / unit)
+        base, unit = geodetic_base(wkt), unit_factor(wkt)
+        radius = 1.0 if is_geographic(wkt) else equatorial_radius(wkt)
+        return cls(transform, base is not None and base[1] is None, radius / unit, 2 * np.pi / unit)
 
     def degrees(self, xy: Floats) -> Floats:
         x, y = xy.T
