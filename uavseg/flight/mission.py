@@ -207,6 +207,13 @@ class Mission:
                 f"{highest:g} m above {zero} is more than most countries allow without a permit (120 m)"
             )
         found += self._endurance_warnings()
+        waiting = [number for number, item in enumerate(self.items, start=1) if not item.autocontinue]
+        if waiting:
+            more = f" (and {len(waiting) - 1} more)" if len(waiting) > 1 else ""
+            waits = "ArduPilot does not wait there, but goes on"
+            if self.autopilot != "ardupilot":
+                waits = "the vehicle waits there until it is sent on, for which no time is estimated"
+            found.append(f"item {waiting[0]}{more} has autocontinue 0: {waits}")
         return tuple(found)
 
     def to_geodataframe(self) -> "GeoDataFrame":
