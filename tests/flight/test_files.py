@@ -16,6 +16,7 @@ from tests.flight.fences import FENCE, RALLY, fences, rally_points
 from uavseg.errors import MissionError, OutputExistsError
 from uavseg.flight import files
 from uavseg.flight.fence import FenceCircle, FencePolygon, RallyPoint
+from uavseg.flight.formats.options import FileOptions
 from uavseg.flight.formats.plan import plan_text
 from uavseg.flight.formats.waypoints import waypoints_text
 from uavseg.flight.items import (
@@ -196,6 +197,7 @@ def changed_item(**changes: Any) -> str:
         (changed_item(params=[0, 0, 0]), "item 3: a list in it is of a wrong length"),
         (changed_item(params=[0, 0, 0, None, 91, 151, 40]), "-90..90"),
         (changed_item(params=[0, 0, 0, None, -33.8, 151.2, math.nan]), "finite"),
+        (changed_item(autoContinue=0), "item 3: autoContinue is 0; expected true or false"),
         (changed_item(command="fly"), "item 3: expected a whole number"),
     ],
 )
@@ -216,6 +218,7 @@ def test_an_invalid_plan_is_refused_by_name(tmp_path: Path, text: str, words: st
         ("\t-33", "\tminus", "not a mission"),
         ("-33.8561", "nan", "not a mission|finite"),
         ("151.21512", "351.21512", "-180..180"),
+        ("\t1\n", "\tnan\n", "item 1: autocontinue is 'nan'; expected 0 or 1"),
     ],
 )
 def test_invalid_waypoints_are_refused_by_line(tmp_path: Path, old: str, new: str, words: str) -> None:
@@ -223,6 +226,23 @@ def test_invalid_waypoints_are_refused_by_line(tmp_path: Path, old: str, new: st
     path.write_text(waypoints_text(MISSION).replace(old, new))
     with pytest.raises(MissionError, match=words):
         files.read_mission(path)
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "words"),
+    [("ardupilot", "does not wait there"), ("px4", "waits there until it is sent on"), ("generic", "waits")],
+)
+def test_a_mission_that_waits_says_where(autopilot: str, words: str) -> None:
+    mission = Mission(HOME, (WAYPOINT, replace(WAYPOINT, autocontinue=False)), autopilot)
+    [told] = [text for text in mission.warnings if "autocontinue" in text]
+    assert told.startswith("item 2 has autocontinue 0: ") and words in told
+
+
+@pytest.mark.parametrize("suffix", [".kmz", ".csv"])
+def test_a_format_that_cannot_hold_where_a_mission_waits_says_so(suffix: str) -> None:
+    waiting = Mission(HOME, (WAYPOINT, replace(WAYPOINT, autocontinue=False, lat=WAYPOINT.lat + 0.001)))
+    told = files.FORMATS[suffix].losses(waiting, FileOptions())
+    assert any("cannot hold where a mission waits" in text for text in told)
 
 
 def test_a_missing_file_is_refused(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 import importlib.util
 import os
 import platform
+import re
 import shutil
 import subprocess
 import sys
@@ -78,6 +79,12 @@ def test_every_kernel_is_shipped_as_it_is_now(level: str) -> None:
     assert len(names) == len(warming.all_kernels()) > 80
     assert names == {path.name for path in (shipped.FOLDER / level).iterdir()}
     assert all(shipped._intact(shipped.FOLDER / level / name) for name in names)
+
+
+@pytest.mark.parametrize("level", shipped.LEVELS)
+def test_no_shipped_kernel_names_a_file_of_the_machine_that_made_it(level: str) -> None:
+    paths = (shipped.FOLDER / level).iterdir()
+    assert [path.name for path in paths if re.search(rb"/[\w./+-]*\.py", path.read_bytes())] == []
 
 
 @pytest.mark.slow
@@ -221,6 +228,15 @@ def test_libraries_need_nothing_but_functions_of_the_c_library() -> None:
 def test_building_is_repeatable(tmp_path: Path, twice_module: ModuleType) -> None:
     made = [ship(twice_module.twice, tmp_path / str(k)).read_bytes() for k in range(2)]
     assert made[0] == made[1]
+
+
+@here
+def test_no_file_name_gets_into_machine_code(module_of: Load) -> None:
+    unpacking = module_of(  # arrays of another length are an error of numba, which names the file
+        'from uavseg._jit import kernel\n\n\n@kernel("i8(i8[::1])")\n'
+        "def unpacking(pair):\n    first, second = pair\n    return first - second\n"
+    ).unpacking
+    assert b"changing.py" not in compiling.compile_for(unpacking, shipped.BASELINE, "")
 
 
 @pytest.mark.parametrize(

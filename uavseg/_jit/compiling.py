@@ -177,7 +177,10 @@ def _jitted(function: Callable[..., Any], options: dict[str, Any]) -> Any:
 def with_helpers(
     function: Callable[..., Any], options: dict[str, Any], done: dict[Any, Any]
 ) -> types.FunctionType:
-    """A copy of a function that calls numba's versions of its helpers."""
+    """A copy of a function that calls numba's versions of its helpers.
+
+    It has no file name: numba may write that of the machine on which it compiles into the machine code.
+    """
     import numba
 
     scope = dict(function.__globals__)
@@ -187,4 +190,4 @@ def with_helpers(
             if helper not in done:
                 done[helper] = numba.njit(**options)(with_helpers(helper.function, options, done))
             scope[name] = done[helper]
-    return types.FunctionType(function.__code__, scope, function.__name__)
+    return types.FunctionType(function.__code__.replace(co_filename="kernel"), scope, function.__name__)

@@ -80,7 +80,7 @@ class _Group(click.Group):
         from uavseg.cli._say import library_messages, say
         from uavseg.output.written import recording_written
 
-        with stopping_cleanly(), recording_written() as written:
+        with recording_written() as written, stopping_cleanly(written) as unwound:
             try:
                 _report_kernels()
                 with library_messages():
@@ -100,8 +100,10 @@ class _Group(click.Group):
                 _report_out_of_memory(ctx)
             except KeyboardInterrupt as error:
                 traceback.clear_frames(error.__traceback__)  # so that work that waits in a pool is dropped
-                say(last_line(error, written))
-                ctx.exit(exit_code(error))
+                unwound.set()
+                code = exit_code(error)
+                say(last_line(code - 128, written))
+                ctx.exit(code)
             except Exception as error:
                 if "bad_alloc" not in str(error):  # as GEOS reports it
                     raise

@@ -79,6 +79,8 @@ class MissionItem:
         Degrees, WGS 84. Not used by commands without position.
     altitude_m : float
         Metres, relative to what `frame` says.
+    autocontinue : bool
+        Whether the next item follows by itself. ArduPilot always goes on; PX4 waits where it is False.
 
     Raises
     ------
@@ -93,6 +95,7 @@ class MissionItem:
     lat: float = 0.0
     lon: float = 0.0
     altitude_m: float = 0.0
+    autocontinue: bool = True
 
     def __post_init__(self) -> None:
         if len(self.params) != 4 or not all(p is None or math.isfinite(p) for p in self.params):

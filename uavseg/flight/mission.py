@@ -1,5 +1,6 @@
 """Missions: home and items, their length and duration, safety checks and warnings."""
 
+import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -109,6 +110,8 @@ class Mission:
                 f"the mission has {len(self.items)} items and a link carries {MAX_ITEMS}; "
                 "choose fewer regions, a wider spacing or a larger tolerance"
             )
+        if self.endurance_s is not None and not 0 < self.endurance_s < math.inf:
+            raise MissionError(f"an endurance is a number of seconds above 0, not {self.endurance_s:g}")
         for number, item in enumerate(self.items, start=1):
             check_accepted(item, self.autopilot, number)
         _check_distances(self)
@@ -207,6 +210,13 @@ class Mission:
                 f"{highest:g} m above {zero} is more than most countries allow without a permit (120 m)"
             )
         found += self._endurance_warnings()
+        waiting = [number for number, item in enumerate(self.items, start=1) if not item.autocontinue]
+        if waiting:
+            more = f" (and {len(waiting) - 1} more)" if len(waiting) > 1 else ""
+            waits = "ArduPilot does not wait there, but goes on"
+            if self.autopilot != "ardupilot":
+                waits = "the vehicle waits there until it is sent on, for which no time is estimated"
+            found.append(f"item {waiting[0]}{more} has autocontinue 0: {waits}")
         return tuple(found)
 
     def to_geodataframe(self) -> "GeoDataFrame":

@@ -87,6 +87,17 @@ class Stage:
         os.close(self.lock)
 
 
+def has_stages() -> bool:
+    """Whether this process makes an output."""
+    return bool(_open_stages)
+
+
+def remove_stages() -> None:
+    """Remove what this process has made and not renamed, at its end."""
+    for folder in tuple(_open_stages):
+        shutil.rmtree(folder, ignore_errors=True)
+
+
 def is_staged(path: Path) -> bool:
     """Whether a path lies inside a staging folder of this process, so that it is renamed with that."""
     if not _open_stages:

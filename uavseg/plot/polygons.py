@@ -11,6 +11,7 @@ import shapely
 from numpy.typing import NDArray
 
 from uavseg.errors import RegionError
+from uavseg.output.interrupts import deaf_call
 from uavseg.plain_text import shown
 from uavseg.plot.frame import Frame
 from uavseg.raster.geodesy.globe import transform_between
@@ -149,7 +150,8 @@ def _table_of_file(name: str) -> PolygonTable:
         return _table_of_parquet(name)
     with vector_errors(name), reading_vectors():
         features = check_feature_count(name, name)
-        metadata, _, geometry, columns = read(name)
+        with deaf_call():
+            metadata, _, geometry, columns = read(name)
         check_attributes(name, name, len(columns))
         polygons = None if geometry is None else shapely.from_wkb(geometry)
         if polygons is not None:

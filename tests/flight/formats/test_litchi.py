@@ -113,7 +113,7 @@ GOOD = write_litchi(SURVEY, FileOptions()).decode()
         (GOOD.replace("altitude(m)", "altitude(ft)", 1), "in feet"),
         (GOOD.replace("47.00100000", "here", 1), "latitude of waypoint 1 is 'here'"),
         (GOOD.replace("47.00100000", "97.0", 1), "-90..90"),
-        (GOOD.replace("50.0", "nan", 1), "finite"),
+        (GOOD.replace("50.0", "nan", 1), r"altitude\(m\) of waypoint 1 is .nan.; expected a number"),
         (GOOD.replace("50.0,", "50.0,1,", 1), "waypoint 1 has 47 fields instead of 46"),
         (GOOD.replace("rotationdir", "latitude", 1), "same name"),
         (GOOD.replace("8.00000000", '"8.0', 1), "not a table"),

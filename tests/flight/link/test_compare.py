@@ -56,6 +56,14 @@ def test_what_ardupilot_replaces_or_rounds_is_none(number: int, changes: dict[st
     assert not differences(SENT, kept(number, **changes), Kind.MISSION, "ardupilot")
 
 
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4", "generic"])
+def test_only_ardupilot_may_go_on_where_it_was_to_wait(autopilot: str) -> None:
+    waiting = [*SENT[:3], replace(SENT[3], autocontinue=0), *SENT[4:]]
+    assert not differences(waiting, waiting, Kind.MISSION, autopilot)
+    found = differences(waiting, SENT, Kind.MISSION, autopilot)
+    assert found == ([] if autopilot == "ardupilot" else ["item 3: autocontinue is 1 instead of 0"])
+
+
 def test_a_generic_vehicle_keeps_all_parameters() -> None:
     assert differences(SENT, kept(3, params=(0.0, 0.0, 1.0, None)), Kind.MISSION, "generic")
 

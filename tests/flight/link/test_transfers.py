@@ -187,6 +187,22 @@ def test_a_vehicle_that_holds_no_number_is_not_called_equal(
         sent_to(Wrong, survey(autopilot=AUTOPILOTS[make]))
 
 
+@pytest.mark.parametrize("make", VEHICLES)
+def test_where_a_mission_waits_is_compared_and_ardupilot_goes_on_with_a_note(make: type[FakeVehicle]) -> None:
+    mission = survey(12, AUTOPILOTS[make])
+    items = (*mission.items[:4], replace(mission.items[4], autocontinue=False), *mission.items[5:])
+    waiting = replace(mission, items=items)
+    vehicle, told = sent_to(make, waiting)
+    held = download_mission(linked(Network([vehicle])))
+    if make is ArduPilot:
+        note = "the vehicle keeps autocontinue of item 5 as 1 instead of 0: it does not wait there"
+        assert note in told and all(item.autocontinue for item in held.items)
+    else:
+        assert not any("autocontinue" in text for text in told)
+        assert [item.autocontinue for item in held.items] == [item.autocontinue for item in items]
+        assert any("item 5 has autocontinue 0: the vehicle waits there" in note for note in held.warnings)
+
+
 def test_progress_never_exceeds_the_total_and_ends_there() -> None:
     seen: list[tuple[int, int]] = []
     vehicle = ArduPilot()

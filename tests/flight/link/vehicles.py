@@ -4,7 +4,7 @@ ArduPilot: GCS_MAVLink/MissionItemProtocol.cpp and AP_Mission.cpp; PX4: mavlink/
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from pymavlink.dialects.v20 import common
@@ -30,11 +30,13 @@ class Item:
     x: int
     y: int
     z: float
+    autocontinue: int = 1
 
     @classmethod
     def of(cls, message: Any) -> "Item":
         params = (message.param1, message.param2, message.param3, message.param4)
-        return cls(message.command, message.frame, params, message.x, message.y, message.z)
+        place = message.x, message.y, message.z
+        return cls(message.command, message.frame, params, *place, message.autocontinue)
 
 
 EKF_HOME = Item(16, 0, (0.0,) * 4, 470000000, 80000000, 412.5)
@@ -136,9 +138,8 @@ class FakeVehicle:
         """An upload ends without having come to its end."""
 
     def item_message(self, item: Item, number: int, to: tuple[int, int], kind: int) -> None:
-        self._mav.mission_item_int_send(
-            *to, number, item.frame, item.command, 0, 1, *item.params, item.x, item.y, item.z, kind
-        )
+        start = number, item.frame, item.command, 0, item.autocontinue
+        self._mav.mission_item_int_send(*to, *start, *item.params, item.x, item.y, item.z, kind)
 
     def check(self, message: Any) -> int:
         """Result for an item."""
@@ -333,7 +334,7 @@ class Px4(FakeVehicle):
         first, second, _, fourth = item.params
         heading = fourth % 360 if not math.isnan(fourth) else fourth
         frame = {0: 5, 3: 6}.get(item.frame, item.frame)
-        return Item(item.command, frame, (first, second, 0.0, heading), item.x, item.y, item.z)
+        return replace(item, frame=frame, params=(first, second, 0.0, heading))
 
     def on_mission_request_list(self, message: Any, sender: tuple[int, int]) -> None:
         if self.sending is not None and self.next == len(self.stored[self.sending]):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
@@ -127,10 +129,11 @@ def parse_shutter(text: str | None) -> float | None:
     if text is None:
         return None
     above, slash, below = text.partition("/")
-    try:
-        return float(above) / float(below) if slash else float(above)
-    except (ValueError, ZeroDivisionError):
-        raise ParameterError(f"--shutter is seconds, such as 1/1000, not {text!r}") from None
+    with suppress(ValueError, ZeroDivisionError):
+        divisor = float(below) if slash else 1.0
+        if math.isfinite(divisor):
+            return float(above) / divisor
+    raise ParameterError(f"--shutter is seconds, such as 1/1000, not {text!r}")
 
 
 def _decorated(command: F, options: Sequence[Callable[[F], F]]) -> F:

@@ -76,7 +76,7 @@ def features_of(mission: Mission) -> list[Feature]:
 def _item(number: int, item: MissionItem) -> Feature:
     values: dict[str, Value] = {"number": number, "command": item.command, "frame": item.frame}
     values |= {f"param{n}": value for n, value in enumerate(item.params, start=1)}
-    values |= {"altitude_m": item.altitude_m}
+    values |= {"altitude_m": item.altitude_m} | ({} if item.autocontinue else {"autocontinue": False})
     if item.has_position and not item.is_at_vehicle:
         place = (item.lat, item.lon, item.altitude_m)
         return Feature(ITEM, "Point", (place,), _heights(item), values)
@@ -196,22 +196,27 @@ def _read_item(number: int, feature: Feature) -> MissionItem:
     else:
         lat, lon = _number(feature, "lat"), _number(feature, "lon")
     command, frame = int(_number(feature, "command")), int(_number(feature, "frame"))
+    params, altitude_m = (first, second, third, fourth), _number(feature, "altitude_m")
+    goes_on = _truth(feature, "autocontinue", True)
     try:
-        return MissionItem(
-            command, frame, (first, second, third, fourth), lat, lon, _number(feature, "altitude_m")
-        )
+        return MissionItem(command, frame, params, lat, lon, altitude_m, goes_on)
     except MissionError as error:
         raise MissionError(f"item {number}: {error}") from error
 
 
 def _read_fence(feature: Feature) -> Fence:
-    inclusion = feature.values["inclusion"]
-    if not isinstance(inclusion, bool):
-        raise MissionError("inclusion of a fence is true or false")
+    inclusion = _truth(feature, "inclusion")
     if feature.values.get("radius_m") is not None:
         lat, lon, radius_m = (_number(feature, key) for key in ("lat", "lon", "radius_m"))
         return FenceCircle(lat, lon, radius_m, inclusion)
     return FencePolygon(tuple(place[:2] for place in feature.places), inclusion)
+
+
+def _truth(feature: Feature, key: str, default: bool | None = None) -> bool:
+    value = feature.values.get(key, default)
+    if not isinstance(value, bool):
+        raise MissionError(f"{key} of a {feature.kind} is {shown(value)}; expected true or false")
+    return value
 
 
 def _optional(feature: Feature, key: str) -> float | None:

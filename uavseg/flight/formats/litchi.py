@@ -9,6 +9,7 @@ import csv
 import io
 import math
 from collections.abc import Iterator
+from contextlib import suppress
 from itertools import pairwise
 
 from uavseg.errors import MissionError
@@ -174,12 +175,11 @@ def _check_header(header: list[str]) -> None:
 def _point(number: int, row: dict[str, str], notes: dict[str, None]) -> RoutePoint:
     def value(column: str, default: float = 0.0) -> float:
         text = row.get(column, "").strip()
-        try:
-            return float(text) if text else default
-        except ValueError as error:
-            raise MissionError(
-                f"{column} of waypoint {number} is {shown(text)}; expected a number"
-            ) from error
+        with suppress(ValueError):
+            found = float(text) if text else default
+            if math.isfinite(found):
+                return found
+        raise MissionError(f"{column} of waypoint {number} is {shown(text)}; expected a number")
 
     if value("curvesize(m)"):
         notes["curves at waypoints were not read"] = None

@@ -98,7 +98,7 @@ def _written_items(mission: Mission, blocks: Sequence[FoundBlock]) -> Iterator[d
 def _simple_item(number: int, item: MissionItem) -> dict[str, Any]:
     written: dict[str, Any] = {
         "type": "SimpleItem",
-        "autoContinue": True,
+        "autoContinue": item.autocontinue,
         "command": item.command,
         "doJumpId": number,
         "frame": item.frame,
@@ -167,6 +167,8 @@ def _item_of_plan(item: Mapping[str, Any]) -> MissionItem:
         raise MissionError(f"an item of a survey is of type {shown(item['type'])}; expected SimpleItem")
     first, second, third, fourth, *place = (None if p is None else float(p) for p in item["params"])
     lat, lon, altitude_m = (value or 0.0 for value in place)
-    return MissionItem(
-        int(item["command"]), int(item["frame"]), (first, second, third, fourth), lat, lon, altitude_m
-    )
+    goes_on = item.get("autoContinue", True)
+    if not isinstance(goes_on, bool):
+        raise MissionError(f"autoContinue is {shown(goes_on)}; expected true or false")
+    params = (first, second, third, fourth)
+    return MissionItem(int(item["command"]), int(item["frame"]), params, lat, lon, altitude_m, goes_on)

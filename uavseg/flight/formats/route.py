@@ -278,6 +278,8 @@ def mission_of_route(route: Route, name: str, notes: Sequence[str]) -> Mission:
 def route_losses(mission: Mission, route: Route, format_name: str) -> list[str]:
     """What a list of waypoints does not hold of a mission."""
     notes = []
+    if not all(item.autocontinue for item in mission.items):
+        notes.append(f"{format_name} cannot hold where a mission waits (autocontinue 0): it goes on there")
     if mission.fence or mission.rally:
         notes.append(f"{format_name} cannot hold a fence or rally points: they were not written")
     if route.dropped:

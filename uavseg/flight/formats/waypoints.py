@@ -13,6 +13,7 @@ from uavseg.flight.items import (
     MissionItem,
 )
 from uavseg.flight.mission import Mission
+from uavseg.plain_text import shown
 
 HEADER = "QGC WPL 110"
 
@@ -43,7 +44,7 @@ def waypoints_text(mission: Mission) -> str:
 def _row(number: int, current: int, frame: int, item: MissionItem, altitude_m: float) -> str:
     floats = [*(value or 0.0 for value in item.params), item.lat, item.lon]
     fields = [number, current, frame, item.command, *(decimal(value, 8) for value in floats)]
-    return "\t".join(map(str, [*fields, decimal(altitude_m, 6), 1]))
+    return "\t".join(map(str, [*fields, decimal(altitude_m, 6), int(item.autocontinue)]))
 
 
 def decimal(value: float, min_decimals: int) -> str:
@@ -71,6 +72,9 @@ def _item_of_row(number: int, row: str) -> HomePosition | MissionItem:
         return HomePosition(lat, lon, altitude_m)
     heading = None if command in HEADING_COMMANDS and fourth == 0 else fourth
     try:
-        return MissionItem(command, frame, (first, second, third, heading), lat, lon, altitude_m)
+        if fields[11].strip() not in {"0", "1"}:
+            raise MissionError(f"autocontinue is {shown(fields[11])}; expected 0 or 1")
+        params = (first, second, third, heading)
+        return MissionItem(command, frame, params, lat, lon, altitude_m, fields[11].strip() == "1")
     except MissionError as error:
         raise MissionError(f"item {number}: {error}") from error

@@ -54,7 +54,7 @@ def differences(sent: Sequence[LinkItem], kept: Sequence[LinkItem], kind: Kind, 
 
 
 def rounded(sent: Sequence[LinkItem], kept: Sequence[LinkItem], kind: Kind, autopilot: str) -> list[str]:
-    """Parameters that the vehicle keeps otherwise, one line for each command and parameter."""
+    """What the vehicle keeps otherwise: a line for each command and parameter, and that it does not wait."""
     if kind != Kind.MISSION:
         return []
     seen: dict[tuple[int, int], list[tuple[float | None, float | None]]] = {}
@@ -63,7 +63,9 @@ def rounded(sent: Sequence[LinkItem], kept: Sequence[LinkItem], kind: Kind, auto
             # ArduPilot and PX4 keep 0 for what is not set; of others nobody knows how they fly it
             if (value is not None or autopilot == "generic") and not _equal(value, known):
                 seen.setdefault((mine.command, n), []).append((value, known))
-    return [
+    first = next((n for n in range(len(sent)) if kept[n].autocontinue > sent[n].autocontinue), None)
+    goes_on = f"the vehicle keeps autocontinue of item {first} as 1 instead of 0: it does not wait there"
+    return [goes_on] * (first is not None) + [
         f"the vehicle keeps parameter {n} of command {command} as {_text(pairs[0][1])} instead of "
         f"{_text(pairs[0][0])}" + (f", and otherwise in {len(pairs)} items" if len(pairs) > 1 else "")
         for (command, n), pairs in sorted(seen.items())
@@ -77,7 +79,8 @@ def _first(kind: Kind, autopilot: str) -> int:
 def _difference(sent: LinkItem, kept: LinkItem, kind: Kind, autopilot: str) -> str:
     if kept.command != sent.command:
         return f"command {kept.command} instead of {sent.command}"
-    if kind == Kind.MISSION and kept.autocontinue != sent.autocontinue:
+    goes_on = autopilot == "ardupilot" and kept.autocontinue == 1  # whatever it was sent
+    if kind == Kind.MISSION and kept.autocontinue != sent.autocontinue and not goes_on:
         return f"autocontinue is {kept.autocontinue} instead of {sent.autocontinue}"
     has_place = kind != Kind.MISSION or sent.command in POSITION_COMMANDS or bool(sent.x or sent.y)
     if has_place and max(abs(kept.x - sent.x), abs(kept.y - sent.y)) > UNITS:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -94,7 +94,8 @@ def items_of_mission(mission: Mission, has_home_row: bool) -> list[LinkItem]:
             (round(item.lat), round(item.lon)) if item.frame == FRAME_MISSION else _units(item.lat, item.lon)
         )
         params = item.params if has_home_row else _shifted(item, -1)
-        rows.append(LinkItem(item.command, item.frame, params, x, y, item.altitude_m))
+        place = x, y, item.altitude_m
+        rows.append(LinkItem(item.command, item.frame, params, *place, int(item.autocontinue)))
     return rows if has_home_row else rows[1:]
 
 
@@ -114,10 +115,9 @@ def _mission_item(item: LinkItem, has_home_row: bool) -> MissionItem:
     if has_home_row and item.command in HEADING_COMMANDS and params[3] == 0:
         params = (*params[:3], None)
     lat, lon = (item.x, item.y) if frame == FRAME_MISSION else (item.x / _DEGREES, item.y / _DEGREES)
-    found = MissionItem(item.command, frame, params, float(lat), float(lon), item.z)
-    if has_home_row:
-        return found
-    return MissionItem(found.command, frame, _shifted(found, 1), found.lat, found.lon, found.altitude_m)
+    place = float(lat), float(lon), item.z
+    found = MissionItem(item.command, frame, params, *place, bool(item.autocontinue))
+    return found if has_home_row else replace(found, params=_shifted(found, 1))
 
 
 def _shifted(item: MissionItem, by: int) -> ItemParams:

@@ -126,10 +126,12 @@ def terrain_params(
         If a file is no elevation model.
     """
     if dem is None and mode is None:
-        if tolerance_m is not None:
-            raise ParameterError(
-                "a tolerance of the height above the ground needs an elevation model: give --dem"
-            )
+        given = {"tolerance": tolerance_m, "rate of climb": climb_m_s, "rate of descent": descent_m_s}
+        for what, value in given.items():
+            if value is not None:
+                raise ParameterError(
+                    f"a {what} is for heights above the ground, which need an elevation model: give --dem"
+                )
         return None
     opened = None if dem is None else Dem.open(dem)
     return TerrainParams(opened, ABSOLUTE if mode is None else mode, tolerance_m, climb_m_s, descent_m_s)

@@ -4,6 +4,8 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from uavseg.errors import ParameterError
 from uavseg.flight.camera.camera import Camera, Overlap
 from uavseg.flight.camera.catalogue import camera_named
@@ -55,9 +57,13 @@ def photos_of(words: PhotoWords, pattern: str | None = None) -> Photos | None:
     """
     camera = _camera(words)
     if camera is None:
-        for word in ("trigger", "shutter"):
-            if getattr(words, word) is not None:
-                raise ParameterError(f"--{word} needs a camera (--camera, or --sensor, --image and --focal)")
+        unsaid = PhotoWords()
+        for word in ("trigger", "shutter", "gimbal_pitch", "overlap"):
+            if not np.array_equal(getattr(words, word), getattr(unsaid, word)):
+                option = word.replace("_", "-")
+                raise ParameterError(
+                    f"--{option} needs a camera (--camera, or --sensor, --image and --focal)"
+                )
         return None
     overlap = words.overlap
     if len(overlap) != 2:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from uavseg.errors import RegionError, UavsegError
 from uavseg.execution.phases import steps_done
+from uavseg.output.interrupts import deaf_call
 from uavseg.plain_text import cause_of
 from uavseg.raster.geodesy.globe import WGS84, geod_wgs84, unwrap_lon
 from uavseg.raster.opening import file_exists
@@ -170,7 +171,8 @@ def _layer(source: str | os.PathLike[str] | bytes, name: str, layer: str | None 
     import geopandas
 
     features = check_feature_count(source, name, layer)
-    frame = geopandas.read_file(io.BytesIO(source) if isinstance(source, bytes) else source, layer=layer)
+    with deaf_call():
+        frame = geopandas.read_file(io.BytesIO(source) if isinstance(source, bytes) else source, layer=layer)
     check_count(len(frame), features, name)
     return frame
 

@@ -17,6 +17,7 @@ from uavseg.access import current_policy
 from uavseg.databases import check_database
 from uavseg.errors import AccessError, RegionError
 from uavseg.inputs import MAX_TEXT, parse_json, read_bytes, read_start, regular_file
+from uavseg.output.interrupts import deaf_call
 from uavseg.plain_text import cause_of
 from uavseg.regions.formats.gdal_state import gdal_options
 
@@ -130,7 +131,8 @@ def _check_json(source: str | os.PathLike[str] | bytes, name: str) -> None:
     if not _MAY_LINK.search(content):
         return
     try:
-        found = parse_json(content.decode())
+        with deaf_call():
+            found = parse_json(content.decode())
     except ValueError as error:
         raise RegionError(f"{name} cannot be read as regions: {cause_of(error)}") from error
     link = _linked_crs(found)
