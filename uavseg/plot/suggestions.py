@@ -1,4 +1,4 @@
-"""Picture of suggested ranges: their cells in colour on the map, beside the histogram."""
+"""Picture of suggested ranges: their cells or pixels in colour on the map, beside the histogram."""
 
 import os
 from pathlib import Path
@@ -111,7 +111,11 @@ def _draw_map(ax: Any, point: float, frame: Frame, found: Suggestions, dataset: 
     else:
         greys = (found.blocks.sums // np.maximum(counts, 1) >> 8).astype(np.uint8)
         draw_cells(ax, greys, counts > 0, frame, _MAX_PIXELS)
-    if found.ranges:
+    if found.ranges and found.by_pixel and dataset is not None:
+        ranges = [one.range for one in found.by_intensity]
+        stretch = found.source.stretch
+        RangeLayer.of_pixels(dataset, stretch, ranges, _colors(found), frame, _MAX_PIXELS).draw(ax)
+    elif found.ranges:
         seen = found.intervals * (counts > 0)  # a leaf may extend into nodata
         RangeLayer.of(seen, _colors(found), frame, _MAX_PIXELS).draw(ax)
     draw_scale_bar(ax, frame, point)
