@@ -78,12 +78,10 @@ class Summary:
         How v maps to values in the units of the raster; None if bands or files have different scales.
     mean_beyond : float
         How much larger the mean of v would be if v were not clipped to 0..1.
-    edges : tuple of float
-        Between the populations of pixels by v that valleys part, see `population_edges`.
     interval : str
-        The rarest of these populations, as --range takes it; where there is one, the rarer of dark and
-        bright, at Otsu's threshold in steps of 0.05. `suggest` looks at the means of leaves as well, which
-        noise hardly affects.
+        The rarest population of pixels, see `population_edges`, as --range takes it; where there is one, the
+        rarer of dark and bright, at Otsu's threshold in steps of 0.05. `suggest` looks at the means of leaves
+        too, which noise hardly affects.
     """
 
     paths: tuple[str, ...]
@@ -113,7 +111,6 @@ class Summary:
     command: str = ""
     axis: ValueAxis | None = None
     mean_beyond: float = 0.0
-    edges: tuple[float, ...] = ()
     interval: str = ""
 
     @property
@@ -208,7 +205,6 @@ def summarize(
         warnings=(*seen.warnings, *fitted.warnings),
         axis=axis_of(dataset, fitted),
         mean_beyond=beyond / max(int(greys.sum()), 1) / (GREY_LEVELS - 1),
-        edges=edges,
         interval=f"{low:.7g},{high:.7g}",
     )
 

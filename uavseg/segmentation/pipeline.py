@@ -8,9 +8,11 @@ refine_tile       pixels of a tile in regions               (one pass over all t
 Where each pixel is decided, by total variation or by its own value, the last step is the only one.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -180,12 +182,11 @@ def with_purer_cells(
         Between populations, increasing; no pixel has one of them for its v.
     tile_pass : TilePass
     """
-    greys = np.floor(np.array([0, *edges, 1]) * GREY_MAX).astype(np.int64)
+    greys = [-1, *(math.floor(edge * GREY_MAX) for edge in edges), GREY_MAX]
     sums = np.zeros_like(blocks.sums)
-    for window, found in zip(
-        tile_pass.windows, tile_pass.run(partial(_purer_sums, source, greys)), strict=True
-    ):
-        sums[window_cells(window)] = found
+    found = tile_pass.run(partial(_purer_sums, source, greys))
+    for window, here in zip(tile_pass.windows, found, strict=True):
+        sums[window_cells(window)] = here
     return replace(blocks, sums=sums)
 
 
@@ -313,16 +314,16 @@ def _measure_source(
     return sums, counts, contrast_histogram(tile.grey, tile.mask)
 
 
-def _purer_sums(source: GreySource, greys: NDArray[np.int64], window: Window) -> NDArray[np.uint32]:
+def _purer_sums(source: GreySource, greys: Sequence[int], window: Window) -> NDArray[np.uint32]:
     """Sums of the cells of a tile, as if all of their pixels were of the most frequent population."""
     tile = source.read(window, 0)
-    own = np.zeros((3, *(length // CELL for length in tile.grey.shape)), np.int64)
-    for low, high in zip([-1, *greys[1:-1].tolist()], greys[1:].tolist(), strict=True):
+    _, total = cell_sums(tile.grey, tile.valid)
+    own = np.zeros((2, *total.shape), np.int64)
+    for low, high in pairwise(greys):
         inside = pixels_in_range(tile.grey, tile.valid, low + 1, high)
         sums, counts = cell_sums(tile.grey * inside, inside)
-        own[2] += counts
-        own[:2] = np.where(counts > own[1], (sums, counts), own[:2])
-    purer: NDArray[np.uint32] = (own[0] * own[2] // np.maximum(own[1], 1)).astype(np.uint32)
+        own = np.where(counts > own[1], (sums, counts), own)
+    purer: NDArray[np.uint32] = (own[0] * total // np.maximum(own[1], 1)).astype(np.uint32)
     return purer
 
 

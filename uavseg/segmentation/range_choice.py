@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.raster.intensity.cross_entropy import least_cross_entropy
-from uavseg.raster.intensity.populations import pixels_between
 from uavseg.segmentation.blocks.cell_pairs import BINS, CellPairs, RangeBorder
+from uavseg.segmentation.params import IntensityRange
 from uavseg.segmentation.range_candidates import edge_near, explained_by, propose_ranges
 
 LEAST_CONTRAST = 2.5  # of a border; noise, slow light and fractal surfaces have at most 2.4 at any bound
@@ -132,20 +132,22 @@ def choose_ranges(
             edges = tuple(populations) or _two_of_least_entropy(histogram, pairs) or edges
         if pairs is not None and edges:
             parts = _parts(pairs.histogram() if refined else histogram, pairs, edges)
-        if pairs is not None and populations:
-            edges = (*populations, *(edge for edge in edges if _is_new(edge, populations, pairs)))
-            edges = tuple(sorted(edges))
+        if populations:
+            others = {edge for edge in edges if _is_new(edge, populations, pairs)}
+            edges = tuple(sorted(others.union(populations)))
             parts = [part for part in parts if _is_new(part[0] or part[1], populations, pairs)]
-    ranges = [(low, high, False) for low, high in pairwise((0.0, *edges, 1.0))] + parts
-    chosen = tuple(
-        ChosenRange(*one, _border(pairs, *one[:2]), 0 if greys is None else pixels_between(greys, *one[:2]))
-        for one in ranges
-    )
-    return RangeChoice(chosen, explained_by(histogram, edges))
+    chosen = []
+    for low, high, is_part in [(*ends, False) for ends in pairwise((0.0, *edges, 1.0))] + parts:
+        first, last = IntensityRange(low, high).greys
+        pixels = 0 if greys is None else int(greys[first : last + 1].sum())
+        chosen.append(ChosenRange(low, high, is_part, _border(pairs, low, high), pixels))
+    return RangeChoice(tuple(chosen), explained_by(histogram, edges))
 
 
-def _is_new(edge: float, populations: Sequence[float], pairs: CellPairs) -> bool:
+def _is_new(edge: float, populations: Sequence[float], pairs: CellPairs | None) -> bool:
     """Whether an edge parts cells within one population, and stands out at its border there."""
+    if pairs is None:
+        return False
     place, bounds = pairs.bin_of(edge), [0, *map(pairs.bin_of, populations), BINS]
     for bound in bounds[1:-1]:
         low, high = sorted((place, bound))

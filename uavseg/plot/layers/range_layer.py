@@ -13,7 +13,6 @@ from uavseg.plot.layers.raster_layer import draw_image
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox, scaled
 from uavseg.raster.intensity.stretch import Stretch
-from uavseg.raster.overview import DatasetOverview
 from uavseg.raster.tiling import Window
 from uavseg.units import CELL, GREY_MAX
 
@@ -62,21 +61,15 @@ class RangeLayer:
 
     @classmethod
     def of_pixels(
-        cls,
-        dataset: Dataset,
-        stretch: Stretch,
-        ranges: Sequence[tuple[float, float]],
-        colors: Sequence[str],
-        frame: Frame,
-        max_side: int,
+        cls, coarse: Dataset, stretch: Stretch, ranges: Sequence[Any], colors: Sequence[str], frame: Frame
     ) -> "RangeLayer":
-        """The ranges of pixels by their own v, downsampled to at most `max_side` rows and columns."""
-        coarse = DatasetOverview.of(dataset, max_side)
+        """The ranges (low, high) of the pixels of a downsampled dataset, by their own v."""
         values, valid = coarse.read(Window(0, 0, *coarse.geobox.shape))
         v = stretch.apply(values, valid) / GREY_MAX
         intervals = np.zeros(v.shape, np.uint8)
         for kind, (low, high) in enumerate(ranges, 1):
-            intervals[(v >= low) & (v <= high) & (True if valid is None else valid)] = kind
+            intervals[(v >= low) & (v <= high)] = kind
+        intervals *= np.uint8(1) if valid is None else valid
         return cls(intervals, frame.plot_from_map * coarse.geobox.transform, colors)
 
     def draw(self, ax: Any) -> None:

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,12 +39,11 @@ def population_edges(greys: Counts) -> tuple[float, ...]:
     >>> population_edges(greys)
     (0.47,)
     """
-    greys = _unsaturated(greys)
-    total = greys.sum()
     if np.count_nonzero(greys) < 2:
         return ()
-    below = np.cumsum(greys)
-    first, last = (int(one) for one in np.searchsorted(below, [_LEAST / 2 * total, (1 - _LEAST / 2) * total]))
+    greys = _unsaturated(greys)
+    shares = np.cumsum(greys) / greys.sum()
+    first, last = (int(one) for one in np.searchsorted(shares, [_LEAST / 2, 1 - _LEAST / 2]))
     width = -(-(last - first + 1) // _BINS)
     bins = np.add.reduceat(greys[first : last + 1], np.arange(0, last - first + 1, width))
     bins[0] += greys[:first].sum()
@@ -63,27 +61,18 @@ def population_edges(greys: Counts) -> tuple[float, ...]:
     return tuple(_edge(first + begin * width, first + end * width) for begin, end in floors)
 
 
-def pixels_between(greys: Counts, low: float, high: float) -> int:
-    """How many pixels of a histogram lie in a range of v whose ends no pixel has, 0 and 1 aside."""
-    first = math.floor(low * GREY_MAX) + 1 if low > 0 else 0
-    return int(greys[first : math.floor(high * GREY_MAX) + 1].sum())
-
-
 def rarest_population(greys: Counts, edges: Sequence[float]) -> tuple[float, float]:
     """The range between two edges, 0 or 1 that holds the fewest pixels; of equal ones, the brightest."""
-    return min(pairwise((0.0, *edges, 1.0)), key=lambda ends: (pixels_between(greys, *ends), -ends[0]))
+    counts = np.add.reduceat(greys, [0, *(math.floor(edge * GREY_MAX) + 1 for edge in edges)])
+    rarest = len(edges) - int(np.argmin(counts[::-1]))
+    return (0.0, *edges, 1.0)[rarest], (*edges, 1.0)[rarest]
 
 
 def _unsaturated(greys: Counts) -> Counts:
     """The histogram without the pixels at an end of v that others lie beside."""
-    occupied = np.flatnonzero(greys)
-    if not len(occupied):
-        return greys
-    reach = max(int((occupied[-1] - occupied[0]) * _SATURATED), 1)
-    found = greys.copy()
-    for end, beside in ((0, greys[1 : 1 + reach]), (GREY_MAX, greys[GREY_MAX - reach : GREY_MAX])):
-        if beside.any():
-            found[end] = 0
+    found, reach = greys.copy(), int(np.ptp(np.flatnonzero(greys)) * _SATURATED) + 1
+    found[0] *= not greys[1 : 1 + reach].any()
+    found[GREY_MAX] *= not greys[GREY_MAX - reach : GREY_MAX].any()
     return found
 
 
