@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import rasterio
+from affine import Affine
 from numpy.typing import NDArray
 from scipy import ndimage
 from skimage.filters import threshold_li
@@ -24,15 +25,18 @@ from skimage.filters import threshold_li
 from benchmarks import classscenes, table
 from benchmarks.quality import scenes
 from uavseg.jobs.source import Raster
+from uavseg.jobs.suggest import suggest
+from uavseg.jobs.suggestions import Suggestions
 from uavseg.raster.dataset import Dataset
+from uavseg.raster.geobox import GeoBox
+from uavseg.raster.intensity.stretch import parse_stretch
 from uavseg.raster.tiling import TilePass, Window
 from uavseg.segmentation.blocks.block_map import BlockMap
-from uavseg.segmentation.blocks.cell_pairs import count_cell_pairs
 from uavseg.segmentation.blocks.leaves import histogram_of_means
 from uavseg.segmentation.in_memory import block_map_of_array, label_regions
 from uavseg.segmentation.params import IntensityRange, SegmentParams
 from uavseg.segmentation.range_candidates import propose_ranges
-from uavseg.segmentation.range_choice import LEAST_CONTRAST, RangeChoice, choose_ranges
+from uavseg.units import GREY_MAX
 
 SIDE = 512
 SEEDS = range(100, 103)
@@ -128,15 +132,16 @@ def by_li(picture: Picture) -> list[Ends]:
     return _classes([float(threshold_li(picture.grey[picture.valid] / 65535))])[::-1]
 
 
-def choice_of(picture: Picture) -> RangeChoice:
-    """What `suggest` chooses."""
-    return choose_ranges(_histogram(picture), count_cell_pairs(picture.blocks))
+def suggested(picture: Picture) -> Suggestions:
+    """What `suggest` answers."""
+    v = np.where(picture.valid, picture.grey / GREY_MAX, np.nan)
+    dataset = Dataset.of_values(v, GeoBox(v.shape, Affine.identity(), None), picture.family)
+    return suggest(Raster(dataset, parse_stretch("none")))
 
 
 def by_suggest(picture: Picture) -> list[Ends]:
     """The ranges of `suggest`, in its order."""
-    choice = choice_of(picture)
-    return [(choice.ranges[k].low, choice.ranges[k].high) for k in choice.ranked]
+    return [one.range for one in suggested(picture).ranges]
 
 
 def best_there_is(picture: Picture) -> list[Ends]:
@@ -177,8 +182,7 @@ def main(folder: Path | None) -> None:
         if picture.family == "real pictures":
             row.append(max(max(picture.overlaps(ends)) for ends in best_there_is(picture)))
         rows.setdefault(picture.family, []).append(row)
-        contrast = choice_of(picture).contrast
-        doubtful = contrast is not None and contrast < LEAST_CONTRAST
+        doubtful = any("stands out" in warning for warning in suggested(picture).warnings)
         warned.append((picture.family, doubtful, row[1] >= FINE))
     heads = ["", "pictures", *METHODS]
     lines: list[list[str]] = []

@@ -120,7 +120,7 @@ def test_known_classes_are_found() -> None:
     ]
 
 
-def discs(share: float, step: float, seed: int = 0) -> np.ndarray:
+def discs(share: float, step: float, seed: int = 0, noise: float = 0.03) -> np.ndarray:
     """Two grounds, and small discs that are brighter (or darker) than both."""
     rng = np.random.default_rng(seed)
     image = np.full((320, 384), 0.4) + 0.12 * (np.arange(384) > 180)
@@ -129,7 +129,7 @@ def discs(share: float, step: float, seed: int = 0) -> np.ndarray:
     while inside.mean() < share:
         row, col, radius = rng.uniform(12, 308), rng.uniform(12, 372), rng.uniform(6, 11)
         inside |= (rows - row) ** 2 + (cols - col) ** 2 < radius**2
-    image = image + step * inside + rng.normal(0, 0.03, image.shape)
+    image = image + step * inside + rng.normal(0, noise, image.shape)
     return np.clip(image, 0, 1).astype(np.float32)
 
 
@@ -147,7 +147,7 @@ def test_small_things_are_a_part_that_comes_first(step: float) -> None:
 
 
 def test_a_part_has_the_cells_whose_own_mean_lies_in_it() -> None:
-    found = suggested(discs(0.01, 0.3, 2), segment=SegmentParams())
+    found = suggested(discs(0.01, 0.3, 2, 0.08), segment=SegmentParams())
     kinds = found.by_intensity
     [part] = [one for one in kinds if one.part]
     assert kinds[-1] is part and part.high == 1
@@ -155,12 +155,10 @@ def test_a_part_has_the_cells_whose_own_mean_lies_in_it() -> None:
     mean = blocks.sums / (65535.0 * np.maximum(blocks.counts, 1))
     inside = (blocks.counts > 0) & (mean >= part.low)
     assert np.array_equal(found.intervals == len(kinds), inside)
-    assert part.pixels == blocks.counts[inside].sum()
-    assert part.share == pytest.approx(part.pixels / blocks.counts.sum())
 
 
 def test_a_number_of_classes_is_without_parts() -> None:
-    image = discs(0.02, 0.3)
+    image = discs(0.02, 0.3, noise=0.08)
     assert any(one.part for one in suggested(image, segment=SegmentParams()).ranges)
     for classes in (2, 4):
         found = suggested(image, classes, SegmentParams())
@@ -200,10 +198,10 @@ def test_what_cannot_be_is_refused() -> None:
 def test_the_public_word_gives_ranges_to_extract() -> None:
     image = scene(5)
     ranges = uavseg.suggest(image, stretch="none", tile=64, threads=2)
-    assert [chosen.range for chosen in ranges] == [chosen.range for chosen in suggested(image).ranges]
+    assert ranges == list(suggested(image, segment=SegmentParams()).ranges)
     for chosen in ranges:
-        regions = uavseg.extract(image, chosen.range, stretch="none", refine="none")
-        assert len(regions) == chosen.regions
+        regions = uavseg.extract(image, chosen.range, stretch="none")
+        assert (len(regions), regions["pixels"].sum()) == (chosen.regions, chosen.pixels)
 
 
 def test_the_public_word_warns_and_refuses() -> None:
@@ -221,6 +219,6 @@ def test_real_rasters(shared_data: Path, name: str) -> None:
     assert not is_block_map(shared_data / name)
     found = suggest(Raster(Dataset.open(shared_data / name)))
     classes = classes_of(found)
-    assert len(classes) >= 2 and sum(chosen.share for chosen in classes) == pytest.approx(1)
+    assert len(classes) >= 2 and sum(chosen.share for chosen in classes) == pytest.approx(1, abs=0.01)
     for part in (one for one in found.ranges if one.part):
         assert 0 < part.share < 0.8 * max(one.share for one in classes) and part.regions > 0

@@ -126,8 +126,15 @@ def test_of_two_modes_the_rarer_is_suggested(tmp_path: Path) -> None:
     pixels[:30] = 200
     bright = summarize(opened(tmp_path / "a b.tif", pixels))
     dark = summarize(opened(tmp_path / "dark.tif", 255 - pixels))
-    assert bright.interval == "0.45,1"
-    assert dark.interval == "0,0.5"
+    assert bright.interval == "0.47,1"
+    assert dark.interval == "0,0.53"
+
+
+def test_of_one_mode_the_rarer_of_dark_and_bright_is_suggested(tmp_path: Path) -> None:
+    pixels = np.clip(DICE.exponential(40, (100, 100)), 0, 255).astype(np.uint8)
+    found = summarize(opened(tmp_path / "a.tif", pixels))
+    assert found.interval == f"{found.cut:g},1"
+    assert summarize(opened(tmp_path / "dark.tif", 255 - pixels)).interval == f"0,{1 - found.cut:g}"
 
 
 @given(st.floats(0, 1), st.integers(1, 60))

@@ -80,6 +80,7 @@ def command(**options: Any) -> None:
 
     The ranges cut the histogram of the means of leaves into the classes that vary least within (Otsu's
     thresholds), as many as its valleys separate; without a valley, into two by the smallest cross entropy.
+    Valleys between the values of pixels cut too: rows, grids and small things hardly show in means.
     Things that stand out in the darkest or the brightest of them get a range of their own, a "part". What
     looks most like things on a ground comes first: compact, closed, with a contrast at its borders (their
     step, as a multiple of the differences on one side; noise and slow light reach 2.5). RASTER may also be a

@@ -15,10 +15,11 @@ from uavseg.jobs.source import Blocks, Pixels, Source
 from uavseg.jobs.suggestions import Suggestion, Suggestions
 from uavseg.jobs.unchanged import check_unchanged
 from uavseg.jobs.work import SERIAL, Work
+from uavseg.raster.intensity.populations import population_edges
 from uavseg.raster.tiling import TilePass
 from uavseg.raster.value_scale import ValueAxis
 from uavseg.regions.tiles.block_map_regions import count_segments
-from uavseg.regions.tiles.count_regions import count_regions, estimate_regions
+from uavseg.regions.tiles.count_regions import count_greys, count_regions, estimate_regions
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.cell_pairs import cells_of_own_mean, count_cell_pairs
 from uavseg.segmentation.blocks.leaves import (
@@ -28,9 +29,11 @@ from uavseg.segmentation.blocks.leaves import (
     means_among,
 )
 from uavseg.segmentation.params import IntensityRange, SegmentParams
+from uavseg.segmentation.pipeline import with_purer_cells
 from uavseg.segmentation.range_candidates import MAX_CLASSES, edge_beside_means
 from uavseg.segmentation.range_choice import LEAST_CONTRAST, ChosenRange, RangeChoice, choose_ranges
 from uavseg.segmentation.source import GreySource
+from uavseg.units import GREY_MAX
 
 EXACT_PIXELS = 400_000_000  # of larger rasters, the number of regions is estimated
 
@@ -85,21 +88,47 @@ def suggest(source: Source, request: SuggestRequest = SuggestRequest(), work: Wo
         pixels = source
         dividing, tile_pass = work.over(source).stages(2)
         saved, info = block_map_of(source, dividing)
-    refined = request.segment.refine != "none"
-    found = _suggestions(saved.blocks, info, request, refined and pixels is not None)
-    if pixels is None or tile_pass is None or not refined:
-        return work.finished(found)
+    if pixels is None or tile_pass is None or request.segment.refine == "none":
+        return work.finished(_suggestions(saved.blocks, info, request, False))
     grey = GreySource(pixels.cleaned(tile_pass.silent), saved.stretch, illumination=saved.illumination)
     if isinstance(source, Blocks):
         with work.reading_here():
             check_unchanged(grey, source)
+    looking, counting = tile_pass.stages(2)
+    found = _with_populations(saved.blocks, info, request, grey, looking)
     with phase("count of regions"):
-        ranges = _refined(found.ranges, saved.blocks, grey, request.segment, tile_pass)
+        ranges = _refined(found.ranges, saved.blocks, grey, request.segment, counting)
     return work.finished(replace(found, ranges=ranges))
 
 
-def _suggestions(blocks: BlockMap, source: SourceInfo, request: SuggestRequest, refined: bool) -> Suggestions:
-    """The ranges with what they give at the edges of cells, which `refined` says will not be all."""
+def _with_populations(
+    blocks: BlockMap, source: SourceInfo, request: SuggestRequest, grey: GreySource, tile_pass: TilePass
+) -> Suggestions:
+    """The ranges where regions are refined: those of populations too, where each pixel is decided."""
+    if not request.segment.decides_pixels:
+        return _suggestions(blocks, source, request, True)
+    with phase("populations"):
+        greys = count_greys(grey, tile_pass, math.prod(grey.shape) <= EXACT_PIXELS)
+        populations = population_edges(greys) if request.classes is None else ()
+        if populations:
+            blocks = with_purer_cells(blocks, grey, populations, tile_pass.silent)
+    found = _suggestions(blocks, source, request, True, greys, populations)
+    shown = bool(populations) and not grey.is_flat
+    return replace(found, histogram=greys, by_pixel=True) if shown else found
+
+
+def _suggestions(
+    blocks: BlockMap,
+    source: SourceInfo,
+    request: SuggestRequest,
+    refined: bool,
+    greys: NDArray[np.int64] | None = None,
+    populations: tuple[float, ...] = (),
+) -> Suggestions:
+    """The ranges with what they give at the edges of cells, which `refined` says will not be all.
+
+    With the pixels by grey, and the edges between their populations.
+    """
     how = request.segment
     histogram = histogram_of_means(blocks, how.division)
     if not histogram.any():
@@ -107,12 +136,15 @@ def _suggestions(blocks: BlockMap, source: SourceInfo, request: SuggestRequest, 
             f"no pixel of {source.name} is valid, so there is no range to choose; look at its nodata "
             "value with uavseg info"
         )
-    choice = choose_ranges(histogram, count_cell_pairs(blocks), request.classes, refined)
-    warnings = (*source.warnings, *_doubts(choice, request.classes, histogram))
+    choice = choose_ranges(histogram, count_cell_pairs(blocks), request.classes, refined, greys, populations)
+    warnings = (*source.warnings, *_doubts(choice, request.classes, histogram, bool(populations)))
     if not choice.edges:
         intervals = cell_intervals(blocks, (), how.division)
         return Suggestions((), choice.explained, histogram, intervals, blocks, source, warnings)
     taken = means_among(blocks, choice.bounds, how.division)
+    if greys is not None:
+        places = {end: round(end * GREY_MAX) for end in choice.bounds}
+        taken |= {end for end, at in places.items() if at / GREY_MAX == end and greys[at]}
     beside = {end: edge_beside_means(end) if end in taken else end for end in (0.0, *choice.bounds, 1.0)}
     chosen = [replace(one, low=beside[one.low], high=beside[one.high]) for one in choice.ranges]
     edges = [beside[edge] for edge in choice.edges]
@@ -141,7 +173,7 @@ def _classes(
 
 def _suggestion(blocks: BlockMap, one: ChosenRange, pixels: int, regions: int) -> Suggestion:
     total = int(blocks.counts.sum(dtype=np.int64))
-    contrast = None if one.border is None else one.border.contrast
+    contrast = None if one.border is None else one.border.contrast or None  # no border: not known
     return Suggestion(one.low, one.high, pixels, pixels / total, regions, part=one.is_part, contrast=contrast)
 
 
@@ -165,19 +197,24 @@ def _refined(
 ) -> tuple[Suggestion, ...]:
     """The ranges with their numbers of regions after refinement."""
     exact = math.prod(grey.shape) <= EXACT_PIXELS
+    total = int(blocks.counts.sum(dtype=np.int64))
     found = []
     for one, counting in zip(ranges, tile_pass.stages(len(ranges)), strict=True):
         interval = IntensityRange(one.low, one.high)
         cells = cells_in_range(blocks, interval, segment.division)
         if exact:
-            number = count_regions(grey, cells, interval, segment.refine, counting, blocks)
+            number, held = count_regions(grey, cells, interval, segment.refine, counting, blocks)
+            share = held / total
         else:
-            number = estimate_regions(grey, cells, interval, segment.refine, counting)
-        found.append(replace(one, regions=number, exact=exact))
+            number, share = estimate_regions(grey, cells, interval, segment.refine, counting)
+            held = round(share * total)
+        found.append(replace(one, regions=number, pixels=held, share=share, exact=exact))
     return tuple(found)
 
 
-def _doubts(choice: RangeChoice, wanted: int | None, histogram: NDArray[np.int64]) -> tuple[str, ...]:
+def _doubts(
+    choice: RangeChoice, wanted: int | None, histogram: NDArray[np.int64], parted: bool
+) -> tuple[str, ...]:
     """What the user should know of how far the ranges are to be trusted."""
     classes = len(choice.edges) + 1
     if classes == 1:
@@ -186,7 +223,7 @@ def _doubts(choice: RangeChoice, wanted: int | None, histogram: NDArray[np.int64
     found = []
     if wanted is not None and classes < wanted:
         found.append(f"the means of the leaves fall into {classes} bins, which are no {wanted} classes")
-    if choice.contrast is not None and choice.contrast < LEAST_CONTRAST:
+    if not parted and choice.contrast is not None and choice.contrast < LEAST_CONTRAST:
         found.append(
             f"no range stands out at its borders (contrast {choice.contrast:.1f}; noise and slow light reach "
             f"{LEAST_CONTRAST}); look where the ranges lie (-o look.png) before you trust them"

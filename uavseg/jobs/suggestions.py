@@ -20,13 +20,14 @@ class Suggestion:
     low, high : float
         Both ends are in it, and no leaf has one of them for its mean, 0 and 1 aside.
     pixels : int
-        Valid pixels of the leaves whose mean lies in it; of a part of a class, of such cells of 8 x 8 pixels.
+        That extracting it gives; where regions end at block edges, those of the leaves whose mean lies in it,
+        and of a part of a class, of such cells of 8 x 8 pixels.
     share : float
         Of all valid pixels, 0 to 1.
     regions : int
         How many regions extracting it gives.
     exact : bool
-        Whether they were counted; otherwise their number is an estimate, see `estimate_regions`.
+        Whether pixels and regions were counted; otherwise they are estimates, see `estimate_regions`.
     value_low, value_high : float or None
         The range in the units of the raster; None where it is open, or values are not known.
     unit : str
@@ -86,13 +87,15 @@ class Suggestions:
     explained : float
         Share of the variance of the leaves' means that lies between the ranges, parts aside.
     histogram : (65536,) int64 array
-        Valid pixels by the mean grey of their leaf.
+        Valid pixels by the mean grey of their leaf, or by their own.
     intervals : (8 B, 8 C) uint8 array
         Which of `by_intensity` the leaf of each cell of 8 x 8 pixels lies in, or the cell itself where that
         is a part, counted from 1; 0 where the leaf has no valid pixel.
     blocks : BlockMap
     source : SourceInfo
     warnings : tuple of str
+    by_pixel : bool
+        Whether the ranges part populations of pixels, so that pixels show them better than cells.
     """
 
     ranges: tuple[Suggestion, ...]
@@ -102,6 +105,7 @@ class Suggestions:
     blocks: BlockMap = field(repr=False)
     source: SourceInfo
     warnings: tuple[str, ...]
+    by_pixel: bool = False
 
     @property
     def by_intensity(self) -> tuple[Suggestion, ...]:

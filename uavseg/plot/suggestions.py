@@ -1,4 +1,4 @@
-"""Picture of suggested ranges: their cells in colour on the map, beside the histogram."""
+"""Picture of suggested ranges: their cells or pixels in colour on the map, beside the histogram."""
 
 import os
 from pathlib import Path
@@ -28,6 +28,7 @@ from uavseg.plot.page import (
     save_figure,
 )
 from uavseg.raster.dataset import Dataset
+from uavseg.raster.overview import DatasetOverview
 from uavseg.raster.value_scale import ValueAxis
 
 _WIDTH_IN, _MAP_IN, _PLOT_IN = 10.0, 6.3, 2.6  # the page, the raster and the histogram
@@ -111,7 +112,10 @@ def _draw_map(ax: Any, point: float, frame: Frame, found: Suggestions, dataset: 
     else:
         greys = (found.blocks.sums // np.maximum(counts, 1) >> 8).astype(np.uint8)
         draw_cells(ax, greys, counts > 0, frame, _MAX_PIXELS)
-    if found.ranges:
+    if found.ranges and found.by_pixel and dataset is not None:
+        coarse, ranges = DatasetOverview.of(dataset, _MAX_PIXELS), [one.range for one in found.by_intensity]
+        RangeLayer.of_pixels(coarse, found.source.stretch, ranges, _colors(found), frame).draw(ax)
+    elif found.ranges:
         seen = found.intervals * (counts > 0)  # a leaf may extend into nodata
         RangeLayer.of(seen, _colors(found), frame, _MAX_PIXELS).draw(ax)
     draw_scale_bar(ax, frame, point)

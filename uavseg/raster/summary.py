@@ -16,6 +16,7 @@ from uavseg.raster.geodesy.globe import crs_name
 from uavseg.raster.geodesy.ground import ground_resolution
 from uavseg.raster.intensity.beyond import greys_beyond
 from uavseg.raster.intensity.otsu import multi_otsu
+from uavseg.raster.intensity.populations import population_edges, rarest_population
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch
 from uavseg.raster.intensity.value_range import axis_of
 from uavseg.raster.mosaic import RasterSource
@@ -77,6 +78,10 @@ class Summary:
         How v maps to values in the units of the raster; None if bands or files have different scales.
     mean_beyond : float
         How much larger the mean of v would be if v were not clipped to 0..1.
+    interval : str
+        The rarest population of pixels, see `population_edges`, as --range takes it; where there is one, the
+        rarer of dark and bright, at Otsu's threshold in steps of 0.05. `suggest` looks at the means of leaves
+        too, which noise hardly affects.
     """
 
     paths: tuple[str, ...]
@@ -106,6 +111,7 @@ class Summary:
     command: str = ""
     axis: ValueAxis | None = None
     mean_beyond: float = 0.0
+    interval: str = ""
 
     @property
     def mean_value(self) -> float:
@@ -118,17 +124,6 @@ class Summary:
     def nodata_share(self) -> float:
         """Share of the counted pixels that are invalid."""
         return 1 - self.valid / self.counted
-
-    @property
-    def interval(self) -> str:
-        """The rarer of dark and bright, as --range takes it.
-
-        It uses Otsu's threshold of the pixels, in steps of 0.05. `suggest` partitions the leaf means instead,
-        which noise hardly affects, into as many ranges as they have classes.
-        """
-        edge = round(self.cut * HISTOGRAM_BINS)
-        bright = 0 < 2 * sum(self.histogram[edge:]) <= self.valid
-        return f"{self.cut:g},1" if bright else f"0,{self.cut:g}"
 
     def as_dict(self) -> dict[str, Any]:
         """All fields as plain values for JSON, with None instead of NaN and infinity."""
@@ -180,6 +175,9 @@ def summarize(
         seen = without_collar(seen, TilePass((), map))
     fitted, greys, beyond = _count(seen, stretch, map, progress)
     mean, std = _moments(greys)
+    edges, histogram, cut = population_edges(greys), _binned(greys), _otsu_threshold(greys)
+    bright = 0 < 2 * histogram[round(cut * HISTOGRAM_BINS) :].sum() <= greys.sum()
+    low, high = rarest_population(greys, edges) if edges else (cut, 1.0) if bright else (0.0, cut)
     return Summary(
         paths=dataset.paths,
         driver=first.driver,
@@ -198,15 +196,16 @@ def summarize(
         counted=math.prod(seen.geobox.shape),
         valid=int(greys.sum()),
         stretch=fitted.name,
-        histogram=tuple(_binned(greys).tolist()),
+        histogram=tuple(histogram.tolist()),
         mean=mean,
         std=std,
-        cut=_otsu_threshold(greys),
+        cut=cut,
         overviews=first.overviews,
         in_metres=dataset.in_metres,
         warnings=(*seen.warnings, *fitted.warnings),
         axis=axis_of(dataset, fitted),
         mean_beyond=beyond / max(int(greys.sum()), 1) / (GREY_LEVELS - 1),
+        interval=f"{low:.7g},{high:.7g}",
     )
 
 

@@ -8,9 +8,11 @@ refine_tile       pixels of a tile in regions               (one pass over all t
 Where each pixel is decided, by total variation or by its own value, the last step is the only one.
 """
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +33,7 @@ from uavseg.segmentation.params import (
 from uavseg.segmentation.refine.range_scans import REFINE_HALO, refine_by_local_mean, refine_by_scans
 from uavseg.segmentation.refine.tv import refine_by_tv
 from uavseg.segmentation.source import CACHED_SIDE, CAPACITY, BlockCache, GreySource, GreyTile
-from uavseg.units import BLOCK, CELL, CELLS, GREY_LEVELS
+from uavseg.units import BLOCK, CELL, CELLS, GREY_LEVELS, GREY_MAX
 
 IN_RANGE = np.uint8(1)
 
@@ -164,6 +166,30 @@ def _measure_several(
     return [MeasuredCells(blocks, own) for blocks, own in zip(maps, edges, strict=True)]
 
 
+def with_purer_cells(
+    blocks: BlockMap, source: GreySource, edges: Sequence[float], tile_pass: TilePass
+) -> BlockMap:
+    """A block map whose cells have the mean of the population that most of their pixels belong to.
+
+    The mean of two populations is a value that neither has: what parts such means parts no pixels.
+
+    Parameters
+    ----------
+    blocks : BlockMap
+    source : GreySource
+        The raster that it was made from.
+    edges : sequence of float
+        Between populations, increasing; no pixel has one of them for its v.
+    tile_pass : TilePass
+    """
+    greys = [-1, *(math.floor(edge * GREY_MAX) for edge in edges), GREY_MAX]
+    sums = np.zeros_like(blocks.sums)
+    found = tile_pass.run(partial(_purer_sums, source, greys))
+    for window, here in zip(tile_pass.windows, found, strict=True):
+        sums[window_cells(window)] = here
+    return replace(blocks, sums=sums)
+
+
 def fill_ratios(
     source: GreySource,
     measured: MeasuredCells,
@@ -286,6 +312,19 @@ def _measure_source(
     sums, counts = cell_sums(tile.grey, tile.valid, margin=1)
     cache.put(window, tile, sums, counts)
     return sums, counts, contrast_histogram(tile.grey, tile.mask)
+
+
+def _purer_sums(source: GreySource, greys: Sequence[int], window: Window) -> NDArray[np.uint32]:
+    """Sums of the cells of a tile, as if all of their pixels were of the most frequent population."""
+    tile = source.read(window, 0)
+    _, total = cell_sums(tile.grey, tile.valid)
+    own = np.zeros((2, *total.shape), np.int64)
+    for low, high in pairwise(greys):
+        inside = pixels_in_range(tile.grey, tile.valid, low + 1, high)
+        sums, counts = cell_sums(tile.grey * inside, inside)
+        own = np.where(counts > own[1], (sums, counts), own)
+    purer: NDArray[np.uint32] = (own[0] * total // np.maximum(own[1], 1)).astype(np.uint32)
+    return purer
 
 
 def _divide_tile(

@@ -8,7 +8,7 @@ from decimal import Decimal
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.raster.intensity.otsu import Classes, are_separated, multi_otsu, select_classes
+from uavseg.raster.intensity.otsu import are_separated, multi_otsu, select_classes
 from uavseg.units import GREY_MAX
 
 MAX_CLASSES = 8  # that a caller may ask for
@@ -28,14 +28,11 @@ class RangeCandidates:
     ----------
     edges : tuple of float
         Edges between the ranges, increasing; decimal numbers of few digits.
-    classes : Classes
-        The Otsu classes of the histogram in at most 256 bins.
     clear : bool
         Whether valleys of the histogram separate all classes.
     """
 
     edges: tuple[float, ...]
-    classes: Classes
     clear: bool
 
 
@@ -61,7 +58,7 @@ def propose_ranges(histogram: NDArray[np.int64], n_classes: int | None = None) -
         (int(first) + low, int(first) + high)
         for low, high in (_gap(occupied, width, *pair) for pair in pairs)
     ]
-    return RangeCandidates(_edges(histogram, gaps, width), classes, are_separated(bins, classes))
+    return RangeCandidates(_edges(histogram, gaps, width), are_separated(bins, classes))
 
 
 def edge_near(histogram: NDArray[np.int64], grey: float, low: float = 0.0, high: float = 1.0) -> float | None:

@@ -1,6 +1,7 @@
 """Choice of ranges by what lies on both sides of their borders, and their order.
 
 histogram of leaf means -> classes: Otsu's, or two of least cross entropy where no valleys part them
+histogram of pixels -> classes too small or too dense for leaves: populations that valleys part
 joint histograms of cells -> darkest and brightest things: the bound with the largest average contrast
                           -> order: compact, closed and contrasting ranges first
 """
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from uavseg.raster.intensity.cross_entropy import least_cross_entropy
 from uavseg.segmentation.blocks.cell_pairs import BINS, CellPairs, RangeBorder
+from uavseg.segmentation.params import IntensityRange
 from uavseg.segmentation.range_candidates import edge_near, explained_by, propose_ranges
 
 LEAST_CONTRAST = 2.5  # of a border; noise, slow light and fractal surfaces have at most 2.4 at any bound
@@ -23,6 +25,7 @@ _MOST_OF_CLASS = 0.8  # of its cells: a part that holds more is the class itself
 _PROMINENCE = 1.25  # of a bound's average contrast, over what lies between it and a higher one
 _LEAST_SHARE = 0.25  # of the largest average contrast
 _LEAST_PAIRS = 12  # that a bound parts: the border of a few cells
+_SAME = 0.15  # of the smaller side: cells between two edges that part the same
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,12 +41,15 @@ class ChosenRange:
         together are 0..1.
     border : RangeBorder or None
         None where no cell counts.
+    pixels : int
+        That lie in it by their own grey; 0 where they were not counted.
     """
 
     low: float
     high: float
     is_part: bool
     border: RangeBorder | None
+    pixels: int = 0
 
     @property
     def score(self) -> float:
@@ -81,8 +87,9 @@ class RangeChoice:
 
     @property
     def ranked(self) -> tuple[int, ...]:
-        """Indices of the ranges, those that look most like things on a ground first."""
-        return tuple(sorted(range(len(self.ranges)), key=lambda k: (-self.ranges[k].score, k)))
+        """Indices of the ranges, those that look most like things on a ground first, then the rarest."""
+        ends = [(-one.score, one.pixels, -one.low if one.pixels else 0) for one in self.ranges]
+        return tuple(sorted(range(len(self.ranges)), key=lambda k: (ends[k], k)))
 
     @property
     def contrast(self) -> float | None:
@@ -96,6 +103,8 @@ def choose_ranges(
     pairs: CellPairs | None,
     n_classes: int | None = None,
     refined: bool = True,
+    greys: NDArray[np.int64] | None = None,
+    populations: Sequence[float] = (),
 ) -> RangeChoice:
     """Ranges of a raster.
 
@@ -110,21 +119,50 @@ def choose_ranges(
         separate; where there are no such valleys, two of least cross entropy.
     refined : bool
         Whether regions are refined to the pixel, so that a cell that differs from its leaf is found too.
+    greys : (65536,) int64 array, optional
+        Pixels by grey.
+    populations : sequence of float
+        Edges between populations of pixels, see `population_edges`. They take the place of edges that part
+        the same cells, and are edges of their own otherwise; not with a number of classes.
     """
     cuts = propose_ranges(histogram, n_classes)
-    edges = cuts.edges
-    if n_classes is None and pairs is not None and not cuts.clear and len(edges) == 1:
-        edges = _two_of_least_entropy(histogram, pairs) or edges
-    bounds = (0.0, *edges, 1.0)
-    ranges = [(low, high, False) for low, high in pairwise(bounds)]
-    if n_classes is None and pairs is not None and edges:
-        ranges += _parts(pairs.histogram() if refined else histogram, pairs, edges)
-    chosen = tuple(ChosenRange(*one, _border(pairs, *one[:2])) for one in ranges)
-    return RangeChoice(chosen, explained_by(histogram, edges))
+    edges, parts = cuts.edges, list[tuple[float, float, bool]]()
+    if n_classes is None:
+        if not cuts.clear and len(edges) == 1:
+            edges = tuple(populations) or _two_of_least_entropy(histogram, pairs) or edges
+        if pairs is not None and edges:
+            parts = _parts(pairs.histogram() if refined else histogram, pairs, edges)
+        if populations:
+            others = {edge for edge in edges if _is_new(edge, populations, pairs)}
+            edges = tuple(sorted(others.union(populations)))
+            parts = [part for part in parts if _is_new(part[0] or part[1], populations, pairs)]
+    chosen = []
+    for low, high, is_part in [(*ends, False) for ends in pairwise((0.0, *edges, 1.0))] + parts:
+        first, last = IntensityRange(low, high).greys
+        pixels = 0 if greys is None else int(greys[first : last + 1].sum())
+        chosen.append(ChosenRange(low, high, is_part, _border(pairs, low, high), pixels))
+    return RangeChoice(tuple(chosen), explained_by(histogram, edges))
 
 
-def _two_of_least_entropy(histogram: NDArray[np.int64], pairs: CellPairs) -> tuple[float, ...]:
-    if np.count_nonzero(pairs.cells) < 2:
+def _is_new(edge: float, populations: Sequence[float], pairs: CellPairs | None) -> bool:
+    """Whether an edge parts cells within one population, and stands out at its border there."""
+    if pairs is None:
+        return False
+    place, bounds = pairs.bin_of(edge), [0, *map(pairs.bin_of, populations), BINS]
+    for bound in bounds[1:-1]:
+        low, high = sorted((place, bound))
+        below, between, above = (int(part.sum()) for part in np.split(pairs.cells, [low, high]))
+        if between <= _SAME * min(below, above):
+            return False
+    begin = max(one for one in bounds if one <= place)
+    end = min((one for one in bounds if one > place), default=BINS)
+    if not pairs.cells[begin:place].any() or not pairs.cells[place:end].any():
+        return False
+    return pairs.within(begin, end).border(begin, place).contrast >= LEAST_CONTRAST
+
+
+def _two_of_least_entropy(histogram: NDArray[np.int64], pairs: CellPairs | None) -> tuple[float, ...]:
+    if pairs is None or np.count_nonzero(pairs.cells) < 2:
         return ()
     end, start = least_cross_entropy(pairs.cells)
     edge = edge_near(histogram, (pairs.grey_of(end + 1) + pairs.grey_of(start)) / 2)

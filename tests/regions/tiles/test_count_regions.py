@@ -36,6 +36,7 @@ def test_the_number_is_that_of_extracting(seed: int, how: tuple[str, str]) -> No
     for one in ranges:
         regions = extract(source, ExtractRequest(IntensityRange(*one.range), segment)).regions
         assert one.exact and one.regions == len(regions) and one.regions_text == f"{len(regions):,}"
+        assert one.pixels == regions.columns["pixels"].sum()
 
 
 @pytest.mark.slow
@@ -48,6 +49,7 @@ def test_the_number_in_a_large_raster_is_estimated(monkeypatch: pytest.MonkeyPat
     for one, other in zip(exact, estimated, strict=True):
         assert not other.exact and other.regions_text.startswith("about ")
         assert other.regions == pytest.approx(one.regions, rel=0.4)
+        assert other.share == pytest.approx(one.share, abs=0.1)
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1024, 3000), (20_000, 9000), (10**6, 10**6)])

@@ -1,4 +1,4 @@
-"""Layer of ranges: the cells of each range in its colour, translucent over grey."""
+"""Layer of ranges: the cells or pixels of each range in its colour, translucent over grey."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,8 +10,11 @@ from numpy.typing import NDArray
 
 from uavseg.plot.frame import Frame
 from uavseg.plot.layers.raster_layer import draw_image
+from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox, scaled
-from uavseg.units import CELL
+from uavseg.raster.intensity.stretch import Stretch
+from uavseg.raster.tiling import Window
+from uavseg.units import CELL, GREY_MAX
 
 RANGE_COLORS = ("#3b5bdb", "#19c3f0", "#2fd05f", "#b5e61d", "#ffe119", "#ff8c1a", "#e8362e", "#f032e6")
 DARK_PART_COLOR, BRIGHT_PART_COLOR = "#19c3f0", "#f032e6"  # of ranges that are parts of the outermost ones
@@ -55,6 +58,19 @@ class RangeLayer:
     ) -> "RangeLayer":
         """The ranges of cells of 8 x 8 pixels, upsampled to at most `max_side` rows and columns."""
         return cls(*upsample_cells(intervals, frame, max_side), colors)
+
+    @classmethod
+    def of_pixels(
+        cls, coarse: Dataset, stretch: Stretch, ranges: Sequence[Any], colors: Sequence[str], frame: Frame
+    ) -> "RangeLayer":
+        """The ranges (low, high) of the pixels of a downsampled dataset, by their own v."""
+        values, valid = coarse.read(Window(0, 0, *coarse.geobox.shape))
+        v = stretch.apply(values, valid) / GREY_MAX
+        intervals = np.zeros(v.shape, np.uint8)
+        for kind, (low, high) in enumerate(ranges, 1):
+            intervals[(v >= low) & (v <= high)] = kind
+        intervals *= np.uint8(1) if valid is None else valid
+        return cls(intervals, frame.plot_from_map * coarse.geobox.transform, colors)
 
     def draw(self, ax: Any) -> None:
         """Draw on axes."""

@@ -107,7 +107,7 @@ def are_separated(counts: ArrayLike, classes: Classes) -> bool:
     """
     every = np.asarray(counts, np.float64)
     first, last = np.flatnonzero(every)[[0, -1]]
-    smooth = _smoothed(every[first : last + 1], (last - first + 1) * SMOOTHING)
+    smooth = smoothed(every[first : last + 1], (last - first + 1) * SMOOTHING)
     begins = [0, *(start - first for start in classes.starts)]
     ends = [*(end - first for end in classes.ends), last - first]
     tops = [begin + int(smooth[begin : end + 1].argmax()) for begin, end in zip(begins, ends, strict=True)]
@@ -117,7 +117,7 @@ def are_separated(counts: ArrayLike, classes: Classes) -> bool:
     )
 
 
-def _smoothed(counts: Floats, sigma: float) -> Floats:
+def smoothed(counts: Floats, sigma: float) -> Floats:
     reach = math.ceil(4 * sigma)
     weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
     smooth: Floats = np.convolve(counts, weights / weights.sum())[reach:-reach]

@@ -15,7 +15,7 @@ from uavseg.segmentation.params import IntensityRange, Refinement
 from uavseg.segmentation.pipeline import refine_tile
 from uavseg.segmentation.refine.range_scans import REFINE_HALO
 from uavseg.segmentation.source import GreySource
-from uavseg.units import BLOCK
+from uavseg.units import BLOCK, GREY_LEVELS
 
 PART_SIDE = 16 * BLOCK  # of a part that is looked at
 _PARTS = 5  # along each side of the raster, at most
@@ -28,9 +28,10 @@ def count_regions(
     refine: Refinement,
     tile_pass: TilePass,
     expected: BlockMap | None = None,
-) -> int:
-    """How many regions `outline_regions` finds; the parameters are its own."""
-    return len(outline_regions(source, cells, interval, refine, tile_pass, expected).sums.counts)
+) -> tuple[int, int]:
+    """How many regions `outline_regions` finds, and their pixels; the parameters are its own."""
+    counts = outline_regions(source, cells, interval, refine, tile_pass, expected).sums.counts
+    return len(counts), int(counts.sum())
 
 
 def estimate_regions(
@@ -39,12 +40,12 @@ def estimate_regions(
     interval: IntensityRange,
     refine: Refinement,
     tile_pass: TilePass,
-) -> int:
-    """About how many regions `outline_regions` would find.
+) -> tuple[int, float]:
+    """About how many regions `outline_regions` would find, and their share of the valid pixels.
 
     A ratio estimate: regions of leaves are counted over the whole raster, and multiplied by what refinement
     makes of their number in 5 x 5 evenly spaced parts of 1024 x 1024 pixels. Where no leaf of these parts is
-    in range, their number for each pixel counts.
+    in range, their number for each pixel counts. The share is that in these parts.
 
     Parameters
     ----------
@@ -59,11 +60,20 @@ def estimate_regions(
     whole = int(label_equal_values(cells)[1]) if cells.any() else 0
     count_part = partial(_count_part, source, cells, interval, refine)
     found = list(tile_pass.run(count_part, sample_parts(source.shape)))
-    of_cells, refined = (int(sum(counts)) for counts in zip(*found, strict=True))
+    of_cells, refined, held, valid = (int(sum(counts)) for counts in zip(*found, strict=True))
+    share = held / max(valid, 1)
     if of_cells:
-        return max(round(whole * refined / of_cells), 1)
+        return max(round(whole * refined / of_cells), 1), share
     seen = sum(part.rows * part.cols for part in sample_parts(source.shape))
-    return round(refined * math.prod(source.shape) / seen)
+    return round(refined * math.prod(source.shape) / seen), share
+
+
+def count_greys(source: GreySource, tile_pass: TilePass, exact: bool = True) -> NDArray[np.int64]:
+    """Valid pixels by grey, (65536,): all, or those of the parts that `estimate_regions` looks at."""
+    counts = np.zeros(GREY_LEVELS, np.int64)
+    for part in tile_pass.run(partial(_count_greys, source), None if exact else sample_parts(source.shape)):
+        counts += part
+    return counts
 
 
 def count_pixels(source: GreySource, table: NDArray[np.uint8], tile_pass: TilePass) -> NDArray[np.int64]:
@@ -80,10 +90,7 @@ def count_pixels(source: GreySource, table: NDArray[np.uint8], tile_pass: TilePa
     -------
     counts : (256,) int64 array
     """
-    counts = np.zeros(256, np.int64)
-    for part in tile_pass.run(partial(_count_pixels, source, table)):
-        counts += part
-    return counts
+    return np.bincount(table, count_greys(source, tile_pass), 256).astype(np.int64)
 
 
 def has_thin_lines(source: GreySource, interval: IntensityRange, tile_pass: TilePass) -> bool:
@@ -100,11 +107,11 @@ def sample_parts(shape: tuple[int, int]) -> list[Window]:
     return [Window(row, col, PART_SIDE, PART_SIDE).clipped(shape) for row, col in corners]
 
 
-def _count_pixels(source: GreySource, table: NDArray[np.uint8], window: Window) -> NDArray[np.int64]:
+def _count_greys(source: GreySource, window: Window) -> NDArray[np.int64]:
     if source.dataset.is_empty(window):
-        return np.zeros(256, np.int64)
+        return np.zeros(GREY_LEVELS, np.int64)
     tile = source.read(window, 0)
-    return np.bincount(table[tile.grey[tile.valid > 0]], minlength=256).astype(np.int64)
+    return np.bincount(tile.grey[tile.valid > 0], minlength=GREY_LEVELS)
 
 
 def _has_lines(source: GreySource, interval: IntensityRange, window: Window) -> bool:
@@ -118,10 +125,12 @@ def _count_part(
     interval: IntensityRange,
     refine: Refinement,
     window: Window,
-) -> tuple[int, int]:
-    """Regions of cells in a part of the raster, and regions after refinement."""
+) -> tuple[int, int, int, int]:
+    """Of a part of the raster: regions of cells, regions after refinement, their pixels, all valid ones."""
     here = np.ascontiguousarray(cells[window_cells(window)])
     found = refine_tile(source, cells_around(cells, window, REFINE_HALO), interval, refine, window)
     if found is None:
-        return 0, 0
-    return label_equal_values(here)[1], label_components(found[0], REFINE_HALO)[1]
+        return 0, 0, 0, int(np.count_nonzero(source.read(window, 0).valid))
+    inner = np.s_[REFINE_HALO:-REFINE_HALO, REFINE_HALO:-REFINE_HALO]
+    held, valid = (int(np.count_nonzero(one[inner])) for one in (found[0], found[1].valid))
+    return label_equal_values(here)[1], label_components(found[0], REFINE_HALO)[1], held, valid

@@ -89,6 +89,13 @@ class CellPairs:
         found[np.minimum(middles, GREY_MAX)] = self.cells[bins]  # the last bin may reach beyond all greys
         return found
 
+    def within(self, low: int, high: int) -> "CellPairs":
+        """Those of the cells of the bins low..high - 1 alone."""
+        inside = (np.arange(BINS) >= low) & (np.arange(BINS) < high)
+        both = np.outer(inside, inside)
+        counts = (self.cells * inside, self.frame * inside, self.near * both, self.far * both)
+        return CellPairs(self.first, self.width, *counts)
+
     def border(self, low: int, high: int) -> RangeBorder:
         """Look of the range that holds the bins low..high - 1.
 
