@@ -7,6 +7,7 @@ from random import Random
 from typing import Any
 
 import numpy as np
+import shapely
 from affine import Affine
 from numpy.typing import NDArray
 
@@ -77,4 +78,5 @@ def answer(path: Path, picture: Picture, ends: tuple[float, float], refine: str)
     """The pixels of a range."""
     write_tiff(path, picture, {})
     found = uavseg.extract(path, range=ends, refine=refine, stretch="dtype", collar="keep", threads=1)
-    return plain.drawn_pixels(found.geometry, picture.shape, picture.transform)
+    together = shapely.multipolygons(shapely.get_parts(found.geometry))  # thousands of specks, drawn at once
+    return plain.drawn_pixels([together], picture.shape, picture.transform)
