@@ -45,7 +45,7 @@ def weights_of(active: Image, valid: Image, grey: Grey, bounds: list[int]) -> In
     level = without_steps(valid, grey.astype(np.int64), bounds)
     fours = per_square(level, 4)
     whole = (per_square(valid.astype(np.int64), 4) == 16).astype(np.uint8)
-    noise = noise_of(16, [2, 6, 10, 14], valid, level)
+    noise = noise_of(16, [2, 6, 9, 13], valid, level)
     noise = np.fmax(noise, 4 * noise_of(4, [1, 2], whole, (fours + 8) // 16))
     padded = np.pad(noise, 1, constant_values=np.nan)
     around = np.sort(sliding_window_view(padded, (3, 3)).reshape(*noise.shape, 9), axis=-1)
@@ -101,7 +101,8 @@ def minimise_tv(grey: Grey, weights: Ints, sweeps: int = SWEEPS) -> tuple[Ints, 
     for _ in range(sweeps):
         for k, (a, b, share) in enumerate(groups):
             limit = np.minimum(weights[a], weights[b]) * share // 64
-            bounded = np.clip(flows[k] + (u[b] - u[a]) // 2, -limit, limit)
+            half = np.trunc((u[b] - u[a]) / 2).astype(np.int64)
+            bounded = np.clip(flows[k] + half, -limit, limit)
             change, flows[k] = bounded - flows[k], bounded
             u[a] += change
             u[b] -= change
@@ -115,8 +116,10 @@ def pairs(shape: tuple[int, ...]) -> list[tuple[Any, Any, int]]:
     for k in (0, 1):
         upper, lower = slice(k, rows - 1, 2), slice(k + 1, rows, 2)
         groups.append(((upper, slice(None)), (lower, slice(None)), 64))
-        groups.append(((upper, slice(0, cols - 1)), (lower, slice(1, cols)), 45))
-        groups.append(((upper, slice(1, cols)), (lower, slice(0, cols - 1)), 45))
+        for first in (0, 1):  # both diagonals of a square of 2 x 2 pixels share no pixel
+            left, right = slice(first, cols - 1, 2), slice(first + 1, cols, 2)
+            groups.append(((upper, left), (lower, right), 45))
+            groups.append(((upper, right), (lower, left), 45))
     return groups
 
 

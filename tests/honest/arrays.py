@@ -21,8 +21,8 @@ from uavseg.errors import UavsegError
 Lazy = Callable[[xarray.DataArray, Random], Any]
 FORMS: dict[str, Lazy] = {
     "opened": lambda array, _: array,
-    "squeezed": lambda array, _: array.squeeze("band", drop=True),
-    "transposed": lambda array, _: array.squeeze("band", drop=True).transpose("x", "y"),
+    "squeezed": lambda array, _: array.squeeze(drop=True),
+    "transposed": lambda array, _: array.squeeze(drop=True).transpose("x", "y", ...),
     "bands last": lambda array, _: array.transpose("y", "x", "band"),
     "sorted by y": lambda array, _: array.sortby("y"),
     "sorted by x downwards": lambda array, _: array.sortby("x", ascending=False),

@@ -28,6 +28,7 @@ KINDS = {  # share of the cases
     "turns": 2,
     "missions": 1,
     "summaries": 2,
+    "commands": 3,
     "things": 2,
 }
 PATIENCE_S = 60

@@ -22,8 +22,8 @@ class RefusedError(Exception):
     """An honest input that is refused."""
 
 
-def command(*words: str) -> str:
-    """Run a command in this process; what it says on standard error.
+def command(*words: Any) -> str:
+    """Run a command in this process; what it prints.
 
     Raises
     ------
@@ -35,7 +35,12 @@ def command(*words: str) -> str:
     done = CliRunner().invoke(main, [*map(str, words)], catch_exceptions=False)
     if done.exit_code:
         raise RefusedError(done.stderr.strip().splitlines()[-1])
-    return done.stderr
+    return done.stdout
+
+
+def no_constant(text: str) -> None:
+    """Refuse NaN and Infinity, which are no JSON."""
+    raise ValueError(f"{text} is no JSON")
 
 
 def findings_of(case: Case, rng: Random, folder: Path) -> list[Finding]:

@@ -13,7 +13,7 @@ import shapely
 from pyproj import CRS, Transformer
 
 from tests.honest import plain
-from tests.honest.findings import command, differ, far, unlike
+from tests.honest.findings import command, differ, far, no_constant, unlike
 from tests.honest.picture import any_file, any_picture, any_shape, quiet
 from tests.hostile.judging import Finding
 
@@ -84,11 +84,7 @@ def read_back(path: Path, labels: Any, truth: plain.Plain, about: str) -> Iterat
     area = plain.area_m2(labels > 0, truth.transform, truth.crs)
     yield from far("AREA", about, float(np.sum(frame["area_m2"].astype(float))), area, 2e-6, 1e-3 * count)
     if path.suffix == ".geojson":
-        json.loads(path.read_text(encoding="utf-8"), parse_constant=_no_constant)
-
-
-def _no_constant(text: str) -> None:
-    raise ValueError(f"{text} is no JSON")
+        json.loads(path.read_text(encoding="utf-8"), parse_constant=no_constant)
 
 
 def _back(polygon: Any, crs: Any, truth: plain.Plain) -> Any:

@@ -6,13 +6,11 @@ from pathlib import Path
 from random import Random
 
 import numpy as np
-from click.testing import CliRunner
 
 from tests.honest import plain
-from tests.honest.findings import RefusedError, differ, far
+from tests.honest.findings import command, differ, far
 from tests.honest.picture import any_file, any_picture
 from tests.hostile.judging import Finding
-from uavseg.cli import main
 
 
 def case(rng: Random, folder: Path) -> Iterator[Finding]:
@@ -24,10 +22,7 @@ def case(rng: Random, folder: Path) -> Iterator[Finding]:
         return
     low, high = picture.span
     words = ["info", str(path), "--json", "--collar", "keep", f"--stretch={low!r},{high!r}", "--threads", "1"]
-    done = CliRunner().invoke(main, words, catch_exceptions=False)
-    if done.exit_code:
-        raise RefusedError(done.stderr.strip().splitlines()[-1])
-    said, about = json.loads(done.stdout), picture.by
+    said, about = json.loads(command(*words)), picture.by
     yield from differ("SIZE", about, (said["rows"], said["cols"]), truth.valid.shape)
     yield from differ("VALID", about, said["valid"], int(np.count_nonzero(truth.valid)))
     v = plain.v_of(truth.intensity[truth.valid], low, high)

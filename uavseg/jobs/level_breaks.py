@@ -92,10 +92,10 @@ def quantile_breaks(histogram: NDArray[np.int64], count: int) -> tuple[float, ..
 
 
 def _break_between(low: int, high: int) -> float:
-    """The number with the fewest decimals from a grey on that is not nearer to another, higher one."""
+    """The number above 0 of the fewest decimals from a grey on that is not nearer to another, higher one."""
     for decimals in range(1, 7):  # six decimals, a fifteenth of a grey, always do
         unit = 10**decimals
-        found = -(-low * unit // GREY_MAX) / unit
+        found = max(-(-low * unit // GREY_MAX), 1) / unit
         if found < (high - 0.5) / GREY_MAX:
             break
     return float(found)

@@ -62,6 +62,17 @@ def test_invalid_pixels_have_no_influence(seed: int) -> None:
     )
 
 
+@settings(max_examples=10)
+@given(st.integers(0, 100_000))
+def test_a_mirrored_image_has_the_same_noise(seed: int) -> None:
+    valid = (np.random.default_rng(seed).random(SHAPE) > 0.02).astype(np.uint8)
+    grey, active, bounds = noisy(800, seed) * valid, np.ones(CELLS, np.uint8), np.array([22000])
+    found = estimate_noise(grey, valid, active, bounds)
+    for axis in (0, 1):
+        turned, known = (np.ascontiguousarray(np.flip(image, axis)) for image in (grey, valid))
+        assert np.array_equal(estimate_noise(turned, known, active, bounds), np.flip(found, axis))
+
+
 @pytest.mark.parametrize("pitch", [5, 8, 13])
 @pytest.mark.parametrize("deviation", [0, 300, 1500])
 def test_rows_in_two_intervals_are_no_noise(pitch: int, deviation: float) -> None:

@@ -114,17 +114,18 @@ def _line_buffers(half: int) -> tuple[NDArray[Any], ...]:
     """Buffers of the active lines: u, weights, diagonal weights, and flows of the eight groups of pairs.
 
     In a line, the pixels of even columns come first. A group touches no pixel twice. The last array, (8, 2),
-    holds the first pixel of each group in the upper and in the lower line.
+    holds the first pixel of each group in the upper and in the lower line. The two diagonals of a square of
+    2 x 2 pixels follow each other: they share no pixel, so a mirrored image is denoised alike.
     """
     length = -(-half // _VECTOR) * _VECTOR
     even, odd, right = 0, length + _GAP, 1
     within = [(even, odd), (odd, even + right)]
     down = [(even, even), (odd, odd)]
-    falling = [(even, odd), (odd, even + right)]
-    rising = [(even + right, odd), (odd, even)]
+    from_even = [(even, odd), (odd, even)]  # falling, rising
+    from_odd = [(odd, even + right), (even + right, odd)]
     pixels = np.zeros((3, _LINES * 2 * (length + _GAP)), np.int16)
     flows = np.zeros(_LINES * _GROUPS * length, np.int16)
-    return *pixels, flows, np.array(within + down + falling + rising)
+    return *pixels, flows, np.array(within + down + from_even + from_odd)
 
 
 @inlined
@@ -145,7 +146,8 @@ def load_row(grey, valid, cell_weights, first, u, weights, diagonals, even, odd)
 def relax_pairs(u, weights, a, b, flows, at, length):  # type: ignore[no-untyped-def]
     """Move half of the difference between the pixels of each pair, bounded by the smaller weight."""
     for k in range(length):
-        half = np.int16(np.int16(u[b + k] - u[a + k]) >> 1)
+        difference = np.int16(u[b + k] - u[a + k])
+        half = np.int16(np.int16(difference - (difference >> 15)) >> 1)  # rounded towards 0
         flow = np.int16(flows[at + k] + half)
         limit = min(weights[a + k], weights[b + k])
         bounded = max(min(flow, limit), np.int16(-limit))
