@@ -76,8 +76,8 @@ def kml_notes(regions: Regions) -> list[str]:
     which = "one polygon has" if many == 1 else f"{many:,} polygons have"
     return [
         f"{which} more than {MAX_CORNERS:,} corners (up to {int(counts.max()):,}), which Google Earth draws "
-        "wrongly or not at all; --simplify METRES (simplify=METRES) leaves fewer, and GIS software reads them "
-        "as they are"
+        "wrongly or not at all; --simplify METRES (simplify=METRES) leaves fewer, and GIS software reads "
+        "them as they are"
     ]
 
 
