@@ -10,7 +10,7 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.regions.edit.small import Area, region_areas
 from uavseg.regions.outline.rasterise import LazyLabels, Rasteriser
 from uavseg.regions.outline.rings import RegionOutlines, merge_sums, select_sums
-from uavseg.regions.outline.trace import STRIP, LabelRows, trace
+from uavseg.regions.outline.trace import STRIP, LabelRows, link_strips, trace_strips
 from uavseg.segmentation.components import Sums
 
 Integers = NDArray[np.int64]
@@ -59,8 +59,9 @@ def eliminate(
     order = np.lexsort((sums.firsts[:, 1], sums.firsts[:, 0], -pixels))
     number = np.empty(len(order), np.int64)
     number[order] = np.arange(1, len(order) + 1)
-    rings = trace(replace(labels, numbers=np.append(0, number[group]).astype(np.uint32)))
-    return RegionOutlines(rings, select_sums(sums, order)), kinds[roots][order]
+    strips = trace_strips(replace(labels, numbers=np.append(0, number[group]).astype(np.uint32)))
+    del labels
+    return RegionOutlines(link_strips(strips), select_sums(sums, order)), kinds[roots][order]
 
 
 def border_lengths(labels: LabelRows) -> tuple[Integers, Integers]:

@@ -52,17 +52,28 @@ def trace(labels: LabelRows, map: Map = serial) -> Rings:
     """
     if len(labels.shape) != 2 or getattr(labels, "dtype", np.dtype(np.uint32)).kind not in "iub":
         raise ParameterError("labels are a 2-D array of whole numbers, 0 the background")
-    strips = list(map(partial(_trace_strip, labels), range(0, labels.shape[0], STRIP)))
+    return link_strips(trace_strips(labels, map))
+
+
+def trace_strips(labels: LabelRows, map: Map = serial) -> list["Strip"]:
+    """The first half of `trace`, after which the label image is not needed any more."""
+    return list(map(partial(_trace_strip, labels), range(0, labels.shape[0], STRIP)))
+
+
+def link_strips(strips: list["Strip"]) -> Rings:
+    """The second half of `trace`; the list is emptied, see `link_rings`."""
     offsets = np.cumsum([0] + [len(strip.labels) for strip in strips])
     for strip, offset in zip(strips, offsets, strict=False):
         strip.chains.table[:, OWNER] += offset
     of_component = _concatenate([strip.labels for strip in strips], (0,), np.int64)
     parts = union_roots(_contacts(strips, offsets), len(of_component))
-    return link_rings([strip.chains for strip in strips], of_component, parts)
+    chains = [strip.chains for strip in strips]
+    strips.clear()
+    return link_rings(chains, of_component, parts)
 
 
 @dataclass(frozen=True, slots=True)
-class _Strip:
+class Strip:
     """Some rows of a label image, traced.
 
     Parameters
@@ -81,7 +92,7 @@ class _Strip:
     bottom: NDArray[np.int64]
 
 
-def _trace_strip(image: LabelRows, top: int) -> _Strip:
+def _trace_strip(image: LabelRows, top: int) -> Strip:
     near = np.ascontiguousarray(image[max(top - 1, 0) : top + STRIP + 1], np.uint32)
     first = 1 if top == 0 else 0
     own = near[1 - first :][:STRIP]
@@ -92,10 +103,10 @@ def _trace_strip(image: LabelRows, top: int) -> _Strip:
     chains = trace_tile(framed, components, 1, (top, 0), cols)
     chains.table[:, OWNER] -= 1
     labels = component_values(own, components, count)
-    return _Strip(chains, labels, components[0].astype(np.int64) - 1, components[-1].astype(np.int64) - 1)
+    return Strip(chains, labels, components[0].astype(np.int64) - 1, components[-1].astype(np.int64) - 1)
 
 
-def _contacts(strips: Sequence[_Strip], offsets: NDArray[np.int64]) -> NDArray[np.int64]:
+def _contacts(strips: Sequence[Strip], offsets: NDArray[np.int64]) -> NDArray[np.int64]:
     """Pairs of components of one label that share an edge across the border of two strips, (k, 2)."""
     pairs = [np.empty((0, 2), np.int64)]
     for k, (above, below) in enumerate(pairwise(strips)):
