@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.execution.executors import trim_heap
 from uavseg.raster.tiling import Window
 from uavseg.regions.outline.chains import OWNER, Chains, PackedChains, pack_chains, trace_tile
 from uavseg.regions.outline.rings import RegionOutlines, merge_sums, select_sums, size_order
@@ -153,6 +154,7 @@ class TileStitcher:
             In place of leaves: the kind of each component, in the order in which tiles were added. Components
             of different kinds stay apart.
         """
+        trim_heap()  # tiles are not needed any more
         sums = _concatenate_sums(self._sums)
         pairs = np.concatenate([np.empty((0, 2), np.int64), *self._pairs])
         if kinds is not None:
