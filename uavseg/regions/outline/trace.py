@@ -180,7 +180,9 @@ def _linked(
 ) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.int64]]:
     """Vertices, starts and components of the rings of chains, in the order of `Rings`."""
     linked = link_chains(chains.vertices, chains.pinched, chains.table)
+    del chains  # one region may be most of a raster
     vertices, starts, owners, hole = split_simple_rings(*linked)
+    del linked
     first = vertices[starts[:-1]]
     order = np.lexsort((first[:, 1], first[:, 0], hole, parts[owners], labels[owners]))
     return *reorder_rings(vertices, starts, order), owners[order]
