@@ -17,7 +17,7 @@ from benchmarks.paths import searches
 from benchmarks.phases import phases
 from benchmarks.polygon_stats import polygon_stats
 from benchmarks.robot import steps
-from benchmarks.scale import pixel_types, reuse, scaling, thread_scaling
+from benchmarks.scale import commands, pixel_types, repeated, reuse, scaling, thread_scaling
 from benchmarks.scenes import KINDS, PROJECT, Scene, ensure_raster
 from benchmarks.smallmap import tasks
 from benchmarks.startup import starts
@@ -82,6 +82,11 @@ def _pixel_types(options: argparse.Namespace) -> str:
 def _reuse(options: argparse.Namespace) -> str:
     side = max(options.sizes)
     return table.reuse(side, reuse(side, options.rounds, _report), options.rounds)
+
+
+def _commands(options: argparse.Namespace) -> str:
+    side = min(16384, options.largest)
+    return table.commands(side, commands(repeated(side), options.rounds, _report), options.rounds)
 
 
 def _threads(options: argparse.Namespace) -> str:
@@ -152,6 +157,7 @@ _SECTIONS = {
     "scaling": _scaling,
     "pixel-types": _pixel_types,
     "reuse": _reuse,
+    "commands": _commands,
     "threads": _threads,
     "vectors": _vectors,
     "startup": _startup,

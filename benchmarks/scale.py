@@ -123,6 +123,27 @@ def reuse(side: int, rounds: int, report: Callable[[str], None]) -> Reuse:
     return Reuse(first, division, second, first_s, second_s)
 
 
+COMMANDS = {
+    "extract": ("extract", "--range", f"{LOW},1", "-o", "regions.gpkg"),
+    "levels": ("levels", "--width", "0.1", "-o", "levels.gpkg"),
+    "levels, small segments merged": ("levels", "--width", "0.1", "--min-area", "50px", "-o", "merged.gpkg"),
+    "map": ("map", "-o", "map.html"),
+    "preview": ("preview", "-o", "preview.png"),
+}
+
+
+def commands(raster: Path, rounds: int, report: Callable[[str], None]) -> dict[str, Cost]:
+    """Medians of the commands that read a whole raster, in turn."""
+    costs: dict[str, list[Cost]] = {name: [] for name in COMMANDS}
+    with tempfile.TemporaryDirectory(prefix="uavseg-benchmark-") as folder:
+        for number in range(rounds):
+            for name, (verb, *how) in COMMANDS.items():
+                command = [sys.executable, "-m", "uavseg", verb, str(raster), *how, "-q", "--overwrite"]
+                costs[name].append(cost(command, with_project(os.environ), Path(folder)))
+                report(f"{name} round {number + 1}: {costs[name][-1].wall_s:.2f} s")
+    return {name: median(found) for name, found in costs.items()}
+
+
 def thread_scaling(side: int, rounds: int) -> list[tuple[int, float, float]]:
     """For one thread and for two: seconds of the segmentation, and of two independent computations.
 

@@ -160,6 +160,14 @@ def reuse(side: int, found: Reuse, rounds: int) -> str:
     return with_provenance(f"{side}², medians of {rounds}.\n\n{rows(heads, cells)}\n\n{summary}")
 
 
+def commands(side: int, found: Mapping[str, Cost], rounds: int) -> str:
+    """Commands that read a whole raster, relative to the first."""
+    first, *_ = found.values()
+    cells = [[name, *_cost(spent), f"{spent.cpu_s / first.cpu_s:.2f}"] for name, spent in found.items()]
+    heads = ["", "wall s", "CPU s", "peak MB", "CPU / first"]
+    return with_provenance(f"{side}², medians of {rounds}.\n\n{rows(heads, cells)}")
+
+
 def threads(side: int, found: Sequence[tuple[int, float, float]], rounds: int) -> str:
     """Speed-up by threads, and that of independent work."""
     _, one, alone = found[0]

@@ -251,6 +251,19 @@ def test_the_measurements_of_child_processes_return_times(tmp_path: Path) -> Non
     assert min(scale._measure_reuse(str(raster), str(blocks))) > 0
 
 
+@pytest.mark.slow
+def test_commands_are_measured_in_turn_and_compared_with_the_first(tmp_path: Path) -> None:
+    raster = make_raster(Scene(512), tmp_path)
+    lines: list[str] = []
+    found = scale.commands(raster, 1, lines.append)
+    assert list(found) == list(scale.COMMANDS) and len(lines) == len(found)
+    output = table.commands(128, {"extract": Cost(1, 2, 3 << 20), "map": Cost(2, 5, 4 << 20)}, 1)
+    assert [line.split("|")[-2].strip() for line in output.splitlines() if line.startswith("| ")][-2:] == [
+        "1.00",
+        "2.50",
+    ]
+
+
 def test_the_table_separates_merging_from_segmenting() -> None:
     output = table.robot([Step("update", 2.5, 1.0, 35.0, "a room"), Step("refit", 9.0, 0.0, 1024.0)])
     assert "| update | 2.50 |    1.00 |       1.50 |     35 | a room |" in output

@@ -269,3 +269,18 @@ def test_options_that_mean_nothing_to_a_ros_map_are_refused(words: list[str], sa
 
 def test_a_width_must_be_given() -> None:
     assert run(QUARRY).exit_code == 2
+
+
+def test_both_faces_say_what_google_earth_does_with_many_corners() -> None:
+    image = np.full((190, 190), 200, np.uint8)
+    image[1:180:2, 1:180:2] = 20  # 8100 holes of a pixel in one segment
+    name = write("holes.tif", image)
+    how = ("--width", 0.5, "--refine", "pixels")
+    [line] = [line for line in done(name, *how, "-o", "holes.kml").stderr.splitlines() if "warning" in line]
+    assert "more than 30,000 corners (up to 32,404), which Google Earth draws wrongly or not at all" in line
+    assert "warning" not in done(name, *how, "-o", "holes.gpkg").stderr
+    with pytest.warns(UserWarning, match="Google Earth draws wrongly") as caught:
+        uavseg.each(uavseg.levels, [name], "each_{stem}.kml", width=0.5, refine="pixels")
+    [text] = [str(one.message) for one in caught]
+    assert text.endswith(line.removeprefix("uavseg: warning: "))
+    assert Path("each_holes.kml").read_bytes() == Path("holes.kml").read_bytes()

@@ -145,7 +145,10 @@ def command(**options: Any) -> None:
     _check_place(target, mission, source.geobox.wkt, form)
     work = run.work()
     found = _regions(source, request, work)
-    run.reporter.finish([*found.warnings, *stream_warnings(form, source.geobox.wkt)])
+    from uavseg.regions.formats import export
+
+    notes = [*stream_warnings(form, source.geobox.wkt), *export.format_notes(found.regions, target)]
+    run.reporter.finish([*found.warnings, *notes])
     planned = None
     if flight is not None:
         from uavseg.cli.options.limits import zones_of

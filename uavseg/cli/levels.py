@@ -129,7 +129,8 @@ def command(**options: Any) -> None:
     export.check_region_crs(target, source.geobox.wkt, form)
     work = run.work()
     found = levels(source, request, work)
-    run.reporter.finish([*found.warnings, *stream_warnings(form, source.geobox.wkt)])
+    notes = [*stream_warnings(form, source.geobox.wkt), *export.format_notes(found.regions, target)]
+    run.reporter.finish([*found.warnings, *notes])
     with transaction():
         write_regions_and_labels(found, target, label_file, work, run.overwrite, form, style)
     rows = {

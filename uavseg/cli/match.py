@@ -195,7 +195,8 @@ def command(**options: Any) -> None:
     export.check_region_crs(target, source.geobox.wkt, form)
     work = run.work()
     found, compared, advice = find(source, work)
-    run.reporter.finish([*found.warnings, *stream_warnings(form, source.geobox.wkt)])
+    notes = [*stream_warnings(form, source.geobox.wkt), *export.format_notes(found.regions, target)]
+    run.reporter.finish([*found.warnings, *notes])
     if advice is not None:
         run.reporter.say(advice)
     with transaction():

@@ -278,7 +278,8 @@ def _answered(task: Task, source: Source, job: RegionJob, names: OutputNames, wo
             how = found.geobox, work.local, names.overwrite, names.creation
             write_label_raster(task.labels, found.rings, *how)
     area = float(found.regions.columns["area_m2"].sum())
-    return Outcome(task.source, task.output, len(found.regions), area, found.warnings)
+    notes = *found.warnings, *export.format_notes(found.regions, task.output)
+    return Outcome(task.source, task.output, len(found.regions), area, notes)
 
 
 def _text_of(error: BaseException) -> str:

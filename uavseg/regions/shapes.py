@@ -65,6 +65,11 @@ class LazyPolygons:
         starts = self._rings.starts[self._first_rings(0, len(self))]
         return np.diff(starts) + np.diff(self._first_rings(0, len(self)))
 
+    def corner_counts(self) -> Integers:
+        """Corners of each polygon, those of its holes included; a region may have several polygons."""
+        rings = self._rings
+        return np.bincount(rings.parts, np.diff(rings.starts)).astype(np.int64)
+
     def total_area(self) -> float:
         """Total area in square units of the map."""
         return float(self._rings.pixel_areas().sum() * abs(self._transform.determinant))
@@ -110,6 +115,15 @@ def batch_slices(polygons: PolygonArray, vertices: int = BATCH_VERTICES) -> Iter
         last = max(first + 1, int(np.searchsorted(ends, before + vertices)))
         yield slice(first, last)
         first = last
+
+
+def corner_counts(polygons: PolygonArray) -> Integers:
+    """Corners of each polygon, those of its holes included; a MultiPolygon has several polygons."""
+    if isinstance(polygons, LazyPolygons):
+        return polygons.corner_counts()
+    parts = shapely.get_parts(polygons)
+    closing = shapely.get_num_interior_rings(parts) + 1
+    return np.asarray(shapely.get_num_coordinates(parts) - closing, np.int64)
 
 
 def total_area(polygons: PolygonArray) -> float:

@@ -1,5 +1,6 @@
 """Raster layer: grey where valid, coarse reads only."""
 
+import tracemalloc
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ from affine import Affine
 from PIL import Image
 
 from tests.plot.pictures import write
+from uavseg.plot.layers.raster_layer import mean_of_four
 from uavseg.plot.preview import preview
 from uavseg.raster.dataset import Dataset
 
@@ -48,3 +50,42 @@ def test_a_large_raster_is_never_read_whole(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setattr(Dataset, "read", refuse)
     preview(raster, tmp_path / "a.png", width_px=300)
     assert len(asked) == 1 and asked[0] < 1000
+
+
+def test_memory_follows_the_picture_and_not_the_raster(tmp_path: Path) -> None:
+    raster = write(
+        tmp_path / "a.tif", np.arange(2000, dtype=np.uint8)[:, None] + np.zeros((1, 2000), np.uint8)
+    )
+    preview(raster, tmp_path / "a.png", width_px=400)  # modules are loaded
+    tracemalloc.start()
+    preview(raster, tmp_path / "b.png", width_px=400)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 100 * 400**2
+
+
+@pytest.mark.parametrize("shape", [(6, 8), (5, 7), (1, 1)])
+def test_four_pixels_become_the_mean_of_those_that_are_there(shape: tuple[int, int]) -> None:
+    rng = np.random.default_rng(1)
+    grey, there = rng.integers(0, 256, shape).astype(np.uint8), rng.random(shape) < 0.5
+    mean, opaque = mean_of_four(grey, np.where(there, np.uint8(255), np.uint8(0)))
+    assert opaque is not None and mean.shape == opaque.shape == (-(-shape[0] // 2), -(-shape[1] // 2))
+    for row, col in np.ndindex(mean.shape):
+        four = np.s_[2 * row : 2 * row + 2, 2 * col : 2 * col + 2]
+        assert opaque[row, col] == 255 * there[four].sum() // 4
+        assert not there[four].any() or mean[row, col] == grey[four][there[four]].mean() // 1
+    whole, all_there = mean_of_four(grey, None)
+    assert all_there is None and whole[0, 0] == grey[:2, :2].mean() // 1
+
+
+def test_the_ground_lies_in_its_place_however_fine_the_raster_is(tmp_path: Path) -> None:
+    bodies = []
+    for side in (300, 900):  # drawn as it is, and four pixels as one
+        pixels = np.full((side, side), 40, np.uint8)
+        pixels[side // 3 : side // 2, side // 6 : side // 3] = 220
+        place = Affine(900 / side, 0, 380_000, 0, -900 / side, 4_897_000)
+        drawn = preview(
+            write(tmp_path / f"{side}.tif", pixels, place), tmp_path / f"{side}.png", width_px=400
+        )
+        bodies.append(np.asarray(Image.open(drawn).convert("L")).astype(int)[70:-40] > 130)
+    assert (bodies[0] != bodies[1]).mean() < 0.01

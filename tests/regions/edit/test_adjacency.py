@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from uavseg.regions.edit.eliminate import border_lengths
-from uavseg.regions.outline.trace import trace
+from uavseg.regions.outline.trace import STRIP
 
 Labels = NDArray[np.uint32]
 
@@ -22,7 +22,7 @@ def label_images(draw: st.DrawFn) -> Labels:
 
 
 def borders(labels: Labels) -> dict[tuple[int, int], int]:
-    pairs, lengths = border_lengths(trace(labels))
+    pairs, lengths = border_lengths(labels)
     return dict(zip(map(tuple, pairs.tolist()), lengths.tolist(), strict=True))
 
 
@@ -42,6 +42,14 @@ def test_a_transposed_and_relabelled_image_has_the_same_borders(labels: Labels, 
     relabelled = borders(np.ascontiguousarray(new[labels].T))
     expected = {tuple(sorted((int(new[a]), int(new[b])))): n for (a, b), n in borders(labels).items()}
     assert relabelled == expected
+
+
+def test_borders_along_and_across_the_strips_that_are_read_count_once() -> None:
+    labels = (1 + np.arange(2 * STRIP + 9) % 2)[:, None].repeat(3, axis=1).astype(np.uint32)
+    assert borders(labels) == {(1, 2): 3 * (len(labels) - 1)}
+    assert borders(np.ascontiguousarray(labels.T)) == {(1, 2): 3 * (len(labels) - 1)}
+    halves = np.repeat(np.array([[1, 2]], np.uint32), len(labels), axis=0)
+    assert borders(halves) == {(1, 2): len(labels)}
 
 
 def test_a_region_alone_and_corners_have_no_border() -> None:

@@ -1,5 +1,6 @@
 """Elimination: small segments are merged into neighbours, in order of size, and their sums are added."""
 
+import tracemalloc
 from collections import Counter
 from fractions import Fraction
 
@@ -15,12 +16,12 @@ from scipy.ndimage import label as connected
 from uavseg.errors import ParameterError
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
-from uavseg.regions.edit.eliminate import border_lengths, eliminate
+from uavseg.regions.edit.eliminate import border_lengths, eliminate, is_nearer
 from uavseg.regions.edit.small import Area
 from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.outline.trace import trace
-from uavseg.segmentation.components import component_sums
+from uavseg.segmentation.components import component_sums, label_equal_values
 
 Image = NDArray[np.integer]
 
@@ -218,7 +219,32 @@ def test_no_pixel_is_lost_and_small_segments_have_no_neighbour(seed: int, limit:
     )
     painted = rasterise(found.rings, Window(0, 0, *kinds.shape))
     assert np.array_equal(painted > 0, kinds > 0)
-    pairs, _ = border_lengths(found.rings)
+    pairs, _ = border_lengths(painted)
     assert (kept[pairs[:, 0] - 1] != kept[pairs[:, 1] - 1]).all()
     sizes = np.bincount(painted.reshape(-1), minlength=1)[1:]
     assert (sizes[np.unique(pairs) - 1] >= limit).all()
+
+
+@given(st.lists(st.tuples(st.integers(1, 10**9), st.fractions(0, 65535)), min_size=3, max_size=3))
+@settings(max_examples=300)
+def test_means_are_compared_exactly(segments: list[tuple[int, Fraction]]) -> None:
+    counts = [count for count, _ in segments]
+    greys = [round(count * mean) for count, mean in segments]
+    apart = [abs(Fraction(greys[k], counts[k]) - Fraction(greys[0], counts[0])) for k in (1, 2)]
+    assert is_nearer(greys, counts, 0, 1, 2) == (apart[0] <= apart[1])
+    assert is_nearer(greys, counts, 0, 2, 1) == (apart[1] < apart[0])
+
+
+@pytest.mark.parametrize("cells", [96, 192])
+def test_memory_follows_the_vertices_of_the_outlines(cells: int) -> None:
+    kinds = np.kron(np.random.default_rng(1).integers(1, 6, (cells, cells)), np.ones((3, 3), np.uint8))
+    labels, count = label_equal_values(kinds.astype(np.uint8))
+    of_label = np.zeros(count, np.int64)
+    of_label[labels.ravel() - 1] = kinds.ravel()
+    found, grid, limit = outlined(labels, 100 * kinds), box(kinds.shape), Area(20, True)
+    eliminate(found, of_label, grid, limit)  # kernels are loaded
+    tracemalloc.start()
+    eliminate(found, of_label, grid, limit)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 80 * len(found.rings.vertices)

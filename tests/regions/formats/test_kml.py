@@ -14,7 +14,7 @@ from rasterio.crs import CRS
 
 from uavseg.errors import OutputError
 from uavseg.raster.geobox import GeoBox
-from uavseg.regions.formats.kml import write_kml
+from uavseg.regions.formats.kml import MAX_CORNERS, kml_notes, write_kml
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.table import COLUMNS, Regions, make_regions
 from uavseg.regions.wgs84.to_wgs84 import wgs84_geometries
@@ -101,3 +101,39 @@ def test_placemarks_follow_each_other_in_the_order_of_the_regions() -> None:
 def test_local_coordinates_are_refused() -> None:
     with pytest.raises(OutputError, match="no place on the globe"):
         placemarks(regions_of(crs=None))
+
+
+def perforated(holes: int, side: int = 88) -> Any:
+    """One region with so many holes of a pixel."""
+    labels = np.ones((2 * side, 2 * side), np.uint32)
+    row, col = np.divmod(np.arange(holes), side - 1)
+    labels[2 * row + 1, 2 * col + 1] = 0
+    return labels
+
+
+@pytest.mark.parametrize("built", [False, True], ids=["outlines", "geometries"])
+@pytest.mark.parametrize("more", [0, 1])
+def test_more_corners_than_google_earth_draws_are_noted(more: int, built: bool) -> None:
+    holes = MAX_CORNERS // 4 - 1 + more
+    regions = regions_of(perforated(holes))
+    regions = replace(regions, polygons=np.asarray(regions.polygons)) if built else regions
+    corners = sum(len(ring(part)) - 1 for mark in placemarks(regions) for part in boundaries(mark))
+    assert corners == 4 * holes + 4 == MAX_CORNERS + 4 * more
+    notes = kml_notes(regions)
+    assert len(notes) == more
+    text = f"one polygon has more than 30,000 corners (up to {corners:,}), which Google"
+    assert all(text in note for note in notes)
+
+
+def boundaries(placemark: ElementTree.Element) -> list[ElementTree.Element]:
+    return [*placemark.iter(f"{KML}outerBoundaryIs"), *placemark.iter(f"{KML}innerBoundaryIs")]
+
+
+def test_polygons_are_counted_one_by_one() -> None:
+    several = np.zeros((176, 2 * 176 + 1), np.uint32)
+    several[:, :176] = several[:, 177:] = perforated(4000)  # one region of two polygons
+    assert kml_notes(regions_of(several)) == []
+    several[:, 177:] = 2 * perforated(7600)
+    several[:, :176] = perforated(7500)
+    [note] = kml_notes(regions_of(several))
+    assert note.startswith("2 polygons have more than 30,000 corners (up to 30,404)")

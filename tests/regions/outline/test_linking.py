@@ -1,12 +1,16 @@
 """Linking: chains of tiles become the rings of the whole, and rings that touch themselves are split."""
 
+import tracemalloc
+
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from uavseg.raster.tiling import Window
-from uavseg.regions.outline.chains import trace_tile
+from uavseg.regions.outline import trace as tracing
+from uavseg.regions.outline.chains import pack_chains, trace_tile
 from uavseg.regions.outline.linking import link_chains, split_simple_rings
 from uavseg.regions.outline.rings import Rings
 from uavseg.regions.outline.trace import link_rings, trace
@@ -52,7 +56,9 @@ def test_tiles_of_any_size_in_any_order_link_to_the_same_rings(
         )
         for w in windows
     ]
-    assert equal(link_rings(chains, names, np.arange(len(names))), trace(labels))
+    assert equal(
+        link_rings([pack_chains(part) for part in chains], names, np.arange(len(names))), trace(labels)
+    )
 
 
 def pieces_of(labels: Labels) -> tuple[Labels, NDArray[np.int64]]:
@@ -108,3 +114,40 @@ def test_a_ring_that_touches_itself_is_an_exterior_and_a_hole() -> None:
     assert len(linked[3]) == 1  # one ring, which passes the corner (1, 2) twice
     *_, hole = split_simple_rings(*linked)
     assert hole.tolist() == [0, 1] or hole.tolist() == [1, 0]
+
+
+@given(label_images(), st.sampled_from([1, 9, 40, 300]))
+@settings(max_examples=40)
+def test_packed_chains_are_the_chains(labels: Labels, side: int) -> None:
+    large = np.kron(labels[:4, :4], np.ones((side, side), np.uint32))  # steps of one byte and of five
+    components, _ = label_equal_values(large)
+    chains = trace_tile(np.pad(large, 1), components, 1, (5, 70_000), 200_000)
+    packed = pack_chains(chains)
+    again = packed.unpacked(np.arange(len(chains.table)))
+    for name in ("vertices", "pinched", "table"):
+        assert np.array_equal(getattr(again, name), getattr(chains, name))
+    some = np.arange(len(chains.table))[::-2].copy()
+    ends = np.append(chains.table[1:, 1], len(chains.vertices))
+    picked = [chains.vertices[chains.table[k, 1] : ends[k]] for k in some]
+    assert np.array_equal(packed.unpacked(some).vertices, np.concatenate([chains.vertices[:0], *picked]))
+
+
+@given(label_images(), st.integers(1, 40))
+@settings(max_examples=40)
+def test_how_many_regions_are_linked_at_a_time_changes_nothing(labels: Labels, batch: int) -> None:
+    whole = trace(labels)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tracing, "BATCH", batch)
+        assert equal(trace(labels), whole)
+
+
+def test_beside_the_rings_little_memory_is_needed_to_link_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tracing, "BATCH", 1 << 12)
+    jitter = np.random.default_rng(1).integers(0, 12, 1024)
+    labels = (1 + (np.arange(1024)[:, None] + jitter) // 16).astype(np.uint32)  # bands with ragged borders
+    strips = tracing.trace_strips(labels)
+    tracemalloc.start()
+    rings = tracing.link_strips(strips)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 1.5 * sum(part.nbytes for part in (rings.vertices, rings.starts, rings.labels, rings.parts))

@@ -1,18 +1,16 @@
 """Eliminate small segments: merge each into the neighbour with which it shares the longest border."""
 
-import heapq
-from dataclasses import dataclass, replace
-from fractions import Fraction
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg._jit import inlined, kernel
 from uavseg.raster.geobox import GeoBox
 from uavseg.regions.edit.small import Area, region_areas
 from uavseg.regions.outline.rasterise import LazyLabels, Rasteriser
-from uavseg.regions.outline.rings import RegionOutlines, Rings, merge_sums, select_sums
-from uavseg.regions.outline.trace import trace
-from uavseg.regions.sorted_keys import sorted_unique
+from uavseg.regions.outline.rings import RegionOutlines, merge_sums, select_sums
+from uavseg.regions.outline.trace import STRIP, LabelRows, link_strips, trace_strips
 from uavseg.segmentation.components import Sums
 
 Integers = NDArray[np.int64]
@@ -51,101 +49,28 @@ def eliminate(
     areas = region_areas(outlined, geobox, min_area)
     if not (areas < min_area.value).any():
         return outlined, kinds
-    merging = _Merging.of(outlined, kinds, areas)
-    merging.run(min_area.value)
-    roots, group = np.unique(merging.roots(), return_inverse=True)
+    labels = LazyLabels(Rasteriser(outlined.rings), geobox.shape)
+    roots, group = np.unique(
+        _merged_into(outlined.sums, kinds, areas, min_area.value, labels), return_inverse=True
+    )
     sums = merge_sums(outlined.sums, group, len(roots))
     pixels = np.zeros(len(roots), np.int64)
     np.add.at(pixels, group[outlined.rings.labels - 1], outlined.rings.pixel_areas())
     order = np.lexsort((sums.firsts[:, 1], sums.firsts[:, 0], -pixels))
     number = np.empty(len(order), np.int64)
     number[order] = np.arange(1, len(order) + 1)
-    rasteriser = Rasteriser(replace(outlined.rings, labels=number[group][outlined.rings.labels - 1]))
-    rings = trace(LazyLabels(rasteriser, geobox.shape))
-    return RegionOutlines(rings, select_sums(sums, order)), kinds[roots][order]
+    strips = trace_strips(replace(labels, numbers=np.append(0, number[group]).astype(np.uint32)))
+    del labels
+    return RegionOutlines(link_strips(strips), select_sums(sums, order)), kinds[roots][order]
 
 
-@dataclass
-class _Merging:
-    """State of merging segments 0..n - 1: attributes, parents (a forest), and shared edges by neighbour."""
-
-    areas: list[float]
-    firsts: list[tuple[int, int]]
-    counts: list[int]
-    greys: list[int]
-    kinds: list[int]
-    borders: list[dict[int, int]]
-    parents: list[int]
-
-    @classmethod
-    def of(cls, outlined: RegionOutlines, kinds: Integers, areas: NDArray[np.float64]) -> "_Merging":
-        sums: Sums = outlined.sums
-        borders: list[dict[int, int]] = [{} for _ in range(len(areas))]
-        pairs, lengths = border_lengths(outlined.rings)
-        for (one, other), length in zip(pairs.tolist(), lengths.tolist(), strict=True):
-            borders[one - 1][other - 1] = borders[other - 1][one - 1] = length
-        firsts = [(row, col) for row, col in sums.firsts.tolist()]
-        numbers = (sums.counts.tolist(), sums.greys.tolist(), kinds.tolist())
-        return cls(areas.tolist(), firsts, *numbers, borders, list(range(len(areas))))
-
-    def run(self, limit: float) -> None:
-        """Merge until all segments below the limit have no neighbour."""
-        queue = [self._entry(one) for one, area in enumerate(self.areas) if area < limit]
-        heapq.heapify(queue)
-        while queue:
-            entry = heapq.heappop(queue)
-            one = entry[2]
-            if self.parents[one] != one or entry != self._entry(one) or not self.borders[one]:
-                continue
-            into = self._nearest(one)
-            self._absorb(one, into)
-            for alike in [k for k in self.borders[into] if self.kinds[k] == self.kinds[into]]:
-                into, other = min(into, alike), max(into, alike)
-                self._absorb(other, into)
-            if self.areas[into] < limit:
-                heapq.heappush(queue, self._entry(into))
-
-    def roots(self) -> Integers:
-        """The segment that each one has become part of."""
-        roots = np.array(self.parents)
-        while (roots != roots[roots]).any():
-            roots = roots[roots]
-        return roots
-
-    def _entry(self, one: int) -> tuple[float, tuple[int, int], int]:
-        return self.areas[one], self.firsts[one], one
-
-    def _nearest(self, one: int) -> int:
-        """The neighbour with the longest shared border, then the nearest mean, then the smallest number."""
-        longest = max(self.borders[one].values())
-        candidates = [other for other, length in self.borders[one].items() if length == longest]
-        if len(candidates) == 1:
-            return candidates[0]
-        mean = Fraction(self.greys[one], self.counts[one])
-        return min(candidates, key=lambda k: (abs(Fraction(self.greys[k], self.counts[k]) - mean), k))
-
-    def _absorb(self, one: int, into: int) -> None:
-        """Merge one segment into another."""
-        self.parents[one] = into
-        self.areas[into] += self.areas[one]
-        self.counts[into] += self.counts[one]
-        self.greys[into] += self.greys[one]
-        self.firsts[into] = min(self.firsts[into], self.firsts[one])
-        mine = self.borders[into]
-        for other, length in self.borders[one].items():
-            del self.borders[other][one]
-            if other != into:
-                mine[other] = self.borders[other][into] = mine.get(other, 0) + length
-        self.borders[one] = {}
-
-
-def border_lengths(rings: Rings) -> tuple[Integers, Integers]:
+def border_lengths(labels: LabelRows) -> tuple[Integers, Integers]:
     """Length of the border that each pair of adjacent regions shares.
 
     Parameters
     ----------
-    rings : Rings
-        Along pixel edges.
+    labels : (M, N) uint32 array or LabelRows
+        0 is background.
 
     Returns
     -------
@@ -156,41 +81,278 @@ def border_lengths(rings: Rings) -> tuple[Integers, Integers]:
 
     Examples
     --------
-    >>> from uavseg.regions.outline.trace import trace
-    >>> pairs, lengths = border_lengths(trace(np.array([[1, 1, 2], [3, 0, 2]], np.uint32)))
+    >>> pairs, lengths = border_lengths(np.array([[1, 1, 2], [3, 0, 2]], np.uint32))
     >>> pairs.tolist(), lengths.tolist()
     ([[1, 2], [1, 3]], [1, 1])
     """
-    found = [_shared_along(rings, axis) for axis in (0, 1)]
-    one, other, lengths = (np.concatenate(parts) for parts in zip(*found, strict=True))
-    size = int(rings.labels.max(initial=0)) + 1
-    keys, place = np.unique(np.minimum(one, other) * size + np.maximum(one, other), return_inverse=True)
+    found = [
+        np.unique(_contacts(labels[max(top - 1, 0) : top + STRIP], first=top == 0), return_counts=True)
+        for top in range(0, labels.shape[0], STRIP)
+    ]
+    names, lengths = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    keys, place = np.unique(names, return_inverse=True)
     sums = np.zeros(len(keys), np.int64)
     np.add.at(sums, place, lengths)
-    return np.stack(np.divmod(keys, size), axis=1), sums
+    return np.stack([keys >> 32, keys & 0xFFFFFFFF], axis=1), sums
 
 
-def _shared_along(rings: Rings, axis: int) -> tuple[Integers, Integers, Integers]:
-    """The regions on either side of each straight shared border along an axis, and its length."""
-    vertices = rings.vertices.astype(np.int64)
-    after = np.arange(1, len(vertices) + 1)
-    after[rings.starts[1:] - 1] = rings.starts[:-1]
-    here, there = vertices[:, axis], vertices[after, axis]
-    edges = np.flatnonzero(here != there)
-    stride = int(vertices[:, axis].max(initial=0)) + 2  # keys of different lines never overlap
-    line = vertices[edges, 1 - axis] * stride
-    starts, ends = line + np.minimum(here, there)[edges], line + np.maximum(here, there)[edges]
-    labels = rings.labels[np.searchsorted(rings.starts, edges, "right") - 1]
-    forward = (here < there)[edges]
-    breaks = sorted_unique(np.concatenate([starts, ends]))
-    sides = [_labels_at(starts[side], ends[side], labels[side], breaks[:-1]) for side in (forward, ~forward)]
-    shared = (sides[0] > 0) & (sides[1] > 0)
-    return sides[0][shared], sides[1][shared], np.diff(breaks)[shared]
+def _contacts(labels: NDArray[np.uint32], first: bool) -> Integers:
+    """A key for each pixel edge between two labels; the first row is one of the strip before, if any."""
+    own = labels if first else labels[1:]
+    keys = [np.empty(0, np.int64)]
+    for one, other in ((own[:, :-1], own[:, 1:]), (labels[:-1], labels[1:])):
+        apart = (one != other) & (one > 0) & (other > 0)
+        near, far = one[apart].astype(np.int64), other[apart].astype(np.int64)
+        keys.append((np.minimum(near, far) << 32) | np.maximum(near, far))
+    return np.concatenate(keys)
 
 
-def _labels_at(starts: Integers, ends: Integers, labels: Integers, positions: Integers) -> Integers:
-    """The label of the edge that covers each position; 0 where none does."""
-    order = np.argsort(starts)
-    edge = np.searchsorted(starts[order], positions, "right") - 1
-    found = np.where(edge >= 0, np.append(labels[order], 0)[edge], 0)
-    return np.where(np.append(ends[order], 0)[edge] > positions, found, 0)
+def _merged_into(
+    sums: Sums, kinds: Integers, areas: NDArray[np.float64], limit: float, labels: LabelRows
+) -> Integers:
+    """The segment that each one has become part of, counted from 0."""
+    n = len(areas)
+    pairs, shared = border_lengths(labels)
+    near = (pairs - 1).astype(np.int32).reshape(-1)
+    del pairs
+    firsts = sums.firsts[:, 0] * np.int64(labels.shape[1]) + sums.firsts[:, 1]
+    state = (areas.copy(), firsts, sums.counts.astype(np.int64), sums.greys.astype(np.int64), kinds)
+    borders = near, shared, np.zeros(1 << (len(near) + 8).bit_length(), np.int32)
+    lists = np.full((2, n), -1, np.int32), np.full((2, len(near)), -1, np.int32)
+    heap = np.empty(n, np.int32), np.full(n, -1, np.int32)
+    parents = np.arange(n)
+    _merge(*state, limit, *borders, *lists, parents, np.empty(n, np.int32), *heap)
+    while (parents != parents[parents]).any():
+        parents = parents[parents]
+    return parents
+
+
+@inlined
+def comes_before(areas, firsts, one, other):  # type: ignore[no-untyped-def]
+    """Whether a segment is merged before another: the smaller, of equal ones the first in raster order."""
+    return areas[one] < areas[other] or (areas[one] == areas[other] and firsts[one] < firsts[other])
+
+
+@inlined
+def settle(areas, firsts, heap, place, size, at):  # type: ignore[no-untyped-def]
+    """Move an item of a binary heap up or down to where it belongs."""
+    item = heap[at]
+    while at > 0 and comes_before(areas, firsts, item, heap[(at - 1) // 2]):
+        heap[at] = heap[(at - 1) // 2]
+        place[heap[at]] = at
+        at = (at - 1) // 2
+    while 2 * at + 1 < size:
+        below = 2 * at + 1
+        if below + 1 < size and comes_before(areas, firsts, heap[below + 1], heap[below]):
+            below += 1
+        if not comes_before(areas, firsts, heap[below], item):
+            break
+        heap[at] = heap[below]
+        place[heap[at]] = at
+        at = below
+    heap[at] = item
+    place[item] = at
+
+
+@inlined
+def remove(areas, firsts, heap, place, size, item):  # type: ignore[no-untyped-def]
+    """Take an item out of a heap; its new size."""
+    at = place[item]
+    place[item] = -1
+    last = heap[size - 1]
+    if last != item:
+        heap[at] = last
+        place[last] = at
+        settle(areas, firsts, heap, place, size - 1, at)
+    return size - 1
+
+
+@inlined
+def grown(areas, firsts, limit, heap, place, size, item):  # type: ignore[no-untyped-def]
+    """Bring the heap up to date for an item that has grown; its new size."""
+    if place[item] >= 0 and areas[item] >= limit:
+        return remove(areas, firsts, heap, place, size, item)
+    if place[item] >= 0:
+        settle(areas, firsts, heap, place, size, place[item])
+    return size
+
+
+@inlined
+def is_less(one, of_one, other, of_other):  # type: ignore[no-untyped-def]
+    """Whether one / of_one < other / of_other, without products: both are in 0..1, denominators positive."""
+    while True:
+        if one == 0 or other == 0:
+            return one == 0 and other > 0
+        whole = of_one // one
+        whole_other = of_other // other
+        if whole != whole_other:
+            return whole > whole_other
+        # 1 / x and 1 / y have equal whole parts: x < y where the rest of 1 / y is less than that of 1 / x
+        one, of_one, other, of_other = of_other - whole * other, other, of_one - whole * one, one
+
+
+@inlined
+def mean_distance(greys, counts, one, other):  # type: ignore[no-untyped-def]
+    """How far the mean of a segment is from another's, times the pixels of the first: whole, and its rest."""
+    pixels, n = counts[one], counts[other]
+    whole = greys[other] // n - greys[one] // pixels
+    rest = (greys[other] % n) * pixels - (greys[one] % pixels) * n
+    whole = whole * pixels + rest // n
+    rest = rest % n
+    if whole < 0 and rest > 0:
+        return -whole - 1, n - rest
+    return abs(whole), rest
+
+
+@inlined
+def is_nearer(greys, counts, one, other, best):  # type: ignore[no-untyped-def]
+    """Whether the mean of a segment is nearer to `other` than to `best`; of equal ones the smaller number."""
+    whole, rest = mean_distance(greys, counts, one, other)
+    best_whole, best_rest = mean_distance(greys, counts, one, best)
+    if whole != best_whole:
+        return whole < best_whole
+    if is_less(rest, counts[other], best_rest, counts[best]):
+        return True
+    return not is_less(best_rest, counts[best], rest, counts[other]) and other < best
+
+
+@inlined
+def slot_of(table, near, one, other):  # type: ignore[no-untyped-def]
+    """Where the border of two segments is in a hash table with linear probing, or would be."""
+    low, high = np.uint64(min(one, other)), np.uint64(max(one, other))
+    spread = (low * np.uint64(0x9E3779B97F4A7C15) + high) * np.uint64(0xC2B2AE3D27D4EB4F)
+    at = np.int64((spread >> np.uint64(32)) & np.uint64(table.shape[0] - 1))
+    while table[at] > 0:
+        border = 2 * (table[at] - 1)
+        if (near[border] == one and near[border + 1] == other) or (
+            near[border] == other and near[border + 1] == one
+        ):
+            break
+        at = (at + 1) & (table.shape[0] - 1)
+    return at
+
+
+@inlined
+def empty_slot(table, near, at):  # type: ignore[no-untyped-def]
+    """Take a border out of the hash table; those behind it move up, so that they are still found."""
+    table[at] = 0
+    at = (at + 1) & (table.shape[0] - 1)
+    while table[at] > 0:
+        border = table[at]
+        table[at] = 0
+        table[slot_of(table, near, near[2 * (border - 1)], near[2 * (border - 1) + 1])] = border
+        at = (at + 1) & (table.shape[0] - 1)
+
+
+@inlined
+def append(ends, links, owner, side):  # type: ignore[no-untyped-def]
+    """Append a side of a border to the list of a segment."""
+    last = ends[1, owner]
+    links[0, side] = last
+    links[1, side] = -1
+    if last < 0:
+        ends[0, owner] = side
+    else:
+        links[1, last] = side
+    ends[1, owner] = side
+
+
+@inlined
+def unlink(ends, links, owner, side):  # type: ignore[no-untyped-def]
+    """Take a side of a border out of the list of a segment."""
+    before, after = links[0, side], links[1, side]
+    if before < 0:
+        ends[0, owner] = after
+    else:
+        links[1, before] = after
+    if after < 0:
+        ends[1, owner] = before
+    else:
+        links[0, after] = before
+
+
+@inlined
+def absorb(segments, borders, one, into):  # type: ignore[no-untyped-def]
+    """Merge one segment into another: its sums, and its borders."""
+    areas, firsts, counts, greys, parents = segments
+    near, shared, table, ends, links = borders
+    parents[one] = into
+    areas[into] += areas[one]
+    firsts[into] = min(firsts[into], firsts[one])
+    counts[into] += counts[one]
+    greys[into] += greys[one]
+    side = ends[0, one]
+    while side >= 0:
+        following = links[1, side]
+        other = near[side ^ 1]
+        empty_slot(table, near, slot_of(table, near, one, other))
+        unlink(ends, links, other, side ^ 1)
+        if other != into:
+            at = slot_of(table, near, into, other)
+            if table[at] > 0:
+                shared[table[at] - 1] += shared[side >> 1]
+            else:
+                table[at] = (side >> 1) + 1
+                near[side] = into
+                append(ends, links, into, side)
+                append(ends, links, other, side ^ 1)
+        side = following
+    ends[0, one] = ends[1, one] = -1
+
+
+_MERGE = (
+    "void(f8[::1], i8[::1], i8[::1], i8[::1], i8[::1], f8, i4[::1], i8[::1], i4[::1], i4[:,::1], i4[:,::1], "
+    "i8[::1], i4[::1], i4[::1], i4[::1])"
+)
+
+
+@kernel(_MERGE)
+def _merge(  # type: ignore[no-untyped-def]
+    areas, firsts, counts, greys, kinds, limit, near, shared, table, ends, links, parents, found, heap, place
+):
+    # Border k has the sides 2 k and 2 k + 1: near[side] is the segment on that side, near[side ^ 1] the one
+    # beyond. Each segment has a linked list of its sides (first and last in `ends`, the ones before and after
+    # in `links`), and a hash table finds the border of two segments.
+    segments = (areas, firsts, counts, greys, parents)
+    borders = (near, shared, table, ends, links)
+    for k in range(shared.shape[0]):
+        append(ends, links, near[2 * k], 2 * k)
+        append(ends, links, near[2 * k + 1], 2 * k + 1)
+        table[slot_of(table, near, near[2 * k], near[2 * k + 1])] = k + 1
+    size = 0
+    for one in range(areas.shape[0]):
+        if areas[one] < limit:
+            heap[size] = one
+            size += 1
+            settle(areas, firsts, heap, place, size, size - 1)
+    while size > 0:
+        one = heap[0]
+        count = 0
+        size = remove(areas, firsts, heap, place, size, one)
+        into = -1
+        longest = 0
+        side = ends[0, one]
+        while side >= 0:
+            other = near[side ^ 1]
+            found[count] = other
+            count += 1
+            length = shared[side >> 1]
+            if length > longest or (length == longest and is_nearer(greys, counts, one, other, into)):
+                into = other
+                longest = length
+            side = links[1, side]
+        if count == 0:
+            continue
+        absorb(segments, borders, one, into)
+        size = grown(areas, firsts, limit, heap, place, size, into)
+        kind = kinds[into]
+        first = into
+        for k in range(count):  # only these can be new beside it
+            other = found[k]
+            if other != first and kinds[other] == kind:
+                gone = max(into, other)
+                into = min(into, other)
+                if place[gone] >= 0:
+                    size = remove(areas, firsts, heap, place, size, gone)
+                absorb(segments, borders, gone, into)
+                size = grown(areas, firsts, limit, heap, place, size, into)

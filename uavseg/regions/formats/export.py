@@ -96,6 +96,11 @@ def check_region_path(path: str | os.PathLike[str], overwrite: bool = False) -> 
     return check_target(path, overwrite)
 
 
+def format_notes(regions: Regions, path: str | os.PathLike[str]) -> list[str]:
+    """What a reader of the format of a file cannot show of regions that are written to it, for warnings."""
+    return kml.kml_notes(regions) if Path(path).suffix.lower() == ".kml" else []
+
+
 def suffix_for(wkt: str | None) -> str:
     """The extension of a file of regions in a CRS: that of GeoJSON, unless it cannot hold them."""
     try:

@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 from uavseg.regions.formats.decimal_text import degree_words, pack_words, unpack_lines, write_degrees
 from uavseg.regions.formats.metadata import METADATA_KEY, metadata_text
-from uavseg.regions.shapes import RaggedPolygons
+from uavseg.regions.shapes import RaggedPolygons, corner_counts
 from uavseg.regions.table import Regions
 from uavseg.regions.wgs84.to_wgs84 import wgs84_batches
+
+MAX_CORNERS = 30_000  # of a polygon with its holes, that Google Earth draws
 
 _HEAD = """<?xml version="1.0" encoding="UTF-8"?>
 <kml xmlns="http://www.opengis.net/kml/2.2">
@@ -58,6 +60,25 @@ def write_kml(regions: Regions, stream: IO[bytes]) -> None:
             % (id_, id_, attributes, geometry)
         )
     stream.write(_TAIL.encode())
+
+
+def kml_notes(regions: Regions) -> list[str]:
+    """What Google Earth cannot draw of regions; empty where it draws all.
+
+    Parameters
+    ----------
+    regions : Regions
+    """
+    counts = corner_counts(regions.polygons)
+    many = int(np.count_nonzero(counts > MAX_CORNERS))
+    if not many:
+        return []
+    which = "one polygon has" if many == 1 else f"{many:,} polygons have"
+    return [
+        f"{which} more than {MAX_CORNERS:,} corners (up to {int(counts.max()):,}), which Google Earth draws "
+        "wrongly or not at all; --simplify METRES (simplify=METRES) leaves fewer, and GIS software reads "
+        "them as they are"
+    ]
 
 
 def _attributes(regions: Regions) -> Iterator[bytes]:

@@ -42,6 +42,57 @@ class Chains:
     table: NDArray[np.int64]
 
 
+@dataclass(frozen=True, slots=True)
+class PackedChains:
+    """Chains with a byte for most vertices, as they are kept until they are linked.
+
+    Parameters
+    ----------
+    steps : (b,) uint8 array
+        For each vertex a byte: 128 where it is pinched, 32 times the direction in which it was reached, and
+        how many pixels that took, or 0 where these follow in four bytes. Of first vertices the pinch alone.
+    corners : (k, 2) int32 array
+        The first vertex of each chain.
+    counts : (k,) int64 array
+        Vertices of each chain.
+    table : (k, 6) int64 array
+        As of `Chains`; START is the first of `steps`.
+    """
+
+    steps: NDArray[np.uint8]
+    corners: NDArray[np.int32]
+    counts: NDArray[np.int64]
+    table: NDArray[np.int64]
+
+    def unpacked(self, which: NDArray[np.int64]) -> Chains:
+        """Some of the chains, by number and in that order."""
+        counts, table = self.counts[which], self.table[which]
+        table[:, START] = np.cumsum(counts) - counts
+        vertices, pinched = np.empty((int(counts.sum()), 2), np.int32), np.empty(int(counts.sum()), np.uint8)
+        _unpack(self.steps, self.corners, self.counts, self.table, which, vertices, pinched)
+        return Chains(vertices, pinched, table)
+
+
+def pack_chains(chains: Chains) -> PackedChains:
+    """Pack chains, which takes a ninth of their memory."""
+    table = chains.table.copy()
+    steps = np.empty(5 * len(chains.vertices), np.uint8)  # pages that are not written to take no memory
+    corners, counts = np.empty((len(table), 2), np.int32), np.empty(len(table), np.int64)
+    used = _pack(chains.vertices, chains.pinched, table, steps, corners, counts)
+    return PackedChains(steps[:used].copy(), corners, counts, table)
+
+
+def join_packed(tiles: list[PackedChains]) -> PackedChains:
+    """The chains of all tiles; the list is emptied."""
+    offsets = np.cumsum([0] + [len(packed.steps) for packed in tiles])
+    parts = zip(*((tile.steps, tile.corners, tile.counts, tile.table) for tile in tiles), strict=True)
+    sizes = [len(tile.table) for tile in tiles]
+    tiles.clear()
+    steps, corners, counts, table = (np.concatenate(arrays) for arrays in parts)
+    table[:, START] += np.repeat(offsets[:-1], sizes)
+    return PackedChains(steps, corners, counts, table)
+
+
 def trace_tile(
     image: NDArray[Any], labels: NDArray[np.uint32], margin: int, corner: tuple[int, int], width: int
 ) -> Chains:
@@ -264,3 +315,54 @@ _READ = "i8[::1], i8[::1], u8[:,::1], u4[:,::1], i8, i8, i8, i8"
 _WRITTEN = "u1[:,::1], i4[:,::1], u1[::1], i8[:,::1], i8[::1]"
 _trace_u1 = kernel(f"void(u1[:,::1], u1[::1], {_READ}, {_WRITTEN})")(_trace)
 _trace_u4 = kernel(f"void(u4[:,::1], u4[::1], {_READ}, {_WRITTEN})")(_trace)
+
+
+@kernel("i8(i4[:,::1], u1[::1], i8[:,::1], u1[::1], i4[:,::1], i8[::1])")
+def _pack(vertices, pinched, table, steps, corners, counts):  # type: ignore[no-untyped-def]
+    used = 0
+    for chain in range(table.shape[0]):
+        begin = table[chain, START]
+        end = table[chain + 1, START] if chain + 1 < table.shape[0] else vertices.shape[0]
+        table[chain, START] = used
+        counts[chain] = end - begin
+        corners[chain, 0] = vertices[begin, 0]
+        corners[chain, 1] = vertices[begin, 1]
+        steps[used] = pinched[begin] << 7
+        used += 1
+        for v in range(begin + 1, end):
+            down = np.int64(vertices[v, 0]) - vertices[v - 1, 0]
+            right = np.int64(vertices[v, 1]) - vertices[v - 1, 1]
+            length = abs(down) + abs(right)
+            direction = 0 if right > 0 else (1 if down > 0 else (2 if right < 0 else 3))
+            steps[used] = (pinched[v] << 7) | (direction << 5) | (length if length < 32 else 0)
+            used += 1
+            if length >= 32:
+                for k in range(4):
+                    steps[used] = (length >> (8 * k)) & 255
+                    used += 1
+    return used
+
+
+@kernel("void(u1[::1], i4[:,::1], i8[::1], i8[:,::1], i8[::1], i4[:,::1], u1[::1])")
+def _unpack(steps, corners, counts, table, which, vertices, pinched):  # type: ignore[no-untyped-def]
+    used = 0
+    for chain in which:
+        at = table[chain, START]
+        row = np.int64(corners[chain, 0])
+        col = np.int64(corners[chain, 1])
+        for k in range(counts[chain]):
+            step = np.int64(steps[at])
+            at += 1
+            if k > 0:
+                length = step & 31
+                if length == 0:
+                    for part in range(4):
+                        length |= np.int64(steps[at]) << (8 * part)
+                        at += 1
+                direction = (step >> 5) & 3
+                row += length * step_row(direction)
+                col += length * step_col(direction)
+            vertices[used, 0] = row
+            vertices[used, 1] = col
+            pinched[used] = step >> 7
+            used += 1

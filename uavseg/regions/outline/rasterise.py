@@ -78,15 +78,19 @@ class LazyLabels:
     rasteriser : Rasteriser
     shape : (int, int)
         Rows and columns of the raster.
+    numbers : (n + 1,) uint32 array, optional
+        What each label is replaced by.
     """
 
     rasteriser: "Rasteriser"
     shape: tuple[int, int]
+    numbers: NDArray[np.uint32] | None = None
 
     def __getitem__(self, rows: slice) -> NDArray[np.uint32]:
         """The labels of some rows, (rows, cols) uint32."""
         start, stop, _ = rows.indices(self.shape[0])
-        return self.rasteriser(Window(start, 0, stop - start, self.shape[1]))
+        labels = self.rasteriser(Window(start, 0, stop - start, self.shape[1]))
+        return labels if self.numbers is None else self.numbers[labels]
 
 
 class Rasteriser:
@@ -102,19 +106,14 @@ class Rasteriser:
     """
 
     def __init__(self, rings: Rings) -> None:
-        rows, cols = rings.vertices[:, 0], rings.vertices[:, 1]
-        after = np.arange(1, len(rows) + 1)
-        after[rings.starts[1:] - 1] = rings.starts[:-1]
-        vertical = np.flatnonzero(cols == cols[after])
-        upper = np.minimum(rows[vertical], rows[after[vertical]])
-        lower = np.maximum(rows[vertical], rows[after[vertical]])
-        vertical, upper, lower = _split_long_edges(vertical, upper, lower)
-        order = np.argsort(upper, kind="stable")
-        vertical, self._upper, self._lower = vertical[order], upper[order], lower[order]
-        self._cols = cols[vertical]
-        ring = np.searchsorted(rings.starts, vertical, "right") - 1
-        label = rings.labels[ring].astype(np.uint32)
-        self._steps = np.where(rows[after[vertical]] < rows[vertical], label, -label)
+        vertices, starts = np.ascontiguousarray(rings.vertices), rings.starts
+        counts = np.zeros(int(vertices[:, 0].max(initial=0)) + 2, np.int64)
+        _count_edges(vertices, starts, counts)
+        ends = np.cumsum(counts)
+        self._upper, self._lower, self._cols = (np.empty(int(ends[-1]), np.int32) for _ in range(3))
+        self._steps = np.empty(int(ends[-1]), np.uint32)
+        edges = self._upper, self._lower, self._cols, self._steps
+        _sort_edges(vertices, starts, rings.labels, ends, *edges)
 
     def __call__(self, window: Window) -> NDArray[np.uint32]:
         """The labels of a window, (rows, cols) uint32."""
@@ -138,15 +137,33 @@ class Rasteriser:
         return np.stack([upper, lower, self._cols[which] - np.int32(window.col)], 1)
 
 
-def _split_long_edges(
-    vertices: NDArray[np.int64], upper: NDArray[np.int32], lower: NDArray[np.int32]
-) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.int32]]:
-    """Vertical edges split into pieces of at most MAX_EDGE_ROWS."""
-    counts = np.maximum(-(-(lower - upper) // MAX_EDGE_ROWS), 1)
-    edge = np.repeat(np.arange(len(vertices)), counts)
-    piece = np.arange(len(edge)) - np.repeat(np.cumsum(counts) - counts, counts)
-    begin = (upper[edge] + piece * MAX_EDGE_ROWS).astype(np.int32)
-    return vertices[edge], begin, np.minimum(begin + np.int32(MAX_EDGE_ROWS), lower[edge])
+@kernel("void(i4[:,::1], i8[::1], i8[::1])")
+def _count_edges(vertices, starts, counts):  # type: ignore[no-untyped-def]
+    # How many pieces of vertical edges begin in the row before each: the first step of a counting sort.
+    for ring in range(starts.shape[0] - 1):
+        for v in range(starts[ring], starts[ring + 1]):
+            after = v + 1 if v + 1 < starts[ring + 1] else starts[ring]
+            if vertices[v, 1] == vertices[after, 1]:
+                end = max(vertices[v, 0], vertices[after, 0])
+                for row in range(min(vertices[v, 0], vertices[after, 0]), end, MAX_EDGE_ROWS):
+                    counts[row + 1] += 1
+
+
+@kernel("void(i4[:,::1], i8[::1], i8[::1], i8[::1], i4[::1], i4[::1], i4[::1], u4[::1])")
+def _sort_edges(vertices, starts, labels, ends, upper, lower, cols, steps):  # type: ignore[no-untyped-def]
+    for ring in range(starts.shape[0] - 1):
+        label = np.uint32(labels[ring])
+        for v in range(starts[ring], starts[ring + 1]):
+            after = v + 1 if v + 1 < starts[ring + 1] else starts[ring]
+            if vertices[v, 1] == vertices[after, 1]:
+                end = max(vertices[v, 0], vertices[after, 0])
+                for row in range(min(vertices[v, 0], vertices[after, 0]), end, MAX_EDGE_ROWS):
+                    at = ends[row]
+                    ends[row] += 1
+                    upper[at] = row
+                    lower[at] = min(row + MAX_EDGE_ROWS, end)
+                    cols[at] = vertices[v, 1]
+                    steps[at] = label if vertices[after, 0] < vertices[v, 0] else np.uint32(0) - label
 
 
 @kernel("void(i4[:,::1], u4[::1], u4[:,::1])")

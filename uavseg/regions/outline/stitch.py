@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.execution.executors import trim_heap
 from uavseg.raster.tiling import Window
-from uavseg.regions.outline.chains import OWNER, Chains, trace_tile
+from uavseg.regions.outline.chains import OWNER, Chains, PackedChains, pack_chains, trace_tile
 from uavseg.regions.outline.rings import RegionOutlines, merge_sums, select_sums, size_order
 from uavseg.regions.outline.trace import link_rings
 from uavseg.segmentation.border_steps import border_steps
@@ -116,7 +117,7 @@ class TileStitcher:
 
     def __init__(self, shape: tuple[int, int]) -> None:
         self._sums: list[Sums] = []
-        self._chains: list[Chains] = []
+        self._chains: list[PackedChains] = []
         self._pairs: list[NDArray[np.int64]] = []
         self._count = 0
         # Components along the last row, and along the last column, of the tiles so far; 0 for none.
@@ -135,7 +136,7 @@ class TileStitcher:
         self._beside[rows] = self._numbered(tile.right)
         tile.chains.table[:, OWNER] += self._count - 1
         self._sums.append(tile.sums)
-        self._chains.append(tile.chains)
+        self._chains.append(pack_chains(tile.chains))
         self._count += len(tile.sums.counts)
 
     def finish(
@@ -153,6 +154,7 @@ class TileStitcher:
             In place of leaves: the kind of each component, in the order in which tiles were added. Components
             of different kinds stay apart.
         """
+        trim_heap()  # tiles are not needed any more
         sums = _concatenate_sums(self._sums)
         pairs = np.concatenate([np.empty((0, 2), np.int64), *self._pairs])
         if kinds is not None:
@@ -177,7 +179,7 @@ class TileStitcher:
 
 
 def _number_regions(
-    sums: Sums, groups: NDArray[np.int64], parts: NDArray[np.int64], chains: list[Chains]
+    sums: Sums, groups: NDArray[np.int64], parts: NDArray[np.int64], chains: list[PackedChains]
 ) -> RegionOutlines:
     """Number regions by size: components of one group are one region, those of one part one polygon."""
     names, group = np.unique(groups, return_inverse=True)

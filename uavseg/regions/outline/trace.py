@@ -1,6 +1,6 @@
 """Boundary tracing (vectorisation): from a label image to rings on pixel edges, strip by strip."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Map, serial
-from uavseg.regions.outline.chains import OWNER, START, Chains, trace_tile
+from uavseg.regions.outline.chains import OWNER, Chains, PackedChains, join_packed, pack_chains, trace_tile
 from uavseg.regions.outline.linking import link_chains, split_simple_rings
 from uavseg.regions.outline.rings import Rings, reorder_rings
 from uavseg.segmentation.components import component_values, label_equal_values, union_roots
 
+BATCH = 1 << 21  # vertices of the chains that are linked at a time
 STRIP = 256  # rows of a label image that are traced at a time: their working memory is reused
 
 
@@ -52,22 +53,33 @@ def trace(labels: LabelRows, map: Map = serial) -> Rings:
     """
     if len(labels.shape) != 2 or getattr(labels, "dtype", np.dtype(np.uint32)).kind not in "iub":
         raise ParameterError("labels are a 2-D array of whole numbers, 0 the background")
-    strips = list(map(partial(_trace_strip, labels), range(0, labels.shape[0], STRIP)))
+    return link_strips(trace_strips(labels, map))
+
+
+def trace_strips(labels: LabelRows, map: Map = serial) -> list["Strip"]:
+    """The first half of `trace`, after which the label image is not needed any more."""
+    return list(map(partial(_trace_strip, labels), range(0, labels.shape[0], STRIP)))
+
+
+def link_strips(strips: list["Strip"]) -> Rings:
+    """The second half of `trace`; the list is emptied, see `link_rings`."""
     offsets = np.cumsum([0] + [len(strip.labels) for strip in strips])
     for strip, offset in zip(strips, offsets, strict=False):
         strip.chains.table[:, OWNER] += offset
     of_component = _concatenate([strip.labels for strip in strips], (0,), np.int64)
     parts = union_roots(_contacts(strips, offsets), len(of_component))
-    return link_rings([strip.chains for strip in strips], of_component, parts)
+    chains = [strip.chains for strip in strips]
+    strips.clear()
+    return link_rings(chains, of_component, parts)
 
 
 @dataclass(frozen=True, slots=True)
-class _Strip:
+class Strip:
     """Some rows of a label image, traced.
 
     Parameters
     ----------
-    chains : Chains
+    chains : PackedChains
         Of connected components 0..n - 1.
     labels : (n,) int64 array
         Label of each component.
@@ -75,13 +87,13 @@ class _Strip:
         The component of each pixel of the first and of the last row, -1 for none.
     """
 
-    chains: Chains
+    chains: PackedChains
     labels: NDArray[np.int64]
     top: NDArray[np.int64]
     bottom: NDArray[np.int64]
 
 
-def _trace_strip(image: LabelRows, top: int) -> _Strip:
+def _trace_strip(image: LabelRows, top: int) -> Strip:
     near = np.ascontiguousarray(image[max(top - 1, 0) : top + STRIP + 1], np.uint32)
     first = 1 if top == 0 else 0
     own = near[1 - first :][:STRIP]
@@ -92,10 +104,12 @@ def _trace_strip(image: LabelRows, top: int) -> _Strip:
     chains = trace_tile(framed, components, 1, (top, 0), cols)
     chains.table[:, OWNER] -= 1
     labels = component_values(own, components, count)
-    return _Strip(chains, labels, components[0].astype(np.int64) - 1, components[-1].astype(np.int64) - 1)
+    return Strip(
+        pack_chains(chains), labels, components[0].astype(np.int64) - 1, components[-1].astype(np.int64) - 1
+    )
 
 
-def _contacts(strips: Sequence[_Strip], offsets: NDArray[np.int64]) -> NDArray[np.int64]:
+def _contacts(strips: Sequence[Strip], offsets: NDArray[np.int64]) -> NDArray[np.int64]:
     """Pairs of components of one label that share an edge across the border of two strips, (k, 2)."""
     pairs = [np.empty((0, 2), np.int64)]
     for k, (above, below) in enumerate(pairwise(strips)):
@@ -106,14 +120,15 @@ def _contacts(strips: Sequence[_Strip], offsets: NDArray[np.int64]) -> NDArray[n
     return np.concatenate(pairs)
 
 
-def link_rings(tiles: list[Chains], labels: NDArray[np.int64], parts: NDArray[np.int64]) -> Rings:
+def link_rings(tiles: list[PackedChains], labels: NDArray[np.int64], parts: NDArray[np.int64]) -> Rings:
     """Rings from the chains of all tiles.
+
+    They are linked for some regions at a time, so that beside the rings little memory is needed.
 
     Parameters
     ----------
-    tiles : list of Chains
-        Their owners are components, numbered over all tiles. The list is emptied: its arrays are freed before
-        most memory is needed.
+    tiles : list of PackedChains
+        Their owners are components, numbered over all tiles. The list is emptied.
     labels : (n,) int64 array
         Label of each component.
     parts : (n,) int64 array
@@ -124,22 +139,53 @@ def link_rings(tiles: list[Chains], labels: NDArray[np.int64], parts: NDArray[np
     -------
     Rings
     """
-    offsets = np.cumsum([0] + [len(chains.vertices) for chains in tiles])
-    vertices = _concatenate([chains.vertices for chains in tiles], (0, 2), np.int32)
-    pinched = _concatenate([chains.pinched for chains in tiles], (0,), np.uint8)
-    table = _concatenate([chains.table for chains in tiles], (0, 6), np.int64)
-    table[:, START] += np.repeat(offsets[:-1], [len(chains.table) for chains in tiles])
-    tiles.clear()
-    vertices, pinched, starts, owners = link_chains(vertices, pinched, table)
-    vertices, starts, owners, hole = split_simple_rings(vertices, pinched, starts, owners)
-    first = vertices[starts[:-1]]
-    order = np.lexsort((first[:, 1], first[:, 0], hole, parts[owners], labels[owners]))
-    part = parts[owners][order]
+    if not tiles:
+        tiles = [
+            pack_chains(Chains(np.empty((0, 2), np.int32), np.empty(0, np.uint8), np.empty((0, 6), np.int64)))
+        ]
+    packed = join_packed(tiles)
+    of_chain = labels[packed.table[:, OWNER]]
+    order = np.argsort(of_chain, kind="stable")
+    vertices = np.empty((int(packed.counts.sum()), 2), np.int32)
+    starts, ring_labels, ring_parts, used = [np.zeros(1, np.int64)], [labels[:0]], [parts[:0]], 0
+    for some in _batches(packed.counts[order], of_chain[order]):
+        own, own_starts, owners = _linked(packed.unpacked(np.sort(order[some])), labels, parts)
+        vertices[used : used + len(own)] = own
+        starts.append(own_starts[1:] + used)
+        ring_labels.append(labels[owners])
+        ring_parts.append(parts[owners])
+        used += len(own)
+    part = np.concatenate(ring_parts)
     return Rings(
-        *reorder_rings(vertices, starts, order),
-        labels[owners][order],
+        vertices[:used],
+        np.concatenate(starts),
+        np.concatenate(ring_labels),
         np.cumsum(np.diff(part, prepend=part[:1]) != 0),
     )
+
+
+def _batches(counts: NDArray[np.int64], labels: NDArray[np.int64]) -> Iterator[slice]:
+    """Slices of chains, sorted by label, with few vertices more than `BATCH`; no label is in two."""
+    ends = np.cumsum(counts)
+    first = 0
+    while first < len(ends):
+        full = int(np.searchsorted(ends, ends[first] - counts[first] + BATCH))
+        last = int(np.searchsorted(labels, labels[min(full, len(labels) - 1)], "right"))
+        yield slice(first, last)
+        first = last
+
+
+def _linked(
+    chains: Chains, labels: NDArray[np.int64], parts: NDArray[np.int64]
+) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.int64]]:
+    """Vertices, starts and components of the rings of chains, in the order of `Rings`."""
+    linked = link_chains(chains.vertices, chains.pinched, chains.table)
+    del chains  # one region may be most of a raster
+    vertices, starts, owners, hole = split_simple_rings(*linked)
+    del linked
+    first = vertices[starts[:-1]]
+    order = np.lexsort((first[:, 1], first[:, 0], hole, parts[owners], labels[owners]))
+    return *reorder_rings(vertices, starts, order), owners[order]
 
 
 def _concatenate(arrays: Sequence[NDArray[Any]], empty: tuple[int, ...], dtype: type) -> NDArray[Any]:
