@@ -168,7 +168,7 @@ def any_layout(rng: Random, picture: Picture) -> dict[str, Any]:
         if cols % 16 == 0 and rng.random() < 0.5:
             how["blockxsize"] = cols  # as wide as the raster
     elif rng.random() < 0.7:
-        how["blockysize"] = rng.randint(1, rows) if compress != "jpeg" else min(8 * rng.randint(1, 8), rows)
+        how["blockysize"] = rng.randint(1, rows) if compress != "jpeg" else min(16 * rng.randint(1, 4), rows)
     if bands > 1 or picture.by == "alpha":
         how["interleave"] = "pixel" if compress in ("jpeg", "webp") else rng.choice(["pixel", "band"])
     if rng.random() < 0.15:
