@@ -1,16 +1,20 @@
 """Both ends of a range of v belong to it, whatever the type of the pixels and the stretch."""
 
 from fractions import Fraction
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from affine import Affine
+from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from rasterio.crs import CRS
 
+import uavseg
+from uavseg.cli import main
 from uavseg.jobs.classify import ClassifyRequest, classify
 from uavseg.jobs.extract import ExtractRequest, extract
 from uavseg.jobs.extract_classes import ClassesRequest, extract_classes
@@ -19,6 +23,7 @@ from uavseg.jobs.ranges import decided_grey
 from uavseg.jobs.source import ProbabilityMap
 from uavseg.occupancy.probability_map import stretch_of
 from uavseg.raster.dataset import Dataset
+from uavseg.raster.formats.geotiff import write_geotiff
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch, fit_stretch
 from uavseg.raster.tiling import TilePass, Window
@@ -112,3 +117,29 @@ def test_limits_of_states_belong_to_the_state_below(p: float, state: int, dtype:
     dataset = dataset_of(np.full((64, 64), p, dtype))
     found = classify(ProbabilityMap(dataset, stretch_of(dataset)), ClassifyRequest(StateLimits()))
     assert found.cells[state] == 64 * 64
+
+
+@pytest.mark.parametrize("refine", ["pixels", "tv"])
+@pytest.mark.filterwarnings("ignore:no region of low")
+@pytest.mark.parametrize("stretch", ["40,90", "none", "minmax"])
+def test_a_block_map_decides_ends_as_its_raster_does(refine: str, stretch: str, tmp_path: Path) -> None:
+    raster, blocks = tmp_path / "a.tif", tmp_path / "a.blocks.tif"
+    values = np.random.default_rng(5).integers(40, 91, (150, 200)).astype(np.uint8)
+    if stretch == "none":
+        values = (values / 100).clip(0, 1).astype(np.float32)
+    write_geotiff(raster, [values], GeoBox(values.shape, Affine(1, 0, 5e5, 0, -1, 5e6), UTM))
+    line = ["divide", str(raster), f"--stretch={stretch}", "-o", str(blocks)]
+    assert CliRunner().invoke(main, line).exit_code == 0
+    for low in (0.2, 0.3, 0.44, 0.46, 0.5, 0.6):
+        by_raster, by_blocks = (
+            uavseg.extract(source, (low, 1.0), refine=refine, **how)
+            for source, how in ((raster, {"stretch": stretch}), (blocks, {}))
+        )
+        assert by_blocks.geometry.equals(by_raster.geometry)
+        assert by_blocks["pixels"].sum() == by_raster["pixels"].sum()
+    classes = {"low": (0.0, 0.46), "high": (0.46, 1.0)}
+    of_raster, of_blocks = (
+        uavseg.extract(source, classes=classes, **how)
+        for source, how in ((raster, {"stretch": stretch}), (blocks, {}))
+    )
+    assert of_blocks.geometry.equals(of_raster.geometry)

@@ -16,6 +16,7 @@ from uavseg.jobs.ranges import (
     EACH_PIXEL,
     AnyRange,
     FoundRange,
+    decided_grey,
     grey_for,
     missed_text,
     range_of_blocks,
@@ -26,6 +27,7 @@ from uavseg.jobs.result import Drawing, Extraction, SourceInfo, measured
 from uavseg.jobs.source import Blocks, Pixels, Raster, Source
 from uavseg.jobs.unchanged import check_unchanged
 from uavseg.jobs.work import SERIAL, Work
+from uavseg.raster.intensity.value_range import ValueRange
 from uavseg.raster.tiling import TilePass
 from uavseg.regions.edit.small import Area, drop_small_regions, fill_small_holes
 from uavseg.regions.outline.rings import RegionOutlines
@@ -166,7 +168,9 @@ def _refined(source: Blocks, raster: Raster, request: ExtractRequest, work: Work
     grey = source.grey(raster, outlining)
     with work.reading_here():
         check_unchanged(grey, source)
-    wanted = range_of_blocks(source, request.interval)
+    wanted, asked = range_of_blocks(source, request.interval), request.interval
+    if request.segment.decides_pixels and not isinstance(asked, ValueRange):
+        grey = decided_grey(grey, asked.edges, (asked.low, asked.high))
     cells = cells_to_refine(source.saved.blocks, wanted.interval, request.segment)
     with phase("refinement and outlines"):
         outlined = _outlined(grey, cells, wanted, request, outlining, source.saved.blocks)

@@ -182,6 +182,8 @@ def _refined(
     grey = source.grey(raster, outlining)
     with work.reading_here():
         check_unchanged(grey, source)
+    if isinstance(request.partition, Partition):
+        grey = decided_grey(grey, partition.edges, partition.bounds)
     return _outlined(grey, None, partition, request, outlining, source.saved.blocks)
 
 
