@@ -244,4 +244,6 @@ def _valid_ground(raster: "Source") -> IsGround | None:
 
 
 def _points(regions: Regions) -> list[tuple[float, float]]:
-    return list(zip(regions.columns["lon"].tolist(), regions.columns["lat"].tolist(), strict=True))
+    # The 12 digits that GeoJSON keeps, so that no format decides between orders of almost the same length.
+    lon, lat = ([float(f"{x:.12g}") for x in regions.columns[name].tolist()] for name in ("lon", "lat"))
+    return list(zip(lon, lat, strict=True))
