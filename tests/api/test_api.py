@@ -145,7 +145,9 @@ def test_no_region_is_an_empty_frame(raster: Path) -> None:
 
 def test_regions_become_a_mission(regions: geopandas.GeoDataFrame) -> None:
     on_globe = regions.to_crs(4326)
-    points = list(zip(regions["lon"], regions["lat"], strict=True))
+    points = [
+        tuple(float(f"{x:.12g}") for x in pair) for pair in zip(regions["lon"], regions["lat"], strict=True)
+    ]
     params, home = uavseg.PlanParams(altitude_m=60, pattern="visit"), (45.1, -76.2)
     (mission,) = planner.plan_missions(list(on_globe.geometry), points, params, home)
     assert len(mission.items) >= 3

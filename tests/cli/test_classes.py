@@ -172,10 +172,8 @@ def test_breaks_by_a_rule(breaks: str, count: int) -> None:
     levels = geopandas.read_file("l.fgb")
     assert f"{levels['level'].nunique()} by {breaks.split(':')[0]}: 0.." in told
     assert levels["level"].nunique() == count or not count
-    if breaks.startswith(
-        "otsu"
-    ):  # those of suggest; cells on both sides of a border make levels of their own
-        suggested = {one.range for one in uavseg.suggest("a.tif", count or "auto")}
+    if breaks.startswith("otsu:"):
+        suggested = {one.range for one in uavseg.suggest("a.tif", count)}
         assert set(zip(levels["range_low"], levels["range_high"], strict=True)) <= suggested
     if breaks.startswith("quantile"):
         shares = levels.groupby("level")["pixels"].sum() / levels["pixels"].sum()

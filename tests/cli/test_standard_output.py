@@ -80,7 +80,7 @@ def test_too_little_memory_for_the_libraries_is_one_line(folder: Path) -> None:
     import resource
 
     def limit() -> None:
-        resource.setrlimit(resource.RLIMIT_AS, (200_000 << 10,) * 2)
+        resource.setrlimit(resource.RLIMIT_AS, (240_000 << 10,) * 2)
 
     code, lines = run(folder, "info", "a.tif", preexec_fn=limit, stdout=subprocess.DEVNULL)
     assert code == 1

@@ -177,3 +177,12 @@ def test_no_thread_is_left_running() -> None:
     with pytest.raises(ZeroDivisionError):
         list(threads(4)(failing, range(50)))
     assert threading.active_count() == before
+
+
+def test_threads_that_cannot_be_started_are_too_little_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(_: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(threading.Thread, "start", refused)
+    with pytest.raises(MemoryError, match="can't start new thread"):
+        list(threads(2)(abs, [1, 2, 3]))

@@ -261,8 +261,8 @@ def suggest(
     >>> field[16:32, 16:48] = 200
     >>> for found in uavseg.suggest(field):
     ...     print(found.range, found.share, found.regions)
-    (0.51, 1.0) 0.125 1
-    (0.0, 0.51) 0.875 1
+    (0.52, 1.0) 0.125 1
+    (0.0, 0.52) 0.875 1
     """
     words = BandWords(index, expr, band_names)
     options = ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, None, words, collar, flatten)

@@ -47,7 +47,7 @@ _LISTED = 8  # levels in the table at the end
     "--breaks",
     metavar="V,V,...|otsu[:K]|quantile[:K]",
     help="In place of a width: the values of v between levels, such as 0.2,0.5; or K levels with the "
-    "smallest variance within (otsu, as uavseg suggest has it) or the same number of pixels (quantile, 5).",
+    "smallest variance within (otsu, as suggest --classes K) or the same number of pixels (quantile, 5).",
 )
 @click.option(
     "-o",

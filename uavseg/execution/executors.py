@@ -77,7 +77,10 @@ def threads(count: int | None = None) -> Map:
         with ThreadPoolExecutor(count) as pool:
 
             def submit(item: Item) -> "Future[Result]":
-                return pool.submit(function, item)
+                try:
+                    return pool.submit(function, item)
+                except RuntimeError as error:  # the system starts no more threads
+                    raise MemoryError(str(error)) from error
 
             yield from in_order(submit, lambda future: future.result(), lambda: 2 * count, items, progress)
 

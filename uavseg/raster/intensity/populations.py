@@ -37,7 +37,7 @@ def population_edges(greys: Counts) -> tuple[float, ...]:
     >>> greys = np.zeros(65536, np.int64)
     >>> greys[[15000, 16000, 46000, 47000]] = 5000, 5000, 20, 20
     >>> population_edges(greys)
-    (0.47,)
+    (0.49,)
     """
     if np.count_nonzero(greys) < 2:
         return ()
