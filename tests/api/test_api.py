@@ -11,8 +11,10 @@ import geopandas
 import numpy as np
 import pytest
 import rasterio
+import shapely
 from affine import Affine
 from geopandas.testing import assert_geodataframe_equal
+from pyproj import Transformer
 
 import uavseg
 from uavseg.errors import IntensityRangeError, ParameterError, RasterReadError
@@ -155,6 +157,25 @@ def test_regions_become_a_mission(regions: geopandas.GeoDataFrame) -> None:
         assert uavseg.plan(regions, altitude=60, home=home).missions == (mission,)
     given = {str(one.message) for one in caught if one.category is UserWarning}
     assert given == set(mission.warnings)
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+@pytest.mark.parametrize("pattern", ["visit", "corridor", "survey", "perimeter"])
+def test_digits_that_formats_cut_off_decide_nothing(pattern: str) -> None:
+    """Regions a picometre aside are planned alike, where several orders are as long."""
+    to_degrees = Transformer.from_crs("+proj=aeqd +lat_0=46 +lon_0=15", 4326, always_xy=True).transform
+    boxes = [(60, 40, 160, 90), (320, 40, 400, 170), (60, 300, 130, 370), (320, 300, 470, 330)]
+    corners = [
+        np.column_stack(to_degrees(*np.array(shapely.box(*box).exterior.coords[:-1]).T)) for box in boxes
+    ]
+    spacing = {"spacing": 15} if pattern in ("corridor", "survey") else {}
+    plans = []
+    for seed in range(6):
+        aside = np.random.default_rng(seed).normal(0, 2e-14 if seed else 0, (4, 4, 2))
+        polygons = [shapely.Polygon(box + by) for box, by in zip(corners, aside, strict=True)]
+        frame = geopandas.GeoDataFrame(geometry=polygons, crs=4326)
+        plans.append(uavseg.plan(frame, altitude=60, home=(46.0, 15.0), pattern=pattern, **spacing).missions)
+    assert all(plan == plans[0] for plan in plans)
 
 
 def test_a_block_map(raster: Path) -> None:

@@ -36,7 +36,11 @@ LINES = (
     "divide {} -o b.tif",
     "original {} -o l.tif --sweeps 4",
 )
-REASONS = ("it has no place on a map; give it one",)  # for which an honest raster may be refused
+REASONS = (  # for which an honest raster may be refused
+    "it has no place on a map; give it one",
+    "crosses the antimeridian, where a map in Web Mercator is cut",
+    "a map in Web Mercator shows up to 85",
+)
 
 
 def case(rng: Random, folder: Path) -> Iterator[Finding]:

@@ -17,7 +17,7 @@ from uavseg.errors import RegionError, UavsegError
 from uavseg.execution.phases import steps_done
 from uavseg.output.interrupts import deaf_call
 from uavseg.plain_text import cause_of
-from uavseg.raster.geodesy.globe import WGS84, geod_wgs84, unwrap_lon
+from uavseg.raster.geodesy.globe import MAX_DECIMALS, WGS84, geod_wgs84, unwrap_lon
 from uavseg.raster.opening import file_exists
 from uavseg.regions.formats.check_read import (
     check_attributes,
@@ -197,7 +197,9 @@ def _to_wgs84(frame: "GeoDataFrame", name: str) -> "GeoDataFrame":
             f"{name} lies at {west:g} to {east:g} by {south:g} to {north:g}: not longitudes and latitudes, "
             "but probably local coordinates; give the file its coordinate system"
         )
-    return frame.set_geometry(_cut_at_antimeridian(np.asarray(frame.geometry, object), name), crs=frame.crs)
+    # As many decimals as GeoJSON has at most: the rounding of a format must not decide between plans.
+    degrees = shapely.transform(np.asarray(frame.geometry, object), lambda xy: xy.round(MAX_DECIMALS))
+    return frame.set_geometry(_cut_at_antimeridian(degrees, name), crs=frame.crs)
 
 
 def _cut_at_antimeridian(geometries: NDArray[np.object_], name: str) -> NDArray[np.object_]:
