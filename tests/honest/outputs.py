@@ -68,10 +68,10 @@ def read_back(path: Path, labels: Any, truth: plain.Plain, about: str) -> Iterat
     yield from differ("ORDER", about, ids, list(range(1, count + 1)))
     pixels = np.bincount(labels.ravel(), minlength=count + 1)[1:]
     yield from differ("PIXELS", about, [int(n) for n in frame["pixels"]], pixels.tolist())
-    place = frame.geometry
+    place = frame.geometry.values[:12]
     if path.suffix in (".geojson", ".kml") and truth.crs is not None:
-        place = [_back(one, frame.crs, truth) for one in frame.geometry]
-    for number, polygon in zip(ids[:12], list(place)[:12], strict=False):
+        place = _back(place, frame.crs, truth)
+    for number, polygon in zip(ids, place, strict=False):
         covered = plain.drawn_pixels(
             list(getattr(polygon, "geoms", [polygon])), labels.shape, truth.transform
         )
@@ -87,8 +87,8 @@ def read_back(path: Path, labels: Any, truth: plain.Plain, about: str) -> Iterat
         json.loads(path.read_text(encoding="utf-8"), parse_constant=no_constant)
 
 
-def _back(polygon: Any, crs: Any, truth: plain.Plain) -> Any:
-    """A polygon in degrees as one in the system of its raster, around it."""
+def _back(polygons: Any, crs: Any, truth: plain.Plain) -> Any:
+    """Polygons in degrees as those in the system of their raster, around it."""
     target = CRS.from_user_input(truth.crs)
     transformer = Transformer.from_crs(crs, target, always_xy=True)
     own = truth.transform
@@ -100,4 +100,4 @@ def _back(polygon: Any, crs: Any, truth: plain.Plain) -> Any:
             x = x + 360 * np.round((middle - x) / 360)
         return np.column_stack([x, y])
 
-    return shapely.transform(polygon, moved)
+    return shapely.transform(np.asarray(polygons, object), moved)
