@@ -17,7 +17,7 @@ from qgis.core import (
     QgsVectorLayer,
 )
 
-from ..options import Option, Values, interval, metres, shown, switch, words_of
+from ..options import Option, Values, choice, interval, metres, shown, switch, words_of
 from ..places import place
 from ..reading import BAND_CHOICE, DIVISION, NODATA, STRETCH, THREADS
 from ..styles import style_on_load
@@ -73,6 +73,14 @@ class FindPath(ProgramAlgorithm):
             STRETCH,
             FREE_IS,
             *DIVISION,
+            choice(
+                "REFINE",
+                "Regions",
+                "--refine",
+                "What makes a region: cells by their own value, or by the mean of their block too (scan). "
+                "Empty: by their own value, and by both with the paper's method.",
+                ("pixels", "scan"),
+            ),
             THREADS,
         )
 

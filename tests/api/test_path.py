@@ -20,7 +20,7 @@ from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.raster.formats.geotiff import write_geotiff
 from uavseg.raster.geobox import local_geobox
 from uavseg.raster.tiling import Window
-from uavseg.segmentation.params import IntensityRange
+from uavseg.segmentation.params import IntensityRange, SegmentParams
 
 CELL = 0.25
 RANGE = (0, 0.45)
@@ -115,14 +115,16 @@ def test_on_real_maps_no_way_enters_a_cell_out_of_the_range(name: str, shared_da
     dataset = opened.dataset
     values, _ = dataset.read(Window(0, 0, *dataset.geobox.shape))
     safe = values[0] <= 0.45
-    request = PathRequest(IntensityRange(*RANGE), (0, 0), (0, 0))
-    _, mask, walls = free_cells(opened, request).of_region(1)
+    request = PathRequest(IntensityRange(*RANGE), (0, 0), (0, 0), segment=SegmentParams(refine="scan"))
+    _, mask, walls = free_cells(opened, request).of_regions([1])
     assert walls > 100 and mask.sum() <= safe.sum()
     source, found = shared_data / "maps" / name, 0
     for first, last in np.random.default_rng(7).choice(np.argwhere(safe), (12, 2)):
         ends = [tuple(map(float, dataset.geobox.xy_from_pixel(*(cell + 0.5)))) for cell in (first, last)]
         try:
-            ways = [uavseg.path(source, RANGE, *ends, smooth=smooth) for smooth in (False, True)]
+            ways = [
+                uavseg.path(source, RANGE, *ends, smooth=smooth, refine="scan") for smooth in (False, True)
+            ]
         except PathError as error:  # one of them lies inside of something
             assert "region" in str(error)
             continue

@@ -1,6 +1,7 @@
 """`uavseg path`: where it leads, what it says, and what it refuses in one sentence."""
 
 import json
+import re
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -86,7 +87,12 @@ def test_a_path_goes_through_the_door_and_round_the_thin_wall() -> None:
         assert is_visible(free, *leg)
         assert leg[0][0] == leg[1][0] or leg[0][1] == leg[1][1] or np.ptp(np.abs(np.subtract(*leg))) == 0
     assert min(row for row, _ in corners) <= 15
-    assert "coordinates are local" in result.stderr and "kept out of 48 cells" in result.stderr
+    assert "coordinates are local" in result.stderr and "kept out" not in result.stderr
+
+
+def test_regions_of_blocks_hold_cells_that_a_path_keeps_out_of() -> None:
+    result = found("local.tif", *RANGE, *LOCAL_ENDS, "--refine", "scan", "-o", "path.geojson")
+    assert re.search(r"kept out of +48 cells of region 1", result.stderr)
 
 
 def test_its_length_is_that_of_the_line_and_reported_with_the_rest() -> None:
@@ -178,7 +184,7 @@ BAD = {
     ("--start", "7"): "--start is X,Y",
     ("--goal", at(100, 170)): "region 2",
     ("--goal", at(100, 135)): "no region",
-    ("--goal", at(40, 20)): "out of the range",
+    ("--goal", at(40, 20)): "no region (its cell has v = 0.902)",
     ("--range", "0.45,0"): "low < high",
     ("--clearance", "-1"): "not negative",
     ("--clearance", "nan"): "not negative",

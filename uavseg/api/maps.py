@@ -15,7 +15,7 @@ from uavseg.jobs.build_map import build_map as run_build_map
 from uavseg.jobs.classify import Classification, ClassifyRequest
 from uavseg.jobs.classify import classify as run_classify
 from uavseg.jobs.open_source import open_probability_map
-from uavseg.jobs.path import PathRequest
+from uavseg.jobs.path import PathRequest, path_params
 from uavseg.jobs.path import path as run_path
 from uavseg.jobs.range_words import range_of_words
 from uavseg.jobs.result import Drawing
@@ -143,6 +143,7 @@ def path(
     method: str = "adaptive",
     threshold: float = 1.2,
     intensity_step: float = 0.05,
+    refine: str | None = None,
     tile: int | None = None,
     threads: int | None = None,
     progress: Progress | bool | None = None,
@@ -181,6 +182,9 @@ def path(
         As of `classify`.
     method, threshold, intensity_step
         As of `extract`.
+    refine : {"pixels", "scan"}, optional
+        What makes a region: cells by their own value, or as in the paper by the mean of their block too. The
+        default is "pixels", and "scan" with the paper's method.
     tile, threads : int, optional
         Change no result.
     progress : callable or bool, optional
@@ -215,7 +219,7 @@ def path(
         start,
         goal,
         PathParams(clearance, smooth),
-        SegmentParams.from_words(method, threshold, intensity_step, "scan"),
+        path_params(SegmentParams.from_words(method, threshold, intensity_step), refine),
     )
     words = BandWords(index, expr, band_names)
     read = ReadOptions(band, None, nodata, stretch, free_is_white=free_is_white, words=words)

@@ -57,6 +57,12 @@ _LINES = (".geojson", ".json")
     help="The path: .geojson; as a mission .plan, .waypoints, .kmz, .csv or .kml; - is GeoJSON on stdout.",
 )
 @segmenting_options
+@click.option(
+    "--refine",
+    type=click.Choice(["pixels", "scan"]),
+    show_default="pixels; with --method paper scan",
+    help="What makes a region: cells by their own value, or as in the paper by the mean of their block too.",
+)
 @band_option
 @formula_options
 @nodata_option
@@ -80,8 +86,8 @@ def command(**options: Any) -> None:
     """Find the shortest path over the cells of a region of MAP, from --start to --goal.
 
     MAP is a raster of probabilities, or the YAML file of a ROS map. The region is that of `uavseg extract`
-    with the same --range. The path never enters a cell whose own value is outside of the range, and cuts no
-    corner.
+    with the same --range and --refine. The path never enters a cell whose own value is outside of the range,
+    and cuts no corner.
     """
     from uavseg.jobs.open_source import open_probability_map
     from uavseg.jobs.path import path
@@ -106,7 +112,7 @@ def command(**options: Any) -> None:
 
 
 def _request(options: dict[str, Any]) -> PathRequest:
-    from uavseg.jobs.path import PathRequest
+    from uavseg.jobs.path import PathRequest, path_params
     from uavseg.occupancy.paths.find_path import PathParams
 
     start, goal = (_parsed_place(f"--{name}", options[name]) for name in ("start", "goal"))
@@ -115,7 +121,7 @@ def _request(options: dict[str, Any]) -> PathRequest:
         start,
         goal,
         PathParams(options["clearance"], options["smooth"]),
-        segment_params(options, "scan"),
+        path_params(segment_params(options, None), options["refine"]),
     )
 
 
@@ -196,9 +202,12 @@ def _rows(found: PathFound, output: str) -> dict[str, str]:
     """The short table at the end."""
     way = found.path
     unit = "m" if found.in_metres else "units of the map"
-    return {
+    rows = {
         "path": f"{len(way.corners):,} corners -> {shown(output)}",
         "length": f"{way.length_m:,.3f} {unit} ({way.cells:,} cells)",
         "expanded": f"{way.expanded:,} cells in {found.search_s:.3f} s",
-        "kept out of": f"{way.walls:,} cells of region {way.region} whose own value is outside of the range",
     }
+    if way.walls:
+        out = f"{way.walls:,} cells of region {way.region} whose own value is outside of the range"
+        rows["kept out of"] = out
+    return rows

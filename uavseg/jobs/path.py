@@ -27,13 +27,30 @@ class PathRequest:
     params : PathParams
         Clearance, and whether the path is pulled tight.
     segment : SegmentParams
+        How regions are found: by the own values of cells (refine "pixels"), or as the paper does by those of
+        blocks ("scan"), where a path stays within one region.
     """
 
     interval: AnyRange
     start: tuple[float, float]
     goal: tuple[float, float]
     params: PathParams = PathParams()
-    segment: SegmentParams = SegmentParams(refine="scan")
+    segment: SegmentParams = SegmentParams(refine="pixels")
+
+
+def path_params(segment: SegmentParams, refine: str | None) -> SegmentParams:
+    """How the regions of a path are found: "pixels" by default, and "scan" with the paper's method.
+
+    Raises
+    ------
+    ParameterError
+        If it is another refinement.
+    """
+    if refine is None:
+        refine = "scan" if segment.method == "paper" else "pixels"
+    if refine not in ("pixels", "scan"):
+        raise ParameterError(f"regions of a path are refined by pixels or scan, not {refine}")
+    return SegmentParams.from_words(segment.method, segment.threshold, segment.intensity_step, refine)
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
 """Path planning: the shortest path between two positions in one region of a map, in metres."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import isfinite
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 from uavseg.errors import ParameterError, PathError
 from uavseg.execution.executors import Map, serial
 from uavseg.occupancy.paths.any_angle import pull_string
-from uavseg.occupancy.paths.astar import CellPath, shortest_path
+from uavseg.occupancy.paths.astar import shortest_path
 from uavseg.occupancy.paths.clearance import clearance, is_at_least
+from uavseg.occupancy.paths.closed_way import largest_clearance, narrowest_gap
 from uavseg.occupancy.paths.free_cells import FreeCells, MapPosition
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.geodesy.ground import ground_steps, line_length
+from uavseg.units import GREY_MAX
 
 Cell = tuple[int, int]
 
@@ -42,7 +44,7 @@ class PathParams:
     smooth: bool = False
 
     def __post_init__(self) -> None:
-        if not (isfinite(self.clearance_m) and self.clearance_m >= 0):
+        if not (math.isfinite(self.clearance_m) and self.clearance_m >= 0):
             raise ParameterError(
                 f"a clearance in metres is finite and not negative, not {self.clearance_m:g}"
             )
@@ -114,19 +116,24 @@ def find_path(
         leads from one to the other.
     """
     first, last = free.place("start", start), free.place("goal", goal)
-    if not (first.is_free and last.is_free and first.region == last.region):
+    if not (first.is_free and last.is_free):
         raise PathError(_explain_apart(free, first, last, map))
-    window, mask, walls = free.of_region(first.region, map)
+    window, mask, walls = free.of_regions({first.region, last.region}, map)
     offset = np.array([window.row, window.col])
     row, col = window.row + window.rows / 2, window.col + window.cols / 2
     width, height = ground_steps(free.geobox, row, col)
     start_cell, goal_cell = (_relative(place.cell, offset) for place in (first, last))
+    kept = mask
     if params.clearance_m > 0:
-        mask = _with_clearance(
+        kept = _with_clearance(
             mask, params.clearance_m, (width, height), {"start": start_cell, "goal": goal_cell}
         )
-    path = _search(mask, start_cell, goal_cell, first.region, params)
-    corners = offset + (pull_string(mask, path.cells) if params.smooth else _turning_cells(path.cells))
+    try:
+        path = shortest_path(kept, start_cell, goal_cell)
+    except PathError:
+        reason = _what_closes(free, (first, last), mask, offset, (width, height), params)
+        raise PathError(f"no path leads from the start to the goal: {reason}") from None
+    corners = offset + (pull_string(kept, path.cells) if params.smooth else _turning_cells(path.cells))
     return PlannedPath(
         corners,
         free.geobox,
@@ -193,15 +200,53 @@ def _warnings(width: float, height: float) -> Iterator[str]:
         )
 
 
-def _search(mask: NDArray[np.bool_], start: Cell, goal: Cell, region: int, params: PathParams) -> CellPath:
-    try:
-        return shortest_path(mask, start, goal)
-    except PathError:
-        reason = (
-            "cells whose own value is outside of the range separate them, or corners that a path may not cut"
-        )
-        if params.clearance_m:
-            reason = f"the passage between them is too narrow for a clearance of {params.clearance_m:g} m"
-        raise PathError(
-            f"no path leads from the start to the goal: both lie in region {region}, but {reason}"
-        ) from None
+def _what_closes(
+    free: FreeCells,
+    ends: tuple[MapPosition, MapPosition],
+    mask: NDArray[np.bool_],
+    offset: NDArray[np.int64],
+    sides: tuple[float, float],
+    params: PathParams,
+) -> str:
+    """Why no path connects two free cells, where, and which option would open a way."""
+    start, goal = (_relative(place.cell, offset) for place in ends)
+    if params.clearance_m > 0:
+        largest = largest_clearance(clearance(mask, *sides), start, goal)
+        if largest > 0:
+            return (
+                f"every passage is too narrow for a clearance of {params.clearance_m:g} m; a path with at "
+                f"most {_floored(largest):g} m exists (--clearance)"
+            )
+    gap = narrowest_gap(mask, start, goal, *sides)
+    x, y = free.geobox.xy_from_pixel(*(offset + (np.add(gap.here, gap.there) + 1) / 2))
+    where = "both lie in region {0}" if ends[0].region == ends[1].region else "{1} and {2}"
+    where = where.format(ends[0].region, *(f"the {place.name} lies in {place.where}" for place in ends))
+    spans = [span for way in gap.ways if (span := free.grey_span(way + offset)) is not None]
+    nearest = f"{where}, which come nearest to each other at {x:.12g},{y:.12g}"
+    if not spans:
+        return f"{nearest}, where the map has no values"
+    low, high = min(spans, key=lambda span: span[1] - span[0])
+    lowest, highest = free.interval.greys
+    if lowest <= low and high <= highest:
+        return f"{nearest}, where cells in the range belong to no region; --refine pixels joins the two there"
+    ends_of_range = min(_down(low), free.interval.low), max(_up(high), free.interval.high)
+    values = f"{low / GREY_MAX:.3f}" + ("" if low == high else f" to {high / GREY_MAX:.3f}")
+    return (
+        f"{nearest}, where v is {values}; --range {ends_of_range[0]:g},{ends_of_range[1]:g} joins them there"
+    )
+
+
+def _down(grey: int) -> float:
+    """v in thousandths, not more than that of a grey."""
+    return math.floor(grey * 1000 / GREY_MAX) / 1000
+
+
+def _up(grey: int) -> float:
+    """v in thousandths, not less than that of a grey."""
+    return math.ceil(grey * 1000 / GREY_MAX) / 1000
+
+
+def _floored(metres: float) -> float:
+    """A length with four significant digits, not more than it is."""
+    unit = 10.0 ** (math.floor(math.log10(metres)) - 3)
+    return float(f"{math.floor(metres / unit) * unit:.4g}")

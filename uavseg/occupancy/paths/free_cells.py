@@ -3,7 +3,7 @@
 Where walls are a cell or two thin the mean of a block hides them, so a region alone is no place to drive in.
 """
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from functools import cached_property, partial
 from math import isfinite
@@ -116,18 +116,20 @@ class FreeCells:
         free = region > 0 and value is not None and bool(low <= tile.grey[0, 0] <= high)
         return MapPosition(name, (here.row, here.col), region, value, free)
 
-    def of_region(self, region: int, map: Map = serial) -> tuple[Window, NDArray[np.bool_], int]:
-        """The free cells of one region, and how many of its cells are not.
+    def of_regions(
+        self, regions: Collection[int], map: Map = serial
+    ) -> tuple[Window, NDArray[np.bool_], int]:
+        """The free cells of some regions, and how many of their cells are not.
 
         Returns
         -------
         window : Window
-            The least that holds the region.
+            The least that holds the regions.
         mask : (rows, cols) bool array
         walls : int
-            Cells of the region whose own value is out of the range.
+            Cells of the regions whose own value is out of the range.
         """
-        rings = self.rings.select(self.rings.labels == region)
+        rings = self.rings.select(np.isin(self.rings.labels, list(regions)))
         top, left = rings.vertices.min(axis=0).tolist()
         bottom, right = rings.vertices.max(axis=0).tolist()
         window = Window(top, left, bottom - top, right - left)
@@ -162,6 +164,16 @@ class FreeCells:
             return None
         x, y = self.geobox.xy_from_pixel(best[1] + 0.5, best[2] + 0.5)
         return NearestCell(best[0], best[3], float(x), float(y))
+
+    def grey_span(self, cells: NDArray[np.int64]) -> tuple[int, int] | None:
+        """The lowest and the highest grey of cells, (n, 2) rows and columns; None where one is not valid."""
+        (top, left), (bottom, right) = cells.min(axis=0).tolist(), cells.max(axis=0).tolist()
+        tile = self.source.read(Window(top, left, bottom - top + 1, right - left + 1), 0)
+        rows, cols = (cells - (top, left)).T
+        if not tile.valid[rows, cols].all():
+            return None
+        grey = tile.grey[rows, cols]
+        return int(grey.min()), int(grey.max())
 
     @cached_property
     def _painter(self) -> Rasteriser:
