@@ -436,3 +436,18 @@ def test_commands_on_rasters_take_a_ros_map(words: list[str]) -> None:
 def test_other_commands_say_that_a_ros_map_is_no_raster(command: list[str]) -> None:
     result = CliRunner().invoke(main, [command[0], ros_map("trinary"), *command[1:]])
     assert result.exit_code == 1 and len(result.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("aisle", [1, 3, 4, 8])
+def test_a_classified_map_of_racks_is_classified_as_itself(mode: str, aisle: int) -> None:
+    p = room()
+    p[10:88, 72:136] = np.where(np.arange(64) // aisle % 2, 0.05, 0.95)
+    p = np.select([p < 0.5, p > 0.5], [0.0, 1.0], 0.5)
+    write("racks.tif", p.astype(np.float32))
+    done("racks.tif", "-o", "once.yaml", "--mode", mode)
+    done("once.yaml", "-o", "twice.yaml", "--mode", mode)
+    images = [next(Path().glob(f"{name}.p*")).read_bytes() for name in ("once", "twice")]
+    assert images[0] == images[1]
+    done("twice.yaml", "-o", "states.tif")
+    assert np.array_equal(read("states.tif"), StateLimits().of(p))

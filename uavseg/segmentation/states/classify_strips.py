@@ -8,7 +8,8 @@ down  compaction from top to bottom; free against occupied along rows
 up    free against occupied from bottom to top
 down  free against occupied from top to bottom
 
-Then thin obstacles are restored, see `thin_structures`: at once in a trinary map, else in two more passes.
+Then thin obstacles are restored in two more passes, see `thin_structures`. In a trinary map a value is a
+decision: there each pixel gets the state of its own value, in place of the passes after the first.
 
 Between passes a pixel takes 4 bits, see `StateImage`.
 """
@@ -39,12 +40,12 @@ from uavseg.segmentation.states.state_scans import (
     encode_states,
     resolve_columns,
     resolve_rows,
+    with_own_states,
 )
 from uavseg.segmentation.states.thin_structures import (
     ThinObstacles,
     count_left_out,
     find_thin_obstacles,
-    restore_all,
     with_restored,
 )
 from uavseg.segmentation.states.value_statistics import ValueStatistics, value_statistics
@@ -76,7 +77,8 @@ def classify_states(
     tile_pass : TilePass
         Over the tiles of `state_strips`, strip by strip from the top; the result does not depend on them.
     restore : bool
-        Whether thin obstacles become occupied; with refine "scan" alone.
+        Whether thin obstacles become occupied, and pixels of a trinary map keep their own state; with refine
+        "scan" alone.
     """
     image = StateImage(source.shape)
     strips = [list(strip) for _, strip in groupby(tile_pass.windows, key=lambda window: window.row)]
@@ -100,8 +102,8 @@ def classify_states(
         image.write_codes(strip[0].row, part)
     next(results, None)  # lets the executor finish and report it
     if refine == "scan":
-        codes = passes.run(restore and statistics.trinary)
-    thin = ThinObstacles(passes.restored, 0)
+        codes = passes.take_own_states() if restore and statistics.trinary else passes.scan()
+    thin = ThinObstacles({FREE: 0, UNKNOWN: 0}, 0)
     found = ClassifiedStates(image, codes, thin, statistics.noise, statistics.trinary)
     return _with_thin_obstacles(source, found, limits, restore, finding)
 
@@ -154,16 +156,21 @@ class _Passes:
     def __init__(self, image: StateImage, rows: Sequence[tuple[int, int]]) -> None:
         self._image = image
         self._rows = rows  # first row and number of rows of each strip
-        self.restored = {FREE: 0, UNKNOWN: 0}  # pixels that became occupied, by the state that they had
 
-    def run(self, restore: bool) -> NDArray[np.int64]:
-        """Run all passes; return the number of pixels by code.
-
-        With `restore`, each pixel that is occupied by its own value becomes occupied.
-        """
+    def scan(self) -> NDArray[np.int64]:
+        """Run all passes; return the number of pixels by code."""
         self._compact_down()
         self._resolve_up()
-        return self._resolve_down(restore)
+        return self._resolve_down()
+
+    def take_own_states(self) -> NDArray[np.int64]:
+        """Give each pixel the state of its own value; return the number of pixels by code."""
+        counts = np.zeros(16, np.int64)
+        for row, rows in self._rows:
+            codes = with_own_states(self._image.read_codes(row, rows))
+            self._image.write_codes(row, codes)
+            counts += count_codes(codes)
+        return counts
 
     def _compact_down(self) -> None:
         previous = np.zeros(self._image.cols, np.uint8)
@@ -180,21 +187,15 @@ class _Passes:
             resolve_columns(codes, previous, True)
             self._image.write_codes(row, codes[LOOKAHEAD:])
 
-    def _resolve_down(self, restore: bool) -> NDArray[np.int64]:
+    def _resolve_down(self) -> NDArray[np.int64]:
         previous = np.zeros(self._image.cols, np.uint8)
         counts = np.zeros(16, np.int64)
         for row, rows in self._rows:
             codes = self._image.read_codes(row, rows + LOOKAHEAD)
             resolve_columns(codes, previous, False)
             part = codes[:-LOOKAHEAD]
-            of_part = count_codes(part)
-            left_out = count_left_out(of_part)
-            if restore and any(left_out.values()):
-                restore_all(part)
-                of_part = with_restored(of_part, left_out)
-                self.restored = {state: count + left_out[state] for state, count in self.restored.items()}
             self._image.write_codes(row, part)
-            counts += of_part
+            counts += count_codes(part)
         return counts
 
 

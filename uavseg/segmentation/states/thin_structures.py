@@ -8,7 +8,8 @@ see `obstacle_evidence` for the tests:
 - one of strong cells whose likelihood ratio is large enough is an obstacle, or part of the one beside it.
 
 The rest is explained by the noise of the map, and stays as it is. In a trinary map every cell that is
-occupied by its own value is part of an obstacle.
+occupied by its own value is part of an obstacle; those that are lost are counted there, and the default
+method loses none.
 """
 
 from collections.abc import Iterator, Sequence
@@ -34,9 +35,6 @@ _LEFT_OUT = FREE | OCCUPIED << 2, UNKNOWN | OCCUPIED << 2  # occupied by the own
 _KEPT = OCCUPIED | OCCUPIED << 2
 # A candidate has a code that no other pixel has: its state, shifted left twice where its evidence is strong.
 _STRONG_SHIFT = 2
-
-_RESTORED = np.arange(16, dtype=np.uint8)
-_RESTORED[list(_LEFT_OUT)] = _KEPT
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,11 +65,6 @@ def with_restored(codes: NDArray[np.int64], restored: dict[int, int]) -> NDArray
         counts[state | OCCUPIED << 2] -= number
         counts[_KEPT] += number
     return counts
-
-
-def restore_all(codes: Codes) -> None:
-    """Every pixel that is occupied by its own value becomes occupied, in place."""
-    codes[:] = _RESTORED[codes]
 
 
 def find_thin_obstacles(
