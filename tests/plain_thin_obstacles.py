@@ -25,6 +25,22 @@ def restored(
     return found
 
 
+def with_free_of_mixed(
+    states: NDArray[np.uint8], grey: NDArray[np.uint16], limits: Any = (0.498, 0.502)
+) -> NDArray[np.uint8]:
+    """States of leaves, with the free pixels of unknown cells that are not near 0.5."""
+    v, found = grey / 65535, states.copy()
+    free = v < min(0.35, limits[0])
+    far = free | (v > max(0.65, limits[1]))
+    for row in range(0, states.shape[0], 8):
+        for col in range(0, states.shape[1], 8):
+            cell = slice(row, row + 8), slice(col, col + 8)
+            unknown = states[cell] == UNKNOWN
+            if (far[cell] & unknown).sum() > unknown.sum() / 4:
+                found[cell][unknown & free[cell]] = FREE
+    return found
+
+
 def lost(
     states: NDArray[np.uint8],
     grey: NDArray[np.uint16],
@@ -49,7 +65,7 @@ def examined(states: Any, grey: Any, valid: Any, limits: Any) -> tuple[Any, Any,
     needed = math.ceil(8 * math.log(valid.sum() / ALPHA))
     with np.errstate(divide="ignore"):
         eighths = np.floor(8 * np.log(np.where(v > 0.5, v, 0.5) / (1 - np.where(v > 0.5, v, 0.5))))
-    chosen = np.zeros(states.shape, bool)
+    chosen, whole = np.zeros(states.shape, bool), np.zeros(states.shape, bool)
     strong = candidate & (v > max(0.65, limits[1]))
     number = 0
     labels, count = ndimage.label(candidate, EIGHT)
@@ -58,13 +74,17 @@ def examined(states: Any, grey: Any, valid: Any, limits: Any) -> tuple[Any, Any,
         beside = (ndimage.binary_dilation(structure, EIGHT) & kept).any()
         enough = structure.sum() >= 3 or eighths[structure & strong].sum() >= needed
         if not beside and enough:
-            chosen |= structure
+            whole |= structure
             number += 1
     labels, count = ndimage.label(strong, EIGHT)
     for k in range(1, count + 1):
-        if eighths[labels == k].sum() >= needed:
-            chosen |= labels == k
-    return candidate, chosen, number
+        part = labels == k
+        beside = (ndimage.binary_dilation(part, EIGHT) & kept & (v > max(0.65, limits[1]))).any()
+        hidden = part.sum() >= 3 and not beside
+        if hidden or eighths[part].sum() >= needed:
+            chosen |= part
+        number += bool(hidden and not whole[part].any())
+    return candidate, chosen | whole, number
 
 
 def weakest_of(grey: Any, valid: Any, limits: Any) -> float:

@@ -191,11 +191,35 @@ def test_a_map_of_probabilities_loses_no_obstacle_of_three_cells(seed: int, sigm
         values[row : row + rng.integers(1, 30), col : col + rng.integers(1, 3)] = 0.8
     values = np.clip(values + rng.normal(0, sigma, shape), 0, 1)
     found = classify(source_of(values))
+    assert not lost_groups(values, found.states)
+
+
+def lost_groups(values: NDArray[np.floating], states: NDArray[np.uint8]) -> list[int]:
+    """8-connected groups of three cells or more above 0.65 of which no cell is occupied."""
     labels, count = ndimage.label(values > 0.65, np.ones((3, 3)))
     sizes = np.bincount(labels.ravel(), minlength=count + 1)
-    whole = obstacles(values)[0]
-    kept = set(whole[(found.states == OCCUPIED) & (values > 0.502)])
-    assert all(whole[labels == k][0] in kept for k in range(1, count + 1) if sizes[k] >= 3)
+    kept = set(labels[states == OCCUPIED])
+    return [k for k in range(1, count + 1) if sizes[k] >= 3 and k not in kept]
+
+
+@pytest.mark.parametrize("name, of_paper", [("intel_crop64", 10), ("intel_crop192", 40)])
+def test_walls_of_a_real_log_are_kept(shared_data: Path, name: str, of_paper: int) -> None:
+    """A wall of 8 cells was free in the larger crop: weaker cells join it to an occupied one."""
+    source = opened(shared_data / "maps" / f"{name}.tif")
+    values = source.dataset.read(Window(0, 0, *source.geobox.shape))[0][0]
+    assert not lost_groups(values, classify(source).states)
+    paper = classify(source, SCAN)
+    assert paper.lost_obstacles >= len(lost_groups(values, paper.states)) == of_paper
+
+
+@pytest.mark.parametrize("sigma", [0.01, 0.03, 0.08])
+@pytest.mark.parametrize("aisle", [4, 8, 32])
+def test_unknown_is_not_the_mean_of_free_and_occupied(aisle: int, sigma: float) -> None:
+    """Racks and aisles as wide as each other: the mean of a leaf is one half, and no cell is near it."""
+    rack = np.arange(256) // aisle % 2 == 1
+    values = np.where(rack, 0.9, 0.1) + np.random.default_rng(aisle).normal(0, sigma, (256, 256))
+    found = classify(source_of(np.clip(values, 0, 1)))
+    assert (found.states != np.where(rack, OCCUPIED, FREE)).mean() < 0.002
 
 
 def test_obstacles_that_are_lost_are_refused_unless_that_is_allowed() -> None:

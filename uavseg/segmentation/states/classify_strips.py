@@ -23,13 +23,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg._jit import kernel
 from uavseg.execution.lazy_sequence import LazySequence
 from uavseg.raster.tiling import TilePass, Window, tile_side, tiles, whole_blocks, window_cells
 from uavseg.segmentation.blocks.leaves import cells_to_pixels
 from uavseg.segmentation.params import StateLimits
 from uavseg.segmentation.source import GreySource
 from uavseg.segmentation.states.classified_states import ClassifiedStates
-from uavseg.segmentation.states.obstacle_evidence import evidence_rule
+from uavseg.segmentation.states.obstacle_evidence import STRONG_ABOVE, evidence_rule
 from uavseg.segmentation.states.state_image import StateImage, pack_codes, unpack_codes
 from uavseg.segmentation.states.state_scans import (
     LOOKAHEAD,
@@ -49,7 +50,7 @@ from uavseg.segmentation.states.thin_structures import (
     with_restored,
 )
 from uavseg.segmentation.states.value_statistics import ValueStatistics, value_statistics
-from uavseg.units import BLOCK, FREE, UNKNOWN
+from uavseg.units import BLOCK, CELL, FREE, GREY_MAX, UNKNOWN
 
 StateRefinement = Literal["none", "scan"]
 
@@ -77,15 +78,15 @@ def classify_states(
     tile_pass : TilePass
         Over the tiles of `state_strips`, strip by strip from the top; the result does not depend on them.
     restore : bool
-        Whether thin obstacles become occupied, and pixels of a trinary map keep their own state; with refine
-        "scan" alone.
+        Whether thin obstacles become occupied, pixels of a trinary map keep their own state, and unknown
+        means evidence near 0.5, not the mean of free and occupied pixels; with refine "scan" alone.
     """
     image = StateImage(source.shape)
     strips = [list(strip) for _, strip in groupby(tile_pass.windows, key=lambda window: window.row)]
     passes = _Passes(image, [_strip_rows(strip) for strip in strips])
     upwards = [tile for strip in reversed(strips) for tile in strip]
     encoding, finding = tile_pass.stages(2)
-    encode_tile = partial(_encode_tile, source, limits)
+    encode_tile = partial(_encode_tile, source, limits, restore)
     results = zip(upwards, encoding.run(encode_tile, _jobs(cells, upwards)), strict=True)
     codes, statistics = np.zeros(16, np.int64), ValueStatistics.empty()
     previous = np.zeros(image.cols, np.uint8)
@@ -230,13 +231,22 @@ class _EncodedTile:
     statistics: ValueStatistics
 
 
-def _encode_tile(source: GreySource, limits: StateLimits, job: _Job) -> _EncodedTile | None:
-    """Encode a tile; None where no pixel is valid."""
+def _encode_tile(source: GreySource, limits: StateLimits, part: bool, job: _Job) -> _EncodedTile | None:
+    """Encode a tile; None where no pixel is valid.
+
+    With `part`, free pixels of unknown leaves that mix free and occupied ones are free; their occupied ones
+    are thin obstacles.
+    """
     if not job.cells.any():
         return None
     tile = source.read(job.window, 0)
     own = _own_states(limits)[tile.grey]
-    pairs = pack_codes(encode_states(cells_to_pixels(job.cells, tile.valid), own))
+    states = cells_to_pixels(job.cells, tile.valid)
+    if part:
+        surely_free = min(1 - STRONG_ABOVE, limits.free_below)
+        surely_occupied = max(STRONG_ABOVE, limits.occupied_above)
+        _free_mixed(tile.grey, states, GREY_MAX * surely_free, GREY_MAX * surely_occupied)
+    pairs = pack_codes(encode_states(states, own))
     return _EncodedTile(pairs, value_statistics(tile.grey, tile.valid, own))
 
 
@@ -255,3 +265,22 @@ def _assemble_strip(
         if tile is not None:
             unpack_codes(tile.pairs, codes[:, window.col : window.col + 2 * tile.pairs.shape[1]])
     return codes
+
+
+@kernel("void(u2[:,::1], u1[:,::1], f8, f8)")
+def _free_mixed(grey, states, free, occupied):  # type: ignore[no-untyped-def]
+    # A cell is mixed where more than a quarter of its pixels are far from 0.5: noise hardly lifts so many.
+    for top in range(0, grey.shape[0], CELL):
+        for left in range(0, grey.shape[1], CELL):
+            unknown, far = 0, 0
+            for r in range(top, top + CELL):
+                for c in range(left, left + CELL):
+                    if states[r, c] == np.uint8(UNKNOWN):
+                        unknown += 1
+                        far += grey[r, c] < free or grey[r, c] > occupied
+            if 4 * far <= unknown:
+                continue
+            for r in range(top, top + CELL):
+                for c in range(left, left + CELL):
+                    if states[r, c] == np.uint8(UNKNOWN) and grey[r, c] < free:
+                        states[r, c] = np.uint8(FREE)

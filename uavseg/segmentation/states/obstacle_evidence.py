@@ -29,7 +29,7 @@ PARTS = 8  # evidence is counted in eighths of a nat
 
 _ALPHA = 0.05  # expected number of false structures in a map
 _TRIPLES = 20  # fixed shapes of three 8-connected cells
-_STRONG_ABOVE = 0.65  # v: the occupied_thresh of ROS maps as Nav2 writes them
+STRONG_ABOVE = 0.65  # v: the occupied_thresh of ROS maps as Nav2 writes them
 _CERTAIN = 126  # code of v = 1, whose likelihood ratio is infinite
 
 
@@ -72,7 +72,7 @@ def evidence_rule(limits: StateLimits, cells: int, noise: float, trinary: bool) 
     >>> rule.codes[[0, 32800, 39321, 65535]], rule.min_cells, rule.min_evidence
     (array([  0,   0,   4, 255], dtype=uint8), 3, 117)
     """
-    strong = max(_STRONG_ABOVE, limits.occupied_above)
+    strong = max(STRONG_ABOVE, limits.occupied_above)
     weakest = min(limits.occupied_above + noise_deviations(cells) * noise, strong)
     v = np.arange(GREY_LEVELS) / GREY_MAX
     odds = np.divide(v, 1 - v, out=np.full(GREY_LEVELS, np.inf), where=v < 1)

@@ -36,7 +36,7 @@ class ThinComponents:
     def __post_init__(self) -> None:
         self._above = np.zeros(self.cols, np.int64)
 
-    def add(self, mask: Mask, evidence: Mask, attached: Mask) -> None:
+    def add(self, mask: Mask, evidence: Mask, attached: Mask) -> tuple[NDArray[np.uint32], int]:
         """Add a chunk.
 
         Parameters
@@ -44,6 +44,13 @@ class ThinComponents:
         mask, evidence, attached : (M, N) uint8 arrays
             1 where a cell belongs to a component; its evidence; 1 where it touches an occupied cell. N is a
             multiple of 8.
+
+        Returns
+        -------
+        labels : (M, N) uint32 array
+            Components of the chunk, from 1; 0 outside.
+        before : int
+            Number of components in chunks before.
         """
         labels, count = label_8_connected(mask)
         sums = np.zeros((3, count), np.int64)
@@ -52,7 +59,9 @@ class ThinComponents:
         self._sums.append(sums)
         self._unite(self._ids(labels[0]))
         self._above = self._ids(labels[-1])
+        before = self._count
         self._count += count
+        return labels, before
 
     def totals(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """The component that each chunk's component belongs to, and the sums of all of them.

@@ -5,6 +5,8 @@ occupied by their own value, but not by their segment (candidates), are grouped 
 see `obstacle_evidence` for the tests:
 
 - one of three cells or more with no occupied cell beside it is an obstacle, which would be lost;
+- one of three strong cells or more with no strong occupied cell beside it is an obstacle too: weaker cells
+  that join it to an occupied one do not hide it;
 - one of strong cells whose likelihood ratio is large enough is an obstacle, or part of the one beside it.
 
 The rest is explained by the noise of the map, and stays as it is. In a trinary map every cell that is
@@ -15,7 +17,7 @@ method loses none.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import groupby
+from itertools import chain, groupby
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +25,7 @@ from numpy.typing import NDArray
 from uavseg._jit import inlined, kernel
 from uavseg.raster.tiling import TilePass, Window, whole_blocks
 from uavseg.segmentation.source import GreySource
-from uavseg.segmentation.states.obstacle_evidence import EvidenceRule
+from uavseg.segmentation.states.obstacle_evidence import MIN_CELLS, EvidenceRule
 from uavseg.segmentation.states.state_image import StateImage
 from uavseg.segmentation.states.state_scans import Codes
 from uavseg.segmentation.states.thin_components import ThinComponents, label_8_connected
@@ -84,22 +86,28 @@ def find_thin_obstacles(
         Whether they become occupied; otherwise those without an occupied pixel are counted.
     """
     weak, strong = ThinComponents(image.cols), ThinComponents(image.cols)
-    chunks = []
+    chunks, around = [], [np.empty(0, np.int64)]  # the latter: the weak component of each strong one
     for row, codes, evidence in _read_chunks(source, image, rule, tile_pass):
-        masks = np.zeros((3, *evidence.shape), np.uint8)
+        masks = np.zeros((4, len(evidence) - 2, image.cols), np.uint8)
         _mark_candidates(codes, evidence, *masks)
-        weak.add(masks[0], evidence, masks[2])
+        wholes, before = weak.add(masks[0], evidence[1:-1], masks[2])
+        parts, _ = strong.add(masks[1], evidence[1:-1], masks[3])
         if restore:
-            strong.add(masks[1], evidence, masks[2])
-            chunks.append((row, len(evidence)))
+            chunks.append((row, len(evidence) - 2))
             image.write_codes(row, codes[1:-1])
-    roots, (cells, odds, attached) = weak.totals()
-    obstacles = (attached == 0) & ((cells >= rule.min_cells) | (odds >= rule.min_evidence)) & (cells > 0)
+        else:
+            cells = np.flatnonzero(parts)
+            _, first = np.unique(parts.ravel()[cells], return_index=True)
+            around.append(wholes.ravel()[cells[first]] + np.int64(before - 1))
+    roots, (size, odds, attached) = weak.totals()
+    obstacles = (attached == 0) & ((size >= rule.min_cells) | (odds >= rule.min_evidence)) & (size > 0)
+    strong_roots, (strong_cells, strong_odds, strong_attached) = strong.totals()
+    hidden = (strong_attached == 0) & (strong_cells >= MIN_CELLS)
     if not restore:
-        return ThinObstacles({FREE: 0, UNKNOWN: 0}, int(obstacles.sum()))
-    strong_roots, (_, strong_odds, _) = strong.totals()
-    parts = (strong_odds >= rule.min_evidence)[strong_roots]
-    return ThinObstacles(_restore(image, chunks, obstacles[roots], parts), 0)
+        hidden &= ~obstacles[roots][np.concatenate(around)]
+        return ThinObstacles({FREE: 0, UNKNOWN: 0}, int(obstacles.sum() + hidden.sum()))
+    chosen = (hidden | (strong_odds >= rule.min_evidence))[strong_roots]
+    return ThinObstacles(_restore(image, chunks, obstacles[roots], chosen), 0)
 
 
 def _restore(
@@ -132,12 +140,26 @@ def _chosen(
 def _read_chunks(
     source: GreySource, image: StateImage, rule: EvidenceRule, tile_pass: TilePass
 ) -> Iterator[tuple[int, Codes, NDArray[np.uint8]]]:
-    """First row of each chunk, its codes with a row above and below, and the evidence of its pixels."""
+    """First row of each chunk, its codes and the evidence of its pixels, with a row above and below."""
+    at_once = max(_CHUNK_PIXELS // image.cols // BLOCK, 1) * BLOCK
+    border = np.zeros((1, image.cols), np.uint8)
+    above, here, top = border, border[:0], 0
+    for row, below in chain(_read_evidence(source, image, rule, tile_pass), [(-1, border)]):
+        strip = np.concatenate([above, here, below[:1]])
+        for first in range(0, len(here), at_once):
+            part = strip[first : first + min(at_once, len(here) - first) + 2]
+            yield top + first, image.read_codes(top + first - 1, len(part)), part
+        above, here, top = strip[-2:-1], below, row
+
+
+def _read_evidence(
+    source: GreySource, image: StateImage, rule: EvidenceRule, tile_pass: TilePass
+) -> Iterator[tuple[int, NDArray[np.uint8]]]:
+    """First row of each strip and the evidence of its pixels; 0 in tiles where nobody asks for it."""
     strips = [list(strip) for _, strip in groupby(tile_pass.windows, key=lambda window: window.row)]
     trinary = rule.min_cells == 1  # evidence is the same everywhere
     needed = [] if trinary else [tile for strip in strips for tile in _tiles_with_candidates(image, strip)]
     results = zip(needed, tile_pass.run(partial(_evidence_of_tile, source, rule), needed), strict=True)
-    at_once = max(_CHUNK_PIXELS // image.cols // BLOCK, 1) * BLOCK
     waiting = next(results, None)
     for strip in strips:
         top, rows = strip[0].row, whole_blocks(strip[0].rows)
@@ -146,16 +168,14 @@ def _read_chunks(
             tile, part = waiting
             evidence[: part.shape[0], tile.col : tile.col + part.shape[1]] = part
             waiting = next(results, None)
-        for row in range(top, top + rows, at_once):
-            part = evidence[row - top : row - top + at_once]
-            yield row, image.read_codes(row - 1, len(part) + 2), part
+        yield top, evidence
 
 
 def _tiles_with_candidates(image: StateImage, strip: Sequence[Window]) -> list[Window]:
-    """The tiles of a strip that hold pixels occupied by their own value alone."""
+    """The tiles of a strip that hold or touch pixels occupied by their own value alone."""
     found = np.zeros(image.cols, np.uint8)
-    _find_columns(image.read_codes(strip[0].row, strip[0].rows), found)
-    return [tile for tile in strip if found[tile.col : tile.col + tile.cols].any()]
+    _find_columns(image.read_codes(strip[0].row - 1, strip[0].rows + 2), found)
+    return [tile for tile in strip if found[max(tile.col - 1, 0) : tile.col + tile.cols + 1].any()]
 
 
 def _evidence_of_tile(source: GreySource, rule: EvidenceRule, window: Window) -> NDArray[np.uint8]:
@@ -177,20 +197,21 @@ def _find_columns(codes, found):  # type: ignore[no-untyped-def]
             found[c] |= left_out(codes[r, c])
 
 
-@kernel("void(u1[:,::1], u1[:,::1], u1[:,::1], u1[:,::1], u1[:,::1])")
-def _mark_candidates(codes, evidence, weak, strong, attached):  # type: ignore[no-untyped-def]
-    # `codes` has one more row above and below.
-    rows, cols = evidence.shape
+@kernel("void(u1[:,::1], u1[:,::1], u1[:,::1], u1[:,::1], u1[:,::1], u1[:,::1])")
+def _mark_candidates(codes, evidence, weak, strong, attached, strongly):  # type: ignore[no-untyped-def]
+    # `codes` and `evidence` have one more row above and below.
+    rows, cols = weak.shape
     for r in range(rows):
         for c in range(cols):
-            if evidence[r, c] == 0 or not left_out(codes[r + 1, c]):
+            if evidence[r + 1, c] == 0 or not left_out(codes[r + 1, c]):
                 continue
             weak[r, c] = 1
-            strong[r, c] = evidence[r, c] >> np.uint8(7)
+            strong[r, c] = evidence[r + 1, c] >> np.uint8(7)
             for i in range(r, r + 3):
                 for k in range(max(c - 1, 0), min(c + 2, cols)):
                     if codes[i, k] == np.uint8(_KEPT):
                         attached[r, c] = 1
+                        strongly[r, c] |= evidence[i, k] >> np.uint8(7)
             state = codes[r + 1, c] & np.uint8(3)
             codes[r + 1, c] = state << np.uint8(_STRONG_SHIFT) if strong[r, c] else state
 
