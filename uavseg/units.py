@@ -8,4 +8,5 @@ CELL = 8  # pixels: the smallest block
 CELLS = BLOCK // CELL  # cells along the side of a block
 
 FREE, UNKNOWN, OCCUPIED = 1, 2, 3  # states of an occupancy map; 0 is no data
+STATES = "state: 1 free, 2 unknown, 3 occupied"  # description of a band of states
 MAX_KINDS = 127  # kinds of pixels that are refined together, in seven bits

@@ -108,6 +108,7 @@ def test_what_cannot_be_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*of grey 205:UserWarning")  # free_thresh 0.25, as this map is published
 @pytest.mark.parametrize("name", ["depot.yaml", "tb3_sandbox.yaml"])
 def test_on_real_maps_no_way_enters_a_cell_out_of_the_range(name: str, shared_data: Path) -> None:
     opened = open_probability_map(shared_data / "maps" / name)

@@ -451,3 +451,26 @@ def test_a_classified_map_of_racks_is_classified_as_itself(mode: str, aisle: int
     assert images[0] == images[1]
     done("twice.yaml", "-o", "states.tif")
     assert np.array_equal(read("states.tif"), StateLimits().of(p))
+
+
+def test_states_are_classified_as_themselves() -> None:
+    """A raster of states is read as states: its numbers are no probabilities of 255."""
+    done("map.tif", "-o", "once.tif")
+    done("once.tif", "-o", "twice.tif")
+    assert np.array_equal(read("once.tif"), read("twice.tif")) and len(np.unique(read("once.tif"))) == 3
+    again = CliRunner().invoke(
+        main,
+        ["path", "once.tif", "--range", "0,0.4", "--start", "-1,4", "--goal", "0.5,1.6", "-o", "way.geojson"],
+    )
+    assert again.exit_code == 0, again.output
+
+
+def test_what_a_ros_map_may_not_mean_is_one_line() -> None:
+    name = ros_map("trinary")
+    text = Path(name).read_text()
+    Path(name).write_text(text.replace("free_thresh: 0.196", "free_thresh: 0.25"))
+    assert done(name, "-o", "states.tif").stderr.count("of grey 205") == 1
+    Path(name).write_text(text.replace("0.196", "19.6").replace("0.65", "65"))
+    assert "as per cent they are 0.65 and 0.196" in refused(name, "--overwrite")
+    Path(name).write_text(text + "negate: 1\n")
+    assert "'negate' 2 times" in refused(name, "--overwrite")

@@ -1,7 +1,7 @@
 """Maps of probabilities, whatever they are stored as, ready for the phases of segmentation."""
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.grey import Grey
 from uavseg.raster.intensity.stretch import Stretch, fit_stretch
 from uavseg.raster.tiling import TilePass
+from uavseg.units import FREE, OCCUPIED, STATES
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +78,7 @@ def open_map(
     if is_ros_map(path):
         found = read_ros_map(path)
         dataset = Dataset.of_values(found.probabilities, found.geobox, Path(path).name, local_metres=True)
+        dataset = replace(dataset, warnings=found.warnings)
     else:
         dataset = Dataset.open(path, band=band, nodata=nodata)
     return dataset, stretch_of(dataset)
@@ -93,17 +95,19 @@ def open_white_picture(path: str | os.PathLike[str]) -> tuple[Dataset, Stretch]:
     RasterReadError
         If it cannot be read.
     """
-    grey, opaque = read_picture(path)
+    grey, alpha = read_picture(path)
     values = (np.float32(255) - grey.astype(np.float32)) / np.float32(255)
     unknown = grey == UNKNOWN_GREY
-    values[unknown if opaque is None else unknown | ~opaque] = 0.5
+    values[unknown if alpha is None else unknown | (alpha < 255)] = 0.5
     place = GeoBox(grey.shape, Affine.identity(), None)
     dataset = Dataset.of_values(values, place, Path(path).name)
     return dataset, stretch_of(dataset)
 
 
 def stretch_of(dataset: Dataset) -> Stretch:
-    """How a map's numbers become grey, whatever they are: by their type alone."""
+    """How a map's numbers become grey: by their type alone, or by the state where `classify` wrote them."""
+    if dataset.mosaic.files[0].layout.descriptions == (STATES,):
+        return Stretch(float(FREE), float(OCCUPIED), "states -> 0..1")
     if np.dtype(dataset.dtype).kind == "f":
         return ProbabilityStretch(0.0, 1.0, "none -> 0..1")
     return fit_stretch(dataset, "dtype", TilePass([]))

@@ -9,8 +9,7 @@ from uavseg.raster.formats.creation import DEFAULT, CreationOptions
 from uavseg.raster.formats.geotiff import LabelBand, write_label_geotiff
 from uavseg.raster.geobox import GeoBox
 from uavseg.segmentation.states.state_image import StateImage
-
-DESCRIPTION = "state: 1 free, 2 unknown, 3 occupied"
+from uavseg.units import STATES
 
 
 def write_states(
@@ -49,5 +48,5 @@ def write_states(
     if is_ros_map(path):
         write_ros_map(path, image.read(), geobox, overwrite, mode)
     else:
-        band = LabelBand(np.uint8, DESCRIPTION)
+        band = LabelBand(np.uint8, STATES)
         write_label_geotiff(path, image.strips(), geobox, overwrite, band=band, creation=creation)

@@ -55,7 +55,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 THRESHOLDS = st.one_of(
     st.tuples(st.floats(0, 0.5), st.floats(0.5, 1)).filter(lambda pair: pair[0] < pair[1]),
     st.tuples(st.integers(0, 100), st.integers(120, 255)).map(lambda pair: (pair[0] / 255, pair[1] / 255)),
-    st.sampled_from([(0.196, 0.65), (0.25, 0.65), (0.2, 0.6), (0.0, 1.0), (-0.5, 1.5), (0.4, 0.8)]),
+    st.sampled_from([(0.196, 0.65), (0.25, 0.65), (0.2, 0.6), (0.0, 1.0), (-0.5, 0.9), (0.4, 0.8)]),
 )
 
 
@@ -87,6 +87,38 @@ def test_pixels_that_are_not_opaque_are_unknown_except_in_raw(
     path = put(folder, grey, image="alpha.png", mode=mode, negate=negate)
     expected = np.vectorize(lambda x, a: nav2_cell(int(x), int(a), mode, negate, 0.65, 0.196))(grey, alpha)
     assert (read_ros_map(path).cells == expected).all()
+
+
+def old_nav2_cell(grey: int, alpha: int) -> int:
+    """One cell of a trinary map with alpha, as in map_io.cpp until 2025."""
+    occupancy = 1 - (3 * grey + alpha) / 4 / 255
+    return 100 if occupancy > 0.65 else 0 if occupancy < 0.196 else -1
+
+
+@pytest.mark.parametrize("alpha", [255, 200, 0])
+def test_alpha_that_releases_of_nav2_read_differently_is_said(tmp_path: Path, alpha: int) -> None:
+    grey = np.array([[0, 100, 205, 254]], np.uint8)
+    bands = [Image.fromarray(band) for band in (grey, grey, grey, np.full_like(grey, alpha))]
+    Image.merge("RGBA", bands).save(tmp_path / "alpha.png")
+    found = read_ros_map(put(tmp_path, grey, image="alpha.png"))
+    expected = [nav2_cell(x, alpha, "trinary", 0, 0.65, 0.196) for x in grey[0].tolist()]
+    assert found.cells[0].tolist() == expected
+    other = sum(old_nav2_cell(x, alpha) != cell for x, cell in zip(grey[0].tolist(), expected, strict=True))
+    assert other and len(found.warnings) == 1
+    assert f"it reads {other} cell" in found.warnings[0]
+    assert not read_ros_map(put(tmp_path, grey, image="alpha.png", mode="scale")).warnings
+    assert not read_ros_map(put(tmp_path, grey)).warnings
+
+
+@pytest.mark.parametrize(
+    ("free", "mode", "said"),
+    [(0.25, "trinary", True), (0.25, "scale", True), (0.196, "trinary", False), (0.25, "raw", False)],
+)
+def test_unknown_grey_that_counts_as_free_is_said(tmp_path: Path, free: float, mode: str, said: bool) -> None:
+    grey = np.array([[0, 205, 205, 254]], np.uint8)
+    found = read_ros_map(put(tmp_path, grey, free_thresh=free, mode=mode))
+    assert [found.cells[0, 1] == 0, bool(found.warnings)] == [said, said]
+    assert not said or "2 cells of grey 205" in found.warnings[0]
 
 
 @pytest.mark.parametrize("kind", ["L", "RGB", "P", "1", "16"])

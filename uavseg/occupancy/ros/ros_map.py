@@ -7,6 +7,7 @@ inclusive, and where both hold, free wins.
 
 import math
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,13 @@ from uavseg.access import current_policy
 from uavseg.atomic import atomic_file, check_target
 from uavseg.errors import MapError, RasterError
 from uavseg.occupancy.ros.pgm import is_pgm, pgm_bytes, read_pgm
-from uavseg.occupancy.ros.ros_yaml import ROS_MODES, RosCells, read_ros_yaml, ros_yaml_text
+from uavseg.occupancy.ros.ros_yaml import (
+    ROS_MODES,
+    MapDescription,
+    RosCells,
+    read_ros_yaml,
+    ros_yaml_text,
+)
 from uavseg.raster.formats.png import read_grey, to_8_bits, write_png
 from uavseg.raster.geobox import GeoBox, check_metres
 
@@ -42,10 +49,13 @@ class RosMap:
         Occupancy in percent, 0 free to 100 occupied; -1 unknown. The first row is the top of the image.
     geobox : GeoBox
         In the metres of the map's frame, rotated if the origin has a yaw.
+    warnings : tuple of str
+        Where the map is probably not meant as it is read, or not read so by all of Nav2's releases.
     """
 
     cells: RosCells
     geobox: GeoBox
+    warnings: tuple[str, ...] = ()
 
     @property
     def probabilities(self) -> NDArray[np.float32]:
@@ -74,13 +84,39 @@ def read_ros_map(path: str | os.PathLike[str]) -> RosMap:
     """
     described = read_ros_yaml(path)
     current_policy().check_file(path, described.image)
-    grey, opaque = read_picture(described.image)
+    grey, alpha = read_picture(described.image)
     transform = transform_of(described.origin, described.resolution, grey.shape[0])
     try:
         geobox = GeoBox(grey.shape, transform, None)
     except RasterError as error:
         raise MapError(f"{os.fspath(path)}: {error}") from error
-    return RosMap(described.rules.cells(grey, opaque), geobox)
+    cells = described.rules.cells(grey, alpha)
+    return RosMap(cells, geobox, tuple(_doubts(described, grey, alpha, cells)))
+
+
+def _doubts(
+    described: MapDescription, grey: NDArray[np.uint8], alpha: NDArray[np.uint8] | None, cells: RosCells
+) -> Iterator[str]:
+    rules, picture = described.rules, described.image.name
+    scaled = rules.mode == "scale"
+    free = int(((grey == UNKNOWN_GREY) & (cells == 0)).sum())
+    if free and (alpha is None or not scaled):
+        kept = f"{_WRITTEN_THRESHOLDS['free_thresh']} keeps them unknown"
+        yield (
+            f"{_cells(free)} of grey {UNKNOWN_GREY}, which map savers write for unknown, count as free by "
+            f"free_thresh: {rules.free:g}; {'in this mode unknown is transparent' if scaled else kept}"
+        )
+    if alpha is not None and rules.mode == "trinary":
+        other = int((rules.cells_before_2025(grey, alpha) != cells).sum())
+        if other:
+            yield (
+                f"{picture} has an alpha channel, which Nav2 up to Jazzy averages into the grey: it reads "
+                f"{_cells(other)} otherwise; save the picture without alpha"
+            )
+
+
+def _cells(count: int) -> str:
+    return "1 cell" if count == 1 else f"{count:,} cells"
 
 
 def check_ros_map(
@@ -158,8 +194,8 @@ def image_path(path: str | os.PathLike[str], mode: str) -> Path:
 
 def read_picture(
     image: str | os.PathLike[str],
-) -> tuple[NDArray[np.uint8], NDArray[np.bool_] | None]:
-    """8-bit grey of the picture of a map, and where it is opaque; None where it is everywhere.
+) -> tuple[NDArray[np.uint8], NDArray[np.uint8] | None]:
+    """8-bit grey of the picture of a map, and its alpha; None where it has none.
 
     Raises
     ------

@@ -39,7 +39,7 @@ class CellRules:
     Raises
     ------
     MapError
-        If the mode is unknown, or the thresholds overlap or are not finite.
+        If the mode is unknown, or the thresholds overlap, are not finite or above 1.
     """
 
     mode: str
@@ -53,18 +53,34 @@ class CellRules:
         if not (abs(self.occupied) <= _MAX_THRESHOLD and abs(self.free) <= _MAX_THRESHOLD):
             given = f"{self.occupied:g} and {self.free:g}"
             raise MapError(f"thresholds are finite and at most {_MAX_THRESHOLD:g}, not {given}")
+        if self.mode != "raw" and max(self.occupied, self.free) > 1:
+            given = f"occupied_thresh {self.occupied:g} and free_thresh {self.free:g}"
+            raise MapError(f"thresholds are fractions of at most 1, not {given}{self._as_per_cent()}")
         if self.free >= self.occupied:
             raise MapError(
                 f"free_thresh ({self.free:g}) lies below occupied_thresh ({self.occupied:g}), "
                 "so that no cell is free and occupied at once"
             )
 
-    def cells(self, grey: NDArray[np.uint8], opaque: NDArray[np.bool_] | None = None) -> RosCells:
+    def _as_per_cent(self) -> str:
+        """What per cent would mean, where the thresholds may be that."""
+        if not (0 <= self.free <= 100 and self.occupied <= 100):
+            return ""
+        return f"; as per cent they are {self.occupied / 100:g} and {self.free / 100:g}"
+
+    def cells(self, grey: NDArray[np.uint8], alpha: NDArray[np.uint8] | None = None) -> RosCells:
         """Cells of 8-bit grey; pixels that are not fully opaque are unknown, except in the mode raw."""
         cells = self.table()[grey]
-        if opaque is not None and self.mode != "raw":
-            cells[~opaque] = UNKNOWN_CELL
+        if alpha is not None and self.mode != "raw":
+            cells[alpha < 255] = UNKNOWN_CELL
         return cells
+
+    def cells_before_2025(self, grey: NDArray[np.uint8], alpha: NDArray[np.uint8]) -> RosCells:
+        """Cells of a trinary map with alpha, which Humble, Jazzy and all before average into the colours."""
+        brightness = (3 * grey.astype(np.float64) + alpha) / (4 * 255)
+        occupancy = brightness if self.negate else 1 - brightness
+        cells = np.where(occupancy > self.occupied, 100, np.where(occupancy < self.free, 0, UNKNOWN_CELL))
+        return cells.astype(np.int8)
 
     def table(self) -> RosCells:
         """Lookup table from grey to cell, a (256,) int8 array."""
@@ -144,6 +160,8 @@ def _read_yaml(path: str | os.PathLike[str]) -> Mapping[str, Any]:
         tokens = yaml.scan(content, Loader=yaml.SafeLoader)
         if any(isinstance(token, yaml.AliasToken) for token in tokens):
             raise MapError(f"{name} holds YAML aliases (*name), which the file of a ROS map does not need")
+        node = yaml.compose(content, Loader=yaml.SafeLoader)
+        _refuse_twice(node, name)
         found = yaml.safe_load(content)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         if isinstance(error, MapError):
@@ -155,6 +173,16 @@ def _read_yaml(path: str | os.PathLike[str]) -> Mapping[str, Any]:
     if missing:
         raise MapError(f"{name}: a ROS map needs {', '.join(_REQUIRED)}; missing here: {', '.join(missing)}")
     return found
+
+
+def _refuse_twice(node: Any, name: str) -> None:
+    """Refuse a key that stands twice: readers differ in which one counts."""
+    if node is None or node.id != "mapping":
+        return
+    keys = [key.value for key, _ in node.value if key.id == "scalar"]
+    twice = next((key for key in keys if keys.count(key) > 1), None)
+    if twice is not None:
+        raise MapError(f"{name} gives {shown(twice)} {keys.count(twice)} times; leave one of them")
 
 
 def _number(name: str, value: Any) -> float:

@@ -20,8 +20,8 @@ Path_ = str | os.PathLike[str]
 REC601_WEIGHTS = (306, 601, 117)  # of red, green and blue in 1024ths
 
 
-def read_grey(path: Path_) -> tuple[Bytes, Opaque | None]:
-    """Read an image as 8-bit grey, and where it is opaque.
+def read_grey(path: Path_) -> tuple[Bytes, Bytes | None]:
+    """Read an image as 8-bit grey, and its alpha.
 
     Samples are scaled to 16 bits, colours become Rec. 601 luminance in integer arithmetic, and the result is
     divided by 257 and rounded down, as in GraphicsMagick.
@@ -29,7 +29,8 @@ def read_grey(path: Path_) -> tuple[Bytes, Opaque | None]:
     Returns
     -------
     grey : (rows, cols) uint8 array
-    opaque : (rows, cols) bool array, or None if every pixel is
+    alpha : (rows, cols) uint8 array, or None if there is none
+        255 where a pixel is opaque.
 
     Raises
     ------
@@ -86,18 +87,18 @@ def _to_16_bits(samples: NDArray[np.generic], maximum: int) -> NDArray[np.int64]
     return (np.minimum(samples.astype(np.int64), maximum) * 131070 + maximum) // (2 * maximum)
 
 
-def _grey(file: DatasetReader) -> tuple[Bytes, Opaque | None]:
+def _grey(file: DatasetReader) -> tuple[Bytes, Bytes | None]:
     roles = [role.name for role in file.colorinterp]
     planes = file.read()
     maximum = _maximum(file)
     if roles[0] == "palette":
         return _apply_palette(planes[0], file.colormap(1))
     alpha = planes[roles.index("alpha")] if "alpha" in roles else None
-    opaque = alpha == maximum if alpha is not None else _not_transparent(file)
     colors = [plane for plane, role in zip(planes, roles, strict=True) if role != "alpha"]
     quanta = [_to_16_bits(plane, maximum) for plane in colors]
     grey = quanta[0] if len(quanta) < 3 else _luminance(quanta)
-    return (grey // 257).astype(np.uint8), None if opaque is None or opaque.all() else opaque
+    found = _declared_alpha(file) if alpha is None else to_8_bits(alpha, maximum)
+    return (grey // 257).astype(np.uint8), found
 
 
 def _maximum(file: DatasetReader) -> int:
@@ -107,12 +108,11 @@ def _maximum(file: DatasetReader) -> int:
 
 def _apply_palette(
     indices: Bytes, colormap: dict[int, tuple[int, int, int, int]]
-) -> tuple[Bytes, Opaque | None]:
+) -> tuple[Bytes, Bytes | None]:
     table = np.array([colormap.get(index, (0, 0, 0, 0)) for index in range(256)], np.int64)
     grey = (_luminance([table[:, band] * 257 for band in range(3)]) // 257).astype(np.uint8)
-    opaque = table[:, 3] == 255
-    found = opaque[indices]
-    return grey[indices], None if found.all() else found
+    alpha = table[:, 3].astype(np.uint8)[indices]
+    return grey[indices], None if (alpha == 255).all() else alpha
 
 
 def _luminance(quanta: list[NDArray[np.int64]]) -> NDArray[np.int64]:
@@ -120,9 +120,6 @@ def _luminance(quanta: list[NDArray[np.int64]]) -> NDArray[np.int64]:
     return (REC601_WEIGHTS[0] * red + REC601_WEIGHTS[1] * green + REC601_WEIGHTS[2] * blue) >> 10
 
 
-def _not_transparent(file: DatasetReader) -> Opaque | None:
-    """Pixels that differ from the colour which the file declares transparent."""
-    if file.nodatavals[0] is None:
-        return None
-    opaque: Opaque = file.dataset_mask() != 0
-    return opaque
+def _declared_alpha(file: DatasetReader) -> Bytes | None:
+    """0 where pixels have the colour that the file declares transparent."""
+    return None if file.nodatavals[0] is None else np.where(file.dataset_mask(), np.uint8(255), np.uint8(0))
