@@ -17,9 +17,11 @@ from uavseg.jobs.classify import Classification, ClassifyRequest, classify
 from uavseg.jobs.open_source import open_probability_map
 from uavseg.jobs.source import ProbabilityMap
 from uavseg.jobs.work import Work
+from uavseg.occupancy.mapping.grid import OccupancyGrid
+from uavseg.occupancy.mapping.scan import Pose, Scan
 from uavseg.occupancy.simulation.paper_scenes import BUILT_IN_SCENES
 from uavseg.raster.dataset import Dataset
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.geobox import GeoBox, local_geobox
 from uavseg.raster.tiling import Window
 from uavseg.segmentation.params import SegmentParams, StateLimits
 
@@ -248,3 +250,22 @@ def test_restored_obstacles_leave_the_accuracy_of_states_as_it_is(name: str) -> 
         for state in (FREE, UNKNOWN, OCCUPIED):
             assert iou(found, truth, state) > iou(paper, truth, state) - 0.006
         assert len(found.frame()) <= len(paper.frame()) + 12
+
+
+@pytest.mark.parametrize("shape", [(64, 64), (65, 63), (100, 150)])
+@pytest.mark.parametrize("level", [1.0, 0.7])
+def test_walls_at_the_border_survive_an_update(shape: tuple[int, int], level: float) -> None:
+    border = np.pad(np.zeros((shape[0] - 2, shape[1] - 2), bool), 1, constant_values=True)
+    geobox = local_geobox(shape, 0.05, (0.0, 0.0))
+    grid = OccupancyGrid.from_probabilities(np.where(border, level, 0.02), geobox)
+    assert (classify(opened(grid)).states[border] == OCCUPIED).all()
+    top, right = 0.05 * shape[0], 0.05 * shape[1]
+    x, y = right / 2 + 0.013, top / 2 - 0.007
+    angles = np.linspace(-np.pi, np.pi, 720, endpoint=False) + 1e-3
+    walls_x = np.where(np.cos(angles) > 0, right - 0.05, 0.05)
+    walls_y = np.where(np.sin(angles) > 0, top - 0.05, 0.05)
+    ranges = np.minimum((walls_x - x) / np.cos(angles), (walls_y - y) / np.sin(angles))
+    for _ in range(5):
+        grid.update(Scan(Pose(x, y), angles, ranges, 30.0, 0.03))
+    found = classify(opened(grid))
+    assert (found.states[border] == OCCUPIED).all() and found.lost_obstacles == 0

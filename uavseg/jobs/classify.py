@@ -27,6 +27,7 @@ from uavseg.segmentation.states.classified_states import ClassifiedStates
 from uavseg.segmentation.states.classify_strips import (
     StateRefinement,
     classify_states,
+    own_states,
     state_strips,
 )
 from uavseg.segmentation.states.state_image import StateImage
@@ -181,19 +182,20 @@ def classify(
     strips = state_strips(grey.shape, grey.dataset.file_block, work.tile)
     tile_pass = replace(tile_pass, windows=[tile for strip in strips for tile in strip])
     dividing, deciding, *outlining = tile_pass.stages(2 + request.objects)
-    segment = request.segment
-    with phase("division"):
-        blocks = measure_block_map_for(grey, request.limits, segment, dividing)
-    decided("%d x %d blocks of 64 x 64 pixels", *blocks.blocks)
-    cells = cell_states(blocks, request.limits, segment.division)
-    del blocks
-    trim_heap()
-    if not cells.any():
-        raise MapError(f"{source.name} has no valid cell: all of it is nodata or NaN")
+    leaves = None
     with phase("states"):
-        found = classify_states(grey, cells, request.limits, request.refine, deciding, request.restores)
+        found = own_states(grey, request.limits, tile_pass.silent) if request.restores else None
+    if found is None:
+        leaves = _leaf_states(grey, request, dividing)
+        with phase("states"):
+            found = classify_states(grey, leaves, request.limits, request.refine, deciding, request.restores)
+    elif deciding.progress is not None:
+        deciding.progress(1, 1)
+    if not found.codes[1:].any():
+        raise MapError(f"{source.name} has no valid cell: all of it is nodata or NaN")
     hints = _warnings(source.name, found, request)
-    leaves = cells if request.refine == "none" else None
+    if request.refine != "none":
+        leaves = None
     objects = _objects(grey, found, leaves, request, outlining[0]) if request.objects else None
     if objects is not None:
         objects = with_metadata(objects, source, "classify", _facts(request))
@@ -202,6 +204,16 @@ def classify(
     info = SourceInfo.of(grey)
     states = Classification(found.image, found.pixels, *hazard, *thin, objects, info, info.warnings)
     return work.finished(states, *hints)
+
+
+def _leaf_states(grey: GreySource, request: ClassifyRequest, tile_pass: TilePass) -> NDArray[np.uint8]:
+    with phase("division"):
+        blocks = measure_block_map_for(grey, request.limits, request.segment, tile_pass)
+    decided("%d x %d blocks of 64 x 64 pixels", *blocks.blocks)
+    cells = cell_states(blocks, request.limits, request.segment.division)
+    del blocks
+    trim_heap()
+    return cells
 
 
 def _warnings(name: str, found: ClassifiedStates, request: ClassifyRequest) -> list[str]:

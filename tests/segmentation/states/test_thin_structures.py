@@ -16,7 +16,7 @@ from uavseg.raster.tiling import TilePass
 from uavseg.segmentation.params import StateLimits
 from uavseg.segmentation.states import thin_structures
 from uavseg.segmentation.states.classified_states import ClassifiedStates
-from uavseg.segmentation.states.classify_strips import classify_states, state_strips
+from uavseg.segmentation.states.classify_strips import classify_states, own_states, state_strips
 from uavseg.segmentation.states.state_scans import encode_states, refine_states
 
 LIMITS = StateLimits(0.45, 0.55)
@@ -56,8 +56,9 @@ def classified(
 ) -> ClassifiedStates:
     shape = dataset.geobox.shape
     windows = [tile for strip in state_strips(shape, shape, tile) for tile in strip]
-    cells = cells_of(seed, shape)
-    return classify_states(source_of(dataset), cells, LIMITS, "scan", TilePass(windows, run), restore)
+    source, tile_pass = source_of(dataset), TilePass(windows, run)
+    own = own_states(source, LIMITS, tile_pass) if restore else None
+    return own or classify_states(source, cells_of(seed, shape), LIMITS, "scan", tile_pass, restore)
 
 
 def grey_of(dataset: InMemory) -> NDArray[np.uint16]:

@@ -5,6 +5,7 @@ Format: http://netpbm.sourceforge.net/doc/pgm.html. GDAL reads only raw ones, an
 
 import os
 import re
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,13 +29,13 @@ def is_pgm(path: str | os.PathLike[str]) -> bool:
     return read_start(path, 2) in MAGIC
 
 
-def read_pgm(path: str | os.PathLike[str]) -> tuple[NDArray[np.uint16], int]:
+def read_pgm(path: str | os.PathLike[str]) -> tuple[NDArray[np.integer[Any]], int]:
     """Read the samples of a PGM, and the sample that stands for white.
 
     Returns
     -------
-    samples : (rows, cols) uint16 array
-        Clipped to the maximum.
+    samples : (rows, cols) integer array
+        None is negative; some may be above the maximum, which are white too.
     maximum : int
 
     Raises
@@ -61,15 +62,14 @@ def read_pgm(path: str | os.PathLike[str]) -> tuple[NDArray[np.uint16], int]:
         raise RasterReadError(
             f"{os.fspath(path)} says {cols} x {rows} pixels and holds {len(samples_read)}; it is truncated"
         )
-    samples = np.minimum(samples_read[: rows * cols], maximum).astype(np.uint16)
-    return samples.reshape(rows, cols), maximum
+    return samples_read[: rows * cols].reshape(rows, cols), maximum
 
 
-def _raw(body: bytes, count: int, maximum: int) -> NDArray[np.uint16]:
+def _raw(body: bytes, count: int, maximum: int) -> NDArray[np.integer[Any]]:
     """At most `count` samples after one byte of white space, most significant byte first."""
     dtype = np.dtype(">u2" if maximum > 255 else "u1")
     available = max(len(body) - 1, 0) // dtype.itemsize
-    return np.frombuffer(body, dtype, min(available, count), offset=1 if body else 0).astype(np.uint16)
+    return np.frombuffer(body, dtype, min(available, count), offset=1 if body else 0)
 
 
 def _plain(body: bytes, count: int, path: str) -> NDArray[np.int64]:

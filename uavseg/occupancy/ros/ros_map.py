@@ -60,9 +60,9 @@ class RosMap:
     @property
     def probabilities(self) -> NDArray[np.float32]:
         """Cells as 0..1, exactly 0.5 where unknown: (rows, cols) float32."""
-        table = np.arange(-1, 101).astype(np.float32) / np.float32(100)
-        table[0] = 0.5
-        return table[self.cells.astype(np.int64) + 1]
+        table = np.full(256, 0.5, np.float32)
+        table[:101] = np.arange(101).astype(np.float32) / np.float32(100)
+        return table[self.cells.view(np.uint8)]
 
 
 def is_ros_map(path: str | os.PathLike[str]) -> bool:
@@ -99,7 +99,8 @@ def _doubts(
 ) -> Iterator[str]:
     rules, picture = described.rules, described.image.name
     scaled = rules.mode == "scale"
-    free = int(((grey == UNKNOWN_GREY) & (cells == 0)).sum())
+    is_free = rules.table()[UNKNOWN_GREY] == 0
+    free = int(((grey == UNKNOWN_GREY) & (cells == 0)).sum()) if is_free else 0
     if free and (alpha is None or not scaled):
         kept = f"{_WRITTEN_THRESHOLDS['free_thresh']} keeps them unknown"
         yield (

@@ -79,7 +79,8 @@ def write_png(path: Path_, grey: Bytes, overwrite: bool = False, opaque: Opaque 
 
 def to_8_bits(samples: NDArray[np.generic], maximum: int) -> Bytes:
     """Samples of 0..maximum as 8 bits, scaled to 16 bits first."""
-    return (_to_16_bits(samples, maximum) // 257).astype(np.uint8)
+    table = (_to_16_bits(np.arange(maximum + 1), maximum) // 257).astype(np.uint8)
+    return np.asarray(table[np.minimum(samples, maximum)])
 
 
 def _to_16_bits(samples: NDArray[np.generic], maximum: int) -> NDArray[np.int64]:

@@ -9,12 +9,13 @@ up    free against occupied from bottom to top
 down  free against occupied from top to bottom
 
 Then thin obstacles are restored in two more passes, see `thin_structures`. In a trinary map a value is a
-decision: there each pixel gets the state of its own value, in place of the passes after the first.
+decision: there one pass gives each pixel the state of its own value, see `own_states`.
 
 Between passes a pixel takes 4 bits, see `StateImage`.
 """
 
 from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from itertools import groupby
@@ -41,7 +42,6 @@ from uavseg.segmentation.states.state_scans import (
     encode_states,
     resolve_columns,
     resolve_rows,
-    with_own_states,
 )
 from uavseg.segmentation.states.thin_structures import (
     ThinObstacles,
@@ -49,7 +49,11 @@ from uavseg.segmentation.states.thin_structures import (
     find_thin_obstacles,
     with_restored,
 )
-from uavseg.segmentation.states.value_statistics import ValueStatistics, value_statistics
+from uavseg.segmentation.states.value_statistics import (
+    ValueStatistics,
+    value_levels,
+    value_statistics,
+)
 from uavseg.units import BLOCK, CELL, FREE, GREY_MAX, UNKNOWN
 
 StateRefinement = Literal["none", "scan"]
@@ -78,8 +82,8 @@ def classify_states(
     tile_pass : TilePass
         Over the tiles of `state_strips`, strip by strip from the top; the result does not depend on them.
     restore : bool
-        Whether thin obstacles become occupied, pixels of a trinary map keep their own state, and unknown
-        means evidence near 0.5, not the mean of free and occupied pixels; with refine "scan" alone.
+        Whether thin obstacles become occupied, and unknown means evidence near 0.5, not the mean of free and
+        occupied pixels; with refine "scan" alone.
     """
     image = StateImage(source.shape)
     strips = [list(strip) for _, strip in groupby(tile_pass.windows, key=lambda window: window.row)]
@@ -103,10 +107,40 @@ def classify_states(
         image.write_codes(strip[0].row, part)
     next(results, None)  # lets the executor finish and report it
     if refine == "scan":
-        codes = passes.take_own_states() if restore and statistics.trinary else passes.scan()
+        codes = passes.scan()
     thin = ThinObstacles({FREE: 0, UNKNOWN: 0}, 0)
     found = ClassifiedStates(image, codes, thin, statistics.noise, statistics.trinary)
     return _with_thin_obstacles(source, found, limits, restore, finding)
+
+
+def own_states(source: GreySource, limits: StateLimits, tile_pass: TilePass) -> ClassifiedStates | None:
+    """Each pixel's own state, where free, unknown and occupied pixels have one value each; else None.
+
+    A map of probabilities is recognised in its first tiles.
+
+    Parameters
+    ----------
+    source : GreySource
+    limits : StateLimits
+    tile_pass : TilePass
+        As for `classify_states`.
+    """
+    image = StateImage(source.shape)
+    statistics, codes = ValueStatistics.empty(), np.zeros(16, np.int64)
+    with closing(tile_pass.run(partial(_encode_own, source, limits))) as tiles_in_turn:
+        results = zip(tile_pass.windows, tiles_in_turn, strict=True)
+        for row, of_strip in groupby(results, key=lambda result: result[0].row):
+            strip, parts = [], []
+            for window, tile in of_strip:
+                statistics = statistics.merged(tile.statistics)
+                if not statistics.trinary:
+                    return None
+                strip.append(window)
+                parts.append((window, tile))
+            part = _assemble_strip(strip, parts, image.cols)
+            image.write_codes(row, part)
+            codes += count_codes(part)
+    return ClassifiedStates(image, codes, ThinObstacles({FREE: 0, UNKNOWN: 0}, 0), 0.0, True)
 
 
 def _with_thin_obstacles(
@@ -163,15 +197,6 @@ class _Passes:
         self._compact_down()
         self._resolve_up()
         return self._resolve_down()
-
-    def take_own_states(self) -> NDArray[np.int64]:
-        """Give each pixel the state of its own value; return the number of pixels by code."""
-        counts = np.zeros(16, np.int64)
-        for row, rows in self._rows:
-            codes = with_own_states(self._image.read_codes(row, rows))
-            self._image.write_codes(row, codes)
-            counts += count_codes(codes)
-        return counts
 
     def _compact_down(self) -> None:
         previous = np.zeros(self._image.cols, np.uint8)
@@ -248,6 +273,14 @@ def _encode_tile(source: GreySource, limits: StateLimits, part: bool, job: _Job)
         _free_mixed(tile.grey, states, GREY_MAX * surely_free, GREY_MAX * surely_occupied)
     pairs = pack_codes(encode_states(states, own))
     return _EncodedTile(pairs, value_statistics(tile.grey, tile.valid, own))
+
+
+def _encode_own(source: GreySource, limits: StateLimits, window: Window) -> _EncodedTile:
+    """Encode a tile by the own values of its pixels."""
+    tile = source.read(window, 0)
+    own = _own_states(limits)[tile.grey] * tile.valid
+    pairs = pack_codes(own | own << np.uint8(2))
+    return _EncodedTile(pairs, value_levels(tile.grey, tile.valid, own))
 
 
 @lru_cache(maxsize=8)

@@ -18,8 +18,6 @@ LOOKAHEAD = 2  # rows beyond a strip that the resolution of free against occupie
 
 Codes = NDArray[np.uint8]
 
-_OWN = np.array([code >> 2 | code & 12 for code in range(16)], np.uint8)
-
 
 def encode_states(states: NDArray[np.uint8], own: NDArray[np.uint8]) -> Codes:
     """Encode the states of pixels.
@@ -37,11 +35,6 @@ def encode_states(states: NDArray[np.uint8], own: NDArray[np.uint8]) -> Codes:
     array([13, 15,  0], dtype=uint8)
     """
     return np.where(states > 0, states | own << np.uint8(2), np.uint8(0))
-
-
-def with_own_states(codes: Codes) -> Codes:
-    """Codes of pixels whose state becomes that of their own v."""
-    return _OWN[codes]
 
 
 def decode_states(codes: Codes) -> NDArray[np.uint8]:

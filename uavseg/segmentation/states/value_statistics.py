@@ -86,9 +86,17 @@ def value_statistics(
     >>> found.trinary, found.noise, found.levels.tolist()
     (True, 0.0, [-1, 0, -1, 65535])
     """
+    found = value_levels(grey, valid, own)
+    _count_responses(grey, valid, found.responses)
+    return found
+
+
+def value_levels(
+    grey: NDArray[np.uint16], valid: NDArray[np.uint8], own: NDArray[np.uint8]
+) -> ValueStatistics:
+    """As `value_statistics`, without responses."""
     found = ValueStatistics.empty()
     _find_levels(grey, valid, own, found.levels)
-    _count_responses(grey, valid, found.responses)
     return found
 
 
