@@ -218,7 +218,7 @@ ONLY_IN = {
     "matplotlib": {"plot"},
     "rosbags": {"occupancy.bags"},
     "anywidget": {"widget"},
-    "skimage": {"segmentation.sample"},
+    "skimage": {"segmentation.sample", "occupancy.paths.closed_way"},
     "xarray": {"xarray"},
     "apsw": {"occupancy.bags"},
     "lz4": {"occupancy.bags"},

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from uavseg.api.look import info as info
     from uavseg.api.maps import build_map as build_map
     from uavseg.api.maps import classify as classify
+    from uavseg.api.maps import merge_maps as merge_maps
     from uavseg.api.maps import path as path
     from uavseg.api.missions import plan as plan
     from uavseg.api.questions import match as match
@@ -44,6 +45,7 @@ _HOMES = {
     "extract": "uavseg.api.rasters",
     "divide": "uavseg.api.block_maps",
     "build_map": "uavseg.api.maps",
+    "merge_maps": "uavseg.api.maps",
     "classify": "uavseg.api.maps",
     "levels": "uavseg.api.rasters",
     "each": "uavseg.api.each",

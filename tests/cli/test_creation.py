@@ -29,6 +29,7 @@ LINES = {  # each with the rasters that it writes
     "original tile.tif --sweeps 1 -o out.tif": ["out.tif"],
     "simulate lens --poses 1 -o out.tif --truth truth.tif": ["out.tif", "truth.tif"],
     "build-map run.bag -o out.tif": ["out.tif"],
+    "merge-maps map.tif -o out.tif": ["out.tif"],
 }
 
 
@@ -139,6 +140,7 @@ def test_another_option_is_refused_before_the_work(line: str) -> None:
         "classify map.tif -o states.yaml",
         "simulate lens --poses 1 -o out.yaml",
         "build-map run.bag -o out.yaml",
+        "merge-maps map.tif -o out.yaml",
     ],
 )
 def test_the_option_is_refused_where_no_geotiff_is_written(line: str) -> None:

@@ -32,6 +32,7 @@ READING = {
     "plan": ["plan", "{}", "-o", "m.plan", "--altitude", "50", "--home", "auto"],
     "simulate": ["simulate", "{}", "-o", "o.tif"],
     "build-map": ["build-map", "{}", "-o", "o.tif"],
+    "merge-maps": ["merge-maps", "{}", "-o", "o.tif"],
 }
 LAYERS = ["--regions", "--mission", "--states", "--leaves", "--levels", "--path"]
 

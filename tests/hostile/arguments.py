@@ -181,6 +181,7 @@ BASES: dict[str, Callable[[], dict[str, Any]]] = {
     "IntensityRange": lambda: {"low": 0.1, "high": 0.9},
     "StateLimits": dict,
     "build_map": lambda: {"bag": "none.bag"},
+    "merge_maps": lambda: {"maps": ["x.tif"], "crop": True},
     "Pose.from_quaternion": lambda: {"x": 0.0, "y": 0.0, "quaternion": (0, 0, 0, 1)},
     "Scan.from_laserscan": lambda: {"message": _laserscan(), "pose": _scan().pose},
     "OccupancyGrid.from_message": lambda: {"message": _grid().to_message()},

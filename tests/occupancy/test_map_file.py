@@ -23,12 +23,12 @@ def test_a_written_map_is_read_as_the_same_states_in_its_place(tmp_path: Path) -
     p = np.random.default_rng(3).choice([0.05, 0.4, 0.5, 0.6, 0.95], (20, 30))
     place = local_geobox((20, 30), 0.05, (-1.5, 2.25))
     grid = OccupancyGrid.from_probabilities(p, place)
-    write_map(tmp_path / "map.yaml", grid)
+    write_map(tmp_path / "map.yaml", grid.probabilities, grid.geobox)
     found = read_ros_map(tmp_path / "map.yaml")
     assert np.array_equal(found.cells, np.where(p < 0.3, 0, np.where(p > 0.8, 100, -1)))
     np.testing.assert_allclose(tuple(found.geobox.transform)[:6], tuple(place.transform)[:6], atol=1e-12)
     with pytest.raises(OutputExistsError):
-        write_map(tmp_path / "map.yaml", grid)
+        write_map(tmp_path / "map.yaml", grid.probabilities, grid.geobox)
 
 
 def test_other_extensions_are_refused(tmp_path: Path) -> None:

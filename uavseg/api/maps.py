@@ -14,6 +14,8 @@ from uavseg.jobs.build_map import BuiltMap, topics_of
 from uavseg.jobs.build_map import build_map as run_build_map
 from uavseg.jobs.classify import Classification, ClassifyRequest
 from uavseg.jobs.classify import classify as run_classify
+from uavseg.jobs.merge_maps import MergedMap, MergeRequest
+from uavseg.jobs.merge_maps import merge_maps as run_merge_maps
 from uavseg.jobs.open_source import open_probability_map
 from uavseg.jobs.path import PathRequest, path_params
 from uavseg.jobs.path import path as run_path
@@ -277,5 +279,54 @@ def build_map(
         would have more than 100 million cells.
     """
     found = run_build_map(bag, topics_of(scan, odom, tf), MergeParams(resolution, sigma, max_range))
+    warn(found.warnings)
+    return found
+
+
+@checked
+def merge_maps(
+    maps: Sequence[Any],
+    *,
+    crop: bool = False,
+    unrotate: bool = False,
+    resolution: float | None = None,
+    allow_path: Folders = (),
+    allow_network: bool = False,
+) -> MergedMap:
+    """Merge maps that lie in one frame into one; a single map may be cropped and turned.
+
+    Where maps differ, the value farthest from 0.5 counts; what is occupied in one of them is occupied.
+    Turning and other resolutions lose no obstacle.
+
+    Parameters
+    ----------
+    maps : sequence of paths or OccupancyGrids
+        YAML files of ROS maps, rasters of probabilities in metres. The cells are those of the first, as far
+        as all of them reach.
+    crop : bool
+        Whether the map ends where nothing beyond is known.
+    unrotate : bool
+        Whether its rows run along the x axis, a yaw of 0.
+    resolution : float, optional
+        Side of a cell in metres, by default that of the first map.
+    allow_path, allow_network
+        As of `extract`.
+
+    Returns
+    -------
+    merged : MergedMap
+        `merged.probabilities` and `merged.geobox`; `merged.write("map.yaml")` writes it; `merged.warnings`
+        are warnings too.
+
+    Raises
+    ------
+    MapError
+        If a map cannot be placed, or lies in another coordinate system than the first; if the merged map
+        would have more than 100 million cells, or nothing of it is known and it is to be cropped.
+    UavsegError
+        If a map cannot be read, or a parameter is wrong.
+    """
+    with allowing(allow_path, allow_network):
+        found = run_merge_maps(maps, MergeRequest(crop, unrotate, resolution))
     warn(found.warnings)
     return found

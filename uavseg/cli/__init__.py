@@ -30,6 +30,7 @@ _COMMANDS = {
     "original": "Segment by texture as LBP/C did, for comparison.",
     "info": "Tell what a raster is and what its intensity looks like, or how regions were made.",
     "build-map": "Merge the scans of a recorded bag into a map.",
+    "merge-maps": "Merge, crop and turn maps of robots.",
     "simulate": "Simulate a laser range finder and write the map that it makes.",
     "preview": "Draw a raster and what was found in it as a picture.",
     "map": "Make a web page of a raster, regions and missions for the field.",

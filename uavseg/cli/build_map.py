@@ -9,7 +9,7 @@ import click
 
 from uavseg.cli._say import say
 from uavseg.cli._write import keep_inputs, transaction
-from uavseg.cli.options.creation import creation_of, creation_option
+from uavseg.cli.options.creation import creation_of, creation_option, map_mode_option
 from uavseg.cli.options.verbosity import heed_verbose, verbosity_options
 
 if TYPE_CHECKING:
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 @click.command("build-map", short_help="Merge the scans of a recorded bag into a map.")
 @click.argument("bag", metavar="BAG")
 @click.option("-o", "--output", required=True, metavar="PATH.yaml|PATH.tif", help="The map.")
+@map_mode_option
 @creation_option
 @click.option("--scan", default="/scan", show_default=True, metavar="TOPIC", help="Of sensor_msgs/LaserScan.")
 @click.option(
@@ -48,7 +49,8 @@ def command(**options: Any) -> None:
     counted.
 
     PATH.yaml is a ROS map with its PATH.pgm, which Nav2's map server and uavseg classify read: free up to a
-    probability of 0.25, occupied from 0.65 on. PATH.tif holds the probabilities.
+    probability of 0.25, occupied from 0.65 on, unless --mode keeps all levels. PATH.tif holds the
+    probabilities.
     """
     from uavseg.jobs.build_map import build_map, topics_of
     from uavseg.occupancy.bags.merge_bag import MergeParams
@@ -56,7 +58,7 @@ def command(**options: Any) -> None:
 
     heed_verbose(options["quiet"], options["verbose"])
     target, overwrite = options["output"], options["overwrite"]
-    files = check_map_path(target, overwrite)
+    files = check_map_path(target, overwrite, options["mode"])
     keep_inputs(files, options["bag"], *_files_in(options["bag"]))
     creation_of(options, {target: "float32"})
     topics = topics_of(options["scan"], options["odom"], options["tf"])
@@ -66,7 +68,7 @@ def command(**options: Any) -> None:
         for warning in found.warnings:
             say(f"uavseg: warning: {warning}")
     with transaction():
-        found.write(target, overwrite, options["creation_options"])
+        found.write(target, overwrite, options["creation_options"], options["mode"])
     if not options["quiet"]:
         _report(found, files)
 
@@ -78,16 +80,11 @@ def _files_in(bag: str) -> list[Path]:
 
 
 def _report(found: BuiltMap, files: list[str]) -> None:
-    from uavseg.occupancy.map_file import trinary_states
+    from uavseg.occupancy.map_file import shares_of
 
     geobox = found.grid.geobox
     rows, cols = geobox.shape
-    states = trinary_states(found.grid.probabilities)
-    text = ", ".join(
-        f"{name} {100 * (states == state).mean():.1f} %"
-        for state, name in ((1, "free"), (2, "unknown"), (3, "occupied"))
-    )
     say(f"  map         {rows:,} x {cols:,} cells of {geobox.transform.a:g} m in the frame {found.frame}")
     say(f"  scans       {found.scans.merged:,} of {found.scans.total:,} merged")
-    say(f"  cells       {text}")
+    say(f"  cells       {shares_of(found.grid.probabilities)}")
     say(f"  written     {', '.join(files)}")

@@ -72,7 +72,7 @@ def command(**options: Any) -> None:
     grid = found.grid
     tags = {"scene": scene, "seed": str(options["seed"])}
     with transaction():
-        write_map(options["output"], grid, overwrite, tags, creation)
+        write_map(options["output"], grid.probabilities, grid.geobox, overwrite, tags=tags, creation=creation)
         if options["png"]:
             write_png(options["png"], grey_picture(grid.probabilities), overwrite)
         if options["truth"]:

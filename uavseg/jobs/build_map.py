@@ -40,8 +40,9 @@ class BuiltMap:
         path: str | os.PathLike[str],
         overwrite: bool = False,
         creation_options: Mapping[str, Any] | Sequence[str] | None = None,
+        mode: str | None = None,
     ) -> None:
-        """Write the map: .yaml with its .pgm, as Nav2's map server reads them, or .tif of probabilities.
+        """Write the map: .yaml with its image, as Nav2's map server reads them, or .tif of probabilities.
 
         Parameters
         ----------
@@ -50,16 +51,18 @@ class BuiltMap:
             Whether files that are there may be replaced.
         creation_options : mapping or sequence of str, optional
             Of a .tif, such as {"COMPRESS": "ZSTD", "PREDICTOR": 3}; see `CreationOptions`.
+        mode : {"trinary", "scale", "raw"}, optional
+            Of a .yaml, by default "trinary"; the others keep all levels.
 
         Raises
         ------
         OutputExistsError, OutputError
             If a file exists, or cannot be written.
         ParameterError
-            If a creation option is not allowed, or given for a .yaml.
+            If a creation option is not allowed, or given for a .yaml; if a mode is given for a .tif.
         """
         creation = creation_for(creation_options, {os.fspath(path): "float32"})
-        write_map(path, self.grid, overwrite, creation=creation)
+        write_map(path, self.grid.probabilities, self.grid.geobox, overwrite, mode, creation=creation)
 
 
 def topics_of(scan: str, odom: str | None, tf: bool) -> BagTopics:

@@ -8,6 +8,7 @@ import numpy as np
 from affine import Affine
 
 from uavseg.errors import MapError
+from uavseg.occupancy.mapping.grid_file import LOG_ODDS
 from uavseg.occupancy.ros.ros_map import UNKNOWN_GREY, is_ros_map, read_picture, read_ros_map
 from uavseg.raster.bands import Valid, Values
 from uavseg.raster.dataset import Dataset
@@ -105,8 +106,17 @@ def open_white_picture(path: str | os.PathLike[str]) -> tuple[Dataset, Stretch]:
 
 
 def stretch_of(dataset: Dataset) -> Stretch:
-    """How a map's numbers become grey: by their type alone, or by the state where `classify` wrote them."""
-    if dataset.mosaic.files[0].layout.descriptions == (STATES,):
+    """How a map's numbers become grey: by their type alone, or by the state where `classify` wrote them.
+
+    Raises
+    ------
+    MapError
+        If they are the log-odds of a grid.
+    """
+    descriptions = dataset.mosaic.files[0].layout.descriptions
+    if descriptions == (LOG_ODDS,):
+        raise MapError(f"{dataset.source} holds log-odds, of which OccupancyGrid.load makes a map")
+    if descriptions == (STATES,):
         return Stretch(float(FREE), float(OCCUPIED), "states -> 0..1")
     if np.dtype(dataset.dtype).kind == "f":
         return ProbabilityStretch(0.0, 1.0, "none -> 0..1")

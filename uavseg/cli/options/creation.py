@@ -1,4 +1,4 @@
-"""Option --co, creation options of the GeoTIFFs that a command writes, and its value."""
+"""How outputs are stored: --co for GeoTIFFs, --mode for ROS maps."""
 
 from __future__ import annotations
 
@@ -22,6 +22,17 @@ def creation_option(command: F) -> F:
         metavar="NAME=VALUE",
         help="How a GeoTIFF is stored: COMPRESS=DEFLATE, LZW, ZSTD, LZMA, PACKBITS or NONE, ZLEVEL, "
         "ZSTD_LEVEL, PREDICTOR, BIGTIFF; several times for several. Its pixels stay the same.",
+    )(command)
+
+
+def map_mode_option(command: F) -> F:
+    """Give a command that writes a map of probabilities --mode."""
+    return click.option(
+        "--mode",
+        type=click.Choice(["trinary", "scale", "raw"]),
+        show_default="trinary",
+        help="How the picture of a ROS map is to be read: three states; or all levels, as a .png (scale) or "
+        "a .pgm of per cent (raw).",
     )(command)
 
 

@@ -15,6 +15,8 @@ Float32s = NDArray[np.float32]
 
 MAX_CELLS = 100_000_000  # of a grid in a file: 5 km x 5 km of cells of half a metre, about 1 GB in memory
 
+LOG_ODDS = "log-odds of occupancy"  # description of the band
+
 _TAG, _CONTENT = "UAVSEG_OCCUPANCY_GRID", "log-odds"
 
 
@@ -47,7 +49,7 @@ def write_grid_file(
     """
     check_geotiff_name(path, "a grid")
     check_cells(log_odds.shape, "this grid")
-    write_geotiff(path, [log_odds], geobox, ["log-odds of occupancy"], {_TAG: _CONTENT}, overwrite)
+    write_geotiff(path, [log_odds], geobox, [LOG_ODDS], {_TAG: _CONTENT}, overwrite)
 
 
 def read_grid_file(path: str | os.PathLike[str]) -> tuple[Float32s, GeoBox]:

@@ -7,7 +7,7 @@ inclusive, and where both hold, free wins.
 
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -165,18 +165,68 @@ def write_ros_map(
     OutputExistsError, OutputError
         If a file may not or cannot be written.
     """
+    grey = GREY_OF_STATE[mode][np.asarray(states)]
+    opaque = np.asarray(states) % 2 == 1 if mode == "scale" else None
+    _write(path, grey, opaque, geobox, overwrite, mode, _WRITTEN_THRESHOLDS)
+
+
+def write_ros_probabilities(
+    path: str | os.PathLike[str],
+    probabilities: NDArray[np.float32],
+    geobox: GeoBox,
+    overwrite: bool = False,
+    mode: str = "scale",
+) -> None:
+    """Write probabilities as a map that Nav2 reads back to the per cent.
+
+    Parameters
+    ----------
+    path : path
+        Of the YAML file.
+    probabilities : (rows, cols) float32 array
+        Unknown where exactly 0.5.
+    geobox : GeoBox
+        Square cells in metres.
+    overwrite : bool
+        Whether existing files may be replaced.
+    mode : {"scale", "raw"}
+        "scale": a PNG of 256 greys, between thresholds of 0 and 1; "raw": a PGM of per cent.
+
+    Raises
+    ------
+    UavsegError
+        As of `write_ros_map`.
+    """
+    unknown = probabilities == 0.5
+    if mode == "raw":
+        grey = np.where(unknown, 255, np.floor(100 * probabilities.astype(np.float64) + 0.5)).astype(np.uint8)
+        _write(path, grey, None, geobox, overwrite, mode, _WRITTEN_THRESHOLDS)
+        return
+    grey = (255 - np.floor(255 * probabilities.astype(np.float64) + 0.5)).astype(np.uint8)
+    _write(path, grey, ~unknown, geobox, overwrite, mode, {"occupied_thresh": 1.0, "free_thresh": 0.0})
+
+
+def _write(
+    path: str | os.PathLike[str],
+    grey: NDArray[np.uint8],
+    opaque: NDArray[np.bool_] | None,
+    geobox: GeoBox,
+    overwrite: bool,
+    mode: str,
+    thresholds: Mapping[str, float],
+) -> None:
     image = image_path(path, mode)
     check_target(image, overwrite)
     resolution, origin, mirrored = placement(geobox)
-    rows_down = np.asarray(states)[::-1] if mirrored else np.asarray(states)
-    grey = GREY_OF_STATE[mode][rows_down]
+    down = slice(None, None, -1 if mirrored else 1)
     position = {"resolution": resolution, "origin": origin}
-    described = {"image": image.name, "mode": mode, **position, "negate": 0, **_WRITTEN_THRESHOLDS}
+    described = {"image": image.name, "mode": mode, **position, "negate": 0, **thresholds}
     with atomic_file(path, overwrite) as target:
+        picture = target.with_name(image.name)
         if mode == "scale":
-            write_png(target.with_name(image.name), grey, opaque=rows_down % 2 == 1)
+            write_png(picture, grey[down], opaque=None if opaque is None else opaque[down])
         else:
-            target.with_name(image.name).write_bytes(pgm_bytes(grey))
+            picture.write_bytes(pgm_bytes(grey[down]))
         target.write_text(ros_yaml_text(described), encoding="utf-8")
 
 
