@@ -24,7 +24,7 @@ from tests.flight.link.link_missions import fenced, survey
 from tests.flight.link.served import udp_vehicle
 from tests.flight.link.vehicles import ArduPilot, FakeVehicle, Generic, Px4
 from tests.jobs.test_next_sample import fields
-from tests.occupancy.bags.write_bags import Drive, write_ros1, write_ros2
+from tests.occupancy.bags.write_bags import POINT_CLOUD, Drive, Recorded, write_ros1, write_ros2
 from uavseg.cli import main
 from uavseg.flight import files
 from uavseg.flight.link import link
@@ -1019,6 +1019,17 @@ def test_simulations(scene: str, words: Words) -> None:
     assert_equal(in_python(simulated), expected)
 
 
+def clouds_of(drive: Drive) -> list[Recorded]:
+    """Points on the walls of its scans, at a height of one metre."""
+    found = []
+    for time, scan in zip(drive.scan_times(), drive.scans(), strict=True):
+        seen = np.isfinite(scan.ranges)
+        x, y = (scan.ranges[seen] * along(scan.angles[seen]) for along in (np.cos, np.sin))
+        points = np.column_stack([x, y, np.ones(len(x))])
+        found.append(Recorded("/scan", POINT_CLOUD, time, drive.point_cloud(points, time, "base_link")))
+    return found
+
+
 @pytest.mark.parametrize(
     ("bag", "output", "words"),
     [
@@ -1034,6 +1045,11 @@ def test_simulations(scene: str, words: Words) -> None:
         ("drive", "out.yaml", {"tf": True, "odom": "/odom"}),
         ("drive", "out.yaml", {"resolution": -1.0}),
         ("drive", "out.yaml", {"sigma": float("nan")}),
+        ("drive", "out.tif", {"no_return": "range_max", "beam_order": "angles"}),
+        ("drive", "out.tif", {"heights": (0.1, 1.8)}),
+        ("clouds", "out.tif", {"heights": (0.1, 1.8)}),
+        ("clouds", "out.tif", {"heights": (1.8, 0.1)}),
+        ("clouds", "out.tif", {}),
         ("missing.bag", "out.yaml", {}),
         ("tile.tif", "out.yaml", {}),
     ],
@@ -1042,6 +1058,7 @@ def test_maps_of_bags(bag: str, output: str, words: Words) -> None:
     if not Path("drive").exists():
         write_ros1(Path("drive.bag"), Drive(1, 3).everything())
         write_ros2(Path("drive"), Drive(2, 3).everything())
+        write_ros2(Path("clouds"), clouds_of(Drive(2, 3)) + Drive(2, 3).recorded_odometry())
         write_ros2(Path("late"), Drive(2, 3).recorded_scans() + Drive(2, 3).recorded_odometry()[1:])
     for name in ("out.pgm", "python.pgm", "python.yaml"):
         Path(name).unlink(missing_ok=True)

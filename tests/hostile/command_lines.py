@@ -91,6 +91,7 @@ LINES = tuple(
         "simulate s.json -o out.tif --seed 1 --truth out_truth.tif --sigma 0.05 --max-range 2 --fov 60 --step 2 --poses 1 --png out.png",
         "build-map a.bag -o out.yaml --scan /scan --odom /odom --resolution 0.1 --sigma 0.05 --max-range 2",
         "build-map a.db3 -o out.tif --scan /scan --tf --resolution 0.1 --co PREDICTOR=3 --co ZLEVEL=9",
+        "build-map a.db3 -o out.yaml --heights 0.1,1.8 --no-return range_max --beam-order angles --mode raw",
         "merge-maps m.yaml m.yaml -o out.yaml --crop --unrotate --resolution 0.2 --mode scale --allow-path .",
         "preview x.tif -o out.png --width 300 --regions r.geojson --mission a.plan --stretch dtype",
         "map x.tif -o out.html --size 100 --mission a.waypoints --camera Altum --band 1 --stretch dtype",

@@ -242,18 +242,22 @@ def build_map(
     resolution: float = 0.05,
     sigma: float = 0.03,
     max_range: float | None = None,
+    heights: tuple[float, float] | None = None,
+    no_return: str = "inf",
+    beam_order: str | None = None,
 ) -> BuiltMap:
     """Merge the scans of a recorded bag of ROS 1 or ROS 2 into a map; ROS itself is not needed.
 
     Each scan is merged at the pose that the sensor had at its time, interpolated between two messages
-    (linear, rotations by slerp). No pose is extrapolated, or interpolated over more than a second.
+    (linear, rotations by slerp). No pose is extrapolated, or interpolated over more than a second. Where a
+    scan says its `time_increment`, each of its beams is merged at a pose of its own.
 
     Parameters
     ----------
     bag : path
         A .bag of ROS 1; a folder, .mcap or .db3 of ROS 2. Needs rosbags: ``pip install "uavseg[ros]"``.
     scan : str
-        Topic of sensor_msgs/LaserScan.
+        Topic of sensor_msgs/LaserScan, MultiEchoLaserScan or PointCloud2.
     odom : str, optional
         Topic of nav_msgs/Odometry, by default /odom. Where /tf_static places the sensor on the robot, that
         counts.
@@ -265,6 +269,14 @@ def build_map(
         Standard deviation of ranges in metres.
     max_range : float, optional
         Metres up to which beams are used; by default the `range_max` of each scan.
+    heights : (float, float), optional
+        For point clouds: the lowest and the highest in metres above the origin of the map's frame. The
+        nearest point between them in each direction is an obstacle.
+    no_return : {"inf", "range_max"}
+        What a range is where nothing returned: +inf by REP 117, or also `range_max`.
+    beam_order : {"angles", "increment"}, optional
+        What counts where the sign of `angle_increment` contradicts the angles; such scans are left out if
+        this is.
 
     Returns
     -------
@@ -278,7 +290,8 @@ def build_map(
         If the bag cannot be read, lacks a topic or has another type there, or no scan has a pose; if the map
         would have more than 100 million cells.
     """
-    found = run_build_map(bag, topics_of(scan, odom, tf), MergeParams(resolution, sigma, max_range))
+    params = MergeParams(resolution, sigma, max_range, heights, no_return, beam_order)
+    found = run_build_map(bag, topics_of(scan, odom, tf), params)
     warn(found.warnings)
     return found
 

@@ -12,6 +12,8 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode
 
 from tests.occupancy.bags.write_bags import (
     LASERSCAN,
+    MULTI_ECHO,
+    POINT_CLOUD,
     ROOM,
     START_NS,
     STEP_NS,
@@ -154,6 +156,123 @@ def test_a_sensor_upside_down_makes_the_same_map(tmp_path: Path) -> None:
     assert_same_map(found.grid, expected)
 
 
+# Beams of a moving robot, other messages, other drivers
+
+
+def far_from_walls(found: MergedBag) -> tuple[int, int]:
+    """Occupied cells, and how many of them are more than 0.1 m from anything solid."""
+    box = found.grid.geobox
+    rows, cols = np.nonzero(found.grid.probabilities > 0.65)
+    x, y = box.xy_from_pixel(rows + 0.5, cols + 0.5)
+    around = [(0.1 * math.cos(a), 0.1 * math.sin(a)) for a in np.linspace(0, math.tau, 16)]
+    near = np.any([ROOM.contains(x + dx, y + dy) for dx, dy in [(0, 0), *around]], axis=0)
+    return len(rows), int((~near).sum())
+
+
+@pytest.mark.parametrize("topics", [BagTopics(), TF])
+def test_each_beam_of_a_turning_robot_has_its_own_pose(tmp_path: Path, topics: BagTopics) -> None:
+    drive = Drive(laser=LASER, beam_ns=300_000, turning=1.5)
+    found = merge_bag(write_ros2(tmp_path / "a", drive.everything()), topics)
+    blurred = [dataclasses.replace(one.message, time_increment=0.0) for one in drive.recorded_scans()]
+    messages = [
+        dataclasses.replace(one, message=message)
+        for one, message in zip(drive.recorded_scans(), blurred, strict=True)
+    ]
+    static = drive.recorded_odometry() + drive.recorded_tf() + drive.recorded_static()
+    before = merge_bag(write_ros2(tmp_path / "b", messages + static), topics)
+    if topics.odom:
+        assert far_from_walls(before)[1] > 30 and far_from_walls(found)[1] == 0
+    alone = OccupancyGrid(found.grid.geobox)
+    shift = (0.0, 0.0) if topics.odom else (1.0, -2.0)
+    for time, scan in zip(drive.scan_times(), drive.scans(), strict=True):
+        for k, angle in enumerate(scan.angles):
+            pose = drive.sensor_pose(time + k * drive.beam_ns)
+            moved = Pose(pose.x + shift[0], pose.y + shift[1], heading_rad=pose.heading_rad)
+            alone.merge(
+                Scan(
+                    moved, np.array([angle]), scan.ranges[k : k + 1], scan.max_range_m, MergeParams().sigma_m
+                )
+            )
+    # The sensor moves along an arc and is taken to move along its chord, 0.4 mm away at most.
+    differ = trinary_states(found.grid.probabilities) != trinary_states(alone.probabilities)
+    assert differ.mean() < 0.02
+
+
+def test_a_scan_whose_end_has_no_pose_is_merged_and_counted(tmp_path: Path) -> None:
+    drive = Drive(beam_ns=400_000)
+    found = merge_bag(write_ros2(tmp_path / "a", drive.recorded_scans() + drive.recorded_odometry()[:-1]))
+    assert found.counts.merged == found.counts.total - 1 == 11 and found.counts.without_end == 1
+    assert "1 of 11 scans have no pose at their last beam" in found.warnings[1]
+
+
+@pytest.mark.parametrize("ros", [1, 2])
+def test_of_several_echoes_the_nearest_valid_one_counts(ros: int, tmp_path: Path) -> None:
+    drive = Drive(ros)
+    write = write_ros1 if ros == 1 else write_ros2
+    echoes = [
+        dataclasses.replace(one, kind=MULTI_ECHO, message=drive.multi_echo(one.message))
+        for one in drive.recorded_scans()
+    ]
+    rest = drive.recorded_odometry() + drive.recorded_static()
+    one, other = (
+        merge_bag(write(tmp_path / f"{k}.bag", scans + rest))
+        for k, scans in enumerate((echoes, drive.recorded_scans()))
+    )
+    assert one.counts.merged == 12
+    assert np.array_equal(one.grid.log_odds, other.grid.log_odds)
+
+
+def test_a_band_of_a_point_cloud_is_the_scan_of_its_nearest_points(tmp_path: Path) -> None:
+    """Of a sensor that is tilted by 20 degrees and hangs 1.2 m high: floor and ceiling are no obstacles."""
+    drive = Drive(count=6)
+    tilt = math.radians(20)
+    turn = (0.0, math.sin(tilt / 2), 0.0, math.cos(tilt / 2))
+    place = drive.transform(START_NS, "base_link", "laser", (0, 0, 0), turn)
+    place.transform.translation.z = 1.2
+    static = [Recorded("/tf_static", TRANSFORMS, START_NS, drive.transforms([place]))]
+    clouds, expected = [], []
+    for time in drive.scan_times():
+        pose = drive.sensor_pose(time)
+        angles = np.radians(np.arange(-180, 180, 1.0) + 0.3)
+        away = ROOM.cast(pose.x, pose.y, pose.heading_rad + angles)
+        hit = away < 8.0
+        level = np.column_stack([away * np.cos(angles), away * np.sin(angles)])[hit]
+        points = [np.column_stack([level * s, np.full(len(level), z)]) for s, z in ((1, 0.5), (1.5, 1.0))]
+        floor, above = (np.column_stack([level * 0.3, np.full(len(level), z)]) for z in (0.0, 2.5))
+        world = np.vstack([*points, floor, above]) - (0, 0, 1.2)
+        cos, sin = math.cos(tilt), math.sin(tilt)
+        rotation = np.array([[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]])  # about the y axis
+        clouds.append(Recorded("/scan", POINT_CLOUD, time, drive.point_cloud(world @ rotation, time)))
+        expected.append(Scan(pose, angles[hit], away[hit], 8.0, MergeParams().sigma_m))
+    path = write_ros2(tmp_path / "a", clouds + drive.recorded_odometry() + static)
+    found = merge_bag(path, params=MergeParams(heights=(0.1, 2.0)))
+    grid = OccupancyGrid(found.grid.geobox)
+    for scan in expected:
+        grid.merge(scan)
+    assert found.counts.merged == 6
+    assert_same_map(found.grid, grid)
+    with pytest.raises(BagError, match=r"heights, such as 0\.1,1\.8, say which points"):
+        merge_bag(path)
+    scans = write_ros2(tmp_path / "b", SCANS + ODOM)
+    with pytest.raises(BagError, match="are for these alone"):
+        merge_bag(scans, params=MergeParams(heights=(0.1, 2.0)))
+
+
+def test_a_range_of_range_max_may_be_no_return(tmp_path: Path) -> None:
+    drive = Drive()
+    messages = []
+    for one in drive.recorded_scans():
+        ranges = np.where(np.isinf(one.message.ranges), np.float32(3.0), one.message.ranges)
+        messages.append(dataclasses.replace(one, message=dataclasses.replace(one.message, ranges=ranges)))
+    rest = drive.recorded_odometry() + drive.recorded_static()
+    path = write_ros2(tmp_path / "a", messages + rest)
+    true = merge_bag(write_ros2(tmp_path / "b", drive.recorded_scans() + rest))
+    false, said = merge_bag(path), merge_bag(path, params=MergeParams(no_return="range_max"))
+    assert far_from_walls(false)[1] > 50
+    assert far_from_walls(said)[1] == far_from_walls(true)[1] == 0
+    assert np.array_equal(said.grid.log_odds, true.grid.log_odds)
+
+
 # Scans that are left out
 
 
@@ -279,6 +398,14 @@ def test_a_smaller_range_makes_a_smaller_map(tmp_path: Path) -> None:
         ({"resolution_m": math.nan}, ParameterError, "not nan"),
         ({"sigma_m": -1.0}, SceneError, "sigma is a number above 0, not -1"),
         ({"max_range_m": 0.0}, SceneError, "max range is a number above 0, not 0"),
+        (
+            {"heights": (1.8, 0.1)},
+            SceneError,
+            "lowest and the highest in metres, such as 0.1,1.8, not 1.8,0.1",
+        ),
+        ({"heights": (0.1, math.nan)}, SceneError, "not 0.1,nan"),
+        ({"no_return": "zero"}, ParameterError, "no return is inf or range_max, not 'zero'"),
+        ({"beam_order": "both"}, ParameterError, "beam order is angles or increment, not 'both'"),
     ],
 )
 def test_lengths_are_checked(how: dict[str, Any], error: type[Exception], text: str) -> None:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -17,8 +17,10 @@ from uavseg.occupancy.mapping.scan import Pose, Scan
 from uavseg.occupancy.simulation.range_finder import RangeFinder
 from uavseg.occupancy.simulation.scene import Scene
 
-LASERSCAN, ODOMETRY, TRANSFORMS = (
+LASERSCAN, MULTI_ECHO, POINT_CLOUD, ODOMETRY, TRANSFORMS = (
     "sensor_msgs/msg/LaserScan",
+    "sensor_msgs/msg/MultiEchoLaserScan",
+    "sensor_msgs/msg/PointCloud2",
     "nav_msgs/msg/Odometry",
     "tf2_msgs/msg/TFMessage",
 )
@@ -67,17 +69,23 @@ class Drive:
         Number of scans.
     laser : (float, float, float)
         x, y and yaw of the sensor on the robot.
+    beam_ns : int
+        From one beam of a scan to the next; the robot moves meanwhile.
+    turning : float
+        Of the robot, in radians a second.
     """
 
     ros: int = 2
     count: int = 12
     laser: tuple[float, float, float] = (0.0, 0.0, 0.0)
     sensor: RangeFinder = field(default=SENSOR)
+    beam_ns: int = 0
+    turning: float = 0.5
 
     def base(self, time: int) -> tuple[float, float, float]:
         """x, y and yaw of the robot: it drives a straight line at constant speed and turns."""
         seconds = (time - START_NS) / 1e9
-        return 0.8 + 2.0 * seconds, 1.5 + 0.1 * seconds, 0.2 + 0.5 * seconds
+        return 0.8 + 2.0 * seconds, 1.5 + 0.1 * seconds, 0.2 + self.turning * seconds
 
     def scan_times(self) -> list[int]:
         return [START_NS + STEP_NS // 3 + k * STEP_NS for k in range(self.count)]
@@ -96,8 +104,16 @@ class Drive:
         taken = []
         for k, time in enumerate(self.scan_times()):
             scan = self.sensor.scan(ROOM, self.sensor_pose(time), np.random.default_rng([3, k]))
-            taken.append(scan)
+            taken.append(replace(scan, ranges=self.ranges_at(time)) if self.beam_ns else scan)
         return taken
+
+    def ranges_at(self, time: int) -> Any:
+        """Ranges of a scan that begins at a time, without noise, each beam at the pose of its time."""
+        found = []
+        for k, angle in enumerate(self.sensor.angles):
+            pose = self.sensor_pose(time + k * self.beam_ns)
+            found += ROOM.cast(pose.x, pose.y, np.array([pose.heading_rad + angle])).tolist()
+        return np.where(np.array(found) <= self.sensor.max_range_m, found, np.inf)
 
     def everything(self) -> list[Recorded]:
         """Scans, odometry, and both trees of tf."""
@@ -119,12 +135,45 @@ class Drive:
             angle_min=single(scan.angles[0]),
             angle_max=single(scan.angles[-1]),
             angle_increment=single(step),
-            time_increment=0.0,
+            time_increment=single(self.beam_ns * 1e-9),
             scan_time=0.1,
             range_min=0.0,
             range_max=single(scan.max_range_m),
             ranges=ranges,
             intensities=np.zeros(0, np.float32),
+        )
+
+    def multi_echo(self, scan: Any) -> Any:
+        """A LaserScan as a message of echoes: before each range an invalid and a farther one."""
+        types = store(self.ros).types
+        echo = types["sensor_msgs/msg/LaserEcho"]
+        rows = [[one] if np.isinf(one) else [np.nan, one + 0.5, one] for one in scan.ranges.tolist()]
+        same = {name: getattr(scan, name) for name in scan.__dataclass_fields__ if not name.startswith("_")}
+        del same["ranges"], same["intensities"]
+        same.pop("__msgtype__", None)
+        ranges = [echo(np.array(row, np.float32)) for row in rows]
+        return types[MULTI_ECHO](**same, ranges=ranges, intensities=[])
+
+    def point_cloud(self, points: Any, time: int, frame: str = "laser") -> Any:
+        """Points (n, 3) with an intensity before their coordinates."""
+        types = store(self.ros).types
+        kind = np.dtype([("intensity", "<f4"), ("x", "<f4"), ("y", "<f4"), ("z", "<f8")])
+        table = np.zeros(len(points), kind)
+        table["x"], table["y"], table["z"] = np.asarray(points).T
+        fields = [
+            types["sensor_msgs/msg/PointField"](name, offset, 8 if name == "z" else 7, 1)
+            for name, offset in (("intensity", 0), ("x", 4), ("y", 8), ("z", 12))
+        ]
+        return types[POINT_CLOUD](
+            header=self.header(time, frame),
+            height=1,
+            width=len(points),
+            fields=fields,
+            is_bigendian=False,
+            point_step=20,
+            row_step=20 * len(points),
+            data=np.frombuffer(table.tobytes(), np.uint8),
+            is_dense=True,
         )
 
     def recorded_odometry(self, topic: str = "/odom") -> list[Recorded]:

@@ -21,6 +21,8 @@ MAX_MESSAGE = 64 << 20  # bytes
 MAX_SHOWN = 8  # topics that a message lists
 
 LASERSCAN = "sensor_msgs/msg/LaserScan"
+MULTI_ECHO = "sensor_msgs/msg/MultiEchoLaserScan"
+POINT_CLOUD = "sensor_msgs/msg/PointCloud2"
 ODOMETRY = "nav_msgs/msg/Odometry"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 _SAME = {"tf/msg/tfMessage": TRANSFORMS}  # what ROS 1 called it before
@@ -52,8 +54,8 @@ class Bag:
     _decode: Callable[[bytes, str], Any]
     _hash: Callable[[str], str]
 
-    def check_topic(self, topic: str, kind: str) -> None:
-        """Check that a topic exists and holds messages of a type.
+    def check_topic(self, topic: str, *kinds: str) -> None:
+        """Check that a topic exists and holds messages of one of some types.
 
         Raises
         ------
@@ -63,9 +65,10 @@ class Bag:
         found = self.types.get(topic)
         if found is None:
             raise BagError(f"{self.name} has no topic {shown(topic, False)}; it has {self._listed()}")
-        if found != kind:
+        if found not in kinds:
             raise BagError(
-                f"{shown(topic, False)} of {self.name} holds {shown(found, False)}; expected {kind}. "
+                f"{shown(topic, False)} of {self.name} holds {shown(found, False)}; expected "
+                f"{' or '.join(kinds)}. "
                 f"It has {self._listed()}"
             )
 
@@ -97,7 +100,7 @@ class Bag:
 
     def _listed(self) -> str:
         """The topics with their types, those of known types first."""
-        known = (LASERSCAN, ODOMETRY, TRANSFORMS)
+        known = (LASERSCAN, MULTI_ECHO, POINT_CLOUD, ODOMETRY, TRANSFORMS)
         ordered = sorted(self.types.items(), key=lambda item: (item[1] not in known, item[0]))
         listed = [f"{shown(topic, False)} ({shown(kind, False)})" for topic, kind in ordered[:MAX_SHOWN]]
         more = len(ordered) - len(listed)

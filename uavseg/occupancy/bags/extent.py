@@ -24,11 +24,13 @@ class Extent:
         known = ~np.isnan(scan.ranges)
         ranges = scan.ranges[known]
         reach = np.where(np.isinf(ranges), scan.max_range_m, ranges + REACH_SIGMAS * scan.sigma_m)
-        angles = scan.pose.heading_rad + scan.angles[known]
-        for axis, (place, along) in enumerate(((scan.pose.x, np.cos), (scan.pose.y, np.sin))):
-            ends = place + reach * along(angles)
-            self.low[axis] = min(self.low[axis], place, float(ends.min(initial=place)))
-            self.high[axis] = max(self.high[axis], place, float(ends.max(initial=place)))
+        x, y, angles = scan.beams
+        poses = [scan.pose] if scan.end is None else [scan.pose, scan.end]
+        for axis, (places, along) in enumerate(((x, np.cos), (y, np.sin))):
+            ends = places[known] + reach * along(angles[known])
+            corners = [*ends.tolist(), *((pose.x, pose.y)[axis] for pose in poses)]
+            self.low[axis] = min(self.low[axis], *corners)
+            self.high[axis] = max(self.high[axis], *corners)
 
     def geobox(self, cell_m: float) -> GeoBox:
         """Whole cells around the box, at multiples of their side.

@@ -4,22 +4,33 @@ The bag is read three times: for the poses, for the extent of the map, and for t
 in memory is the map and the poses, however long the bag is.
 """
 
+import math
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
 from uavseg.errors import BagError, ParameterError, SceneError
-from uavseg.occupancy.bags.bag import LASERSCAN, Bag, open_bag
+from uavseg.occupancy.bags.bag import LASERSCAN, MULTI_ECHO, POINT_CLOUD, Bag, open_bag
 from uavseg.occupancy.bags.extent import Extent
 from uavseg.occupancy.bags.frames import FrameTree, frame_name, read_odometry, read_transforms, stamp_ns
 from uavseg.occupancy.bags.pose_track import Transform
 from uavseg.occupancy.mapping.grid import OccupancyGrid
+from uavseg.occupancy.mapping.point_cloud import check_heights, points_of, scan_of_points
 from uavseg.occupancy.mapping.rotation import MAX_TILT_DEG, heading_of, tilt_deg
-from uavseg.occupancy.mapping.scan import DEFAULT_SIGMA_M, Pose, Scan, check_distance
+from uavseg.occupancy.mapping.scan import (
+    BEAM_ORDER,
+    DEFAULT_SIGMA_M,
+    NO_RETURN,
+    Pose,
+    Scan,
+    check_distance,
+    scan_duration_s,
+)
 from uavseg.plain_text import shown
 
 MIN_CELL_M, MAX_CELL_M = 1e-3, 100.0
+_MAX_SCAN_S = 10.0  # of a message that says more, the end is taken to be unknown
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +40,7 @@ class BagTopics:
     Parameters
     ----------
     scan : str
-        Of sensor_msgs/LaserScan.
+        Of sensor_msgs/LaserScan, MultiEchoLaserScan or PointCloud2.
     odom : str, optional
         Of nav_msgs/Odometry; None to take poses from the tree of /tf and /tf_static.
     """
@@ -49,17 +60,25 @@ class MergeParams:
     sigma_m : float
         Standard deviation of ranges.
     max_range_m : float, optional
-        Beams are used up to here; by default up to the `range_max` of each scan.
+        Beams are used up to here; by default up to the `range_max` of each scan, or all points of a cloud.
+    heights : (float, float), optional
+        Of point clouds: the lowest and the highest in metres above the origin of the map's frame; what lies
+        between is an obstacle.
+    no_return, beam_order : str
+        As of `Scan.from_laserscan`.
 
     Raises
     ------
     ParameterError, SceneError
-        If a length is out of its domain.
+        If a length is out of its domain, or a word is none of its words.
     """
 
     resolution_m: float = 0.05
     sigma_m: float = DEFAULT_SIGMA_M
     max_range_m: float | None = None
+    heights: tuple[float, float] | None = None
+    no_return: str = "inf"
+    beam_order: str | None = None
 
     def __post_init__(self) -> None:
         if not MIN_CELL_M <= self.resolution_m <= MAX_CELL_M:
@@ -69,6 +88,12 @@ class MergeParams:
         check_distance("sigma", self.sigma_m)
         if self.max_range_m is not None:
             check_distance("max range", self.max_range_m)
+        if self.heights is not None:
+            check_heights(self.heights)
+        if self.no_return not in NO_RETURN:
+            raise ParameterError(f"no return is inf or range_max, not {shown(self.no_return)}")
+        if self.beam_order is not None and self.beam_order not in BEAM_ORDER:
+            raise ParameterError(f"beam order is angles or increment, not {shown(self.beam_order)}")
 
 
 @dataclass(slots=True)
@@ -84,6 +109,9 @@ class ScanCounts:
         The plane of their beams was tilted too far.
     invalid : int
         The message is not a scan as REP 117 has it; `reason` says why the first is not.
+    without_end : int
+        Of the merged ones: the times of their beams are known and the pose at the last is not, so all beams
+        are at the pose of the first.
     """
 
     merged: int = 0
@@ -91,6 +119,7 @@ class ScanCounts:
     tilted: int = 0
     invalid: int = 0
     reason: str = ""
+    without_end: int = 0
 
     @property
     def total(self) -> int:
@@ -138,7 +167,12 @@ def merge_bag(
         If the bag cannot be read, lacks a topic, or no scan has a pose; if the map would be too large.
     """
     with open_bag(path) as bag:
-        bag.check_topic(topics.scan, LASERSCAN)
+        bag.check_topic(topics.scan, LASERSCAN, MULTI_ECHO, POINT_CLOUD)
+        if (bag.types[topics.scan] == POINT_CLOUD) != (params.heights is not None):
+            raise BagError(
+                f"{topics.scan} of {bag.name} holds {bag.types[topics.scan]}; heights, such as 0.1,1.8, say "
+                "which points of a PointCloud2 are obstacles, and are for these alone"
+            )
         tree = read_transforms(bag) if topics.odom is None else read_odometry(bag, topics.odom)
         counts, extent, frames = ScanCounts(), Extent(), set[str]()
         for scan in _scans(bag, topics.scan, tree, params, counts, frames):
@@ -155,18 +189,22 @@ def _scans(
     bag: Bag, topic: str, tree: FrameTree, params: MergeParams, counts: ScanCounts, frames: set[str]
 ) -> Iterator[Scan]:
     """Scans with their poses, counted; the names of their frames are added to `frames`."""
+    is_cloud = bag.types[topic] == POINT_CLOUD
     for message in bag.messages(topic):
         frame = frame_name(message.header.frame_id)
         frames.add(frame)
         moving = _frame_of_sensor(tree, frame)
         place = None if moving is None else tree.at(stamp_ns(message.header), moving)
-        if place is None:
+        if place is None or moving is None:
             counts.without_pose += 1
-        elif abs(90 - tilt_deg(place.matrix)) < 90 - MAX_TILT_DEG:
+        elif not is_cloud and abs(90 - tilt_deg(place.matrix)) < 90 - MAX_TILT_DEG:
             counts.tilted += 1
         else:
             try:
-                scan = _scan_at(message, place, params)
+                if is_cloud:
+                    scan = _scan_of_cloud(message, place, params)
+                else:
+                    scan = _scan_at(message, place, _place_at_end(message, tree, moving, counts), params)
             except SceneError as error:
                 counts.invalid += 1
                 counts.reason = counts.reason or str(error)
@@ -180,11 +218,40 @@ def _frame_of_sensor(tree: FrameTree, frame: str) -> str | None:
     return frame if tree.reaches(frame) else tree.base
 
 
-def _scan_at(message: Any, place: Transform, params: MergeParams) -> Scan:
+def _place_at_end(message: Any, tree: FrameTree, moving: str, counts: ScanCounts) -> Transform | None:
+    """The pose of the sensor at the last beam; None where the message does not say its time."""
+    seconds = scan_duration_s(message, len(message.ranges), by_increment=True)
+    if seconds == 0:
+        return None
+    end = tree.at(stamp_ns(message.header) + round(1e9 * min(seconds, _MAX_SCAN_S)), moving)
+    counts.without_end += end is None
+    return end
+
+
+def _scan_at(message: Any, place: Transform, end: Transform | None, params: MergeParams) -> Scan:
     """The scan of a message. A sensor that hangs upside down turns clockwise, seen from above."""
-    pose = Pose(float(place.shift[0]), float(place.shift[1]), heading_rad=heading_of(place.matrix))
-    scan = Scan.from_laserscan(message, pose, sigma_m=params.sigma_m, max_range_m=params.max_range_m)
+    scan = Scan.from_laserscan(
+        message,
+        _pose_of(place),
+        end=None if end is None else _pose_of(end),
+        sigma_m=params.sigma_m,
+        max_range_m=params.max_range_m,
+        no_return=params.no_return,
+        beam_order=params.beam_order,
+    )
     return replace(scan, angles=-scan.angles) if place.matrix[2, 2] < 0 else scan
+
+
+def _scan_of_cloud(message: Any, place: Transform, params: MergeParams) -> Scan:
+    points = points_of(message) @ place.matrix.T
+    points[:, 2] += place.shift[2]
+    limit = math.inf if params.max_range_m is None else params.max_range_m
+    assert params.heights is not None, "checked when the bag is opened"
+    return scan_of_points(points, _pose_of(place), params.heights, params.sigma_m, limit)
+
+
+def _pose_of(place: Transform) -> Pose:
+    return Pose(float(place.shift[0]), float(place.shift[1]), heading_rad=heading_of(place.matrix))
 
 
 def _check_merged(bag: Bag, topics: BagTopics, tree: FrameTree, counts: ScanCounts, frames: set[str]) -> None:
@@ -249,6 +316,11 @@ def _warnings(topics: BagTopics, tree: FrameTree, counts: ScanCounts, frames: se
         )
     if counts.invalid:
         yield f"{counts.invalid:,} of {counts.total:,} scans are invalid, and left out: {counts.reason}"
+    if counts.without_end:
+        yield (
+            f"{counts.without_end:,} of {counts.merged:,} scans have no pose at their last beam: all of "
+            "their beams are taken to be at the pose of the first"
+        )
     if tree.invalid:
         yield f"{tree.invalid:,} poses of {source} are not finite rotations, and are left out"
     for frame in sorted(frames):

@@ -42,11 +42,10 @@ Floats = NDArray[np.float64]
 def merge_beams(
     log_odds: Float32s,
     pending: PendingUpdates,
-    origin: tuple[float, float],
     beams: Floats,
     sigma: float,
 ) -> Window:
-    """Update cells by the beams from one position, in beam order.
+    """Update cells by beams, in beam order.
 
     Parameters
     ----------
@@ -54,11 +53,10 @@ def merge_beams(
         Changed in place where a beam observes something other than p_min; clamped to -6..6.
     pending : (B, C, 8, 8, 8, 8) uint8 array
         See `pending.empty_pending`. Changed in place: the updates that `apply_pending` has yet to apply.
-    origin : (float, float)
-        Column and row of the sensor, in cells from the grid's outer corner.
-    beams : (n, 4) float64 array
+    beams : (n, 6) float64 array
         Steps in columns and in rows of one metre along the beam, the returned range in metres (infinite for
-        none), and the distance in metres up to which the beam updates cells.
+        none), the distance in metres up to which the beam updates cells, and column and row of the sensor, in
+        cells from the grid's outer corner.
     sigma : float
         Standard deviation of ranges in metres.
 
@@ -69,10 +67,9 @@ def merge_beams(
     """
     rows, cols = log_odds.shape
     box = np.array([rows, cols, -1, -1], np.int64)
-    beams = np.where(np.abs(beams) < _MIN_STEP, 0.0, beams)
+    beams = np.ascontiguousarray(np.where(np.abs(beams) < _MIN_STEP, 0.0, beams))
     offsets = np.empty((3, 2 * max(rows, cols) + 2), np.uint64)
-    grid = (log_odds.reshape(-1), pending.reshape(-1), rows, cols, origin[0], origin[1])
-    _merge_each(*grid, beams, sigma, offsets, box)
+    _merge_each(log_odds.reshape(-1), pending.reshape(-1), rows, cols, beams, sigma, offsets, box)
     top, left, bottom, right = (int(edge) for edge in box)
     return Window(top, left, bottom - top + 1, right - left + 1) if bottom >= 0 else Window(0, 0, 0, 0)
 
@@ -157,10 +154,11 @@ def _traverse(cells, beam, sigma, t_end, stop, state, ends):  # type: ignore[no-
     return (col, row, t_in), (first, last), False
 
 
-@kernel("void(f4[::1], u1[::1], i8, i8, f8, f8, f8[:,::1], f8, u8[:,::1], i8[::1])")
-def _merge_each(odds, pending, rows, cols, u0, v0, beams, sigma, offsets, box):  # type: ignore[no-untyped-def]
+@kernel("void(f4[::1], u1[::1], i8, i8, f8[:,::1], f8, u8[:,::1], i8[::1])")
+def _merge_each(odds, pending, rows, cols, beams, sigma, offsets, box):  # type: ignore[no-untyped-def]
     for i in range(beams.shape[0]):
         beam = (beams[i, 0], beams[i, 1], beams[i, 2], beams[i, 3])
+        u0, v0 = beams[i, 4], beams[i, 5]
         du, dv, _, reach = beam
         in_col, out_col = _clip_axis(u0, du, cols)
         in_row, out_row = _clip_axis(v0, dv, rows)

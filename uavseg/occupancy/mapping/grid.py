@@ -204,13 +204,12 @@ class OccupancyGrid:
         known = ~np.isnan(scan.ranges)
         ranges = scan.ranges[known]
         reach = np.where(np.isinf(ranges), scan.max_range_m, ranges + REACH_SIGMAS * scan.sigma_m)
-        angles = scan.pose.heading_rad + scan.angles[known]
+        x, y, angles = (numbers[known] for numbers in scan.beams)
         along_x, along_y = np.cos(angles), np.sin(angles)
         a, b, c, d, e, f = tuple(~self.geobox.transform)[:6]  # from metres to cells
-        beams = np.column_stack([a * along_x + b * along_y, d * along_x + e * along_y, ranges, reach])
-        x, y = scan.pose.x, scan.pose.y
-        origin = (a * x + b * y + c, d * x + e * y + f)
-        window = merge_beams(self.log_odds, self._pending, origin, beams, scan.sigma_m)
+        steps = a * along_x + b * along_y, d * along_x + e * along_y
+        beams = np.column_stack([*steps, ranges, reach, a * x + b * y + c, d * x + e * y + f])
+        window = merge_beams(self.log_odds, self._pending, beams, scan.sigma_m)
         apply_pending(self._pending, self.log_odds, self._probabilities, self._grey_map, window)
         return window
 

@@ -24,6 +24,9 @@ MAX_BEAMS = 1_000_000
 MAX_METRES = 1e9
 DEFAULT_SIGMA_M = 0.03  # of range finders on robots, where a message does not say it
 
+NO_RETURN = ("inf", "range_max")  # what a range may be where nothing returned
+BEAM_ORDER = ("angles", "increment")  # which may say where beams go, where the two contradict each other
+
 _LASERSCAN_NUMBERS = ("angle_min", "angle_max", "angle_increment", "range_min", "range_max")
 
 
@@ -114,6 +117,9 @@ class Scan:
         Distance up to which a beam without a return observes free cells.
     sigma_m : float
         Standard deviation of ranges.
+    end : Pose, optional
+        Of the sensor at its last beam, where it moved meanwhile; `pose` is that at its first. Beams follow
+        each other in equal times.
 
     Raises
     ------
@@ -127,6 +133,7 @@ class Scan:
     ranges: Floats
     max_range_m: float
     sigma_m: float
+    end: Pose | None = None
 
     def __post_init__(self) -> None:
         check_distance("a maximum range", self.max_range_m)
@@ -138,6 +145,23 @@ class Scan:
         if not np.isfinite(self.angles).all() or (self.ranges < 0).any():
             raise SceneError("a scan has finite angles, and ranges that are not negative")
 
+    @property
+    def beams(self) -> tuple[Floats, Floats, Floats]:
+        """x and y of the sensor at each beam in metres, and the direction of the beam in radians; each (n,).
+
+        Between `pose` and `end` the sensor moves along a straight line, and turns by the smaller angle, both
+        evenly.
+        """
+        count = len(self.angles)
+        if self.end is None:
+            here = (np.full(count, self.pose.x), np.full(count, self.pose.y))
+            return *here, self.pose.heading_rad + self.angles
+        share = np.linspace(0.0, 1.0, count)
+        x = self.pose.x + share * (self.end.x - self.pose.x)
+        y = self.pose.y + share * (self.end.y - self.pose.y)
+        turn = math.remainder(self.end.heading_rad - self.pose.heading_rad, math.tau)
+        return x, y, self.pose.heading_rad + share * turn + self.angles
+
     @classmethod
     @checked
     def from_laserscan(
@@ -145,27 +169,44 @@ class Scan:
         message: Any,
         pose: Pose,
         *,
+        end: Pose | None = None,
+        twist: Any = None,
         sigma_m: float = DEFAULT_SIGMA_M,
         max_range_m: float | None = None,
+        no_return: str = "inf",
+        beam_order: str | None = None,
     ) -> "Scan":
         """A scan from a message with the fields of `sensor_msgs/LaserScan`, as it is.
 
         Ranges are understood by REP 117 and REP 145: +inf is a beam without a return, which observes free
         cells up to `range_max`. Beams with -inf (too near to measure), NaN (invalid), or a range that is not
-        in `range_min`..`range_max` say nothing.
+        in `range_min`..`range_max` say nothing. Of the echoes of a `sensor_msgs/MultiEchoLaserScan` the
+        nearest valid one counts.
 
         Parameters
         ----------
-        message : LaserScan
+        message : LaserScan or MultiEchoLaserScan
             Of rclpy, rospy, rosbags, or any object with `angle_min`, `angle_max`, `angle_increment`, `ranges`
             (any sequence of numbers), `range_min` and `range_max`.
         pose : Pose
-            Of the sensor when it scanned.
+            Of the sensor when it scanned; at its first beam, where `end` or `twist` is given.
+        end : Pose, optional
+            Of the sensor at its last beam.
+        twist : three numbers or a Twist message, optional
+            In place of `end`: how the sensor moved meanwhile, in its own frame; metres a second forward and
+            to the left, and radians a second counterclockwise. The time from the first to the last beam is
+            that of the message's `time_increment`, or its `scan_time` where that is 0.
         sigma_m : float
             Standard deviation of ranges, which the message does not hold.
         max_range_m : float, optional
             Beams are used up to here only: what returns from farther observes free cells up to here. By
             default `range_max`.
+        no_return : {"inf", "range_max"}
+            What a range is where nothing returned: +inf by REP 117, or also `range_max`, as some drivers have
+            it.
+        beam_order : {"angles", "increment"}, optional
+            What counts where the sign of `angle_increment` contradicts the angles; such messages are refused
+            if left out.
 
         Returns
         -------
@@ -176,13 +217,16 @@ class Scan:
         ------
         SceneError
             If a field is missing or not as REP 117 has it: angles that do not fit the number of ranges, or a
-            `range_max` that is not finite while `max_range_m` is not given.
+            `range_max` that is not finite while `max_range_m` is not given. If both `end` and `twist` are
+            given, or the message does not say how long the scan took.
         """
+        if no_return not in NO_RETURN:
+            raise SceneError(f"no_return is inf or range_max, not {shown(no_return)}")
         numbers = {name: _number(message, name) for name in _LASERSCAN_NUMBERS}
-        ranges = _ranges(message)
         low, high = numbers["range_min"], numbers["range_max"]
         if not (math.isfinite(low) and 0 <= low < high):
             raise SceneError(f"a LaserScan has 0 <= range_min < range_max, not {low:g} and {high:g}")
+        ranges = _ranges(message, low, high)
         limit = high if max_range_m is None else min(high, max_range_m)
         if not math.isfinite(limit):
             raise SceneError(
@@ -191,11 +235,90 @@ class Scan:
             )
         # In single precision, as the message holds all of them: a return at range_max is a valid one.
         with np.errstate(invalid="ignore", over="ignore"):  # NaN of any kind, limits beyond single precision
-            valid = (ranges >= np.float32(low)) & (ranges <= np.float32(high))
+            valid = _is_valid(ranges, low, high)
             metres = np.where(valid, ranges.astype(np.float64), np.where(ranges == np.inf, np.inf, np.nan))
+            if no_return == "range_max":
+                metres[valid & (ranges >= np.float32(high))] = np.inf
         if limit < high:
             metres[metres > limit] = np.inf
-        return cls(pose, _angles(numbers, len(ranges)), metres, limit, sigma_m)
+        if twist is not None:
+            if end is not None:
+                raise SceneError("a scan has a pose at its end, or a twist, not both")
+            end = _moved(pose, twist, scan_duration_s(message, len(ranges)))
+        return cls(pose, _angles(numbers, len(ranges), beam_order), metres, limit, sigma_m, end)
+
+    @classmethod
+    @checked
+    def from_point_cloud(
+        cls,
+        message: Any,
+        pose: Pose,
+        *,
+        heights: tuple[float, float],
+        sigma_m: float = DEFAULT_SIGMA_M,
+        max_range_m: float = math.inf,
+    ) -> "Scan":
+        """A scan from a message with the fields of `sensor_msgs/PointCloud2`: its nearest points of a band.
+
+        In steps of half a degree the nearest point counts. A direction without a point says nothing.
+
+        Parameters
+        ----------
+        message : PointCloud2
+            Of rclpy, rospy, rosbags, or any object with its fields; x, y and z are floats.
+        pose : Pose
+            Of the sensor, which is level.
+        heights : (float, float)
+            The lowest and the highest z in metres, from the sensor: what lies between is an obstacle.
+        sigma_m : float
+            Standard deviation of ranges.
+        max_range_m : float
+            Points beyond are left out.
+
+        Raises
+        ------
+        SceneError
+            If the message is no point cloud, or the heights are no band.
+        """
+        from uavseg.occupancy.mapping.point_cloud import points_of, scan_of_points
+
+        points = points_of(message)
+        cos, sin = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
+        points[:, :2] = points[:, :2] @ np.array([[cos, sin], [-sin, cos]])
+        return scan_of_points(points, pose, heights, sigma_m, max_range_m)
+
+
+def scan_duration_s(message: Any, beams: int, by_increment: bool = False) -> float:
+    """Seconds from the first to the last beam of a LaserScan; 0 where it does not say.
+
+    With `by_increment`, only its `time_increment` counts: `scan_time` alone may be that between two scans.
+    """
+    increment = float(getattr(message, "time_increment", 0.0))
+    if math.isfinite(increment) and increment > 0:
+        return increment * max(beams - 1, 0)
+    whole = 0.0 if by_increment else float(getattr(message, "scan_time", 0.0))
+    return whole if math.isfinite(whole) and whole > 0 else 0.0
+
+
+def _moved(pose: Pose, twist: Any, seconds: float) -> Pose:
+    """Where a sensor is after it moved with a constant twist: along an arc."""
+    if seconds == 0:
+        raise SceneError(
+            "this LaserScan does not say how long it took (time_increment and scan_time are 0); give its end"
+        )
+    try:
+        if hasattr(twist, "linear"):
+            twist = (twist.linear.x, twist.linear.y, twist.angular.z)
+        forward, left, turning = (float(number) * seconds for number in twist)
+    except (AttributeError, TypeError, ValueError) as error:
+        raise SceneError(f"twist is three numbers or a geometry_msgs/Twist, not {shown(twist)}") from error
+    if not all(map(math.isfinite, (forward, left, turning))) or abs(turning) >= math.pi:
+        raise SceneError("twist is finite, and turns a sensor by less than half a turn in one scan")
+    chord = np.sinc(turning / math.tau)  # of an arc of length 1
+    direction = pose.heading_rad + turning / 2
+    cos, sin = chord * math.cos(direction), chord * math.sin(direction)
+    x, y = pose.x + forward * cos - left * sin, pose.y + forward * sin + left * cos
+    return Pose(float(x), float(y), heading_rad=pose.heading_rad + turning)
 
 
 def _number(message: Any, name: str) -> float:
@@ -219,13 +342,15 @@ def _field(message: Any, name: str) -> Any:
         ) from error
 
 
-def _ranges(message: Any) -> NDArray[np.float32]:
-    """Ranges of a LaserScan in the precision of the message."""
+def _ranges(message: Any, low: float, high: float) -> NDArray[np.float32]:
+    """Ranges of a LaserScan in the precision of the message; of several echoes the nearest valid one."""
     value = _field(message, "ranges")
     try:
         with np.errstate(invalid="ignore", over="ignore"):
+            if _has_echoes(value):
+                value = [_nearest(np.asarray(one.echoes, np.float32), low, high) for one in value]
             ranges = np.asarray(value, np.float32)
-    except (TypeError, ValueError, OverflowError) as error:
+    except (AttributeError, TypeError, ValueError, OverflowError) as error:
         raise SceneError(f"ranges of a LaserScan are numbers, not {shown(value)}") from error
     if ranges.ndim != 1 or len(ranges) > MAX_BEAMS:
         raise SceneError(
@@ -234,19 +359,48 @@ def _ranges(message: Any) -> NDArray[np.float32]:
     return ranges
 
 
-def _angles(numbers: dict[str, float], count: int) -> Floats:
+def _has_echoes(ranges: Any) -> bool:
+    try:
+        return hasattr(ranges[0], "echoes")
+    except (TypeError, LookupError):  # no ranges, or none at all
+        return False
+
+
+def _nearest(echoes: NDArray[np.float32], low: float, high: float) -> float:
+    """The nearest valid echo of a beam; +inf where all of them are, else NaN."""
+    valid = echoes[_is_valid(echoes, low, high)]
+    if len(valid):
+        return float(valid.min())
+    return np.inf if len(echoes) and (echoes == np.inf).all() else np.nan
+
+
+def _is_valid(ranges: NDArray[np.float32], low: float, high: float) -> NDArray[np.bool_]:
+    return np.asarray((ranges >= np.float32(low)) & (ranges <= np.float32(high)))
+
+
+def _angles(numbers: dict[str, float], count: int, beam_order: str | None) -> Floats:
     """Angles of so many beams: the first, and steps of the increment."""
     first, last, step = (numbers[name] for name in ("angle_min", "angle_max", "angle_increment"))
+    if beam_order is not None and beam_order not in BEAM_ORDER:
+        raise SceneError(f"beam_order is angles or increment, not {shown(beam_order)}")
     if not all(map(math.isfinite, (first, last, step))) or max(map(abs, (first, last, step))) > 1e3:
         raise SceneError(f"angles of a LaserScan are finite radians, not {first:g}, {last:g}, {step:g}")
     if count > 1 and step == 0:
         raise SceneError(f"angle_increment of a LaserScan with {count} ranges is not 0")
-    spanned = (last - first) / step + 1 if step else 1.0
+    contradict = count > 1 and (last - first) * step < 0
+    if contradict and beam_order is None:
+        raise SceneError(
+            f"angles of this LaserScan go from {first:g} to {last:g} and its angle_increment is {step:g}; "
+            "say which counts: --beam-order angles or increment"
+        )
+    spanned = (last - first) / (-step if contradict else step) + 1 if step else 1.0
     if abs(spanned - count) > 1.5:  # the last may be left out, or end a whole turn; angles are rounded
         raise SceneError(
             f"a LaserScan from {first:g} to {last:g} radians in steps of {step:g} has {spanned:.0f} ranges; "
             f"this one holds {count}"
         )
+    if contradict and beam_order == "angles":
+        step = -step
     angles: Floats = first + step * np.arange(count, dtype=np.float64)
     return angles
 
