@@ -85,7 +85,7 @@ def test_all_levels_are_read_back_to_the_per_cent(mode: str, picture: str) -> No
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["map.pgm", "-o", "o.yaml"], "is a picture, which lies nowhere"),
+        (["map.pgm", "-o", "o.yaml"], "is a picture without a position"),
         (["map.yaml", "-o", "o.tif", "--mode", "scale"], "mode is of a ROS map"),
         (["map.yaml", "-o", "o.png"], "a map is written to .yaml"),
         (["map.yaml", "-o", "o.yaml", "--resolution", "0"], "a number above 0, not 0"),

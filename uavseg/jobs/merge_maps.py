@@ -103,7 +103,7 @@ def merge_maps(sources: Sequence[Any], request: MergeRequest = MergeRequest()) -
         raise ParameterError("name at least one map")
     warnings: list[str] = []
     with phase("maps"):
-        maps = [_placed(source, warnings) for source in sources]
+        maps = [_read_map(source, warnings) for source in sources]
     geobox = common_grid(maps, request.unrotate, request.resolution)
     decided("%d x %d cells", *geobox.shape)
     with phase("merging"):
@@ -116,9 +116,9 @@ def merge_maps(sources: Sequence[Any], request: MergeRequest = MergeRequest()) -
     return MergedMap(probabilities, geobox, disputed, tuple(warnings))
 
 
-def _placed(source: Any, warnings: list[str]) -> PlacedMap:
+def _read_map(source: Any, warnings: list[str]) -> PlacedMap:
     if isinstance(source, str | os.PathLike) and Path(source).suffix.lower() in (".pgm", ".png", ".bmp"):
-        raise MapError(f"{os.fspath(source)} is a picture, which lies nowhere; name the .yaml of its map")
+        raise MapError(f"{os.fspath(source)} is a picture without a position; give the .yaml of its map")
     opened = open_probability_map(source)
     if not isinstance(opened, ProbabilityMap):
         raise ParameterError(f"{opened.path} is a block map; name the map that it was made from")

@@ -63,8 +63,8 @@ def test_points_are_read_in_every_layout(big: bool, double: bool, rows: int, pad
         ({"point_step": 4}, "says 1 x 2 points of 4 bytes"),
         ({"row_step": 1}, "says 1 x 2 points"),
         ({"height": 1 << 40}, "at most 20,000,000 points"),
-        ({"fields": []}, "x, y and z as floats; x, y, z is not one here"),
-        ({"data": None}, "this one, 'SimpleNamespace', is none"),
+        ({"fields": []}, "expected x, y and z as floats in a point cloud; missing: x, y, z"),
+        ({"data": None}, "expected a sensor_msgs/PointCloud2, not 'SimpleNamespace'"),
     ],
 )
 def test_a_message_that_is_no_cloud_is_refused(how: dict[str, Any], message: str) -> None:

@@ -39,10 +39,10 @@ def points_of(message: Any) -> Floats:
         content = memoryview(bytes(data) if isinstance(data, list | tuple) else data).cast("B")
     except (AttributeError, TypeError, ValueError) as error:
         kind = shown(type(message).__name__)
-        raise SceneError(f"message is a sensor_msgs/PointCloud2; this one, {kind}, is none") from error
+        raise SceneError(f"expected a sensor_msgs/PointCloud2, not {kind}") from error
     missing = [name for name in "xyz" if name not in fields or fields[name].datatype not in _NUMBERS]
     if missing:
-        raise SceneError(f"a point cloud has x, y and z as floats; {', '.join(missing)} is not one here")
+        raise SceneError(f"expected x, y and z as floats in a point cloud; missing: {', '.join(missing)}")
     if not (rows >= 0 and cols >= 0 and rows * cols <= MAX_POINTS):
         raise SceneError(f"a point cloud has at most {MAX_POINTS:,} points, not {rows:,} x {cols:,}")
     formats = [order + _NUMBERS[fields[name].datatype] for name in "xyz"]

@@ -244,7 +244,7 @@ class Scan:
         if twist is not None:
             if end is not None:
                 raise SceneError("a scan has a pose at its end, or a twist, not both")
-            end = _moved(pose, twist, scan_duration_s(message, len(ranges)))
+            end = _end_pose(pose, twist, scan_duration_s(message, len(ranges)))
         return cls(pose, _angles(numbers, len(ranges), beam_order), metres, limit, sigma_m, end)
 
     @classmethod
@@ -300,7 +300,7 @@ def scan_duration_s(message: Any, beams: int, by_increment: bool = False) -> flo
     return whole if math.isfinite(whole) and whole > 0 else 0.0
 
 
-def _moved(pose: Pose, twist: Any, seconds: float) -> Pose:
+def _end_pose(pose: Pose, twist: Any, seconds: float) -> Pose:
     """Where a sensor is after it moved with a constant twist: along an arc."""
     if seconds == 0:
         raise SceneError(

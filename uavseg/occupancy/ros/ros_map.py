@@ -91,10 +91,10 @@ def read_ros_map(path: str | os.PathLike[str]) -> RosMap:
     except RasterError as error:
         raise MapError(f"{os.fspath(path)}: {error}") from error
     cells = described.rules.cells(grey, alpha)
-    return RosMap(cells, geobox, tuple(_doubts(described, grey, alpha, cells)))
+    return RosMap(cells, geobox, tuple(_map_warnings(described, grey, alpha, cells)))
 
 
-def _doubts(
+def _map_warnings(
     described: MapDescription, grey: NDArray[np.uint8], alpha: NDArray[np.uint8] | None, cells: RosCells
 ) -> Iterator[str]:
     rules, picture = described.rules, described.image.name

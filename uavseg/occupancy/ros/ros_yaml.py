@@ -161,7 +161,7 @@ def _read_yaml(path: str | os.PathLike[str]) -> Mapping[str, Any]:
         if any(isinstance(token, yaml.AliasToken) for token in tokens):
             raise MapError(f"{name} holds YAML aliases (*name), which the file of a ROS map does not need")
         node = yaml.compose(content, Loader=yaml.SafeLoader)
-        _refuse_twice(node, name)
+        _check_unique_keys(node, name)
         found = yaml.safe_load(content)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         if isinstance(error, MapError):
@@ -175,8 +175,8 @@ def _read_yaml(path: str | os.PathLike[str]) -> Mapping[str, Any]:
     return found
 
 
-def _refuse_twice(node: Any, name: str) -> None:
-    """Refuse a key that stands twice: readers differ in which one counts."""
+def _check_unique_keys(node: Any, name: str) -> None:
+    """Refuse duplicate keys: readers differ in which one counts."""
     if node is None or node.id != "mapping":
         return
     keys = [key.value for key, _ in node.value if key.id == "scalar"]
