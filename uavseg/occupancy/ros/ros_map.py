@@ -165,6 +165,7 @@ def write_ros_map(
     OutputExistsError, OutputError
         If a file may not or cannot be written.
     """
+    check_target(image_path(path, mode), overwrite)
     grey = GREY_OF_STATE[mode][np.asarray(states)]
     opaque = np.asarray(states) % 2 == 1 if mode == "scale" else None
     _write(path, grey, opaque, geobox, overwrite, mode, _WRITTEN_THRESHOLDS)
@@ -197,6 +198,7 @@ def write_ros_probabilities(
     UavsegError
         As of `write_ros_map`.
     """
+    check_target(image_path(path, mode), overwrite)
     unknown = probabilities == 0.5
     if mode == "raw":
         grey = np.where(unknown, 255, np.floor(100 * probabilities.astype(np.float64) + 0.5)).astype(np.uint8)
@@ -216,7 +218,6 @@ def _write(
     thresholds: Mapping[str, float],
 ) -> None:
     image = image_path(path, mode)
-    check_target(image, overwrite)
     resolution, origin, mirrored = placement(geobox)
     down = slice(None, None, -1 if mirrored else 1)
     position = {"resolution": resolution, "origin": origin}
