@@ -6,7 +6,15 @@ from tests.hostile import seeds
 from tests.hostile.case import Case, chosen
 from tests.hostile.mutate import bytes_mutated, words_mutated
 
-WORDS = (("--odom", "/odom"), ("--tf",), ("--tf", "--max-range", "1"), ("--resolution", "0.2"))
+WORDS = (
+    ("--odom", "/odom"),
+    ("--tf",),
+    ("--tf", "--max-range", "1"),
+    ("--resolution", "0.2"),
+    ("--scan", "/echo"),
+    ("--scan", "/points", "--heights", "0.1,1.8"),
+    ("--no-return", "range_max", "--beam-order", "angles"),
+)
 
 
 def case(rng: Random) -> Case:

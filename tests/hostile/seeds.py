@@ -1,6 +1,7 @@
 """Seeds: small valid files of every kind that is read, drawn once for a campaign."""
 
 import json
+import math
 import subprocess
 import sys
 import warnings
@@ -229,17 +230,32 @@ def ros_maps() -> Files:
 @once
 def bags() -> Files:
     """Recorded bags: `a.bag` of ROS 1, `a.db3` and `a.mcap` of ROS 2."""
-    from tests.occupancy.bags.write_bags import Drive, write_ros1, write_ros2
+    from tests.occupancy.bags.write_bags import (
+        MULTI_ECHO,
+        POINT_CLOUD,
+        Drive,
+        Recorded,
+        write_ros1,
+        write_ros2,
+    )
+
+    def recorded(ros: int) -> list[Recorded]:
+        drive = Drive(ros, 3)
+        echoes, clouds = [], []
+        for one, scan in zip(drive.recorded_scans(), drive.scans(), strict=True):
+            points = [(2 * math.cos(a), 2 * math.sin(a), 0.5) for a in scan.angles]
+            cloud = drive.point_cloud(points, one.time)
+            echoes.append(Recorded("/echo", MULTI_ECHO, one.time, drive.multi_echo(one.message)))
+            clouds.append(Recorded("/points", POINT_CLOUD, one.time, cloud))
+        return drive.everything() + echoes + clouds
 
     with TemporaryDirectory() as made:
         folder = Path(made)
         return {
-            "a.bag": write_ros1(folder / "a.bag", Drive(1, 3).everything(), "BZ2").read_bytes(),
-            "a.db3": (write_ros2(folder / "db3", Drive(2, 3).everything()) / "db3.db3").read_bytes(),
+            "a.bag": write_ros1(folder / "a.bag", recorded(1), "BZ2").read_bytes(),
+            "a.db3": (write_ros2(folder / "db3", recorded(2)) / "db3.db3").read_bytes(),
             "db3/metadata.yaml": (folder / "db3" / "metadata.yaml").read_bytes(),
-            "a.mcap": (
-                write_ros2(folder / "mcap", Drive(2, 3).everything(), "MCAP") / "mcap.mcap"
-            ).read_bytes(),
+            "a.mcap": (write_ros2(folder / "mcap", recorded(2), "MCAP") / "mcap.mcap").read_bytes(),
         }
 
 
