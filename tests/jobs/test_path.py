@@ -170,6 +170,7 @@ def test_regions_of_the_paper_close_a_corridor_and_the_message_says_what_opens_i
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*of grey 205:UserWarning")  # free_thresh 0.25, as this map is published
 @pytest.mark.parametrize("name", ["depot.yaml", "tb3_sandbox.yaml"])
 def test_on_real_maps(name: str, shared_data: Path) -> None:
     source: Any = open_probability_map(shared_data / "maps" / name)
