@@ -34,7 +34,7 @@ READING = {
     "build-map": ["build-map", "{}", "-o", "o.tif"],
     "merge-maps": ["merge-maps", "{}", "-o", "o.tif"],
 }
-LAYERS = ["--regions", "--mission", "--states", "--leaves", "--levels", "--path"]
+LAYERS = ["--regions", "--mission", "--states", "--leaves", "--labels", "--levels", "--path"]
 
 
 @pytest.fixture
@@ -107,7 +107,8 @@ def test_no_command_waits_for_a_named_pipe(tmp_path: Path, command: str) -> None
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes on this system")
 @pytest.mark.parametrize("layer", LAYERS)
 def test_no_layer_of_a_preview_waits_for_a_named_pipe(tmp_path: Path, layer: str) -> None:
-    name = "a.plan" if layer == "--mission" else "a.tif" if layer in ("--states", "--leaves") else "a.geojson"
+    rasters = ("--states", "--leaves", "--labels")
+    name = "a.plan" if layer == "--mission" else "a.tif" if layer in rasters else "a.geojson"
     os.mkfifo(tmp_path / name)
     shutil.copy(QUARRY, tmp_path / "q.tif")
     assert_refused(tmp_path, ["preview", "q.tif", layer, name, "-o", "p.png"], "named pipe")

@@ -76,7 +76,9 @@ def test_a_simulated_map_with_everything_that_is_made_of_it(
         "simulate lens -o lens.tif --truth truth.tif",
         "divide lens.tif --stretch none --method paper -o blocks.tif",
         "path lens.tif --range 0,0.45 --start 1.6,2.8 --goal 2.1,0.6 -o path.geojson",
+        "original lens.tif --stretch none -o labels.tif",
         "preview lens.tif --leaves blocks.tif --path path.geojson --states truth.tif -o all.png --width 500",
+        "preview lens.tif --stretch none --labels labels.tif -o segments.png --width 500",
         "preview lens.tif --stretch none -o bare.png --width 500",
     ):
         done = CliRunner().invoke(main, line.split())
@@ -86,6 +88,9 @@ def test_a_simulated_map_with_everything_that_is_made_of_it(
     )
     assert bare.shape == drawn.shape
     assert np.ptp(bare, axis=2).max() < 10 and (np.ptp(drawn, axis=2) > 40).mean() > 0.2
+    segments = np.asarray(Image.open("segments.png").convert("RGB")).astype(int)
+    outlined = (np.abs(segments - bare) > 60).any(axis=2)
+    assert 0.02 < outlined.mean() < 0.5 and np.ptp(segments, axis=2).max() < 10
 
 
 def test_layers_that_are_not_what_they_should_be_are_reported_in_one_line(raster: Path) -> None:
@@ -94,6 +99,7 @@ def test_layers_that_are_not_what_they_should_be_are_reported_in_one_line(raster
         (("--states", "a.tif"), "uavseg classify"),
         (("--states", "missing.tif"), "missing.tif"),
         (("--leaves", "a.tif"), "uavseg divide"),
+        (("--labels", "missing.tif"), "missing.tif"),
         (("--levels", "missing.gpkg"), "missing.gpkg"),
         (("--path", "no.geojson"), "uavseg path"),
         (("--path", "missing.waypoints"), "missing.waypoints"),

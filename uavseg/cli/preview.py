@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from uavseg.jobs.source import ProbabilityMap, Raster
     from uavseg.raster.intensity.stretch import Stretch
 
-_LAYERS = ("levels", "states", "leaves", "regions", "path", "mission")
+_LAYERS = ("levels", "states", "leaves", "labels", "regions", "path", "mission")
 _OF_RASTERS = (*_LAYERS[:-1], "band", "rgb", "index", "expr", "band_names", "nodata", "skip_bad_tiles")
 
 
@@ -32,6 +32,11 @@ _OF_RASTERS = (*_LAYERS[:-1], "band", "rgb", "index", "expr", "band_names", "nod
 )
 @click.option("--states", type=click.Path(), help="States in colour, segments outlined: what classify wrote.")
 @click.option("--leaves", type=click.Path(), help="Leaves to outline: the block map that divide wrote.")
+@click.option(
+    "--labels",
+    type=click.Path(),
+    help="Segments to outline: the labels that original wrote, or another command with --labels.",
+)
 @click.option("--levels", type=click.Path(), help="Levels in grey: the segments that levels wrote.")
 @click.option("--path", type=click.Path(), help="A path to draw: .geojson, .plan or .waypoints.")
 @click.option(
@@ -47,8 +52,9 @@ _OF_RASTERS = (*_LAYERS[:-1], "band", "rgb", "index", "expr", "band_names", "nod
 def command(**options: Any) -> None:
     """Draw RASTER (many are one mosaic, a YAML file is a ROS map) in grey as a PNG picture, with a scale bar
     and what is named: the outlines and ids of regions, the legs of missions in their order with their fence,
-    the states or the levels of segments, the leaves of the quadtree, a path. The surer a region is, the
-    stronger it is filled; lines are dashed below a confidence of 0.8 and dotted below 0.5.
+    the states or the levels of segments, the contours of labels, the leaves of the quadtree, a path. The
+    surer a region is, the stronger it is filled; lines are dashed below a confidence of 0.8 and dotted below
+    0.5.
 
     Without RASTER, missions are drawn on a blank map, with a profile of their heights below; then FILE.plan
     may be given in place of --mission FILE.plan.

@@ -49,6 +49,7 @@ def preview(
     levels: Any = None,
     states: Dataset | File | None = None,
     leaves: File | None = None,
+    labels: Dataset | File | None = None,
     path: "PlannedPath | File | None" = None,
     stretch: Stretch | StretchSpec | str = "auto",
     collar: str = "auto",
@@ -75,6 +76,8 @@ def preview(
         A raster of states (1 free, 2 unknown, 3 occupied, 0 nothing), or a ROS map of them.
     leaves : path, optional
         The block map of this raster; its leaves are outlined.
+    labels : Dataset or path, optional
+        A raster of labels, 0 outside of segments; the segments are outlined.
     path : PlannedPath or path, optional
         A .geojson, .plan or .waypoints file.
     stretch : Stretch, StretchSpec or str
@@ -101,12 +104,15 @@ def preview(
     if not 200 <= width_px <= 8000:
         raise ParameterError(f"a picture is 200 to 8000 pixels wide, not {width_px}")
     target = check_png_target(out, overwrite)
-    keep_inputs([target], [_given(raster), regions, mission, levels, _given(states), leaves, path])
+    keep_inputs(
+        [target],
+        [_given(raster), regions, mission, levels, _given(states), leaves, _given(labels), path],
+    )
     is_map = states is not None or path is not None
     dataset, grey = _open_raster(raster, stretch, is_map)
     collar = "keep" if is_map else check_collar(collar)
     frame = Frame(dataset.geobox, dataset.local_metres)
-    sources = LayerSources(levels, states, leaves, regions, path, mission)
+    sources = LayerSources(levels, states, leaves, labels, regions, path, mission)
     with phase("layers"):
         layers = make_layers(sources, frame, max_side=2 * width_px)
     with phase("picture"):

@@ -27,6 +27,7 @@ def preview(
     mission: Any = None,
     states: Any = None,
     leaves: Any = None,
+    labels: Any = None,
     levels: Any = None,
     path: Any = None,
     dem: Any = None,
@@ -53,9 +54,9 @@ def preview(
     regions : path or GeoDataFrame, optional
     mission : Mission, path or sequence of these, optional
         What `uavseg.plan` gives, or mission files.
-    states, leaves, levels, path : optional
-        What classify, divide, levels and path wrote, as files; levels may be a GeoDataFrame, and path what
-        `uavseg.path` gives.
+    states, leaves, labels, levels, path : optional
+        What classify, divide, original (or another command with labels), levels and path wrote, as files;
+        levels may be a GeoDataFrame, and path what `uavseg.path` gives.
     dem : path or sequence of paths, optional
         For missions without a raster: the ground below them.
     band, rgb, nodata, stretch, skip_bad_tiles, collar, allow_path, allow_network
@@ -81,7 +82,7 @@ def preview(
     """
     with allowing(allow_path, allow_network):
         if source is None:
-            _check_alone(mission, regions, states, leaves, levels, path, band, rgb, nodata)
+            _check_alone(mission, regions, states, leaves, labels, levels, path, band, rgb, nodata)
             target = output or f"{_stem(mission)}.preview.png"
             return preview_missions(mission, target, dem=dem, width_px=width, overwrite=overwrite)
         if dem is not None:
@@ -102,6 +103,7 @@ def preview(
                 levels=levels,
                 states=states,
                 leaves=leaves,
+                labels=labels,
                 path=path,
                 stretch=how,
                 collar="keep" if isinstance(opened, ProbabilityMap) else collar,

@@ -4,18 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from affine import Affine
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from tests.plot.layers.maps import LOCAL, MOST, beliefs, of_raster, rgb, states, write
+from tests.plot.layers.maps import LOCAL, beliefs, of_raster, rgb, states, write
 from uavseg.errors import MapError, RasterError
 from uavseg.occupancy.ros.ros_map import write_ros_map
-from uavseg.plot.frame import Frame
-from uavseg.plot.layers import states_layer
 from uavseg.plot.preview import preview
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.geobox import GeoBox
 
 
 def test_states_have_their_colours_and_nothing_stays_grey(tmp_path: Path) -> None:
@@ -43,23 +36,6 @@ def test_a_ros_map_of_states_is_drawn_like_the_raster(tmp_path: Path) -> None:
     assert np.array_equal(rgb(drawn[0]), rgb(drawn[1]))
     preview(tmp_path / "s.yaml", tmp_path / "ros.png")  # and is a raster itself
     assert of_raster(tmp_path / "ros.png", 0.3, 0.85).min() > 240
-
-
-@settings(max_examples=40)
-@given(st.integers(0, 2**32))
-def test_contours_are_as_long_as_the_edges_of_segments(seed: int) -> None:
-    field = np.random.default_rng(seed).integers(0, 4, (9, 14)).astype(np.uint8)
-    box = GeoBox(field.shape, Affine(2, 0, 30, 0, -2, 70), None)
-    layer = states_layer.StatesLayer.of(Dataset.of_values(field, box, "states"), Frame(box), MOST)
-    framed = np.pad(field, 1)
-    edges = sum(
-        int(((one != other) * ((one > 0).astype(int) + (other > 0))).sum())
-        for one, other in ((framed[1:], framed[:-1]), (framed[:, 1:], framed[:, :-1]))
-    )
-    assert sum(np.hypot(*np.diff(line, axis=0).T).sum() for line in layer.contours) == pytest.approx(
-        2 * edges
-    )
-    assert np.array_equal(layer.states, field)
 
 
 def test_rasters_without_states_are_refused(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ from typing import Any, Protocol
 
 from uavseg.plot.frame import Frame
 from uavseg.plot.layers.fence_layer import FenceLayer
+from uavseg.plot.layers.labels_layer import LabelsLayer
 from uavseg.plot.layers.leaves_layer import LeavesLayer
 from uavseg.plot.layers.levels_layer import LevelsLayer
 from uavseg.plot.layers.mission_layer import mission_layers, read_missions
@@ -34,6 +35,7 @@ class LayerSources:
     levels: Any = None
     states: Dataset | File | None = None
     leaves: File | None = None
+    labels: Dataset | File | None = None
     regions: Any = None
     path: Any = None
     mission: Any = None
@@ -50,12 +52,13 @@ def make_layers(sources: LayerSources, frame: Frame, max_side: int) -> list[Laye
         Rasters are read with at most this many rows and columns.
     """
     levels, states, leaves = sources.levels, sources.states, sources.leaves
-    regions, path = sources.regions, sources.path
+    labels, regions, path = sources.labels, sources.regions, sources.path
     flights = None if sources.mission is None else read_missions(sources.mission)
     layers: list[Layer | None] = [
         None if levels is None else LevelsLayer.of(levels, frame),
         None if states is None else StatesLayer.of(states, frame, max_side),
         None if leaves is None else LeavesLayer.of(leaves, frame, max_side),
+        None if labels is None else LabelsLayer.of(labels, frame, max_side),
         None if regions is None else RegionLayer.of(regions, frame),
         None if path is None else PathLayer.of(path, frame),
         None if flights is None else FenceLayer.of([mission for _, mission in flights], frame),

@@ -13,11 +13,10 @@ from uavseg.errors import MapError
 from uavseg.occupancy.ros.ros_map import is_ros_map, read_ros_map
 from uavseg.plain_text import shown
 from uavseg.plot.frame import Frame
+from uavseg.plot.layers.labels_layer import Contours, contours_of
 from uavseg.plot.layers.raster_layer import draw_image, read_coarsely
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.tiling import Window
-from uavseg.regions.outline.rings import Rings
-from uavseg.regions.outline.trace import trace
 from uavseg.units import FREE, OCCUPIED, UNKNOWN
 
 _STATE_COLORS = {
@@ -44,7 +43,7 @@ class StatesLayer:
 
     states: NDArray[np.uint8]
     plot_from_pixel: Affine
-    contours: tuple[NDArray[np.float64], ...]
+    contours: Contours
 
     @classmethod
     def of(cls, source: Dataset | str | os.PathLike[str], frame: Frame, max_side: int) -> "StatesLayer":
@@ -69,10 +68,9 @@ class StatesLayer:
                 f"{dataset.source} does not hold states (1 free, 2 unknown, 3 occupied); "
                 "uavseg classify makes such a raster"
             )
-        rings = trace(states.astype(np.uint32))
-        vertices = frame.plot_from_xy(np.stack(coarse.geobox.xy_from_pixel(*rings.vertices.T), axis=1))
         plot_from_pixel = frame.plot_from_map * coarse.geobox.transform
-        return cls(states.astype(np.uint8), plot_from_pixel, tuple(_closed_lines(vertices, rings)))
+        contours = contours_of(states.astype(np.uint32), coarse.geobox, frame)
+        return cls(states.astype(np.uint8), plot_from_pixel, contours)
 
     def title_parts(self, has_crs: bool) -> list[str]:
         """The share of each state."""
@@ -93,11 +91,6 @@ class StatesLayer:
             ax.scatter([], [], s=40, marker="s", color=color, label=name)
         draw_image(ax, table[self.states], self.plot_from_pixel, zorder=2.4)
         ax.add_collection(LineCollection(self.contours, colors="white", lw=1.1, zorder=2.6))
-
-
-def _closed_lines(vertices: NDArray[np.float64], rings: Rings) -> list[NDArray[np.float64]]:
-    parts = np.split(vertices, rings.starts[1:-1])
-    return [np.concatenate([part, part[:1]]) for part in parts if len(part)]
 
 
 def _open_states(source: str | os.PathLike[str]) -> Dataset:
