@@ -11,7 +11,10 @@ from affine import Affine
 from click.testing import CliRunner, Result
 from pandas.testing import assert_frame_equal
 
+import uavseg
 from uavseg.cli import main
+from uavseg.occupancy.ros.ros_map import write_ros_map
+from uavseg.raster.geobox import local_geobox
 from uavseg.segmentation.blocks.block_file import read_block_map
 
 RANGE = ("--range", "0.55,1")
@@ -232,3 +235,46 @@ def test_what_cannot_be_is_refused_in_one_sentence(arguments: str, message: str)
 def test_the_output_must_be_named() -> None:
     result = run("divide", "tile.tif")
     assert result.exit_code == 2 and "--output" in result.stderr
+
+
+# Robots' maps
+
+
+def write_map(path: str) -> None:
+    states = np.full((130, 150), 2, np.uint8)
+    states[20:90, 30:120] = 1
+    states[40:60, 70:75] = 3
+    write_ros_map(path, states, local_geobox(states.shape, 0.1, (3, 4)))
+
+
+def test_a_ros_map_is_divided_and_its_block_map_answers_as_the_map_does() -> None:
+    Path("maps").mkdir()
+    write_map("maps/hall.yaml")
+    done("divide", "maps/hall.yaml", "-o", "blocks.tif")
+    asked = ("--range", "0,0.45", "--overwrite", "-q", "-o")
+    for name, source in (("own.geojson", "maps/hall.yaml"), ("saved.geojson", "blocks.tif")):
+        done("extract", source, *asked, name)
+    own, saved = geopandas.read_file("own.geojson"), geopandas.read_file("saved.geojson")
+    assert len(own) == 1 and own.pixels[0] == 70 * 90 - 100
+    same(own, saved)
+    for name, source in (("own.fgb", "maps/hall.yaml"), ("saved.fgb", "blocks.tif")):
+        done("levels", source, "--width", "0.4", "-q", "-o", name)
+    same(geopandas.read_file("own.fgb"), geopandas.read_file("saved.fgb"))
+    done("preview", "maps/hall.yaml", "--leaves", "blocks.tif", "-o", "leaves.png", "--width", "300")
+    blocks = uavseg.divide("maps/hall.yaml")
+    assert np.array_equal(blocks.sums, read_block_map("blocks.tif").blocks.sums)
+    shifted = Path("maps/hall.yaml").read_text().replace("origin: [3", "origin: [9")
+    Path("maps/hall.yaml").write_text(shifted)
+    assert "does not lie where it lay" in run("extract", "blocks.tif", *asked, "no.geojson").stderr
+    Path("maps/hall.yaml").unlink()
+    gone = done("extract", "blocks.tif", "--range", "0,0.45", "-o", "gone.geojson")
+    assert "maps/hall.yaml is not where it was" in gone.stderr
+
+
+def test_what_is_read_whole_is_not_resumed() -> None:
+    write_map("hall.yaml")
+    refused = run("divide", "hall.yaml", "-o", "b.tif", "--resume", "kept")
+    assert refused.exit_code == 1 and "nothing to resume" in refused.stderr
+    done("divide", "hall.yaml", "-o", "b.tif")
+    refused = run("extract", "b.tif", "--range", "0,0.45", "-o", "r.geojson", "--resume", "kept")
+    assert refused.exit_code == 1 and "nothing to resume" in refused.stderr

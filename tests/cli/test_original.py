@@ -10,6 +10,8 @@ from affine import Affine
 from click.testing import CliRunner, Result
 
 from uavseg.cli import main
+from uavseg.occupancy.ros.ros_map import write_ros_map
+from uavseg.raster.geobox import local_geobox
 from uavseg.segmentation.baseline.lbpc import LbpcParams, segment_lbpc
 
 UTM = {"crs": "EPSG:32618", "transform": Affine(2, 0, 4e5, 0, -2, 5e6)}
@@ -95,3 +97,21 @@ def test_a_raster_that_is_too_large_is_refused_before_it_is_read(folder: Path) -
     result = run("large.tif", "-o", "labels.tif")
     assert result.exit_code == 1 and "5,000 x 5,000" in result.stderr and "gdal_translate" in result.stderr
     assert not Path("labels.tif").exists()
+
+
+def test_a_ros_map_has_segments_as_the_raster_of_its_probabilities(folder: Path) -> None:
+    states = np.full((70, 130), 2, np.uint8)
+    states[10:50, 20:90] = 1
+    states[20:30, 40:60] = 3
+    box = local_geobox(states.shape, 0.1, (0, 0))
+    write_ros_map("map.yaml", states, box)
+    values = np.array([0.5, 0, 0.5, 1], np.float32)[states]
+    write(folder / "map.tif", values, crs=None, transform=box.transform)
+    labels = []
+    for name, how in (("map.yaml", ()), ("map.tif", ("--stretch", "none"))):
+        result = run(name, *how, "-o", "labels.tif", "--overwrite")
+        assert result.exit_code == 0, result.stderr
+        with rasterio.open("labels.tif") as file:
+            labels.append(file.read(1))
+            assert file.transform.almost_equals(box.transform)
+    assert labels[0].max() > 1 and np.array_equal(*labels)

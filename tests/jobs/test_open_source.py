@@ -80,13 +80,13 @@ def test_a_source_carries_its_warnings() -> None:
 
 def test_a_raster_is_opened_as_a_map_of_probabilities() -> None:
     opened = open_probability_map("tile.tif")
-    assert isinstance(opened, ProbabilityMap) and not opened.is_ros and opened.in_metres
+    assert isinstance(opened, ProbabilityMap) and not opened.ros_map and opened.in_metres
     assert opened.stretch.name == "dtype -> 0..255"  # type: ignore[union-attr]
     chosen = open_probability_map(SCENE, ReadOptions(stretch="0,180"))
     assert isinstance(chosen, ProbabilityMap) and not chosen.in_metres and str(chosen.stretch) == "0,180"
     assert isinstance(open_probability_map("blocks.tif"), Blocks)
     ros = open_probability_map("ros.yaml")
-    assert isinstance(ros, ProbabilityMap) and ros.is_ros and ros.in_metres
+    assert isinstance(ros, ProbabilityMap) and ros.ros_map == "ros.yaml" and ros.in_metres
 
 
 def test_a_block_map_opens_its_raster_with_its_own_stretch() -> None:

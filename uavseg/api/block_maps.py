@@ -41,7 +41,8 @@ def divide(
 
     Parameters
     ----------
-    source : path, sequence of paths, array, DataArray, open raster of rasterio, or Dataset
+    source : path, sequence of paths, array, DataArray, open raster of rasterio, Dataset or OccupancyGrid
+        The YAML file of a ROS map too.
     band, rgb, index, expr, band_names, nodata, stretch, flatten
     tile, threads : int, optional
     resume : path, optional

@@ -51,7 +51,8 @@ def command(**options: Any) -> None:
     """Segment RASTER... (many are one mosaic) by texture alone, as Ojala and Pietikäinen did in 1999.
 
     The baseline: blocks are divided, adjacent regions of like texture merged, boundary pixels classified one
-    by one. All of the image is held in memory, at most 4096 x 4096 pixels.
+    by one. All of the image is held in memory, at most 4096 x 4096 pixels. RASTER may be the YAML file of a
+    ROS map. `uavseg preview --labels` draws the segments.
     """
     from uavseg.atomic import check_target
     from uavseg.jobs.open_source import open_source

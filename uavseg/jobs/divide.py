@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 from uavseg.execution.phases import decided, phase
-from uavseg.jobs.open_source import raster_of
+from uavseg.jobs.open_source import pixels_of
 from uavseg.jobs.result import SourceInfo
-from uavseg.jobs.source import Pixels, Source
+from uavseg.jobs.source import ProbabilityMap, Raster, Source
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.tiling import TilePass
 from uavseg.segmentation.blocks.saved_blocks import SavedBlocks
@@ -47,7 +47,7 @@ def divide(source: Source, request: DivideRequest = DivideRequest(), work: Work 
 
     Parameters
     ----------
-    source : Raster
+    source : Raster or ProbabilityMap
     request : DivideRequest
     work : Work
 
@@ -57,12 +57,12 @@ def divide(source: Source, request: DivideRequest = DivideRequest(), work: Work 
         If the raster cannot be read or a parameter does not fit it.
     """
     work = work.begun()
-    raster = raster_of(source, "a block map is divided already; name the raster itself")
-    saved, info = block_map_of(raster, work.over(raster))
+    pixels = pixels_of(source, "a block map is divided already; name the raster itself")
+    saved, info = block_map_of(pixels, work.over(pixels))
     return work.finished(Division(saved, request.segment, info.warnings))
 
 
-def block_map_of(source: Pixels, tile_pass: TilePass) -> tuple[SavedBlocks, SourceInfo]:
+def block_map_of(source: Raster | ProbabilityMap, tile_pass: TilePass) -> tuple[SavedBlocks, SourceInfo]:
     """The block map of a raster or a map of probabilities, and what there is to say of the source."""
     stretching, dividing = tile_pass.stages(2)
     grey = source.grey(stretching)

@@ -24,7 +24,7 @@ from uavseg.jobs.ranges import (
     where_to_look,
 )
 from uavseg.jobs.result import Drawing, Extraction, SourceInfo, measured
-from uavseg.jobs.source import Blocks, Pixels, Raster, Source
+from uavseg.jobs.source import Blocks, Pixels, Source
 from uavseg.jobs.unchanged import check_unchanged
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.intensity.value_range import ValueRange
@@ -162,7 +162,7 @@ def regions_of_pixels(source: Pixels, request: ExtractRequest, work: Work) -> Ex
         return _measured(outlined, grey, wanted, request, outlining)
 
 
-def _refined(source: Blocks, raster: Raster, request: ExtractRequest, work: Work) -> Extraction:
+def _refined(source: Blocks, raster: Pixels, request: ExtractRequest, work: Work) -> Extraction:
     """The same from the division on, with blocks that are known."""
     outlining = work.over(raster)
     grey = source.grey(raster, outlining)

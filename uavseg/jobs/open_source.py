@@ -105,6 +105,25 @@ def open_probability_map(source: Any, options: ReadOptions = ReadOptions()) -> P
     return ProbabilityMap(opened.dataset, _probability_stretch(opened.dataset, options))
 
 
+def pixels_of(source: Source, refusal: str = "") -> Raster | ProbabilityMap:
+    """The source, which has to have pixels.
+
+    Parameters
+    ----------
+    source : Source
+    refusal : str
+        The message where it is a block map.
+
+    Raises
+    ------
+    ParameterError
+        If it is a block map.
+    """
+    if isinstance(source, Blocks):
+        raise ParameterError(refusal)
+    return source
+
+
 def raster_of(source: Source, refusal: str = "") -> Raster:
     """The source, which has to be a raster.
 
@@ -121,12 +140,11 @@ def raster_of(source: Source, refusal: str = "") -> Raster:
     RasterReadError
         If it is a map of probabilities that is no raster.
     """
-    if isinstance(source, Raster):
-        return source
-    if isinstance(source, Blocks):
-        raise ParameterError(refusal)
+    pixels = pixels_of(source, refusal)
+    if isinstance(pixels, Raster):
+        return pixels
     raise RasterReadError(
-        f"{source.name} cannot be opened as a raster: it is a map of probabilities, which levels, "
+        f"{pixels.name} cannot be opened as a raster: it is a map of probabilities, which levels, "
         "classify and path read"
     )
 
@@ -209,7 +227,7 @@ def _ros_map(parts: Sequence[Any], options: ReadOptions) -> ProbabilityMap:
     if options.stretches("auto", "none"):
         raise ParameterError("a ROS map holds probabilities, which are not stretched; leave stretch out")
     _refuse_flatten(options, "a ROS map holds probabilities, which have no light")
-    return ProbabilityMap(*open_map(parts[0]), is_ros=True)
+    return ProbabilityMap(*open_map(parts[0]), ros_map=os.fspath(parts[0]))
 
 
 def _white_picture(source: Any, options: ReadOptions) -> ProbabilityMap:

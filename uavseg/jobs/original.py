@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.jobs.open_source import raster_of
+from uavseg.jobs.open_source import pixels_of
 from uavseg.jobs.result import SourceInfo
 from uavseg.jobs.source import Source
 from uavseg.jobs.work import SERIAL, Work
@@ -36,7 +36,7 @@ def original(source: Source, request: LbpcParams = DEFAULTS, work: Work = SERIAL
 
     Parameters
     ----------
-    source : Raster
+    source : Raster or ProbabilityMap
         At most 4096 x 4096 pixels.
     request : LbpcParams
     work : Work
@@ -47,11 +47,11 @@ def original(source: Source, request: LbpcParams = DEFAULTS, work: Work = SERIAL
         If the raster is larger.
     """
     work = work.begun()
-    raster = raster_of(source, "a block map is divided already; name the raster itself")
-    rows, cols = raster.geobox.shape
+    pixels = pixels_of(source, "a block map is divided already; name the raster itself")
+    rows, cols = pixels.geobox.shape
     check_lbpc_size((rows, cols))
     with work.reading_here():
-        grey = raster.grey(work.over(raster).silent)
+        grey = pixels.grey(work.over(pixels).silent)
         image = grey.read(Window(0, 0, rows, cols), 0)
     labels = segment_lbpc(image.grey[:rows, :cols], image.valid[:rows, :cols] > 0, request)
     info = SourceInfo.of(grey)

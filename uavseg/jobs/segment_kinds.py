@@ -14,7 +14,7 @@ from uavseg.jobs.detail import Length, detail_of, refuse_without_pixels
 from uavseg.jobs.fill_holes import filled
 from uavseg.jobs.ranges import decided_grey
 from uavseg.jobs.result import SourceInfo
-from uavseg.jobs.source import Blocks, Raster, Source
+from uavseg.jobs.source import Blocks, Pixels, Source
 from uavseg.jobs.unchanged import check_unchanged
 from uavseg.jobs.work import Work
 from uavseg.raster.tiling import TilePass
@@ -175,7 +175,7 @@ def _check_count(partition: Partition, segment: SegmentParams) -> None:
 
 
 def _refined(
-    source: Blocks, raster: Raster, partition: Partition, request: KindsRequest, work: Work
+    source: Blocks, raster: Pixels, partition: Partition, request: KindsRequest, work: Work
 ) -> Segmented:
     """From the division on, with blocks that are known."""
     outlining = work.over(raster)

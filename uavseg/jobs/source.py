@@ -136,11 +136,6 @@ class Pixels:
         """Whether lengths on it are metres rather than units of the map."""
         return self.dataset.in_metres
 
-    @property
-    def origin(self) -> Origin:
-        """What a block map of these pixels says it was made from."""
-        return Origin((self.name,), str(Path.cwd()), None, None, None)
-
     def check_resumable(self) -> None:
         """Whether its tiles may be kept in a checkpoint: those of files may."""
 
@@ -215,11 +210,16 @@ class ProbabilityMap(Pixels):
 
     Parameters
     ----------
-    is_ros : bool
-        Whether it is a ROS map, which is in metres and held in memory.
+    ros_map : str
+        The YAML file of a ROS map, which is in metres and held in memory; empty if it is none.
     """
 
-    is_ros: bool = False
+    ros_map: str = ""
+
+    @property
+    def origin(self) -> Origin:
+        """What a block map of this map says it was made from."""
+        return Origin((self.ros_map or self.name,), str(Path.cwd()))
 
     def check_resumable(self) -> None:
         """Whether its tiles may be kept in a checkpoint.
@@ -229,7 +229,7 @@ class ProbabilityMap(Pixels):
         ParameterError
             If it is a ROS map.
         """
-        if self.is_ros:
+        if self.ros_map:
             raise ParameterError("a ROS map is read whole, so there is nothing to resume; leave resume out")
 
 
@@ -265,19 +265,25 @@ class Blocks:
         """What the user should know of it: the block map says nothing of its raster's files."""
         return ()
 
-    def grey(self, raster: "Raster", tile_pass: TilePass) -> GreySource:
+    def grey(self, raster: Pixels, tile_pass: TilePass) -> GreySource:
         """The pixels of its raster, as it was made from them."""
+        assert isinstance(raster.stretch, Stretch), "that of the block map, or of a map of probabilities"
         return GreySource(
-            raster.cleaned(tile_pass.silent), self.saved.stretch, illumination=self.saved.illumination
+            raster.cleaned(tile_pass.silent), raster.stretch, illumination=self.saved.illumination
         )
 
     @cached_property
-    def raster(self) -> Raster | None:
+    def raster(self) -> Raster | ProbabilityMap | None:
         """The raster that it was made from, with the same stretch; None if a file is not where it was."""
+        from uavseg.occupancy.probability_map import open_map
+        from uavseg.occupancy.ros.ros_map import is_ros_map
+
         origin = self.saved.origin
         paths = origin.allowed_rasters(self.path)
         if paths is None:
             return None
+        if is_ros_map(paths[0]):
+            return ProbabilityMap(*open_map(paths[0]), ros_map=paths[0])
         stretch = self.saved.stretch
         options = ReadOptions(
             origin.band,
