@@ -143,3 +143,12 @@ def test_a_ros_map_cannot_be_resumed(tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match="nothing to resume"):
         Work(64, checkpoint=tmp_path / "kept").over(opened)
     assert not (tmp_path / "kept").exists()
+
+
+def test_a_grid_is_not_stretched_by_what_it_contains() -> None:
+    values = np.full(SHAPE, 0.5)
+    values[20:60, 30:70] = 0.3
+    grid = uavseg.OccupancyGrid.from_probabilities(values, local_geobox(SHAPE, 0.1, (0, 0)))
+    found = uavseg.levels(grid, 0.4)
+    assert sorted(found["mean"].round(3)) == [0.3, 0.5]
+    assert np.isclose(uavseg.divide(grid).sums.sum() / 65535, values.sum(), rtol=1e-4)

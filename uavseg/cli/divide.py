@@ -26,11 +26,11 @@ from uavseg.cli.options.running import RunOptions, running_options
 @segmenting_options
 @running_options
 def command(**options: Any) -> None:
-    """Divide RASTER... (many are one mosaic, a YAML file is a ROS map) into blocks of uniform texture, and save
-    the block map.
+    """Divide RASTER... (many are one mosaic, a YAML file is a ROS map) into blocks of uniform texture.
 
-    It is a GeoTIFF of 8 x 8 pixel cells. Its first two bands are for looking at: the mean and the side of
-    each leaf. `uavseg extract` answers any range from it, without the raster or refined with it; `uavseg preview --leaves` draws its leaves.
+    The block map is a GeoTIFF of 8 x 8 pixel cells. Its first two bands are for looking at: the mean and the
+    side of each leaf; `uavseg preview --leaves` draws the leaves. `uavseg extract` answers any range from it,
+    without the raster or refined with it.
     """
     from uavseg.atomic import check_target
     from uavseg.jobs.divide import DivideRequest, divide

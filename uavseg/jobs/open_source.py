@@ -255,7 +255,8 @@ def _grid(grid: "OccupancyGrid", options: ReadOptions) -> ProbabilityMap:
         raise ParameterError("a map has one band and no nodata; leave band, rgb and nodata out")
     _refuse_flatten(options, "a map holds probabilities, which have no light")
     dataset = grid.dataset()
-    return ProbabilityMap(dataset, _probability_stretch(dataset, options))
+    chosen = options if options.stretches("auto") else ReadOptions()
+    return ProbabilityMap(dataset, _probability_stretch(dataset, chosen))
 
 
 def _probability_stretch(dataset: Dataset, options: ReadOptions) -> Stretch | StretchSpec:
