@@ -496,6 +496,22 @@ def test_web_maps(words: Words) -> None:
     assert_equal(call, expected)
 
 
+@pytest.mark.parametrize(
+    ("source", "words"),
+    [
+        ("tile.tif", {"leaves": "blocks.tif", "labels": "labels.tif", "width": 300}),
+        ("ros.yaml", {"labels": "labels.tif", "width": 300}),
+        ("tile.tif", {"labels": "map.tif"}),
+    ],
+)
+def test_pictures_of_rasters(source: str, words: Words) -> None:
+    line = ["original", source, "-o", "labels.tif", "--overwrite", "--sweeps", "1"]
+    assert CliRunner().invoke(main, line).exit_code == 0
+    expected = on_the_command_line("preview", [source, *options(words), "-o", "out.png"], "out.png")
+    call = in_python(lambda: written(lambda name: uavseg.preview(source, name, **words), "out.png"))
+    assert_equal(call, expected)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("missions", "words"),

@@ -16,7 +16,8 @@ from uavseg.cli import main
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "samples").glob("*.md")]
-RUN = [ROOT / "docs" / "tutorial.md", ROOT / "docs" / "paper.md", *sorted((ROOT / "docs" / "how-to").glob("*.md"))]
+DOCS = ROOT / "docs"
+RUN = [DOCS / "tutorial.md", DOCS / "paper.md", *sorted((DOCS / "how-to").glob("*.md"))]
 SHELL = re.compile(r"^```(?:sh|console)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 INLINE = re.compile(r"`(uavseg \w+ [^`]*-[^`]*)`")
 NAMED = re.compile(r"`((?:benchmarks|docs|notebooks|qgis_uavseg|samples|tests|uavseg)/[a-z0-9_/.-]+)`")
