@@ -1,5 +1,6 @@
 """Layer of labels: contours of what `original` and `--labels` write, refused inputs."""
 
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from hypothesis import strategies as st
 from tests.plot.layers.maps import BOX, LOCAL, MOST, beliefs, rgb, write
 from uavseg.errors import RasterError
 from uavseg.plot.frame import Frame
-from uavseg.plot.layers.labels_layer import LabelsLayer
+from uavseg.plot.layers.labels_layer import LabelsLayer, contours_of
 from uavseg.plot.preview import preview
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
@@ -35,16 +36,19 @@ def test_contours_are_as_long_as_the_edges_of_segments(seed: int) -> None:
         int(((one != other) * ((one > 0).astype(int) + (other > 0))).sum())
         for one, other in ((framed[1:], framed[:-1]), (framed[:, 1:], framed[:, :-1]))
     )
-    length = sum(np.hypot(*np.diff(line, axis=0).T).sum() for line in layer.contours)
+    length = sum(
+        np.hypot(*np.diff(line, axis=0).T).sum() for line in contours_of(layer.labels, layer.plot_from_pixel)
+    )
     assert length == pytest.approx(2 * edges)
 
 
 def test_segments_are_outlined_in_white_on_dark_and_on_light_ground(tmp_path: Path) -> None:
     labels = write(tmp_path / "labels.tif", thirds(), nodata=0)
-    for ground in (0.0, 1.0):
+    for ground, width in product((0.0, 1.0), (900, 300)):  # lines, and pixels where they are small
         raster = write(tmp_path / f"{ground}.tif", np.full((128, 192), ground, np.float32))
+        out = tmp_path / f"{ground} {width}"
         plain, lined = (
-            rgb(preview(raster, tmp_path / f"{ground}{n}.png", labels=given, stretch="none", width_px=900))
+            rgb(preview(raster, f"{out}{n}.png", labels=given, stretch="none", width_px=width))
             for n, given in enumerate((None, labels))
         )
         drawn = (plain != lined).any(axis=2)
@@ -58,7 +62,7 @@ def test_segments_are_outlined_in_white_on_dark_and_on_light_ground(tmp_path: Pa
 def test_the_title_counts_segments_and_says_where_it_cannot_see_all() -> None:
     dataset = Dataset.of_values(thirds(), BOX, "labels")
     assert LabelsLayer.of(dataset, Frame(BOX), MOST).title_parts(True) == ["3 segments"]
-    assert LabelsLayer.of(dataset, Frame(BOX), 100).title_parts(True) == ["at least 3 segments"]
+    assert LabelsLayer.of(dataset, Frame(BOX), 200).title_parts(True) == ["at least 3 segments"]
     one = Dataset.of_values(np.ones((128, 192), np.uint8), BOX, "labels")
     assert LabelsLayer.of(one, Frame(BOX), MOST).title_parts(True) == ["1 segment"]
 

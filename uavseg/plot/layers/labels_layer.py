@@ -5,13 +5,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from affine import Affine
 from numpy.typing import NDArray
 
 from uavseg.errors import RasterError
 from uavseg.plot.frame import Frame
-from uavseg.plot.layers.raster_layer import read_coarsely
+from uavseg.plot.layers.raster_layer import draw_image, is_enlarged, read_coarsely
 from uavseg.raster.dataset import Dataset
-from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
 from uavseg.regions.outline.trace import trace
 
@@ -20,30 +20,31 @@ Contours = tuple[NDArray[np.float64], ...]
 
 @dataclass(frozen=True)
 class LabelsLayer:
-    """Contours of segments in plot coordinates.
+    """Labels in plot coordinates.
 
     Parameters
     ----------
-    contours : tuple of (n, 2) float64 arrays
-        Closed lines around the segments.
-    count : int
-        Number of segments.
+    labels : (rows, cols) uint32 array
+        0 outside of segments.
+    plot_from_pixel : Affine
+        From pixel corners (col, row) to plot coordinates.
     is_whole : bool
         Whether each pixel was read; else small segments may be missing.
     """
 
-    contours: Contours
-    count: int
+    labels: NDArray[np.uint32]
+    plot_from_pixel: Affine
     is_whole: bool
 
     @classmethod
     def of(cls, source: Dataset | str | os.PathLike[str], frame: Frame, max_side: int) -> "LabelsLayer":
-        """Segments of a file that `uavseg original` wrote, or another command with `--labels`, or a dataset.
+        """Labels of a file that `uavseg original` wrote, or another command with `--labels`, or of a dataset.
 
         Parameters
         ----------
         max_side : int
-            Largest number of rows and columns that is read.
+            Rows and columns that two pixels of the picture show; half of them are read, since a line is a
+            pixel wide.
 
         Raises
         ------
@@ -51,7 +52,7 @@ class LabelsLayer:
             If it holds something other than labels, or lies in another coordinate system.
         """
         dataset = source if isinstance(source, Dataset) else Dataset.open(source, band=1)
-        coarse = read_coarsely(dataset, frame, max_side)
+        coarse = read_coarsely(dataset, frame, max_side // 2)
         values, valid = coarse.read(Window(0, 0, *coarse.geobox.shape))
         labels = values[0] if valid is None else np.where(valid, values[0], 0)
         if labels.dtype.kind not in "iu" or labels.min() < 0 or labels.max() >= 1 << 32:
@@ -59,26 +60,43 @@ class LabelsLayer:
                 f"{dataset.source} does not hold labels (whole numbers, 0 outside of segments); "
                 "uavseg original makes such a raster, and --labels of other commands"
             )
-        count = int(np.count_nonzero(np.unique(labels)))
         is_whole = coarse.geobox.shape == dataset.geobox.shape
-        return cls(contours_of(labels.astype(np.uint32), coarse.geobox, frame), count, is_whole)
+        return cls(labels.astype(np.uint32), frame.plot_from_map * coarse.geobox.transform, is_whole)
 
     def title_parts(self, has_crs: bool) -> list[str]:
         """The number of segments."""
-        least = "" if self.is_whole else "at least "
-        return [f"{least}{self.count:,} segment{'s' if self.count != 1 else ''}"]
+        least, count = "" if self.is_whole else "at least ", int(np.count_nonzero(np.unique(self.labels)))
+        return [f"{least}{count:,} segment{'s' if count != 1 else ''}"]
 
     def draw(self, ax: Any, point: float) -> None:
-        """Draw on axes; `point` is the length of one point (1/72 inch) in plot coordinates."""
+        """Draw on axes, white with a dark edge; `point` is the length of one point (1/72 inch) on them."""
         from matplotlib.collections import LineCollection
 
-        for color, width in (("#222222", 1.7), ("white", 0.8)):  # white, with an edge for light ground
-            ax.add_collection(LineCollection(self.contours, colors=color, lw=width, zorder=2.7))
+        if is_enlarged(ax, self.plot_from_pixel):
+            contours = contours_of(self.labels, self.plot_from_pixel)
+            for color, width in (("#222222", 1.7), ("white", 0.8)):
+                ax.add_collection(LineCollection(contours, colors=color, lw=width, zorder=2.7))
+        else:  # as many lines as there are pixels would take minutes
+            draw_image(ax, _borders(self.labels), self.plot_from_pixel, zorder=2.7)
 
 
-def contours_of(labels: NDArray[np.uint32], geobox: GeoBox, frame: Frame) -> Contours:
+def contours_of(labels: NDArray[np.uint32], plot_from_pixel: Affine) -> Contours:
     """Closed lines around the segments of a label image, in plot coordinates."""
     rings = trace(labels)
-    vertices = frame.plot_from_xy(np.stack(geobox.xy_from_pixel(*rings.vertices.T), axis=1))
-    parts = np.split(vertices, rings.starts[1:-1])
+    x, y = plot_from_pixel * rings.vertices[:, ::-1].T.astype(np.float64)
+    parts = np.split(np.stack([x, y], axis=1), rings.starts[1:-1])
     return tuple(np.concatenate([part, part[:1]]) for part in parts if len(part))
+
+
+def _borders(labels: NDArray[np.uint32]) -> NDArray[np.uint8]:
+    """A picture of red, green, blue and alpha: white along borders of segments, dark beside them."""
+    border = np.zeros(labels.shape, bool)
+    border[:-1] |= labels[1:] != labels[:-1]
+    border[:, :-1] |= labels[:, 1:] != labels[:, :-1]
+    beside = np.zeros(labels.shape, bool)
+    beside[1:] |= border[:-1]
+    beside[:, 1:] |= border[:, :-1]
+    picture = np.zeros((*labels.shape, 4), np.uint8)
+    picture[beside] = (34, 34, 34, 255)
+    picture[border] = 255
+    return picture

@@ -104,7 +104,7 @@ def draw_image(ax: Any, picture: NDArray[np.uint8], transform: Affine, zorder: f
         picture,
         extent=(0, picture.shape[1], picture.shape[0], 0),
         transform=Affine2D.from_values(t.a, t.d, t.b, t.e, t.c, t.f) + ax.transData,
-        interpolation="nearest" if _is_enlarged(ax, t) else "antialiased",
+        interpolation="nearest" if is_enlarged(ax, t) else "antialiased",
         aspect="auto",
         zorder=zorder,
     )
@@ -139,7 +139,7 @@ def _max_side(ax: Any) -> int:
     return int(2 * max(box.width, box.height))
 
 
-def _is_enlarged(ax: Any, transform: Affine) -> bool:
+def is_enlarged(ax: Any, transform: Affine) -> bool:
     """Whether a pixel of the raster is larger than two pixels of the picture."""
     left, right = ax.get_xlim()
     return bool(abs(transform.determinant) ** 0.5 > 2 * (right - left) / ax.get_window_extent().width)

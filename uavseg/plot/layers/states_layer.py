@@ -69,7 +69,7 @@ class StatesLayer:
                 "uavseg classify makes such a raster"
             )
         plot_from_pixel = frame.plot_from_map * coarse.geobox.transform
-        contours = contours_of(states.astype(np.uint32), coarse.geobox, frame)
+        contours = contours_of(states.astype(np.uint32), plot_from_pixel)
         return cls(states.astype(np.uint8), plot_from_pixel, contours)
 
     def title_parts(self, has_crs: bool) -> list[str]:
