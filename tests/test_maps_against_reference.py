@@ -1,6 +1,6 @@
 """States, levels and objects of maps agree with the reference implementation.
 
-Thin obstacles, which the reference does not restore, are those of the plain version.
+What the default method adds (free pixels of mixed leaves, thin obstacles) is that of the plain version.
 """
 
 import shutil
@@ -135,7 +135,7 @@ def wrong_states(reference: ModuleType, case: Case, runner: tuple[int, Map]) -> 
         request = ClassifyRequest(segment=params_of(case, refine), allow_lost_obstacles=True)
         found = classify(case.source, request, Work(*runner))
         if request.restores:
-            states = plain_thin_obstacles.restored(states, case.grey, case.valid)
+            states = default_states(reference, case)
             segments = reference.connected((states == 3).astype(np.int64))
         same_lost = plain_thin_obstacles.lost(states, case.grey, case.valid)
         same = np.array_equal(found.states, states)
@@ -147,6 +147,17 @@ def wrong_states(reference: ModuleType, case: Case, runner: tuple[int, Map]) -> 
         if not same:
             different.append((refine, runner[0], case.X, case.tau))
     return different
+
+
+def default_states(reference: ModuleType, case: Case) -> NDArray[Any]:
+    """States of the default method: in a trinary map those of cells; else of leaves, scans and obstacles."""
+    if plain_thin_obstacles.is_trinary(case.grey, case.valid, (reference.FREE_TO, reference.UNKNOWN_TO)):
+        own = np.vectorize(reference.state_of)(case.grey / 65535)
+        return np.where(case.valid, own, 0)
+    leaves, _ = reference.states_of_leaves(case.leaves, case.grey, case.valid, False)
+    mixed = plain_thin_obstacles.with_free_of_mixed(leaves, case.grey)
+    scanned = reference.refine_states(mixed, case.grey)
+    return plain_thin_obstacles.restored(scanned, case.grey, case.valid)
 
 
 def wrong_levels(
