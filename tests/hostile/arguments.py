@@ -16,6 +16,7 @@ import numpy as np
 from tests.hostile import seeds
 from tests.hostile.case import Call, Case, chosen
 from tests.hostile.serving import visit
+from tests.occupancy.mapping.test_point_cloud import cloud
 
 LONGEST = 600
 
@@ -184,6 +185,11 @@ BASES: dict[str, Callable[[], dict[str, Any]]] = {
     "merge_maps": lambda: {"maps": ["x.tif"], "crop": True},
     "Pose.from_quaternion": lambda: {"x": 0.0, "y": 0.0, "quaternion": (0, 0, 0, 1)},
     "Scan.from_laserscan": lambda: {"message": _laserscan(), "pose": _scan().pose},
+    "Scan.from_point_cloud": lambda: {
+        "message": cloud([[1.0, 2.0, 0.5], [2.0, 0.0, 3.0]]),
+        "pose": _scan().pose,
+        "heights": (0.1, 1.8),
+    },
     "OccupancyGrid.from_message": lambda: {"message": _grid().to_message()},
     "OccupancyGrid.load": lambda: {"path": "x.tif"},
     "Pose": lambda: {"x": 0.0, "y": 0.0},
