@@ -1099,6 +1099,7 @@ def test_maps_of_bags(bag: str, output: str, words: Words) -> None:
     [
         (["ros.yaml"], "out.yaml", {}),
         (["ros.yaml", "thin.yaml"], "out.tif", {"crop": True, "resolution": 0.07}),
+        ("ros.yaml", "out.yaml", {}),
         (["ros.yaml"], "out.yaml", {"unrotate": True, "mode": "raw"}),
         (["ros.yaml"], "out.tif", {"mode": "raw"}),
         (["ros.yaml"], "out.yaml", {"resolution": -1.0}),
@@ -1106,14 +1107,16 @@ def test_maps_of_bags(bag: str, output: str, words: Words) -> None:
         (["ros.yaml", "tile.tif"], "out.yaml", {}),
     ],
 )
-def test_merged_maps(maps: list[str], output: str, words: Words) -> None:
+def test_merged_maps(maps: str | list[str], output: str, words: Words) -> None:
     for name in ("out.pgm", "python.pgm", "python.yaml"):
         Path(name).unlink(missing_ok=True)
-    expected = on_the_command_line("merge-maps", [*maps, *options(words), "-o", output], output)
+    expected = on_the_command_line(
+        "merge-maps", [*([maps] if isinstance(maps, str) else maps), *options(words), "-o", output], output
+    )
 
     def merged() -> bytes:
-        of_map = {name: value for name, value in words.items() if name != "mode"}
-        found = uavseg.merge_maps(maps, **of_map)
+        merging = {name: value for name, value in words.items() if name != "mode"}
+        found = uavseg.merge_maps(maps, **merging)
         name = f"python{Path(output).suffix}"
         content = written(lambda path: found.write(path, mode=words.get("mode")), name)
         return content.replace(b"python.pgm", b"out.pgm")

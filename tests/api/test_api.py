@@ -162,7 +162,7 @@ def test_regions_become_a_mission(regions: geopandas.GeoDataFrame) -> None:
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize("pattern", ["visit", "corridor", "survey", "perimeter"])
 def test_digits_that_formats_cut_off_decide_nothing(pattern: str) -> None:
-    """Regions a picometre aside are planned alike, where several orders are as long."""
+    """Regions moved by a picometre are planned the same, where several orders are as long."""
     to_degrees = Transformer.from_crs("+proj=aeqd +lat_0=46 +lon_0=15", 4326, always_xy=True).transform
     boxes = [(60, 40, 160, 90), (320, 40, 400, 170), (60, 300, 130, 370), (320, 300, 470, 330)]
     corners = [

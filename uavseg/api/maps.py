@@ -298,7 +298,7 @@ def build_map(
 
 @checked
 def merge_maps(
-    maps: Sequence[Any],
+    maps: Any,
     *,
     crop: bool = False,
     unrotate: bool = False,
@@ -313,7 +313,7 @@ def merge_maps(
 
     Parameters
     ----------
-    maps : sequence of paths or OccupancyGrids
+    maps : path, OccupancyGrid, or sequence of these
         YAML files of ROS maps, rasters of probabilities in metres. The cells are those of the first, as far
         as all of them reach.
     crop : bool
@@ -340,6 +340,7 @@ def merge_maps(
         If a map cannot be read, or a parameter is wrong.
     """
     with allowing(allow_path, allow_network):
-        found = run_merge_maps(maps, MergeRequest(crop, unrotate, resolution))
+        several = maps if isinstance(maps, list | tuple) else [maps]
+        found = run_merge_maps(several, MergeRequest(crop, unrotate, resolution))
     warn(found.warnings)
     return found

@@ -211,7 +211,7 @@ class ProbabilityMap(Pixels):
     Parameters
     ----------
     ros_map : str
-        The YAML file of a ROS map, which is in metres and held in memory; empty if it is none.
+        The YAML file of a ROS map, which is in metres and held in memory; empty for other maps.
     """
 
     ros_map: str = ""

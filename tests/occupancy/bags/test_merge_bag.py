@@ -205,6 +205,39 @@ def test_a_scan_whose_end_has_no_pose_is_merged_and_counted(tmp_path: Path) -> N
     assert "1 of 11 scans have no pose at their last beam" in found.warnings[1]
 
 
+@pytest.mark.parametrize("increment", [-1e-3, math.nan, math.inf, 1e30, 1.0])
+def test_an_increment_that_is_no_time_between_beams_moves_none(tmp_path: Path, increment: float) -> None:
+    drive = Drive()
+    changed = [
+        dataclasses.replace(one, message=dataclasses.replace(one.message, time_increment=increment))
+        for one in drive.recorded_scans()
+    ]
+    rest = drive.recorded_odometry() + drive.recorded_static()
+    one, other = (
+        merge_bag(write_ros2(tmp_path / name, scans + rest))
+        for name, scans in (("a", changed), ("b", drive.recorded_scans()))
+    )
+    assert np.array_equal(one.grid.log_odds, other.grid.log_odds)
+    said = 12 if increment >= 1 and math.isfinite(increment) else 0
+    assert one.counts.without_end == said and len(one.warnings) == len(other.warnings) + bool(said)
+
+
+def test_a_scan_that_is_invalid_is_not_counted_among_those_without_an_end(tmp_path: Path) -> None:
+    drive = Drive(beam_ns=400_000)
+    scans = drive.recorded_scans()
+    scans[-1] = dataclasses.replace(
+        scans[-1], message=dataclasses.replace(scans[-1].message, angle_increment=0.0)
+    )
+    found = merge_bag(write_ros2(tmp_path / "a", scans + drive.recorded_odometry()[:-1]))
+    late = merge_bag(write_ros2(tmp_path / "b", drive.recorded_scans() + drive.recorded_odometry()[:-1]))
+    assert (found.counts.without_end, late.counts.without_end) == (1, 1)
+    scans[-2] = dataclasses.replace(
+        scans[-2], message=dataclasses.replace(scans[-2].message, angle_increment=0.0)
+    )
+    found = merge_bag(write_ros2(tmp_path / "c", scans + drive.recorded_odometry()[:-1]))
+    assert found.counts.without_end == 0 and found.counts.invalid == 1
+
+
 @pytest.mark.parametrize("ros", [1, 2])
 def test_of_several_echoes_the_nearest_valid_one_counts(ros: int, tmp_path: Path) -> None:
     drive = Drive(ros)

@@ -30,7 +30,7 @@ from uavseg.occupancy.mapping.scan import (
 from uavseg.plain_text import shown
 
 MIN_CELL_M, MAX_CELL_M = 1e-3, 100.0
-_MAX_SCAN_S = 10.0  # of a message that says more, the end is taken to be unknown
+_MAX_SCAN_S = 10.0  # where a message says more, the pose at the last beam counts as not known
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,32 +200,26 @@ def _scans(
         elif not is_cloud and abs(90 - tilt_deg(place.matrix)) < 90 - MAX_TILT_DEG:
             counts.tilted += 1
         else:
+            seconds = 0.0 if is_cloud else scan_duration_s(message, len(message.ranges), by_increment=True)
+            known = 0 < seconds <= _MAX_SCAN_S
+            end = tree.at(stamp_ns(message.header) + round(1e9 * seconds), moving) if known else None
             try:
                 if is_cloud:
                     scan = _scan_of_cloud(message, place, params)
                 else:
-                    scan = _scan_at(message, place, _place_at_end(message, tree, moving, counts), params)
+                    scan = _scan_at(message, place, end, params)
             except SceneError as error:
                 counts.invalid += 1
                 counts.reason = counts.reason or str(error)
                 continue
             counts.merged += 1
+            counts.without_end += seconds > 0 and end is None
             yield scan
 
 
 def _frame_of_sensor(tree: FrameTree, frame: str) -> str | None:
     """The frame whose pose is that of the sensor; the base of the odometry where tf does not place it."""
     return frame if tree.reaches(frame) else tree.base
-
-
-def _place_at_end(message: Any, tree: FrameTree, moving: str, counts: ScanCounts) -> Transform | None:
-    """The pose of the sensor at the last beam; None where the message does not say its time."""
-    seconds = scan_duration_s(message, len(message.ranges), by_increment=True)
-    if seconds == 0:
-        return None
-    end = tree.at(stamp_ns(message.header) + round(1e9 * min(seconds, _MAX_SCAN_S)), moving)
-    counts.without_end += end is None
-    return end
 
 
 def _scan_at(message: Any, place: Transform, end: Transform | None, params: MergeParams) -> Scan:
