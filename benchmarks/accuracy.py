@@ -127,7 +127,7 @@ def noise_objects(states: Any, truth: Any) -> int:
 
 def by_threshold(grid: Any) -> Any:
     """Threshold each cell by its own v."""
-    from uavseg.segmentation.params import StateLimits
+    from uavseg.segmentation.params.segment import StateLimits
 
     return StateLimits().of(grid.probabilities)
 
@@ -137,7 +137,7 @@ def by_lbpc(grid: Any) -> Any:
     import numpy as np
 
     from uavseg.segmentation.baseline.lbpc import segment_lbpc
-    from uavseg.segmentation.params import StateLimits
+    from uavseg.segmentation.params.segment import StateLimits
 
     labels = segment_lbpc(np.floor(65535 * grid.probabilities.astype(np.float64) + 0.5).astype(np.uint16))
     sums = np.bincount(labels.ravel(), grid.probabilities.ravel())
@@ -193,7 +193,7 @@ def opened_map(picture: Path) -> tuple[Any, Any]:
 
 
 def _hazard(picture: Path) -> Hazard:
-    from uavseg.raster.tiling import Window
+    from uavseg.raster.grid.tiling import Window
 
     dataset, stretch = opened_map(picture)
     values, _ = dataset.read(Window(0, 0, *dataset.geobox.shape))
@@ -207,9 +207,9 @@ def _hazard(picture: Path) -> Hazard:
 
 def classified(dataset: Any, stretch: Any, method: str, refine: str) -> Any:
     """`uavseg classify` with a method and a refinement."""
-    from uavseg.jobs.classify import ClassifyRequest, classify
-    from uavseg.jobs.source import ProbabilityMap
-    from uavseg.segmentation.params import SegmentParams
+    from uavseg.jobs.maps.classify import ClassifyRequest, classify
+    from uavseg.jobs.source.source import ProbabilityMap
+    from uavseg.segmentation.params.segment import SegmentParams
 
     segment = SegmentParams(method, refine=refine)  # type: ignore[arg-type]
     return classify(

@@ -25,16 +25,16 @@ from benchmarks import table
 from benchmarks.quality.scenes import FAMILIES, Scene, draw
 from benchmarks.textures import FAMILIES as FAMILIES_OF_TEXTURE
 from benchmarks.textures import scene
-from uavseg.jobs.like.by_classes import alike, learn_classes, outlines_by_classes
-from uavseg.jobs.like.by_color import learn, outlines_by_color, similarity_of
-from uavseg.jobs.like.by_texture import outlines_by_texture, parting_of, search_texture
-from uavseg.jobs.like.request import MatchRequest
-from uavseg.jobs.source import Raster
-from uavseg.jobs.work import SERIAL
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.geobox import GeoBox
+from uavseg.jobs.match.by_classes import alike, learn_classes, outlines_by_classes
+from uavseg.jobs.match.by_color import learn, outlines_by_color, similarity_of
+from uavseg.jobs.match.by_texture import outlines_by_texture, parting_of, search_texture
+from uavseg.jobs.match.request import MatchRequest
+from uavseg.jobs.source.source import Raster
+from uavseg.jobs.source.work import SERIAL
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.tiling import Window
 from uavseg.raster.intensity.stretch import StretchSpec
-from uavseg.raster.tiling import Window
+from uavseg.raster.read.dataset import Dataset
 from uavseg.regions import confidence
 from uavseg.regions.confidence import Weights
 from uavseg.regions.outline.rasterise import Rasteriser
@@ -42,7 +42,7 @@ from uavseg.regions.outline.rings import RegionOutlines, Rings
 from uavseg.regions.sample.likeness import BlurredBands
 from uavseg.regions.sample.place import Disc, sample_mask
 from uavseg.regions.tiles.range_tiles import outline_regions
-from uavseg.segmentation.params import IntensityRange, Refinement, SegmentParams
+from uavseg.segmentation.params.segment import IntensityRange, Refinement, SegmentParams
 from uavseg.segmentation.pipeline import cells_to_refine, measure_block_map_for
 
 FIT_SEEDS, CHECK_SEEDS = (10, 11, 12), (20, 21, 22)

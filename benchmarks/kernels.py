@@ -72,7 +72,7 @@ def _cases() -> Iterator[_Case]:
     from uavseg.segmentation.blocks.division import block_ratios
     from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram, lbp_symbols
     from uavseg.segmentation.components import component_sums, label_components
-    from uavseg.segmentation.params import IntensityRange
+    from uavseg.segmentation.params.segment import IntensityRange
     from uavseg.segmentation.refine.range_scans import refine_by_scans
     from uavseg.segmentation.refine.tv import refine_by_tv
 

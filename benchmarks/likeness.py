@@ -112,10 +112,10 @@ def query(path: Path, planes: Any, truth: Any, radius: int = RADIUS) -> Query:
 def by_match(query: Query, by: str = "auto") -> Any:
     """`uavseg match`, or that by color or texture alone; nothing is found where it refuses the disc."""
     from uavseg.errors import SampleError
-    from uavseg.jobs.like.request import MatchRequest
-    from uavseg.jobs.match import match
-    from uavseg.jobs.open_source import open_raster
-    from uavseg.raster.tiling import Window
+    from uavseg.jobs.match.match import match
+    from uavseg.jobs.match.request import MatchRequest
+    from uavseg.jobs.source.open_source import open_raster
+    from uavseg.raster.grid.tiling import Window
     from uavseg.regions.outline.rasterise import rasterise
     from uavseg.regions.sample.place import Disc
 

@@ -97,12 +97,12 @@ def by_match(refine: str = "pixel") -> Callable[[Scene], Any]:
     def find(scene: Scene) -> Any:
         from affine import Affine
 
-        from uavseg.jobs.like.request import MatchRequest
-        from uavseg.jobs.match import match
-        from uavseg.jobs.source import Raster
-        from uavseg.raster.dataset import Dataset
-        from uavseg.raster.geobox import GeoBox
-        from uavseg.raster.tiling import Window
+        from uavseg.jobs.match.match import match
+        from uavseg.jobs.match.request import MatchRequest
+        from uavseg.jobs.source.source import Raster
+        from uavseg.raster.grid.geobox import GeoBox
+        from uavseg.raster.grid.tiling import Window
+        from uavseg.raster.read.dataset import Dataset
         from uavseg.regions.outline.rasterise import rasterise
         from uavseg.regions.sample.place import Disc
 

@@ -72,10 +72,10 @@ def compared(query: Query) -> list[float] | None:
 
 def matched(query: Query, more: list[tuple[Place, bool]]) -> tuple[Any, Place | None]:
     """What `uavseg match --by color` finds with further discs, wanted or not, and the disc it proposes."""
-    from uavseg.jobs.like.request import MatchRequest
-    from uavseg.jobs.match import match
-    from uavseg.jobs.open_source import open_raster
-    from uavseg.raster.tiling import Window
+    from uavseg.jobs.match.match import match
+    from uavseg.jobs.match.request import MatchRequest
+    from uavseg.jobs.source.open_source import open_raster
+    from uavseg.raster.grid.tiling import Window
     from uavseg.regions.outline.rasterise import rasterise
     from uavseg.regions.sample.place import Disc
 

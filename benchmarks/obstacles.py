@@ -65,7 +65,7 @@ def obstacles() -> list[Kept]:
 
 def measured(folder: Path = MAPS, runs: int = _RUNS) -> Iterator[Kept]:
     """Real maps, then drawn ones."""
-    from uavseg.raster.tiling import Window
+    from uavseg.raster.grid.tiling import Window
 
     for name in REAL:
         if (folder / name).exists():
@@ -94,8 +94,8 @@ def _source(values: Any) -> Any:
     from affine import Affine
 
     from uavseg.occupancy.probability_map import stretch_of
-    from uavseg.raster.dataset import Dataset
-    from uavseg.raster.geobox import GeoBox
+    from uavseg.raster.grid.geobox import GeoBox
+    from uavseg.raster.read.dataset import Dataset
 
     dataset = Dataset.of_values(values, GeoBox(values.shape, Affine.scale(0.05, -0.05), None), "drawn")
     return dataset, stretch_of(dataset)

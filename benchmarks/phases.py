@@ -54,10 +54,10 @@ def _measure(raster: str) -> list[tuple[str, float]]:
 
     _lazy_pandas.install()  # as the program does
     from uavseg.jobs.extract import ExtractRequest, extract
-    from uavseg.jobs.open_source import open_source
+    from uavseg.jobs.source.open_source import open_source
     from uavseg.regions.edit.small import Area
     from uavseg.regions.formats import export
-    from uavseg.segmentation.params import IntensityRange
+    from uavseg.segmentation.params.segment import IntensityRange
 
     profile = cProfile.Profile()
     imported = time.perf_counter()

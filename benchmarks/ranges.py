@@ -24,17 +24,17 @@ from skimage.filters import threshold_li
 
 from benchmarks import classscenes, table
 from benchmarks.quality import scenes
-from uavseg.jobs.source import Raster
+from uavseg.jobs.source.source import Raster
 from uavseg.jobs.suggest import suggest
 from uavseg.jobs.suggestions import Suggestions
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.tiling import TilePass, Window
 from uavseg.raster.intensity.stretch import parse_stretch
-from uavseg.raster.tiling import TilePass, Window
+from uavseg.raster.read.dataset import Dataset
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaves import histogram_of_means
 from uavseg.segmentation.in_memory import block_map_of_array, label_regions
-from uavseg.segmentation.params import IntensityRange, SegmentParams
+from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
 from uavseg.segmentation.range_candidates import propose_ranges
 from uavseg.units import GREY_MAX
 

@@ -70,10 +70,10 @@ def by_match_without(asked: Samples) -> Any:
 
 
 def _matched(asked: Samples, against: list[Place]) -> Any:
-    from uavseg.jobs.like.request import MatchRequest
-    from uavseg.jobs.match import match
-    from uavseg.jobs.open_source import open_raster
-    from uavseg.raster.tiling import Window
+    from uavseg.jobs.match.match import match
+    from uavseg.jobs.match.request import MatchRequest
+    from uavseg.jobs.source.open_source import open_raster
+    from uavseg.raster.grid.tiling import Window
     from uavseg.regions.outline.rasterise import rasterise
     from uavseg.regions.sample.place import Disc
 

@@ -176,9 +176,9 @@ def _measure_reuse(raster: str, blocks: str) -> tuple[float, float]:
 
     from uavseg.execution.executors import threads
     from uavseg.jobs.extract import ExtractRequest, extract
-    from uavseg.jobs.open_source import open_source
-    from uavseg.jobs.work import Work
-    from uavseg.segmentation.params import IntensityRange, SegmentParams
+    from uavseg.jobs.source.open_source import open_source
+    from uavseg.jobs.source.work import Work
+    from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
 
     saved, source = open_source(blocks), open_source(raster)
     segment = SegmentParams(refine="none")
@@ -197,11 +197,11 @@ def _measure_segmentation(raster: str, count: str) -> tuple[float]:
     import time
 
     from uavseg.execution.executors import threads
-    from uavseg.raster.dataset import Dataset
+    from uavseg.raster.grid.tiling import TilePass
     from uavseg.raster.intensity.stretch import fit_stretch
-    from uavseg.raster.tiling import TilePass
+    from uavseg.raster.read.dataset import Dataset
     from uavseg.regions.tiles.range_tiles import outline_regions
-    from uavseg.segmentation.params import IntensityRange, SegmentParams
+    from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
     from uavseg.segmentation.pipeline import cells_to_refine, measure_block_map_for
     from uavseg.segmentation.source import GreySource
 

@@ -73,12 +73,12 @@ def _calls(grid: Any, start: tuple[float, float], goal: tuple[float, float]) -> 
     from skimage.segmentation import felzenszwalb
 
     import uavseg
-    from uavseg.jobs.classify import ClassifyRequest, classify
-    from uavseg.jobs.path import PathRequest, free_cells
-    from uavseg.jobs.source import ProbabilityMap
+    from uavseg.jobs.maps.classify import ClassifyRequest, classify
+    from uavseg.jobs.maps.path import PathRequest, free_cells
+    from uavseg.jobs.source.source import ProbabilityMap
     from uavseg.occupancy.paths.find_path import find_path
     from uavseg.occupancy.probability_map import stretch_of
-    from uavseg.segmentation.params import IntensityRange, SegmentParams
+    from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
 
     dataset, interval = grid.dataset(), IntensityRange(*RANGE)
     source = ProbabilityMap(dataset, stretch_of(dataset))

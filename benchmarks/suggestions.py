@@ -20,7 +20,7 @@ from benchmarks.classscenes import FAMILIES, HELD_OUT, Labels, Scene
 from uavseg.raster.intensity.otsu import Classes, multi_otsu, select_classes
 from uavseg.segmentation.blocks.leaves import cell_intervals, histogram_of_means
 from uavseg.segmentation.in_memory import block_map_of_array
-from uavseg.segmentation.params import DivisionParams
+from uavseg.segmentation.params.segment import DivisionParams
 
 SEEDS, BINS, MAX_CLASSES = 5, 256, 6
 X, TAU = 1.2, 0.05

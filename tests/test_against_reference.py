@@ -16,17 +16,17 @@ from numpy.typing import NDArray
 
 from uavseg.execution.executors import Map, serial, threads
 from uavseg.jobs.extract import ExtractRequest, extract
-from uavseg.jobs.source import Raster
-from uavseg.jobs.work import Work
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.geobox import GeoBox
+from uavseg.jobs.source.source import Raster
+from uavseg.jobs.source.work import Work
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.tiling import TilePass, Window, tiles
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec
-from uavseg.raster.tiling import TilePass, Window, tiles
+from uavseg.raster.read.dataset import Dataset
 from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.tiles.range_tiles import outline_regions
 from uavseg.segmentation.blocks.leaves import cells_in_range
-from uavseg.segmentation.params import IntensityRange, SegmentParams
+from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
 from uavseg.segmentation.pipeline import measure_block_map_for
 from uavseg.segmentation.source import GreySource
 

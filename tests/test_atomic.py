@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from uavseg.atomic import atomic_file, check_target
 from uavseg.errors import OutputError, OutputExistsError
+from uavseg.output.atomic import atomic_file, check_target
 
 
 def contents(folder: Path) -> dict[str, str]:

@@ -26,27 +26,27 @@ from tests.flight.link.vehicles import ArduPilot, FakeVehicle, Generic, Px4
 from tests.jobs.test_next_sample import fields
 from tests.occupancy.bags.write_bags import POINT_CLOUD, Drive, Recorded, write_ros1, write_ros2
 from uavseg.cli import main
-from uavseg.flight import files
+from uavseg.flight.formats import files
 from uavseg.flight.link import link
-from uavseg.flight.mission import Mission
+from uavseg.flight.mission.mission import Mission
 from uavseg.jobs.divide import divide as divide_job
-from uavseg.jobs.open_source import open_source
+from uavseg.jobs.maps.simulate import SimulateRequest
+from uavseg.jobs.maps.simulate import simulate as simulate_job
 from uavseg.jobs.original import original as original_job
-from uavseg.jobs.simulate import SimulateRequest
-from uavseg.jobs.simulate import simulate as simulate_job
-from uavseg.jobs.source import ReadOptions
+from uavseg.jobs.source.open_source import open_source
+from uavseg.jobs.source.source import ReadOptions
 from uavseg.occupancy.paths.path_geojson import path_to_geojson
 from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.occupancy.state_file import write_states
 from uavseg.raster.formats.geotiff import write_geotiff, write_label_geotiff
-from uavseg.raster.geobox import local_geobox
+from uavseg.raster.grid.geobox import local_geobox
+from uavseg.raster.grid.tiling import Window
 from uavseg.raster.spectral.formula import BandWords
-from uavseg.raster.tiling import Window
 from uavseg.regions.formats import export
 from uavseg.regions.table import Regions
 from uavseg.segmentation.baseline.lbpc import LbpcParams
 from uavseg.segmentation.blocks.block_file import read_block_map, write_block_map
-from uavseg.segmentation.params import SegmentParams
+from uavseg.segmentation.params.segment import SegmentParams
 
 UTM = {"crs": "EPSG:32618", "transform": Affine(2, 0, 4e5, 0, -2, 5e6)}
 SHAPE = (140, 170)

@@ -16,30 +16,31 @@ if TYPE_CHECKING:
     from uavseg.api.link import download as download
     from uavseg.api.link import upload as upload
     from uavseg.api.look import info as info
+    from uavseg.api.map_page import map_page as map_page
     from uavseg.api.maps import build_map as build_map
     from uavseg.api.maps import classify as classify
     from uavseg.api.maps import merge_maps as merge_maps
     from uavseg.api.maps import path as path
     from uavseg.api.missions import plan as plan
+    from uavseg.api.preview import preview as preview
     from uavseg.api.questions import match as match
     from uavseg.api.questions import suggest as suggest
     from uavseg.api.rasters import extract as extract
     from uavseg.api.rasters import levels as levels
+    from uavseg.api.serve import serve as serve
+    from uavseg.api.widget import RangeWidget as RangeWidget
     from uavseg.errors import UavsegError as UavsegError
-    from uavseg.flight.params import PlanParams as PlanParams
-    from uavseg.jobs.doctor import doctor as doctor
-    from uavseg.jobs.warm_up import warm_up as warm_up
+    from uavseg.flight.params.plan import PlanParams as PlanParams
+    from uavseg.jobs.install.doctor import doctor as doctor
+    from uavseg.jobs.install.warm_up import warm_up as warm_up
     from uavseg.occupancy.mapping.grid import OccupancyGrid as OccupancyGrid
     from uavseg.occupancy.mapping.scan import Pose as Pose
     from uavseg.occupancy.mapping.scan import Scan as Scan
-    from uavseg.plot.web.words import map_page as map_page
-    from uavseg.plot.words import preview as preview
-    from uavseg.raster.dataset import Dataset as Dataset
-    from uavseg.raster.geobox import GeoBox as GeoBox
+    from uavseg.raster.grid.geobox import GeoBox as GeoBox
+    from uavseg.raster.read.dataset import Dataset as Dataset
     from uavseg.regions.outline.trace import trace as trace
-    from uavseg.segmentation.params import IntensityRange as IntensityRange
-    from uavseg.segmentation.params import StateLimits as StateLimits
-    from uavseg.server.words import serve as serve
+    from uavseg.segmentation.params.segment import IntensityRange as IntensityRange
+    from uavseg.segmentation.params.segment import StateLimits as StateLimits
 
 _HOMES = {
     "extract": "uavseg.api.rasters",
@@ -49,24 +50,25 @@ _HOMES = {
     "classify": "uavseg.api.maps",
     "levels": "uavseg.api.rasters",
     "each": "uavseg.api.each",
+    "RangeWidget": "uavseg.api.widget",
     "info": "uavseg.api.look",
     "match": "uavseg.api.questions",
     "path": "uavseg.api.maps",
     "suggest": "uavseg.api.questions",
     "plan": "uavseg.api.missions",
-    "preview": "uavseg.plot.words",
-    "map_page": "uavseg.plot.web.words",
-    "serve": "uavseg.server.words",
+    "preview": "uavseg.api.preview",
+    "map_page": "uavseg.api.map_page",
+    "serve": "uavseg.api.serve",
     "check": "uavseg.api.check",
     "upload": "uavseg.api.link",
     "download": "uavseg.api.link",
-    "warm_up": "uavseg.jobs.warm_up",
-    "doctor": "uavseg.jobs.doctor",
-    "PlanParams": "uavseg.flight.params",
-    "Dataset": "uavseg.raster.dataset",
-    "GeoBox": "uavseg.raster.geobox",
-    "IntensityRange": "uavseg.segmentation.params",
-    "StateLimits": "uavseg.segmentation.params",
+    "warm_up": "uavseg.jobs.install.warm_up",
+    "doctor": "uavseg.jobs.install.doctor",
+    "PlanParams": "uavseg.flight.params.plan",
+    "Dataset": "uavseg.raster.read.dataset",
+    "GeoBox": "uavseg.raster.grid.geobox",
+    "IntensityRange": "uavseg.segmentation.params.segment",
+    "StateLimits": "uavseg.segmentation.params.segment",
     "OccupancyGrid": "uavseg.occupancy.mapping.grid",
     "Pose": "uavseg.occupancy.mapping.scan",
     "Scan": "uavseg.occupancy.mapping.scan",

@@ -13,7 +13,7 @@ from benchmarks.flight.hills import elevation_model, rise_m
 from benchmarks.flight.lengths import Length, lengths
 from benchmarks.flight.measured import Flown, simulate
 from benchmarks.flight.plans import planned
-from uavseg.flight.terrain.params import terrain_params
+from uavseg.flight.params.terrain import terrain_params
 from uavseg.jobs.words.pattern_words import PatternWords
 from uavseg.jobs.words.photo_words import PhotoWords, photos_of
 

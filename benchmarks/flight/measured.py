@@ -14,7 +14,7 @@ from benchmarks.flight.arducopter import Rise
 from benchmarks.flight.fields import Field
 from benchmarks.flight.log import Log
 from benchmarks.flight.route import route
-from uavseg.flight.mission import Mission
+from uavseg.flight.mission.mission import Mission
 
 Floats = NDArray[np.float64]
 

@@ -10,9 +10,9 @@ from typing import Any
 from benchmarks.flight.fields import Field, many
 from benchmarks.flight.log import Log
 from benchmarks.flight.measured import covered, fly, in_metres, least_distance_m
-from uavseg.flight.items import WAYPOINT
-from uavseg.flight.mission import Mission
-from uavseg.flight.planner import plan_missions
+from uavseg.flight.mission.items import WAYPOINT
+from uavseg.flight.mission.mission import Mission
+from uavseg.flight.planning.planner import plan_missions
 from uavseg.jobs.words.flight_params import flight_params
 from uavseg.jobs.words.photo_words import PhotoWords
 

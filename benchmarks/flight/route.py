@@ -4,8 +4,8 @@ from dataclasses import dataclass, field
 
 from pyproj import Proj
 
-from uavseg.flight.items import MissionItem
-from uavseg.flight.mission import Mission
+from uavseg.flight.mission.items import MissionItem
+from uavseg.flight.mission.mission import Mission
 
 _GIMBAL = 205
 _TAKEOFF, _WAYPOINT, _LOITER_TIME, _RETURN, _SPEED, _TRIGGER = 22, 16, 19, 20, 178, 206

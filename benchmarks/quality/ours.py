@@ -8,13 +8,13 @@ from affine import Affine
 from benchmarks.quality.camera import Mask
 from benchmarks.quality.scenes import RANGE, Scene
 from uavseg.jobs.extract import ExtractRequest, extract
-from uavseg.jobs.source import Raster
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.geobox import GeoBox
+from uavseg.jobs.source.source import Raster
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.tiling import Window
 from uavseg.raster.intensity.stretch import StretchSpec
-from uavseg.raster.tiling import Window
+from uavseg.raster.read.dataset import Dataset
 from uavseg.regions.outline.rasterise import Rasteriser
-from uavseg.segmentation.params import IntensityRange, SegmentParams
+from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
 
 DEFAULT = "default"
 SETTINGS = {

@@ -18,7 +18,7 @@ from pyproj import Transformer
 
 import uavseg
 from uavseg.errors import IntensityRangeError, ParameterError, RasterReadError
-from uavseg.flight import planner
+from uavseg.flight.planning import planner
 
 COLUMNS = ["id", "confidence", "area_m2", "perimeter_m", "mean", "std", "pixels", "holes", "lon", "lat"]
 COLUMNS += ["range_low", "range_high", "mean_value", "value_low", "value_high", "unit", "source", "geometry"]
@@ -287,7 +287,7 @@ def test_a_map_becomes_states_and_objects(tmp_path: Path) -> None:
 def test_maps_of_every_kind_are_the_same_map(tmp_path: Path) -> None:
     from uavseg.occupancy.mapping.grid import OccupancyGrid
     from uavseg.occupancy.state_file import write_states
-    from uavseg.raster.geobox import local_geobox
+    from uavseg.raster.grid.geobox import local_geobox
 
     grid = OccupancyGrid.from_probabilities(occupancy(), local_geobox((140, 180), 1.0, (0, 0)))
     wanted = uavseg.classify(grid)
@@ -323,7 +323,7 @@ def test_a_map_of_something_else_is_stretched_where_that_is_asked_for(tmp_path: 
 def test_a_ros_map_is_never_stretched(tmp_path: Path) -> None:
     from uavseg.occupancy.mapping.grid import OccupancyGrid
     from uavseg.occupancy.state_file import write_states
-    from uavseg.raster.geobox import local_geobox
+    from uavseg.raster.grid.geobox import local_geobox
 
     grid = OccupancyGrid.from_probabilities(occupancy(), local_geobox((140, 180), 1.0, (0, 0)))
     found = uavseg.classify(grid)
@@ -359,8 +359,8 @@ def test_maps_and_levels_that_cannot_be_are_refused(call: Any, told: str) -> Non
 
 
 def test_objects_that_nobody_asked_for_are_not_there() -> None:
-    from uavseg.jobs.classify import ClassifyRequest, classify
-    from uavseg.jobs.open_source import open_probability_map
+    from uavseg.jobs.maps.classify import ClassifyRequest, classify
+    from uavseg.jobs.source.open_source import open_probability_map
 
     found = classify(open_probability_map(occupancy()), ClassifyRequest(objects=False))
     with pytest.raises(ParameterError, match="no objects were asked for"):

@@ -11,16 +11,16 @@ from click.testing import CliRunner
 import uavseg
 from uavseg.cli import main
 from uavseg.errors import IntensityRangeError, MapError, ParameterError, PathError
-from uavseg.jobs.open_source import open_probability_map
-from uavseg.jobs.path import PathRequest, free_cells
-from uavseg.jobs.source import ProbabilityMap
+from uavseg.jobs.maps.path import PathRequest, free_cells
+from uavseg.jobs.source.open_source import open_probability_map
+from uavseg.jobs.source.source import ProbabilityMap
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.paths.any_angle import is_visible
 from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.raster.formats.geotiff import write_geotiff
-from uavseg.raster.geobox import local_geobox
-from uavseg.raster.tiling import Window
-from uavseg.segmentation.params import IntensityRange, SegmentParams
+from uavseg.raster.grid.geobox import local_geobox
+from uavseg.raster.grid.tiling import Window
+from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
 
 CELL = 0.25
 RANGE = (0, 0.45)

@@ -15,7 +15,7 @@ import uavseg
 from uavseg.errors import IntensityRangeError, MissingLibraryError, ParameterError, RasterError
 
 pytest.importorskip("anywidget")
-from uavseg.widget import RangeWidget
+from uavseg.api.widget import RangeWidget
 
 
 @pytest.fixture
@@ -99,6 +99,6 @@ def test_a_raster_without_a_place_is_refused() -> None:
 
 def test_without_anywidget_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "anywidget", None)
-    monkeypatch.delitem(sys.modules, "uavseg.widget")
+    monkeypatch.delitem(sys.modules, "uavseg.api.widget")
     with pytest.raises(MissingLibraryError, match=r'pip install "uavseg\[notebook\]"'):
-        import uavseg.widget  # noqa: F401
+        import uavseg.api.widget  # noqa: F401

@@ -24,10 +24,10 @@ from benchmarks.flight.route import Look, Shutter, Stop, route
 from benchmarks.flight.section import Row, flights_table
 from uavseg.flight.camera.camera import Camera
 from uavseg.flight.camera.photos import Photos
-from uavseg.flight.estimate.duration import leg_seconds
-from uavseg.flight.estimate.vehicle import PX4
-from uavseg.flight.params import PlanParams
-from uavseg.flight.planner import plan_missions
+from uavseg.flight.mission.duration import leg_seconds
+from uavseg.flight.mission.vehicle import PX4
+from uavseg.flight.params.plan import PlanParams
+from uavseg.flight.planning.planner import plan_missions
 
 pytestmark = pytest.mark.slow
 

@@ -20,10 +20,10 @@ from tests.flight.mission_items import waypoint
 from tests.flight.test_files import FENCED
 from uavseg.cli import main
 from uavseg.errors import MissionError, ParameterError
-from uavseg.flight import files
+from uavseg.flight.formats import files
 from uavseg.flight.formats.waypoints import waypoints_text
-from uavseg.flight.items import LOITER_TURNS, HomePosition
-from uavseg.flight.mission import Mission
+from uavseg.flight.mission.items import LOITER_TURNS, HomePosition
+from uavseg.flight.mission.mission import Mission
 
 
 def check(*arguments: object) -> Result:

@@ -18,10 +18,10 @@ from uavseg.occupancy.probability_map import open_map
 from uavseg.occupancy.ros.pgm import pgm_bytes
 from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.raster.formats.png import write_png
-from uavseg.raster.geobox import GeoBox
-from uavseg.raster.tiling import Window
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.tiling import Window
 from uavseg.regions.formats import export
-from uavseg.segmentation.params import StateLimits
+from uavseg.segmentation.params.segment import StateLimits
 
 BOX = GeoBox((100, 150), Affine(0.05, 0, -2, 0, -0.05, 6), None)
 MODES = ["trinary", "scale", "raw"]

@@ -14,7 +14,7 @@ from pandas.testing import assert_frame_equal
 import uavseg
 from uavseg.cli import main
 from uavseg.occupancy.ros.ros_map import write_ros_map
-from uavseg.raster.geobox import local_geobox
+from uavseg.raster.grid.geobox import local_geobox
 from uavseg.segmentation.blocks.block_file import read_block_map
 
 RANGE = ("--range", "0.55,1")

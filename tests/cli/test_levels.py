@@ -14,7 +14,7 @@ from geopandas.testing import assert_geodataframe_equal
 import uavseg
 from uavseg.cli import main
 from uavseg.occupancy.ros.ros_map import write_ros_map
-from uavseg.raster.geobox import local_geobox
+from uavseg.raster.grid.geobox import local_geobox
 
 ROOT = Path(__file__).resolve().parents[2]
 QUARRY = ROOT / "samples" / "quarry.tif"

@@ -12,7 +12,7 @@ from uavseg.cli import main
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.ros.ros_map import read_ros_map, transform_of, write_ros_map
 from uavseg.raster.formats.geotiff import write_geotiff
-from uavseg.raster.geobox import GeoBox, local_geobox
+from uavseg.raster.grid.geobox import GeoBox, local_geobox
 
 SHAPE = (30, 50)
 

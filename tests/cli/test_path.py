@@ -14,11 +14,11 @@ from click.testing import CliRunner, Result
 from pyproj import Geod, Transformer
 
 from uavseg.cli import main
-from uavseg.flight import files as missions
+from uavseg.flight.formats import files as missions
 from uavseg.occupancy.paths.any_angle import is_visible
 from uavseg.occupancy.paths.clearance import clearance
 from uavseg.occupancy.ros.ros_map import write_ros_map
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox
 
 CELL = 0.5
 UTM = {"crs": "EPSG:32618", "transform": Affine(CELL, 0, 4e5, 0, -CELL, 5e6)}

@@ -11,10 +11,10 @@ from pyproj import Geod
 
 from uavseg.cli.plan import command
 from uavseg.errors import MissionError, OutputExistsError, ParameterError, RegionError, UavsegError
-from uavseg.flight import files
-from uavseg.flight.estimate.vehicle import read_vehicle
-from uavseg.flight.items import CAMERA_DISTANCE, WAYPOINT
-from uavseg.flight.mission import Mission
+from uavseg.flight.formats import files
+from uavseg.flight.mission.items import CAMERA_DISTANCE, WAYPOINT
+from uavseg.flight.mission.mission import Mission
+from uavseg.flight.mission.vehicle import read_vehicle
 
 GEOD = Geod(ellps="WGS84")
 HOME = "47.0,8.0,430"

@@ -17,8 +17,8 @@ from tests.flight.terrain.dems import HOME, draw, hills
 from uavseg.cli.extract import command as extract_command
 from uavseg.cli.plan import command
 from uavseg.errors import AccessError, MissionError, OutputError, ParameterError, RasterError, RasterReadError
-from uavseg.flight import files
-from uavseg.flight.items import CAMERA_DISTANCE, FRAME_AMSL, FRAME_RELATIVE, FRAME_TERRAIN, WAYPOINT
+from uavseg.flight.formats import files
+from uavseg.flight.mission.items import CAMERA_DISTANCE, FRAME_AMSL, FRAME_RELATIVE, FRAME_TERRAIN, WAYPOINT
 from uavseg.flight.terrain.clearance import Clearance
 from uavseg.raster.elevation.dem import Dem
 

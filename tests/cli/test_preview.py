@@ -13,7 +13,7 @@ from tests.plot.pictures import a_mission
 from uavseg.cli import main
 from uavseg.cli.preview import command
 from uavseg.errors import OutputExistsError, ParameterError, RegionError, UavsegError
-from uavseg.flight.files import write_mission
+from uavseg.flight.formats.files import write_mission
 
 
 @pytest.fixture

@@ -17,7 +17,7 @@ from uavseg.cli import main
 from uavseg.cli.options import running as _run
 from uavseg.cli.options.running import Reporter
 from uavseg.execution.progress_bar import Amount, bar
-from uavseg.raster.dataset import Dataset
+from uavseg.raster.read.dataset import Dataset
 
 QUARRY = Path(__file__).resolve().parents[2] / "samples" / "quarry.tif"
 

@@ -17,7 +17,7 @@ from tests.flight.link.link_missions import fenced, survey
 from tests.flight.link.served import LOOPBACK, free_port, udp_vehicle
 from tests.flight.link.vehicles import ArduPilot, Generic, Px4
 from uavseg.cli import main
-from uavseg.flight import files
+from uavseg.flight.formats import files
 from uavseg.flight.link import link
 
 

@@ -15,7 +15,7 @@ import uavseg.execution.checkpoint
 from uavseg.errors import OutputError
 from uavseg.execution.checkpoint import stage_name, with_checkpoint
 from uavseg.execution.executors import Map, serial, threads
-from uavseg.raster.tiling import Window
+from uavseg.raster.grid.tiling import Window
 
 maps = pytest.mark.parametrize("run", [serial, threads(3)], ids=["serial", "3 threads"])
 ITEMS = [Window(k, 0, 1, 1) for k in range(20)]

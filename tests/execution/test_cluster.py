@@ -21,12 +21,12 @@ from uavseg.cli import main
 from uavseg.errors import ClusterError, ParameterError, RasterReadError
 from uavseg.execution import cluster
 from uavseg.jobs.extract import ExtractRequest, extract
-from uavseg.jobs.source import Raster
-from uavseg.jobs.work import Work
+from uavseg.jobs.source.source import Raster
+from uavseg.jobs.source.work import Work
 from uavseg.occupancy.ros.ros_map import write_ros_map
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.geobox import local_geobox
-from uavseg.segmentation.params import IntensityRange
+from uavseg.raster.grid.geobox import local_geobox
+from uavseg.raster.read.dataset import Dataset
+from uavseg.segmentation.params.segment import IntensityRange
 
 ROOT = Path(__file__).resolve().parents[2]
 QUARRY = ROOT / "samples" / "quarry.tif"

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from uavseg.execution.result_file import DamagedResultError, decode_result, encode_result
-from uavseg.raster.tiling import Window
+from uavseg.raster.grid.tiling import Window
 from uavseg.regions.outline.chains import Chains
 from uavseg.segmentation.components import Sums
 
@@ -126,8 +126,8 @@ def pickled() -> bytes:
         archive({"record": ["os", "system", {"command": "true"}]}),
         archive({"record": ["subprocess", "CompletedProcess", {"args": "a", "returncode": 0}]}),
         archive({"record": ["uavseg.errors", "UavsegError", {}]}),
-        archive({"record": ["uavseg.raster.tiling", "tiles", {"shape": [1, 1], "side": 64}]}),
-        archive({"record": ["uavseg.raster.tiling", "Window", {"row": 1}]}),
+        archive({"record": ["uavseg.raster.grid.tiling", "tiles", {"shape": [1, 1], "side": 64}]}),
+        archive({"record": ["uavseg.raster.grid.tiling", "Window", {"row": 1}]}),
         archive({"record": ["uavseg.nothing", "Window", {}]}),
         archive({"set": [1]}),
         archive({}),

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from uavseg.flight.items import (
+from uavseg.flight.mission.items import (
     FRAME_RELATIVE,
     WAYPOINT,
     MissionItem,

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import shapely
 
-from uavseg.flight.items import WAYPOINT
-from uavseg.flight.mission import Mission
-from uavseg.flight.params import PlanParams
-from uavseg.flight.plane import Plane
-from uavseg.flight.planner import plan_missions
+from uavseg.flight.mission.items import WAYPOINT
+from uavseg.flight.mission.mission import Mission
+from uavseg.flight.mission.plane import Plane
+from uavseg.flight.params.plan import PlanParams
+from uavseg.flight.planning.planner import plan_missions
 
 HOME = (47.0, 8.0, 430.0)
 

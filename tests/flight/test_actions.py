@@ -9,7 +9,7 @@ from tests.flight.small_regions import box, planned
 from uavseg.errors import ParameterError
 from uavseg.flight.camera.camera import Camera
 from uavseg.flight.camera.photos import Photos
-from uavseg.flight.items import (
+from uavseg.flight.mission.items import (
     CAMERA_DISTANCE,
     CAMERA_INTERVAL,
     CHANGE_SPEED,
@@ -20,7 +20,7 @@ from uavseg.flight.items import (
     ROI_NONE,
     WAYPOINT,
 )
-from uavseg.flight.patterns.pattern_params import OrbitParams, PerimeterParams, VisitParams
+from uavseg.flight.params.pattern import OrbitParams, PerimeterParams, VisitParams
 
 CAMERA = Camera("wide", (13.2, 8.8), (5472, 3648), 8.8, 2.0)
 FIELD = box(100, 100, 200, 150)

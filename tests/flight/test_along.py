@@ -5,9 +5,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.flight.small_regions import box, planned
-from uavseg.flight.along import fly_along
-from uavseg.flight.items import CHANGE_SPEED, RETURN, TAKEOFF, WAYPOINT
-from uavseg.flight.params import PlanParams
+from uavseg.flight.mission.items import CHANGE_SPEED, RETURN, TAKEOFF, WAYPOINT
+from uavseg.flight.params.plan import PlanParams
+from uavseg.flight.planning.along import fly_along
 
 
 def test_an_unknown_altitude_of_home_gives_a_warning() -> None:

@@ -9,9 +9,9 @@ import pytest
 from tests.flight.fences import BOX, FENCE, RALLY
 from tests.flight.mission_items import waypoint
 from uavseg.errors import MissionError
-from uavseg.flight.fence import FenceCircle, FencePolygon, RallyPoint
-from uavseg.flight.items import HomePosition
-from uavseg.flight.mission import Mission
+from uavseg.flight.mission.fence import FenceCircle, FencePolygon, RallyPoint
+from uavseg.flight.mission.items import HomePosition
+from uavseg.flight.mission.mission import Mission
 
 SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))  # north, then east: clockwise
 

@@ -14,12 +14,12 @@ from pymavlink import mavwp
 
 from tests.flight.fences import FENCE, RALLY, fences, rally_points
 from uavseg.errors import MissionError, OutputExistsError
-from uavseg.flight import files
-from uavseg.flight.fence import FenceCircle, FencePolygon, RallyPoint
+from uavseg.flight.formats import files
 from uavseg.flight.formats.options import FileOptions
 from uavseg.flight.formats.plan import plan_text
 from uavseg.flight.formats.waypoints import waypoints_text
-from uavseg.flight.items import (
+from uavseg.flight.mission.fence import FenceCircle, FencePolygon, RallyPoint
+from uavseg.flight.mission.items import (
     AUTOPILOTS,
     FRAME_AMSL,
     FRAME_MISSION,
@@ -29,7 +29,7 @@ from uavseg.flight.items import (
     HomePosition,
     MissionItem,
 )
-from uavseg.flight.mission import Mission
+from uavseg.flight.mission.mission import Mission
 
 HOME = HomePosition(-33.856784123, 151.215296987, 12.5)
 WAYPOINT = MissionItem(16, FRAME_RELATIVE, (0.0, 0.0, 0.0, None), -33.8561234567, 151.2151234567, 40.25)

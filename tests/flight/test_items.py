@@ -7,7 +7,7 @@ import pytest
 
 from tests.flight.mission_items import waypoint
 from uavseg.errors import MissionError
-from uavseg.flight.items import (
+from uavseg.flight.mission.items import (
     CAMERA_DISTANCE,
     CAMERA_INTERVAL,
     CHANGE_SPEED,

@@ -7,18 +7,18 @@ import pytest
 import shapely
 
 from tests.flight.terrain.dems import HOME, draw, hills
-from uavseg.flight import flights
 from uavseg.flight.camera.camera import Camera
 from uavseg.flight.camera.photos import Photos
-from uavseg.flight.estimate.duration import leg_seconds
-from uavseg.flight.estimate.vehicle import PX4
-from uavseg.flight.leg_costs import LegCosts
-from uavseg.flight.params import PlanParams
-from uavseg.flight.plane import Plane
-from uavseg.flight.planner import plan_missions
-from uavseg.flight.safety.limits import LimitParams, SafetyParams
-from uavseg.flight.terrain.params import TerrainParams
-from uavseg.flight.track import Track
+from uavseg.flight.mission.duration import leg_seconds
+from uavseg.flight.mission.plane import Plane
+from uavseg.flight.mission.track import Track
+from uavseg.flight.mission.vehicle import PX4
+from uavseg.flight.params.limits import LimitParams, SafetyParams
+from uavseg.flight.params.plan import PlanParams
+from uavseg.flight.params.terrain import TerrainParams
+from uavseg.flight.planning import flights
+from uavseg.flight.planning.leg_costs import LegCosts
+from uavseg.flight.planning.planner import plan_missions
 from uavseg.raster.elevation.dem import Dem
 
 PLANE = Plane(*HOME)

@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from tests.flight.small_regions import box, planned
 from uavseg.flight.camera.camera import Camera, Overlap
 from uavseg.flight.camera.photos import Photos
-from uavseg.flight.items import CAMERA_DISTANCE, CHANGE_SPEED, WAYPOINT
-from uavseg.flight.leg_speeds import CHANGE_S, fewest_changes, speeds_of, with_speeds
-from uavseg.flight.mission import Mission
-from uavseg.flight.params import PlanParams
-from uavseg.flight.track import Track
+from uavseg.flight.mission.items import CAMERA_DISTANCE, CHANGE_SPEED, WAYPOINT
+from uavseg.flight.mission.mission import Mission
+from uavseg.flight.mission.track import Track
+from uavseg.flight.params.plan import PlanParams
+from uavseg.flight.terrain.leg_speeds import CHANGE_S, fewest_changes, speeds_of, with_speeds
 
 CAMERA = Camera("slow", (13.2, 8.8), (5472, 3648), 8.8, 2.5)
 PHOTOS = Photos(CAMERA, Overlap(75, 70))

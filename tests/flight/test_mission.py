@@ -6,7 +6,7 @@ import pytest
 
 from tests.flight.mission_items import waypoint
 from uavseg.errors import MissionError
-from uavseg.flight.items import (
+from uavseg.flight.mission.items import (
     CHANGE_SPEED,
     FRAME_AMSL,
     FRAME_MISSION,
@@ -17,7 +17,7 @@ from uavseg.flight.items import (
     HomePosition,
     MissionItem,
 )
-from uavseg.flight.mission import Mission
+from uavseg.flight.mission.mission import Mission
 
 HOME = HomePosition(47.0, 8.0, 400.0)
 

@@ -15,11 +15,11 @@ from shapely.geometry import box
 
 import uavseg
 from uavseg.errors import MissingLibraryError
-from uavseg.flight.fence import FencePolygon
-from uavseg.flight.files import write_mission
-from uavseg.flight.mission import Mission
+from uavseg.flight.formats.files import write_mission
+from uavseg.flight.mission.fence import FencePolygon
+from uavseg.flight.mission.mission import Mission
 from uavseg.flight.safety.paper_check import PaperCheck
-from uavseg.jobs.plan import MissionPlan
+from uavseg.jobs.flights.plan import MissionPlan
 
 
 @pytest.fixture(scope="module")

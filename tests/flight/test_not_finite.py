@@ -29,11 +29,8 @@ from uavseg.cli import main
 from uavseg.errors import MissionError, UavsegError
 from uavseg.flight.camera.camera import Camera, Overlap
 from uavseg.flight.camera.photos import Photos
-from uavseg.flight.estimate.vehicle import ARDUCOPTER
-from uavseg.flight.fence import FenceCircle, FencePolygon, RallyPoint
-from uavseg.flight.files import FORMATS, read_mission
+from uavseg.flight.formats.files import FORMATS, read_mission
 from uavseg.flight.formats.options import FileOptions
-from uavseg.flight.items import FRAME_MISSION, MOUNT_CONTROL, HomePosition, MissionItem
 from uavseg.flight.link.link_items import (
     LinkItem,
     fence_of_items,
@@ -44,18 +41,21 @@ from uavseg.flight.link.link_items import (
     mission_items,
     rally_of_items,
 )
-from uavseg.flight.mission import Mission
-from uavseg.flight.params import PlanParams
-from uavseg.flight.patterns.pattern_params import (
+from uavseg.flight.mission.fence import FenceCircle, FencePolygon, RallyPoint
+from uavseg.flight.mission.items import FRAME_MISSION, MOUNT_CONTROL, HomePosition, MissionItem
+from uavseg.flight.mission.mission import Mission
+from uavseg.flight.mission.vehicle import ARDUCOPTER
+from uavseg.flight.params.limits import LimitParams, SafetyParams
+from uavseg.flight.params.pattern import (
     CorridorParams,
     OrbitParams,
     PerimeterParams,
     SurveyParams,
     VisitParams,
 )
-from uavseg.flight.safety.limits import LimitParams, SafetyParams
-from uavseg.flight.terrain.params import TerrainParams
-from uavseg.jobs.link import LinkRequest
+from uavseg.flight.params.plan import PlanParams
+from uavseg.flight.params.terrain import TerrainParams
+from uavseg.jobs.flights.link import LinkRequest
 
 VALUES = ("nan", "inf", "-inf")
 OUTLINE = [(8.001, 47.001), (8.003, 47.001), (8.003, 47.002), (8.001, 47.002)]

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from uavseg.errors import ParameterError
-from uavseg.flight.params import PlanParams
+from uavseg.flight.params.plan import PlanParams
 
 
 @pytest.mark.parametrize(

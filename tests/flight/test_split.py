@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from tests.flight.small_regions import box, flights, waypoints
 from uavseg.errors import MissionError, ParameterError
 from uavseg.flight.avoid.free_space import FreeSpace
-from uavseg.flight.route import Route
-from uavseg.flight.safety.limits import LimitParams
-from uavseg.flight.split import FlightLimits, split_route
-from uavseg.flight.track import Track
+from uavseg.flight.mission.track import Track
+from uavseg.flight.params.limits import LimitParams
+from uavseg.flight.planning.route import Route
+from uavseg.flight.planning.split import FlightLimits, split_route
 
 HOME = np.zeros(2)
 

@@ -15,7 +15,7 @@ from tests.honest import plain
 from tests.honest.findings import differ, unlike
 from tests.honest.picture import DTYPES, SPANS, Picture, any_layout, as_type, quiet, write_tiff
 from tests.hostile.judging import Finding
-from uavseg.segmentation.params import SegmentParams
+from uavseg.segmentation.params.segment import SegmentParams
 
 LEVELS = (0.0, 0.1, 0.2, 0.25, 0.3, 0.5, 0.6, 0.75, 0.9, 1.0)
 

@@ -140,7 +140,7 @@ def _extract() -> Any:
 
 
 def _window() -> Any:
-    from uavseg.raster.tiling import Window
+    from uavseg.raster.grid.tiling import Window
 
     return Window(2, 3, 4, 5)
 

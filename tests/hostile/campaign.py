@@ -50,8 +50,13 @@ LIBRARIES = (
     "rosbags.typesys.stores.ros2_humble",
 )
 MODULES = (
-    *("uavseg.jobs.extract", "uavseg.jobs.plan", "uavseg.plot.preview", "uavseg.regions.formats.export"),
-    "uavseg.server.words",
+    *(
+        "uavseg.jobs.extract",
+        "uavseg.jobs.flights.plan",
+        "uavseg.plot.preview",
+        "uavseg.regions.formats.export",
+    ),
+    "uavseg.api.serve",
 )
 BATCH = 200
 BATCHES_A_PROCESS = 20  # then a fresh one; max_tasks_per_child of the pool itself was seen to wait for ever

@@ -13,17 +13,17 @@ from scipy import ndimage
 
 from uavseg.errors import LostObstaclesError
 from uavseg.execution.executors import serial, threads
-from uavseg.jobs.classify import Classification, ClassifyRequest, classify
-from uavseg.jobs.open_source import open_probability_map
-from uavseg.jobs.source import ProbabilityMap
-from uavseg.jobs.work import Work
+from uavseg.jobs.maps.classify import Classification, ClassifyRequest, classify
+from uavseg.jobs.source.open_source import open_probability_map
+from uavseg.jobs.source.source import ProbabilityMap
+from uavseg.jobs.source.work import Work
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.mapping.scan import Pose, Scan
 from uavseg.occupancy.simulation.paper_scenes import BUILT_IN_SCENES
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.geobox import GeoBox, local_geobox
-from uavseg.raster.tiling import Window
-from uavseg.segmentation.params import SegmentParams, StateLimits
+from uavseg.raster.grid.geobox import GeoBox, local_geobox
+from uavseg.raster.grid.tiling import Window
+from uavseg.raster.read.dataset import Dataset
+from uavseg.segmentation.params.segment import SegmentParams, StateLimits
 
 SCAN, NONE = (
     ClassifyRequest(segment=SegmentParams("paper", refine=refine), allow_lost_obstacles=True)

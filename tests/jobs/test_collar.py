@@ -13,17 +13,17 @@ from uavseg.jobs.divide import DivideRequest, divide
 from uavseg.jobs.extract import ExtractRequest, extract
 from uavseg.jobs.info import info
 from uavseg.jobs.levels import LevelsRequest, levels
-from uavseg.jobs.like.request import MatchRequest
-from uavseg.jobs.match import match
-from uavseg.jobs.open_source import open_probability_map, open_source
-from uavseg.jobs.result import Extraction
-from uavseg.jobs.source import ReadOptions
+from uavseg.jobs.match.match import match
+from uavseg.jobs.match.request import MatchRequest
+from uavseg.jobs.result.result import Extraction
+from uavseg.jobs.source.open_source import open_probability_map, open_source
+from uavseg.jobs.source.source import ReadOptions
+from uavseg.jobs.source.valid_ground import valid_ground
+from uavseg.jobs.source.work import Work
 from uavseg.jobs.suggest import suggest
-from uavseg.jobs.valid_ground import valid_ground
-from uavseg.jobs.work import Work
 from uavseg.regions.sample.place import Disc
 from uavseg.segmentation.blocks.block_file import write_block_map
-from uavseg.segmentation.params import IntensityRange, Levels, SegmentParams
+from uavseg.segmentation.params.segment import IntensityRange, Levels, SegmentParams
 
 SHAPE = (300, 340)
 DARK = ExtractRequest(IntensityRange(0, 0.45))

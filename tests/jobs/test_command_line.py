@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from uavseg.access import allowing
 from uavseg.cli.info import command
 from uavseg.cli.options.raster import read_options
-from uavseg.jobs.command_line import extract_line, option_words, source_words
-from uavseg.jobs.source import ReadOptions
+from uavseg.jobs.source.command_line import extract_line, option_words, source_words
+from uavseg.jobs.source.source import ReadOptions
 from uavseg.raster.spectral.formula import BandWords
 
 numbers = st.floats(-1e6, 1e6, allow_nan=False)

@@ -16,12 +16,12 @@ import uavseg
 from tests.jobs.test_match_auto import LIKE, overlap, painted, quarters, same, write
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import threads
-from uavseg.jobs.detail import Length, as_length, detail_of
-from uavseg.jobs.like.request import MatchRequest
-from uavseg.jobs.match import match
-from uavseg.jobs.open_source import open_raster
-from uavseg.jobs.work import Work
-from uavseg.raster.geobox import GeoBox
+from uavseg.jobs.match.match import match
+from uavseg.jobs.match.request import MatchRequest
+from uavseg.jobs.source.detail import Length, as_length, detail_of
+from uavseg.jobs.source.open_source import open_raster
+from uavseg.jobs.source.work import Work
+from uavseg.raster.grid.geobox import GeoBox
 from uavseg.segmentation.refine.detail import Detail
 from uavseg.segmentation.refine.discs import PixelDisc, covered_by_own_discs
 

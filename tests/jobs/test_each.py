@@ -15,15 +15,15 @@ from affine import Affine
 from rasterio.errors import NotGeoreferencedWarning
 
 from uavseg.errors import OutputError, OutputExistsError, ParameterError, RasterReadError
-from uavseg.jobs import each
-from uavseg.jobs.each import OutputNames, RegionJob, Task, grouped_warnings, plan_tasks, run_each
-from uavseg.jobs.each_report import Outcome
+from uavseg.jobs.each import each
+from uavseg.jobs.each.each import OutputNames, RegionJob, Task, grouped_warnings, plan_tasks, run_each
+from uavseg.jobs.each.each_report import Outcome
 from uavseg.jobs.extract import ExtractRequest, extract
-from uavseg.jobs.result import Extraction
-from uavseg.jobs.source import ReadOptions, Source
-from uavseg.jobs.work import Work
+from uavseg.jobs.result.result import Extraction
+from uavseg.jobs.source.source import ReadOptions, Source
+from uavseg.jobs.source.work import Work
 from uavseg.output.written import recording_written
-from uavseg.segmentation.params import IntensityRange
+from uavseg.segmentation.params.segment import IntensityRange
 
 REQUEST = ExtractRequest(IntensityRange(0.5, 1))
 

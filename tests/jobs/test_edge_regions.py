@@ -12,8 +12,8 @@ from rasterio.crs import CRS
 
 import uavseg
 from uavseg.errors import RegionError
-from uavseg.jobs.edge_regions import touches_edge
-from uavseg.raster.geobox import GeoBox
+from uavseg.jobs.result.edge_regions import touches_edge
+from uavseg.raster.grid.geobox import GeoBox
 
 ROWS, COLS = 80, 120
 PLACES = [

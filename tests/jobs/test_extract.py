@@ -20,16 +20,16 @@ from uavseg.errors import ParameterError, RasterError
 from uavseg.execution.executors import serial, threads
 from uavseg.jobs.divide import divide
 from uavseg.jobs.extract import ExtractRequest, extract
-from uavseg.jobs.result import Drawing, Extraction
-from uavseg.jobs.source import Blocks, Raster
-from uavseg.jobs.work import SERIAL, Work
-from uavseg.raster.dataset import Dataset
+from uavseg.jobs.result.result import Drawing, Extraction
+from uavseg.jobs.source.source import Blocks, Raster
+from uavseg.jobs.source.work import SERIAL, Work
+from uavseg.raster.grid.tiling import tiles
 from uavseg.raster.intensity.stretch import parse_stretch
-from uavseg.raster.tiling import tiles
+from uavseg.raster.read.dataset import Dataset
 from uavseg.regions.edit.small import Area
 from uavseg.regions.formats.label_raster import label_strips
 from uavseg.segmentation.blocks.saved_blocks import Origin
-from uavseg.segmentation.params import IntensityRange, SegmentParams
+from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
 
 Image = NDArray[Any]
 Opened = Callable[..., Dataset]

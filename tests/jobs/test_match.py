@@ -19,14 +19,14 @@ from rasterio.crs import CRS
 import uavseg
 from uavseg.errors import ParameterError, SampleError
 from uavseg.execution.executors import serial, threads
-from uavseg.jobs.like.request import MatchRequest
-from uavseg.jobs.match import Match, match
-from uavseg.jobs.source import Raster
-from uavseg.jobs.work import SERIAL, Work
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.geobox import GeoBox
+from uavseg.jobs.match.match import Match, match
+from uavseg.jobs.match.request import MatchRequest
+from uavseg.jobs.source.source import Raster
+from uavseg.jobs.source.work import SERIAL, Work
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.tiling import Window
 from uavseg.raster.intensity.stretch import parse_stretch
-from uavseg.raster.tiling import Window
+from uavseg.raster.read.dataset import Dataset
 from uavseg.regions.edit.small import parse_area
 from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.sample.place import Disc

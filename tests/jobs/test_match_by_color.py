@@ -14,12 +14,12 @@ from scipy import ndimage
 import uavseg
 from uavseg.errors import ParameterError, SampleError
 from uavseg.execution.executors import threads
-from uavseg.jobs.like.request import MatchRequest
-from uavseg.jobs.match import Match, match
-from uavseg.jobs.open_source import open_raster
-from uavseg.jobs.source import ReadOptions
-from uavseg.jobs.work import Work
-from uavseg.raster.tiling import Window
+from uavseg.jobs.match.match import Match, match
+from uavseg.jobs.match.request import MatchRequest
+from uavseg.jobs.source.open_source import open_raster
+from uavseg.jobs.source.source import ReadOptions
+from uavseg.jobs.source.work import Work
+from uavseg.raster.grid.tiling import Window
 from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.sample.place import Disc
 

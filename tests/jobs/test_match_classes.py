@@ -14,16 +14,21 @@ from tests.jobs.test_match_by_color import KINDS, SHAPE, picture, truth, write
 from uavseg.cli import main
 from uavseg.errors import ParameterError, SampleError
 from uavseg.execution.executors import threads
-from uavseg.jobs.like.by_classes import MatchClassesRequest, learn_classes, match_classes, outlines_by_classes
-from uavseg.jobs.like.color_bands import color_sources
-from uavseg.jobs.open_source import open_raster
-from uavseg.jobs.result import Extraction
-from uavseg.jobs.work import SERIAL, Work
-from uavseg.raster.tiling import Window
+from uavseg.jobs.match.by_classes import (
+    MatchClassesRequest,
+    learn_classes,
+    match_classes,
+    outlines_by_classes,
+)
+from uavseg.jobs.match.color_bands import color_sources
+from uavseg.jobs.result.result import Extraction
+from uavseg.jobs.source.open_source import open_raster
+from uavseg.jobs.source.work import SERIAL, Work
+from uavseg.raster.grid.tiling import Window
 from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.sample.class_places import class_masks
 from uavseg.regions.sample.likeness import BlurredBands
-from uavseg.segmentation.params import SegmentParams
+from uavseg.segmentation.params.segment import SegmentParams
 
 NAMES = ("meadow", "roof", "water")
 PLACES = {"meadow": [(1020, 960), (1030, 830)], "roof": [(1070, 940)], "water": [(1240, 900), (1230, 990)]}

@@ -11,10 +11,10 @@ import uavseg
 from tests.jobs.test_match_by_color import SHAPE, overlap, painted, picture, truth, write
 from uavseg.errors import ParameterError, SampleError
 from uavseg.execution.executors import threads
-from uavseg.jobs.like.request import MatchRequest
-from uavseg.jobs.match import Match, match
-from uavseg.jobs.open_source import open_raster
-from uavseg.jobs.work import SERIAL, Work
+from uavseg.jobs.match.match import Match, match
+from uavseg.jobs.match.request import MatchRequest
+from uavseg.jobs.source.open_source import open_raster
+from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.regions.sample.place import Disc
 from uavseg.segmentation.sample.mixture import fit_mixtures
 from uavseg.segmentation.sample.sample_vote import SampleVote

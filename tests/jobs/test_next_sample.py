@@ -19,10 +19,10 @@ import uavseg
 from tests.jobs.test_match_by_color import DISC, SHAPE, overlap, painted, picture, write
 from uavseg.cli import main
 from uavseg.execution.executors import threads
-from uavseg.jobs.like.request import MatchRequest
-from uavseg.jobs.match import Match, match
-from uavseg.jobs.open_source import open_raster
-from uavseg.jobs.work import SERIAL, Work
+from uavseg.jobs.match.match import Match, match
+from uavseg.jobs.match.request import MatchRequest
+from uavseg.jobs.source.open_source import open_raster
+from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.regions.sample.place import Disc, sample_mask
 
 LEFT = Disc(1044, 900, 10)

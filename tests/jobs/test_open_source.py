@@ -13,14 +13,14 @@ from affine import Affine
 import uavseg
 from uavseg.errors import ParameterError, RasterReadError
 from uavseg.jobs.divide import divide
-from uavseg.jobs.open_source import open_probability_map, open_raster, open_source, raster_of
-from uavseg.jobs.source import Blocks, ProbabilityMap, Raster, ReadOptions
-from uavseg.jobs.work import Work
+from uavseg.jobs.source.open_source import open_probability_map, open_raster, open_source, raster_of
+from uavseg.jobs.source.source import Blocks, ProbabilityMap, Raster, ReadOptions
+from uavseg.jobs.source.work import Work
 from uavseg.occupancy.ros.ros_map import write_ros_map
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.geobox import local_geobox
+from uavseg.raster.grid.geobox import local_geobox
+from uavseg.raster.read.dataset import Dataset
 from uavseg.segmentation.blocks.block_file import write_block_map
-from uavseg.segmentation.params import SegmentParams
+from uavseg.segmentation.params.segment import SegmentParams
 
 SHAPE = (80, 100)
 SCENE = np.add.outer(np.arange(80), np.arange(100)).astype(np.uint8)

@@ -14,10 +14,10 @@ from scipy.sparse import csgraph
 
 import uavseg
 from uavseg.errors import PathError
-from uavseg.jobs.open_source import open_probability_map
+from uavseg.jobs.source.open_source import open_probability_map
 from uavseg.occupancy.mapping.grid import OccupancyGrid
-from uavseg.raster.geobox import local_geobox
-from uavseg.raster.tiling import Window
+from uavseg.raster.grid.geobox import local_geobox
+from uavseg.raster.grid.tiling import Window
 
 CELL = 0.1
 RANGE = (0, 0.45)

@@ -15,20 +15,20 @@ from rasterio.crs import CRS
 
 import uavseg
 from uavseg.cli import main
-from uavseg.jobs.classify import ClassifyRequest, classify
 from uavseg.jobs.extract import ExtractRequest, extract
 from uavseg.jobs.extract_classes import ClassesRequest, extract_classes
 from uavseg.jobs.levels import LevelsRequest, levels
-from uavseg.jobs.ranges import decided_grey
-from uavseg.jobs.source import ProbabilityMap
+from uavseg.jobs.maps.classify import ClassifyRequest, classify
+from uavseg.jobs.ranges.ranges import decided_grey
+from uavseg.jobs.source.source import ProbabilityMap
 from uavseg.occupancy.probability_map import stretch_of
-from uavseg.raster.dataset import Dataset
 from uavseg.raster.formats.geotiff import write_geotiff
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.tiling import TilePass, Window
 from uavseg.raster.intensity.stretch import Stretch, fit_stretch
-from uavseg.raster.tiling import TilePass, Window
-from uavseg.segmentation.params import IntensityRange, Levels, Refinement, SegmentParams, StateLimits
-from uavseg.segmentation.partition import ValueClass, ValueClasses
+from uavseg.raster.read.dataset import Dataset
+from uavseg.segmentation.params.partition import ValueClass, ValueClasses
+from uavseg.segmentation.params.segment import IntensityRange, Levels, Refinement, SegmentParams, StateLimits
 from uavseg.segmentation.source import GreySource
 
 UTM = CRS.from_epsg(32633)

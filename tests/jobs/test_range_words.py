@@ -7,9 +7,9 @@ import pytest
 
 import uavseg
 from uavseg.errors import IntensityRangeError, ParameterError
-from uavseg.jobs.range_words import parse_range, range_of_words
+from uavseg.jobs.ranges.range_words import parse_range, range_of_words
 from uavseg.raster.intensity.value_range import ValueRange
-from uavseg.segmentation.params import IntensityRange
+from uavseg.segmentation.params.segment import IntensityRange
 
 
 @pytest.mark.parametrize("word", ["0.5,1", (0.5, 1), [0.5, 1.0], np.array([0.5, 1])])

@@ -15,15 +15,15 @@ import uavseg
 from uavseg.cli import main
 from uavseg.errors import ParameterError, SampleError
 from uavseg.execution.executors import threads
-from uavseg.jobs.like.ranges_of_sample import (
+from uavseg.jobs.match.ranges_of_sample import (
     SampleRange,
     SampleRanges,
     SuggestLikeRequest,
     open_all_bands,
     ranges_of_sample,
 )
-from uavseg.jobs.source import ReadOptions
-from uavseg.jobs.work import SERIAL, Work
+from uavseg.jobs.source.source import ReadOptions
+from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.raster.spectral.formula import BandWords
 from uavseg.regions.sample.place import Disc
 

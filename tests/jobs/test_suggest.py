@@ -12,16 +12,16 @@ from uavseg.execution.executors import threads
 from uavseg.jobs import suggest as module
 from uavseg.jobs.divide import divide
 from uavseg.jobs.extract import ExtractRequest, extract
-from uavseg.jobs.source import Blocks, Raster
+from uavseg.jobs.source.source import Blocks, Raster
+from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.jobs.suggest import SuggestRequest, suggest
 from uavseg.jobs.suggestions import Suggestion, Suggestions
-from uavseg.jobs.work import SERIAL, Work
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.intensity.stretch import parse_stretch
+from uavseg.raster.read.dataset import Dataset
 from uavseg.segmentation.blocks.block_file import is_block_map
 from uavseg.segmentation.blocks.leaves import cells_in_range
-from uavseg.segmentation.params import IntensityRange, SegmentParams
+from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
 from uavseg.segmentation.range_choice import ChosenRange, RangeChoice
 
 NONE = SegmentParams(refine="none")

@@ -13,11 +13,11 @@ from matplotlib.image import imread
 
 import uavseg
 from uavseg.cli import main
-from uavseg.jobs.open_source import open_source
+from uavseg.jobs.source.open_source import open_source
 from uavseg.jobs.suggest import suggest
 from uavseg.plot.layers.range_layer import range_colors
 from uavseg.plot.suggestions import draw_suggestions
-from uavseg.raster.dataset import Dataset
+from uavseg.raster.read.dataset import Dataset
 
 SIDE = 192
 ROW, COL = np.indices((SIDE, SIDE))

@@ -11,10 +11,10 @@ from affine import Affine
 
 from uavseg.execution.executors import threads
 from uavseg.jobs.extract import ExtractRequest, extract
-from uavseg.jobs.open_source import open_raster
-from uavseg.jobs.work import SERIAL, Work
-from uavseg.raster.bad_blocks import BadBlock, record_bad_block
-from uavseg.segmentation.params import IntensityRange, SegmentParams
+from uavseg.jobs.source.open_source import open_raster
+from uavseg.jobs.source.work import SERIAL, Work
+from uavseg.raster.read.bad_blocks import BadBlock, record_bad_block
+from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
 
 FIRST, SECOND = BadBlock("a.tif", 0, 0, 64, 64), BadBlock("a.tif", 128, 0, 64, 64)
 SCENE = np.kron(np.arange(16).reshape(4, 4) * 16, np.ones((40, 40))).astype(np.uint8)

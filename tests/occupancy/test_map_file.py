@@ -9,7 +9,7 @@ from uavseg.errors import OutputError, OutputExistsError
 from uavseg.occupancy.map_file import check_map_path, trinary_states, write_map
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.ros.ros_map import read_ros_map
-from uavseg.raster.geobox import local_geobox
+from uavseg.raster.grid.geobox import local_geobox
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from rasterio.crs import CRS
 from uavseg.errors import MapError
 from uavseg.occupancy.merge_maps import PlacedMap, common_grid, cropped, merge
 from uavseg.occupancy.ros.ros_map import transform_of
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox
 
 METRIC = CRS.from_epsg(32633)
 YAWS = st.one_of(st.just(0.0), st.floats(-3.2, 3.2), st.sampled_from([k * math.pi / 2 for k in range(-2, 3)]))

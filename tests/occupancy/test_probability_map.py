@@ -12,11 +12,11 @@ from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.probability_map import open_map, stretch_of
 from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.occupancy.simulation.paper_scenes import lens
-from uavseg.raster.dataset import Dataset
 from uavseg.raster.formats.geotiff import Page, write_geotiff_pages
 from uavseg.raster.formats.png import write_png
-from uavseg.raster.geobox import local_geobox
-from uavseg.raster.tiling import TilePass, Window, tiles
+from uavseg.raster.grid.geobox import local_geobox
+from uavseg.raster.grid.tiling import TilePass, Window, tiles
+from uavseg.raster.read.dataset import Dataset
 from uavseg.segmentation.pipeline import GreySource, fill_ratios, measure_cells
 
 Write = Callable[..., Path]

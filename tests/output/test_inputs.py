@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from uavseg.cli import main
 from uavseg.errors import OutputError
 from uavseg.jobs.divide import DivideRequest, divide
-from uavseg.jobs.open_source import open_source
+from uavseg.jobs.source.open_source import open_source
 from uavseg.plot.preview import preview
 from uavseg.segmentation.blocks.block_file import write_block_map
 

@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from uavseg.atomic import atomic_file
 from uavseg.errors import OutputError, OutputExistsError
 from uavseg.output import disk
+from uavseg.output.atomic import atomic_file
 from uavseg.output.transaction import transaction
 
 NO_LINKS = ("EPERM", "EOPNOTSUPP", "ENOSYS", "EMLINK", "EINVAL", "EXDEV")

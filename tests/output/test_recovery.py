@@ -10,15 +10,15 @@ from typing import Any
 
 import pytest
 
-from uavseg.atomic import atomic_file, check_target
 from uavseg.errors import OutputError
+from uavseg.output.atomic import atomic_file, check_target
 from uavseg.output.renames import recover
 from uavseg.output.staging import PREFIX, Stage
 
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from uavseg.atomic import atomic_file
+from uavseg.output.atomic import atomic_file
 with atomic_file(Path(sys.argv[1]), overwrite=True) as path:
     for suffix in (".shp", ".shx", ".dbf"):
         path.with_suffix(suffix).write_text("new")

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from uavseg.atomic import atomic_file, check_target
 from uavseg.errors import OutputError, OutputExistsError
+from uavseg.output.atomic import atomic_file, check_target
 
 PARTS = [  # of a target, parts that nothing but an older one of that name has
     *(("t.shp", f"t{end}") for end in (".shx", ".dbf", ".prj", ".cpg", ".qix", ".sbn", ".shp.xml", ".DBF")),

@@ -12,9 +12,9 @@ from typing import Any
 
 import pytest
 
-from uavseg.atomic import atomic_file
 from uavseg.errors import OutputError, OutputExistsError
 from uavseg.output import disk
+from uavseg.output.atomic import atomic_file
 from uavseg.output.interrupts import interrupts_held
 from uavseg.output.locks import locked_folder
 from uavseg.output.transaction import transaction
@@ -150,7 +150,7 @@ def test_a_folder_is_not_put_in_place_of_another(tmp_path: Path) -> None:
 RACE = """
 import sys, time
 from pathlib import Path
-from uavseg.atomic import atomic_file
+from uavseg.output.atomic import atomic_file
 name, number, overwrite, start = sys.argv[1], sys.argv[2], sys.argv[3] == "True", float(sys.argv[4])
 try:
     with atomic_file(Path(name), overwrite) as path:

@@ -3,11 +3,11 @@
 import numpy as np
 from affine import Affine
 
-from uavseg.jobs.source import Raster
+from uavseg.jobs.source.source import Raster
 from uavseg.jobs.suggest import Suggestions, suggest
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.intensity.stretch import StretchSpec
+from uavseg.raster.read.dataset import Dataset
 
 
 def raster(image: np.ndarray) -> Dataset:

@@ -10,8 +10,8 @@ import shapely
 from affine import Affine
 from PIL import Image
 
-from uavseg.flight.items import HomePosition, MissionItem
-from uavseg.flight.mission import Mission
+from uavseg.flight.mission.items import HomePosition, MissionItem
+from uavseg.flight.mission.mission import Mission
 
 UTM = rasterio.crs.CRS.from_epsg(32618)
 

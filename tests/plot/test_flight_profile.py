@@ -11,10 +11,10 @@ from tests.plot.pictures import UTM, write
 from uavseg.errors import MissionError
 from uavseg.flight.camera.catalogue import camera_named
 from uavseg.flight.camera.photos import Photos
-from uavseg.flight.mission import Mission
-from uavseg.flight.params import PlanParams
-from uavseg.flight.planner import plan_missions
-from uavseg.flight.terrain.params import terrain_params
+from uavseg.flight.mission.mission import Mission
+from uavseg.flight.params.plan import PlanParams
+from uavseg.flight.params.terrain import terrain_params
+from uavseg.flight.planning.planner import plan_missions
 from uavseg.plot.flight_profile import flight_profile
 from uavseg.raster.elevation.dem import Dem
 

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from pyproj import Geod
 
 from tests.plot.pictures import NORTH_UP, UTM
-from uavseg.plot.frame import Frame
-from uavseg.raster.geobox import GeoBox
+from uavseg.plot.page.frame import Frame
+from uavseg.raster.grid.geobox import GeoBox
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from tests.plot.pictures import UTM
 from uavseg.errors import OutputError, OutputExistsError
-from uavseg.plot.page import check_png_target, fit_axes, new_figure, raster_caption, save_figure
-from uavseg.raster.geobox import GeoBox
+from uavseg.plot.page.page import check_png_target, fit_axes, new_figure, raster_caption, save_figure
+from uavseg.raster.grid.geobox import GeoBox
 
 LENGTHS = st.floats(0.1, 1e5)
 

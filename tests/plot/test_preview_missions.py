@@ -9,7 +9,7 @@ from PIL import Image
 
 from tests.plot.pictures import a_mission, colored
 from uavseg.errors import MissionError, OutputError, OutputExistsError, ParameterError, RasterReadError
-from uavseg.flight import files
+from uavseg.flight.formats import files
 from uavseg.plot.layers.mission_layer import FLIGHT_COLORS
 from uavseg.plot.preview_missions import preview_missions
 

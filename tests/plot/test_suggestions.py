@@ -12,7 +12,7 @@ from tests.plot.halves import found_in, halves
 from uavseg.errors import OutputError, OutputExistsError
 from uavseg.plot.layers.range_layer import range_colors
 from uavseg.plot.suggestions import draw_suggestions
-from uavseg.raster.value_scale import BandScale, ValueAxis
+from uavseg.raster.spectral.value_scale import BandScale, ValueAxis
 
 
 def has(picture: np.ndarray, color: tuple[float, ...]) -> bool:

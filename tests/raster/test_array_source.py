@@ -3,9 +3,9 @@ import pytest
 from affine import Affine
 
 from uavseg.errors import MosaicError, RasterError
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.geobox import GeoBox
-from uavseg.raster.tiling import Window
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.tiling import Window
+from uavseg.raster.read.dataset import Dataset
 
 xarray = pytest.importorskip("xarray", reason="xarray and rioxarray are optional")
 pytest.importorskip("rioxarray", reason="xarray and rioxarray are optional")

@@ -16,11 +16,11 @@ from hypothesis import strategies as st
 
 from uavseg.errors import RasterReadError
 from uavseg.execution.executors import serial, threads
-from uavseg.raster.bad_blocks import BadBlock, bad_block_warnings, recording_bad_blocks, with_bad_blocks
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.opening import OpenFiles
-from uavseg.raster.raster_file import RasterFile
-from uavseg.raster.tiling import Window, tiles
+from uavseg.raster.access.opening import OpenFiles
+from uavseg.raster.grid.tiling import Window, tiles
+from uavseg.raster.read.bad_blocks import BadBlock, bad_block_warnings, recording_bad_blocks, with_bad_blocks
+from uavseg.raster.read.dataset import Dataset
+from uavseg.raster.read.raster_file import RasterFile
 
 ROWS, COLS = 300, 350
 PIXELS = np.random.default_rng(0).integers(1, 255, (ROWS, COLS), np.uint8)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from uavseg.errors import ParameterError, RasterError
-from uavseg.raster.bands import BandLayout, choose_bands
+from uavseg.raster.spectral.bands import BandLayout, choose_bands
 
 
 def layout(roles: str, dtype: str = "uint8") -> BandLayout:

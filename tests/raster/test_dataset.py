@@ -15,10 +15,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavseg.errors import ParameterError, RasterError, RasterReadError, UavsegError
-from uavseg.raster.dataset import Dataset
+from uavseg.raster.access.opening import MAX_OPEN, absolute_path
 from uavseg.raster.formats.png import write_png
-from uavseg.raster.opening import MAX_OPEN, absolute_path
-from uavseg.raster.tiling import Window, tiles
+from uavseg.raster.grid.tiling import Window, tiles
+from uavseg.raster.read.dataset import Dataset
 
 RAMP = np.arange(150 * 170, dtype=np.uint16).reshape(150, 170)
 COLORS = np.stack([RAMP % 251, RAMP % 127, RAMP % 63]).astype(np.uint8)
@@ -244,7 +244,7 @@ def test_the_block_cache_of_the_process_keeps_its_size(holed, monkeypatch):
 
 
 def test_a_foreign_proj_database_is_named(write_raster, tmp_path):
-    code = "import sys; from uavseg.raster.dataset import Dataset; Dataset.open(sys.argv[1])"
+    code = "import sys; from uavseg.raster.read.dataset import Dataset; Dataset.open(sys.argv[1])"
     answer = subprocess.run(
         [sys.executable, "-c", code, str(write_raster(RAMP))],
         env=os.environ | {"PROJ_DATA": str(tmp_path), "PYTHONPATH": os.pathsep.join(sys.path)},

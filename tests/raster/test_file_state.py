@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from uavseg.errors import RasterReadError
-from uavseg.raster.raster_file import file_states
+from uavseg.raster.read.raster_file import file_states
 
 PIXELS = np.arange(12, dtype=np.uint8).reshape(3, 4)
 

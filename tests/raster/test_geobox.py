@@ -7,8 +7,8 @@ from rasterio.crs import CRS
 from rasterio.transform import xy
 
 from uavseg.errors import ParameterError, RasterError
-from uavseg.raster.geobox import GeoBox
-from uavseg.raster.tiling import Window
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.tiling import Window
 
 TRANSFORMS = [
     Affine(0.5, 0, 3e5, 0, -0.5, 4e6),
@@ -58,7 +58,7 @@ def test_longitude_comes_first_whatever_the_crs_says():
 
 
 def test_europa_has_longitudes_of_its_own(shared_data):
-    from uavseg.raster.dataset import Dataset
+    from uavseg.raster.read.dataset import Dataset
 
     box = Dataset.open(shared_data / "odd" / "riotiler_cog_nonearth.tif").geobox
     lon, lat = box.lonlat_from_xy([0.0], [1560800.0 * np.pi / 180])

@@ -9,12 +9,12 @@ import rasterio
 from affine import Affine
 from rasterio.enums import ColorInterp
 
-from uavseg.jobs.open_source import open_raster
-from uavseg.jobs.source import Raster, ReadOptions
-from uavseg.jobs.work import SERIAL
-from uavseg.raster.map_tile import has_map_tiles, read_map_tile
+from uavseg.jobs.source.open_source import open_raster
+from uavseg.jobs.source.source import Raster, ReadOptions
+from uavseg.jobs.source.work import SERIAL
+from uavseg.jobs.web_map.map_tile import has_map_tiles, read_map_tile
+from uavseg.raster.grid.tiling import Window
 from uavseg.raster.spectral.formula import BandWords
-from uavseg.raster.tiling import Window
 
 pytest.importorskip("rio_tiler")
 

@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 from rasterio.crs import CRS
 
 from uavseg.errors import MosaicError
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.tiling import Window
+from uavseg.raster.grid.tiling import Window
+from uavseg.raster.read.dataset import Dataset
 
 SHAPE = (60, 80)
 IMAGE = np.arange(60 * 80, dtype=np.uint16).reshape(SHAPE) + 1  # 0 is nodata

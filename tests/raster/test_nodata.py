@@ -11,8 +11,8 @@ import rasterio
 from affine import Affine
 
 from uavseg.errors import ParameterError
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.tiling import Window
+from uavseg.raster.grid.tiling import Window
+from uavseg.raster.read.dataset import Dataset
 
 NAN = math.nan
 Write = Callable[..., Path]

@@ -10,10 +10,10 @@ import rasterio
 from rasterio.env import get_gdal_config
 
 from uavseg.errors import RasterReadError
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.inspect_file import inspect_file
-from uavseg.raster.opening import OFFLINE_OPTIONS, gdal_env
-from uavseg.raster.tiling import Window
+from uavseg.raster.access.opening import OFFLINE_OPTIONS, gdal_env
+from uavseg.raster.grid.tiling import Window
+from uavseg.raster.read.dataset import Dataset
+from uavseg.raster.read.inspect_file import inspect_file
 
 PROXY = "GDAL_HTTP_PROXY"
 OFFLINE = OFFLINE_OPTIONS[PROXY]

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from uavseg.access import allowing
 from uavseg.errors import AccessError, RasterReadError
-from uavseg.raster.source_list import expand_sources, is_list, parse_list, stem_of
+from uavseg.raster.read.source_list import expand_sources, is_list, parse_list, stem_of
 
 NAMES = ("b.tif", "a.TIF", "c.jp2", "tiles.vrt", ".hidden.tif", "a.tif.aux.xml", "regions.gpkg", "notes.txt")
 

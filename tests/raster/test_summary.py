@@ -17,7 +17,7 @@ from uavseg.execution.executors import threads
 from uavseg.jobs.info import info, open_to_describe
 from uavseg.plot.summary_text import _EIGHTHS, summary_text, text_bar
 from uavseg.raster import summary
-from uavseg.raster.dataset import Dataset
+from uavseg.raster.read.dataset import Dataset
 from uavseg.raster.summary import summarize
 
 UTM = rasterio.crs.CRS.from_epsg(32618)

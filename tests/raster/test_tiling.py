@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavseg.errors import ParameterError
-from uavseg.raster.tiling import Window, tile_side, tiles
+from uavseg.raster.grid.tiling import Window, tile_side, tiles
 from uavseg.units import BLOCK
 
 shapes = st.tuples(st.integers(0, 400), st.integers(0, 400))

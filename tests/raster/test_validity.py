@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from uavseg.raster.bands import usable_nodata, valid_pixels
+from uavseg.raster.spectral.bands import usable_nodata, valid_pixels
 
 NAN = float("nan")
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from rasterio import features
 from rasterio.crs import CRS
 
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.shapes import LazyPolygons
 from uavseg.regions.table import COLUMNS, make_regions

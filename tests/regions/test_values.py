@@ -13,17 +13,17 @@ from uavseg.errors import ParameterError
 from uavseg.jobs.divide import divide
 from uavseg.jobs.extract import ExtractRequest, extract
 from uavseg.jobs.levels import LevelsRequest, levels
-from uavseg.jobs.open_source import open_source
-from uavseg.jobs.result import Extraction
-from uavseg.jobs.source import Blocks, Raster
-from uavseg.jobs.work import Work
+from uavseg.jobs.result.result import Extraction
+from uavseg.jobs.source.open_source import open_source
+from uavseg.jobs.source.source import Blocks, Raster
+from uavseg.jobs.source.work import Work
+from uavseg.raster.grid.tiling import Window
 from uavseg.raster.intensity.stretch import parse_stretch
 from uavseg.raster.intensity.value_range import ValueRange
-from uavseg.raster.tiling import Window
-from uavseg.raster.value_scale import BandScale
+from uavseg.raster.spectral.value_scale import BandScale
 from uavseg.regions.edit.small import as_area
 from uavseg.regions.outline.rasterise import rasterise
-from uavseg.segmentation.params import IntensityRange, Levels, SegmentParams
+from uavseg.segmentation.params.segment import IntensityRange, Levels, SegmentParams
 
 SCALE = BandScale(0.1, -50.0, "degC")
 

@@ -7,9 +7,9 @@ import numpy as np
 from affine import Affine
 from numpy.typing import NDArray
 
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.tiling import Window
 from uavseg.raster.intensity.stretch import Stretch
-from uavseg.raster.tiling import Window
 from uavseg.segmentation.source import GreySource
 
 

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from uavseg.segmentation.dilation import dilate
+from uavseg.segmentation.blocks.dilation import dilate
 
 
 @settings(max_examples=60)

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from tests.segmentation.in_memory_dataset import InMemory, field_of, source_of
 from uavseg.execution.executors import threads
-from uavseg.raster.tiling import TilePass, Window, tiles
-from uavseg.segmentation.illumination import Illumination, fit_illumination, square_side
+from uavseg.raster.grid.tiling import TilePass, Window, tiles
 from uavseg.segmentation.measure_illumination import measure_illumination
+from uavseg.segmentation.params.illumination import Illumination, fit_illumination, square_side
 from uavseg.segmentation.source import GreySource
 
 SEEDS = st.integers(0, 100_000)

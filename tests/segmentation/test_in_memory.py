@@ -5,7 +5,7 @@ import pytest
 
 from uavseg.errors import IntensityRangeError
 from uavseg.segmentation import in_memory
-from uavseg.segmentation.params import IntensityRange, SegmentParams
+from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
 
 
 @pytest.mark.parametrize("seed", range(0, 40, 2))

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavseg.errors import IntensityRangeError, ParameterError
-from uavseg.segmentation.params import IntensityRange, Levels, StateLimits
+from uavseg.segmentation.params.segment import IntensityRange, Levels, StateLimits
 
 V = np.arange(65536) / 65535
 

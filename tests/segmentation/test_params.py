@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from uavseg.errors import ParameterError
-from uavseg.segmentation.params import DivisionParams, SegmentParams
+from uavseg.segmentation.params.segment import DivisionParams, SegmentParams
 
 
 def test_the_method_of_the_paper_scans_and_the_adaptive_one_denoises() -> None:

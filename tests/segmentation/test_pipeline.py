@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from tests.segmentation.in_memory_dataset import InMemory, field_of, source_of
 from uavseg.execution.executors import Map, serial, split_progress, threads
-from uavseg.raster.tiling import TilePass, Window, cells_around, tiles
+from uavseg.raster.grid.tiling import TilePass, Window, cells_around, tiles
 from uavseg.segmentation.blocks.block_map import required_ratios
 from uavseg.segmentation.blocks.leaves import cells_in_range
-from uavseg.segmentation.params import IntensityRange, SegmentParams
+from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
 from uavseg.segmentation.pipeline import (
     cells_to_refine,
     measure_block_map,

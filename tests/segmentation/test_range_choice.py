@@ -9,7 +9,7 @@ from scipy import ndimage
 from uavseg.segmentation.blocks.cell_pairs import count_cell_pairs
 from uavseg.segmentation.blocks.leaves import histogram_of_means
 from uavseg.segmentation.in_memory import block_map_of_array
-from uavseg.segmentation.params import SegmentParams
+from uavseg.segmentation.params.segment import SegmentParams
 from uavseg.segmentation.range_candidates import edge_near, explained_by
 from uavseg.segmentation.range_choice import LEAST_CONTRAST, RangeChoice, choose_ranges
 

@@ -12,7 +12,7 @@ from scipy import ndimage
 
 import uavseg
 from uavseg.segmentation.in_memory import label_regions
-from uavseg.segmentation.params import IntensityRange
+from uavseg.segmentation.params.segment import IntensityRange
 from uavseg.segmentation.refine.tv import refine_kinds_by_tv
 from uavseg.units import GREY_MAX
 

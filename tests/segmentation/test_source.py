@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from tests.segmentation.in_memory_dataset import field_of, source_of
-from uavseg.raster.tiling import Window, tiles
+from uavseg.raster.grid.tiling import Window, tiles
 from uavseg.segmentation.refine.range_scans import REFINE_HALO
 
 shapes = st.tuples(st.integers(1, 200), st.integers(1, 200))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from uavseg.segmentation.in_memory import label_regions
-from uavseg.segmentation.params import IntensityRange, Method, Refinement, SegmentParams
+from uavseg.segmentation.params.segment import IntensityRange, Method, Refinement, SegmentParams
 from uavseg.segmentation.refine.tv import refine_kinds_by_tv
 
 Image = NDArray[np.bool_]

@@ -17,10 +17,10 @@ import pytest
 
 import uavseg
 from tests.server.asking import fetch
-from uavseg.cli._say import library_messages
+from uavseg.api.serve import MapServer
+from uavseg.cli.terminal.say import library_messages
 from uavseg.server import local_server
 from uavseg.server.local_server import MAX_ARRIVING, MAX_REQUESTS, Answer, LocalServer, json_answer
-from uavseg.server.words import MapServer
 
 SAMPLE = Path(uavseg.__file__).parents[1] / "samples" / "quarry.tif"
 HUGE = 10**398

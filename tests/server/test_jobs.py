@@ -22,14 +22,14 @@ from rasterio.warp import transform_bounds
 
 import uavseg
 from tests.server.asking import fetch, run_job
+from uavseg.api.serve import MapServer
 from uavseg.cli import main
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress
+from uavseg.jobs.web_map.map_tile import has_map_tiles
 from uavseg.plot.web import page
-from uavseg.raster.map_tile import has_map_tiles
 from uavseg.server.site import FIELDS
 from uavseg.server.tasks import KEPT, BusyError, Tasks
-from uavseg.server.words import MapServer
 
 SAMPLE = Path(uavseg.__file__).parents[1] / "samples" / "quarry.tif"
 TILES = has_map_tiles(uavseg.Dataset.open(SAMPLE))

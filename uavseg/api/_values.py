@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 from uavseg.execution.executors import Progress
 from uavseg.execution.progress_bar import ProgressLine
-from uavseg.jobs.open_source import open_source
-from uavseg.jobs.work import Work
+from uavseg.jobs.source.open_source import open_source
+from uavseg.jobs.source.work import Work
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
 
-    from uavseg.jobs.each import RegionJob
+    from uavseg.jobs.each.each import RegionJob
 
 
 def work(

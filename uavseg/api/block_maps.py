@@ -9,8 +9,8 @@ from uavseg.access import Folders, allowing
 from uavseg.api._values import warn, work
 from uavseg.arguments import checked
 from uavseg.jobs.divide import divide as run_divide
-from uavseg.jobs.open_source import open_source
-from uavseg.jobs.source import ReadOptions
+from uavseg.jobs.source.open_source import open_source
+from uavseg.jobs.source.source import ReadOptions
 from uavseg.raster.spectral.formula import BandWords
 
 if TYPE_CHECKING:

@@ -9,9 +9,9 @@ from typing import Any
 from uavseg.access import Folders, allowing
 from uavseg.api._values import listed_zones, warn
 from uavseg.arguments import checked
-from uavseg.flight.mission import Mission
-from uavseg.jobs.check import MissionCheck, check_request
-from uavseg.jobs.check import check as run_check
+from uavseg.flight.mission.mission import Mission
+from uavseg.jobs.flights.check import MissionCheck, check_request
+from uavseg.jobs.flights.check import check as run_check
 
 
 @checked

@@ -14,8 +14,8 @@ from uavseg.api.rasters import extract, levels
 from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress
-from uavseg.jobs.each import OutputNames, grouped_warnings, plan_tasks, run_each
-from uavseg.jobs.each_report import Outcome
+from uavseg.jobs.each.each import OutputNames, grouped_warnings, plan_tasks, run_each
+from uavseg.jobs.each.each_report import Outcome
 from uavseg.raster.formats.creation import creation_for
 
 _JOBS: tuple[Callable[..., Any], ...] = (extract, levels, match)

@@ -6,10 +6,10 @@ import os
 
 from uavseg.api._values import progress_of, warn
 from uavseg.arguments import checked
-from uavseg.flight.mission import Mission
-from uavseg.jobs.link import LinkRequest, Progress
-from uavseg.jobs.link import download as run_download
-from uavseg.jobs.link import upload as run_upload
+from uavseg.flight.mission.mission import Mission
+from uavseg.jobs.flights.link import LinkRequest, Progress
+from uavseg.jobs.flights.link import download as run_download
+from uavseg.jobs.flights.link import upload as run_upload
 
 
 @checked

@@ -11,7 +11,7 @@ from uavseg.arguments import checked
 from uavseg.jobs.info import info as run_info
 from uavseg.jobs.info import open_to_describe
 from uavseg.jobs.info_regions import info_regions, names_regions
-from uavseg.jobs.source import ReadOptions
+from uavseg.jobs.source.source import ReadOptions
 from uavseg.raster.spectral.formula import BandWords
 from uavseg.raster.summary import Summary
 from uavseg.regions.formats.about_file import RegionFile

@@ -10,23 +10,23 @@ from uavseg.access import Folders, allowing
 from uavseg.api._values import warn, work
 from uavseg.arguments import checked
 from uavseg.execution.executors import Progress
-from uavseg.jobs.build_map import BuiltMap, topics_of
-from uavseg.jobs.build_map import build_map as run_build_map
-from uavseg.jobs.classify import Classification, ClassifyRequest
-from uavseg.jobs.classify import classify as run_classify
-from uavseg.jobs.merge_maps import MergedMap, MergeRequest
-from uavseg.jobs.merge_maps import merge_maps as run_merge_maps
-from uavseg.jobs.open_source import open_probability_map
-from uavseg.jobs.path import PathRequest, path_params
-from uavseg.jobs.path import path as run_path
-from uavseg.jobs.range_words import range_of_words
-from uavseg.jobs.result import Drawing
-from uavseg.jobs.source import ReadOptions
+from uavseg.jobs.maps.build_map import BuiltMap, topics_of
+from uavseg.jobs.maps.build_map import build_map as run_build_map
+from uavseg.jobs.maps.classify import Classification, ClassifyRequest
+from uavseg.jobs.maps.classify import classify as run_classify
+from uavseg.jobs.maps.merge_maps import MergedMap, MergeRequest
+from uavseg.jobs.maps.merge_maps import merge_maps as run_merge_maps
+from uavseg.jobs.maps.path import PathRequest, path_params
+from uavseg.jobs.maps.path import path as run_path
+from uavseg.jobs.ranges.range_words import range_of_words
+from uavseg.jobs.result.result import Drawing
+from uavseg.jobs.source.open_source import open_probability_map
+from uavseg.jobs.source.source import ReadOptions
 from uavseg.occupancy.bags.merge_bag import MergeParams
 from uavseg.occupancy.paths.find_path import PathParams, PlannedPath
 from uavseg.raster.spectral.formula import BandWords
 from uavseg.regions.edit.small import as_area
-from uavseg.segmentation.params import SegmentParams, StateLimits
+from uavseg.segmentation.params.segment import SegmentParams, StateLimits
 
 
 @checked

@@ -11,14 +11,14 @@ from uavseg.api._values import listed_zones, warn
 from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.flight.camera.camera import Camera
-from uavseg.flight.estimate.vehicle import Vehicle
-from uavseg.flight.fence import RallyPoint
-from uavseg.flight.safety.limits import LimitParams, SafetyParams
-from uavseg.flight.terrain.params import terrain_params
-from uavseg.jobs.open_source import open_source
-from uavseg.jobs.plan import Home, MissionPlan, PlanRequest
-from uavseg.jobs.plan import plan as run_plan
-from uavseg.jobs.plan_regions import open_regions, zone_polygons
+from uavseg.flight.mission.fence import RallyPoint
+from uavseg.flight.mission.vehicle import Vehicle
+from uavseg.flight.params.limits import LimitParams, SafetyParams
+from uavseg.flight.params.terrain import terrain_params
+from uavseg.jobs.flights.plan import Home, MissionPlan, PlanRequest
+from uavseg.jobs.flights.plan import plan as run_plan
+from uavseg.jobs.flights.plan_regions import open_regions, zone_polygons
+from uavseg.jobs.source.open_source import open_source
 from uavseg.jobs.words.flight_params import flight_params
 from uavseg.jobs.words.pattern_words import PatternWords
 from uavseg.jobs.words.photo_words import PhotoWords
@@ -129,7 +129,7 @@ def plan(
         Where the camera looks, in degrees; -90 is straight down.
     vehicle : path or Vehicle, optional
         What flies, for the estimates of time and energy: a JSON file with parameters of
-        `uavseg.flight.estimate.vehicle.Vehicle`. By default a multirotor with those of its autopilot.
+        `uavseg.flight.mission.vehicle.Vehicle`. By default a multirotor with those of its autopilot.
     sensor, image : (float, float), optional
         In place of a camera: width and height of its sensor in millimetres and of its image in pixels.
     focal, min_interval : float, optional

@@ -13,28 +13,28 @@ from uavseg.api._values import is_given, regions_of, warn, work
 from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress
-from uavseg.jobs.detail import as_length
-from uavseg.jobs.each import RegionJob
-from uavseg.jobs.like.by_classes import MatchClassesRequest, match_classes
-from uavseg.jobs.like.ranges_of_sample import (
+from uavseg.jobs.each.each import RegionJob
+from uavseg.jobs.match.by_classes import MatchClassesRequest, match_classes
+from uavseg.jobs.match.match import match as run_match
+from uavseg.jobs.match.ranges_of_sample import (
     SampleRange,
     SuggestLikeRequest,
     open_all_bands,
     ranges_of_sample,
 )
-from uavseg.jobs.like.request import MatchRequest
-from uavseg.jobs.match import match as run_match
-from uavseg.jobs.open_source import open_source
-from uavseg.jobs.result import Drawing, Extraction
-from uavseg.jobs.source import ReadOptions, Source
+from uavseg.jobs.match.request import MatchRequest
+from uavseg.jobs.result.result import Drawing, Extraction
+from uavseg.jobs.source.detail import as_length
+from uavseg.jobs.source.open_source import open_source
+from uavseg.jobs.source.source import ReadOptions, Source
+from uavseg.jobs.source.work import Work
 from uavseg.jobs.suggest import SuggestRequest
 from uavseg.jobs.suggest import suggest as run_suggest
 from uavseg.jobs.suggestions import Suggestion
-from uavseg.jobs.work import Work
 from uavseg.raster.spectral.formula import BandWords
 from uavseg.regions.edit.small import as_area
 from uavseg.regions.sample.place import Disc, parse_like
-from uavseg.segmentation.params import SegmentParams
+from uavseg.segmentation.params.segment import SegmentParams
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame

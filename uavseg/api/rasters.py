@@ -11,22 +11,22 @@ from uavseg.api._values import regions_of, work
 from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress
-from uavseg.jobs.detail import as_length
-from uavseg.jobs.each import RegionJob
+from uavseg.jobs.each.each import RegionJob
 from uavseg.jobs.extract import ExtractRequest
 from uavseg.jobs.extract import extract as run_extract
 from uavseg.jobs.extract_classes import ClassesRequest, extract_classes, refuse_thin_lines
-from uavseg.jobs.level_breaks import breaks_of
 from uavseg.jobs.levels import LevelsRequest, Small, level_params
 from uavseg.jobs.levels import levels as run_levels
-from uavseg.jobs.range_words import range_of_words
-from uavseg.jobs.result import Drawing
+from uavseg.jobs.ranges.level_breaks import breaks_of
+from uavseg.jobs.ranges.range_words import range_of_words
+from uavseg.jobs.result.result import Drawing
 from uavseg.jobs.segment_kinds import joint_params
-from uavseg.jobs.source import ReadOptions
+from uavseg.jobs.source.detail import as_length
+from uavseg.jobs.source.source import ReadOptions
 from uavseg.jobs.words.class_words import classes_of_words
 from uavseg.raster.spectral.formula import BandWords
 from uavseg.regions.edit.small import as_area
-from uavseg.segmentation.params import Levels, SegmentParams
+from uavseg.segmentation.params.segment import Levels, SegmentParams
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame

@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 
 import click
 
-from uavseg.cli._stop import exit_code, last_line, stopping_cleanly
+from uavseg.cli.terminal.stop import exit_code, last_line, stopping_cleanly
 from uavseg.errors import UavsegError
 
 _COMMANDS = {
@@ -51,7 +51,7 @@ class _Group(click.Group):
             return None
         command: click.Command = importlib.import_module(f"uavseg.cli.{name.replace('-', '_')}").command
         if ctx.resilient_parsing:  # of a shell that completes the line
-            from uavseg.cli._complete import completing_files
+            from uavseg.cli.terminal.complete import completing_files
 
             return completing_files(command)
         return command
@@ -78,7 +78,7 @@ class _Group(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; what the user can mend is one line on stderr and exit code 1."""
-        from uavseg.cli._say import library_messages, say
+        from uavseg.cli.terminal.say import library_messages, say
         from uavseg.output.written import recording_written
 
         with recording_written() as written, stopping_cleanly(written) as unwound:
@@ -142,7 +142,7 @@ def _import_error(error: ImportError) -> str:
 def _report_kernels() -> None:
     """Print once that kernels are being compiled, which takes a while, or run through the fallback."""
     from uavseg._jit import messages
-    from uavseg.cli._say import say
+    from uavseg.cli.terminal.say import say
 
     told: list[str] = []
 

@@ -9,21 +9,21 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from uavseg.cli._say import show
 from uavseg.cli.options.raster import read_options
 from uavseg.cli.options.running import RunOptions
+from uavseg.cli.terminal.say import show
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from uavseg.jobs.like.ranges_of_sample import SampleRange, SampleRanges
+    from uavseg.jobs.match.ranges_of_sample import SampleRange, SampleRanges
 
 _OF_HISTOGRAM = ("output", "classes", "method", "threshold", "intensity_step", "resume")
 
 
 def suggest_like(options: dict[str, Any]) -> None:
     """Answer `uavseg suggest` with a sample."""
-    from uavseg.jobs.like.ranges_of_sample import SuggestLikeRequest, open_all_bands, ranges_of_sample
+    from uavseg.jobs.match.ranges_of_sample import SuggestLikeRequest, open_all_bands, ranges_of_sample
     from uavseg.regions.sample.place import parse_like
 
     _check_alone()
@@ -49,8 +49,8 @@ def _check_alone() -> None:
 
 def _command(one: SampleRange, rank: int, options: dict[str, Any], found: SampleRanges) -> str:
     """The line that extracts a range."""
-    from uavseg.jobs.command_line import extract_line
-    from uavseg.raster.source_list import stem_of
+    from uavseg.jobs.source.command_line import extract_line
+    from uavseg.raster.read.source_list import stem_of
     from uavseg.raster.spectral.formula import BandWords
     from uavseg.regions.formats.export import suffix_for
 

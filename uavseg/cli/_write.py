@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from uavseg.cli._say import standard_output
+from uavseg.cli.terminal.say import standard_output
 
 if TYPE_CHECKING:
     from uavseg.flight.formats.options import FileOptions
-    from uavseg.flight.mission import Mission
-    from uavseg.jobs.plan import MissionPlan
-    from uavseg.jobs.result import Extraction
-    from uavseg.jobs.work import Work
+    from uavseg.flight.mission.mission import Mission
+    from uavseg.jobs.flights.plan import MissionPlan
+    from uavseg.jobs.result.result import Extraction
+    from uavseg.jobs.source.work import Work
     from uavseg.raster.formats.creation import CreationOptions
     from uavseg.regions.formats.geojson import GeoJsonForm
 
@@ -65,7 +65,7 @@ def keep_inputs(outputs: Sequence[str | None], *inputs: Any) -> None:
     OutputError
         If one is.
     """
-    from uavseg.jobs import inputs as read
+    from uavseg.jobs.source import inputs as read
 
     read.keep_inputs(outputs, inputs)
 
@@ -126,7 +126,7 @@ def write_label_output(found: Extraction, labels: LabelFile, work: Work, overwri
 
 def write_mission_output(mission: Mission, path: str, overwrite: bool) -> list[str]:
     """Write a mission; what its format cannot hold is returned as warnings."""
-    from uavseg.flight import files
+    from uavseg.flight.formats import files
 
     return warnings_of(lambda: files.write_mission(mission, path, overwrite))[1]
 
@@ -177,7 +177,7 @@ def _range_row(found: Extraction) -> dict[str, str]:
     """The range that was asked for, in v and in values."""
     if found.wanted is None:
         return {}
-    from uavseg.raster.value_scale import values_text
+    from uavseg.raster.spectral.value_scale import values_text
 
     interval, ends = found.wanted.interval, found.wanted.ends
     text = f"v {interval.low:.6g} to {interval.high:.6g}"

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from uavseg.cli._say import say
 from uavseg.cli._write import keep_inputs, transaction
 from uavseg.cli.options.creation import creation_of, creation_option, map_mode_option
 from uavseg.cli.options.verbosity import heed_verbose, verbosity_options
+from uavseg.cli.terminal.say import say
 from uavseg.errors import ParameterError
 
 if TYPE_CHECKING:
-    from uavseg.jobs.build_map import BuiltMap
+    from uavseg.jobs.maps.build_map import BuiltMap
 
 
 @click.command("build-map", short_help="Merge the scans of a recorded bag into a map.")
@@ -76,7 +76,7 @@ def command(**options: Any) -> None:
     probability of 0.25, occupied from 0.65 on, unless --mode keeps all levels. PATH.tif holds the
     probabilities.
     """
-    from uavseg.jobs.build_map import build_map, topics_of
+    from uavseg.jobs.maps.build_map import build_map, topics_of
     from uavseg.occupancy.bags.merge_bag import MergeParams
     from uavseg.occupancy.map_file import check_map_path
 

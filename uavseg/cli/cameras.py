@@ -13,7 +13,7 @@ def command(words: tuple[str, ...]) -> None:
     A camera of one's own is a JSON file with sensor_width_mm, sensor_height_mm, image_width_px,
     image_height_px, focal_mm and, if they are known, name and min_interval_s.
     """
-    from uavseg.cli._say import show
+    from uavseg.cli.terminal.say import show
     from uavseg.errors import ParameterError
     from uavseg.flight.camera.catalogue import find_cameras
 

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from uavseg.cli._say import say, show
 from uavseg.cli.options.access import access_options
 from uavseg.cli.options.verbosity import heed_verbose, verbosity_options
+from uavseg.cli.terminal.say import say, show
 from uavseg.errors import MissionError
 
 if TYPE_CHECKING:
-    from uavseg.jobs.check import CheckRequest, MissionCheck
+    from uavseg.jobs.flights.check import CheckRequest, MissionCheck
 
 
 @click.command("check")
@@ -51,7 +51,7 @@ def command(**options: Any) -> None:
     Exit code 1: FILE cannot be read, its mission would not be safe, leaves its fence, comes near to a zone of
     --avoid, exceeds a limit, or the autopilot refuses it.
     """
-    from uavseg.jobs.check import check
+    from uavseg.jobs.flights.check import check
 
     heed_verbose(options["quiet"], options["verbose"])
     found = check(options["file"], _request(options))
@@ -69,7 +69,7 @@ def command(**options: Any) -> None:
 
 
 def _request(options: dict[str, Any]) -> CheckRequest:
-    from uavseg.jobs.check import check_request
+    from uavseg.jobs.flights.check import check_request
 
     return check_request(
         options["autopilot"],
@@ -90,7 +90,7 @@ def _lines(found: MissionCheck) -> list[str]:
 
 
 def _rows(about: dict[str, Any]) -> dict[str, str]:
-    from uavseg.flight.estimate.words import duration_text
+    from uavseg.flight.mission.estimate import duration_text
 
     fence, home = about["fence"], about["home"]
     slowest, fastest = f"{about['slowest_m_s']:.4g}", f"{about['fastest_m_s']:.4g}"

@@ -34,10 +34,10 @@ from uavseg.cli.options.running import RunOptions, running_options
 from uavseg.errors import OutputError
 
 if TYPE_CHECKING:
-    from uavseg.jobs.classify import Classification, ClassifyRequest
+    from uavseg.jobs.maps.classify import Classification, ClassifyRequest
     from uavseg.raster.formats.creation import CreationOptions
-    from uavseg.raster.geobox import GeoBox
-    from uavseg.segmentation.params import StateLimits
+    from uavseg.raster.grid.geobox import GeoBox
+    from uavseg.segmentation.params.segment import StateLimits
 
 
 @click.command("classify", short_help="Find what is free, unknown and occupied in a map of probabilities.")
@@ -116,8 +116,8 @@ def command(**options: Any) -> None:
     not explain them. Where obstacles are lost all the same (--method paper, --refine none), nothing is
     written unless --allow-lost-obstacles is given.
     """
-    from uavseg.jobs.classify import classify
-    from uavseg.jobs.open_source import open_probability_map
+    from uavseg.jobs.maps.classify import classify
+    from uavseg.jobs.source.open_source import open_probability_map
 
     run = RunOptions.of(options)
     target = options["output"] or f"{Path(options['path']).stem}.states.tif"
@@ -142,8 +142,8 @@ def command(**options: Any) -> None:
 
 
 def _request(options: dict[str, Any]) -> ClassifyRequest:
-    from uavseg.jobs.classify import ClassifyRequest
-    from uavseg.segmentation.params import StateLimits
+    from uavseg.jobs.maps.classify import ClassifyRequest
+    from uavseg.segmentation.params.segment import StateLimits
 
     return ClassifyRequest(
         StateLimits(options["free_below"], options["occupied_above"]),
@@ -157,7 +157,7 @@ def _request(options: dict[str, Any]) -> ClassifyRequest:
 
 def _check_targets(target: str, options: dict[str, Any], overwrite: bool) -> None:
     """Nothing is computed that could not be written."""
-    from uavseg.atomic import check_target
+    from uavseg.output.atomic import check_target
 
     if Path(target).suffix.lower() not in (".tif", ".tiff", ".yaml", ".yml"):
         raise OutputError(f"{target}: states are written to .tif, or to .yaml for a ROS map")

@@ -32,9 +32,9 @@ def command(**options: Any) -> None:
     side of each leaf; `uavseg preview --leaves` draws the leaves. `uavseg extract` answers any range from it,
     without the raster or refined with it.
     """
-    from uavseg.atomic import check_target
     from uavseg.jobs.divide import DivideRequest, divide
-    from uavseg.jobs.open_source import open_source
+    from uavseg.jobs.source.open_source import open_source
+    from uavseg.output.atomic import check_target
     from uavseg.segmentation.blocks.block_file import check_block_map_name, write_block_map
 
     run = RunOptions.of(options)

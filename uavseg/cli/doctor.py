@@ -15,8 +15,8 @@ def command(as_json: bool) -> None:
     """
     import json
 
-    from uavseg.cli._say import show
-    from uavseg.jobs.doctor import doctor
+    from uavseg.cli.terminal.say import show
+    from uavseg.jobs.install.doctor import doctor
 
     found = doctor()
     show(json.dumps(found.as_dict(), indent=2) if as_json else str(found))

@@ -23,9 +23,9 @@ def command(**options: Any) -> None:
 
     The file is for QGroundControl (.plan) or for Mission Planner (.waypoints, which holds no fence).
     """
-    from uavseg.atomic import check_target
-    from uavseg.flight.files import check_mission_format
-    from uavseg.jobs.link import LinkRequest, download
+    from uavseg.flight.formats.files import check_mission_format
+    from uavseg.jobs.flights.link import LinkRequest, download
+    from uavseg.output.atomic import check_target
 
     output, reporter = options["output"], reporter_of(options)
     check_mission_format(output)

@@ -51,10 +51,10 @@ from uavseg.cli.options.style import style_kind, style_option
 if TYPE_CHECKING:
     from uavseg.jobs.extract import ExtractRequest
     from uavseg.jobs.extract_classes import ClassesRequest
-    from uavseg.jobs.plan import PlanRequest
-    from uavseg.jobs.result import Extraction
-    from uavseg.jobs.source import Source
-    from uavseg.jobs.work import Work
+    from uavseg.jobs.flights.plan import PlanRequest
+    from uavseg.jobs.result.result import Extraction
+    from uavseg.jobs.source.source import Source
+    from uavseg.jobs.source.work import Work
     from uavseg.regions.formats.geojson import GeoJsonForm
 
 
@@ -116,9 +116,9 @@ def command(**options: Any) -> None:
     RASTER may also be a block map from `uavseg divide`. With --mission, a flight over the regions is planned
     too; see `uavseg plan --help` for how.
     """
-    from uavseg.jobs.each import RegionJob
-    from uavseg.jobs.open_source import open_source
-    from uavseg.raster.source_list import stem_of
+    from uavseg.jobs.each.each import RegionJob
+    from uavseg.jobs.source.open_source import open_source
+    from uavseg.raster.read.source_list import stem_of
 
     run = RunOptions.of(options)
     request, read = _request(options), read_options(options)
@@ -154,8 +154,8 @@ def command(**options: Any) -> None:
         from uavseg.cli.options.limits import zones_of
         from uavseg.cli.options.mission import report
         from uavseg.cli.options.verbosity import showing_phases
-        from uavseg.jobs.plan import plan
-        from uavseg.jobs.plan_regions import open_regions
+        from uavseg.jobs.flights.plan import plan
+        from uavseg.jobs.flights.plan_regions import open_regions
 
         with showing_phases(run.reporter.quiet):
             planned = plan(open_regions(found.regions), flight, zones_of(options, source), source)
@@ -175,7 +175,7 @@ def command(**options: Any) -> None:
 
 
 def _request(options: dict[str, Any]) -> ExtractRequest | ClassesRequest:
-    from uavseg.segmentation.partition import ValueClasses
+    from uavseg.segmentation.params.partition import ValueClasses
 
     asked, refine = asked_ranges(options), options["refine"]
     check_mission_classes(options, asked)
@@ -210,14 +210,14 @@ def _regions(source: Source, request: ExtractRequest | ClassesRequest, work: Wor
 def _flight(options: dict[str, Any]) -> PlanRequest:
     """How to fly, checked before any work is done."""
     from uavseg.cli.options.mission import plan_request
-    from uavseg.flight import files
+    from uavseg.flight.formats import files
 
     files.check_mission_format(options["mission"])
     return plan_request(options)
 
 
 def _check_mission_target(mission: str | None, overwrite: bool) -> None:
-    from uavseg.atomic import check_target
+    from uavseg.output.atomic import check_target
 
     if mission is not None:
         check_target(mission, overwrite)

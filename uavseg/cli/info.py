@@ -5,8 +5,8 @@ from typing import Any
 
 import click
 
-from uavseg.cli._say import show
 from uavseg.cli.options.raster import read_options, reading_options
+from uavseg.cli.terminal.say import show
 
 
 @click.command("info", short_help="Tell what a raster, or a file of regions, is and holds.")
@@ -24,7 +24,7 @@ def command(**options: Any) -> None:
     RASTER may also be a file of regions (.geojson, .gpkg, .fgb, .parquet, .shp, .kml): then its format, CRS,
     extent and columns are told, and from what and how the regions were made, where the file says so.
     """
-    from uavseg.cli._say import saying_decisions
+    from uavseg.cli.terminal.say import saying_decisions
     from uavseg.jobs.info_regions import names_regions
 
     if options["verbose"]:
@@ -42,7 +42,7 @@ def _raster(options: dict[str, Any]) -> tuple[str, dict[str, Any]]:
     """What there is to say of a raster, as text and as plain values."""
     from uavseg.execution.executors import threads
     from uavseg.jobs.info import info, open_to_describe
-    from uavseg.jobs.work import Work
+    from uavseg.jobs.source.work import Work
     from uavseg.plot.summary_text import summary_text
 
     source = open_to_describe(options["rasters"], read_options(options))

@@ -35,7 +35,7 @@ from uavseg.cli.options.style import style_kind, style_option
 
 if TYPE_CHECKING:
     from uavseg.jobs.levels import LevelsRequest
-    from uavseg.jobs.result import Extraction
+    from uavseg.jobs.result.result import Extraction
 
 _LISTED = 8  # levels in the table at the end
 
@@ -104,10 +104,10 @@ def command(**options: Any) -> None:
     RASTER may be a folder, a pattern in quotes, @LIST (a file of names) or - (names on standard input). Its
     rasters are one mosaic, unless --each is given.
     """
-    from uavseg.jobs.each import RegionJob
+    from uavseg.jobs.each.each import RegionJob
     from uavseg.jobs.levels import levels
-    from uavseg.jobs.open_source import open_source
-    from uavseg.raster.source_list import stem_of
+    from uavseg.jobs.source.open_source import open_source
+    from uavseg.raster.read.source_list import stem_of
     from uavseg.regions.formats import export
 
     run = RunOptions.of(options)
@@ -152,9 +152,9 @@ def _width(found: Extraction, width: float) -> str:
 
 
 def _request(options: dict[str, Any]) -> LevelsRequest:
-    from uavseg.jobs.level_breaks import breaks_of_words
     from uavseg.jobs.levels import LevelsRequest, level_params
-    from uavseg.segmentation.params import Levels
+    from uavseg.jobs.ranges.level_breaks import breaks_of_words
+    from uavseg.segmentation.params.segment import Levels
 
     width, breaks = options["width"], options["breaks"]
     if (width is None) == (breaks is None):
@@ -173,8 +173,8 @@ def _request(options: dict[str, Any]) -> LevelsRequest:
 
 def _levels_row(found: Extraction, request: LevelsRequest) -> str:
     """How many levels there are, for the table at the end."""
-    from uavseg.jobs.level_breaks import BreakChoice
-    from uavseg.segmentation.params import Levels
+    from uavseg.jobs.ranges.level_breaks import BreakChoice
+    from uavseg.segmentation.params.segment import Levels
 
     there = len(set(found.regions.columns["level"].tolist()))
     wanted = request.levels

@@ -40,7 +40,7 @@ def command(**options: Any) -> None:
     ranges in thousandths of v, of the intensity that --regions were made from where they say it and no other
     is chosen. Regions are chosen by tick boxes and downloaded as GeoJSON.
     """
-    from uavseg.jobs.field_map import FieldMapRequest, field_map
+    from uavseg.jobs.web_map.content import FieldMapRequest, field_map
     from uavseg.plot.web.page_file import PageFile
 
     run = RunOptions.of(options)

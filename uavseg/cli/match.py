@@ -32,12 +32,12 @@ from uavseg.cli.options.stream import geojson_form, stream_options, stream_warni
 from uavseg.cli.options.style import style_kind, style_option
 
 if TYPE_CHECKING:
-    from uavseg.jobs.like.by_classes import MatchClassesRequest
-    from uavseg.jobs.like.request import MatchRequest
-    from uavseg.jobs.match import Match
-    from uavseg.jobs.result import Extraction
-    from uavseg.jobs.source import Source
-    from uavseg.jobs.work import Work
+    from uavseg.jobs.match.by_classes import MatchClassesRequest
+    from uavseg.jobs.match.match import Match
+    from uavseg.jobs.match.request import MatchRequest
+    from uavseg.jobs.result.result import Extraction
+    from uavseg.jobs.source.source import Source
+    from uavseg.jobs.source.work import Work
 
 
 @click.command("match", short_help="Find regions that look like a sample.")
@@ -156,12 +156,12 @@ def command(**options: Any) -> None:
     RASTER may be a folder, a pattern in quotes, @LIST (a file of names) or - (names on standard input). Its
     rasters are one mosaic, unless --each is given.
     """
-    from uavseg.jobs.each import RegionJob
-    from uavseg.jobs.like.by_classes import match_classes
-    from uavseg.jobs.like.request import MatchRequest
-    from uavseg.jobs.match import match
-    from uavseg.jobs.open_source import open_source
-    from uavseg.raster.source_list import stem_of
+    from uavseg.jobs.each.each import RegionJob
+    from uavseg.jobs.match.by_classes import match_classes
+    from uavseg.jobs.match.match import match
+    from uavseg.jobs.match.request import MatchRequest
+    from uavseg.jobs.source.open_source import open_source
+    from uavseg.raster.read.source_list import stem_of
     from uavseg.regions.formats import export
 
     run = RunOptions.of(options)
@@ -231,8 +231,8 @@ def _check_samples(options: dict[str, Any]) -> None:
 
 
 def _request(options: dict[str, Any]) -> MatchRequest | MatchClassesRequest:
-    from uavseg.jobs.like.by_classes import MatchClassesRequest
-    from uavseg.jobs.like.request import MatchRequest
+    from uavseg.jobs.match.by_classes import MatchClassesRequest
+    from uavseg.jobs.match.request import MatchRequest
     from uavseg.regions.sample.place import parse_like
 
     if options["classes"] is not None:

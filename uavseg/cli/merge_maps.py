@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from uavseg.cli._say import say
 from uavseg.cli._write import keep_inputs, transaction
 from uavseg.cli.options.access import access_options
 from uavseg.cli.options.creation import creation_of, creation_option, map_mode_option
 from uavseg.cli.options.verbosity import heed_verbose, showing_phases, verbosity_options
+from uavseg.cli.terminal.say import say
 
 if TYPE_CHECKING:
-    from uavseg.jobs.merge_maps import MergedMap
+    from uavseg.jobs.maps.merge_maps import MergedMap
 
 
 @click.command("merge-maps", short_help="Merge, crop and turn maps of robots.")
@@ -36,7 +36,7 @@ def command(**options: Any) -> None:
     first MAP, as far as all of them reach. Where maps differ, the value farthest from 0.5 counts; what is
     occupied in one of them is occupied. Turning and other resolutions lose no obstacle.
     """
-    from uavseg.jobs.merge_maps import MergeRequest, merge_maps
+    from uavseg.jobs.maps.merge_maps import MergeRequest, merge_maps
     from uavseg.occupancy.map_file import check_map_path
 
     quiet = options["quiet"]

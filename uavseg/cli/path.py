@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from uavseg.cli._say import show
 from uavseg.cli._write import keep_inputs, shown, write_mission_output
 from uavseg.cli.options.access import access_options
 from uavseg.cli.options.bands import band_option, formula_options, nodata_option
@@ -22,14 +21,15 @@ from uavseg.cli.options.raster import (
     segmenting_options,
 )
 from uavseg.cli.options.running import RunOptions, running_options
+from uavseg.cli.terminal.say import show
 from uavseg.errors import MissionError, OutputError, ParameterError
 
 if TYPE_CHECKING:
-    from uavseg.flight.mission import Mission
-    from uavseg.flight.params import PlanParams
-    from uavseg.jobs.path import PathFound, PathRequest
+    from uavseg.flight.mission.mission import Mission
+    from uavseg.flight.params.plan import PlanParams
+    from uavseg.jobs.maps.path import PathFound, PathRequest
     from uavseg.occupancy.paths.find_path import PlannedPath
-    from uavseg.raster.geobox import GeoBox
+    from uavseg.raster.grid.geobox import GeoBox
 
 _LINES = (".geojson", ".json")
 
@@ -89,8 +89,8 @@ def command(**options: Any) -> None:
     with the same --range and --refine. The path never enters a cell whose own value is outside of the range,
     and cuts no corner.
     """
-    from uavseg.jobs.open_source import open_probability_map
-    from uavseg.jobs.path import path
+    from uavseg.jobs.maps.path import path
+    from uavseg.jobs.source.open_source import open_probability_map
 
     run = RunOptions.of(options)
     output = options["output"]
@@ -112,7 +112,7 @@ def command(**options: Any) -> None:
 
 
 def _request(options: dict[str, Any]) -> PathRequest:
-    from uavseg.jobs.path import PathRequest, path_params
+    from uavseg.jobs.maps.path import PathRequest, path_params
     from uavseg.occupancy.paths.find_path import PathParams
 
     start, goal = (_parsed_place(f"--{name}", options[name]) for name in ("start", "goal"))
@@ -139,8 +139,8 @@ def _flight(output: str, options: dict[str, Any]) -> PlanParams | None:
     """How to fly, checked before any work is done; None where a line is wanted."""
     if output == "-" or Path(output).suffix.lower() in _LINES:
         return None
-    from uavseg.flight import files
-    from uavseg.flight.params import PlanParams
+    from uavseg.flight.formats import files
+    from uavseg.flight.params.plan import PlanParams
 
     try:
         files.check_mission_format(output)
@@ -155,7 +155,7 @@ def _flight(output: str, options: dict[str, Any]) -> PlanParams | None:
 
 
 def _check_target(output: str, overwrite: bool) -> None:
-    from uavseg.atomic import check_target
+    from uavseg.output.atomic import check_target
 
     if output != "-":
         check_target(output, overwrite)
@@ -173,7 +173,7 @@ def _check_place(geobox: GeoBox, flight: PlanParams | None) -> None:
 
 
 def _flown(way: PlannedPath, flight: PlanParams, home: str | None) -> Mission:
-    from uavseg.flight.along import fly_along
+    from uavseg.flight.planning.along import fly_along
     from uavseg.occupancy.paths.path_geojson import path_lonlat
 
     lon, lat = path_lonlat(way)
@@ -183,8 +183,8 @@ def _flown(way: PlannedPath, flight: PlanParams, home: str | None) -> Mission:
 
 def _write(way: PlannedPath, mission: Mission | None, output: str, overwrite: bool) -> list[str]:
     """Write a path or a mission; what the format of a mission cannot hold is returned as warnings."""
-    from uavseg.atomic import atomic_file
     from uavseg.occupancy.paths.path_geojson import path_to_geojson
+    from uavseg.output.atomic import atomic_file
     from uavseg.output.written import noted_stream
 
     if mission is not None:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from uavseg.cli._say import show
 from uavseg.cli._write import keep_inputs, write_plan_output
 from uavseg.cli.options.access import access_options
 from uavseg.cli.options.classes import class_choice_options
@@ -17,9 +16,10 @@ from uavseg.cli.options.limits import zone_files, zones_of
 from uavseg.cli.options.mission import mission_options, plan_request, report
 from uavseg.cli.options.vehicle import missions_json
 from uavseg.cli.options.verbosity import heed_verbose, showing_phases, verbosity_options
+from uavseg.cli.terminal.say import show
 
 if TYPE_CHECKING:
-    from uavseg.jobs.source import Source
+    from uavseg.jobs.source.source import Source
 
 
 @click.command("plan", cls=HomeCommand)
@@ -63,10 +63,10 @@ def command(**options: Any) -> None:
     QGroundControl (.plan), Mission Planner (.waypoints), DJI Pilot 2 (.kmz), Litchi (.csv), or to look at
     (.kml, .geojson). Length, time with turns, photographs and energy are estimates without wind.
     """
-    from uavseg.atomic import check_target
-    from uavseg.flight import files
-    from uavseg.jobs.plan import plan
-    from uavseg.jobs.plan_regions import open_regions
+    from uavseg.flight.formats import files
+    from uavseg.jobs.flights.plan import plan
+    from uavseg.jobs.flights.plan_regions import open_regions
+    from uavseg.output.atomic import check_target
 
     heed_verbose(options["quiet"], options["verbose"])
     output, regions = options["output"], options["regions"]
@@ -94,6 +94,6 @@ def command(**options: Any) -> None:
 
 
 def _opened(raster: str) -> Source:
-    from uavseg.jobs.open_source import open_source
+    from uavseg.jobs.source.open_source import open_source
 
     return open_source(raster)

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from uavseg.cli._say import say
 from uavseg.cli.options.raster import read_options, reading_options
 from uavseg.cli.options.verbosity import heed_verbose, verbosity_options
+from uavseg.cli.terminal.say import say
 from uavseg.errors import ParameterError
 
 if TYPE_CHECKING:
-    from uavseg.jobs.source import ProbabilityMap, Raster
+    from uavseg.jobs.source.source import ProbabilityMap, Raster
     from uavseg.raster.intensity.stretch import Stretch
 
 _LAYERS = ("levels", "states", "leaves", "labels", "regions", "path", "mission")
@@ -73,7 +73,7 @@ def command(**options: Any) -> None:
 
 def _missions_alone(options: dict[str, Any]) -> list[str]:
     """The missions that are drawn without a raster; empty where there is one."""
-    from uavseg.flight.files import FORMATS
+    from uavseg.flight.formats.files import FORMATS
 
     rasters, missions = options["rasters"], options["mission"]
     if not rasters and not missions:
@@ -113,8 +113,8 @@ def _draw_missions(missions: list[str], options: dict[str, Any]) -> None:
 
 def _draw_raster(options: dict[str, Any]) -> None:
     from uavseg.cli._write import warnings_of
-    from uavseg.jobs.source import ProbabilityMap
-    from uavseg.jobs.work import Work
+    from uavseg.jobs.source.source import ProbabilityMap
+    from uavseg.jobs.source.work import Work
     from uavseg.plot.preview import preview
 
     source, stretch = _opened(options)
@@ -136,8 +136,8 @@ def _opened(options: dict[str, Any]) -> tuple[Raster | ProbabilityMap, Stretch |
     """The raster and its stretch; a ROS map has its own unless one is named."""
     from dataclasses import replace
 
-    from uavseg.jobs.open_source import open_pixels
-    from uavseg.jobs.source import ProbabilityMap
+    from uavseg.jobs.source.open_source import open_pixels
+    from uavseg.jobs.source.source import ProbabilityMap
     from uavseg.raster.intensity.stretch import Stretch
 
     rasters, stretch = options["rasters"], options["stretch"]

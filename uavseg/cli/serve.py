@@ -6,9 +6,9 @@ from typing import Any
 
 import click
 
-from uavseg.cli._say import show
 from uavseg.cli.options.raster import read_options, reading_options, segment_params, segmenting_options
 from uavseg.cli.options.running import RunOptions, computing_options
+from uavseg.cli.terminal.say import show
 
 
 @click.command("serve")
@@ -29,10 +29,10 @@ def command(**options: Any) -> None:
     write. They are in a folder of its own, which is deleted at the end; no other is written. Only programs
     of this computer that know the printed address are answered.
     """
-    from uavseg.jobs.field_map import FieldMapRequest
-    from uavseg.jobs.open_source import open_source
+    from uavseg.api.serve import MapServer
+    from uavseg.jobs.source.open_source import open_source
+    from uavseg.jobs.web_map.content import FieldMapRequest
     from uavseg.output.written import note_ended
-    from uavseg.server.words import MapServer
 
     run = RunOptions.of(options)
     request = FieldMapRequest(segment_params(options, None), options["size"])

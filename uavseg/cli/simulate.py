@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from uavseg.cli._say import say
 from uavseg.cli._write import check_distinct, keep_inputs, transaction
 from uavseg.cli.options.creation import creation_of, creation_option
 from uavseg.cli.options.verbosity import heed_verbose, verbosity_options
+from uavseg.cli.terminal.say import say
 from uavseg.errors import OutputError
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def command(**options: Any) -> None:
     The truth has three bands: states (1 free, 2 unseen, 3 occupied), solid (the cell lies inside something)
     and visible (the sensor could see it, into what is solid as deep as 3 σ).
     """
-    from uavseg.jobs.simulate import SimulateRequest, simulate
+    from uavseg.jobs.maps.simulate import SimulateRequest, simulate
     from uavseg.occupancy.map_file import write_map
     from uavseg.occupancy.mapping.grid import grey_picture
     from uavseg.raster.formats.png import write_png
@@ -83,8 +83,8 @@ def command(**options: Any) -> None:
 
 def _check_targets(output: str, png: str | None, truth: str | None, overwrite: bool) -> list[str]:
     """Check that all can be written, before the work; returns the files that will be."""
-    from uavseg.atomic import check_target
     from uavseg.occupancy.map_file import check_map_path
+    from uavseg.output.atomic import check_target
     from uavseg.raster.formats.geotiff import check_geotiff_name
 
     others = [path for path in (png, truth) if path]

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from uavseg.cli._say import show
 from uavseg.cli._suggest_like import suggest_like
 from uavseg.cli._write import keep_inputs, transaction
 from uavseg.cli.options.bands import many_bands
@@ -22,6 +21,7 @@ from uavseg.cli.options.raster import (
     segmenting_options,
 )
 from uavseg.cli.options.running import Reporter, RunOptions, running_options
+from uavseg.cli.terminal.say import show
 
 if TYPE_CHECKING:
     from uavseg.jobs.suggestions import Suggestion, Suggestions
@@ -93,8 +93,8 @@ def command(**options: Any) -> None:
     if options["like"] or options["unlike"] or options["bands"]:
         suggest_like(options)
         return
-    from uavseg.jobs.open_source import open_source
-    from uavseg.jobs.source import Pixels
+    from uavseg.jobs.source.open_source import open_source
+    from uavseg.jobs.source.source import Pixels
     from uavseg.jobs.suggest import SuggestRequest, suggest
 
     run = RunOptions.of(options)
@@ -102,7 +102,7 @@ def command(**options: Any) -> None:
     request = SuggestRequest(options["classes"], segment_params(options, None))
     read = read_options(options)
     if output is not None:
-        from uavseg.plot.page import check_png_target
+        from uavseg.plot.page.page import check_png_target
 
         check_png_target(output, run.overwrite)
         keep_inputs([output], rasters)
@@ -112,7 +112,7 @@ def command(**options: Any) -> None:
     with transaction():
         if output is not None:
             from uavseg.plot.suggestions import draw_suggestions
-            from uavseg.raster.tiling import TilePass
+            from uavseg.raster.grid.tiling import TilePass
 
             dataset = source.cleaned(TilePass(())) if isinstance(source, Pixels) else None
             draw_suggestions(found, output, dataset, run.overwrite)
@@ -125,8 +125,8 @@ def _command(
     chosen: Suggestion, rasters: tuple[str, ...], found: Suggestions, options: dict[str, Any]
 ) -> str:
     """The line that extracts a range, from the same rasters in the same way."""
-    from uavseg.jobs.command_line import extract_line
-    from uavseg.raster.source_list import stem_of
+    from uavseg.jobs.source.command_line import extract_line
+    from uavseg.raster.read.source_list import stem_of
     from uavseg.regions.formats.export import suffix_for
 
     suffix = suffix_for(found.source.geobox.wkt)

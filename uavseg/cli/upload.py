@@ -26,7 +26,7 @@ def command(**options: Any) -> None:
     Exit codes: 0, the vehicle holds the mission; 1, it is armed, it refused it, or something failed; 3, it
     accepted the mission, which could then not be read back.
     """
-    from uavseg.jobs.link import LinkRequest, upload
+    from uavseg.jobs.flights.link import LinkRequest, upload
     from uavseg.output.written import noted_stream
 
     request, reporter = LinkRequest(options["connect"], options["timeout"]), reporter_of(options)

@@ -24,7 +24,7 @@ def command(processes: int | None, quiet: bool, progress: str) -> None:
     nothing is compiled: kernels come with the package. Elsewhere it takes some minutes, once; UAVSEG_CACHE
     names the folder of what is compiled.
     """
-    from uavseg.jobs.warm_up import warm_up
+    from uavseg.jobs.install.warm_up import warm_up
 
     reporter = Reporter(quiet, False, progress)
     done = warm_up(processes, reporter.progress)

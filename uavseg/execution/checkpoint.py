@@ -15,12 +15,12 @@ from pathlib import Path
 from typing import Any
 
 from uavseg._version import __version__
-from uavseg.atomic import atomic_file
 from uavseg.errors import OutputError
 from uavseg.execution.executors import Item, Map, Progress, Result
 from uavseg.execution.fingerprint import fingerprint
 from uavseg.execution.lazy_sequence import lazy_selection
 from uavseg.execution.result_file import DamagedResultError, decode_result, encode_result
+from uavseg.output.atomic import atomic_file
 from uavseg.output.renames import recover
 from uavseg.output.targets import check_utf8
 from uavseg.output.written import note_kept

@@ -3,13 +3,13 @@
 from dataclasses import dataclass
 
 from uavseg.execution.phases import decided, phase
-from uavseg.jobs.open_source import pixels_of
-from uavseg.jobs.result import SourceInfo
-from uavseg.jobs.source import ProbabilityMap, Raster, Source
-from uavseg.jobs.work import SERIAL, Work
-from uavseg.raster.tiling import TilePass
+from uavseg.jobs.result.result import SourceInfo
+from uavseg.jobs.source.open_source import pixels_of
+from uavseg.jobs.source.source import ProbabilityMap, Raster, Source
+from uavseg.jobs.source.work import SERIAL, Work
+from uavseg.raster.grid.tiling import TilePass
 from uavseg.segmentation.blocks.saved_blocks import SavedBlocks
-from uavseg.segmentation.params import SegmentParams
+from uavseg.segmentation.params.segment import SegmentParams
 from uavseg.segmentation.pipeline import measure_block_map
 
 

@@ -8,11 +8,7 @@ from numpy.typing import NDArray
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import trim_heap
 from uavseg.execution.phases import decided, phase
-from uavseg.jobs.detail import Length, detail_of, refuse_without_pixels
-from uavseg.jobs.doubt import Doubt, check_least, nothing_sure
-from uavseg.jobs.fill_holes import filled
-from uavseg.jobs.metadata import doubt_facts, drawing_facts, range_facts, segment_facts, with_metadata
-from uavseg.jobs.ranges import (
+from uavseg.jobs.ranges.ranges import (
     EACH_PIXEL,
     AnyRange,
     FoundRange,
@@ -23,20 +19,24 @@ from uavseg.jobs.ranges import (
     range_text,
     where_to_look,
 )
-from uavseg.jobs.result import Drawing, Extraction, SourceInfo, measured
-from uavseg.jobs.source import Blocks, Pixels, Source
-from uavseg.jobs.unchanged import check_unchanged
-from uavseg.jobs.work import SERIAL, Work
+from uavseg.jobs.result.doubt import Doubt, check_least, nothing_sure
+from uavseg.jobs.result.fill_holes import filled
+from uavseg.jobs.result.metadata import doubt_facts, drawing_facts, range_facts, segment_facts, with_metadata
+from uavseg.jobs.result.result import Drawing, Extraction, SourceInfo, measured
+from uavseg.jobs.source.detail import Length, detail_of, refuse_without_pixels
+from uavseg.jobs.source.source import Blocks, Pixels, Source
+from uavseg.jobs.source.unchanged import check_unchanged
+from uavseg.jobs.source.work import SERIAL, Work
+from uavseg.raster.grid.tiling import TilePass
 from uavseg.raster.intensity.value_range import ValueRange
-from uavseg.raster.tiling import TilePass
 from uavseg.regions.edit.small import Area, drop_small_regions, fill_small_holes
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.tiles.count_regions import count_pixels, has_thin_lines
 from uavseg.regions.tiles.range_tiles import outline_regions
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaves import cells_in_range
-from uavseg.segmentation.params import IntensityRange, SegmentParams
-from uavseg.segmentation.partition import Partition
+from uavseg.segmentation.params.partition import Partition
+from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
 from uavseg.segmentation.pipeline import (
     cells_to_refine,
     every_cell,

@@ -6,17 +6,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavseg.errors import ParameterError
-from uavseg.jobs.detail import Length
-from uavseg.jobs.doubt import Doubt, check_least, nothing_sure
-from uavseg.jobs.metadata import doubt_facts, drawing_facts, segment_facts, with_metadata
-from uavseg.jobs.ranges import EACH_PIXEL, missed_text, where_to_look
-from uavseg.jobs.result import Drawing, Extraction, measured
+from uavseg.jobs.ranges.ranges import EACH_PIXEL, missed_text, where_to_look
+from uavseg.jobs.result.doubt import Doubt, check_least, nothing_sure
+from uavseg.jobs.result.metadata import doubt_facts, drawing_facts, segment_facts, with_metadata
+from uavseg.jobs.result.result import Drawing, Extraction, measured
 from uavseg.jobs.segment_kinds import KindsRequest, Segmented, segment_kinds
-from uavseg.jobs.source import Source
-from uavseg.jobs.work import SERIAL, Work
+from uavseg.jobs.source.detail import Length
+from uavseg.jobs.source.source import Source
+from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.regions.edit.small import Area, drop_small_regions
-from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.partition import ValueClass, ValueClasses
+from uavseg.segmentation.params.partition import ValueClass, ValueClasses
+from uavseg.segmentation.params.segment import SegmentParams
 
 
 @dataclass(frozen=True, slots=True)

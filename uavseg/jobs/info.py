@@ -7,11 +7,11 @@ from typing import Any
 from uavseg.access import is_address
 from uavseg.errors import UnchosenBandsError
 from uavseg.execution.phases import phase
-from uavseg.jobs.command_line import extract_line
-from uavseg.jobs.open_source import open_pixels
-from uavseg.jobs.source import Pixels, ProbabilityMap, Raster, ReadOptions
-from uavseg.jobs.work import SERIAL, Work
-from uavseg.raster.opening import file_exists
+from uavseg.jobs.source.command_line import extract_line
+from uavseg.jobs.source.open_source import open_pixels
+from uavseg.jobs.source.source import Pixels, ProbabilityMap, Raster, ReadOptions
+from uavseg.jobs.source.work import SERIAL, Work
+from uavseg.raster.access.opening import file_exists
 from uavseg.raster.summary import Summary, summarize
 
 

@@ -6,19 +6,19 @@ from typing import Literal, get_args
 import numpy as np
 
 from uavseg.errors import ParameterError
-from uavseg.jobs.detail import Length
-from uavseg.jobs.doubt import Doubt, check_least, nothing_sure
-from uavseg.jobs.level_breaks import BreakChoice
-from uavseg.jobs.metadata import doubt_facts, drawing_facts, segment_facts, with_metadata
-from uavseg.jobs.result import Drawing, Extraction, measured
+from uavseg.jobs.ranges.level_breaks import BreakChoice
+from uavseg.jobs.result.doubt import Doubt, check_least, nothing_sure
+from uavseg.jobs.result.metadata import doubt_facts, drawing_facts, segment_facts, with_metadata
+from uavseg.jobs.result.result import Drawing, Extraction, measured
 from uavseg.jobs.segment_kinds import ChoosePartition, KindsRequest, Segmented, joint_params, segment_kinds
-from uavseg.jobs.source import Source
-from uavseg.jobs.work import SERIAL, Work
+from uavseg.jobs.source.detail import Length
+from uavseg.jobs.source.source import Source
+from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.regions.edit.eliminate import eliminate
 from uavseg.regions.edit.small import Area, drop_small_regions
 from uavseg.segmentation.blocks.block_map import BlockMap
-from uavseg.segmentation.params import Levels, SegmentParams
-from uavseg.segmentation.partition import Breaks, Partition, partition_of_levels
+from uavseg.segmentation.params.partition import Breaks, Partition, partition_of_levels
+from uavseg.segmentation.params.segment import Levels, SegmentParams
 from uavseg.units import MAX_KINDS
 
 Small = Literal["drop", "merge"]

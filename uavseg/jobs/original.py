@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.jobs.open_source import pixels_of
-from uavseg.jobs.result import SourceInfo
-from uavseg.jobs.source import Source
-from uavseg.jobs.work import SERIAL, Work
-from uavseg.raster.tiling import Window
+from uavseg.jobs.result.result import SourceInfo
+from uavseg.jobs.source.open_source import pixels_of
+from uavseg.jobs.source.source import Source
+from uavseg.jobs.source.work import SERIAL, Work
+from uavseg.raster.grid.tiling import Window
 from uavseg.segmentation.baseline.lbpc import LbpcParams, check_lbpc_size, segment_lbpc
 
 DEFAULTS = LbpcParams()

@@ -10,20 +10,20 @@ from numpy.typing import NDArray
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import trim_heap
 from uavseg.execution.phases import decided, phase
-from uavseg.jobs.detail import Length, detail_of, refuse_without_pixels
-from uavseg.jobs.fill_holes import filled
-from uavseg.jobs.ranges import decided_grey
-from uavseg.jobs.result import SourceInfo
-from uavseg.jobs.source import Blocks, Pixels, Source
-from uavseg.jobs.unchanged import check_unchanged
-from uavseg.jobs.work import Work
-from uavseg.raster.tiling import TilePass
+from uavseg.jobs.ranges.ranges import decided_grey
+from uavseg.jobs.result.fill_holes import filled
+from uavseg.jobs.result.result import SourceInfo
+from uavseg.jobs.source.detail import Length, detail_of, refuse_without_pixels
+from uavseg.jobs.source.source import Blocks, Pixels, Source
+from uavseg.jobs.source.unchanged import check_unchanged
+from uavseg.jobs.source.work import Work
+from uavseg.raster.grid.tiling import TilePass
 from uavseg.regions.edit.small import Area, fill_small_holes
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaves import cell_kinds
-from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.partition import Partition
+from uavseg.segmentation.params.partition import Partition
+from uavseg.segmentation.params.segment import SegmentParams
 from uavseg.segmentation.pipeline import measure_block_map, measure_block_map_for
 from uavseg.segmentation.source import GreySource
 from uavseg.units import CELL, MAX_KINDS

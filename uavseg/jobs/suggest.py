@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 from uavseg.errors import ParameterError, RasterError
 from uavseg.execution.phases import phase
 from uavseg.jobs.divide import block_map_of
-from uavseg.jobs.result import SourceInfo
-from uavseg.jobs.source import Blocks, Pixels, Source
+from uavseg.jobs.result.result import SourceInfo
+from uavseg.jobs.source.source import Blocks, Pixels, Source
+from uavseg.jobs.source.unchanged import check_unchanged
+from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.jobs.suggestions import Suggestion, Suggestions
-from uavseg.jobs.unchanged import check_unchanged
-from uavseg.jobs.work import SERIAL, Work
+from uavseg.raster.grid.tiling import TilePass
 from uavseg.raster.intensity.populations import population_edges
-from uavseg.raster.tiling import TilePass
-from uavseg.raster.value_scale import ValueAxis
+from uavseg.raster.spectral.value_scale import ValueAxis
 from uavseg.regions.tiles.block_map_regions import count_segments
 from uavseg.regions.tiles.count_regions import count_greys, count_regions, estimate_regions
 from uavseg.segmentation.blocks.block_map import BlockMap
@@ -28,7 +28,7 @@ from uavseg.segmentation.blocks.leaves import (
     histogram_of_means,
     means_among,
 )
-from uavseg.segmentation.params import IntensityRange, SegmentParams
+from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
 from uavseg.segmentation.pipeline import with_purer_cells
 from uavseg.segmentation.range_candidates import MAX_CLASSES, edge_beside_means
 from uavseg.segmentation.range_choice import LEAST_CONTRAST, ChosenRange, RangeChoice, choose_ranges

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.jobs.result import SourceInfo
-from uavseg.raster.value_scale import values_text
+from uavseg.jobs.result.result import SourceInfo
+from uavseg.raster.spectral.value_scale import values_text
 from uavseg.segmentation.blocks.block_map import BlockMap
 
 

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.atomic import check_target
 from uavseg.errors import OutputError, ParameterError
 from uavseg.occupancy.ros.ros_map import (
     check_ros_map,
@@ -16,9 +15,10 @@ from uavseg.occupancy.ros.ros_map import (
     write_ros_map,
     write_ros_probabilities,
 )
+from uavseg.output.atomic import check_target
 from uavseg.raster.formats.creation import DEFAULT, CreationOptions
 from uavseg.raster.formats.geotiff import write_geotiff
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox
 from uavseg.units import FREE, OCCUPIED, UNKNOWN
 
 FREE_UP_TO, OCCUPIED_FROM = 0.25, 0.65  # probabilities, by default those of Nav2's map_saver

@@ -16,7 +16,7 @@ from uavseg.errors import MapError, RasterError
 from uavseg.occupancy.map_file import FREE_UP_TO, OCCUPIED_FROM
 from uavseg.occupancy.mapping.grid_file import check_cells
 from uavseg.occupancy.ros.ros_map import placement, transform_of
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox
 
 Float32s = NDArray[np.float32]
 

@@ -10,12 +10,12 @@ from affine import Affine
 from uavseg.errors import MapError
 from uavseg.occupancy.mapping.grid_file import LOG_ODDS
 from uavseg.occupancy.ros.ros_map import UNKNOWN_GREY, is_ros_map, read_picture, read_ros_map
-from uavseg.raster.bands import Valid, Values
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.tiling import TilePass
 from uavseg.raster.intensity.grey import Grey
 from uavseg.raster.intensity.stretch import Stretch, fit_stretch
-from uavseg.raster.tiling import TilePass
+from uavseg.raster.read.dataset import Dataset
+from uavseg.raster.spectral.bands import Valid, Values
 from uavseg.units import FREE, OCCUPIED, STATES
 
 

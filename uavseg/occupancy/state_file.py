@@ -7,7 +7,7 @@ import numpy as np
 from uavseg.occupancy.ros.ros_map import is_ros_map, write_ros_map
 from uavseg.raster.formats.creation import DEFAULT, CreationOptions
 from uavseg.raster.formats.geotiff import LabelBand, write_label_geotiff
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox
 from uavseg.segmentation.states.state_image import StateImage
 from uavseg.units import STATES
 

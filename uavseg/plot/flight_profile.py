@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import MissionError
-from uavseg.flight.estimate.flown import flown_path
-from uavseg.flight.estimate.vehicle import default_vehicle
-from uavseg.flight.items import FRAME_AMSL, FRAME_TERRAIN, TAKEOFFS
-from uavseg.flight.mission import Mission
-from uavseg.flight.plane import Plane
-from uavseg.flight.terrain.ground import Ground
+from uavseg.flight.mission.flown import flown_path
+from uavseg.flight.mission.ground import Ground
+from uavseg.flight.mission.items import FRAME_AMSL, FRAME_TERRAIN, TAKEOFFS
+from uavseg.flight.mission.mission import Mission
+from uavseg.flight.mission.plane import Plane
+from uavseg.flight.mission.vehicle import default_vehicle
 from uavseg.flight.terrain.profile import check_known, profile_along
-from uavseg.plot.map_furniture import TEXT_COLOR
+from uavseg.plot.page.map_furniture import TEXT_COLOR
 
 if TYPE_CHECKING:
     from uavseg.raster.elevation.dem import Dem

@@ -7,19 +7,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from uavseg.atomic import atomic_file
 from uavseg.errors import ParameterError
 from uavseg.execution.phases import decided, phase
-from uavseg.jobs.inputs import keep_inputs
+from uavseg.jobs.source.inputs import keep_inputs
 from uavseg.occupancy.probability_map import open_map, stretch_of
 from uavseg.occupancy.ros.ros_map import is_ros_map
+from uavseg.output.atomic import atomic_file
 from uavseg.plain_text import printable
-from uavseg.plot.frame import Frame
 from uavseg.plot.layers.mission_layer import MissionLayer, mission_title
 from uavseg.plot.layers.raster_layer import draw_raster
 from uavseg.plot.layers.stack import File, Layer, LayerSources, make_layers
-from uavseg.plot.map_furniture import TEXT_COLOR, draw_north_arrow, draw_scale_bar
-from uavseg.plot.page import (
+from uavseg.plot.page.frame import Frame
+from uavseg.plot.page.map_furniture import TEXT_COLOR, draw_north_arrow, draw_scale_bar
+from uavseg.plot.page.page import (
     CAPTION_COLOR,
     check_png_target,
     draw_legend,
@@ -29,11 +29,11 @@ from uavseg.plot.page import (
     save_figure,
 )
 from uavseg.raster.collar.find import check_collar
-from uavseg.raster.dataset import Dataset
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec
+from uavseg.raster.read.dataset import Dataset
 
 if TYPE_CHECKING:
-    from uavseg.flight.mission import Mission
+    from uavseg.flight.mission.mission import Mission
     from uavseg.occupancy.paths.find_path import PlannedPath
 
 _WIDTH_IN, _HEAD_IN, _FOOT_IN, _MARGIN_IN = 9.0, 0.62, 0.34, 0.15  # the page; text keeps its size on it

@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.atomic import atomic_file
 from uavseg.errors import ParameterError
 from uavseg.execution.phases import decided, phase
-from uavseg.jobs.inputs import keep_inputs
+from uavseg.jobs.source.inputs import keep_inputs
+from uavseg.output.atomic import atomic_file
 from uavseg.plot.flight_profile import FlightProfile, draw_profiles, flight_profile
-from uavseg.plot.frame import Frame
 from uavseg.plot.layers.fence_layer import FenceLayer
 from uavseg.plot.layers.mission_layer import (
     MissionLayer,
@@ -22,8 +21,9 @@ from uavseg.plot.layers.mission_layer import (
     mission_title,
     read_missions,
 )
-from uavseg.plot.map_furniture import TEXT_COLOR, draw_north_arrow, draw_scale_bar
-from uavseg.plot.page import (
+from uavseg.plot.page.frame import Frame
+from uavseg.plot.page.map_furniture import TEXT_COLOR, draw_north_arrow, draw_scale_bar
+from uavseg.plot.page.page import (
     CAPTION_COLOR,
     check_png_target,
     draw_legend,
@@ -31,10 +31,10 @@ from uavseg.plot.page import (
     new_figure,
     save_figure,
 )
-from uavseg.raster.geobox import azimuthal_geobox
+from uavseg.raster.grid.geobox import azimuthal_geobox
 
 if TYPE_CHECKING:
-    from uavseg.flight.mission import Mission
+    from uavseg.flight.mission.mission import Mission
 
 File = str | os.PathLike[str]
 
@@ -141,7 +141,7 @@ def _figure(
 
 def _frame(missions: Sequence["Mission"]) -> Frame:
     """Plot coordinates around the homes and places of missions, north up."""
-    from uavseg.flight.plane import plane_around
+    from uavseg.flight.mission.plane import plane_around
 
     lat, lon = (np.concatenate([mission.path[k] for mission in missions]) for k in (0, 1))
     plane = plane_around(np.column_stack([lon, lat, lon, lat]), float(lon[0]))

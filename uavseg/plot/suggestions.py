@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from uavseg.atomic import atomic_file
-from uavseg.jobs.inputs import keep_inputs
+from uavseg.jobs.source.inputs import keep_inputs
 from uavseg.jobs.suggestions import Suggestion, Suggestions
-from uavseg.plot.frame import Frame
+from uavseg.output.atomic import atomic_file
 from uavseg.plot.layers.range_layer import (
     BRIGHT_PART_COLOR,
     DARK_PART_COLOR,
@@ -18,8 +17,9 @@ from uavseg.plot.layers.range_layer import (
     range_colors,
 )
 from uavseg.plot.layers.raster_layer import draw_raster
-from uavseg.plot.map_furniture import TEXT_COLOR, draw_north_arrow, draw_scale_bar
-from uavseg.plot.page import (
+from uavseg.plot.page.frame import Frame
+from uavseg.plot.page.map_furniture import TEXT_COLOR, draw_north_arrow, draw_scale_bar
+from uavseg.plot.page.page import (
     CAPTION_COLOR,
     check_png_target,
     fit_axes,
@@ -27,9 +27,9 @@ from uavseg.plot.page import (
     raster_caption,
     save_figure,
 )
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.overview import DatasetOverview
-from uavseg.raster.value_scale import ValueAxis
+from uavseg.raster.read.dataset import Dataset
+from uavseg.raster.read.overview import DatasetOverview
+from uavseg.raster.spectral.value_scale import ValueAxis
 
 _WIDTH_IN, _MAP_IN, _PLOT_IN = 10.0, 6.3, 2.6  # the page, the raster and the histogram
 _VALUES_IN = 0.55  # the axis of values beside the histogram

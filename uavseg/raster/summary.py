@@ -10,20 +10,20 @@ from numpy.typing import NDArray
 
 from uavseg.execution.executors import Map, Progress, serial
 from uavseg.raster.collar.find import without_collar
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.geobox import GeoBox
 from uavseg.raster.geodesy.globe import crs_name
-from uavseg.raster.geodesy.ground import ground_resolution
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.ground import ground_resolution
+from uavseg.raster.grid.tiling import TilePass, Window, tile_side, tiles
 from uavseg.raster.intensity.beyond import greys_beyond
 from uavseg.raster.intensity.otsu import multi_otsu
 from uavseg.raster.intensity.populations import population_edges, rarest_population
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch
 from uavseg.raster.intensity.value_range import axis_of
-from uavseg.raster.mosaic import RasterSource
-from uavseg.raster.overview import DatasetOverview
+from uavseg.raster.read.dataset import Dataset
+from uavseg.raster.read.mosaic import RasterSource
+from uavseg.raster.read.overview import DatasetOverview
 from uavseg.raster.spectral.band_names import names_of
-from uavseg.raster.tiling import TilePass, Window, tile_side, tiles
-from uavseg.raster.value_scale import ValueAxis
+from uavseg.raster.spectral.value_scale import ValueAxis
 from uavseg.units import GREY_LEVELS
 
 EXACT_PIXELS = 100_000_000  # larger rasters are downsampled before counting

@@ -9,9 +9,9 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 
 from uavseg.errors import RasterError
-from uavseg.raster.geobox import GeoBox
 from uavseg.raster.geodesy.globe import wrap_lon_beyond_180
-from uavseg.raster.geodesy.ground import ring_areas, ring_perimeters
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.ground import ring_areas, ring_perimeters
 from uavseg.regions.shapes import LazyPolygons, PolygonArray, batch_slices
 from uavseg.units import GREY_MAX
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from uavseg.raster.value_scale import ValueAxis
+from uavseg.raster.spectral.value_scale import ValueAxis
 from uavseg.regions.table import VALUE_COLUMNS, Regions
 from uavseg.segmentation.components import Sums
 from uavseg.units import GREY_MAX

@@ -9,7 +9,7 @@ from uavseg.segmentation.blocks.division import block_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
 from uavseg.segmentation.blocks.leaves import cells_in_range, cells_to_pixels, pixels_in_range
 from uavseg.segmentation.components import component_sums, label_components
-from uavseg.segmentation.params import IntensityRange, SegmentParams
+from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
 from uavseg.segmentation.refine.range_scans import refine_by_local_mean, refine_by_scans
 from uavseg.segmentation.refine.tv import refine_by_tv
 from uavseg.units import BLOCK

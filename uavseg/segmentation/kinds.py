@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.raster.tiling import Window
-from uavseg.segmentation.params import Refinement
+from uavseg.raster.grid.tiling import Window
+from uavseg.segmentation.params.segment import Refinement
 from uavseg.segmentation.refine.range_scans import REFINE_HALO
 from uavseg.segmentation.refine.tv import refine_kinds_by_tv
 from uavseg.segmentation.source import GreySource, GreyTile

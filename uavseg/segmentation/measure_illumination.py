@@ -5,9 +5,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.raster.tiling import TilePass, Window
+from uavseg.raster.grid.tiling import TilePass, Window
 from uavseg.segmentation.blocks.block_map import cell_sums
-from uavseg.segmentation.illumination import Illumination, fit_illumination, square_side
+from uavseg.segmentation.params.illumination import Illumination, fit_illumination, square_side
 from uavseg.segmentation.source import GreySource
 from uavseg.units import CELL
 

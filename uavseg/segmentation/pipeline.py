@@ -17,12 +17,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.raster.tiling import TilePass, Window, whole_blocks, window_blocks, window_cells
+from uavseg.raster.grid.tiling import TilePass, Window, whole_blocks, window_blocks, window_cells
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, required_ratios
 from uavseg.segmentation.blocks.division import ALL_RATIOS, block_ratios, selected_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
 from uavseg.segmentation.blocks.leaves import cells_in_range, cells_to_pixels, pixels_in_range
-from uavseg.segmentation.params import (
+from uavseg.segmentation.params.segment import (
     PIXELWISE,
     DivisionParams,
     IntensityRange,

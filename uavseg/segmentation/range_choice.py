@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from uavseg.raster.intensity.cross_entropy import least_cross_entropy
 from uavseg.segmentation.blocks.cell_pairs import BINS, CellPairs, RangeBorder
-from uavseg.segmentation.params import IntensityRange
+from uavseg.segmentation.params.segment import IntensityRange
 from uavseg.segmentation.range_candidates import edge_near, explained_by, propose_ranges
 
 LEAST_CONTRAST = 2.5  # of a border; noise, slow light and fractal surfaces have at most 2.4 at any bound

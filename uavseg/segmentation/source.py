@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.raster.dataset import Dataset
+from uavseg.raster.grid.tiling import Window, whole_blocks
 from uavseg.raster.intensity.beyond import greys_beyond
 from uavseg.raster.intensity.stretch import Stretch
-from uavseg.raster.tiling import Window, whole_blocks
-from uavseg.segmentation.illumination import Illumination
+from uavseg.raster.read.dataset import Dataset
+from uavseg.segmentation.params.illumination import Illumination
 from uavseg.units import BLOCK
 
 

@@ -11,18 +11,18 @@ import shapely
 
 from uavseg.errors import ParameterError
 from uavseg.flight.camera.catalogue import cameras
-from uavseg.flight.patterns.pattern_params import PATTERNS
+from uavseg.flight.params.pattern import PATTERNS
 from uavseg.inputs import parse_json
 from uavseg.jobs.extract import ExtractRequest
-from uavseg.jobs.like.request import MatchRequest
-from uavseg.jobs.plan import Home, PlanRequest
+from uavseg.jobs.flights.plan import Home, PlanRequest
+from uavseg.jobs.match.request import MatchRequest
 from uavseg.jobs.words.flight_params import flight_params
 from uavseg.jobs.words.photo_words import PhotoWords
-from uavseg.raster.geobox import GeoBox
 from uavseg.raster.geodesy.globe import WGS84, geod_wgs84, transform_between
+from uavseg.raster.grid.geobox import GeoBox
 from uavseg.regions.edit.small import Area
 from uavseg.regions.sample.place import Disc
-from uavseg.segmentation.params import IntensityRange, SegmentParams
+from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
 
 MAX_ZONES, MAX_CORNERS = 100, 1000
 MAX_ID = 1 << 63

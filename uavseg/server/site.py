@@ -11,20 +11,20 @@ from typing import Any
 
 from uavseg.errors import UavsegError
 from uavseg.execution.executors import Progress, threads
-from uavseg.jobs.cell_tiles import CellTiles
 from uavseg.jobs.extract import ExtractRequest, extract
-from uavseg.jobs.field_map import FieldMap, FieldMapRequest, map_tile
-from uavseg.jobs.like.request import MatchRequest
-from uavseg.jobs.match import match
-from uavseg.jobs.plan import plan
-from uavseg.jobs.plan_regions import open_regions
-from uavseg.jobs.result import Extraction
-from uavseg.jobs.source import Raster
-from uavseg.jobs.work import Work
+from uavseg.jobs.flights.plan import plan
+from uavseg.jobs.flights.plan_regions import open_regions
+from uavseg.jobs.match.match import match
+from uavseg.jobs.match.request import MatchRequest
+from uavseg.jobs.result.result import Extraction
+from uavseg.jobs.source.source import Raster
+from uavseg.jobs.source.work import Work
+from uavseg.jobs.web_map.cell_tiles import CellTiles
+from uavseg.jobs.web_map.content import FieldMap, FieldMapRequest, map_tile
 from uavseg.plain_text import printable
 from uavseg.plot.web.field_map import read_flights
 from uavseg.plot.web.region_features import read_collection
-from uavseg.raster.dataset import Dataset
+from uavseg.raster.read.dataset import Dataset
 from uavseg.regions.formats.export import write_regions
 from uavseg.regions.sample.place import Disc
 from uavseg.server.local_server import Answer, json_answer

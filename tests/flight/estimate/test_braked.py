@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uavseg.flight.estimate.duration import leg_seconds
-from uavseg.flight.estimate.vehicle import NUMBERS, PX4
+from uavseg.flight.mission.duration import leg_seconds
+from uavseg.flight.mission.vehicle import NUMBERS, PX4
 
 
 def circle(sides: int, radius: float) -> np.ndarray:

@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from uavseg.flight.estimate.braked import STEP_S
-from uavseg.flight.estimate.duration import leg_seconds
-from uavseg.flight.estimate.ramps import Ramp
-from uavseg.flight.estimate.vehicle import ARDUCOPTER, PX4, Vehicle
+from uavseg.flight.mission.braked import STEP_S
+from uavseg.flight.mission.duration import leg_seconds
+from uavseg.flight.mission.ramps import Ramp
+from uavseg.flight.mission.vehicle import ARDUCOPTER, PX4, Vehicle
 
 VEHICLES = pytest.mark.parametrize("vehicle", [ARDUCOPTER, PX4], ids=lambda vehicle: vehicle.turns)
 PATHS = arrays(

@@ -14,8 +14,8 @@ from pyproj import Geod, Transformer
 import uavseg
 from uavseg.flight.camera.catalogue import camera_named
 from uavseg.flight.camera.photos import Photos
-from uavseg.flight.estimate.footprints import MAX_FOOTPRINTS, footprints
-from uavseg.flight.items import (
+from uavseg.flight.mission.footprints import MAX_FOOTPRINTS, footprints
+from uavseg.flight.mission.items import (
     CAMERA_DISTANCE,
     FRAME_MISSION,
     FRAME_RELATIVE,
@@ -26,7 +26,7 @@ from uavseg.flight.items import (
     HomePosition,
     MissionItem,
 )
-from uavseg.flight.mission import Mission
+from uavseg.flight.mission.mission import Mission
 
 SAMPLE = Path(uavseg.__file__).parents[1] / "samples" / "quarry.tif"
 CAMERA = camera_named("DJI Mavic 3")

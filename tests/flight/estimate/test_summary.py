@@ -7,10 +7,10 @@ import pytest
 
 from uavseg.flight.camera.camera import Camera, Overlap
 from uavseg.flight.camera.photos import Photos
-from uavseg.flight.estimate.flown import flown_path, landing_seconds
-from uavseg.flight.estimate.summary import estimate
-from uavseg.flight.estimate.vehicle import ARDUCOPTER, PX4
-from uavseg.flight.items import (
+from uavseg.flight.mission.estimate import estimate
+from uavseg.flight.mission.flown import flown_path, landing_seconds
+from uavseg.flight.mission.ground import Ground
+from uavseg.flight.mission.items import (
     CAMERA_DISTANCE,
     CAMERA_INTERVAL,
     CHANGE_SPEED,
@@ -27,8 +27,8 @@ from uavseg.flight.items import (
     HomePosition,
     MissionItem,
 )
-from uavseg.flight.mission import Mission
-from uavseg.flight.terrain.ground import Ground
+from uavseg.flight.mission.mission import Mission
+from uavseg.flight.mission.vehicle import ARDUCOPTER, PX4
 
 HOME = HomePosition(47.0, 8.0, 400.0)
 METRE = 1 / 111_177.5  # degrees of latitude at 47 degrees

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from uavseg.errors import ParameterError
-from uavseg.flight.estimate.vehicle import ARDUCOPTER, PX4, default_vehicle, read_vehicle
+from uavseg.flight.mission.vehicle import ARDUCOPTER, PX4, default_vehicle, read_vehicle
 
 POWER = {"hover_w": 180, "cruise_w": 160.5, "battery_wh": 90}
 

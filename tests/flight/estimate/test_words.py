@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from uavseg.flight.estimate.words import duration_text, estimate_text
+from uavseg.flight.mission.estimate import duration_text, estimate_text
 
 
 @pytest.mark.parametrize(

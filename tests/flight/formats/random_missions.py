@@ -5,7 +5,7 @@ from dataclasses import replace
 from hypothesis import strategies as st
 
 from tests.flight.fences import fences, rally_points
-from uavseg.flight.items import (
+from uavseg.flight.mission.items import (
     AUTOPILOTS,
     CAMERA_DISTANCE,
     CHANGE_SPEED,
@@ -28,7 +28,7 @@ from uavseg.flight.items import (
     HomePosition,
     MissionItem,
 )
-from uavseg.flight.mission import Mission
+from uavseg.flight.mission.mission import Mission
 
 HOME = HomePosition(-33.856784123, 151.215296987, 12.5)
 numbers = st.floats(-1e4, 1e4)

@@ -15,10 +15,10 @@ from tests.flight.formats.random_missions import HOME, routes
 from tests.flight.formats.wpml_schema import TEMPLATE, WAYLINES, WPML, faults
 from tests.flight.mission_items import waypoint
 from uavseg.errors import MissionError, ParameterError
-from uavseg.flight import files
+from uavseg.flight.formats import files
 from uavseg.flight.formats.kmz import kmz_losses, write_kmz
 from uavseg.flight.formats.options import DJI_MODELS, FileOptions
-from uavseg.flight.items import (
+from uavseg.flight.mission.items import (
     CAMERA_DISTANCE,
     CHANGE_SPEED,
     FRAME_AMSL,
@@ -33,7 +33,7 @@ from uavseg.flight.items import (
     HomePosition,
     MissionItem,
 )
-from uavseg.flight.mission import Mission
+from uavseg.flight.mission.mission import Mission
 
 UP = MissionItem(TAKEOFF, FRAME_RELATIVE, (0.0, 0.0, 0.0, None), 47.0, 8.0, 50.0)
 FREE = (0.0, 0.0, 0.0, None)

@@ -9,10 +9,10 @@ import pytest
 from tests.flight.formats.test_kmz import SURVEY, mission_of
 from tests.flight.mission_items import waypoint
 from uavseg.errors import MissionError
-from uavseg.flight import files
+from uavseg.flight.formats import files
 from uavseg.flight.formats.litchi import litchi_losses, write_litchi
 from uavseg.flight.formats.options import FileOptions
-from uavseg.flight.items import (
+from uavseg.flight.mission.items import (
     CHANGE_SPEED,
     FRAME_MISSION,
     FRAME_TERRAIN,

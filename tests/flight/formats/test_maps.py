@@ -14,11 +14,11 @@ from tests.flight.formats.test_kmz import SURVEY, mission_of
 from tests.flight.mission_items import waypoint
 from tests.flight.test_files import FENCED
 from uavseg.errors import MissionError
-from uavseg.flight import files
+from uavseg.flight.formats import files
 from uavseg.flight.formats.geojson import write_geojson
 from uavseg.flight.formats.kml import kml_losses, write_kml
 from uavseg.flight.formats.options import FileOptions
-from uavseg.flight.items import (
+from uavseg.flight.mission.items import (
     FRAME_AMSL,
     FRAME_MISSION,
     FRAME_TERRAIN,
@@ -26,7 +26,7 @@ from uavseg.flight.items import (
     HomePosition,
     MissionItem,
 )
-from uavseg.flight.mission import Mission
+from uavseg.flight.mission.mission import Mission
 
 KML = "{http://www.opengis.net/kml/2.2}"
 

@@ -10,14 +10,14 @@ from pymavlink import mavwp
 
 from tests.flight.small_regions import degrees, inside
 from tests.flight.terrain.dems import HOME, draw, hills
-from uavseg.flight import files
-from uavseg.flight.items import FRAME_AMSL, FRAME_RELATIVE, FRAME_TERRAIN
-from uavseg.flight.mission import Mission
-from uavseg.flight.plane import Plane
-from uavseg.flight.planner import plan_missions
+from uavseg.flight.formats import files
+from uavseg.flight.mission.items import FRAME_AMSL, FRAME_RELATIVE, FRAME_TERRAIN
+from uavseg.flight.mission.mission import Mission
+from uavseg.flight.mission.plane import Plane
+from uavseg.flight.params.terrain import terrain_params
+from uavseg.flight.planning.planner import plan_missions
 from uavseg.flight.safety.paper_check import PaperCheck
-from uavseg.flight.terrain.params import terrain_params
-from uavseg.jobs.check import CheckRequest, check
+from uavseg.jobs.flights.check import CheckRequest, check
 from uavseg.jobs.words.flight_params import flight_params
 from uavseg.jobs.words.pattern_words import PatternWords
 from uavseg.jobs.words.photo_words import PhotoWords

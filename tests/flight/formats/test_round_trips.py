@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from pymavlink import mavwp
 
 from tests.flight.formats.random_missions import missions, routes
-from uavseg.flight import files
+from uavseg.flight.formats import files
 from uavseg.flight.formats.route import Route, route_of
-from uavseg.flight.items import HEADING_COMMANDS, MissionItem
-from uavseg.flight.mission import CRUISE_M_S, Mission
+from uavseg.flight.mission.items import HEADING_COMMANDS, MissionItem
+from uavseg.flight.mission.mission import CRUISE_M_S, Mission
 
 DEGREES = 1e-7
 pytestmark = pytest.mark.slow

@@ -10,7 +10,7 @@ import pytest
 from tests.flight.formats.test_kmz import SURVEY
 from tests.flight.formats.test_survey_items import planned, shapely
 from uavseg.errors import MissionError
-from uavseg.flight.files import read_mission
+from uavseg.flight.formats.files import read_mission
 from uavseg.flight.formats.plan import plan_text
 from uavseg.flight.formats.station_rules import MAVSDK, MISSION_PLANNER, QGC, station_refusals
 from uavseg.flight.formats.waypoints import waypoints_text

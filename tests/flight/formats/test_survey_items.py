@@ -11,14 +11,14 @@ from hypothesis import given, settings
 
 from tests.flight.cover.cover_fields import fields
 from uavseg.errors import MissionError, ParameterError
-from uavseg.flight import files
 from uavseg.flight.camera.catalogue import camera_named
 from uavseg.flight.camera.photos import Photos
+from uavseg.flight.formats import files
 from uavseg.flight.formats.plan import plan_text
-from uavseg.flight.mission import Mission
-from uavseg.flight.params import PlanParams
-from uavseg.flight.plane import Plane
-from uavseg.flight.planner import plan_missions
+from uavseg.flight.mission.mission import Mission
+from uavseg.flight.mission.plane import Plane
+from uavseg.flight.params.plan import PlanParams
+from uavseg.flight.planning.planner import plan_missions
 
 PLANE = Plane(47.0, 8.0)
 PHOTOS = Photos(camera_named("phantom 4 pro"))

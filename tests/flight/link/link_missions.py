@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from uavseg.flight.fence import FenceCircle, FencePolygon, RallyPoint
-from uavseg.flight.items import (
+from uavseg.flight.mission.fence import FenceCircle, FencePolygon, RallyPoint
+from uavseg.flight.mission.items import (
     CAMERA_DISTANCE,
     CHANGE_SPEED,
     FRAME_AMSL,
@@ -17,7 +17,7 @@ from uavseg.flight.items import (
     HomePosition,
     MissionItem,
 )
-from uavseg.flight.mission import Mission
+from uavseg.flight.mission.mission import Mission
 
 HOME = HomePosition(47.0, 8.0, 412.5)
 ANY = (0.0, 0.0, 0.0, None)

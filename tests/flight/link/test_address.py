@@ -4,7 +4,7 @@ import pytest
 
 from uavseg.errors import ParameterError
 from uavseg.flight.link.address import parse_address
-from uavseg.jobs.link import LinkRequest
+from uavseg.jobs.flights.link import LinkRequest
 
 
 @pytest.mark.parametrize(

@@ -15,14 +15,14 @@ from tests.flight.link.vehicles import (
     Px4,
 )
 from uavseg.errors import LinkError, MissionError
-from uavseg.flight.items import (
+from uavseg.flight.link.download import download_mission
+from uavseg.flight.link.results import Result
+from uavseg.flight.mission.items import (
     CONDITION_GATE,
     FRAME_MISSION,
     LOITER_TURNS,
     MissionItem,
 )
-from uavseg.flight.link.download import download_mission
-from uavseg.flight.link.results import Result
 
 
 def test_a_vehicle_without_a_mission_says_so() -> None:

@@ -5,10 +5,10 @@ from types import ModuleType
 import pytest
 from pymavlink.dialects.v20 import common
 
-from uavseg.flight import items
 from uavseg.flight.link import link, link_items, vehicle
 from uavseg.flight.link.results import Kind, Result, result_words
 from uavseg.flight.link.send import command_name
+from uavseg.flight.mission.mission import items
 
 NAMES = {
     items: {

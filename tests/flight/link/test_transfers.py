@@ -20,14 +20,14 @@ from tests.flight.link.vehicles import (
     Px4,
 )
 from uavseg.errors import LinkError
-from uavseg.flight.items import (
+from uavseg.flight.link.download import download_mission
+from uavseg.flight.link.link import Link
+from uavseg.flight.link.upload import upload_mission
+from uavseg.flight.mission.items import (
     FRAME_TERRAIN,
     HomePosition,
     MissionItem,
 )
-from uavseg.flight.link.download import download_mission
-from uavseg.flight.link.link import Link
-from uavseg.flight.link.upload import upload_mission
 
 
 @pytest.mark.parametrize("make", VEHICLES)

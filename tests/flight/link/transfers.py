@@ -10,7 +10,7 @@ from tests.flight.link.vehicles import (
     Px4,
 )
 from uavseg.flight.link.upload import upload_mission
-from uavseg.flight.mission import Mission
+from uavseg.flight.mission.mission import Mission
 
 VEHICLES: list[type[FakeVehicle]] = [ArduPilot, Px4, Generic]
 AUTOPILOTS = {ArduPilot: "ardupilot", Px4: "px4", Generic: "px4"}

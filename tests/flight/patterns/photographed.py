@@ -7,9 +7,9 @@ import numpy as np
 import shapely
 
 from uavseg.flight.camera.photos import Photos
-from uavseg.flight.items import CAMERA_DISTANCE, IMAGE_START, IMAGE_STOP, WAYPOINT, MissionItem
-from uavseg.flight.mission import Mission
-from uavseg.flight.plane import Plane
+from uavseg.flight.mission.items import CAMERA_DISTANCE, IMAGE_START, IMAGE_STOP, WAYPOINT, MissionItem
+from uavseg.flight.mission.mission import Mission
+from uavseg.flight.mission.plane import Plane
 
 
 @dataclass(frozen=True)

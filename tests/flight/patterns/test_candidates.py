@@ -11,7 +11,14 @@ from hypothesis import strategies as st
 from tests.flight.small_regions import box, inside, planned, waypoints
 from uavseg.flight.camera.camera import Camera, Overlap
 from uavseg.flight.camera.photos import Photos
-from uavseg.flight.items import CAMERA_DISTANCE, CHANGE_SPEED, MOUNT_CONTROL, RETURN, TAKEOFF, WAYPOINT
+from uavseg.flight.mission.items import (
+    CAMERA_DISTANCE,
+    CHANGE_SPEED,
+    MOUNT_CONTROL,
+    RETURN,
+    TAKEOFF,
+    WAYPOINT,
+)
 
 
 def test_a_visit_goes_to_the_point_of_every_region_once() -> None:

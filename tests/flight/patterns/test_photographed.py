@@ -10,9 +10,9 @@ from tests.flight.patterns.photographed import photographs
 from tests.flight.small_regions import degrees, planned
 from uavseg.flight.camera.camera import Camera, Overlap
 from uavseg.flight.camera.photos import Photos
-from uavseg.flight.patterns.pattern_params import CorridorParams, SurveyParams
-from uavseg.flight.plane import Plane
-from uavseg.flight.safety.limits import LimitParams
+from uavseg.flight.mission.plane import Plane
+from uavseg.flight.params.limits import LimitParams
+from uavseg.flight.params.pattern import CorridorParams, SurveyParams
 
 CAMERA = Camera("wide", (13.2, 8.8), (5472, 3648), 8.8, 0.5)
 PLANE = Plane(47.0, 8.0)

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.flight.cover.cover_fields import fields
-from uavseg.flight.patterns.pattern_params import PerimeterParams
+from uavseg.flight.params.pattern import PerimeterParams
 from uavseg.flight.patterns.rings import _hausdorff, _offset, long_legs, offset_rings
 
 NOTCHED = [

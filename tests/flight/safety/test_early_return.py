@@ -7,11 +7,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.flight.small_regions import HOME, box, flights, planned
-from uavseg.flight.params import PlanParams
-from uavseg.flight.plane import Plane
+from uavseg.flight.mission.plane import Plane
+from uavseg.flight.params.limits import LimitParams, SafetyParams
+from uavseg.flight.params.plan import PlanParams
 from uavseg.flight.safety.early_return import return_notes
 from uavseg.flight.safety.keep_out import KeepOut
-from uavseg.flight.safety.limits import LimitParams, SafetyParams
 
 PLANE = Plane(*HOME[:2])
 
@@ -54,7 +54,7 @@ def test_a_return_above_the_allowed_height_is_noted(autopilot: str, most_m: floa
 
 
 def test_rally_points_go_to_the_flights_whose_fence_holds_them() -> None:
-    from uavseg.flight.fence import RallyPoint
+    from uavseg.flight.mission.fence import RallyPoint
 
     lon, lat = (float(v) for v in PLANE.lonlat_from_xy(600, 40))
     safety = SafetyParams(rally=(RallyPoint(lat, lon, 30),))

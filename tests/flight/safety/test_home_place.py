@@ -16,9 +16,9 @@ from tests.flight.small_regions import HOME, box, degrees, inside
 from uavseg.errors import MissionError
 from uavseg.execution.phases import watched
 from uavseg.flight.avoid import enclosing
-from uavseg.flight.params import PlanParams
-from uavseg.flight.plane import Plane
-from uavseg.flight.planner import plan_missions
+from uavseg.flight.mission.plane import Plane
+from uavseg.flight.params.plan import PlanParams
+from uavseg.flight.planning.planner import plan_missions
 from uavseg.flight.safety.home_place import CLEARANCE_M, home_outside
 
 PLANE = Plane(47.0, 8.0)

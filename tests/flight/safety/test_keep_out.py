@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 
 from tests.flight.small_regions import HOME, box, degrees, flights, planned, waypoints
 from uavseg.errors import MissionError
-from uavseg.flight.items import CAMERA_DISTANCE
-from uavseg.flight.mission import Mission
-from uavseg.flight.plane import Plane
+from uavseg.flight.mission.items import CAMERA_DISTANCE
+from uavseg.flight.mission.mission import Mission
+from uavseg.flight.mission.plane import Plane
+from uavseg.flight.mission.track import Track
+from uavseg.flight.params.limits import LimitParams, SafetyParams
 from uavseg.flight.safety.fence_around import fence_around
 from uavseg.flight.safety.keep_out import KeepOut
-from uavseg.flight.safety.limits import LimitParams, SafetyParams
-from uavseg.flight.track import Track
 
 PLANE = Plane(47.0, 8.0)
 WALL = box(150, -500, 20, 1000)  # between home and what lies east of it

@@ -8,12 +8,12 @@ from numpy.typing import ArrayLike, NDArray
 from pyproj import Geod
 
 from tests.flight.terrain.dems import HOME
-from uavseg.flight.items import HomePosition
-from uavseg.flight.params import PlanParams
-from uavseg.flight.plane import Plane
+from uavseg.flight.mission.items import HomePosition
+from uavseg.flight.mission.plane import Plane
+from uavseg.flight.mission.track import Track
+from uavseg.flight.params.plan import PlanParams
+from uavseg.flight.params.terrain import TerrainParams
 from uavseg.flight.terrain.follow import GroundPath, follow_ground
-from uavseg.flight.terrain.params import TerrainParams
-from uavseg.flight.track import Track
 from uavseg.raster.elevation.dem import Dem
 
 Floats = NDArray[np.float64]

@@ -12,15 +12,22 @@ from hypothesis import strategies as st
 from tests.flight.terrain.dems import HOME, cone, draw, hills, plane
 from tests.flight.terrain.flights import PLANE, flown, follow, track
 from uavseg.errors import MissionError
-from uavseg.flight.along import items_along
-from uavseg.flight.fence import RallyPoint
-from uavseg.flight.items import FRAME_AMSL, FRAME_RELATIVE, FRAME_TERRAIN, RETURN, HomePosition, MissionItem
-from uavseg.flight.mission import Mission
-from uavseg.flight.params import PlanParams
+from uavseg.flight.mission.fence import RallyPoint
+from uavseg.flight.mission.items import (
+    FRAME_AMSL,
+    FRAME_RELATIVE,
+    FRAME_TERRAIN,
+    RETURN,
+    HomePosition,
+    MissionItem,
+)
+from uavseg.flight.mission.mission import Mission
+from uavseg.flight.params.plan import PlanParams
+from uavseg.flight.params.terrain import TerrainParams
+from uavseg.flight.planning.along import items_along
 from uavseg.flight.terrain.clearance import Clearance, clearance_of
 from uavseg.flight.terrain.follow import GroundPath
 from uavseg.flight.terrain.heights import Heights
-from uavseg.flight.terrain.params import TerrainParams
 from uavseg.raster.elevation.dem import Dem
 
 

@@ -9,13 +9,13 @@ from hypothesis import strategies as st
 
 from tests.flight.terrain.dems import HOME, draw, hills
 from tests.flight.terrain.flights import PLANE, ZIGZAG
-from uavseg.flight.estimate.vehicle import default_vehicle
-from uavseg.flight.items import HomePosition
-from uavseg.flight.params import PlanParams
+from uavseg.flight.mission.items import HomePosition
+from uavseg.flight.mission.track import Track
+from uavseg.flight.mission.vehicle import default_vehicle
+from uavseg.flight.params.plan import PlanParams
+from uavseg.flight.params.terrain import TerrainParams
 from uavseg.flight.terrain.flown import Rates, points_climbed_early
 from uavseg.flight.terrain.follow import follow_ground
-from uavseg.flight.terrain.params import TerrainParams
-from uavseg.flight.track import Track
 from uavseg.raster.elevation.dem import Dem
 
 SPEED = 5.0

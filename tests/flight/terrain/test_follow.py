@@ -12,10 +12,9 @@ from hypothesis import strategies as st
 from tests.flight.terrain.dems import HOME, Surface, cliff, cone, draw, hills, noise, plane, write
 from tests.flight.terrain.flights import GEOD, PLANE, TRIGGERS, ZIGZAG, flown, follow, slopes, track
 from uavseg.errors import MissionError
-from uavseg.flight.along import items_along
 from uavseg.flight.camera.camera import Camera
 from uavseg.flight.camera.photos import Photos
-from uavseg.flight.items import (
+from uavseg.flight.mission.items import (
     CAMERA_DISTANCE,
     CHANGE_SPEED,
     FRAME_AMSL,
@@ -24,7 +23,8 @@ from uavseg.flight.items import (
     WAYPOINT,
     HomePosition,
 )
-from uavseg.flight.params import PlanParams
+from uavseg.flight.params.plan import PlanParams
+from uavseg.flight.planning.along import items_along
 from uavseg.raster.elevation.dem import Dem
 
 EPSILON_M = 0.02  # coordinates are rounded to a millimetre, and ground may be steep

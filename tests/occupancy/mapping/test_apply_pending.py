@@ -12,9 +12,9 @@ from tests.occupancy.random_scans import random_scan
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.mapping.log_odds import probabilities_and_grey
 from uavseg.occupancy.mapping.scan import Pose, Scan
-from uavseg.raster.geobox import local_geobox
+from uavseg.raster.grid.geobox import local_geobox
+from uavseg.raster.grid.tiling import Window
 from uavseg.raster.intensity.grey import to_grey
-from uavseg.raster.tiling import Window
 
 
 def assert_in_step(grid: OccupancyGrid) -> None:

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.mapping.scan import Pose, Scan
-from uavseg.raster.geobox import GeoBox
-from uavseg.raster.tiling import Window
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.tiling import Window
 
 FREE = math.log(0.1 / 0.9)
 

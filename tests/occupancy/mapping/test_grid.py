@@ -10,7 +10,7 @@ from hypothesis.extra.numpy import arrays
 from uavseg.errors import MapError
 from uavseg.occupancy.mapping.grid import OccupancyGrid, grey_picture
 from uavseg.occupancy.mapping.scan import Pose, Scan
-from uavseg.raster.geobox import GeoBox, local_geobox
+from uavseg.raster.grid.geobox import GeoBox, local_geobox
 
 
 def test_cells_outside_of_the_window_of_a_scan_do_not_change() -> None:

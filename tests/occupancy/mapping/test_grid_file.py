@@ -10,7 +10,7 @@ from uavseg.errors import MapError, OutputError, OutputExistsError, UavsegError
 from uavseg.occupancy.mapping import grid_file
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.raster.formats.geotiff import write_geotiff
-from uavseg.raster.geobox import GeoBox, local_geobox
+from uavseg.raster.grid.geobox import GeoBox, local_geobox
 
 SHAPE = (70, 90)
 

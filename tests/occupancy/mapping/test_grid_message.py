@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from uavseg.errors import MapError
 from uavseg.occupancy.mapping.grid import OccupancyGrid
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox
 
 CELLS = [-1, 0, 100, 20, 0, 77]  # two rows of three, the lowest first
 

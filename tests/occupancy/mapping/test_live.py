@@ -18,14 +18,14 @@ from uavseg.occupancy.mapping.live import LiveSegmentation
 from uavseg.occupancy.mapping.scan import Pose, Scan
 from uavseg.occupancy.simulation.range_finder import RangeFinder
 from uavseg.occupancy.simulation.scene import Scene
-from uavseg.raster.geobox import local_geobox
+from uavseg.raster.grid.geobox import local_geobox
+from uavseg.raster.grid.tiling import Window
 from uavseg.raster.intensity.grey import to_grey
-from uavseg.raster.tiling import Window
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, required_ratios
 from uavseg.segmentation.blocks.division import block_ratios, selected_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
 from uavseg.segmentation.blocks.leaves import cell_levels, cell_states, cells_in_range
-from uavseg.segmentation.params import IntensityRange, Intervals, Levels, SegmentParams, StateLimits
+from uavseg.segmentation.params.segment import IntensityRange, Intervals, Levels, SegmentParams, StateLimits
 
 PAPER = SegmentParams(method="paper")
 PARTITIONS: list[Intervals] = [

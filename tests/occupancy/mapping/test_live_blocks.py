@@ -10,7 +10,7 @@ from uavseg.occupancy.mapping.live_blocks import classify_leaves, required_ratio
 from uavseg.segmentation import in_memory
 from uavseg.segmentation.blocks.block_map import BlockMap, required_ratios
 from uavseg.segmentation.blocks.leaves import cell_intervals
-from uavseg.segmentation.params import DivisionParams
+from uavseg.segmentation.params.segment import DivisionParams
 from uavseg.segmentation.pipeline import LeafQuery
 
 EDGES = [(0.3, 0.6), (0.5,), (0.1, 0.2, 0.4, 0.9)]

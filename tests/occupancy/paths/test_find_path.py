@@ -13,11 +13,11 @@ from uavseg.occupancy.paths.any_angle import is_visible
 from uavseg.occupancy.paths.clearance import clearance
 from uavseg.occupancy.paths.find_path import PathParams, PlannedPath, find_path
 from uavseg.occupancy.paths.free_cells import FreeCells
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch
+from uavseg.raster.read.dataset import Dataset
 from uavseg.regions.outline.trace import trace
-from uavseg.segmentation.params import IntensityRange
+from uavseg.segmentation.params.segment import IntensityRange
 from uavseg.segmentation.source import GreySource
 
 CELL = 0.25

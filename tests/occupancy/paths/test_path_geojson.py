@@ -15,8 +15,8 @@ from rasterio.crs import CRS
 from uavseg.errors import OutputError
 from uavseg.occupancy.paths.find_path import PlannedPath
 from uavseg.occupancy.paths.path_geojson import check_path_crs, path_lonlat, path_to_geojson
-from uavseg.raster.geobox import GeoBox
-from uavseg.raster.geodesy.ground import line_length
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.ground import line_length
 
 WGS84 = CRS.from_epsg(4326)
 CORNERS = st.lists(st.tuples(st.integers(0, 99), st.integers(0, 199)), min_size=2, max_size=6, unique=True)

@@ -20,7 +20,7 @@ from uavseg.access import allowing
 from uavseg.errors import MapError, OutputExistsError, RasterReadError
 from uavseg.occupancy.ros.ros_map import RosMap, read_ros_map, write_ros_map
 from uavseg.raster.formats.png import read_grey
-from uavseg.raster.geobox import GeoBox, local_geobox
+from uavseg.raster.grid.geobox import GeoBox, local_geobox
 
 BYTES = hnp.arrays(np.uint8, hnp.array_shapes(min_dims=2, max_dims=2, max_side=9))
 

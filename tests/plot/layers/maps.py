@@ -8,7 +8,7 @@ from affine import Affine
 from PIL import Image
 
 from uavseg.raster.formats.geotiff import Page, write_geotiff_pages
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox
 
 UTM = rasterio.crs.CRS.from_epsg(32618)
 

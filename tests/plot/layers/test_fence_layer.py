@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from tests.plot.pictures import NORTH_UP, UTM, a_mission
-from uavseg.flight.fence import FenceCircle, FencePolygon, RallyPoint
-from uavseg.plot.frame import Frame
+from uavseg.flight.mission.fence import FenceCircle, FencePolygon, RallyPoint
 from uavseg.plot.layers.fence_layer import FenceLayer
-from uavseg.raster.geobox import GeoBox
+from uavseg.plot.page.frame import Frame
+from uavseg.raster.grid.geobox import GeoBox
 
 FRAME = Frame(GeoBox((200, 200), NORTH_UP, UTM))
 INSIDE = FencePolygon(((44.2, -76.5), (44.201, -76.5), (44.201, -76.499)))

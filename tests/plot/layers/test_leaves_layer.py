@@ -10,19 +10,19 @@ from hypothesis import strategies as st
 
 from tests.plot.layers.maps import BOX, LOCAL, MOST, UTM, rgb, write
 from uavseg.errors import ParameterError, RasterError
-from uavseg.plot.frame import Frame
 from uavseg.plot.layers import leaves_layer
+from uavseg.plot.page.frame import Frame
 from uavseg.plot.preview import preview
-from uavseg.raster.dataset import Dataset
 from uavseg.raster.formats.geotiff import write_geotiff
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.tiling import TilePass
 from uavseg.raster.intensity.stretch import fit_stretch
-from uavseg.raster.tiling import TilePass
+from uavseg.raster.read.dataset import Dataset
 from uavseg.segmentation import in_memory
 from uavseg.segmentation.blocks.block_file import write_block_map
 from uavseg.segmentation.blocks.block_map import find_leaves
 from uavseg.segmentation.blocks.saved_blocks import Origin, SavedBlocks
-from uavseg.segmentation.params import DivisionParams
+from uavseg.segmentation.params.segment import DivisionParams
 
 
 @settings(max_examples=30)

@@ -10,8 +10,8 @@ import shapely
 
 from tests.plot.layers.maps import BOX, UTM, of_raster, write
 from uavseg.errors import RegionError
-from uavseg.plot.frame import Frame
 from uavseg.plot.layers import levels_layer
+from uavseg.plot.page.frame import Frame
 from uavseg.plot.preview import preview
 
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from tests.plot.pictures import NORTH_UP, UTM, a_mission, colored, middle_of, write
-from uavseg.flight import files
-from uavseg.flight.items import HomePosition, MissionItem
-from uavseg.flight.mission import Mission
-from uavseg.plot.frame import Frame
+from uavseg.flight.formats import files
+from uavseg.flight.mission.items import HomePosition, MissionItem
+from uavseg.flight.mission.mission import Mission
 from uavseg.plot.layers import mission_layer
+from uavseg.plot.page.frame import Frame
 from uavseg.plot.preview import preview
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox
 
 
 def test_arrows_point_along_long_legs_only() -> None:

@@ -10,14 +10,14 @@ import pytest
 import uavseg
 from tests.plot.layers.maps import BOX, LOCAL, beliefs, rgb, states, write
 from uavseg.errors import MissionError, PathError
-from uavseg.flight import files
-from uavseg.flight.along import fly_along
-from uavseg.flight.params import PlanParams
-from uavseg.plot.frame import Frame
+from uavseg.flight.formats import files
+from uavseg.flight.params.plan import PlanParams
+from uavseg.flight.planning.along import fly_along
 from uavseg.plot.layers import path_layer
+from uavseg.plot.page.frame import Frame
 from uavseg.plot.preview import preview
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.read.dataset import Dataset
 
 
 def planned_path(box: GeoBox) -> Any:

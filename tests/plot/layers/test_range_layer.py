@@ -7,9 +7,9 @@ import pytest
 from affine import Affine
 
 from tests.plot.halves import found_in, halves
-from uavseg.plot.frame import Frame
 from uavseg.plot.layers.range_layer import RANGE_COLORS, RangeLayer, range_colors, upsample_cells
-from uavseg.raster.geobox import GeoBox
+from uavseg.plot.page.frame import Frame
+from uavseg.raster.grid.geobox import GeoBox
 
 
 def test_every_range_has_a_colour_of_its_own() -> None:

@@ -12,7 +12,7 @@ from PIL import Image
 from tests.plot.pictures import write
 from uavseg.plot.layers.raster_layer import mean_of_four
 from uavseg.plot.preview import preview
-from uavseg.raster.dataset import Dataset
+from uavseg.raster.read.dataset import Dataset
 
 
 def test_a_south_up_raster_looks_like_the_same_ground_north_up(tmp_path: Path) -> None:

@@ -9,14 +9,14 @@ import pytest
 import shapely
 
 from tests.plot.layers.maps import BOX, MOST, UTM, write
-from uavseg.plot.frame import Frame
 from uavseg.plot.layers.levels_layer import LevelsLayer
 from uavseg.plot.layers.region_layer import RegionLayer
 from uavseg.plot.layers.stack import LayerSources, make_layers
 from uavseg.plot.layers.states_layer import StatesLayer
+from uavseg.plot.page.frame import Frame
 from uavseg.plot.preview import preview
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.read.dataset import Dataset
 
 
 def test_layers_of_a_large_raster_are_never_read_whole(

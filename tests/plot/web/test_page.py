@@ -24,11 +24,11 @@ from rasterio.crs import CRS
 import uavseg
 from uavseg.cli import main
 from uavseg.errors import OutputError, ParameterError, RasterError
-from uavseg.jobs.result import SourceInfo
+from uavseg.jobs.result.result import SourceInfo
 from uavseg.plot.web.page import render_page
 from uavseg.plot.web.region_features import DEFAULT_RANGE, first_range, read_collection
-from uavseg.raster.geobox import GeoBox
-from uavseg.raster.ground_grid import ground_grid
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.ground_grid import ground_grid
 from uavseg.raster.intensity.stretch import Stretch
 
 SAMPLE = Path(uavseg.__file__).parents[1] / "samples" / "quarry.tif"

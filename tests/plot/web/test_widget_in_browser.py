@@ -40,7 +40,7 @@ window.cleanUp = widget.default.render({model: window.model, el: document.getEle
 
 @pytest.fixture(scope="module")
 def seen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    from uavseg.widget import RangeWidget
+    from uavseg.api.widget import RangeWidget
 
     folder = tmp_path_factory.mktemp("widget")
     pictures = Path(os.environ.get("UAVSEG_SCREENSHOTS") or folder)
@@ -99,7 +99,7 @@ def test_a_closed_widget_listens_no_more(seen: dict[str, Any]) -> None:
 
 
 def test_the_page_is_that_of_the_map_command(tmp_path: Path) -> None:
-    from uavseg.widget import RangeWidget
+    from uavseg.api.widget import RangeWidget
 
     page = RangeWidget(SAMPLE, (0.55, 1)).page
     uavseg.map_page(SAMPLE, tmp_path / "map.html")

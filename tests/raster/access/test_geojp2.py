@@ -9,7 +9,7 @@ import rasterio
 from affine import Affine
 
 from uavseg.errors import RasterReadError
-from uavseg.raster.dataset import Dataset
+from uavseg.raster.read.dataset import Dataset
 
 UUID = bytes.fromhex("b14bf8bd083d4b43a5ae8cd7d5a6ce03")
 KEYS, TEXTS = 34735, 34737

@@ -13,8 +13,8 @@ from rasterio.shutil import copy as rasterio_copy
 from uavseg.access import allowing
 from uavseg.errors import AccessError, RasterError, RasterReadError
 from uavseg.raster.access.drivers import drivers_of
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.tiling import Window
+from uavseg.raster.grid.tiling import Window
+from uavseg.raster.read.dataset import Dataset
 
 SECRET = b"root:x:0:0:root:/root:/bin/bash\n" * 8
 SOURCE = (

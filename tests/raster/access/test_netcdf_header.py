@@ -13,7 +13,7 @@ from rasterio.shutil import copy
 
 from uavseg.errors import RasterReadError
 from uavseg.raster.access.netcdf_header import check_netcdf_header
-from uavseg.raster.dataset import Dataset
+from uavseg.raster.read.dataset import Dataset
 
 
 def header(version: int, attribute_length: int = 4, dimensions: int = 1) -> bytes:

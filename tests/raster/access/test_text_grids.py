@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from uavseg.errors import RasterReadError
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.tiling import Window
+from uavseg.raster.grid.tiling import Window
+from uavseg.raster.read.dataset import Dataset
 
 VRT = """<VRTDataset rasterXSize="20" rasterYSize="90"><GeoTransform>4e5, 1, 0, 5e6, 0, -1</GeoTransform>
 <VRTRasterBand dataType="Int32" band="1"><SimpleSource>

@@ -12,10 +12,10 @@ from tests.raster.collar.draw_collar import framed, ragged, texture, turned, wri
 from uavseg.execution.executors import threads
 from uavseg.raster.collar import find, flood, rim
 from uavseg.raster.collar.find import without_collar
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.overview import DatasetOverview
+from uavseg.raster.grid.tiling import TilePass, Window
+from uavseg.raster.read.dataset import Dataset
+from uavseg.raster.read.overview import DatasetOverview
 from uavseg.raster.spectral.formula import BandWords
-from uavseg.raster.tiling import TilePass, Window
 
 SHAPE = (420, 500)
 PICTURES = {"turned": turned(SHAPE, 17, 0.38), "ragged": ragged(SHAPE)}

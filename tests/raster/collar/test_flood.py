@@ -13,8 +13,8 @@ from tests.raster.collar.draw_collar import write
 from uavseg.execution.executors import threads
 from uavseg.raster.collar import flood
 from uavseg.raster.collar.flood import flood_from_edges
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.tiling import TilePass, Window
+from uavseg.raster.grid.tiling import TilePass, Window
+from uavseg.raster.read.dataset import Dataset
 
 EIGHT = np.ones((3, 3))
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from tests.raster.collar.draw_collar import ragged, turned
-from uavseg.raster.collar.pixel_mask import PixelMask
 from uavseg.raster.collar.straight import outline_points, straight_share
+from uavseg.raster.grid.pixel_mask import PixelMask
 
 
 def share(picture: np.ndarray) -> float:

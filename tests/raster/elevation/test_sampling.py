@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import map_coordinates
 
-from uavseg.raster.dataset import Dataset
 from uavseg.raster.elevation.sampling import MAX_TILES, SIDE, BilinearSampler
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.read.dataset import Dataset
 
 
 def sampler(values: Any) -> BilinearSampler:

@@ -16,8 +16,8 @@ from uavseg.raster.formats.geotiff import (
     write_geotiff_pages,
     write_label_geotiff,
 )
-from uavseg.raster.geobox import GeoBox
-from uavseg.raster.tiling import Window
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.tiling import Window
 
 SHAPE = (70, 300)
 BOX = GeoBox(SHAPE, Affine(0.5, 0, 4e5, 0, -0.5, 5e6), None)
@@ -157,7 +157,7 @@ def test_a_compression_that_gdal_lacks_is_refused(monkeypatch):
         assert how["compress"] == "ZSTD"
         raise rasterio.errors.RasterioIOError("Cannot create TIFF file due to missing codec for ZSTD.")
 
-    monkeypatch.setattr("uavseg.raster.opening.rasterio.open", failing)
+    monkeypatch.setattr("uavseg.raster.access.opening.rasterio.open", failing)
     with pytest.raises(ParameterError, match=r"without COMPRESS=ZSTD here; NONE, DEFLATE, LZW and PACKBITS"):
         CreationOptions.of(["COMPRESS=ZSTD"])
 

@@ -11,8 +11,8 @@ from rasterio.crs import CRS
 from uavseg.errors import OutputError, OutputExistsError, RasterReadError
 from uavseg.raster.formats.creation import CreationOptions
 from uavseg.raster.formats.geotiff import read_geotiff, write_geotiff, write_label_geotiff
-from uavseg.raster.geobox import GeoBox
-from uavseg.raster.tiling import tiles
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.tiling import tiles
 
 GRID = Affine(0.5, 0, 300000, 0, -0.5, 4000000)
 

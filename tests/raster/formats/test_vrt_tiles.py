@@ -17,8 +17,8 @@ from uavseg.execution.executors import threads
 from uavseg.raster.formats import vrt_tiles
 from uavseg.raster.formats.geotiff import write_label_geotiff
 from uavseg.raster.formats.vrt_tiles import label_windows, write_label_tiles
-from uavseg.raster.geobox import GeoBox
-from uavseg.raster.tiling import Window
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.tiling import Window
 
 GRID = Affine(0.5, 0, 300000.1, 0, -0.5, 4000000.3)
 LOCAL = 'LOCAL_CS["mine",UNIT["metre",1],AXIS["x",EAST],AXIS["y",NORTH]]'

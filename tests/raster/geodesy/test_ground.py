@@ -12,9 +12,9 @@ from hypothesis import settings as checked
 from hypothesis import strategies as st
 from rasterio.crs import CRS
 
-from uavseg.raster.geobox import GeoBox
-from uavseg.raster.geodesy import ground
-from uavseg.raster.geodesy.ground import (
+from uavseg.raster.grid import ground
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.ground import (
     ground_resolution,
     ground_steps,
     line_length,

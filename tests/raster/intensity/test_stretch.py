@@ -9,10 +9,10 @@ from hypothesis.extra import numpy as hnp
 
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import serial, threads
-from uavseg.raster.dataset import Dataset
+from uavseg.raster.grid.tiling import TilePass, tiles
 from uavseg.raster.intensity.histogram import rank_of
 from uavseg.raster.intensity.stretch import Stretch, fit_stretch, parse_stretch
-from uavseg.raster.tiling import TilePass, tiles
+from uavseg.raster.read.dataset import Dataset
 
 PERCENTS = [0, 0.5, 2, 25, 50, 98, 99.9, 100]
 

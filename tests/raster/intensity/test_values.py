@@ -12,17 +12,17 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
-from uavseg.raster.array_source import from_values
-from uavseg.raster.bands import choose_bands
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.tiling import TilePass
 from uavseg.raster.intensity.stretch import Stretch, parse_stretch
 from uavseg.raster.intensity.value_range import FittedRange, ValueRange, axis_of, range_on_axis
 from uavseg.raster.intensity.values import fit_values
-from uavseg.raster.mosaic import align_rasters
-from uavseg.raster.tiling import TilePass
-from uavseg.raster.value_scale import BandScale, ValueAxis
-from uavseg.segmentation.params import IntensityRange
+from uavseg.raster.read.array_source import from_values
+from uavseg.raster.read.dataset import Dataset
+from uavseg.raster.read.mosaic import align_rasters
+from uavseg.raster.spectral.bands import choose_bands
+from uavseg.raster.spectral.value_scale import BandScale, ValueAxis
+from uavseg.segmentation.params.segment import IntensityRange
 
 TYPES = (np.uint8, np.int8, np.int16, np.uint16, np.int32, np.float32, np.float64)
 

@@ -7,12 +7,12 @@ import pytest
 import rasterio
 from affine import Affine
 
-from uavseg.raster.dataset import Dataset
+from uavseg.raster.grid.tiling import Window
+from uavseg.raster.intensity.features import features_of, weighted_sum
 from uavseg.raster.intensity.grey import luminance_f4
-from uavseg.raster.spectral.features import features_of, weighted_sum
+from uavseg.raster.read.dataset import Dataset
 from uavseg.raster.spectral.formula import BandWords
-from uavseg.raster.tiling import Window
-from uavseg.raster.value_scale import BandScale
+from uavseg.raster.spectral.value_scale import BandScale
 
 SHAPE = (9, 11)
 NAMES = BandWords(names="blue,green,red,nir")
@@ -85,7 +85,7 @@ def test_a_sum_of_one_band_is_none(tmp_path: Path) -> None:
 
 
 def test_bands_of_different_types_are_not_computed_with() -> None:
-    from uavseg.raster.bands import BandLayout
+    from uavseg.raster.spectral.bands import BandLayout
 
     layout = BandLayout(("uint8", "float32", "uint8"), ("gray", "undefined", "undefined"), (8, 32, 8))
     found = features_of(layout, [1, 2, 3], None, BandWords(), integers=True)

@@ -13,12 +13,12 @@ from hypothesis.extra.numpy import arrays
 
 from uavseg.errors import BandError, MosaicError, ParameterError, RasterError, UnchosenBandsError
 from uavseg.execution.fingerprint import fingerprint
-from uavseg.raster.bands import BandLayout
-from uavseg.raster.dataset import Dataset
+from uavseg.raster.grid.tiling import TilePass, Window, tiles
 from uavseg.raster.intensity.stretch import fit_stretch
+from uavseg.raster.read.dataset import Dataset
+from uavseg.raster.spectral.bands import BandLayout
 from uavseg.raster.spectral.formula import BandWords, bind_formula
 from uavseg.raster.spectral.indices import INDICES, find_index
-from uavseg.raster.tiling import TilePass, Window, tiles
 
 NAMES = ("blue", "green", "red", "rededge", "nir", "swir1", "swir2")
 LAYOUT = BandLayout(("float64",) * 7, ("undefined",) * 7, (64,) * 7, NAMES)
@@ -222,7 +222,7 @@ def test_files_of_a_mosaic_name_the_bands_alike(write_raster: Callable[..., Path
 
 def test_bands_of_different_types_are_refused() -> None:
     layout = BandLayout(("uint8", "uint16"), ("undefined",) * 2, (8, 16))
-    from uavseg.raster.spectral.choice import choose
+    from uavseg.raster.read.band_choice import choose
 
     with pytest.raises(RasterError, match="different types"):
         choose(layout, None, None, BandWords(expr="b1 + b2"))

@@ -9,7 +9,7 @@ import rasterio
 from affine import Affine
 
 from uavseg.errors import RasterReadError
-from uavseg.raster.dataset import Dataset
+from uavseg.raster.read.dataset import Dataset
 
 PLACE = {"crs": "EPSG:32618", "transform": Affine(1, 0, 4e5, 0, -1, 5e6)}
 ROWS, COMPRESSION, STRIP_OFFSETS, STRIP_LENGTHS = 257, 259, 273, 279

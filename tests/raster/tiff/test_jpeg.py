@@ -9,9 +9,9 @@ import pytest
 import rasterio
 
 from uavseg.errors import RasterReadError
-from uavseg.raster.bad_blocks import BadBlock, recording_bad_blocks
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.tiling import Window
+from uavseg.raster.grid.tiling import Window
+from uavseg.raster.read.bad_blocks import BadBlock, recording_bad_blocks
+from uavseg.raster.read.dataset import Dataset
 
 SIDE = 64
 PIXELS = np.random.default_rng(0).integers(1, 255, (2 * SIDE, 2 * SIDE), np.uint8)

@@ -13,9 +13,9 @@ import rasterio
 import rasterio.shutil
 
 from uavseg.errors import RasterReadError
-from uavseg.raster.bad_blocks import BadBlock, recording_bad_blocks
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.tiling import Window
+from uavseg.raster.grid.tiling import Window
+from uavseg.raster.read.bad_blocks import BadBlock, recording_bad_blocks
+from uavseg.raster.read.dataset import Dataset
 
 # Block (rows, cols), or the rows of a strip; the sides of a raster are around multiples of them.
 BLOCKS: dict[str, tuple[int, int] | int | None] = {

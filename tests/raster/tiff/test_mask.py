@@ -10,11 +10,11 @@ import pytest
 import rasterio
 
 from uavseg.errors import RasterReadError
-from uavseg.raster.bad_blocks import BadBlock, recording_bad_blocks
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.opening import quiet_open
+from uavseg.raster.access.opening import quiet_open
+from uavseg.raster.grid.tiling import Window
+from uavseg.raster.read.bad_blocks import BadBlock, recording_bad_blocks
+from uavseg.raster.read.dataset import Dataset
 from uavseg.raster.tiff import deflate
-from uavseg.raster.tiling import Window
 
 SIDE = 64
 SHAPE = 2 * SIDE, 2 * SIDE + 10

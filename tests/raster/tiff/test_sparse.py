@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from rasterio.windows import Window as FileWindow
 
 from uavseg.errors import RasterError, RasterReadError
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.opening import quiet_open
+from uavseg.raster.access.opening import quiet_open
+from uavseg.raster.grid.tiling import Window
+from uavseg.raster.read.dataset import Dataset
 from uavseg.raster.tiff.index import stored_blocks
-from uavseg.raster.tiling import Window
 
 
 def write_sparse(path: Path, side: int, stored: list[tuple[int, int]], **how: Any) -> Path:

@@ -14,8 +14,8 @@ from rasterio.crs import CRS
 from scipy.ndimage import label as connected
 
 from uavseg.errors import ParameterError
-from uavseg.raster.geobox import GeoBox
-from uavseg.raster.tiling import Window
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.tiling import Window
 from uavseg.regions.edit.eliminate import border_lengths, eliminate, is_nearer
 from uavseg.regions.edit.small import Area
 from uavseg.regions.outline.rasterise import rasterise

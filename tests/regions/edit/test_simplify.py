@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from rasterio.crs import CRS
 
 from uavseg.errors import ParameterError
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox
 from uavseg.regions.edit.simplify import simplify
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.table import make_regions

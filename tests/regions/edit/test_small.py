@@ -10,8 +10,8 @@ from rasterio.crs import CRS
 from scipy.ndimage import label as connected
 
 from uavseg.errors import ParameterError
-from uavseg.raster.geobox import GeoBox
-from uavseg.raster.tiling import Window
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.tiling import Window
 from uavseg.regions.edit.small import Area, drop_small_regions, fill_small_holes, parse_area
 from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.outline.rings import RegionOutlines

@@ -13,7 +13,7 @@ from affine import Affine
 from rasterio.crs import CRS
 
 from uavseg.errors import OutputError, OutputExistsError
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox
 from uavseg.regions.formats import export
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.table import COLUMNS, make_regions

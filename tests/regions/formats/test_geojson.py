@@ -10,7 +10,7 @@ import shapely
 from affine import Affine
 from rasterio.crs import CRS
 
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox
 from uavseg.regions.formats import geojson
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.table import make_regions

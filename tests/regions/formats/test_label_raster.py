@@ -12,7 +12,7 @@ from rasterio.crs import CRS
 
 from uavseg.errors import OutputExistsError, ParameterError
 from uavseg.execution.executors import threads
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox
 from uavseg.regions.formats.label_raster import check_labels, is_vrt, label_strips, write_label_raster
 from uavseg.regions.outline.trace import trace
 

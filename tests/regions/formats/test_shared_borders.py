@@ -11,8 +11,8 @@ from affine import Affine
 from numpy.typing import NDArray
 from rasterio.crs import CRS
 
-from uavseg.jobs.result import Drawing
-from uavseg.raster.geobox import GeoBox
+from uavseg.jobs.result.result import Drawing
+from uavseg.raster.grid.geobox import GeoBox
 from uavseg.regions.formats.export import write_regions
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.table import Regions, make_regions

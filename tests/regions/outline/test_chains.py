@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from uavseg.raster.tiling import Window
+from uavseg.raster.grid.tiling import Window
 from uavseg.regions.outline.chains import FIRST, HEAD, LAST, OWNER, START, TAIL, Chains, trace_tile
 from uavseg.segmentation.components import label_equal_values
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from uavseg.raster.tiling import Window
+from uavseg.raster.grid.tiling import Window
 from uavseg.regions.outline import trace as tracing
 from uavseg.regions.outline.chains import pack_chains, trace_tile
 from uavseg.regions.outline.linking import link_chains, split_simple_rings

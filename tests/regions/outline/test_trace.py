@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from shapely.geometry import shape
 
-from uavseg.raster.tiling import Window
+from uavseg.raster.grid.tiling import Window
 from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.outline.rings import Rings
 from uavseg.regions.outline.trace import trace

@@ -9,7 +9,7 @@ from affine import Affine
 from rasterio.crs import CRS
 
 from uavseg.errors import ParameterError, RegionError, SampleError
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox
 from uavseg.regions.formats.export import write_regions
 from uavseg.regions.sample.place import Disc, parse_like, sample_mask
 from uavseg.regions.table import Regions

@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from uavseg.errors import SampleError
 from uavseg.execution.executors import serial
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.tiling import TilePass, Window, tiles
 from uavseg.raster.intensity.stretch import Stretch
-from uavseg.raster.tiling import TilePass, Window, tiles
+from uavseg.raster.read.dataset import Dataset
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.sample.model import Sample, fit_sample, fit_weights

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from uavseg.raster.tiling import TilePass, Window, tiles
+from uavseg.raster.grid.tiling import TilePass, Window, tiles
 from uavseg.regions.outline.rings import Rings
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.sample.inner_cells import inner_cells

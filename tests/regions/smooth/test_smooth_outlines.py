@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from rasterio.crs import CRS
 
 from uavseg.errors import ParameterError
-from uavseg.jobs.result import Drawing
-from uavseg.raster.geobox import GeoBox
+from uavseg.jobs.result.result import Drawing
+from uavseg.raster.grid.geobox import GeoBox
 from uavseg.regions.outline.rings import Rings
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.shapes import LazyPolygons

@@ -9,15 +9,15 @@ from numpy.typing import NDArray
 from scipy.ndimage import label as connected
 
 from uavseg.jobs.divide import divide
-from uavseg.jobs.source import Raster
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.geobox import GeoBox
-from uavseg.raster.tiling import Window
+from uavseg.jobs.source.source import Raster
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.tiling import Window
+from uavseg.raster.read.dataset import Dataset
 from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.tiles.block_map_regions import count_segments, outline_block_map, sum_enclosed_cells
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaves import cells_in_range
-from uavseg.segmentation.params import IntensityRange, SegmentParams
+from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
 
 Cells = NDArray[np.uint8]
 

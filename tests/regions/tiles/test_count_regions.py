@@ -6,14 +6,14 @@ from affine import Affine
 
 from uavseg.jobs import suggest as module
 from uavseg.jobs.extract import ExtractRequest, extract
-from uavseg.jobs.source import Raster
+from uavseg.jobs.source.source import Raster
 from uavseg.jobs.suggest import SuggestRequest, suggest
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.geobox import GeoBox
-from uavseg.raster.tiling import Window
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.tiling import Window
+from uavseg.raster.read.dataset import Dataset
 from uavseg.regions.tiles import count_regions
 from uavseg.regions.tiles.count_regions import sample_parts
-from uavseg.segmentation.params import IntensityRange, SegmentParams
+from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
 
 
 def raster(seed: int, shape: tuple[int, int], step: int = 24) -> Raster:

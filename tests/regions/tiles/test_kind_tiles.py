@@ -7,14 +7,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.tiling import TilePass, Window, cells_around, tiles
 from uavseg.raster.intensity.stretch import Stretch
-from uavseg.raster.tiling import TilePass, Window, cells_around, tiles
+from uavseg.raster.read.dataset import Dataset
 from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.tiles.kind_tiles import cell_jobs, outline_segments, outline_state
-from uavseg.segmentation.params import StateLimits
+from uavseg.segmentation.params.segment import StateLimits
 from uavseg.segmentation.source import GreySource
 from uavseg.segmentation.states.classify_strips import classify_states, state_strips
 

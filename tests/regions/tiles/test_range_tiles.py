@@ -16,16 +16,16 @@ from numpy.typing import NDArray
 
 from uavseg.errors import RasterError
 from uavseg.execution.executors import Map, serial, threads
-from uavseg.raster.dataset import Dataset
+from uavseg.raster.grid.tiling import TilePass, Window, tiles
 from uavseg.raster.intensity.stretch import Stretch
-from uavseg.raster.tiling import TilePass, Window, tiles
+from uavseg.raster.read.dataset import Dataset
 from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.outline.rings import RegionOutlines, Rings
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.tiles.block_map_regions import outline_block_map, sum_enclosed_cells
 from uavseg.regions.tiles.kind_tiles import outline_segments
 from uavseg.regions.tiles.range_tiles import outline_regions, sum_regions
-from uavseg.segmentation.params import IntensityRange
+from uavseg.segmentation.params.segment import IntensityRange
 from uavseg.segmentation.pipeline import measure_cells
 from uavseg.segmentation.source import GreySource
 

@@ -10,20 +10,20 @@ from hypothesis import strategies as st
 
 from tests.segmentation.in_memory_dataset import field_of, source_of
 from uavseg.execution.executors import serial, threads
-from uavseg.raster.tiling import TilePass, Window, tiles
+from uavseg.raster.grid.tiling import TilePass, Window, tiles
 from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.shapes import LazyPolygons
 from uavseg.regions.tiles.range_tiles import outline_regions
 from uavseg.regions.tiles.refined_kinds import KindsByPixel, outline_refined_kinds
-from uavseg.segmentation.params import IntensityRange, SegmentParams
-from uavseg.segmentation.partition import (
+from uavseg.segmentation.params.partition import (
     Breaks,
     Partition,
     ValueClass,
     ValueClasses,
     partition_of_levels,
 )
+from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
 from uavseg.segmentation.pipeline import every_cell
 from uavseg.segmentation.source import GreySource
 

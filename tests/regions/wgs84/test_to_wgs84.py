@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from rasterio.crs import CRS
 
 from uavseg.errors import OutputError
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.table import make_regions
 from uavseg.regions.wgs84 import to_wgs84

@@ -5,7 +5,7 @@ import pickle
 import numpy as np
 import pytest
 
-from uavseg.raster.tiling import Window
+from uavseg.raster.grid.tiling import Window
 from uavseg.segmentation.source import CACHED_SIDE, BlockCache, GreyTile
 
 HERE = Window(0, 0, 128, 192)

@@ -16,12 +16,12 @@ from rasterio.crs import CRS
 
 from uavseg.access import allowing
 from uavseg.errors import AccessError, OutputExistsError, RasterError, RasterReadError
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.segmentation.blocks.block_file import is_block_map, read_block_map, write_block_map
 from uavseg.segmentation.blocks.block_map import BlockMap, find_leaves
 from uavseg.segmentation.blocks.saved_blocks import Origin, SavedBlocks
-from uavseg.segmentation.params import DivisionParams
+from uavseg.segmentation.params.segment import DivisionParams
 
 TAG = "UAVSEG_BLOCK_MAP"
 UTM = Affine(0.3, 0, 500000.1, 0, -0.3, 4649776.7)

@@ -9,13 +9,13 @@ from affine import Affine
 from rasterio.crs import CRS
 
 from uavseg.errors import RasterError
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.segmentation.blocks import block_file
 from uavseg.segmentation.blocks.block_file import read_block_map, write_block_map
 from uavseg.segmentation.blocks.saved_blocks import Origin, SavedBlocks
 from uavseg.segmentation.in_memory import block_map_of_array
-from uavseg.segmentation.params import DivisionParams
+from uavseg.segmentation.params.segment import DivisionParams
 
 WRONG: dict[str, tuple[Any, ...]] = {
     "rows": ("100", 0, -1, 1.5, True, None, [1], 10**400, 2**40, 500),

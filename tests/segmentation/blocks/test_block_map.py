@@ -10,7 +10,7 @@ from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, find_leave
 from uavseg.segmentation.blocks.division import RATIOS, block_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
 from uavseg.segmentation.blocks.leaves import cell_levels, cell_states, cells_in_range
-from uavseg.segmentation.params import DivisionParams, IntensityRange, Levels, StateLimits
+from uavseg.segmentation.params.segment import DivisionParams, IntensityRange, Levels, StateLimits
 
 INF = np.inf
 seeds = st.integers(0, 10_000)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.cell_pairs import BINS, CellPairs, cells_of_own_mean, count_cell_pairs
-from uavseg.segmentation.params import IntensityRange
+from uavseg.segmentation.params.segment import IntensityRange
 
 
 def block_map(means: np.ndarray, counts: np.ndarray) -> BlockMap:

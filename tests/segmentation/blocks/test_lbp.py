@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from uavseg.raster.tiling import tiles
+from uavseg.raster.grid.tiling import tiles
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram, lbp_symbols
 
 NO_EDGES = np.full(7, 65536, np.int32)

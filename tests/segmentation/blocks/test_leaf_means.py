@@ -11,7 +11,7 @@ from uavseg.segmentation.blocks import block_map
 from uavseg.segmentation.blocks.block_map import BlockMap, find_leaves
 from uavseg.segmentation.blocks.leaves import histogram_of_means, means_among
 from uavseg.segmentation.in_memory import block_map_of_array
-from uavseg.segmentation.params import DivisionParams
+from uavseg.segmentation.params.segment import DivisionParams
 
 
 def scene(seed: int, shape: tuple[int, int] = (200, 150)) -> BlockMap:

@@ -5,7 +5,7 @@ import pytest
 
 from uavseg.segmentation.blocks.block_map import BlockMap, find_leaves
 from uavseg.segmentation.blocks.leaves import cell_levels, cell_states, cells_in_range, cells_to_pixels
-from uavseg.segmentation.params import DivisionParams, IntensityRange, Levels, StateLimits
+from uavseg.segmentation.params.segment import DivisionParams, IntensityRange, Levels, StateLimits
 
 UNDIVIDED = DivisionParams(np.inf, np.inf)
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uavseg.segmentation.params import IntensityRange
+from uavseg.segmentation.params.segment import IntensityRange
 from uavseg.segmentation.refine.total_variation import MAX_WEIGHT, classify_tv, threshold_tv
 
 seeds = st.integers(0, 100_000)

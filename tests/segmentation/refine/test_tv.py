@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from uavseg.segmentation.params import IntensityRange
+from uavseg.segmentation.params.segment import IntensityRange
 from uavseg.segmentation.refine import total_variation
 from uavseg.segmentation.refine.range_scans import REFINE_HALO
 from uavseg.segmentation.refine.tv import refine_by_tv, refine_kinds_by_tv

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from tests.segmentation.in_memory_dataset import field_of, source_of
 from uavseg.execution.executors import Map, serial, threads
-from uavseg.raster.tiling import TilePass
-from uavseg.segmentation.params import StateLimits
+from uavseg.raster.grid.tiling import TilePass
+from uavseg.segmentation.params.segment import StateLimits
 from uavseg.segmentation.states.classify_strips import classify_states, state_strips
 
 SHAPE = (200, 150)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavseg.errors import OutputError
-from uavseg.raster.tiling import Window
+from uavseg.raster.grid.tiling import Window
 from uavseg.segmentation.states import state_image
 from uavseg.segmentation.states.state_image import StateImage, pack_codes, unpack_codes
 

@@ -12,8 +12,8 @@ from scipy import ndimage
 from tests import plain_thin_obstacles as plain
 from tests.segmentation.in_memory_dataset import InMemory, source_of
 from uavseg.execution.executors import Map, serial, threads
-from uavseg.raster.tiling import TilePass
-from uavseg.segmentation.params import StateLimits
+from uavseg.raster.grid.tiling import TilePass
+from uavseg.segmentation.params.segment import StateLimits
 from uavseg.segmentation.states import thin_structures
 from uavseg.segmentation.states.classified_states import ClassifiedStates
 from uavseg.segmentation.states.classify_strips import classify_states, own_states, state_strips

@@ -65,7 +65,7 @@ def _nodata(ctx: click.Context, param: click.Parameter, value: str | None) -> fl
     if value is None:
         return None
     from uavseg.errors import ParameterError
-    from uavseg.raster.bands import as_nodata
+    from uavseg.raster.spectral.bands import as_nodata
 
     try:
         return as_nodata(value)

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 if TYPE_CHECKING:
-    from uavseg.jobs.ranges import AnyRange
-    from uavseg.jobs.result import Extraction
-    from uavseg.segmentation.partition import ValueClasses
+    from uavseg.jobs.ranges.ranges import AnyRange
+    from uavseg.jobs.result.result import Extraction
+    from uavseg.segmentation.params.partition import ValueClasses
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -79,7 +79,7 @@ def check_mission_classes(options: dict[str, Any], asked: AnyRange | ValueClasse
     UsageError
         If it does not.
     """
-    from uavseg.segmentation.partition import ValueClasses
+    from uavseg.segmentation.params.partition import ValueClasses
 
     known = [one.name for one in asked.classes] if isinstance(asked, ValueClasses) else []
     named = [*options["mission_classes"], *options["avoid_classes"]]

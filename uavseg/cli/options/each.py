@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from uavseg.cli._say import say
 from uavseg.cli.options.creation import creation_of
 from uavseg.cli.options.running import RunOptions
+from uavseg.cli.terminal.say import say
 
 if TYPE_CHECKING:
-    from uavseg.jobs.each import OutputNames, RegionJob
-    from uavseg.jobs.each_report import Outcome
+    from uavseg.jobs.each.each import OutputNames, RegionJob
+    from uavseg.jobs.each.each_report import Outcome
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -77,8 +77,8 @@ def answer_each(options: dict[str, Any], job: RegionJob, ending: str, run: RunOp
     """
     _check_options(options)
     from uavseg.execution import executors
-    from uavseg.jobs.each import OutputNames, grouped_warnings, plan_tasks, run_each
-    from uavseg.jobs.work import Work
+    from uavseg.jobs.each.each import OutputNames, grouped_warnings, plan_tasks, run_each
+    from uavseg.jobs.source.work import Work
 
     executors.threads(run.threads)  # an error before rasters are looked for
     target = options["output"] or f"{{stem}}{ending}"

@@ -11,8 +11,8 @@ import click
 from uavseg.errors import ParameterError
 
 if TYPE_CHECKING:
-    from uavseg.flight.safety.limits import LimitParams, SafetyParams
-    from uavseg.jobs.source import Source
+    from uavseg.flight.params.limits import LimitParams, SafetyParams
+    from uavseg.jobs.source.source import Source
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -93,15 +93,15 @@ def limit_options(command: F) -> F:
 
 def limits_of(options: dict[str, Any]) -> LimitParams:
     """What each flight may take."""
-    from uavseg.flight.safety.limits import LimitParams
+    from uavseg.flight.params.limits import LimitParams
 
     return LimitParams(options["endurance"], options["reserve"], options["max_items"])
 
 
 def safety_of(options: dict[str, Any]) -> SafetyParams:
     """What flights keep away from, and where they stay."""
-    from uavseg.flight.fence import RallyPoint
-    from uavseg.flight.safety.limits import SafetyParams
+    from uavseg.flight.mission.fence import RallyPoint
+    from uavseg.flight.params.limits import SafetyParams
 
     return SafetyParams(
         options["avoid_margin"],
@@ -114,7 +114,7 @@ def safety_of(options: dict[str, Any]) -> SafetyParams:
 
 def zones_of(options: dict[str, Any], raster: Source | None) -> list[Any]:
     """Polygons in degrees of the zones of `--avoid`."""
-    from uavseg.jobs.plan_regions import zone_polygons
+    from uavseg.jobs.flights.plan_regions import zone_polygons
 
     return zone_polygons([_zone(text) for text in options["avoid"]], raster)
 

@@ -11,7 +11,7 @@ from uavseg.cli.options.running import Reporter
 from uavseg.cli.options.verbosity import verbosity_options
 
 if TYPE_CHECKING:
-    from uavseg.flight.mission import Mission
+    from uavseg.flight.mission.mission import Mission
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 

@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from uavseg.cli._say import say
 from uavseg.cli.options.files import file_options
 from uavseg.cli.options.limits import limit_options, limits_of, safety_of
 from uavseg.cli.options.pattern import pattern_options, pattern_words, photo_options, photo_words
 from uavseg.cli.options.terrain import terrain_of, terrain_options
 from uavseg.cli.options.vehicle import flight_table, vehicle_options
+from uavseg.cli.terminal.say import say
 from uavseg.errors import ParameterError, RegionError
 
 if TYPE_CHECKING:
-    from uavseg.flight.mission import Mission
-    from uavseg.jobs.plan import Home, PlanRequest
+    from uavseg.flight.mission.mission import Mission
+    from uavseg.jobs.flights.plan import Home, PlanRequest
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -116,7 +116,7 @@ def mission_options(command: F) -> F:
 
 def plan_request(options: dict[str, Any]) -> PlanRequest:
     """How to fly, from where and over which regions, from the values of `mission_options`."""
-    from uavseg.jobs.plan import PlanRequest
+    from uavseg.jobs.flights.plan import PlanRequest
     from uavseg.jobs.words.flight_params import flight_params
 
     names = ("pattern", "spacing", "speed", "autopilot", "tolerance", "gsd", "vehicle")
@@ -192,7 +192,7 @@ def report(
     missions: Sequence[Mission], regions: int, paths: Sequence[str | Path], notes: Sequence[str]
 ) -> None:
     """Print estimates of missions on stderr, and notes on them."""
-    from uavseg.flight.estimate.words import estimate_text
+    from uavseg.flight.mission.estimate import estimate_text
 
     flights = [(Path(path).stem, mission.estimate) for mission, path in zip(missions, paths, strict=True)]
     for mission, path, (_, found) in zip(missions, paths, flights, strict=True):

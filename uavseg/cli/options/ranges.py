@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 if TYPE_CHECKING:
-    from uavseg.jobs.ranges import AnyRange
+    from uavseg.jobs.ranges.ranges import AnyRange
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -49,7 +49,7 @@ def asked_range(options: dict[str, Any]) -> AnyRange:
     ParameterError
         If it is not a range.
     """
-    from uavseg.jobs.range_words import parse_range
+    from uavseg.jobs.ranges.range_words import parse_range
 
     given = {name: options[key] for name, key in _KEYS.items() if options[key] is not None}
     if not given:

@@ -12,11 +12,11 @@ from uavseg.cli.options.access import access_options
 from uavseg.cli.options.bands import band_option, band_words, formula_options, nodata_option, three_bands
 
 if TYPE_CHECKING:
-    from uavseg.jobs.detail import Length
-    from uavseg.jobs.result import Drawing
-    from uavseg.jobs.source import ReadOptions
+    from uavseg.jobs.result.result import Drawing
+    from uavseg.jobs.source.detail import Length
+    from uavseg.jobs.source.source import ReadOptions
     from uavseg.regions.edit.small import Area
-    from uavseg.segmentation.params import SegmentParams
+    from uavseg.segmentation.params.segment import SegmentParams
 
 
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -145,7 +145,7 @@ def drawing_options(command: Command) -> Command:
 
 def read_options(options: dict[str, Any]) -> ReadOptions:
     """How the source is read."""
-    from uavseg.jobs.source import ReadOptions
+    from uavseg.jobs.source.source import ReadOptions
 
     names = ("band", "rgb", "nodata", "stretch", "skip_bad_tiles", "free_is_white", "collar", "flatten")
     return ReadOptions(
@@ -155,7 +155,7 @@ def read_options(options: dict[str, Any]) -> ReadOptions:
 
 def segment_params(options: dict[str, Any], refine: str | None) -> SegmentParams:
     """How the source is segmented."""
-    from uavseg.segmentation.params import SegmentParams
+    from uavseg.segmentation.params.segment import SegmentParams
 
     return SegmentParams.from_words(
         options["method"], options["threshold"], options["intensity_step"], refine
@@ -164,7 +164,7 @@ def segment_params(options: dict[str, Any], refine: str | None) -> SegmentParams
 
 def drawing(options: dict[str, Any]) -> Drawing:
     """How outlines are drawn."""
-    from uavseg.jobs.result import Drawing
+    from uavseg.jobs.result.result import Drawing
 
     return Drawing(options.get("smooth_outline"), options["simplify"])
 
@@ -178,7 +178,7 @@ def area(text: str | None) -> Area | None:
 
 def length(text: str | None) -> Length | None:
     """The length that an option names, if it was given."""
-    from uavseg.jobs.detail import as_length
+    from uavseg.jobs.source.detail import as_length
 
     return as_length(text)
 
@@ -197,7 +197,7 @@ def _with_standard_input(
     if "-" not in value or ctx.resilient_parsing:  # a shell that completes the line has a terminal as input
         return value
     from uavseg.errors import RasterReadError
-    from uavseg.raster.source_list import MAX_LIST, parse_list
+    from uavseg.raster.read.source_list import MAX_LIST, parse_list
 
     if sys.stdin is None:
         raise RasterReadError("the standard input is closed; name rasters, or pass their names to it")

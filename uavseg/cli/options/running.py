@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from uavseg.cli._say import say
 from uavseg.cli.options.verbosity import heed_verbose, verbosity_options
+from uavseg.cli.terminal.say import say
 
 if TYPE_CHECKING:
     from uavseg.execution.executors import Map
     from uavseg.execution.progress_bar import Amount
-    from uavseg.jobs.work import Work
-    from uavseg.raster.tiling import Window
+    from uavseg.jobs.source.work import Work
+    from uavseg.raster.grid.tiling import Window
 
 Command = Callable[..., Any]
 
@@ -69,7 +69,7 @@ class RunOptions:
             If the scheduler does not answer or its workers do not fit.
         """
         from uavseg.execution import executors, phases
-        from uavseg.jobs.work import Work
+        from uavseg.jobs.source.work import Work
 
         cluster = self._cluster()
         local = executors.threads(self.threads)

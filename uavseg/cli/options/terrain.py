@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 if TYPE_CHECKING:
-    from uavseg.flight.terrain.params import TerrainParams
+    from uavseg.flight.params.terrain import TerrainParams
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -56,7 +56,7 @@ def terrain_options(command: F) -> F:
 
 def terrain_of(options: dict[str, Any]) -> TerrainParams | None:
     """How the flight follows the ground, from the values of `terrain_options`."""
-    from uavseg.flight.terrain.params import terrain_params
+    from uavseg.flight.params.terrain import terrain_params
 
     return terrain_params(
         options["dem"] or None,

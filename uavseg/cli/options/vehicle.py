@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 if TYPE_CHECKING:
-    from uavseg.flight.estimate.summary import Estimate
-    from uavseg.flight.mission import Mission
+    from uavseg.flight.mission.estimate import Estimate
+    from uavseg.flight.mission.mission import Mission
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -90,7 +90,7 @@ def missions_json(
 
 def _footprints(mission: Mission) -> dict[str, Any]:
     """Corners of what each photograph shows, (lon, lat) in degrees to a millimetre; or why there are none."""
-    from uavseg.flight.estimate.footprints import footprints
+    from uavseg.flight.mission.footprints import footprints
 
     found = footprints(mission)
     return {"footprints": found.lonlat.round(8).tolist(), "footprints_note": found.note}

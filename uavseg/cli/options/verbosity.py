@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import click
 
-from uavseg.cli._say import saying_decisions
+from uavseg.cli.terminal.say import saying_decisions
 
 F = TypeVar("F", bound=Callable[..., Any])
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from uavseg.errors import MissionError
-from uavseg.flight.fence import Fence, FenceCircle, FencePolygon, RallyPoint
+from uavseg.flight.mission.fence import Fence, FenceCircle, FencePolygon, RallyPoint
 from uavseg.plain_text import shown
 
 _VERSION, _SHAPE_VERSION = 2, 1

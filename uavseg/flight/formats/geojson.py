@@ -9,9 +9,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from uavseg.errors import MissionError
-from uavseg.flight.formats.features import Feature, Place, features_of, mission_of_features
 from uavseg.flight.formats.options import FileOptions
-from uavseg.flight.mission import Mission
+from uavseg.flight.mission.features import Feature, Place, as_geojson, features_of, mission_of_features
+from uavseg.flight.mission.mission import Mission
 from uavseg.inputs import parse_json
 from uavseg.plain_text import shown
 
@@ -20,27 +20,6 @@ def write_geojson(mission: Mission, options: FileOptions) -> bytes:
     """A mission as the content of a .geojson file, a feature on each line."""
     lines = ",\n".join(json.dumps(as_geojson(one), allow_nan=False) for one in features_of(mission))
     return f'{{"type": "FeatureCollection", "features": [\n{lines}\n]}}\n'.encode()
-
-
-def as_geojson(feature: Feature) -> dict[str, Any]:
-    """A feature of a mission as GeoJSON has it."""
-    properties: dict[str, Any] = {"kind": feature.kind, **feature.values}
-    if feature.shape in {"Point", "LineString"}:
-        properties["height_above"] = feature.heights
-    if feature.shape == "LineString":
-        properties["heights_m"] = [place[2] for place in feature.places]
-    return {"type": "Feature", "geometry": _geometry(feature), "properties": properties}
-
-
-def _geometry(feature: Feature) -> dict[str, Any] | None:
-    if not feature.shape:
-        return None
-    coordinates: Any = [[lon, lat] for lat, lon, _ in feature.places]
-    if feature.shape == "Point":
-        coordinates = coordinates[0]
-    elif feature.shape == "Polygon":
-        coordinates = [coordinates[::-1]]  # counter-clockwise, as RFC 7946 asks for
-    return {"type": feature.shape, "coordinates": coordinates}
 
 
 def read_geojson(content: bytes, name: str) -> Mission:

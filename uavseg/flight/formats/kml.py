@@ -9,7 +9,10 @@ import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator
 
 from uavseg.errors import MissionError
-from uavseg.flight.formats.features import (
+from uavseg.flight.formats.options import FileOptions
+from uavseg.flight.formats.waypoints import decimal
+from uavseg.flight.formats.xml_text import child, parse_xml, plain_name, xml_text
+from uavseg.flight.mission.features import (
     ABOVE_HOME,
     ABOVE_SEA,
     FENCE,
@@ -24,10 +27,7 @@ from uavseg.flight.formats.features import (
     features_of,
     mission_of_features,
 )
-from uavseg.flight.formats.options import FileOptions
-from uavseg.flight.formats.waypoints import decimal
-from uavseg.flight.formats.xml_text import child, parse_xml, plain_name, xml_text
-from uavseg.flight.mission import Mission
+from uavseg.flight.mission.mission import Mission
 from uavseg.plain_text import shown
 
 NAMESPACE = "http://www.opengis.net/kml/2.2"

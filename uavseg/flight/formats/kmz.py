@@ -10,7 +10,7 @@ from uavseg.flight.formats.read_wpml import route_of_waylines
 from uavseg.flight.formats.route import mission_of_route, route_losses, route_of
 from uavseg.flight.formats.wpml import check_route, template_kml, waylines_wpml
 from uavseg.flight.formats.xml_text import MAX_BYTES
-from uavseg.flight.mission import Mission
+from uavseg.flight.mission.mission import Mission
 from uavseg.plain_text import cause_of
 
 NAME = "a .kmz of DJI"

@@ -23,8 +23,8 @@ from uavseg.flight.formats.route import (
     route_of,
 )
 from uavseg.flight.formats.waypoints import decimal
-from uavseg.flight.items import FRAME_RELATIVE, FRAME_TERRAIN, distance_m
-from uavseg.flight.mission import CRUISE_M_S, Mission
+from uavseg.flight.mission.items import FRAME_RELATIVE, FRAME_TERRAIN, distance_m
+from uavseg.flight.mission.mission import CRUISE_M_S, Mission
 from uavseg.plain_text import shown
 
 NAME = "a .csv of Litchi"

@@ -14,8 +14,8 @@ from uavseg.flight.formats.survey_item import (
     items_of_survey,
     survey_item,
 )
-from uavseg.flight.items import AUTOPILOTS, WAYPOINT, HomePosition, MissionItem
-from uavseg.flight.mission import Mission
+from uavseg.flight.mission.items import AUTOPILOTS, WAYPOINT, HomePosition, MissionItem
+from uavseg.flight.mission.mission import Mission
 from uavseg.inputs import parse_json
 from uavseg.plain_text import cause_of, shown
 

@@ -7,7 +7,7 @@ from uavseg.errors import MissionError
 from uavseg.flight.formats.route import FINISH_NONE, Route, RoutePoint
 from uavseg.flight.formats.wpml import FINISH_ACTIONS, HEIGHT_MODE
 from uavseg.flight.formats.xml_text import parse_xml
-from uavseg.flight.items import FRAME_RELATIVE, FRAME_TERRAIN
+from uavseg.flight.mission.items import FRAME_RELATIVE, FRAME_TERRAIN
 from uavseg.plain_text import shown
 
 _FRAMES = {HEIGHT_MODE: FRAME_RELATIVE, "realTimeFollowSurface": FRAME_TERRAIN}

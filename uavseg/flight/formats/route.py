@@ -8,7 +8,7 @@ from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from uavseg.errors import MissionError
-from uavseg.flight.items import (
+from uavseg.flight.mission.items import (
     CAMERA_DISTANCE,
     CHANGE_SPEED,
     CONDITION_GATE,
@@ -28,7 +28,7 @@ from uavseg.flight.items import (
     HomePosition,
     MissionItem,
 )
-from uavseg.flight.mission import Mission
+from uavseg.flight.mission.mission import Mission
 
 LAST_NAV = 95  # MAV_CMD_NAV_LAST: commands up to it move the vehicle
 TARGETING = 2.0  # MAV_MOUNT_MODE_MAVLINK_TARGETING

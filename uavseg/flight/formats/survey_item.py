@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from uavseg.errors import MissionError
-from uavseg.flight.items import (
+from uavseg.flight.mission.items import (
     CAMERA_DISTANCE,
     FRAME_AMSL,
     FRAME_RELATIVE,
@@ -17,8 +17,8 @@ from uavseg.flight.items import (
     WAYPOINT,
     MissionItem,
 )
-from uavseg.flight.mission import Mission
-from uavseg.flight.survey_block import Position, SurveyBlock
+from uavseg.flight.mission.mission import Mission
+from uavseg.flight.mission.survey_block import Position, SurveyBlock
 from uavseg.plain_text import shown
 
 ALTITUDE_MODES = {

@@ -4,7 +4,7 @@ import numpy as np
 
 from uavseg.errors import MissionError
 from uavseg.flight.formats.options import FileOptions
-from uavseg.flight.items import (
+from uavseg.flight.mission.items import (
     FRAME_AMSL,
     FRAME_RELATIVE,
     HEADING_COMMANDS,
@@ -12,7 +12,7 @@ from uavseg.flight.items import (
     HomePosition,
     MissionItem,
 )
-from uavseg.flight.mission import Mission
+from uavseg.flight.mission.mission import Mission
 from uavseg.plain_text import shown
 
 HEADER = "QGC WPL 110"

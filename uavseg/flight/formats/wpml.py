@@ -15,8 +15,8 @@ from uavseg.errors import MissionError
 from uavseg.flight.formats.options import DjiModel
 from uavseg.flight.formats.route import FINISH_LAND, FINISH_NONE, FINISH_RETURN, Route, RoutePoint
 from uavseg.flight.formats.xml_text import child, xml_text
-from uavseg.flight.items import FRAME_RELATIVE
-from uavseg.flight.mission import CRUISE_M_S
+from uavseg.flight.mission.items import FRAME_RELATIVE
+from uavseg.flight.mission.mission import CRUISE_M_S
 
 NAMESPACE = "http://www.dji.com/wpmz/1.0.2"
 KML_NAMESPACE = "http://www.opengis.net/kml/2.2"

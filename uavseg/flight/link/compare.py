@@ -3,7 +3,9 @@
 import math
 from collections.abc import Iterator, Sequence
 
-from uavseg.flight.items import (
+from uavseg.flight.link.link_items import LOCATED, LinkItem
+from uavseg.flight.link.results import Kind
+from uavseg.flight.mission.items import (
     FRAME_MISSION,
     HEADING_COMMANDS,
     LAND,
@@ -15,8 +17,6 @@ from uavseg.flight.items import (
     POSITION_COMMANDS,
     WAYPOINT,
 )
-from uavseg.flight.link.link_items import LOCATED, LinkItem
-from uavseg.flight.link.results import Kind
 
 UNITS = 1  # of 1e-7 degrees
 ALTITUDE_M = 0.02  # ArduPilot keeps whole centimetres, rounded down

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from uavseg.errors import MissionError
-from uavseg.flight.items import HomePosition, MissionItem
 from uavseg.flight.link.link import POLL_S, Link
 from uavseg.flight.link.link_items import (
     FENCE_RETURN,
@@ -17,7 +16,8 @@ from uavseg.flight.link.link_items import (
 from uavseg.flight.link.receive import Progress, receive_items
 from uavseg.flight.link.results import Kind, RefusedError, TransferLostError
 from uavseg.flight.link.vehicle import AUTOPILOT_NAMES, Vehicle
-from uavseg.flight.mission import Mission
+from uavseg.flight.mission.items import HomePosition, MissionItem
+from uavseg.flight.mission.mission import Mission
 
 HOME_S = 2.5  # PX4 sends HOME_POSITION every 2 s
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from uavseg.errors import MissionError
-from uavseg.flight.fence import Fence, FenceCircle, FencePolygon, RallyPoint
-from uavseg.flight.items import (
+from uavseg.flight.mission.fence import Fence, FenceCircle, FencePolygon, RallyPoint
+from uavseg.flight.mission.items import (
     FRAME_AMSL,
     FRAME_MISSION,
     FRAME_RELATIVE,
@@ -22,7 +22,7 @@ from uavseg.flight.items import (
     ItemParams,
     MissionItem,
 )
-from uavseg.flight.mission import Mission
+from uavseg.flight.mission.mission import Mission
 
 # MAV_CMD
 FENCE_RETURN, POLYGON_INCLUSION, POLYGON_EXCLUSION = 5000, 5001, 5002

@@ -10,7 +10,7 @@ from uavseg.flight.link.receive import Progress, count_items, receive_items
 from uavseg.flight.link.results import Kind, TransferLostError
 from uavseg.flight.link.send import send_items
 from uavseg.flight.link.vehicle import AUTOPILOT_NAMES, Vehicle
-from uavseg.flight.mission import Mission
+from uavseg.flight.mission.mission import Mission
 
 ATTEMPTS = 3
 

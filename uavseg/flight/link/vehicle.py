@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
-from uavseg.flight.items import AUTOPILOTS
+from uavseg.flight.mission.items import AUTOPILOTS
 
 INVALID_AUTOPILOT = 8  # MAV_AUTOPILOT of what is not a vehicle
 ARMED = 128  # MAV_MODE_FLAG_SAFETY_ARMED

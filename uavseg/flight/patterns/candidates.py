@@ -15,9 +15,8 @@ from uavseg.flight.cover.space import COARSE
 from uavseg.flight.cover.strips import LEAST_LINE_M
 from uavseg.flight.cover.survey import CoverParams, Survey
 from uavseg.flight.cover.survey import surveys as cover_region
-from uavseg.flight.params import PlanParams
-from uavseg.flight.patterns.orbit import orbit, orbit_trigger_m
-from uavseg.flight.patterns.pattern_params import (
+from uavseg.flight.mission.track import HOVER_S, Track
+from uavseg.flight.params.pattern import (
     LEAST_MARGIN_M,
     CorridorParams,
     OrbitParams,
@@ -25,11 +24,11 @@ from uavseg.flight.patterns.pattern_params import (
     SurveyParams,
     VisitParams,
 )
+from uavseg.flight.params.plan import PlanParams
+from uavseg.flight.patterns.orbit import orbit, orbit_trigger_m
 from uavseg.flight.patterns.perimeter import default_tolerance_m
 from uavseg.flight.patterns.photo_notes import photo_notes
 from uavseg.flight.patterns.rings import OffsetRings, offset_rings
-from uavseg.flight.targets import RegionPart
-from uavseg.flight.track import HOVER_S, Track
 
 Floats = NDArray[np.float64]
 MAX_STARTS = 16  # corners at which a ring may begin
@@ -38,6 +37,15 @@ BRAKING_M_S2 = 2.5
 MIN_LEG_S = 1.0
 """By default no leg of a perimeter is shorter than what the vehicle flies in this time."""
 WORTHWHILE = 0.85  # of the cost of a survey: a corridor that costs less is suggested
+
+
+@dataclass(frozen=True, slots=True)
+class RegionPart:
+    """One connected region in metres, a point (x, y) inside it, and where that is, for messages."""
+
+    polygon: Any
+    point: tuple[float, float]
+    place: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,6 @@
 """Notes for the pilot about photographs: what they show, how far apart they are, and what triggers them."""
 
-from uavseg.flight.params import COVERING, PlanParams
+from uavseg.flight.params.plan import COVERING, PlanParams
 
 NO_PHOTOS = "no photographs are taken; give a camera (--camera) for that"
 

@@ -10,7 +10,7 @@ import shapely
 from numpy.typing import NDArray
 
 from uavseg.flight.avoid.enclosing import MANY_CORNERS
-from uavseg.flight.patterns.pattern_params import LEAST_MARGIN_M, PerimeterParams
+from uavseg.flight.params.pattern import LEAST_MARGIN_M, PerimeterParams
 from uavseg.flight.patterns.perimeter import simplified_ring
 
 Floats = NDArray[np.float64]

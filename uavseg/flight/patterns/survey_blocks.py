@@ -6,11 +6,11 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from uavseg.flight.along import round_degrees
 from uavseg.flight.cover.survey import Survey
-from uavseg.flight.params import PlanParams
-from uavseg.flight.plane import Plane
-from uavseg.flight.survey_block import NEARLY_CONVEX, Position, SurveyBlock
+from uavseg.flight.mission.items import round_degrees
+from uavseg.flight.mission.plane import Plane
+from uavseg.flight.mission.survey_block import NEARLY_CONVEX, Position, SurveyBlock
+from uavseg.flight.params.plan import PlanParams
 
 Floats = NDArray[np.float64]
 

@@ -6,9 +6,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from uavseg.flight.estimate.vehicle import returning_vehicles
-from uavseg.flight.params import PlanParams
-from uavseg.flight.plane import Plane
+from uavseg.flight.mission.plane import Plane
+from uavseg.flight.mission.vehicle import returning_vehicles
+from uavseg.flight.params.plan import PlanParams
 from uavseg.flight.safety.keep_out import KeepOut
 
 Floats = NDArray[np.float64]

@@ -6,8 +6,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from uavseg.flight.fence import FencePolygon
-from uavseg.flight.plane import Plane
+from uavseg.flight.mission.fence import FencePolygon
+from uavseg.flight.mission.plane import Plane
 from uavseg.flight.safety.keep_out import KeepOut
 
 Floats = NDArray[np.float64]

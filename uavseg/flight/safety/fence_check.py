@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from uavseg.flight.fence import Fence, FenceCircle, RallyPoint
-from uavseg.flight.mission import Mission
-from uavseg.flight.plane import Plane, plane_around
+from uavseg.flight.mission.fence import Fence, FenceCircle, RallyPoint
+from uavseg.flight.mission.mission import Mission
+from uavseg.flight.mission.plane import Plane, plane_around
 
 CIRCLE_QUARTER = 64  # sides of a quarter of a circle
 TOLERANCE_M = 0.01

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from uavseg.errors import MissionError
 from uavseg.flight.avoid.enclosing import enclosing, merged, neighbour_groups
 from uavseg.flight.avoid.free_space import FreeSpace
-from uavseg.flight.track import Track
+from uavseg.flight.mission.track import Track
 
 Floats = NDArray[np.float64]
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavseg.errors import MissionError
-from uavseg.flight.items import FRAME_AMSL, FRAME_TERRAIN, RETURN, TAKEOFFS
-from uavseg.flight.mission import CRUISE_M_S, Mission
-from uavseg.flight.params import PlanParams
+from uavseg.flight.mission.items import FRAME_AMSL, FRAME_TERRAIN, RETURN, TAKEOFFS
+from uavseg.flight.mission.mission import CRUISE_M_S, Mission
+from uavseg.flight.params.plan import PlanParams
 from uavseg.flight.terrain.flown import climbs_early, heights_climbed_early, rates_m_s
 from uavseg.flight.terrain.profile import check_known, profile_along
 from uavseg.raster.elevation.dem import Dem

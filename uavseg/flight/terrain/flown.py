@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.flight.estimate.vehicle import default_vehicle
-from uavseg.flight.params import PlanParams
-from uavseg.flight.terrain.params import FRAME, TerrainParams
+from uavseg.flight.mission.vehicle import default_vehicle
+from uavseg.flight.params.plan import PlanParams
+from uavseg.flight.params.terrain import FRAME, TerrainParams
 from uavseg.flight.terrain.profile import Profile, profile_along
 from uavseg.flight.terrain.selection import limit_slopes, points_within
 from uavseg.raster.elevation.dem import Dem

@@ -6,16 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import MissionError
-from uavseg.flight.items import FRAME_AMSL, FRAME_RELATIVE, FRAME_TERRAIN, HomePosition
-from uavseg.flight.leg_speeds import speeds_of
-from uavseg.flight.params import PlanParams
+from uavseg.flight.mission.ground import Ground
+from uavseg.flight.mission.items import FRAME_AMSL, FRAME_RELATIVE, FRAME_TERRAIN, HomePosition
+from uavseg.flight.mission.track import Track
+from uavseg.flight.params.plan import PlanParams
+from uavseg.flight.params.terrain import FRAME, RELATIVE, TerrainParams
 from uavseg.flight.terrain.flown import GAP, Flown, fly_over
-from uavseg.flight.terrain.ground import Ground
 from uavseg.flight.terrain.heights import Heights, constant_height
+from uavseg.flight.terrain.leg_speeds import speeds_of
 from uavseg.flight.terrain.notes import OWN_TERRAIN, terrain_notes
-from uavseg.flight.terrain.params import FRAME, RELATIVE, TerrainParams
 from uavseg.flight.terrain.profile import Profile, profile_along
-from uavseg.flight.track import Track
 from uavseg.raster.elevation.dem import Dem
 
 Floats = NDArray[np.float64]

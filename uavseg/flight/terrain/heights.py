@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.flight.items import FRAME_RELATIVE
-from uavseg.flight.leg_speeds import speeds_of
-from uavseg.flight.params import PlanParams
-from uavseg.flight.track import Track
+from uavseg.flight.mission.items import FRAME_RELATIVE
+from uavseg.flight.mission.track import Track
+from uavseg.flight.params.plan import PlanParams
+from uavseg.flight.terrain.leg_speeds import speeds_of
 
 Floats = NDArray[np.float64]
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from uavseg.errors import MissionError
-from uavseg.flight.params import PlanParams
+from uavseg.flight.params.plan import PlanParams
 from uavseg.flight.terrain.profile import check_known
 
 NOTED_M = 10.0  # a larger difference is reported: satellite heights and most models are better than that

@@ -5,11 +5,11 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.flight.estimate.vehicle import returning_vehicles
-from uavseg.flight.params import PlanParams
+from uavseg.flight.mission.vehicle import returning_vehicles
+from uavseg.flight.params.plan import PlanParams
+from uavseg.flight.params.terrain import FRAME, RELATIVE
 from uavseg.flight.terrain.flown import Flown, rates_m_s
 from uavseg.flight.terrain.heights import Heights
-from uavseg.flight.terrain.params import FRAME, RELATIVE
 from uavseg.flight.terrain.way_back import Rise, WaysBack, ways_back
 
 Floats = NDArray[np.float64]

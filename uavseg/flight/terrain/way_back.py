@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.flight.estimate.vehicle import Vehicle
+from uavseg.flight.mission.vehicle import Vehicle
 from uavseg.flight.terrain.profile import Profile
 from uavseg.raster.elevation.dem import Dem
 from uavseg.raster.geodesy.globe import geod_wgs84

@@ -12,8 +12,8 @@ from typing import Any
 from uavseg.errors import ParameterError
 from uavseg.inputs import check_yaml_brackets, read_bytes
 from uavseg.plain_text import cause_of, shown
-from uavseg.segmentation.params import IntensityRange
-from uavseg.segmentation.partition import ValueClass, ValueClasses
+from uavseg.segmentation.params.partition import ValueClass, ValueClasses
+from uavseg.segmentation.params.segment import IntensityRange
 
 MAX_BYTES = 1 << 16  # of a file of classes
 _COLUMNS = ("name", "range", "low", "high", "color")

@@ -4,10 +4,10 @@ import math
 import os
 
 from uavseg.errors import ParameterError
-from uavseg.flight.estimate.vehicle import Vehicle, read_vehicle
-from uavseg.flight.params import COVERING, PlanParams
-from uavseg.flight.safety.limits import LimitParams, SafetyParams
-from uavseg.flight.terrain.params import TerrainParams
+from uavseg.flight.mission.vehicle import Vehicle, read_vehicle
+from uavseg.flight.params.limits import LimitParams, SafetyParams
+from uavseg.flight.params.plan import COVERING, PlanParams
+from uavseg.flight.params.terrain import TerrainParams
 from uavseg.jobs.words.pattern_words import PatternWords, pattern_params
 from uavseg.jobs.words.photo_words import PhotoWords, photos_of
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, fields
 
 from uavseg.errors import ParameterError
-from uavseg.flight.patterns.pattern_params import PARAMS_OF, PatternParams
+from uavseg.flight.params.pattern import PARAMS_OF, PatternParams
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from uavseg.errors import BagError
 from uavseg.occupancy.mapping.beams import REACH_SIGMAS
 from uavseg.occupancy.mapping.grid_file import MAX_CELLS
 from uavseg.occupancy.mapping.scan import Scan
-from uavseg.raster.geobox import GeoBox, local_geobox
+from uavseg.raster.grid.geobox import GeoBox, local_geobox
 
 
 @dataclass(slots=True)

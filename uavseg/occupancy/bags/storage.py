@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from uavseg.access import current_policy
-from uavseg.databases import check_database
 from uavseg.errors import BagError
 from uavseg.inputs import check_yaml_brackets, read_bytes, regular_file
 from uavseg.plain_text import cause_of, shown
+from uavseg.raster.access.databases import check_database
 
 ROS1, ROS2 = (".bag",), (".mcap", ".db3")
 MAX_METADATA = 1 << 20  # bytes of metadata.yaml

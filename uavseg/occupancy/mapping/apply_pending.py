@@ -11,7 +11,7 @@ from uavseg._jit import inlined, kernel
 from uavseg.occupancy.mapping.grey_map import SELF, GreyMap
 from uavseg.occupancy.mapping.log_odds import Float32s, free_only_values, grey_of_probability, logistic
 from uavseg.occupancy.mapping.pending import UP_TO_DATE, PendingUpdates, add_one_free, pop_row
-from uavseg.raster.tiling import Window
+from uavseg.raster.grid.tiling import Window
 from uavseg.units import BLOCK
 
 

@@ -27,7 +27,7 @@ from uavseg.occupancy.mapping.pending import (
     col_offset,
     row_offset,
 )
-from uavseg.raster.tiling import Window
+from uavseg.raster.grid.tiling import Window
 
 P_PEAK, P_MAX = 0.9, 0.95
 REACH_SIGMAS = 3.0  # σ behind a return up to which a beam updates cells

@@ -6,7 +6,7 @@ from weakref import WeakSet
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.raster.tiling import whole_blocks
+from uavseg.raster.grid.tiling import whole_blocks
 from uavseg.segmentation.blocks.block_map import cell_sums
 from uavseg.units import BLOCK
 

@@ -19,10 +19,10 @@ from uavseg.occupancy.mapping.live import LiveSegmentation
 from uavseg.occupancy.mapping.log_odds import Float32s, probabilities_and_grey
 from uavseg.occupancy.mapping.pending import MAX_LOG_ODDS, empty_pending
 from uavseg.occupancy.mapping.scan import Scan
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.geobox import GeoBox, check_metres, local_geobox
-from uavseg.raster.tiling import Window
-from uavseg.segmentation.params import Intervals, SegmentParams
+from uavseg.raster.grid.geobox import GeoBox, check_metres, local_geobox
+from uavseg.raster.grid.tiling import Window
+from uavseg.raster.read.dataset import Dataset
+from uavseg.segmentation.params.segment import Intervals, SegmentParams
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from uavseg.errors import MapError
 from uavseg.occupancy.mapping.pending import MAX_LOG_ODDS
-from uavseg.raster.dataset import Dataset
 from uavseg.raster.formats.geotiff import check_geotiff_name, read_geotiff, write_geotiff
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.read.dataset import Dataset
 
 Float32s = NDArray[np.float32]
 

@@ -17,7 +17,7 @@ from uavseg.occupancy.mapping.grid_file import check_cells
 from uavseg.occupancy.mapping.rotation import as_quaternion, heading_of, matrix_of_quaternion, tilt_deg
 from uavseg.occupancy.ros.ros_map import RosMap, placement, transform_of
 from uavseg.plain_text import shown
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox
 
 Float32s = NDArray[np.float32]
 

@@ -16,7 +16,7 @@ from uavseg.occupancy.mapping.live_blocks import BlockIndices, classify_leaves, 
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.division import block_ratios, selected_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
-from uavseg.segmentation.params import IntensityRange, Intervals, SegmentParams, StateLimits
+from uavseg.segmentation.params.segment import IntensityRange, Intervals, SegmentParams, StateLimits
 from uavseg.segmentation.pipeline import LeafQuery
 from uavseg.units import BLOCK, CELL, GREY_MAX
 

@@ -14,8 +14,8 @@ from uavseg.occupancy.paths.astar import shortest_path
 from uavseg.occupancy.paths.clearance import clearance, is_at_least
 from uavseg.occupancy.paths.closed_way import largest_clearance, narrowest_gap
 from uavseg.occupancy.paths.free_cells import FreeCells, MapPosition
-from uavseg.raster.geobox import GeoBox
-from uavseg.raster.geodesy.ground import ground_steps, line_length
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.ground import ground_steps, line_length
 from uavseg.units import GREY_MAX
 
 Cell = tuple[int, int]

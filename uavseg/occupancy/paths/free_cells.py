@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from uavseg.errors import PathError
 from uavseg.execution.executors import Map, serial
-from uavseg.raster.geobox import GeoBox
-from uavseg.raster.geodesy.ground import ground_steps
-from uavseg.raster.tiling import Window
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.ground import ground_steps
+from uavseg.raster.grid.tiling import Window
 from uavseg.regions.outline.rasterise import Rasteriser
 from uavseg.regions.outline.rings import Rings
-from uavseg.segmentation.params import IntensityRange
+from uavseg.segmentation.params.segment import IntensityRange
 from uavseg.segmentation.source import GreySource
 from uavseg.units import GREY_MAX
 

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from uavseg.errors import OutputError, RasterError
 from uavseg.occupancy.paths.find_path import PlannedPath
-from uavseg.raster.geobox import GeoBox
 from uavseg.raster.geodesy.globe import decimals_for, densify_line, split_at_antimeridian, wrap_lon_beyond_180
-from uavseg.raster.geodesy.ground import ground_resolution
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.ground import ground_resolution
 from uavseg.regions.wgs84 import to_wgs84
 
 Floats = NDArray[np.float64]

@@ -17,7 +17,6 @@ from affine import Affine
 from numpy.typing import NDArray
 
 from uavseg.access import current_policy
-from uavseg.atomic import atomic_file, check_target
 from uavseg.errors import MapError, RasterError
 from uavseg.occupancy.ros.pgm import is_pgm, pgm_bytes, read_pgm
 from uavseg.occupancy.ros.ros_yaml import (
@@ -27,8 +26,9 @@ from uavseg.occupancy.ros.ros_yaml import (
     read_ros_yaml,
     ros_yaml_text,
 )
+from uavseg.output.atomic import atomic_file, check_target
 from uavseg.raster.formats.png import read_grey, to_8_bits, write_png
-from uavseg.raster.geobox import GeoBox, check_metres
+from uavseg.raster.grid.geobox import GeoBox, check_metres
 
 _WRITTEN_THRESHOLDS = {"occupied_thresh": 0.65, "free_thresh": 0.196}  # as Nav2 writes trinary maps
 UNKNOWN_GREY = 205

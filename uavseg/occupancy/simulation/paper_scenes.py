@@ -16,7 +16,7 @@ from uavseg.occupancy.mapping.scan import Pose
 from uavseg.occupancy.simulation.range_finder import RangeFinder
 from uavseg.occupancy.simulation.scene import Scene
 from uavseg.occupancy.simulation.simulate import Simulation
-from uavseg.raster.geobox import local_geobox
+from uavseg.raster.grid.geobox import local_geobox
 
 _MAP_SHAPE = (320, 320)
 _CELL_M = 0.01

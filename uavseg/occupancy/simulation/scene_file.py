@@ -31,7 +31,7 @@ from uavseg.occupancy.simulation.range_finder import RangeFinder
 from uavseg.occupancy.simulation.scene import Scene
 from uavseg.occupancy.simulation.simulate import Simulation
 from uavseg.plain_text import cause_of, shown
-from uavseg.raster.geobox import GeoBox, local_geobox
+from uavseg.raster.grid.geobox import GeoBox, local_geobox
 
 _MAX_SCENE_CELLS = 1 << 28
 _SENSOR = {"sigma": "sigma_m", "range": "max_range_m", "fov": "fov_deg", "step": "step_deg"}

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.plot.frame import Frame
+from uavseg.plot.page.frame import Frame
 
 if TYPE_CHECKING:
-    from uavseg.flight.fence import Fence
-    from uavseg.flight.mission import Mission
+    from uavseg.flight.mission.fence import Fence
+    from uavseg.flight.mission.mission import Mission
 
 INSIDE_COLOR, KEEP_OUT_COLOR, RALLY_COLOR, HALO_COLOR = "#1b7f3b", "#b00020", "#1b7f3b", "#ffffff"
 CIRCLE_CORNERS = 72
@@ -86,8 +86,8 @@ class FenceLayer:
 
 
 def _outlines(shapes: Iterable["Fence"], frame: Frame) -> Iterable[Floats]:
-    from uavseg.flight.fence import FenceCircle
-    from uavseg.flight.plane import Plane
+    from uavseg.flight.mission.fence import FenceCircle
+    from uavseg.flight.mission.plane import Plane
 
     turns = np.linspace(0, 2 * np.pi, CIRCLE_CORNERS, endpoint=False)
     for shape in shapes:

@@ -9,10 +9,10 @@ from affine import Affine
 from numpy.typing import NDArray
 
 from uavseg.errors import RasterError
-from uavseg.plot.frame import Frame
 from uavseg.plot.layers.raster_layer import draw_image, is_enlarged, read_coarsely
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.tiling import Window
+from uavseg.plot.page.frame import Frame
+from uavseg.raster.grid.tiling import Window
+from uavseg.raster.read.dataset import Dataset
 from uavseg.regions.outline.trace import trace
 
 Contours = tuple[NDArray[np.float64], ...]

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError, RasterError
-from uavseg.plot.frame import Frame
 from uavseg.plot.layers.raster_layer import open_coarse
-from uavseg.raster.tiling import Window
+from uavseg.plot.page.frame import Frame
+from uavseg.raster.grid.tiling import Window
 from uavseg.units import CELL
 
 _SIDES = (64, 32, 16, 8)

@@ -8,8 +8,8 @@ import shapely
 from numpy.typing import NDArray
 
 from uavseg.errors import RegionError
-from uavseg.plot.frame import Frame
-from uavseg.plot.polygons import PolygonArray, PolygonTable, polygon_paths, simplified
+from uavseg.plot.page.frame import Frame
+from uavseg.plot.page.polygons import PolygonArray, PolygonTable, polygon_paths, simplified
 
 _LARGEST = 2.0**53
 

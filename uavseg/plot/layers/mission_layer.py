@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.plain_text import shown
-from uavseg.plot.frame import Frame
+from uavseg.plot.page.frame import Frame
 
 if TYPE_CHECKING:
-    from uavseg.flight.mission import Mission
+    from uavseg.flight.mission.mission import Mission
 
 FLIGHT_COLORS = ("#c4001a", "#1457c8", "#8a2be2", "#c25700", "#00796b", "#ad1457", "#5d4037", "#37474f")
 _HALO_COLOR = "#ffffff"
@@ -63,9 +63,9 @@ class MissionLayer:
         cls, mission: "Mission", frame: Frame, name: str = "", color: str = FLIGHT_COLORS[0]
     ) -> "MissionLayer":
         """A mission as it lies in a picture."""
-        from uavseg.flight.estimate.flown import flown_path
-        from uavseg.flight.estimate.vehicle import default_vehicle
-        from uavseg.flight.items import LANDINGS, RETURN, TAKEOFFS
+        from uavseg.flight.mission.flown import flown_path
+        from uavseg.flight.mission.items import LANDINGS, RETURN, TAKEOFFS
+        from uavseg.flight.mission.vehicle import default_vehicle
 
         lat, lon, _ = mission.path
         flown = [item for item in mission.items if item.has_position or item.command == RETURN]
@@ -203,8 +203,8 @@ def read_missions(given: Any) -> list[tuple[str, "Mission"]]:
     from pathlib import Path
 
     from uavseg.errors import MissionError
-    from uavseg.flight.files import read_mission
-    from uavseg.flight.mission import Mission
+    from uavseg.flight.formats.files import read_mission
+    from uavseg.flight.mission.mission import Mission
 
     listed = given if isinstance(given, Sequence) and not isinstance(given, str) else [given]
     parts = [one for part in listed for one in getattr(part, "missions", [part])]  # of what uavseg.plan gives
@@ -223,7 +223,7 @@ def read_missions(given: Any) -> list[tuple[str, "Mission"]]:
 
 def mission_title(layers: Sequence[MissionLayer]) -> list[str]:
     """What flights take together: items, length, duration, photographs."""
-    from uavseg.flight.estimate.words import estimate_text
+    from uavseg.flight.mission.estimate import estimate_text
 
     items, shots = sum(one.items for one in layers), sum(one.photographs for one in layers)
     what = "mission" if len(layers) == 1 else f"{len(layers)} flights"

@@ -12,7 +12,7 @@ from uavseg.errors import PathError
 from uavseg.inputs import parse_json, read_bytes
 from uavseg.occupancy.paths.find_path import PlannedPath
 from uavseg.plain_text import shown
-from uavseg.plot.frame import Frame
+from uavseg.plot.page.frame import Frame
 
 _LINE_COLOR, _CASING_COLOR = "#ffffff", "#111111"
 _START_COLOR, _GOAL_COLOR = "#37b24d", "#f03e3e"
@@ -86,8 +86,8 @@ class PathLayer:
 
 
 def _read_mission_path(source: str | os.PathLike[str], frame: Frame) -> Floats:
-    from uavseg.flight import files
-    from uavseg.flight.items import WAYPOINT
+    from uavseg.flight.formats import files
+    from uavseg.flight.mission.items import WAYPOINT
 
     places = [item for item in files.read_mission(source).items if item.command == WAYPOINT]
     if not places:

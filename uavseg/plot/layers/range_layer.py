@@ -8,12 +8,12 @@ import numpy as np
 from affine import Affine
 from numpy.typing import NDArray
 
-from uavseg.plot.frame import Frame
 from uavseg.plot.layers.raster_layer import draw_image
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.geobox import GeoBox, scaled
+from uavseg.plot.page.frame import Frame
+from uavseg.raster.grid.geobox import GeoBox, scaled
+from uavseg.raster.grid.tiling import Window
 from uavseg.raster.intensity.stretch import Stretch
-from uavseg.raster.tiling import Window
+from uavseg.raster.read.dataset import Dataset
 from uavseg.units import CELL, GREY_MAX
 
 RANGE_COLORS = ("#3b5bdb", "#19c3f0", "#2fd05f", "#b5e61d", "#ffe119", "#ff8c1a", "#e8362e", "#f032e6")

@@ -9,12 +9,12 @@ from affine import Affine
 from numpy.typing import NDArray
 
 from uavseg.errors import RasterError
-from uavseg.plot.frame import Frame
+from uavseg.plot.page.frame import Frame
 from uavseg.raster.collar.find import without_collar
-from uavseg.raster.dataset import Dataset
+from uavseg.raster.grid.tiling import TilePass, Window
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch
-from uavseg.raster.overview import DatasetOverview
-from uavseg.raster.tiling import TilePass, Window
+from uavseg.raster.read.dataset import Dataset
+from uavseg.raster.read.overview import DatasetOverview
 
 _FINER = 1.5  # pixels of a raster beside one of the picture, from which four are drawn as one
 

@@ -8,11 +8,11 @@ import shapely
 from numpy.typing import NDArray
 
 from uavseg.plain_text import shown
-from uavseg.plot.frame import Frame
 from uavseg.plot.layers.class_colors import ClassColors
 from uavseg.plot.layers.sureness import PLAIN, Look, looks_of
-from uavseg.plot.map_furniture import area_text
-from uavseg.plot.polygons import PolygonArray, PolygonTable, polygon_paths, simplified
+from uavseg.plot.page.frame import Frame
+from uavseg.plot.page.map_furniture import area_text
+from uavseg.plot.page.polygons import PolygonArray, PolygonTable, polygon_paths, simplified
 
 _COLORS = ("#ff8c1a", "#19c3f0", "#f032e6", "#b5e61d", "#ffe119", "#5b7cff", "#2fd05f", "#ff9ec4")
 _MAX_LABELS = 40

@@ -4,7 +4,6 @@ import os
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from uavseg.plot.frame import Frame
 from uavseg.plot.layers.fence_layer import FenceLayer
 from uavseg.plot.layers.labels_layer import LabelsLayer
 from uavseg.plot.layers.leaves_layer import LeavesLayer
@@ -13,7 +12,8 @@ from uavseg.plot.layers.mission_layer import mission_layers, read_missions
 from uavseg.plot.layers.path_layer import PathLayer
 from uavseg.plot.layers.region_layer import RegionLayer
 from uavseg.plot.layers.states_layer import StatesLayer
-from uavseg.raster.dataset import Dataset
+from uavseg.plot.page.frame import Frame
+from uavseg.raster.read.dataset import Dataset
 
 File = str | os.PathLike[str]
 

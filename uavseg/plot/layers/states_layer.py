@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from uavseg.errors import MapError
 from uavseg.occupancy.ros.ros_map import is_ros_map, read_ros_map
 from uavseg.plain_text import shown
-from uavseg.plot.frame import Frame
 from uavseg.plot.layers.labels_layer import Contours, contours_of
 from uavseg.plot.layers.raster_layer import draw_image, read_coarsely
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.tiling import Window
+from uavseg.plot.page.frame import Frame
+from uavseg.raster.grid.tiling import Window
+from uavseg.raster.read.dataset import Dataset
 from uavseg.units import FREE, OCCUPIED, UNKNOWN
 
 _STATE_COLORS = {

@@ -10,17 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.flight.camera.photos import Photos
-from uavseg.jobs.field_map import FieldMap
+from uavseg.jobs.web_map.content import FieldMap
 from uavseg.jobs.words.photo_words import PhotoWords, photos_of
 from uavseg.plain_text import printable
 from uavseg.plot.layers.mission_layer import read_missions
-from uavseg.plot.map_furniture import length_text
+from uavseg.plot.page.map_furniture import length_text
 from uavseg.plot.web.page import data_url, render_page
 from uavseg.plot.web.region_features import first_range
 from uavseg.raster.geodesy.globe import MAX_DECIMALS, crs_name, decimals_for
 
 if TYPE_CHECKING:
-    from uavseg.flight.mission import Mission
+    from uavseg.flight.mission.mission import Mission
 
 LARGE_BYTES = 10 << 20
 _DECIMALS = 7  # of degrees: a centimetre
@@ -101,11 +101,11 @@ def read_flights(missions: Any, camera: Any = None) -> list[dict[str, Any]]:
 
 
 def _flight(name: str, mission: "Mission", photos: Photos | None) -> dict[str, Any]:
-    from uavseg.flight.estimate.footprints import footprints
-    from uavseg.flight.estimate.words import estimate_text
     from uavseg.flight.formats.geojson import write_geojson
     from uavseg.flight.formats.options import FileOptions
-    from uavseg.flight.items import LANDINGS, RETURN, TAKEOFFS
+    from uavseg.flight.mission.estimate import estimate_text
+    from uavseg.flight.mission.footprints import footprints
+    from uavseg.flight.mission.items import LANDINGS, RETURN, TAKEOFFS
 
     lat, lon, _ = mission.path
     aside, number, numbers = {*TAKEOFFS, RETURN, *LANDINGS}, 0, [0]

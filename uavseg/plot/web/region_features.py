@@ -8,9 +8,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from uavseg.jobs.field_map import STEPS
-from uavseg.jobs.plan_regions import open_regions
-from uavseg.jobs.result import SourceInfo
+from uavseg.jobs.flights.plan_regions import open_regions
+from uavseg.jobs.result.result import SourceInfo
+from uavseg.jobs.web_map.content import STEPS
 from uavseg.regions.formats.about_file import about_file
 from uavseg.regions.formats.metadata import METADATA_KEY
 

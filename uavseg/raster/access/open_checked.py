@@ -9,17 +9,17 @@ from rasterio.errors import RasterioIOError
 from rasterio.io import DatasetReader
 
 from uavseg.access import current_policy, is_address
-from uavseg.databases import check_database
 from uavseg.errors import AccessError, RasterReadError
 from uavseg.inputs import regular_file
 from uavseg.plain_text import cause_of
+from uavseg.raster.access.databases import check_database
 from uavseg.raster.access.drivers import as_file_name, drivers_of, names_no_file
 from uavseg.raster.access.limits import check_limits
 from uavseg.raster.access.named_files import NamedFiles, check_named_file
+from uavseg.raster.access.opening import GDAL_ERRORS, gdal_env, quiet_open, unread_tags_are_errors
+from uavseg.raster.access.sequential_rows import is_sequential, read_rows_before
 from uavseg.raster.access.vrt_sources import sources_of
-from uavseg.raster.opening import GDAL_ERRORS, gdal_env, quiet_open, unread_tags_are_errors
-from uavseg.raster.sequential_rows import is_sequential, read_rows_before
-from uavseg.raster.tiling import Window
+from uavseg.raster.grid.tiling import Window
 
 _PAGE = re.compile(r"GTIFF_DIR:\d+:(.*)", re.IGNORECASE | re.DOTALL)
 _DATABASES = (("GPKG",), ("MBTiles",))

@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uavseg.raster.collar.pixel_mask import PixelMask
 from uavseg.raster.collar.rim import RimCounts
 from uavseg.raster.collar.spread import flood
 from uavseg.raster.collar.straight import outline_points, straight_share
-from uavseg.raster.tiling import Window, sample_positions
+from uavseg.raster.grid.pixel_mask import PixelMask
+from uavseg.raster.grid.tiling import Window, sample_positions
 
 CORNERS_AROUND = 3  # held by what surrounds a picture
 EDGE_AROUND = 0.5  # share of the edge of the raster that it covers

@@ -22,10 +22,10 @@ from typing import TypeVar
 from uavseg.errors import ParameterError
 from uavseg.raster.collar.evidence import Evidence, is_one_piece
 from uavseg.raster.collar.flood import flood_from_edges
-from uavseg.raster.collar.pixel_mask import PixelMask
 from uavseg.raster.collar.rim import count_rim, grow_over_smear
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.tiling import TilePass, Window
+from uavseg.raster.grid.pixel_mask import PixelMask
+from uavseg.raster.grid.tiling import TilePass, Window
+from uavseg.raster.read.dataset import Dataset
 
 WORDS = ("auto", "keep")
 MIN_SIDE = 64  # pixels; a smaller raster shows too little of a rim

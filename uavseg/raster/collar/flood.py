@@ -13,10 +13,10 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.raster.collar.pixel_mask import PixelMask
 from uavseg.raster.collar.spread import flood
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.tiling import TilePass, Window, tile_side, tiles
+from uavseg.raster.grid.pixel_mask import PixelMask
+from uavseg.raster.grid.tiling import TilePass, Window, tile_side, tiles
+from uavseg.raster.read.dataset import Dataset
 
 TILE_PIXELS = 1 << 20
 

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.raster.collar.flood import flood_tiles
-from uavseg.raster.collar.pixel_mask import PixelMask
 from uavseg.raster.collar.spread import UNREACHED, distances
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.tiling import TilePass, Window, tiles
+from uavseg.raster.grid.pixel_mask import PixelMask
+from uavseg.raster.grid.tiling import TilePass, Window, tiles
+from uavseg.raster.read.dataset import Dataset
 
 SMEAR = 16  # pixels: the side of the block in which JPEG mixes colours
 BEYOND = 2 * SMEAR  # pixels: up to here is compared with the rim

@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.raster.collar.pixel_mask import ALL, PixelMask
-from uavseg.raster.tiling import Window
+from uavseg.raster.grid.pixel_mask import ALL, PixelMask
+from uavseg.raster.grid.tiling import Window
 from uavseg.units import BLOCK
 
 MAX_POINTS = 20_000

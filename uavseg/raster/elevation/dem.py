@@ -14,7 +14,7 @@ from uavseg.errors import ParameterError, RasterError, RasterReadError
 from uavseg.plain_text import cause_of, shown
 from uavseg.raster.access.drivers import as_file_name
 from uavseg.raster.access.open_checked import open_checked
-from uavseg.raster.dataset import Dataset
+from uavseg.raster.access.opening import GDAL_ERRORS, open_error_text
 from uavseg.raster.elevation.sampling import BilinearSampler
 from uavseg.raster.geodesy.globe import (
     WGS84,
@@ -32,7 +32,7 @@ from uavseg.raster.geodesy.vertical import (
     sea_from_ellipsoid,
     vertical_reference,
 )
-from uavseg.raster.opening import GDAL_ERRORS, open_error_text
+from uavseg.raster.read.dataset import Dataset
 
 Floats = NDArray[np.float64]
 Source = str | os.PathLike[str]

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.tiling import Window
+from uavseg.raster.grid.tiling import Window
+from uavseg.raster.read.dataset import Dataset
 
 Floats = NDArray[np.float64]
 

@@ -176,7 +176,7 @@ def _check_built(compress: str) -> None:
         return
     from rasterio.io import MemoryFile
 
-    from uavseg.raster.opening import GDAL_ERRORS, gdal_env, quiet_open
+    from uavseg.raster.access.opening import GDAL_ERRORS, gdal_env, quiet_open
 
     how = {"driver": "GTiff", "width": 1, "height": 1, "count": 1, "dtype": "uint8", "compress": compress}
     try:

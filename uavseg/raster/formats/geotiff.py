@@ -12,15 +12,15 @@ from affine import Affine
 from numpy.typing import NDArray
 from rasterio.windows import Window as FileWindow
 
-from uavseg.atomic import atomic_file
 from uavseg.errors import OutputError, RasterReadError
 from uavseg.inputs import regular_file
+from uavseg.output.atomic import atomic_file
 from uavseg.plain_text import cause_of
 from uavseg.raster.access.limits import check_limits, check_readable_whole
+from uavseg.raster.access.opening import GDAL_ERRORS, gdal_env, quiet_open
 from uavseg.raster.formats.creation import DEFAULT, CreationOptions
-from uavseg.raster.geobox import GeoBox
-from uavseg.raster.opening import GDAL_ERRORS, gdal_env, quiet_open
-from uavseg.raster.tiling import Window
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.tiling import Window
 
 STRIPE = 256  # rows that are written at once, and the side of a block in the file
 

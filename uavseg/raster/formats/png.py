@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 from rasterio.io import DatasetReader
 
-from uavseg.atomic import atomic_file
 from uavseg.errors import OutputError, RasterReadError
+from uavseg.output.atomic import atomic_file
 from uavseg.plain_text import cause_of
 from uavseg.raster.access.limits import check_readable_whole
 from uavseg.raster.access.open_checked import open_checked
-from uavseg.raster.opening import GDAL_ERRORS, gdal_env, quiet_open
+from uavseg.raster.access.opening import GDAL_ERRORS, gdal_env, quiet_open
 
 Bytes = NDArray[np.uint8]
 Opaque = NDArray[np.bool_]

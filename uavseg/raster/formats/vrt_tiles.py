@@ -9,14 +9,14 @@ from xml.etree import ElementTree
 
 from affine import Affine
 
-from uavseg.atomic import atomic_file, check_target
 from uavseg.errors import OutputError
 from uavseg.execution.executors import Map, serial
+from uavseg.output.atomic import atomic_file, check_target
 from uavseg.output.renames import recover
 from uavseg.raster.formats.creation import DEFAULT, CreationOptions
 from uavseg.raster.formats.geotiff import STRIPE, Labels, write_label_geotiff
-from uavseg.raster.geobox import GeoBox
-from uavseg.raster.tiling import Window, tiles
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.tiling import Window, tiles
 
 LABEL_TILE_SIDE = 2048  # pixels; independent of the tiles of the processing
 

@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.raster.bands import Valid, Values
 from uavseg.raster.intensity.grey import Grey, luminance
 from uavseg.raster.intensity.stretch import Stretch
+from uavseg.raster.spectral.bands import Valid, Values
 from uavseg.units import GREY_MAX
 
 _LIMIT = 1 << 30  # greys: what lies farther beyond counts as so far

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
-from uavseg.raster.bands import Valid, Values
-from uavseg.raster.dataset import Dataset
+from uavseg.raster.grid.tiling import TilePass, Window
 from uavseg.raster.intensity import histogram
 from uavseg.raster.intensity.grey import Grey, luminance_f4, to_grey
-from uavseg.raster.tiling import TilePass, Window
+from uavseg.raster.read.dataset import Dataset
+from uavseg.raster.spectral.bands import Valid, Values
 from uavseg.units import GREY_LEVELS
 
 FORMS = "auto, dtype, minmax, percentile:P,Q, none or LOW,HIGH"

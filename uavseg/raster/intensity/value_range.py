@@ -8,10 +8,10 @@ from math import inf
 import numpy as np
 
 from uavseg.errors import ParameterError
-from uavseg.raster.dataset import Dataset
 from uavseg.raster.intensity.grey import to_grey
 from uavseg.raster.intensity.stretch import Stretch, counts_exactly
-from uavseg.raster.value_scale import BandScale, ValueAxis
+from uavseg.raster.read.dataset import Dataset
+from uavseg.raster.spectral.value_scale import BandScale, ValueAxis
 from uavseg.units import GREY_MAX
 
 _ROUNDING = 1e-6  # of a step between stored integers

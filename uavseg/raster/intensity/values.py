@@ -9,7 +9,7 @@ from math import inf
 import numpy as np
 
 from uavseg.errors import ParameterError
-from uavseg.raster.dataset import Dataset
+from uavseg.raster.grid.tiling import TilePass
 from uavseg.raster.intensity.grey import to_grey
 from uavseg.raster.intensity.stretch import (
     Border,
@@ -35,7 +35,7 @@ from uavseg.raster.intensity.value_range import (
     stored_range,
     type_limits,
 )
-from uavseg.raster.tiling import TilePass
+from uavseg.raster.read.dataset import Dataset
 from uavseg.units import GREY_LEVELS, GREY_MAX
 
 _MARGIN = 1 / 8  # of the span of an automatic stretch: its ends stay so far from each bound

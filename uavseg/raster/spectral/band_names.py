@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from uavseg.errors import BandError, ParameterError
 from uavseg.plain_text import shown
-from uavseg.raster.bands import BandLayout
+from uavseg.raster.spectral.bands import BandLayout
 from uavseg.raster.spectral.common_names import (
     FAMILIES,
     FROM_ROLES,

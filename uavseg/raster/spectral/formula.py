@@ -8,11 +8,11 @@ import numpy as np
 
 from uavseg.errors import BandError, ParameterError
 from uavseg.plain_text import printable
-from uavseg.raster.bands import BandLayout, Valid, Values
 from uavseg.raster.spectral.band_names import find_band, listed, names_of
+from uavseg.raster.spectral.bands import BandLayout, Valid, Values
 from uavseg.raster.spectral.expression import Expression, parse_expression
 from uavseg.raster.spectral.indices import SpectralIndex, find_index
-from uavseg.raster.value_scale import BandScale
+from uavseg.raster.spectral.value_scale import BandScale
 
 _SHOWN = 60  # characters of a formula in messages
 

@@ -17,10 +17,10 @@ from rasterio.enums import Compression
 from rasterio.errors import RasterBlockError
 from rasterio.io import DatasetReader
 
-from uavseg.raster.bands import Values
+from uavseg.raster.grid.tiling import Window
+from uavseg.raster.spectral.bands import Values
 from uavseg.raster.tiff.block_stream import BlockStream, checked_blocks, file_of
 from uavseg.raster.tiff.directories import strip_rows
-from uavseg.raster.tiling import Window
 
 _known: "WeakKeyDictionary[DatasetReader, DeflateBlocks | None]" = WeakKeyDictionary()  # by open file
 

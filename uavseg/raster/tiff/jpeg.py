@@ -16,8 +16,8 @@ from rasterio.enums import Compression, PhotometricInterp
 from rasterio.errors import RasterBlockError
 from rasterio.io import DatasetReader
 
+from uavseg.raster.grid.tiling import Window
 from uavseg.raster.tiff.block_stream import BlockStream, checked_blocks, file_of
-from uavseg.raster.tiling import Window
 
 HEADER_BYTES = 4096  # in which the frame header usually lies
 _START_OF_FRAME = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}  # these three are tables, or reserved

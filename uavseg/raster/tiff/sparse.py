@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from rasterio.errors import RasterBlockError
 from rasterio.io import DatasetReader
 
-from uavseg.raster.bands import Values
+from uavseg.raster.grid.tiling import Window, sample_positions
+from uavseg.raster.spectral.bands import Values
 from uavseg.raster.tiff.index import Stored, stored_blocks
-from uavseg.raster.tiling import Window, sample_positions
 
 Indices = NDArray[np.int64]
 

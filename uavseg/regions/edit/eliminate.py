@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox
 from uavseg.regions.edit.small import Area, region_areas
 from uavseg.regions.outline.rasterise import LazyLabels, Rasteriser
 from uavseg.regions.outline.rings import RegionOutlines, merge_sums, select_sums

@@ -8,8 +8,8 @@ from affine import Affine
 from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
-from uavseg.raster.geobox import GeoBox
-from uavseg.raster.geodesy.ground import ground_resolution
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.ground import ground_resolution
 from uavseg.regions.shapes import RaggedPolygons
 from uavseg.regions.table import Regions
 

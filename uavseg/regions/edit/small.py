@@ -7,8 +7,8 @@ import shapely
 from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
-from uavseg.raster.geobox import GeoBox
-from uavseg.raster.geodesy.ground import ring_areas
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.ground import ring_areas
 from uavseg.regions.outline.rings import RegionOutlines, Rings, renumber_by_size
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from uavseg.errors import RegionError
-from uavseg.raster.opening import file_exists
+from uavseg.raster.access.opening import file_exists
 from uavseg.regions.formats import metadata
 from uavseg.regions.formats.check_read import check_feature_count
 from uavseg.regions.formats.read import KML_FIELDS, vector_errors
@@ -157,7 +157,7 @@ def _holds_tiles(path: str | os.PathLike[str]) -> bool:
     """Whether a GeoPackage holds images and no features."""
     import sqlite3
 
-    from uavseg.databases import check_database, open_database
+    from uavseg.raster.access.databases import check_database, open_database
 
     try:
         check_database(path, os.fspath(path), RegionError)

@@ -12,8 +12,8 @@ from typing import IO, Any
 
 import shapely
 
-from uavseg.atomic import atomic_file, check_target
 from uavseg.errors import OutputError
+from uavseg.output.atomic import atomic_file, check_target
 from uavseg.raster.geodesy.globe import parse_crs
 from uavseg.regions.formats import geojson, kml
 from uavseg.regions.formats.arrow_stream import GEOMETRY, RegionStream, batches

@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.atomic import check_target
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Map, serial
+from uavseg.output.atomic import check_target
 from uavseg.raster.formats import geotiff
 from uavseg.raster.formats.creation import DEFAULT, CreationOptions
 from uavseg.raster.formats.vrt_tiles import check_label_tiles, label_windows, write_label_tiles
-from uavseg.raster.geobox import GeoBox
-from uavseg.raster.tiling import Window, tiles
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.tiling import Window, tiles
 from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
 from uavseg.regions.outline.rings import Rings
 from uavseg.units import BLOCK

@@ -17,8 +17,8 @@ from uavseg.errors import RegionError, UavsegError
 from uavseg.execution.phases import steps_done
 from uavseg.output.interrupts import deaf_call
 from uavseg.plain_text import cause_of
+from uavseg.raster.access.opening import file_exists
 from uavseg.raster.geodesy.globe import MAX_DECIMALS, WGS84, geod_wgs84, unwrap_lon
-from uavseg.raster.opening import file_exists
 from uavseg.regions.formats.check_read import (
     check_attributes,
     check_count,

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
 
-from uavseg.atomic import atomic_file, check_target
 from uavseg.errors import OutputError
+from uavseg.output.atomic import atomic_file, check_target
 from uavseg.regions.formats.styles import Class, qml, sld
 from uavseg.regions.table import Regions
 

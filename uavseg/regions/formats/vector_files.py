@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import Any
 
 from uavseg.access import current_policy
-from uavseg.databases import check_database
 from uavseg.errors import AccessError, RegionError
 from uavseg.inputs import MAX_TEXT, parse_json, read_bytes, read_start, regular_file
 from uavseg.output.interrupts import deaf_call
 from uavseg.plain_text import cause_of
+from uavseg.raster.access.databases import check_database
 from uavseg.regions.formats.gdal_state import gdal_options
 
 _EXTENSIONS = {

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from uavseg._jit import kernel
 from uavseg.execution.lazy_sequence import LazySequence
-from uavseg.raster.tiling import Window
+from uavseg.raster.grid.tiling import Window
 from uavseg.regions.outline.rings import Rings
 
 MAX_EDGE_ROWS = 256  # longer vertical edges are split, so that one binary search finds those of a window

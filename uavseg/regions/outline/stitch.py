@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.execution.executors import trim_heap
-from uavseg.raster.tiling import Window
+from uavseg.raster.grid.tiling import Window
 from uavseg.regions.outline.chains import OWNER, Chains, PackedChains, pack_chains, trace_tile
 from uavseg.regions.outline.rings import RegionOutlines, merge_sums, select_sums, size_order
 from uavseg.regions.outline.trace import link_rings

@@ -3,7 +3,7 @@
 import numpy as np
 
 from uavseg.errors import SampleError
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox
 from uavseg.regions.formats.read import read_regions
 from uavseg.regions.sample.place import SampleMask, check_placed, polygon_masks
 

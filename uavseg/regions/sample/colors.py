@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import SampleError
-from uavseg.raster.tiling import Window
+from uavseg.raster.grid.tiling import Window
 from uavseg.regions.sample.model import bounds_around
 from uavseg.regions.sample.place import SampleMask
 from uavseg.segmentation.sample.color_decision import ColorPlane

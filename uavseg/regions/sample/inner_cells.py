@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.raster.tiling import TilePass, Window
+from uavseg.raster.grid.tiling import TilePass, Window
 from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
 from uavseg.regions.outline.rings import Rings
 from uavseg.segmentation.blocks.block_map import BlockMap

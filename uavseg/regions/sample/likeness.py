@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import SampleError
-from uavseg.raster.tiling import TilePass, Window
+from uavseg.raster.grid.tiling import TilePass, Window
 from uavseg.regions.sample.place import SampleMask
 from uavseg.segmentation.sample.likeness_table import BLUR_HALO, LikenessTable, blurred
 from uavseg.segmentation.source import GreySource, GreyTile

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from uavseg.errors import SampleError
 from uavseg.execution.executors import Map
-from uavseg.raster.geodesy.ellipsoid import pixel_on_ground
+from uavseg.raster.grid.ellipsoid import pixel_on_ground
 from uavseg.regions.sample.place import SampleMask
 from uavseg.segmentation.blocks.lbp import UNCOUNTED, lbp_symbols
 from uavseg.segmentation.sample.coarse_lbp import COARSE_HALO, coarse_symbols

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import SampleError
-from uavseg.raster.geobox import GeoBox
 from uavseg.raster.geodesy.globe import is_geographic
-from uavseg.raster.geodesy.ground import ground_steps
-from uavseg.raster.tiling import TilePass, Window
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.ground import ground_steps
+from uavseg.raster.grid.tiling import TilePass, Window
 from uavseg.regions.sample.likeness import MIN_PIXELS, LikenessSource
 from uavseg.regions.sample.place import Disc, SampleMask, sample_mask
 from uavseg.segmentation.blocks.block_map import BlockMap

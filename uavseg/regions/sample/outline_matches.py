@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.execution.lazy_sequence import LazySequence
-from uavseg.raster.tiling import TilePass, Window, whole_blocks
+from uavseg.raster.grid.tiling import TilePass, Window, whole_blocks
 from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
 from uavseg.regions.outline.rings import RegionOutlines, Rings
 from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_tiles

@@ -9,10 +9,10 @@ import shapely
 from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError, SampleError
-from uavseg.raster.geobox import GeoBox
 from uavseg.raster.geodesy.globe import geod_of, is_geographic, transform_between, wrap_lon
-from uavseg.raster.polygon_mask import pixels_inside
-from uavseg.raster.tiling import Window
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.polygon_mask import pixels_inside
+from uavseg.raster.grid.tiling import Window
 from uavseg.units import CELL
 from uavseg.warning_filters import changing_filters
 

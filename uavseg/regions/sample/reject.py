@@ -5,12 +5,12 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.raster.tiling import TilePass, Window, window_cells
+from uavseg.raster.grid.tiling import TilePass, Window, window_cells
 from uavseg.regions.sample.colors import count_colors
 from uavseg.regions.sample.model import symbol_pair
 from uavseg.regions.sample.scores import CellScores, Criterion
 from uavseg.regions.tiles.kind_tiles import cell_jobs
-from uavseg.segmentation.dilation import dilate
+from uavseg.segmentation.blocks.dilation import dilate
 from uavseg.segmentation.sample.coarse_lbp import COARSE_HALO
 from uavseg.segmentation.sample.g_scores import MAX_SCORE, TextureModel, texture_model
 from uavseg.segmentation.sample.likelihood_weights import best_mean_weights

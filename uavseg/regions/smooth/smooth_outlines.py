@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
-from uavseg.raster.geobox import GeoBox, scaled
-from uavseg.raster.geodesy.ground import ground_resolution
+from uavseg.raster.grid.geobox import GeoBox, scaled
+from uavseg.raster.grid.ground import ground_resolution
 from uavseg.regions.outline.rings import Rings, reorder_rings
 from uavseg.regions.smooth.nodes import Nodes, find_nodes
 from uavseg.regions.smooth.sleeve import STEPS_PER_PIXEL

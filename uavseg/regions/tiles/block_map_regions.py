@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.raster.tiling import Window
+from uavseg.raster.grid.tiling import Window
 from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.outline.rings import RegionOutlines, renumber_by_size
 from uavseg.regions.outline.trace import trace

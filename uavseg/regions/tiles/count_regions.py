@@ -6,12 +6,12 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.raster.tiling import TilePass, Window, cells_around, sample_positions, window_cells
+from uavseg.raster.grid.tiling import TilePass, Window, cells_around, sample_positions, window_cells
 from uavseg.regions.tiles.range_tiles import outline_regions
 from uavseg.regions.tiles.thin_tiles import with_thin_lines
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.components import label_components, label_equal_values
-from uavseg.segmentation.params import IntensityRange, Refinement
+from uavseg.segmentation.params.segment import IntensityRange, Refinement
 from uavseg.segmentation.pipeline import refine_tile
 from uavseg.segmentation.refine.range_scans import REFINE_HALO
 from uavseg.segmentation.source import GreySource

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.execution.lazy_sequence import LazySequence
-from uavseg.raster.tiling import TilePass, Window, cells_around, whole_blocks
+from uavseg.raster.grid.tiling import TilePass, Window, cells_around, whole_blocks
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_tiles
 from uavseg.segmentation.blocks.leaves import cells_to_pixels

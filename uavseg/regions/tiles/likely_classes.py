@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.execution.lazy_sequence import LazySequence
-from uavseg.raster.tiling import TilePass, Window
+from uavseg.raster.grid.tiling import TilePass, Window
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.tiles.detail_tiles import with_detail
 from uavseg.regions.tiles.range_tiles import TileJob, tile_jobs
 from uavseg.regions.tiles.refined_kinds import KindOutlines, KindsByPixel, stitch_kinds
 from uavseg.segmentation.border_steps import border_steps
 from uavseg.segmentation.components import component_sums, label_equal_values
-from uavseg.segmentation.params import IntensityRange, Refinement
+from uavseg.segmentation.params.segment import IntensityRange, Refinement
 from uavseg.segmentation.pipeline import refine_tile
 from uavseg.segmentation.refine.detail import Detail
 from uavseg.segmentation.refine.range_scans import REFINE_HALO

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from uavseg.errors import RasterError
 from uavseg.execution.lazy_sequence import LazySequence
-from uavseg.raster.tiling import TilePass, Window, cells_around, window_cells
+from uavseg.raster.grid.tiling import TilePass, Window, cells_around, window_cells
 from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_tiles
@@ -17,7 +17,7 @@ from uavseg.regions.tiles.detail_tiles import with_detail
 from uavseg.regions.tiles.thin_tiles import with_thin_lines
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums
 from uavseg.segmentation.components import Sums, component_sums, label_components, with_beyond
-from uavseg.segmentation.params import IntensityRange, Refinement
+from uavseg.segmentation.params.segment import IntensityRange, Refinement
 from uavseg.segmentation.pipeline import refine_tile
 from uavseg.segmentation.refine.detail import Detail
 from uavseg.segmentation.refine.range_scans import REFINE_HALO

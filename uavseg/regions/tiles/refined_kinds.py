@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.raster.tiling import TilePass, Window
+from uavseg.raster.grid.tiling import TilePass, Window
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_tiles
 from uavseg.regions.tiles.detail_tiles import with_detail
@@ -15,8 +15,8 @@ from uavseg.regions.tiles.range_tiles import TileJob, check_sums, tile_jobs
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.components import label_equal_values
 from uavseg.segmentation.kinds import refine_kinds_of_tile
-from uavseg.segmentation.params import Refinement
-from uavseg.segmentation.partition import Partition
+from uavseg.segmentation.params.partition import Partition
+from uavseg.segmentation.params.segment import Refinement
 from uavseg.segmentation.pipeline import every_cell
 from uavseg.segmentation.refine.detail import Detail
 from uavseg.segmentation.refine.range_scans import REFINE_HALO

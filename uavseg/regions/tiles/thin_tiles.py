@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.raster.tiling import Window, whole_blocks
-from uavseg.segmentation.params import IntensityRange
+from uavseg.raster.grid.tiling import Window, whole_blocks
+from uavseg.segmentation.params.segment import IntensityRange
 from uavseg.segmentation.refine.range_scans import REFINE_HALO
 from uavseg.segmentation.refine.thin_lines import MARGIN, find_thin_lines
 from uavseg.segmentation.source import GreySource, GreyTile

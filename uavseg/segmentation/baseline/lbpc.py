@@ -19,7 +19,7 @@ from uavseg.segmentation.blocks.g_statistic import g_of_region, n_ln_n_table
 from uavseg.segmentation.blocks.lbp import UNCOUNTED, contrast_bin_edges, contrast_histogram, lbp_symbols
 from uavseg.segmentation.components import component_sums
 from uavseg.segmentation.in_memory import block_map_of_array, pad_to_blocks
-from uavseg.segmentation.params import DivisionParams
+from uavseg.segmentation.params.segment import DivisionParams
 from uavseg.units import CELL
 
 Labels = NDArray[np.uint32]

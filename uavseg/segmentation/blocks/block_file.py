@@ -11,11 +11,11 @@ from uavseg.errors import RasterError, RasterReadError, UavsegError
 from uavseg.output.inputs import check_not_inputs
 from uavseg.plain_text import cause_of
 from uavseg.raster.access.open_checked import open_checked
+from uavseg.raster.access.opening import GDAL_ERRORS
 from uavseg.raster.formats.creation import DEFAULT, CreationOptions
 from uavseg.raster.formats.geotiff import Page, check_geotiff_name, read_geotiff, write_geotiff_pages
-from uavseg.raster.geobox import GeoBox, scaled
+from uavseg.raster.grid.geobox import GeoBox, scaled
 from uavseg.raster.intensity.stretch import Stretch
-from uavseg.raster.opening import GDAL_ERRORS
 from uavseg.segmentation.blocks.block_header import (
     axis_of_header,
     checked_header,
@@ -24,8 +24,8 @@ from uavseg.segmentation.blocks.block_header import (
 )
 from uavseg.segmentation.blocks.block_map import BlockMap, find_leaves
 from uavseg.segmentation.blocks.saved_blocks import Origin, SavedBlocks
-from uavseg.segmentation.illumination import Illumination
-from uavseg.segmentation.params import DivisionParams
+from uavseg.segmentation.params.illumination import Illumination
+from uavseg.segmentation.params.segment import DivisionParams
 from uavseg.units import BLOCK, CELL, CELLS, GREY_MAX
 
 _TAG = "UAVSEG_BLOCK_MAP"

@@ -7,10 +7,10 @@ from dataclasses import asdict, fields
 from typing import Any
 
 from uavseg.plain_text import shown
-from uavseg.raster.bands import as_nodata
 from uavseg.raster.intensity.stretch import Stretch
+from uavseg.raster.spectral.bands import as_nodata
 from uavseg.raster.spectral.formula import BandWords
-from uavseg.raster.value_scale import BandScale, ValueAxis
+from uavseg.raster.spectral.value_scale import BandScale, ValueAxis
 from uavseg.segmentation.blocks.saved_blocks import Origin, SavedBlocks
 from uavseg.units import CELL, GREY_MAX
 

@@ -14,7 +14,7 @@ from uavseg._jit import inlined, kernel
 from uavseg.segmentation.blocks.division import RATIOS
 from uavseg.segmentation.blocks.memory import check_memory
 from uavseg.segmentation.blocks.thumbnail import thumbnail
-from uavseg.segmentation.params import DivisionParams
+from uavseg.segmentation.params.segment import DivisionParams
 from uavseg.units import CELL, CELLS, GREY_MAX
 
 _STRIP_BLOCKS = 64  # rows of blocks in a strip of `leaf_means_by_strip`

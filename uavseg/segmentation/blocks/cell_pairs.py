@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
 from uavseg.segmentation.blocks.block_map import BlockMap
-from uavseg.segmentation.params import IntensityRange
+from uavseg.segmentation.params.segment import IntensityRange
 from uavseg.units import CELL, GREY_LEVELS, GREY_MAX
 
 BINS = 512

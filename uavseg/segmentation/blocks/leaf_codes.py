@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.segmentation.blocks.block_map import BlockMap, leaf_means_by_strip
-from uavseg.segmentation.params import DivisionParams
+from uavseg.segmentation.params.segment import DivisionParams
 
 STEPS = 1000
 NO_CODE = 65535

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from uavseg._jit import kernel
 from uavseg.segmentation.blocks.block_map import BlockMap, leaf_means_by_strip
-from uavseg.segmentation.params import DivisionParams, IntensityRange, Levels, StateLimits
-from uavseg.segmentation.partition import Breaks, Partition, partition_of_levels
+from uavseg.segmentation.params.partition import Breaks, Partition, partition_of_levels
+from uavseg.segmentation.params.segment import DivisionParams, IntensityRange, Levels, StateLimits
 from uavseg.units import GREY_LEVELS, GREY_MAX
 
 

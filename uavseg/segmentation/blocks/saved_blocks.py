@@ -5,13 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from uavseg.access import current_policy, is_address
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.access.opening import file_exists
+from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch
-from uavseg.raster.opening import file_exists
 from uavseg.raster.spectral.formula import BandWords
-from uavseg.raster.value_scale import ValueAxis
+from uavseg.raster.spectral.value_scale import ValueAxis
 from uavseg.segmentation.blocks.block_map import BlockMap
-from uavseg.segmentation.illumination import Illumination
+from uavseg.segmentation.params.illumination import Illumination
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-from uavseg.segmentation.dilation import dilate
+from uavseg.segmentation.blocks.dilation import dilate
 
 NOISE_SIDE = 16  # pixels: side of a square
 _COARSE = 4  # side of a mean in pixels, and of a square in means

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import kernel
-from uavseg.segmentation.dilation import dilate
+from uavseg.segmentation.blocks.dilation import dilate
 from uavseg.segmentation.refine.noise import NOISE_SIDE, medians_around
 
 LENGTH = 15  # pixels along a line

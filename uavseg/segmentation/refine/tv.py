@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-from uavseg.segmentation.dilation import dilate
+from uavseg.segmentation.blocks.dilation import dilate
 from uavseg.segmentation.refine.noise import NOISE_SIDE, estimate_noise
 from uavseg.segmentation.refine.specks import drop_specks
 from uavseg.segmentation.refine.total_variation import MAX_WEIGHT, classify_tv, threshold_tv

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.segmentation.blocks.dilation import dilate
 from uavseg.segmentation.blocks.lbp import SYMBOLS, UNCOUNTED
-from uavseg.segmentation.dilation import dilate
 from uavseg.segmentation.sample.g_scores import TextureModel
 
 DECISION_HALO = 16  # pixels: a tile with this halo is classified exactly as the whole image

@@ -26,9 +26,9 @@ from numpy.typing import NDArray
 
 from uavseg._jit import kernel
 from uavseg.execution.lazy_sequence import LazySequence
-from uavseg.raster.tiling import TilePass, Window, tile_side, tiles, whole_blocks, window_cells
+from uavseg.raster.grid.tiling import TilePass, Window, tile_side, tiles, whole_blocks, window_cells
 from uavseg.segmentation.blocks.leaves import cells_to_pixels
-from uavseg.segmentation.params import StateLimits
+from uavseg.segmentation.params.segment import StateLimits
 from uavseg.segmentation.source import GreySource
 from uavseg.segmentation.states.classified_states import ClassifiedStates
 from uavseg.segmentation.states.obstacle_evidence import STRONG_ABOVE, evidence_rule

@@ -20,7 +20,7 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.segmentation.params import StateLimits
+from uavseg.segmentation.params.segment import StateLimits
 from uavseg.units import GREY_LEVELS, GREY_MAX
 
 MIN_CELLS = 3  # of an obstacle that is not attached to an occupied one, in a map of probabilities

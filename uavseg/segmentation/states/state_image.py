@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import OutputError
-from uavseg.raster.tiling import Window, whole_blocks
+from uavseg.raster.grid.tiling import Window, whole_blocks
 from uavseg.segmentation.states.state_scans import Codes, decode_states
 
 MAX_IN_MEMORY = 64 << 20  # bytes: the codes of 128 million pixels; larger images go to a temporary file

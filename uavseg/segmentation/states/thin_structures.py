@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-from uavseg.raster.tiling import TilePass, Window, whole_blocks
+from uavseg.raster.grid.tiling import TilePass, Window, whole_blocks
 from uavseg.segmentation.source import GreySource
 from uavseg.segmentation.states.obstacle_evidence import MIN_CELLS, EvidenceRule
 from uavseg.segmentation.states.state_image import StateImage

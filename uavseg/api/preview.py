@@ -1,0 +1,130 @@
+"""The public function for pictures: the words of `uavseg preview`."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from uavseg.access import Folders, allowing
+from uavseg.arguments import checked
+from uavseg.errors import ParameterError
+from uavseg.jobs.source.open_source import open_pixels
+from uavseg.jobs.source.source import ProbabilityMap, ReadOptions
+from uavseg.jobs.source.work import Work
+from uavseg.plot.preview import preview as draw_raster
+from uavseg.plot.preview_missions import preview_missions
+
+
+@checked
+def preview(
+    source: Any = None,
+    output: str | os.PathLike[str] | None = None,
+    *,
+    regions: Any = None,
+    mission: Any = None,
+    states: Any = None,
+    leaves: Any = None,
+    labels: Any = None,
+    levels: Any = None,
+    path: Any = None,
+    dem: Any = None,
+    band: int | None = None,
+    rgb: tuple[int, int, int] | None = None,
+    nodata: float | str | None = None,
+    stretch: str = "auto",
+    width: int = 1400,
+    overwrite: bool = False,
+    skip_bad_tiles: bool = False,
+    collar: str = "auto",
+    allow_path: Folders = (),
+    allow_network: bool = False,
+) -> Path:
+    """Draw a raster with what was found in it, or missions alone, as a PNG picture.
+
+    Parameters
+    ----------
+    source : path, sequence of paths, array, DataArray, open raster of rasterio or Dataset, optional
+        Many paths are one mosaic; the YAML file of a ROS map is a raster too. Without it, missions are drawn
+        on a blank map, with a profile of their heights below.
+    output : path, optional
+        The picture, .png; by default STEM.preview.png in the working directory.
+    regions : path or GeoDataFrame, optional
+    mission : Mission, path or sequence of these, optional
+        What `uavseg.plan` gives, or mission files.
+    states, leaves, labels, levels, path : optional
+        What classify, divide, original (or another command with labels), levels and path wrote, as files;
+        levels may be a GeoDataFrame, and path what `uavseg.path` gives.
+    dem : path or sequence of paths, optional
+        For missions without a raster: the ground below them.
+    band, rgb, nodata, stretch, skip_bad_tiles, collar, allow_path, allow_network
+        As of `extract`.
+    width : int
+        Width of the picture in pixels, 200 to 8000.
+    overwrite : bool
+        Whether a picture that is there may be replaced.
+
+    Returns
+    -------
+    output : Path
+
+    Raises
+    ------
+    UavsegError
+        If an input cannot be read or does not belong to the raster, or the picture may not be made.
+
+    Examples
+    --------
+    >>> import uavseg
+    >>> uavseg.preview("tile.tif", regions="regions.gpkg")  # doctest: +SKIP
+    """
+    with allowing(allow_path, allow_network):
+        if source is None:
+            _check_alone(mission, regions, states, leaves, labels, levels, path, band, rgb, nodata)
+            target = output or f"{_stem(mission)}.preview.png"
+            return preview_missions(mission, target, dem=dem, width_px=width, overwrite=overwrite)
+        if dem is not None:
+            raise ParameterError(
+                "dem is for the profile of a mission without a raster; leave source or dem out"
+            )
+        opened = open_pixels(source, ReadOptions(band, rgb, nodata, None, skip_bad_tiles))
+        how: Any = stretch
+        if isinstance(opened, ProbabilityMap) and stretch == "auto":
+            how = opened.stretch
+        work = replace(Work(), bad_blocks=set())
+        with work.reading_here():
+            found = draw_raster(
+                opened.dataset,
+                output or f"{Path(opened.name).stem}.preview.png",
+                regions=regions,
+                mission=mission,
+                levels=levels,
+                states=states,
+                leaves=leaves,
+                labels=labels,
+                path=path,
+                stretch=how,
+                collar="keep" if isinstance(opened, ProbabilityMap) else collar,
+                width_px=width,
+                overwrite=overwrite,
+            )
+    for warning in (*opened.warnings, *work.bad_block_warnings):
+        warnings.warn(warning, stacklevel=3)
+    return found
+
+
+def _check_alone(mission: Any, *others: Any) -> None:
+    """Check that there are missions where there is no raster, and nothing that needs one."""
+    if mission is None:
+        raise ParameterError("there is nothing to draw: give a raster, or a mission")
+    if any(other is not None for other in others):
+        raise ParameterError("without a raster, missions alone are drawn; give source as well")
+
+
+def _stem(mission: Any) -> str:
+    first = mission[0] if isinstance(mission, list | tuple) and mission else mission
+    if isinstance(first, str | os.PathLike):
+        return Path(first).stem
+    return str(getattr(first, "name", "") or "mission")

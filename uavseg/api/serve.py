@@ -1,0 +1,170 @@
+"""The public function for the local server: the words of `uavseg serve`."""
+
+from __future__ import annotations
+
+import tempfile
+import threading
+import warnings
+from contextvars import Context, copy_context
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from uavseg.access import Folders, allowing
+from uavseg.arguments import checked
+from uavseg.errors import ParameterError
+from uavseg.execution.executors import threads as thread_pool
+from uavseg.flight.camera.catalogue import cameras
+from uavseg.jobs.source.open_source import open_source, raster_of
+from uavseg.jobs.source.source import ReadOptions, Source
+from uavseg.jobs.source.work import Work
+from uavseg.jobs.web_map.cell_tiles import CellTiles
+from uavseg.jobs.web_map.content import FieldMapRequest, field_map
+from uavseg.jobs.web_map.map_tile import has_map_tiles
+from uavseg.plot.web.field_map import page_of
+from uavseg.raster.spectral.formula import BandWords
+from uavseg.server.local_server import Answer, LocalServer
+from uavseg.server.site import Site
+from uavseg.server.tasks import Tasks
+
+NO_TILES = (
+    "without tiles the picture is all there is when the map is zoomed: they need rio-tiler "
+    "(pip install 'uavseg[serve]')"
+)
+
+
+class MapServer:
+    """A local server of maps, that answers until it is closed.
+
+    Parameters
+    ----------
+    source : Raster
+    request : FieldMapRequest
+    work : Work
+    port : int
+        0 is any that is free.
+    """
+
+    def __init__(self, source: Source, request: FieldMapRequest, work: Work, port: int = 0) -> None:
+        raster = raster_of(source, "a block map holds no picture; name the raster that it was made from")
+        found = field_map(raster, replace(request, all_cells=True), work)
+        cells = None if found.fits_page else CellTiles.of(found)
+        cleaned = raster.cleaned(work.over(raster).silent)  # found already
+        tiles = cleaned if has_map_tiles(cleaned) else None
+        self.warnings = found.warnings if tiles else (*found.warnings, NO_TILES)
+        names = [one.name for one in cameras()]
+        offered = {"tiles": tiles is not None, "cameras": names, "areas": _areas(cells)}
+        page = page_of(found, None, [], offered)
+        self._folder = tempfile.TemporaryDirectory(prefix="uavseg-serve-", ignore_cleanup_errors=True)
+        self._tasks = Tasks(Path(self._folder.name))
+        found = replace(found, cells=None)  # in the page, or in tiles
+        site = Site(raster, request, found, page, self._tasks, tiles, cells)
+        try:
+            self._server = LocalServer(partial(_within, copy_context(), site), port)
+        except (OSError, OverflowError) as error:
+            self._folder.cleanup()
+            raise ParameterError(f"port {port} cannot be used ({error}); 0 is any that is free") from error
+        self._thread = threading.Thread(target=self._server.serve_forever, daemon=True)
+        self._thread.start()
+
+    @property
+    def url(self) -> str:
+        """The address of the page: who knows it, may use the server."""
+        return self._server.url
+
+    def wait(self) -> None:
+        """Wait until the server is closed, or Ctrl-C."""
+        while self._thread.is_alive():
+            self._thread.join(0.5)
+
+    def close(self) -> None:
+        """Stop jobs and the server; the files of results are deleted."""
+        self._server.shutdown()
+        self._server.server_close()
+        self._thread.join()
+        self._tasks.stop_all()
+        self._folder.cleanup()
+
+    def __enter__(self) -> MapServer:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def _areas(cells: CellTiles | None) -> list[float] | None:
+    """Areas of cells by their codes, for a page that asks for tiles of them."""
+    return None if cells is None else [float(f"{area:.10g}") for area in cells.areas]
+
+
+def _within(context: Context, site: Site, method: str, path: str, body: bytes) -> Answer:
+    """The answer, with the access to files that was allowed when the server was made."""
+    return context.copy().run(site.answer, method, path, body)
+
+
+@checked
+def serve(
+    source: Any,
+    *,
+    port: int = 0,
+    size: int = 2048,
+    band: int | str | None = None,
+    rgb: tuple[int | str, int | str, int | str] | None = None,
+    index: str | None = None,
+    expr: str | None = None,
+    band_names: str | None = None,
+    nodata: float | str | None = None,
+    stretch: str = "auto",
+    method: str = "adaptive",
+    threshold: float = 1.2,
+    intensity_step: float = 0.05,
+    tile: int | None = None,
+    threads: int | None = None,
+    skip_bad_tiles: bool = False,
+    collar: str = "auto",
+    allow_path: Folders = (),
+    allow_network: bool = False,
+) -> MapServer:
+    """Serve the page of a raster to a browser on this computer, with exact regions and missions.
+
+    Parameters
+    ----------
+    source : path, sequence of paths, DataArray, open raster of rasterio, or Dataset
+        Many paths are one mosaic. It has a coordinate system.
+    port : int
+        Of 127.0.0.1; 0 is any that is free.
+    size, method, threshold, intensity_step
+        As of `map_page`.
+    band, ..., allow_network
+        As of `extract`.
+
+    Returns
+    -------
+    server : MapServer
+        Its `url` is the address; it answers until `close` is called, or the end of a `with` block.
+
+    Raises
+    ------
+    UavsegError
+        If the raster cannot be read or has no place on a map in Web Mercator, or the port is not free.
+
+    Examples
+    --------
+    >>> import uavseg
+    >>> with uavseg.serve("tile.tif") as server:  # doctest: +SKIP
+    ...     print(server.url)
+    ...     server.wait()
+    """
+    words = BandWords(index, expr, band_names)
+    options = ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, words=words, collar=collar)
+    request = FieldMapRequest.from_words(method, threshold, intensity_step, size)
+    run = thread_pool(threads)
+    with allowing(allow_path, allow_network):
+        server = MapServer(open_source(source, options), request, Work(tile, run, run), port)
+    for warning in server.warnings:
+        warnings.warn(warning, stacklevel=3)
+    return server

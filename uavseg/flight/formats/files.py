@@ -1,0 +1,167 @@
+"""Mission files: writers and readers by extension."""
+
+import os
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from uavseg.errors import MissionError, ParameterError
+from uavseg.flight.formats.geojson import read_geojson, write_geojson
+from uavseg.flight.formats.kml import kml_losses, read_kml, write_kml
+from uavseg.flight.formats.kmz import kmz_losses, read_kmz, write_kmz
+from uavseg.flight.formats.litchi import litchi_losses, read_litchi, write_litchi
+from uavseg.flight.formats.options import FileOptions
+from uavseg.flight.formats.plan import plan_losses, read_plan, write_plan
+from uavseg.flight.formats.waypoints import read_waypoints, waypoints_losses, write_waypoints
+from uavseg.flight.mission.items import TAKEOFFS
+from uavseg.flight.mission.mission import Mission
+from uavseg.inputs import read_bytes
+from uavseg.output.atomic import atomic_file
+from uavseg.plain_text import cause_of
+
+MissionPath = str | os.PathLike[str]
+
+MAX_BYTES = 64 << 20  # of a mission file; 65 534 items take 20 MB
+_MISFITS = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError, RecursionError)
+
+
+def _no_losses(mission: Mission, options: FileOptions) -> list[str]:
+    return []
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """A format of mission files.
+
+    Parameters
+    ----------
+    write : callable
+        The content of a file.
+    read : callable
+        The mission of a content; its name is given.
+    losses : callable
+        What the format cannot hold of a mission, one sentence each.
+    holds_home : bool
+        Whether home is in the file.
+    """
+
+    write: Callable[[Mission, FileOptions], bytes]
+    read: Callable[[bytes, str], Mission]
+    losses: Callable[[Mission, FileOptions], list[str]] = _no_losses
+    holds_home: bool = True
+
+
+FORMATS = {
+    ".plan": Format(write_plan, read_plan, plan_losses),
+    ".waypoints": Format(write_waypoints, read_waypoints, waypoints_losses),
+    ".kml": Format(write_kml, read_kml, kml_losses),
+    ".geojson": Format(write_geojson, read_geojson),
+    ".kmz": Format(write_kmz, read_kmz, kmz_losses, holds_home=False),
+    ".csv": Format(write_litchi, read_litchi, litchi_losses, holds_home=False),
+}
+
+
+def write_mission(
+    mission: Mission,
+    path: MissionPath,
+    overwrite: bool = False,
+    check: Callable[[Mission], None] | None = None,
+    *,
+    editable: bool = False,
+    dji_model: str = FileOptions().dji_model,
+) -> None:
+    """Write a mission to a file, whole or not at all; what its format cannot hold gives warnings.
+
+    Parameters
+    ----------
+    mission : Mission
+    path : path
+        Its extension selects the format: .plan (QGroundControl, MAVSDK), .waypoints (Mission Planner, mavwp,
+        QGroundControl), .kmz (DJI), .csv (Litchi), or to look at .kml and .geojson. A .waypoints file does
+        not store the autopilot; parameters that are not set are written as 0.
+    overwrite : bool
+        Whether an existing file may be replaced.
+    check : function, optional
+        Called with the mission as it is read back, from home where its format does not hold that; where it
+        raises, nothing is written.
+    editable : bool
+        Whether a .plan holds the survey lines of convex parts as survey items, which QGroundControl can edit.
+    dji_model : str
+        The aircraft of a .kmz, such as "m3e"; see `uavseg.flight.formats.options.DJI_MODELS`.
+
+    Raises
+    ------
+    MissionError
+        If the extension is not one of these, or the format cannot hold how the mission is flown.
+    ParameterError
+        If the aircraft is not known.
+    OutputError
+        If the file exists, or cannot be written.
+    """
+    suffix = check_mission_format(path)
+    form, options = FORMATS[suffix], FileOptions(editable, dji_model)
+    if editable and suffix != ".plan":
+        raise ParameterError(f"only a .plan can hold what QGroundControl edits (--editable), not a {suffix}")
+    content, losses = form.write(mission, options), form.losses(mission, options)
+    with atomic_file(path, overwrite) as temporary:
+        temporary.write_bytes(content)
+        if check is not None:
+            check(_from_home(read_mission(temporary), mission, form))
+    for loss in losses:
+        warnings.warn(loss, stacklevel=2)
+
+
+def _from_home(found: Mission, mission: Mission, form: Format) -> Mission:
+    """A mission as it is flown from the home of another one, where its file does not say from where."""
+    if form.holds_home:
+        return found
+    home = mission.home
+    items = tuple(
+        replace(item, lat=home.lat, lon=home.lon) if item.command in TAKEOFFS else item
+        for item in found.items
+    )
+    return replace(found, home=home, items=items)
+
+
+def read_mission(path: MissionPath) -> Mission:
+    """Read a mission from a file in any of the formats of `write_mission`.
+
+    A mission from `write_mission` is read back equal from a .plan, .kml or .geojson file. A .waypoints file
+    is read as one for ArduPilot, and a heading (param4) of 0 in it as not set. Of a .plan, the items are read
+    that its surveys hold. A .kmz and a .csv do not hold home; what they hold besides that a mission cannot is
+    noted.
+
+    Raises
+    ------
+    MissionError
+        If the file cannot be read, is not what its extension says, holds other complex items than surveys, or
+        holds a mission that would not be safe.
+    """
+    form = FORMATS[check_mission_format(path)]
+    content = read_bytes(path, MissionError, MAX_BYTES)
+    try:
+        return form.read(content, Path(path).stem)
+    except UnicodeDecodeError as error:
+        raise MissionError(f"{path} cannot be read as a mission: {cause_of(error)}") from error
+    except MissionError as error:
+        raise MissionError(f"{path}: {error}") from error
+    except _MISFITS as error:
+        raise MissionError(f"{path} is not a mission that can be read: {cause_of(error)}") from error
+
+
+def check_mission_format(path: MissionPath) -> str:
+    """Check the extension of a mission file and return it, such as ".plan".
+
+    Raises
+    ------
+    MissionError
+        If it is none of `FORMATS`.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in FORMATS:
+        *names, last = FORMATS
+        raise MissionError(
+            f"a mission is written as {', '.join(names)} or {last}, not as {Path(path).name!r}"
+        )
+    return suffix

@@ -1,0 +1,1 @@
+"""Missions as values: items, tracks, fences and the vehicle that flies them."""

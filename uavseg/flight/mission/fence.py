@@ -1,0 +1,134 @@
+"""Geofence and rally points: areas to stay inside or outside of, and places to return to in an emergency."""
+
+import math
+from dataclasses import dataclass
+
+import shapely
+
+from uavseg.errors import MissionError
+from uavseg.flight.mission.items import MAX_DISTANCE_M, MAX_HEIGHT_M, check_position
+
+Position = tuple[float, float]  # lat, lon in degrees, WGS 84
+
+
+@dataclass(frozen=True, slots=True)
+class FencePolygon:
+    """A polygon that the vehicle must stay inside or outside of.
+
+    Parameters
+    ----------
+    vertices : tuple of (lat, lon)
+        Degrees, WGS 84, at least three. They are stored clockwise, as QGroundControl asks for, and without a
+        repetition of the first.
+    inclusion : bool
+        Whether the vehicle stays inside; False is a keep-out zone.
+
+    Raises
+    ------
+    MissionError
+        If a vertex is not on Earth, there are fewer than three, or the outline crosses or touches itself.
+    """
+
+    vertices: tuple[Position, ...]
+    inclusion: bool = True
+
+    def __post_init__(self) -> None:
+        vertices = tuple((float(lat), float(lon)) for lat, lon in self.vertices)
+        for lat, lon in vertices:
+            check_position(lat, lon, "a vertex of the fence")
+        if len(vertices) > 1 and vertices[0] == vertices[-1]:
+            vertices = vertices[:-1]
+        if len(set(vertices)) < 3:
+            raise MissionError(
+                f"a fence polygon has at least three vertices; this one has {len(set(vertices))}"
+            )
+        object.__setattr__(self, "vertices", _clockwise(vertices))
+
+    @property
+    def positions(self) -> tuple[Position, ...]:
+        """The vertices."""
+        return self.vertices
+
+
+@dataclass(frozen=True, slots=True)
+class FenceCircle:
+    """A circle that the vehicle must stay inside or outside of.
+
+    Parameters
+    ----------
+    lat, lon : float
+        Centre in degrees, WGS 84.
+    radius_m : float
+    inclusion : bool
+        Whether the vehicle stays inside; False is a keep-out zone.
+
+    Raises
+    ------
+    MissionError
+        If the centre is not on Earth, or the radius not above 0 and at most 100 km.
+    """
+
+    lat: float
+    lon: float
+    radius_m: float
+    inclusion: bool = True
+
+    def __post_init__(self) -> None:
+        check_position(self.lat, self.lon, "the centre of a fence")
+        if not 0 < self.radius_m <= MAX_DISTANCE_M:
+            raise MissionError(
+                f"the radius of a fence is above 0 and at most {MAX_DISTANCE_M:g} m, not {self.radius_m:g}"
+            )
+
+    @property
+    def positions(self) -> tuple[Position, ...]:
+        """The centre."""
+        return ((self.lat, self.lon),)
+
+
+@dataclass(frozen=True, slots=True)
+class RallyPoint:
+    """A place to which the vehicle may return instead of home.
+
+    Parameters
+    ----------
+    lat, lon : float
+        Degrees, WGS 84.
+    altitude_m : float
+        Metres above home.
+
+    Raises
+    ------
+    MissionError
+        If the position is not on Earth, or the altitude not above 0 and at most 1000 m.
+    """
+
+    lat: float
+    lon: float
+    altitude_m: float
+
+    def __post_init__(self) -> None:
+        check_position(self.lat, self.lon, "a rally point")
+        if not (math.isfinite(self.altitude_m) and 0 < self.altitude_m <= MAX_HEIGHT_M):
+            raise MissionError(
+                f"a rally point is above home by more than 0 and at most {MAX_HEIGHT_M:g} m, "
+                f"not {self.altitude_m:g}"
+            )
+
+    @property
+    def positions(self) -> tuple[Position, ...]:
+        """Its position."""
+        return ((self.lat, self.lon),)
+
+
+Fence = FencePolygon | FenceCircle
+
+
+def _clockwise(vertices: tuple[Position, ...]) -> tuple[Position, ...]:
+    """The vertices clockwise as seen from above, from the same first one; checks that the ring is simple."""
+    first = vertices[0][1]
+    unwrapped = [(first + (lon - first + 180) % 360 - 180, lat) for lat, lon in vertices]  # antimeridian
+    ring = shapely.LinearRing(unwrapped)
+    if not ring.is_simple:
+        raise MissionError("the outline of a fence polygon crosses or touches itself")
+    return (vertices[0], *vertices[:0:-1]) if ring.is_ccw else vertices

@@ -1,0 +1,262 @@
+"""The path that a mission is flown along: its legs in metres with their times, holds and photographs."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.flight.mission.duration import leg_seconds
+from uavseg.flight.mission.items import (
+    CAMERA_DISTANCE,
+    CAMERA_INTERVAL,
+    CHANGE_SPEED,
+    IMAGE_START,
+    IMAGE_STOP,
+    LANDINGS,
+    LOITER,
+    LOITER_TIME,
+    LOITER_TURNS,
+    RETURN,
+    TAKEOFFS,
+    WAYPOINT,
+    MissionItem,
+)
+from uavseg.flight.mission.mission import CRUISE_M_S, Mission
+from uavseg.flight.mission.plane import Plane
+from uavseg.flight.mission.vehicle import Vehicle
+
+Floats = NDArray[np.float64]
+Place = tuple[float, float, float]
+
+CIRCLE_M = 10.0
+"""Radius of turns without one: CIRCLE_RADIUS of ArduCopter."""
+
+
+@dataclass(frozen=True, slots=True)
+class FlownPath:
+    """The legs of a mission, for n positions.
+
+    Parameters
+    ----------
+    xyz_m : (n, 3) float64 array
+        Metres east, north and above home; home first.
+    seconds : (n - 1,) float64 array
+    part : (n - 1,) array of "climb", "flight" or "return"
+    hold_s, rise_m : (n,) float64 arrays
+        Wait at each position, and how far the ground there lies above home, 0 where it is not known.
+    photographs : (n - 1,) int64 array
+        Photographs on each leg; those taken while waiting count on the leg before.
+    shots : tuple of ShotRun
+        Where they are taken.
+    return_hold_s, landing_s : float
+    is_line : (n - 1,) bool array
+        Whether photographs are taken along the leg, by distance or time.
+    has_shot : (n,) bool array
+        Whether a single photograph is taken at the position.
+    """
+
+    xyz_m: Floats
+    seconds: Floats
+    part: NDArray[np.str_]
+    hold_s: Floats
+    rise_m: Floats
+    photographs: NDArray[np.int64]
+    shots: tuple["ShotRun", ...]
+    return_hold_s: float
+    landing_s: float
+    is_line: NDArray[np.bool_]
+    has_shot: NDArray[np.bool_]
+
+    @property
+    def length_m(self) -> Floats:
+        """Length of each leg over ground."""
+        steps = np.diff(self.xyz_m[:, :2], axis=0)
+        lengths: Floats = np.hypot(*steps.T)
+        return lengths
+
+    @property
+    def height_m(self) -> Floats:
+        """Height of each leg above the ground at its higher end."""
+        above = self.xyz_m[:, 2] - self.rise_m
+        return np.maximum(above[:-1], above[1:])
+
+
+@dataclass(frozen=True, slots=True)
+class ShotRun:
+    """Photographs at even steps along a leg.
+
+    Parameters
+    ----------
+    leg, count : int
+    first, step : float
+        Where the first is taken, and how far each is from the one before, as shares of the leg: 0 is its
+        start, 1 its end.
+    """
+
+    leg: int
+    count: int
+    first: float
+    step: float
+
+
+@dataclass(slots=True)
+class _Walk:
+    """Positions, and what is asked for on the leg to each and at each."""
+
+    xyz: list[Place]
+    speed: list[float] = field(default_factory=list)
+    part: list[str] = field(default_factory=list)
+    trigger: list[tuple[float, float]] = field(default_factory=list)  # metres, seconds
+    shots: list[int] = field(default_factory=list)  # single photographs
+    rise: list[float] = field(default_factory=lambda: [0.0])
+    hold: list[float] = field(default_factory=lambda: [0.0])
+    stop: list[bool] = field(default_factory=lambda: [True])
+
+    def go(self, place: Place, speed: float, part: str, trigger: tuple[float, float]) -> None:
+        self.xyz.append(place)
+        self.speed.append(speed)
+        self.part.append(part)
+        self.trigger.append(trigger)
+        self.shots.append(0)
+        self.rise.append(0.0)
+        self.hold.append(0.0)
+        self.stop.append(part != "flight")
+
+    def wait(self, seconds: float) -> None:
+        self.hold[-1] += seconds
+        self.stop[-1] = True
+
+
+def flown_path(mission: Mission, vehicle: Vehicle) -> FlownPath:
+    """The legs of a mission as a vehicle flies them: up, along its items, back where it returns."""
+    plane = Plane(mission.home.lat, mission.home.lon)
+    walk = _Walk([(0.0, 0.0, 0.0)])
+    speed, trigger, ends = CRUISE_M_S, (0.0, 0.0), ""
+    for item in mission.items:
+        if item.command == CHANGE_SPEED and (item.params[0] or 0) <= 1 and (item.params[1] or 0) > 0:
+            speed = float(item.params[1] or speed)
+        elif item.command == CAMERA_DISTANCE:
+            trigger = (max(item.params[0] or 0.0, 0.0), 0.0)
+            walk.shots[-1:] = [shots + (item.params[2] == 1) for shots in walk.shots[-1:]]
+        elif item.command == CAMERA_INTERVAL:
+            trigger = (0.0, max(item.params[0] or 0.0, 0.0) / 1000)  # milliseconds
+        elif item.command == IMAGE_START:
+            if item.params[2] != 1:
+                trigger = (0.0, max(item.params[1] or 0.0, 0.0))
+            walk.shots[-1:] = [shots + 1 for shots in walk.shots[-1:]]
+        elif item.command == IMAGE_STOP:
+            trigger = (0.0, 0.0)
+        elif item.command == RETURN:
+            _return(walk, vehicle)
+            ends = "return"
+            break
+        elif item.has_position:
+            walk.go(_place(item, mission, plane, walk.xyz[-1]), speed, _part(item), trigger)
+            if mission.ground is not None:
+                home = (mission.home.lat, mission.home.lon)
+                walk.rise[-1] = mission.ground.rise_m(home, (item.lat, item.lon))
+            if seconds := _hold_s(item, speed):
+                walk.wait(seconds)
+            if item.command in LANDINGS:
+                walk.stop[-1] = True
+                ends = "land"
+                break
+            if item.command == LOITER:
+                break  # for ever
+    return _path(walk, vehicle, ends)
+
+
+def _place(item: MissionItem, mission: Mission, plane: Plane, before: Place) -> Place:
+    height = before[2] if item.command in LANDINGS else mission.height_above_home_m(item)
+    if item.is_at_vehicle:
+        return before[0], before[1], height
+    x, y = plane.xy_from_lonlat(item.lon, item.lat)
+    return float(x), float(y), height
+
+
+def _part(item: MissionItem) -> str:
+    return "climb" if item.command in TAKEOFFS else "flight"
+
+
+def _hold_s(item: MissionItem, speed: float) -> float:
+    first = abs(item.params[0] or 0.0)
+    if item.command in {WAYPOINT, LOITER_TIME}:
+        return first
+    if item.command == LOITER_TURNS:
+        return first * 2 * math.pi * (abs(item.params[2] or 0.0) or CIRCLE_M) / speed
+    return 0.0
+
+
+def _return(walk: _Walk, vehicle: Vehicle) -> None:
+    """Up to the height of the return where that is higher, then straight home."""
+    x, y, height = walk.xyz[-1]
+    walk.stop[-1] = True
+    above = min(vehicle.return_height_m, vehicle.return_slope * math.hypot(x, y))
+    if above > height:
+        height = above
+        walk.go((x, y, height), vehicle.return_speed_m_s, "return", (0.0, 0.0))
+    walk.go((0.0, 0.0, height), vehicle.return_speed_m_s, "return", (0.0, 0.0))
+
+
+def _path(walk: _Walk, vehicle: Vehicle, ends: str) -> FlownPath:
+    xyz = np.array(walk.xyz, np.float64).reshape(-1, 3)
+    hold = np.array(walk.hold)
+    seconds = leg_seconds(xyz, np.array(walk.speed, np.float64), vehicle, np.array(walk.stop), hold)
+    climbs = np.flatnonzero(np.array(walk.part) == "climb")
+    seconds[climbs] += _first_metres_s(np.diff(xyz[:, 2])[climbs], vehicle)
+    shots = _shots(walk, np.hypot(*np.diff(xyz[:, :2], axis=0).T), seconds + hold[1:])
+    photographs = np.zeros(len(seconds), np.int64)
+    for run in shots:
+        photographs[run.leg] += run.count
+    return FlownPath(
+        xyz,
+        seconds,
+        np.array(walk.part, dtype="<U6"),
+        hold,
+        np.array(walk.rise),
+        photographs,
+        shots,
+        vehicle.return_hold_s if ends == "return" else 0.0,
+        landing_seconds(float(xyz[-1, 2]), vehicle) if ends else 0.0,
+        np.array([any(trigger) for trigger in walk.trigger], np.bool_),
+        np.array([False, *(shots > 0 for shots in walk.shots)], np.bool_),
+    )
+
+
+def _first_metres_s(climb_m: Floats, vehicle: Vehicle) -> Floats:
+    """Time that climbs take longer because they begin slowly."""
+    slow = np.clip(climb_m, 0.0, vehicle.takeoff_height_m)
+    longer: Floats = slow * (1 / vehicle.takeoff_m_s - 1 / vehicle.climb_m_s)
+    return longer
+
+
+def landing_seconds(height_m: float, vehicle: Vehicle) -> float:
+    """Time of a descent to the ground, the last metres slowly."""
+    slow = min(max(height_m, 0.0), vehicle.landing_height_m)
+    return slow / vehicle.landing_m_s + max(height_m - slow, 0.0) / vehicle.descent_m_s
+
+
+def _shots(walk: _Walk, length: Floats, seconds: Floats) -> tuple[ShotRun, ...]:
+    """Photographs of each leg: a distance or a time goes on over the corners until it is changed."""
+    runs: list[ShotRun] = []
+    carried, before = 0.0, (0.0, 0.0)
+    for leg, (trigger, shots) in enumerate(zip(walk.trigger, walk.shots, strict=True)):
+        if trigger != before or (leg and walk.shots[leg - 1]):
+            carried = 0.0
+        before = trigger
+        every = trigger[0] or trigger[1]
+        if every:
+            whole = float(length[leg] if trigger[0] else seconds[leg])
+            done = carried + whole
+            count = math.floor(done / every + 1e-6)
+            if count and whole:
+                runs.append(ShotRun(leg, count, (every - carried) / whole, every / whole))
+            elif count:
+                runs.append(ShotRun(leg, count, 1.0, 0.0))
+            carried = max(done - count * every, 0.0)
+        # a photograph that starts a line is taken where the leg before ends, and shows the line
+        if shots:
+            last = len(length) - 1
+            runs.append(ShotRun(min(leg + 1, last), shots, float(leg == last), 0.0))
+    return tuple(runs)

@@ -1,0 +1,307 @@
+"""Missions: home and items, their length and duration, safety checks and warnings."""
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.errors import MissionError
+from uavseg.flight.camera.photos import Photos
+from uavseg.flight.mission.fence import Fence, FenceCircle, RallyPoint
+from uavseg.flight.mission.ground import Ground
+from uavseg.flight.mission.items import (
+    AUTOPILOTS,
+    CHANGE_SPEED,
+    FRAME_AMSL,
+    FRAME_TERRAIN,
+    MAX_DISTANCE_M,
+    MAX_HEIGHT_M,
+    MAX_ITEMS,
+    RETURN,
+    TAKEOFFS,
+    HomePosition,
+    MissionItem,
+    check_accepted,
+    check_near,
+    distance_m,
+)
+from uavseg.flight.mission.survey_block import SurveyBlock
+from uavseg.flight.mission.vehicle import Vehicle
+from uavseg.raster.geodesy.globe import geod_wgs84
+
+if TYPE_CHECKING:
+    from geopandas import GeoDataFrame
+
+    from uavseg.flight.mission.estimate import Estimate
+
+BOARD_CAPACITY = {"ardupilot": 650, "px4": 500, "generic": 500}  # items that common boards store
+USUAL_MAX_HEIGHT_M = 120.0  # what most countries allow without a permit
+LONG_FLIGHT_S = 30 * 60.0
+FULL_BATTERY = 0.8  # share that is usually flown, the rest is a reserve
+CRUISE_M_S = 5.0
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Mission:
+    """A checked flight: home, then the items in order.
+
+    A mission that would not be safe cannot be made, see Raises.
+
+    Parameters
+    ----------
+    home : Home
+    items : tuple of Item
+        Without home; takeoff first.
+    autopilot : "ardupilot", "px4" or "generic"
+        The autopilot the mission is for; "generic" for any, with only what ArduPilot and PX4 both accept.
+    name : str
+        Not compared, and not written to files.
+    notes : tuple of str
+        Warnings from the planner for the pilot; not compared.
+    fence : tuple of FencePolygon and FenceCircle
+        Areas that the vehicle must stay inside or outside of; stored polygons first, as in files.
+    rally : tuple of RallyPoint
+        Places to which it may return instead of home.
+    blocks : tuple of SurveyBlock
+        Parts that a ground station could plan again; not compared.
+    vehicle : Vehicle, optional
+        What flies it, for estimates; by default a multirotor with the parameters of its autopilot. Neither
+        compared nor written to files, like `photos`.
+    photos : Photos, optional
+        How it photographs, for estimates.
+    ground : Ground, optional
+        The ground below it, where the planner knows it; neither compared nor written to files.
+    endurance_s : float, optional
+        Time in the air on a full battery, where the planner knows it; neither compared nor written to files.
+
+    Raises
+    ------
+    MissionError
+        If there are no items to fly to or more than a link can count; if a position is not on Earth, is more
+        than 20 km (the first) or 100 km (any) from home, at or below home, or more than 1000 m above it; if
+        the fence or a rally point is more than 100 km from home; or if the autopilot is known to refuse an
+        item.
+    """
+
+    home: HomePosition
+    items: tuple[MissionItem, ...]
+    autopilot: str = "ardupilot"
+    name: str = field(default="", compare=False)
+    notes: tuple[str, ...] = field(default=(), compare=False)
+    fence: tuple[Fence, ...] = ()
+    rally: tuple[RallyPoint, ...] = ()
+    blocks: tuple[SurveyBlock, ...] = field(default=(), compare=False)
+    vehicle: Vehicle | None = field(default=None, compare=False)
+    photos: Photos | None = field(default=None, compare=False)
+    ground: Ground | None = field(default=None, compare=False)
+    endurance_s: float | None = field(default=None, compare=False)
+
+    def __post_init__(self) -> None:
+        if self.autopilot not in AUTOPILOTS:
+            raise MissionError(f"a mission is for {', '.join(AUTOPILOTS)}, not for {self.autopilot!r}")
+        if not any(item.has_position and item.command not in TAKEOFFS for item in self.items):
+            raise MissionError("a mission needs an item to fly to; this one has none")
+        if len(self.items) > MAX_ITEMS:
+            raise MissionError(
+                f"the mission has {len(self.items)} items and a link carries {MAX_ITEMS}; "
+                "choose fewer regions, a wider spacing or a larger tolerance"
+            )
+        if self.endurance_s is not None and not 0 < self.endurance_s < math.inf:
+            raise MissionError(f"an endurance is a number of seconds above 0, not {self.endurance_s:g}")
+        for number, item in enumerate(self.items, start=1):
+            check_accepted(item, self.autopilot, number)
+        _check_distances(self)
+        _check_fence(self)
+        by_kind = sorted(self.fence, key=lambda shape: isinstance(shape, FenceCircle))
+        object.__setattr__(self, "fence", tuple(by_kind))
+
+    @property
+    def speed_m_s(self) -> float:
+        """Speed over ground, from the first item that sets it, or else 5 m/s."""
+        asked = (item.params[1] or 0.0 for item in self.items if item.command == CHANGE_SPEED)
+        return next((speed for speed in asked if speed > 0), CRUISE_M_S)
+
+    @property
+    def speed_range_m_s(self) -> tuple[float, float]:
+        """Least and greatest speed over ground that is asked for on the way to an item, takeoff aside."""
+        items = (item for item in self.items if item.has_position)
+        flown = zip(items, self.leg_speeds_m_s, strict=True)
+        found = [speed for item, speed in flown if item.command not in TAKEOFFS]
+        return min(found), max(found)
+
+    @property
+    def leg_speeds_m_s(self) -> tuple[float, ...]:
+        """The speed over ground that is asked for on the way to each item with a position.
+
+        Before the first item that sets a speed, it is that one.
+        """
+        speed, found = self.speed_m_s, []
+        for item in self.items:
+            if item.command == CHANGE_SPEED and (item.params[0] or 0) <= 1 and (item.params[1] or 0) > 0:
+                speed = float(item.params[1] or speed)
+            elif item.has_position:
+                found.append(speed)
+        return tuple(found)
+
+    @property
+    def path(self) -> tuple[Floats, Floats, Floats]:
+        """Positions of the flight, home first: lat and lon in degrees, height above home in metres.
+
+        A return adds home, at the height of the return. Heights above the terrain count as above home where
+        the ground is not known.
+        """
+        places = [(self.home.lat, self.home.lon, 0.0)]
+        for item in self.items:
+            if item.has_position:
+                lat, lon = places[-1][:2] if item.is_at_vehicle else (item.lat, item.lon)
+                places.append((lat, lon, self.height_above_home_m(item)))
+            elif item.command == RETURN:
+                places.append((self.home.lat, self.home.lon, places[-1][2]))
+        lat_, lon_, height = np.array(places, dtype=np.float64).T
+        return lat_, lon_, height
+
+    def height_above_home_m(self, item: MissionItem) -> float:
+        """Height of an item above home; one above the terrain needs `ground`, see `path`."""
+        if item.frame == FRAME_AMSL:
+            return item.altitude_m - self.home.altitude_m
+        if item.frame != FRAME_TERRAIN or self.ground is None:
+            return item.altitude_m
+        home, place = (self.home.lat, self.home.lon), (item.lat, item.lon)
+        return item.altitude_m + self.ground.rise_m(home, place)
+
+    @property
+    def distance_m(self) -> float:
+        """Length of the flight over ground in metres, including a return."""
+        lat, lon, _ = self.path
+        return float(_leg_lengths(lat, lon).sum())
+
+    @property
+    def estimate(self) -> "Estimate":
+        """Time with turns and acceleration, photographs, ground they show, energy."""
+        from uavseg.flight.mission.estimate import estimate
+
+        return estimate(self)
+
+    @property
+    def duration_s(self) -> float:
+        """Estimated duration of the flight in seconds, see `estimate`."""
+        return self.estimate.duration_s
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings for the pilot: the notes, too many items, great height, long duration."""
+        found = list(self.notes)
+        capacity = BOARD_CAPACITY[self.autopilot]
+        with_autopilot = "" if self.autopilot == "generic" else f" with {self.autopilot}"
+        if len(self.items) > capacity:
+            found.append(
+                f"{len(self.items)} items: many boards{with_autopilot} hold {capacity}; "
+                "split the mission or choose fewer regions"
+            )
+        zero, highest = "home", float(self.path[2].max())
+        if self.ground is not None:
+            zero, highest = "the ground", round(self.ground.highest_m, 1)
+        if highest > USUAL_MAX_HEIGHT_M:
+            found.append(
+                f"{highest:g} m above {zero} is more than most countries allow without a permit (120 m)"
+            )
+        found += self._endurance_warnings()
+        waiting = [number for number, item in enumerate(self.items, start=1) if not item.autocontinue]
+        if waiting:
+            more = f" (and {len(waiting) - 1} more)" if len(waiting) > 1 else ""
+            waits = "ArduPilot does not wait there, but goes on"
+            if self.autopilot != "ardupilot":
+                waits = "the vehicle waits there until it is sent on, for which no time is estimated"
+            found.append(f"item {waiting[0]}{more} has autocontinue 0: {waits}")
+        return tuple(found)
+
+    def to_geodataframe(self) -> "GeoDataFrame":
+        """The mission as map features in WGS 84, as its .geojson file has them.
+
+        Returns
+        -------
+        GeoDataFrame
+            Rows for home, items (some without geometry), fence and rally points, and of `kind`
+            "flight" and "photographs" for what is flown. `height_above` says from where heights count.
+        """
+        from uavseg.flight.mission.frame import to_geodataframe
+
+        return to_geodataframe(self)
+
+    def explore(self, **words: Any) -> Any:
+        """An interactive map (folium.Map) of the mission, for notebooks.
+
+        Parameters
+        ----------
+        **words
+            As of `geopandas.GeoDataFrame.explore`, such as `tiles` or `m`, a map to draw on.
+
+        Raises
+        ------
+        MissingLibraryError
+            If folium or mapclassify is not installed.
+        """
+        from uavseg.flight.mission.frame import explore
+
+        return explore(self, **words)
+
+    def _repr_html_(self) -> str:
+        """For notebooks: facts, a drawing and the warnings."""
+        from uavseg.flight.mission.frame import as_html
+
+        return as_html(self)
+
+    def _endurance_warnings(self) -> list[str]:
+        flight = self.estimate
+        if flight.battery is not None:
+            if flight.battery <= FULL_BATTERY:
+                return []
+            share = f"{100 * flight.battery:.0f} %"
+            return [f"the flight takes {share} of a battery without wind: split the mission"]
+        if flight.duration_s <= (LONG_FLIGHT_S if self.endurance_s is None else self.endurance_s):
+            return []
+        return [f"about {flight.duration_s / 60:.0f} min in the air: few multirotors fly 30 min on a battery"]
+
+
+def _check_distances(mission: Mission) -> None:
+    home, (lat, lon, height) = mission.home, mission.path
+    first = next(
+        (i for i in mission.items if i.has_position and i.command not in TAKEOFFS and not i.is_at_vehicle),
+        None,
+    )
+    if first is not None:
+        check_near(home, first.lat, first.lon)
+    home_lon, home_lat = np.full_like(lon, home.lon), np.full_like(lat, home.lat)
+    farthest = float(geod_wgs84().inv(home_lon, home_lat, lon, lat)[2].max())
+    if farthest > MAX_DISTANCE_M:
+        raise MissionError(
+            f"an item lies {farthest / 1000:.0f} km from home; "
+            f"at most {MAX_DISTANCE_M / 1000:.0f} km are allowed"
+        )
+    extreme = float(height[np.abs(height).argmax()])
+    if abs(extreme) > MAX_HEIGHT_M:
+        raise MissionError(
+            f"an item lies {extreme:g} m above home, which is not within {MAX_HEIGHT_M:g} m: "
+            "check the altitude of home above the sea"
+        )
+
+
+def _check_fence(mission: Mission) -> None:
+    home = mission.home
+    for what, shapes in (("the fence", mission.fence), ("a rally point", mission.rally)):
+        for lat, lon in (position for shape in shapes for position in shape.positions):
+            away = distance_m(home.lat, home.lon, lat, lon)
+            if away > MAX_DISTANCE_M:
+                raise MissionError(
+                    f"{what} lies {away / 1000:.0f} km from home; "
+                    f"at most {MAX_DISTANCE_M / 1000:.0f} km are allowed"
+                )
+
+
+def _leg_lengths(lat: Floats, lon: Floats) -> Floats:
+    lengths: Floats = geod_wgs84().inv(lon[:-1], lat[:-1], lon[1:], lat[1:])[2]
+    return np.asarray(lengths, dtype=np.float64)

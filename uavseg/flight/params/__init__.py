@@ -1,0 +1,1 @@
+"""Parameters of a flight: pattern, limits, terrain, and the plan that holds them."""

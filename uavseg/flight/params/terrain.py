@@ -1,0 +1,137 @@
+"""Parameters of a flight at a constant height above the ground, checked when they are made."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from uavseg.errors import ParameterError
+from uavseg.flight.mission.vehicle import Vehicle
+from uavseg.raster.elevation.dem import Dem
+
+ABSOLUTE, RELATIVE, FRAME = "absolute", "relative", "frame"
+MODES = (FRAME, ABSOLUTE, RELATIVE)
+DEFAULT_TOLERANCE_M = 5.0
+MIN_TOLERANCE_M = 0.1
+MIN_RATE_M_S, MAX_RATE_M_S = 0.1, 50.0
+
+
+@dataclass(frozen=True, slots=True)
+class TerrainParams:
+    """How a flight follows the ground.
+
+    Parameters
+    ----------
+    dem : Dem, optional
+        The elevation model; only the mode "frame" works without one.
+    mode : "absolute", "relative" or "frame"
+        Heights above the sea (MAV_FRAME_GLOBAL) or above home, both from the DEM, with points added where
+        the ground bends; or heights above the terrain, which the vehicle knows itself (ArduPilot only).
+    tolerance_m : float, optional
+        Metres by which the height above the ground may differ; by default 5, or a quarter of the height
+        where that is less.
+    climb_m_s, descent_m_s : float, optional
+        How fast the vehicle climbs and descends while it flies forward; by default as the vehicle says.
+
+    Raises
+    ------
+    ParameterError
+        If a value is out of bounds, or a DEM is missing.
+    """
+
+    dem: Dem | None
+    mode: str = ABSOLUTE
+    tolerance_m: float | None = None
+    climb_m_s: float | None = None
+    descent_m_s: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.mode not in MODES:
+            raise ParameterError(f"terrain is one of {', '.join(MODES)}, not {self.mode!r}")
+        if self.dem is None and self.mode != FRAME:
+            raise ParameterError(f"heights that are {self.mode} follow from an elevation model: give --dem")
+        for what, rate in (("climb", self.climb_m_s), ("descent", self.descent_m_s)):
+            if rate is not None and not MIN_RATE_M_S <= rate <= MAX_RATE_M_S:
+                raise ParameterError(
+                    f"the {what} rate is {MIN_RATE_M_S:g} to {MAX_RATE_M_S:g} m/s, not {rate:g}"
+                )
+        if (
+            self.mode != FRAME
+            and self.dem is not None
+            and self.mode == ABSOLUTE
+            and not self.dem.is_above_sea
+        ):
+            raise ParameterError(
+                f"{self.dem.name} has heights above the ellipsoid, up to 100 m from those above the sea that "
+                "autopilots fly, and PROJ has no grid of the geoid (us_nga_egm96_15.tif) here to convert "
+                "them: convert the file, or fly heights above home (--terrain relative)"
+            )
+
+    def tolerance_for(self, altitude_m: float) -> float:
+        """The tolerance in metres at a height above the ground."""
+        if self.tolerance_m is None:
+            return max(min(DEFAULT_TOLERANCE_M, altitude_m / 4), MIN_TOLERANCE_M)
+        return self.tolerance_m
+
+    def rates_m_s(self, vehicle: Vehicle) -> tuple[float, float]:
+        """How fast a vehicle climbs and descends while it flies forward."""
+        climb, descent = self.climb_m_s, self.descent_m_s
+        return (
+            vehicle.climb_m_s if climb is None else climb,
+            vehicle.descent_m_s if descent is None else descent,
+        )
+
+    def check(self, altitude_m: float, autopilot: str) -> None:
+        """Check that the tolerance fits the height, and the mode the autopilot.
+
+        Raises
+        ------
+        ParameterError
+            If they do not.
+        """
+        tolerance_m = self.tolerance_m
+        if tolerance_m is not None and not MIN_TOLERANCE_M <= tolerance_m <= altitude_m / 2:
+            raise ParameterError(
+                f"the tolerance of the height above the ground is {MIN_TOLERANCE_M:g} m to half of the "
+                f"height ({altitude_m / 2:g} m), not {tolerance_m:g}"
+            )
+        if self.mode == FRAME and autopilot != "ardupilot":
+            raise ParameterError(
+                "heights above the terrain (--terrain frame) are known to ArduPilot only, not to "
+                f"{autopilot}: give --terrain absolute and a DEM"
+            )
+
+
+def terrain_params(
+    dem: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | None,
+    mode: str | None = None,
+    tolerance_m: float | None = None,
+    climb_m_s: float | None = None,
+    descent_m_s: float | None = None,
+) -> TerrainParams | None:
+    """How a flight follows the ground; None where neither a DEM nor a mode is given.
+
+    Parameters
+    ----------
+    dem : path or sequence of paths, optional
+    mode : str, optional
+        By default "absolute".
+    tolerance_m, climb_m_s, descent_m_s : float
+        See `TerrainParams`.
+
+    Raises
+    ------
+    ParameterError
+        If a value is out of bounds, or a DEM is missing.
+    RasterError
+        If a file is no elevation model.
+    """
+    if dem is None and mode is None:
+        given = {"tolerance": tolerance_m, "rate of climb": climb_m_s, "rate of descent": descent_m_s}
+        for what, value in given.items():
+            if value is not None:
+                raise ParameterError(
+                    f"a {what} is for heights above the ground, which need an elevation model: give --dem"
+                )
+        return None
+    opened = None if dem is None else Dem.open(dem)
+    return TerrainParams(opened, ABSOLUTE if mode is None else mode, tolerance_m, climb_m_s, descent_m_s)

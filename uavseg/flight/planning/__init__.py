@@ -1,0 +1,1 @@
+"""Planning of missions: order, split and time flights; the top of `flight`."""

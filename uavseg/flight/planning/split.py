@@ -1,0 +1,263 @@
+"""Division of a route into flights that each start and end at home and fit their limits.
+
+The order of the route is kept, and the places where it is cut are the best ones: a shortest path over the
+flights that fit (the split of C. Prins, A simple and effective evolutionary algorithm for the vehicle routing
+problem, Computers and Operations Research 31, 2004).
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.errors import MissionError
+from uavseg.flight.mission.track import Track
+from uavseg.flight.planning.route import Route
+
+Floats = NDArray[np.float64]
+Seconds = Callable[[Floats], Floats]
+Costs = Callable[[Track], tuple[Floats, Floats]]
+
+MAX_PIECES = 50_000
+STRAIGHT_LENGTHS = 64
+ROUNDING_S = 10.0  # a piece that is flown alone starts and ends at rest
+
+
+@dataclass(frozen=True, slots=True)
+class FlightLimits:
+    """What one flight may take.
+
+    Parameters
+    ----------
+    seconds : float
+        In the air; infinite without a limit.
+    items : float
+        Mission items.
+    fixed_s, fixed_items : float
+        Of these, what each flight takes besides its way: takeoff, landing, settings.
+    leg_seconds : function
+        Time of each leg of a path (n, 2) in metres, (n - 1,), that is level and of one speed.
+    costs : function, optional
+        Time of each leg of a track, and the items that it needs besides those of its corners, (n - 1,) each;
+        by default the time is `leg_seconds`, and no more items are needed.
+    return_seconds : function, optional
+        What the autopilot's own return takes over a length in metres, where that is more.
+    """
+
+    seconds: float
+    items: float
+    fixed_s: float
+    fixed_items: float
+    leg_seconds: Seconds
+    costs: Costs | None = None
+    return_seconds: Callable[[float], float] | None = None
+
+    def of(self, track: Track) -> tuple[Floats, Floats]:
+        """Time and further items of each leg of a track."""
+        if self.costs is not None:
+            return self.costs(track)
+        seconds = self.leg_seconds(track.xy)
+        return seconds, np.zeros(len(seconds))
+
+    def tighter(self, seconds: float, items: float) -> "FlightLimits":
+        """The same with shares of the time and of the items."""
+        return replace(self, seconds=self.seconds * seconds, items=math.floor(self.items * items))
+
+
+def split_route(route: Route, limits: FlightLimits) -> list[Track]:
+    """The flights over a route, each from the first corner after home to the last before it.
+
+    Parameters
+    ----------
+    route : Route
+    limits : FlightLimits
+
+    Raises
+    ------
+    MissionError
+        If a part of the route cannot be flown within the limits even in a flight of its own.
+    """
+    whole = route.flight(0, len(route.pieces) - 1)
+    if _fits(route, whole, limits):
+        return [whole]
+    route = _divided(route, limits)
+    return [route.flight(first, last) for first, last in _cheapest_cuts(_costs(route, limits), limits)]
+
+
+def _fits(route: Route, flight: Track, limits: FlightLimits) -> bool:
+    out, back = (Track.of_way(np.array([route.home, flight.xy[end]])) for end in (0, -1))
+    seconds, items = limits.of(Track.joined([out, flight, back.reversed()]))
+    most_items = limits.items - limits.fixed_items
+    spent_s = float(seconds.sum()) + limits.fixed_s
+    if limits.return_seconds is not None:
+        spent_s += max(limits.return_seconds(back.length_m) - float(seconds[-1]), 0.0)
+    return spent_s <= limits.seconds and _items(flight) + items[:-1].sum() <= most_items
+
+
+def _items(track: Track) -> int:
+    """Waypoints of a track, and the items that begin and end photographs or turn the camera, at most."""
+    triggers = np.count_nonzero(np.diff(np.r_[0.0, track.trigger_m, 0.0]))
+    turned = np.count_nonzero(np.diff(np.r_[False, np.isfinite(track.look_at[:, 0]), False].astype(np.int8)))
+    hovering = np.count_nonzero(track.shots & (track.hold_s > 0))  # one item each, others have two
+    return int(len(track.xy) + triggers + 2 * np.count_nonzero(track.shots) - hovering + turned)
+
+
+@dataclass(frozen=True, slots=True)
+class _Costs:
+    """Time and items of each piece, of the way to the next, and of the ways from and to home."""
+
+    piece_s: Floats
+    piece_items: Floats
+    way_s: Floats
+    way_items: Floats
+    out_s: Floats
+    back_s: Floats
+    out_items: Floats
+    back_items: Floats
+
+
+def _costs(route: Route, limits: FlightLimits) -> _Costs:
+    seconds, items = _joined_costs(route, limits)
+    out_m, back_m = route.home_lengths()
+    held_s = np.array([piece.hold_s[0] for piece in route.pieces])  # else it is a part of the way before
+    dense = _items_per_m(route, items)
+    return _Costs(
+        seconds[::2],
+        np.array([_items(piece) for piece in route.pieces], np.float64) + items[::2],
+        seconds[1::2],
+        np.array([max(len(way.xy) - 2, 0) for way in route.ways], np.float64) + items[1::2],
+        _straight_seconds(out_m, limits) + held_s,
+        _return_seconds(back_m, limits),
+        dense * out_m,
+        dense * back_m,
+    )
+
+
+def _items_per_m(route: Route, items: Floats) -> float:
+    """Further items over the length of pieces and ways; so many are expected on ways from and to home."""
+    length_m = sum(track.length_m for track in (*route.pieces, *route.ways))
+    return float(items.sum()) / length_m if length_m > 0 else 0.0
+
+
+def _joined_costs(route: Route, limits: FlightLimits) -> tuple[Floats, Floats]:
+    """Time and further items of each piece and each way, in turns, where all are flown one after another."""
+    tracks = [track for pair in zip(route.pieces, route.ways, strict=False) for track in pair]
+    tracks.append(route.pieces[-1])
+    ends = np.cumsum([0, *(len(track.is_line) for track in tracks)])
+    sums = [np.concatenate([[0.0], np.cumsum(one)]) for one in limits.of(Track.joined(tracks))]
+    seconds, items = (spent[ends[1:]] - spent[ends[:-1]] for spent in sums)
+    return seconds, items
+
+
+def _straight_seconds(length_m: Floats, limits: FlightLimits) -> Floats:
+    """Time of ways of some lengths that start and end at rest, interpolated."""
+    known = np.concatenate([[0.0], np.geomspace(0.1, max(float(length_m.max()), 1.0), STRAIGHT_LENGTHS)])
+    seconds = [limits.leg_seconds(np.array([[0.0, 0.0], [length, 0.0]])).sum() for length in known.tolist()]
+    found: Floats = np.interp(length_m, known, seconds)
+    return found
+
+
+def _return_seconds(length_m: Floats, limits: FlightLimits) -> Floats:
+    """Time of ways home of some lengths, by waypoints or by a return, whichever is longer."""
+    straight = _straight_seconds(length_m, limits)
+    if limits.return_seconds is None:
+        return straight
+    known = np.linspace(0, max(float(length_m.max()), 1.0), STRAIGHT_LENGTHS)
+    seconds = [limits.return_seconds(length) for length in known.tolist()]
+    longer: Floats = np.maximum(straight, np.interp(length_m, known, seconds))
+    return longer
+
+
+def _divided(route: Route, limits: FlightLimits) -> Route:
+    """The route with pieces cut that take longer than a flight, or have more items."""
+    reach_m = route.space.lengths_from(route.home, np.concatenate([piece.xy for piece in route.pieces]))
+    first = np.cumsum([0, *(len(piece.xy) for piece in route.pieces[:-1])])
+    away_m = np.maximum.reduceat(reach_m, first)
+    home_s = _straight_seconds(away_m, limits) + _return_seconds(away_m, limits)
+    left_s = limits.seconds - limits.fixed_s - home_s
+    seconds, items = _joined_costs(route, limits)
+    home_items = 2 * _items_per_m(route, items) * away_m
+    most_items = limits.items - limits.fixed_items - home_items
+    seconds, items = seconds[::2], items[::2]
+    fits = seconds <= left_s - ROUNDING_S
+    pieces: list[Track] = []
+    ways: list[Track] = []
+    for k, piece in enumerate(route.pieces):
+        small = fits[k] and _items(piece) + items[k] <= most_items[k]
+        parts = [piece] if small else _parts(piece, float(left_s[k]), float(most_items[k]), limits)
+        if pieces:
+            ways.append(route.ways[k - 1])
+        ways += [Track.of_way(part.xy[:1]) for part in parts[1:]]
+        pieces += parts
+        if len(pieces) > MAX_PIECES:
+            raise MissionError("the mission would have to be cut into too many flights; choose fewer regions")
+    return replace(route, pieces=tuple(pieces), ways=tuple(ways))
+
+
+def _parts(piece: Track, most_s: float, most_items: float, limits: FlightLimits) -> list[Track]:
+    """A run of lines as runs that take no longer than a time, cut at corners and within long lines."""
+    seconds, items = limits.of(piece)
+    if seconds.sum() <= most_s and _items(piece) + items.sum() <= most_items:
+        return [piece]
+    if most_s <= 0 or most_items < 4:
+        _refuse(limits, limits.seconds - most_s)
+    lines = [line for k in range(len(seconds)) for line in _cut(piece.part(k, k + 1), seconds[k], most_s)]
+    parts = [lines[0]]
+    for line in lines[1:]:
+        longer = Track.joined([parts[-1], line])
+        seconds, items = limits.of(longer)
+        if seconds.sum() <= most_s and _items(longer) + items.sum() <= most_items:
+            parts[-1] = longer
+        else:
+            parts.append(line)
+    return parts
+
+
+def _cut(line: Track, seconds: float, most_s: float) -> list[Track]:
+    """A line in equal parts that each take no longer than a time."""
+    count = max(math.ceil(1.3 * seconds / most_s), 1) if seconds > most_s else 1
+    if count > MAX_PIECES:
+        raise MissionError("the mission would have to be cut into too many flights; choose fewer regions")
+    xy = line.xy[0] + np.linspace(0, 1, count + 1)[:, None] * (line.xy[1] - line.xy[0])
+    return [line.leg(0, xy[k : k + 2]) for k in range(count)]
+
+
+def _cheapest_cuts(costs: _Costs, limits: FlightLimits) -> list[tuple[int, int]]:
+    """First and last piece of each flight, so that the sum of all times is least."""
+    count = len(costs.piece_s)
+    spent = np.concatenate([[0.0], np.cumsum(costs.piece_s + np.append(costs.way_s, 0.0))])
+    items = np.concatenate([[0.0], np.cumsum(costs.piece_items + np.append(costs.way_items, 0.0))])
+    best = np.full(count + 1, np.inf)
+    best[0] = 0.0
+    start = np.zeros(count + 1, np.int64)
+    low = 0
+    for last in range(count):
+        end_s, end_items = spent[last] + costs.piece_s[last], items[last] + costs.piece_items[last]
+        while low < last and end_s - spent[low] + limits.fixed_s > limits.seconds:
+            low += 1
+        first = np.arange(low, last + 1)
+        seconds = costs.out_s[first] + end_s - spent[first] + costs.back_s[last] + limits.fixed_s
+        carried = end_items - items[first] + costs.out_items[first] + costs.back_items[last]
+        fits = (seconds <= limits.seconds) & (carried + limits.fixed_items <= limits.items)
+        total = np.where(fits, best[first] + seconds, np.inf)
+        choice = int(total.argmin())
+        if not fits[-1]:  # else every piece fits into a flight of its own, and so there is a way to cut
+            _refuse(limits, float(seconds[-1]))
+        best[last + 1], start[last + 1] = total[choice], first[choice]
+    cuts = []
+    stop = count
+    while stop:
+        cuts.append((int(start[stop]), stop - 1))
+        stop = int(start[stop])
+    return cuts[::-1]
+
+
+def _refuse(limits: FlightLimits, needed_s: float) -> None:
+    raise MissionError(
+        f"a part of the mission needs more than {needed_s / 60:.1f} min, with takeoff, the way there and "
+        "back, and landing, and a flight has "
+        f"{limits.seconds / 60:.1f} min and {limits.items:.0f} items; give more --endurance or --max-items, "
+        "less --reserve, or a home that is nearer"
+    )

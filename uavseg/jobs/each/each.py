@@ -1,0 +1,300 @@
+"""One job over many sources: each has its own outputs, and those that fail do not stop the others.
+
+Sources of few tiles run side by side, a thread for each. Larger ones follow one after another, with their
+tiles side by side. Which of the two makes no difference to a result.
+"""
+
+import os
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from contextvars import copy_context
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+from uavseg.errors import OutputExistsError, RasterReadError, UavsegError
+from uavseg.execution.executors import Progress, serial, threads, usable_cores
+from uavseg.jobs.each.each_report import Outcome, check_report, write_report
+from uavseg.jobs.result.result import Extraction
+from uavseg.jobs.source.inputs import keep_inputs
+from uavseg.jobs.source.open_source import open_source
+from uavseg.jobs.source.source import Blocks, ReadOptions, Source
+from uavseg.jobs.source.work import SERIAL, Work
+from uavseg.output.name_template import check_own_names, outputs_of
+from uavseg.output.targets import existing_files
+from uavseg.output.transaction import output_errors, transaction
+from uavseg.output.written import note_planned
+from uavseg.plain_text import cause_of, one_line
+from uavseg.raster.formats.creation import DEFAULT, CreationOptions
+from uavseg.raster.read.source_list import expand_sources
+
+Path_ = str | os.PathLike[str]
+
+NOT_RUN = "it was not begun: the run was stopped"
+
+
+@dataclass(frozen=True)
+class RegionJob:
+    """What is asked of every source.
+
+    Parameters
+    ----------
+    read : ReadOptions
+        How it is read.
+    find : callable
+        Finds its regions.
+    """
+
+    read: ReadOptions
+    find: Callable[[Source, Work], Extraction]
+
+
+@dataclass(frozen=True, slots=True)
+class OutputNames:
+    """Where the results of many sources go.
+
+    Parameters
+    ----------
+    regions : str
+        Template of the files of regions, see `fill_template`.
+    labels : str, optional
+        Template of the rasters of their labels.
+    overwrite : bool
+        Whether files that are there may be replaced.
+    skip_existing : bool
+        Whether sources are left out whose outputs are all there.
+    report : str, optional
+        A table of all outcomes, see `write_report`.
+    creation : CreationOptions
+    """
+
+    regions: str
+    labels: str | None = None
+    overwrite: bool = False
+    skip_existing: bool = False
+    report: str | None = None
+    creation: CreationOptions = DEFAULT
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """A source and its outputs.
+
+    Parameters
+    ----------
+    source, output : str
+    labels : str, optional
+    """
+
+    source: str
+    output: str
+    labels: str | None = None
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """All of them."""
+        return (self.output,) if self.labels is None else (self.output, self.labels)
+
+
+def plan_tasks(sources: Sequence[Path_], names: OutputNames) -> tuple[list[Task], int]:
+    """The sources with their outputs, checked before anything is computed.
+
+    Parameters
+    ----------
+    sources : sequence of path
+        Folders, patterns and lists stand for their rasters, see `expand_sources`.
+    names : OutputNames
+
+    Returns
+    -------
+    tasks : list of Task
+    skipped : int
+        Number of sources that are left out, because their outputs are there.
+
+    Raises
+    ------
+    RasterReadError
+        If there is no source.
+    OutputError
+        If two outputs have the same name, one is there and may not be replaced, or would replace an input.
+    """
+    rasters = expand_sources(sources)
+    if not rasters:
+        raise RasterReadError("there is no raster to read; name some, or a folder of them")
+    outputs = outputs_of(names.regions, rasters)
+    labels = [None] * len(rasters) if names.labels is None else outputs_of(names.labels, rasters)
+    tasks = list(map(Task, rasters, outputs, labels))
+    own = [task.outputs for task in tasks]
+    if names.skip_existing:
+        tasks = [task for task in tasks if not all(existing_files(Path(name)) for name in task.outputs)]
+    _check_outputs(tasks, names.overwrite)
+    check_own_names(rasters, own)
+    outputs = [name for task in tasks for name in task.outputs]
+    if names.report is not None:
+        check_report(names.report, outputs, names.overwrite)
+    keep_inputs([*outputs, names.report], rasters)
+    return tasks, len(rasters) - len(tasks)
+
+
+def run_each(
+    tasks: Sequence[Task], job: RegionJob, names: OutputNames, work: Work = SERIAL, count: int | None = None
+) -> list[Outcome]:
+    """Run a job for each task; each output appears whole when it is finished.
+
+    The report is written in the end, also of a run that is stopped.
+
+    Parameters
+    ----------
+    tasks : sequence of Task
+    job : RegionJob
+    names : OutputNames
+    work : Work
+        Its tile size and progress are used.
+    count : int, optional
+        Number of threads, by default one for each core.
+
+    Returns
+    -------
+    outcomes : list of Outcome
+        In the order of the tasks.
+
+    Raises
+    ------
+    OutputError
+        If the report cannot be written; the error of a task is in its outcome.
+    """
+    outcomes: dict[Task, Outcome] = {}
+    try:
+        _run(tasks, job, names, work, count, outcomes)
+    finally:
+        if names.report is not None:
+            write_report(_in_order(tasks, outcomes), names.report, names.overwrite)
+    return _in_order(tasks, outcomes)
+
+
+def _run(
+    tasks: Sequence[Task],
+    job: RegionJob,
+    names: OutputNames,
+    work: Work,
+    count: int | None,
+    outcomes: dict[Task, Outcome],
+) -> None:
+    """Run a job; outcomes are kept as they come, so that they are known too after a run that is stopped."""
+    run = threads(count)
+    note_planned(*(str(Path(name)) for task in tasks for name in task.outputs))
+    alone = replace(work, executor=serial, local=serial, progress=None)
+    progress = work.progress or _ignored
+    context = copy_context()
+    most = usable_cores() if count is None else count
+
+    def side_by_side(task: Task) -> bool:
+        found = context.copy().run(_outcome, task, job, names, alone, most)
+        if found is not None:
+            outcomes[task] = found
+        return found is not None
+
+    done = 0
+    with closing(run(side_by_side, tasks)) as finished:
+        for is_done in finished:
+            if is_done:
+                done += 1
+                progress(done, len(tasks))
+    for task in tasks:
+        if task in outcomes:
+            continue
+        within = replace(work, executor=run, local=run, progress=partial(_within, progress, done, len(tasks)))
+        found = _outcome(task, job, names, within, None)
+        assert found is not None, "only where tiles are limited, a task is put off"
+        outcomes[task] = found
+        done += 1
+        progress(done, len(tasks))
+
+
+def _in_order(tasks: Sequence[Task], outcomes: dict[Task, Outcome]) -> list[Outcome]:
+    """The outcomes of all tasks in their order; those that were not begun have an error that says so."""
+    return [outcomes.get(task) or Outcome(task.source, task.output, error=NOT_RUN) for task in tasks]
+
+
+def grouped_warnings(outcomes: Sequence[Outcome]) -> list[str]:
+    """The warnings of all sources, each text once with the first source and the number of others."""
+    owners: dict[str, list[str]] = {}
+    for outcome in outcomes:
+        for text in outcome.warnings:
+            owners.setdefault(text, []).append(outcome.source)
+    return [f"{first}{_others(len(rest))}: {text}" for text, (first, *rest) in owners.items()]
+
+
+def _others(count: int) -> str:
+    return f" and {count:,} {'other' if count == 1 else 'others'}" if count else ""
+
+
+def _check_outputs(tasks: Sequence[Task], overwrite: bool) -> None:
+    from uavseg.regions.formats.export import check_region_path
+    from uavseg.regions.formats.label_raster import check_labels
+
+    there: list[str] = []
+    for task in tasks:
+        try:
+            with output_errors(", ".join(task.outputs)):
+                check_region_path(task.output, overwrite)
+                if task.labels is not None:
+                    check_labels(task.labels, overwrite)
+        except OutputExistsError as error:
+            there.append(str(error).partition(";")[0])
+    if there:
+        raise OutputExistsError(
+            f"{there[0]} ({len(there):,} of {len(tasks):,} outputs do); give --overwrite (overwrite=True) to "
+            "replace them, or --skip-existing (skip_existing=True) to leave out what is done"
+        )
+
+
+def _outcome(
+    task: Task, job: RegionJob, names: OutputNames, work: Work, most_tiles: int | None
+) -> Outcome | None:
+    """What comes out of a task; None if it has more tiles than this, and nothing was done."""
+    try:
+        source = open_source(task.source, job.read)
+        if most_tiles is not None and _tiles_of(source, work) > most_tiles:
+            return None
+        return _answered(task, source, job, names, work)
+    except (UavsegError, OSError, MemoryError) as error:
+        return Outcome(task.source, task.output, error=_text_of(error))
+
+
+def _tiles_of(source: Source, work: Work) -> int:
+    return 1 if isinstance(source, Blocks) else len(source.dataset.windows(work.tile))
+
+
+def _answered(task: Task, source: Source, job: RegionJob, names: OutputNames, work: Work) -> Outcome:
+    from uavseg.regions.formats import export
+    from uavseg.regions.formats.label_raster import write_label_raster
+
+    export.check_region_crs(task.output, source.geobox.wkt)
+    found = job.find(source, work)
+    with transaction():
+        export.write_regions(found.regions, task.output, names.overwrite)
+        if task.labels is not None:
+            how = found.geobox, work.local, names.overwrite, names.creation
+            write_label_raster(task.labels, found.rings, *how)
+    area = float(found.regions.columns["area_m2"].sum())
+    notes = *found.warnings, *export.format_notes(found.regions, task.output)
+    return Outcome(task.source, task.output, len(found.regions), area, notes)
+
+
+def _text_of(error: BaseException) -> str:
+    if isinstance(error, UavsegError):
+        return str(error)
+    if isinstance(error, MemoryError):
+        return "out of memory; smaller tiles (--tile 1024) or fewer --threads need less"
+    named = os.fsdecode(error.filename) if isinstance(error, OSError) and error.filename else ""
+    return one_line(f"{named}: {cause_of(error)}" if named else cause_of(error))
+
+
+def _ignored(done: int, total: int) -> None:
+    """Progress that is not reported."""
+
+
+def _within(progress: Progress, done: int, count: int, part: int, parts: int) -> None:
+    """Progress within one of several sources."""
+    progress(done * parts + min(part, parts), count * parts)

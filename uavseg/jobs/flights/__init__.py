@@ -1,0 +1,1 @@
+"""Jobs over missions: plan, check, upload and download."""

@@ -1,0 +1,245 @@
+"""Check of a mission file: what it holds, who would refuse it, and whether the flight is safe."""
+
+import math
+import os
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from uavseg.errors import MissionError, ParameterError
+from uavseg.execution.phases import decided, phase
+from uavseg.flight.formats import kmz, litchi, wpml
+from uavseg.flight.formats.files import MAX_BYTES, check_mission_format, read_mission
+from uavseg.flight.formats.route import route_of
+from uavseg.flight.formats.station_rules import station_refusals
+from uavseg.flight.mission.items import (
+    AUTOPILOTS,
+    FRAME_AMSL,
+    LANDINGS,
+    MAX_HEIGHT_M,
+    RETURN,
+    TAKEOFFS,
+    WAYPOINT,
+    check_accepted,
+)
+from uavseg.flight.mission.mission import Mission
+from uavseg.flight.mission.vehicle import default_vehicle
+from uavseg.flight.params.limits import SafetyParams
+from uavseg.flight.safety.paper_check import PaperCheck
+from uavseg.flight.terrain.clearance import Clearance
+from uavseg.flight.terrain.flown import climbs_early
+from uavseg.inputs import read_bytes
+from uavseg.jobs.flights.plan_regions import zone_polygons
+from uavseg.plain_text import shown
+from uavseg.raster.elevation.dem import Dem
+
+NAMES = {"ardupilot": "ArduPilot", "px4": "PX4"}
+CLEARANCE_M = 5.0
+"""Least height above the ground of a DEM."""
+ANY_HEIGHT = SafetyParams(max_altitude_m=MAX_HEIGHT_M)
+OWN_AUTOPILOT = frozenset({".plan", ".kml", ".geojson"})  # formats that hold it
+
+
+@dataclass(frozen=True, slots=True)
+class CheckRequest:
+    """What a mission is checked for.
+
+    Parameters
+    ----------
+    autopilot : "ardupilot", "px4" or "generic", optional
+        By default the one that the file is for, if its format says so.
+    safety : SafetyParams
+        What it keeps away from, and where it stays; by default any height and distance is accepted.
+    zones : sequence of shapely Polygon or MultiPolygon
+        Keep-out zones in degrees (lon, lat; WGS 84).
+    dem : Dem, optional
+        The ground: no leg is nearer to it than `CLEARANCE_M`, and heights are those above it.
+
+    Raises
+    ------
+    ParameterError
+        If the autopilot is not known.
+    """
+
+    autopilot: str | None = None
+    safety: SafetyParams = ANY_HEIGHT
+    zones: Sequence[Any] = ()
+    dem: Dem | None = None
+
+    def __post_init__(self) -> None:
+        if self.autopilot is not None and self.autopilot not in AUTOPILOTS:
+            raise ParameterError(
+                f"an autopilot is one of {', '.join(AUTOPILOTS)}, not {shown(self.autopilot)}"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """Whether an autopilot, a program or an aircraft takes a mission; the reason, if it does not."""
+
+    who: str
+    reason: str = ""
+
+    @property
+    def accepts(self) -> bool:
+        """Whether it takes the mission."""
+        return not self.reason
+
+
+@dataclass(frozen=True)
+class MissionCheck:
+    """What a check found.
+
+    Parameters
+    ----------
+    mission : Mission
+    autopilot : str
+        For which the mission was checked.
+    verdicts : tuple of Verdict
+        Autopilots, programs, aircraft.
+    problems : tuple of str
+        Why the mission must not be flown with that autopilot; empty if it may.
+    """
+
+    mission: Mission
+    autopilot: str
+    verdicts: tuple[Verdict, ...]
+    problems: tuple[str, ...]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the person who flies it should know."""
+        notes = list(self.mission.warnings)
+        ends = [item.command for item in self.mission.items]
+        if not TAKEOFFS & set(ends):
+            notes.append("the mission has no takeoff: a multirotor has to be in the air before it starts")
+        if not {RETURN, *LANDINGS} & set(ends):
+            notes.append("the mission has no return and no landing: it ends in the air")
+        return tuple(notes)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The check as plain values, for JSON."""
+        mission = self.mission
+        heights = mission.path[2][1:]
+        inclusions = sum(shape.inclusion for shape in mission.fence)
+        return {
+            "ok": not self.problems,
+            "problems": list(self.problems),
+            "autopilot": self.autopilot,
+            "items": len(mission.items),
+            "waypoints": sum(item.command == WAYPOINT for item in mission.items),
+            "commands": {
+                str(n): count for n, count in sorted(Counter(i.command for i in mission.items).items())
+            },
+            "distance_m": round(mission.distance_m, 1),
+            "duration_s": round(mission.duration_s, 1) if math.isfinite(mission.duration_s) else None,
+            "photographs": mission.estimate.photographs,
+            "lowest_m": round(float(heights.min()), 3),
+            "highest_m": round(float(heights.max()), 3),
+            "speed_m_s": mission.speed_m_s,
+            "slowest_m_s": mission.speed_range_m_s[0],
+            "fastest_m_s": mission.speed_range_m_s[1],
+            "home": {
+                "lat": mission.home.lat,
+                "lon": mission.home.lon,
+                "altitude_m": mission.home.altitude_m,
+            },
+            "fence": {"inclusions": inclusions, "exclusions": len(mission.fence) - inclusions},
+            "rally_points": len(mission.rally),
+            "verdicts": [
+                {"who": one.who, "accepts": one.accepts, "reason": one.reason} for one in self.verdicts
+            ],
+            "warnings": list(self.warnings),
+        }
+
+
+def check(source: str | os.PathLike[str] | Mission, request: CheckRequest) -> MissionCheck:
+    """Read a mission back, and say what it is and who would refuse it.
+
+    Parameters
+    ----------
+    source : path or Mission
+    request : CheckRequest
+
+    Raises
+    ------
+    MissionError
+        If the file cannot be read, or holds a mission that would not be safe: which item, and why.
+    """
+    refused: dict[str, str] = {}
+    own = None
+    if isinstance(source, Mission):
+        mission, own = source, source.autopilot
+    else:
+        suffix = check_mission_format(source)
+        with phase("reading"):
+            mission = read_mission(source)
+        refused = station_refusals(read_bytes(source, MissionError, MAX_BYTES), suffix)
+        own = mission.autopilot if suffix in OWN_AUTOPILOT else None
+    asked = request.autopilot or own
+    decided("checked for %s, %d keep-out zones", asked or "any autopilot", len(request.zones))
+    pilots = {key: _reason(partial(_check_items, mission, key)) for key in NAMES}
+    verdicts = [Verdict(NAMES[key], reason) for key, reason in pilots.items()]
+    verdicts += [Verdict(who, reason) for who, reason in refused.items()]
+    verdicts += [
+        Verdict("DJI (.kmz)", _reason(lambda: wpml.check_route(route_of(mission, kmz.NAME), kmz.NAME))),
+        Verdict("Litchi (.csv)", _reason(lambda: litchi.check_route(route_of(mission, litchi.NAME)))),
+    ]
+    needed = list(NAMES) if asked == "generic" else [asked] if asked else []
+    problems = [f"{NAMES[key]} refuses it: {pilots[key]}" for key in needed if pilots[key]]
+    with phase("paper check"):
+        problems += _paper_check(mission, request, asked).problems(mission)
+    return MissionCheck(mission, asked or mission.autopilot, tuple(verdicts), tuple(problems))
+
+
+def check_request(
+    autopilot: str | None,
+    avoid: Sequence[Any],
+    avoid_margin_m: float,
+    max_altitude_m: float | None,
+    max_distance_m: float | None,
+    dem: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | None,
+) -> CheckRequest:
+    """What a mission is checked for, with keep-out zones and an elevation model opened.
+
+    Raises
+    ------
+    UavsegError
+        If a value is out of bounds, or a file cannot be read.
+    """
+    highest = MAX_HEIGHT_M if max_altitude_m is None else max_altitude_m
+    safety = SafetyParams(avoid_margin_m, max_altitude_m=highest, max_distance_m=max_distance_m)
+    zones = tuple(zone_polygons(avoid))
+    return CheckRequest(autopilot, safety, zones, None if dem is None else Dem.open(dem))
+
+
+def _paper_check(mission: Mission, request: CheckRequest, autopilot: str | None) -> PaperCheck:
+    if request.dem is None:
+        return PaperCheck(request.safety, request.zones)
+    above_sea = any(item.has_position and item.frame == FRAME_AMSL for item in mission.items)
+    if above_sea and not request.dem.is_above_sea:
+        raise ParameterError(
+            f"{request.dem.name} has heights above the ellipsoid and the mission has heights above the sea, "
+            "up to 100 m from them: check it with a model whose heights are above the sea"
+        )
+    early = None  # DJI's aircraft and ArduPilot follow the straight line
+    if autopilot is not None and climbs_early(autopilot):
+        flyer = default_vehicle(autopilot)
+        early = (flyer.climb_m_s, flyer.descent_m_s)
+    return PaperCheck(request.safety, request.zones, Clearance(request.dem, CLEARANCE_M, early))
+
+
+def _check_items(mission: Mission, autopilot: str) -> None:
+    for number, item in enumerate(mission.items, start=1):
+        check_accepted(item, autopilot, number)
+
+
+def _reason(test: Callable[[], None]) -> str:
+    """Why a test fails; empty if it passes."""
+    try:
+        test()
+    except MissionError as error:
+        return str(error)
+    return ""

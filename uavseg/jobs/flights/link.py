@@ -1,0 +1,147 @@
+"""Upload of a mission to a vehicle, and download of the one that it holds."""
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+
+from uavseg.errors import MissionError, ParameterError
+from uavseg.execution.phases import decided, phase
+from uavseg.flight.formats.files import check_mission_format, read_mission
+from uavseg.flight.link.address import parse_address
+from uavseg.flight.link.download import download_mission
+from uavseg.flight.link.link import TIMEOUT_S, Link, connect
+from uavseg.flight.link.upload import upload_mission
+from uavseg.flight.mission.mission import Mission
+
+MAX_TIMEOUT_S = 600.0
+UPLOADABLE = (".plan", ".waypoints")
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, slots=True)
+class LinkRequest:
+    """Which vehicle, and how patiently.
+
+    Parameters
+    ----------
+    connect : str
+        udpout:HOST:PORT, udpin:HOST:PORT, tcp:HOST:PORT or serial:DEVICE[:BAUD].
+    timeout_s : float
+        How long to wait for an answer, and without progress of a transfer.
+
+    Raises
+    ------
+    ParameterError
+        If the address is none, or the time not above 0 and at most 600 s.
+    """
+
+    connect: str
+    timeout_s: float = TIMEOUT_S
+
+    def __post_init__(self) -> None:
+        parse_address(self.connect)
+        if not 0 < self.timeout_s <= MAX_TIMEOUT_S:
+            raise ParameterError(
+                f"the timeout is above 0 and at most {MAX_TIMEOUT_S:g} s, not {self.timeout_s:g}"
+            )
+
+
+@dataclass(frozen=True)
+class Uploaded:
+    """A mission that a vehicle holds, which reading it back has shown.
+
+    Parameters
+    ----------
+    mission : Mission
+    vehicle : str
+        Autopilot and system id.
+    warnings : tuple of str
+        Those of the mission, and what the upload found.
+    """
+
+    mission: Mission
+    vehicle: str
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Downloaded:
+    """A mission that was read from a vehicle, see `Uploaded`."""
+
+    mission: Mission
+    vehicle: str
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the person who flies it should know."""
+        return self.mission.warnings
+
+
+def upload(
+    source: str | os.PathLike[str] | Mission,
+    request: LinkRequest,
+    progress: Progress | None = None,
+    while_armed: bool = False,
+) -> Uploaded:
+    """Send a mission to a vehicle with its fence and rally points, read them back and compare.
+
+    Parameters
+    ----------
+    source : path or Mission
+    request : LinkRequest
+    progress : callable, optional
+        Called with the number of items that were sent or read back, and of all.
+    while_armed : bool
+        Whether the mission of a vehicle whose motors are armed may be replaced.
+
+    Raises
+    ------
+    MissionError
+        If the file cannot be read, or the mission is for another autopilot.
+    UnverifiedError
+        If the vehicle accepted the mission, which could then not be read back.
+    LinkError
+        If the vehicle is armed, cannot be reached, refuses, falls silent, or is not alone on the link.
+    """
+    mission = source if isinstance(source, Mission) else _read_uploadable(source)
+    with _connected(request) as link:
+        with phase("upload and comparison"):
+            found = upload_mission(link, mission, progress, while_armed)
+        return Uploaded(mission, str(link.vehicle), (*mission.warnings, *found))
+
+
+@contextmanager
+def _connected(request: LinkRequest) -> Iterator[Link]:
+    with ExitStack() as closing:
+        with phase("connection"):
+            link = closing.enter_context(connect(request.connect, request.timeout_s))
+        decided("%s at %s", link.vehicle, request.connect)
+        yield link
+
+
+def _read_uploadable(source: str | os.PathLike[str]) -> Mission:
+    """A mission of a file for autopilots that MAVLink reaches."""
+    if check_mission_format(source) not in UPLOADABLE:
+        raise MissionError(
+            f"{os.fspath(source)}: only {' and '.join(UPLOADABLE)} files are sent to vehicles; others do not "
+            "hold all of a mission, or are there to look at"
+        )
+    return read_mission(source)
+
+
+def download(request: LinkRequest, progress: Progress | None = None) -> Downloaded:
+    """Read the mission of a vehicle, with its fence and rally points.
+
+    Raises
+    ------
+    MissionError
+        If the vehicle holds no mission, or one that would not be safe.
+    LinkError
+        If the vehicle cannot be reached, refuses, falls silent, or is not alone on the link.
+    """
+    with _connected(request) as link:
+        with phase("download"):
+            found = download_mission(link, progress)
+        return Downloaded(found, str(link.vehicle))

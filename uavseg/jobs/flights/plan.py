@@ -1,0 +1,249 @@
+"""Planning of a mission over regions: which of them, from where, and how to fly."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from uavseg.errors import ParameterError
+from uavseg.execution.phases import decided, phase
+from uavseg.flight.formats.options import DEFAULT_DJI_MODEL, FileOptions
+from uavseg.flight.mission.mission import Mission
+from uavseg.flight.params.plan import PlanParams
+from uavseg.flight.planning.numbered import write_flights
+from uavseg.flight.planning.planner import check_regions, plan_missions
+from uavseg.flight.safety.home_place import IsGround, home_outside
+from uavseg.flight.safety.paper_check import PaperCheck
+from uavseg.flight.terrain.clearance import clearance_of
+from uavseg.regions.select.choose import of_classes, select_regions
+from uavseg.regions.table import Regions
+
+if TYPE_CHECKING:
+    from uavseg.jobs.source.source import Source
+
+Home = tuple[float, ...] | Literal["auto"]
+
+
+@dataclass(frozen=True, slots=True)
+class PlanRequest:
+    """How to fly, from where, and over which of the regions.
+
+    Parameters
+    ----------
+    flight : PlanParams
+    home : (lat, lon), (lat, lon, altitude_m) or "auto"
+        Where the vehicle starts; with "auto", near the chosen regions and outside of all of them and of
+        keep-out zones.
+    ids : sequence of int, optional
+        Only the regions with these ids.
+    largest : int, optional
+        Only so many, the largest.
+    where : str, optional
+        Only those that fulfil a condition, see `uavseg.regions.select.where`.
+    allow_edge : bool
+        Whether regions that touch the edge of their raster are flown over, where it is known.
+    classes : sequence of str, optional
+        Only regions of these classes.
+    avoid_classes : sequence of str
+        Regions of these classes are keep-out zones.
+
+    Raises
+    ------
+    ParameterError
+        If a class is to be flown over and kept out of.
+    """
+
+    flight: PlanParams
+    home: Home
+    ids: Sequence[int] | None = None
+    largest: int | None = None
+    where: str | None = None
+    allow_edge: bool = False
+    classes: Sequence[str] | None = None
+    avoid_classes: Sequence[str] = ()
+
+    def __post_init__(self) -> None:
+        for name in self.avoid_classes:
+            if self.classes is not None and name in self.classes:
+                raise ParameterError(f"the class {name} is to be flown over and kept out of; choose one")
+
+    @property
+    def chooses(self) -> bool:
+        """Whether some regions are left out."""
+        return any(choice is not None for choice in (self.ids, self.largest, self.where))
+
+
+@dataclass(frozen=True)
+class MissionPlan:
+    """Missions over regions.
+
+    Parameters
+    ----------
+    missions : tuple of Mission
+        One for each flight, in the order in which they are flown.
+    regions : int
+        How many regions they lead over.
+    check : PaperCheck
+        What they are checked against.
+    """
+
+    missions: tuple[Mission, ...]
+    regions: int
+    check: PaperCheck = field(compare=False)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the person who flies them should know, each once; of which flights, if not of all."""
+        flights: dict[str, list[int]] = {}
+        for number, mission in enumerate(self.missions, start=1):
+            for text in dict.fromkeys(mission.warnings):
+                flights.setdefault(text, []).append(number)
+        everywhere = len(self.missions)
+        return tuple(
+            text if len(numbers) == everywhere else f"{_flights_text(numbers)}: {text}"
+            for text, numbers in flights.items()
+        )
+
+    def explore(self, **words: Any) -> Any:
+        """An interactive map (folium.Map) of all flights, for notebooks; words as of `Mission.explore`."""
+        from uavseg.flight.mission.frame import explore
+
+        return explore(*self.missions, **words)
+
+    def _repr_html_(self) -> str:
+        """For notebooks: each flight."""
+        from uavseg.flight.mission.frame import as_html
+
+        count = len(self.missions)
+        titles = ["" if count == 1 else f"<p>flight {k} of {count}</p>" for k in range(1, count + 1)]
+        shown = zip(titles, self.missions, strict=True)
+        return f"<div>{''.join(title + as_html(mission) for title, mission in shown)}</div>"
+
+    def write(
+        self,
+        path: str | os.PathLike[str],
+        overwrite: bool = False,
+        *,
+        editable: bool = False,
+        dji_model: str = DEFAULT_DJI_MODEL,
+    ) -> list[Path]:
+        """Write the missions, read them back and check them; several are numbered: fly-1.plan, fly-2.plan.
+
+        Parameters
+        ----------
+        path : path
+            Its extension selects the format, see `uavseg.flight.formats.files`.
+        overwrite : bool
+            Whether existing files may be replaced.
+        editable, dji_model
+            As of `uavseg.flight.formats.files.write_mission`.
+
+        Returns
+        -------
+        paths : list of Path
+
+        Raises
+        ------
+        MissionError
+            If the extension is none of a mission, or what was written is not safe.
+        OutputError
+            If a file exists, or cannot be written.
+        """
+        return write_flights(self.missions, path, self.check, overwrite, FileOptions(editable, dji_model))
+
+
+def plan(
+    regions: Regions, request: PlanRequest, zones: Sequence[Any] = (), raster: "Source | None" = None
+) -> MissionPlan:
+    """Missions over regions: take off, fly their pattern in a short order, return.
+
+    Parameters
+    ----------
+    regions : Regions
+        In degrees (lon, lat; WGS 84), see `uavseg.jobs.flights.plan_regions`.
+    request : PlanRequest
+    zones : sequence of shapely Polygon or MultiPolygon
+        Keep-out zones in degrees.
+    raster : Source, optional
+        That the regions are of: those that touch its edge are left out, and a home that is found lies on one
+        of its valid pixels.
+
+    Raises
+    ------
+    RegionError
+        If none of the regions is chosen, none is of a class, or one that touches the edge is chosen by its
+        id.
+    MissionError
+        If there are no regions, if they are not near home, if zones make one unreachable, or if the mission
+        would not be safe.
+    """
+    chosen: Regions = regions
+    notes: list[str] = []
+    if request.classes is not None:
+        chosen = regions.select(np.flatnonzero(of_classes(regions, request.classes)))
+    if request.avoid_classes:
+        avoided = np.flatnonzero(of_classes(regions, request.avoid_classes))
+        zones = [*zones, *regions.select(avoided).polygons]
+    if raster is not None and not request.allow_edge and len(chosen):
+        from uavseg.jobs.result.edge_regions import without_edge_regions
+
+        chosen, notes = without_edge_regions(chosen, raster, request.ids, request.where)
+    if request.chooses:
+        chosen = select_regions(chosen, request.ids, request.largest, request.where)
+    polygons, points = list(chosen.polygons), _points(chosen)
+    flight, home = request.flight, request.home
+    check_regions(len(polygons), flight)
+    if home == "auto":
+        everywhere = list(regions.polygons)
+        margin_m = flight.safety.avoid_margin_m
+        is_ground = None if raster is None else _valid_ground(raster)
+        with phase("place for home"):
+            home = home_outside(everywhere, points or _points(regions), zones, margin_m, is_ground)
+        notes.append(
+            f"home is {home[0]:.7f},{home[1]:.7f}, outside of all regions and keep-out zones; look at the "
+            "place before the flight: the plan knows nothing of trees, water or roads there"
+        )
+    decided("%d of %d regions, %d keep-out zones", len(chosen), len(regions), len(zones))
+    with phase("route and flights"):
+        missions = plan_missions(polygons, points, flight, home, zones)
+    missions = tuple(replace(mission, notes=(*notes, *mission.notes)) for mission in missions)
+    check = PaperCheck(flight.safety, tuple(zones), clearance_of(flight))
+    with phase("paper check"):
+        for mission in missions:
+            check.check(mission)
+    items = ", ".join(str(len(mission.items)) for mission in missions)
+    start = missions[0].home
+    decided("pattern %s from %.7f,%.7f: %s items", flight.pattern, start.lat, start.lon, items)
+    return MissionPlan(missions, len(chosen), check)
+
+
+def _flights_text(numbers: Sequence[int]) -> str:
+    """Numbers of flights in words.
+
+    Examples
+    --------
+    >>> _flights_text([1, 2, 3, 5])
+    'flights 1-3, 5'
+    """
+    runs: list[list[int]] = []
+    for number in numbers:
+        if runs and number == runs[-1][-1] + 1:
+            runs[-1] = [runs[-1][0], number]
+        else:
+            runs.append([number])
+    return f"flight{'s' * (len(numbers) > 1)} {', '.join('-'.join(map(str, run)) for run in runs)}"
+
+
+def _valid_ground(raster: "Source") -> IsGround | None:
+    from uavseg.jobs.source.valid_ground import valid_ground
+
+    return valid_ground(raster)
+
+
+def _points(regions: Regions) -> list[tuple[float, float]]:
+    # The 12 digits that GeoJSON keeps, so that no format decides between orders of almost the same length.
+    lon, lat = ([float(f"{x:.12g}") for x in regions.columns[name].tolist()] for name in ("lon", "lat"))
+    return list(zip(lon, lat, strict=True))

@@ -1,0 +1,106 @@
+"""Regions and keep-out zones of a plan, in degrees, from whatever holds them."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from uavseg.errors import ParameterError
+from uavseg.execution.phases import phase
+from uavseg.plain_text import shown
+from uavseg.regions.table import Regions
+
+if TYPE_CHECKING:
+    from geopandas import GeoDataFrame
+
+    from uavseg.jobs.source.source import Source
+
+
+def open_regions(
+    source: "str | os.PathLike[str] | bytes | GeoDataFrame | Regions", layer: str | None = None
+) -> Regions:
+    """Regions in degrees from a file, from the content of one, from a frame or from another job.
+
+    Parameters
+    ----------
+    source : path, bytes, GeoDataFrame or Regions
+    layer : str, optional
+        Which layer of a file.
+
+    Raises
+    ------
+    RegionError
+        If the file cannot be read, has no polygons or not only polygons, or no coordinate system.
+    """
+    if isinstance(source, Regions):
+        return in_degrees(source)
+    from uavseg.regions.formats import read
+
+    if isinstance(source, str | os.PathLike | bytes):
+        with phase("reading of regions"):
+            return read.read_regions(source, layer)
+    if not hasattr(source, "geometry") or not hasattr(source, "columns"):
+        raise ParameterError(f"regions is a file of polygons or a GeoDataFrame, not {shown(source)}")
+    return read.regions_of_frame(source)
+
+
+def in_degrees(regions: Regions) -> Regions:
+    """Regions of a raster in WGS 84, with the coordinates that GeoJSON gets.
+
+    Raises
+    ------
+    OutputError
+        If they have no place on the Earth.
+    """
+    from uavseg.regions.wgs84.to_wgs84 import wgs84_geometries
+
+    polygons: Any = wgs84_geometries(regions)
+    return replace(regions, polygons=polygons, wkt="EPSG:4326")
+
+
+def zone_polygons(avoid: Sequence[Any], raster: "Source | None" = None) -> list[Any]:
+    """Polygons in degrees of keep-out zones.
+
+    Parameters
+    ----------
+    avoid : sequence of path, GeoDataFrame, Regions or (low, high)
+        Polygons; or a range of intensity, whose regions in the raster they are.
+    raster : Raster or Blocks, optional
+        Where ranges are looked for.
+
+    Raises
+    ------
+    RegionError
+        If a file cannot be read.
+    ParameterError
+        If there is a range and no raster, or a range is wrong or finds nothing to keep out of.
+    OutputError
+        If the raster has no place on the Earth.
+    """
+    found: list[Any] = []
+    for zone in avoid:
+        is_range = isinstance(zone, tuple | list)
+        found += list((_in_range(zone, raster) if is_range else open_regions(zone)).polygons)
+    return found
+
+
+def _in_range(ends: Sequence[Any], raster: "Source | None") -> Regions:
+    """The regions of a raster in a range of intensity."""
+    from uavseg.jobs.extract import ExtractRequest, extract
+    from uavseg.segmentation.params.segment import IntensityRange
+
+    if len(ends) != 2:
+        raise ParameterError(f"a range of intensity is two numbers, such as 0,0.2, not {shown(ends)}")
+    if raster is None:
+        raise ParameterError(
+            f"the keep-out zones {ends[0]:g},{ends[1]:g} are a range of intensity; name the raster in which "
+            "they are looked for (--raster)"
+        )
+    interval = IntensityRange(float(ends[0]), float(ends[1]))
+    found = extract(raster, ExtractRequest(interval)).regions
+    if not len(found):
+        raise ParameterError(
+            f"no region of {raster.name} has a mean v in the range {interval.low:g},{interval.high:g} of "
+            "--avoid, so there is nothing to keep out of; uavseg info shows which v there are"
+        )
+    return in_degrees(found)

@@ -1,0 +1,1 @@
+"""Jobs about the installation: doctor and warm-up."""

@@ -1,0 +1,230 @@
+"""Diagnosis of an installation: versions, kernels, threads and what is connected, for an issue report."""
+
+import importlib
+import importlib.metadata
+import os
+import platform
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from uavseg import _version
+from uavseg._jit import object_cache, shipped, warming
+from uavseg.execution.executors import usable_cores
+from uavseg.flight.link.serial_ports import serial_ports
+from uavseg.jobs.install.find_qgis import find_qgis
+from uavseg.plain_text import cause_of, one_line
+
+_NEEDED = (
+    *("numpy", "rasterio", "pyogrio", "pyproj", "shapely", "geopandas", "pandas", "matplotlib"),
+    *("pymavlink", "click", "yaml", "skimage"),
+)
+_EXTRA = ("numba", "llvmlite", "serial", "pyarrow", "rosbags", "distributed", "folium")
+_DISTRIBUTIONS = {"yaml": "PyYAML", "serial": "pyserial", "skimage": "scikit-image"}
+_NAMED = (
+    *(
+        "PROJ_LIB",
+        "PROJ_DATA",
+        "GDAL_DATA",
+        "GDAL_DRIVER_PATH",
+        "PYTHONHOME",
+        "PYTHONPATH",
+        "LD_LIBRARY_PATH",
+    ),
+    "UAVSEG_CACHE",
+)
+_EPSG = 32618  # any code that the database of PROJ has
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosis:
+    """State of an installation.
+
+    Parameters
+    ----------
+    facts : dict of str
+        What was found, by topic.
+    problems : tuple of str
+        What is wrong, each with what to do; empty where all is well.
+    """
+
+    facts: dict[str, str]
+    problems: tuple[str, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """The same for JSON."""
+        return {"facts": dict(self.facts), "problems": list(self.problems)}
+
+    def __str__(self) -> str:
+        width = max(len(topic) for topic in self.facts)
+        lines = [f"{topic:<{width}}  {fact}" for topic, fact in self.facts.items()]
+        lines += [f"problem: {problem}" for problem in self.problems] or ["no problems found"]
+        return "\n".join(lines)
+
+
+def doctor() -> Diagnosis:
+    """Diagnose this installation, in a form that fits an issue report.
+
+    Versions of Python, GDAL, PROJ and the libraries; whether they load and PROJ finds its database; state of
+    the compiled kernels; threads; whether QGIS and a serial port for a vehicle are there. Nothing is compiled
+    or installed, and nothing is sent to a vehicle.
+
+    Returns
+    -------
+    Diagnosis
+
+    Examples
+    --------
+    >>> import uavseg
+    >>> found = uavseg.doctor()
+    >>> found.facts["uavseg"] == uavseg.__version__
+    True
+    """
+    facts = {
+        "uavseg": _version.__version__,
+        "Python": f"{platform.python_implementation()} {platform.python_version()}",
+        "system": f"{platform.system()} {platform.release()} {platform.machine()}",
+    }
+    problems: list[str] = []
+    for check in (_libraries, _projections, _kernels, _threads, _environment, _neighbours):
+        found, wrong = check()
+        facts |= found
+        problems += wrong
+    return Diagnosis({topic: one_line(fact) for topic, fact in facts.items()}, tuple(map(one_line, problems)))
+
+
+Findings = tuple[dict[str, str], list[str]]
+
+
+def _libraries() -> Findings:
+    """Versions of libraries; those that are needed are loaded."""
+    facts, problems = {}, []
+    for name in _NEEDED:
+        facts[name], failure = _loaded(name)
+        if failure:
+            problems.append(f"{name} cannot be loaded ({failure}); {_remedy(failure)}")
+    for name in _EXTRA:
+        version = _version_of(name)
+        facts[name] = version or "not installed (optional)"
+    return facts, problems
+
+
+def _remedy(failure: str) -> str:
+    """What to do: the wheels of rasterio bring all libraries but this one."""
+    if "libexpat" in failure:
+        return "install it from the system: apt install libexpat1"
+    return "install it again: pip install uavseg"
+
+
+def _loaded(name: str) -> tuple[str, str]:
+    """Version of a library with those of the libraries inside it, and why it cannot be loaded."""
+    version = _version_of(name)
+    try:
+        module = importlib.import_module(name)
+        inside = [f"{label} {version_in(module)}" for label, version_in in _INSIDE.get(name, ())]
+    except Exception as error:  # a damaged library raises anything, and that is what is looked for
+        return version or "missing", cause_of(error)
+    return f"{version or 'unknown version'}{', with ' if inside else ''}{', '.join(inside)}", ""
+
+
+def _dotted(version: tuple[int, ...]) -> str:
+    return ".".join(map(str, version))
+
+
+_INSIDE: dict[str, tuple[tuple[str, Callable[[Any], str]], ...]] = {
+    "rasterio": (
+        ("GDAL", lambda module: module.__gdal_version__),
+        ("PROJ", lambda module: module.__proj_version__),
+        ("GEOS", lambda module: module.__geos_version__),
+    ),
+    "pyogrio": (("GDAL", lambda module: _dotted(module.__gdal_version__)),),
+    "pyproj": (("PROJ", lambda module: module.proj_version_str),),
+    "shapely": (("GEOS", lambda module: _dotted(module.geos_version)),),
+}
+
+
+def _version_of(name: str) -> str:
+    """Version of an installed distribution by the name of its module; empty where there is none."""
+    try:
+        return importlib.metadata.version(_DISTRIBUTIONS.get(name, name))
+    except importlib.metadata.PackageNotFoundError:
+        return ""
+
+
+def _projections() -> Findings:
+    """Whether both libraries that bring PROJ find a database that they can read."""
+    problems = []
+    for name in ("rasterio", "pyproj"):
+        try:
+            importlib.import_module(f"{name}.crs").CRS.from_epsg(_EPSG)
+        except Exception as error:  # each library has its own errors, and import errors come first
+            named = [variable for variable in ("PROJ_LIB", "PROJ_DATA") if variable in os.environ]
+            what = (
+                f"unset {' and '.join(named)}, which may name the data of another PROJ"
+                if named
+                else (f"install {name} again")
+            )
+            problems.append(f"{name} cannot look up EPSG:{_EPSG} ({cause_of(error)}); {what}")
+    return {"EPSG database": "not readable" if problems else "found"}, problems
+
+
+def _kernels() -> Findings:
+    """Where the machine code of the kernels comes from."""
+    try:
+        kernels = warming.all_kernels()
+    except ImportError as error:
+        return {"kernels": "unknown"}, [f"the kernels cannot be listed ({cause_of(error)})"]
+    found = warming.states(kernels)
+    text = f"{len(kernels)}: {found['shipped']} shipped, {found['kept']} compiled before"
+    facts = {"kernels": f"{text}, {found['missing']} not compiled yet", "processor level": _level()}
+    if not found["kept"] and not found["missing"]:
+        return facts | {"kernel cache": "not needed"}, []
+    kept = not object_cache.is_temporary(object_cache.cache_folder())
+    facts["kernel cache"] = "writable" if kept else "not writable"
+    problems = []
+    if found["missing"] and not _version_of("numba"):
+        problems.append(
+            f"{found['missing']} kernels have to be compiled and numba is not installed; "
+            'install it: pip install "uavseg[compile]"'
+        )
+    if not kept:
+        problems.append(
+            "no folder can keep compiled kernels; name one that only you can write to in UAVSEG_CACHE"
+        )
+    return facts, problems
+
+
+def _level() -> str:
+    """The level of this processor, for which kernels are chosen among those that are shipped."""
+    if sys.platform != "linux" or platform.machine() != "x86_64":
+        return "no kernels are shipped for this platform"
+    return shipped.levels_here()[0]
+
+
+def _threads() -> Findings:
+    cores = usable_cores()
+    return {"threads": f"{cores} of {os.cpu_count() or cores} processors"}, []
+
+
+def _environment() -> Findings:
+    """Variables that change what is loaded, by name: their values are paths of the user."""
+    said = [name for name in _NAMED if os.environ.get(name)]
+    choice = os.environ.get("UAVSEG_JIT")
+    said += [f"UAVSEG_JIT={choice}"] if choice else []
+    return {"variables set": ", ".join(said) or "none"}, []
+
+
+def _neighbours() -> Findings:
+    """QGIS and serial ports."""
+    ports = serial_ports()
+    facts = {
+        "QGIS": find_qgis() or "not found",
+        "serial ports": ", ".join(str(port) for port in ports) or "none",
+    }
+    denied = [port.device for port in ports if not port.is_allowed]
+    group = "; on Linux, add yourself to the group dialout" if sys.platform == "linux" else ""
+    problems = [f"you may not read and write {device}{group}" for device in denied]
+    if ports and not _version_of("serial"):
+        problems.append('serial ports need pyserial; install it: pip install "uavseg[serial]"')
+    return facts, problems

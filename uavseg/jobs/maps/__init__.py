@@ -1,0 +1,1 @@
+"""Jobs over occupancy maps: classify, build, merge, simulate, find a path."""

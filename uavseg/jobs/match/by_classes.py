@@ -1,0 +1,197 @@
+"""A whole map from samples of several classes: each pixel the likeliest of them by color, or none.
+
+samples -> likeness of each class, against the samples of all others
+        -> cells: where each may be
+        -> outlined: decided together, pixel by pixel
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.errors import ParameterError, SampleError
+from uavseg.execution.phases import decided, phase
+from uavseg.jobs.match.color_bands import color_sources
+from uavseg.jobs.result.doubt import Doubt, check_least, nothing_sure
+from uavseg.jobs.result.fill_holes import filled
+from uavseg.jobs.result.metadata import doubt_facts, drawing_facts, with_metadata
+from uavseg.jobs.result.result import Drawing, Extraction, SourceInfo, measured
+from uavseg.jobs.source.detail import Length, detail_of
+from uavseg.jobs.source.open_source import raster_of
+from uavseg.jobs.source.source import Source
+from uavseg.jobs.source.work import SERIAL, Work
+from uavseg.raster.grid.tiling import TilePass
+from uavseg.regions.edit.small import Area, drop_small_regions
+from uavseg.regions.outline.rings import RegionOutlines
+from uavseg.regions.sample.class_places import class_masks
+from uavseg.regions.sample.likeness import BlurredBands, LikenessSource, fit_likeness, spread_colors
+from uavseg.regions.sample.place import SampleMask
+from uavseg.regions.tiles.likely_classes import LIKELY, outline_likely_classes
+from uavseg.regions.tiles.refined_kinds import KindsByPixel
+from uavseg.segmentation.params.segment import SegmentParams
+from uavseg.segmentation.pipeline import cells_to_refine, measure_block_maps_for
+from uavseg.segmentation.refine.detail import Detail
+from uavseg.segmentation.source import GreySource
+from uavseg.units import MAX_KINDS
+
+_LEAST_PARTING = 0.15  # of the likeness of a class: that of its samples less that of the others
+
+
+@dataclass(frozen=True, slots=True)
+class MatchClassesRequest:
+    """Samples of several classes, and how their regions are drawn.
+
+    Parameters
+    ----------
+    classes : str
+        A file of polygons with a column `class`.
+    refine : {"pixel", "none"}
+        As of `MatchRequest`.
+    drawing : Drawing
+    fill_holes, min_area : Area, optional
+        As of `ClassesRequest`.
+    bands : tuple of int or str
+        Bands whose intensity is compared, each by itself, by number or name.
+    detail : Length, optional
+        As of `MatchRequest`.
+    min_confidence : float, optional
+        As of `MatchRequest`.
+
+    Raises
+    ------
+    ParameterError
+        If the refinement is another one, or as of `MatchRequest` for the minimum confidence.
+    """
+
+    classes: str
+    refine: str = "pixel"
+    drawing: Drawing = Drawing()
+    fill_holes: Area | None = None
+    min_area: Area | None = None
+    bands: tuple[int | str, ...] = ()
+    detail: Length | None = None
+    min_confidence: float | None = None
+
+    def __post_init__(self) -> None:
+        check_least(self.min_confidence, self.refine)
+        if self.refine not in ("pixel", "none"):
+            raise ParameterError(f"a refinement of matches is pixel or none, not {self.refine!r}")
+
+
+def match_classes(source: Source, request: MatchClassesRequest, work: Work = SERIAL) -> Extraction:
+    """Regions of the classes of samples.
+
+    Parameters
+    ----------
+    source : Raster
+    request : MatchClassesRequest
+    work : Work
+
+    Returns
+    -------
+    Extraction
+        Its regions have the column `class`; none overlap, and adjacent ones share borders.
+
+    Raises
+    ------
+    SampleError
+        If a sample is not on the raster, too small, on nodata or in common with one of another class, or the
+        file has fewer than two classes, or too many.
+    UavsegError
+        If the raster cannot be read or a parameter does not fit it.
+    """
+    work = work.begun()
+    raster = raster_of(source, "a block map holds no colors to be compared; name the raster itself")
+    places = class_masks(request.classes, raster.geobox)
+    detail = detail_of(request.detail, raster.geobox, request.refine)
+    if len(places) > MAX_KINDS:
+        raise SampleError(f"{request.classes} has {len(places)} classes; at most {MAX_KINDS} are told apart")
+    passes = work.over(raster).stages(3)
+    grey = raster.grey(passes[0])
+    bands = BlurredBands(color_sources(raster, grey, request.bands, passes[0].silent))
+    params = SegmentParams(refine="none") if request.refine == "none" else SegmentParams()
+    likenesses = learn_classes(bands, places, passes[0])
+    hints = [
+        f"color hardly parts the samples of {name} from the others"
+        for name, found in zip(places, likenesses, strict=True)
+        if found.table.parting < _LEAST_PARTING
+    ]
+    outlined, kinds = outlines_by_classes(grey, likenesses, params, passes[1:], detail)
+    outlined = filled(grey, outlined, request.fill_holes, passes[-1])
+    if request.min_area is not None:
+        outlined = drop_small_regions(outlined, grey.dataset.geobox, request.min_area)
+    kind = kinds.at(outlined.sums.firsts) - 1
+    columns = {"class": np.array(list(places), object)[kind]}
+    hints += [f"no region is of {name}" for n, name in enumerate(places) if not (kind == n).any()]
+    doubt = Doubt.of_classes(outlined, alike(likenesses, kind), request.refine, request.min_confidence)
+    result = measured(outlined, SourceInfo.of(grey), (0.0, 1.0), request.drawing, columns, doubt=doubt)
+    if result.unsure and not len(result.regions):
+        hints.append(nothing_sure(result.unsure, request.min_confidence))
+    facts = {"classes": request.classes, "refine": request.refine, "bands": request.bands or None}
+    facts |= doubt_facts(request.min_confidence)
+    facts |= drawing_facts(request.drawing, request.fill_holes, request.min_area, request.detail)
+    return work.finished(with_metadata(result, raster, "match", facts), *hints)
+
+
+def learn_classes(
+    bands: BlurredBands, places: Mapping[str, Sequence[SampleMask]], tile_pass: TilePass
+) -> list[LikenessSource]:
+    """The raster as likeness to each class, against the samples of all others."""
+    with phase("colors of the raster"):
+        spread = spread_colors(bands.bands, tile_pass)
+    likenesses = []
+    for name, own in places.items():
+        others = [mask for other, masks in places.items() if other != name for mask in masks]
+        with phase(f"colors of {name}"):
+            found = fit_likeness(bands, own, tile_pass, others, f"the sample of {name}", spread)
+        decided(
+            "%s: likeness %.3f in its samples, %.3f in the others", name, found.table.own, found.table.unlike
+        )
+        likenesses.append(found)
+    return likenesses
+
+
+def outlines_by_classes(
+    grey: GreySource,
+    likenesses: Sequence[LikenessSource],
+    params: SegmentParams,
+    passes: Sequence[TilePass],
+    detail: Detail | None = None,
+) -> tuple[RegionOutlines, KindsByPixel]:
+    """Outlines of the likeliest class of each pixel, and the class of each by its first pixel, from 1.
+
+    Parameters
+    ----------
+    grey : GreySource
+        The intensity that regions are measured in.
+    likenesses : sequence of LikenessSource
+        Of `learn_classes`.
+    params : SegmentParams
+    passes : two of TilePass
+    detail : Detail, optional
+    """
+    with phase("division"):
+        maps = measure_block_maps_for(likenesses, LIKELY, params, passes[0])
+        cells = [cells_to_refine(blocks, LIKELY, params) for blocks in maps]
+    with phase("refinement and outlines"):
+        return outline_likely_classes(grey, likenesses, cells, params.refine, passes[1], detail)
+
+
+def alike(
+    likenesses: Sequence[LikenessSource], kind: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """How alike the samples of the class of each region are: two (n,) float64 arrays.
+
+    Their mean likeness to it, and by how much that exceeds the mean of the raster.
+
+    Parameters
+    ----------
+    likenesses : sequence of LikenessSource
+    kind : (n,) int64 array
+        The class of each region, from 0.
+    """
+    own = np.array([found.table.own for found in likenesses])
+    share = np.array([found.table.share for found in likenesses])
+    return own[kind], (own - share)[kind]

@@ -1,0 +1,119 @@
+"""Regions like a sample by colour: likeness takes the place of grey, and regions are extracted from it.
+
+sample and raster -> likeness: which colours are of the sample's kind
+                  -> extracted: where it is one half and more, as `jobs.extract` does
+                  -> measured: intensity, read again within the regions
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.execution.phases import decided, phase
+from uavseg.jobs.match.request import MatchRequest
+from uavseg.jobs.result.doubt import Doubt
+from uavseg.jobs.result.fill_holes import filled
+from uavseg.jobs.result.result import Extraction, SourceInfo, measured
+from uavseg.jobs.source.detail import detail_of
+from uavseg.raster.grid.tiling import TilePass
+from uavseg.regions.edit.small import drop_small_regions
+from uavseg.regions.outline.rings import RegionOutlines
+from uavseg.regions.sample.likeness import BlurredBands, LikenessSource, fit_likeness
+from uavseg.regions.sample.next_place import next_place
+from uavseg.regions.sample.place import Disc, SampleMask
+from uavseg.regions.tiles.likely_classes import LIKELY
+from uavseg.regions.tiles.range_tiles import outline_regions, sum_regions
+from uavseg.segmentation.params.segment import SegmentParams
+from uavseg.segmentation.pipeline import cells_to_refine, measure_block_map_for
+from uavseg.segmentation.source import GreySource
+from uavseg.units import GREY_MAX
+
+
+def learn(
+    bands: Sequence[GreySource],
+    places: Sequence[SampleMask],
+    unlike: Sequence[SampleMask],
+    tile_pass: TilePass,
+) -> LikenessSource:
+    """The raster as likeness to samples, and not to others."""
+    with phase("colours of the sample"):
+        found = fit_likeness(BlurredBands(bands), places, tile_pass, unlike)
+    decided("likeness %.3f in the sample, %.3f in the raster", found.table.own, found.table.share)
+    return found
+
+
+def outlines_by_color(
+    likeness: LikenessSource,
+    request: MatchRequest,
+    samples: Sequence[SampleMask],
+    passes: Sequence[TilePass],
+) -> tuple[RegionOutlines, Disc | None]:
+    """Outlines where the likeness is one half and more, and where the next sample would help most.
+
+    Parameters
+    ----------
+    likeness : LikenessSource
+    request : MatchRequest
+    samples : sequence of SampleMask
+        All that were given.
+    passes : two of TilePass
+    """
+    params = SegmentParams(refine="none") if request.refine == "none" else SegmentParams()
+    with phase("division"):
+        blocks = measure_block_map_for(likeness, LIKELY, params, passes[0])
+        cells = cells_to_refine(blocks, LIKELY, params)
+    with phase("next sample"):
+        proposed = next_place(likeness, blocks, samples, passes[0])
+    del blocks
+    detail = detail_of(request.detail, likeness.dataset.geobox, params.refine)
+    with phase("refinement and outlines"):
+        outlined = outline_regions(likeness, cells, LIKELY, params.refine, passes[1], detail=detail)
+    return outlined, proposed
+
+
+def regions_by_color(
+    grey: GreySource,
+    likeness: LikenessSource,
+    outlined: RegionOutlines,
+    request: MatchRequest,
+    tile_pass: TilePass,
+) -> Extraction:
+    """Outlines by color as regions.
+
+    Parameters
+    ----------
+    grey : GreySource
+        The intensity that their attributes are of.
+    likeness : LikenessSource
+    outlined : RegionOutlines
+        Of `outlines_by_color`.
+    request : MatchRequest
+    tile_pass : TilePass
+    """
+    outlined = filled(likeness, outlined, request.fill_holes, tile_pass)
+    if request.min_area is not None:
+        outlined = drop_small_regions(outlined, grey.dataset.geobox, request.min_area)
+    similarity = similarity_of(outlined, likeness.table.own)
+    alike = similarity, likeness.table.own - likeness.table.share
+    doubt = Doubt.of_matches(outlined, alike, request.refine, request.min_confidence)
+    with phase("attributes and drawing"):
+        outlined = replace(outlined, sums=sum_regions(grey, outlined, tile_pass))
+        info = SourceInfo.of(grey)
+        more = {"similarity": similarity}
+        return measured(outlined, info, (0.0, 1.0), request.drawing, more, doubt=doubt)
+
+
+def similarity_of(outlined: RegionOutlines, own: float) -> NDArray[np.float64]:
+    """Mean likeness of regions as a share of that of the sample, at most 1: (n,) float64.
+
+    Parameters
+    ----------
+    outlined : RegionOutlines
+        With the sums of likeness.
+    own : float
+        Mean likeness of the sample.
+    """
+    means = outlined.sums.greys / np.maximum(outlined.sums.counts, 1) / GREY_MAX
+    return np.asarray(np.minimum(means / max(own, 1e-9), 1))

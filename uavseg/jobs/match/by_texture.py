@@ -1,0 +1,212 @@
+"""Regions like a sample by texture and intensity.
+
+measured -> sample: its histograms, and how unlike each other its own windows are
+         -> scored: G of a moving window     (one pass over all tiles)
+         -> confirmed: windows that the background model explains better are rejected
+                                             (one pass over the tiles with matches)
+         -> matched: cells with a window that is like the sample; those near a boundary are open
+         -> outlined: open cells decided pixel by pixel (one pass over the tiles with matches)
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.execution.executors import trim_heap
+from uavseg.execution.phases import phase
+from uavseg.jobs.match.request import MatchRequest
+from uavseg.jobs.result.doubt import Doubt
+from uavseg.jobs.result.fill_holes import filled
+from uavseg.jobs.result.result import Extraction, SourceInfo, measured
+from uavseg.jobs.source.detail import detail_of
+from uavseg.raster.grid.tiling import TilePass
+from uavseg.regions.confidence import Parting
+from uavseg.regions.edit.small import Area, drop_small_regions
+from uavseg.regions.outline.rings import RegionOutlines, Rings
+from uavseg.regions.sample.colors import fit_colors
+from uavseg.regions.sample.model import Sample, fit_sample, fit_weights
+from uavseg.regions.sample.outline_matches import MatchShape, outline_matches
+from uavseg.regions.sample.place import SampleMask
+from uavseg.regions.sample.reject import reject_unlike
+from uavseg.regions.sample.scores import CellScores, Criterion, mean_scores, score_cells
+from uavseg.regions.sample.windows import USUAL_WINDOWS, fitting_window
+from uavseg.regions.tiles.kind_tiles import outline_segments
+from uavseg.segmentation.pipeline import measure_cells
+from uavseg.segmentation.sample.g_scores import NULL_SCORE, SCORE_UNITS
+from uavseg.segmentation.sample.pixel_decision import PixelWeights, undecided_cells
+from uavseg.segmentation.sample.two_kinds import separability
+from uavseg.segmentation.source import GreySource
+from uavseg.units import CELL, GREY_MAX
+
+_PIECE = Area(CELL * CELL, in_pixels=True)
+
+
+@dataclass(frozen=True)
+class TextureSample:
+    """A sample's texture, and how unlike it a window may be.
+
+    Parameters
+    ----------
+    sample : Sample
+    limit : float
+        The largest G per pixel, beyond chance, of a window that is like the sample.
+    window : int
+        Its side in pixels.
+    """
+
+    sample: Sample
+    limit: float
+    window: int
+
+    @property
+    def own(self) -> float:
+        """G per pixel beyond chance that nineteen of twenty of the sample's own windows do not exceed."""
+        return (self.sample.own - NULL_SCORE) / SCORE_UNITS
+
+
+@dataclass(frozen=True, eq=False)
+class TextureSearch:
+    """A raster whose cells are scored by how unlike a sample's texture they are.
+
+    Parameters
+    ----------
+    grey : GreySource
+    place : SampleMask
+    request : MatchRequest
+    side : int
+        Of a window, in cells.
+    sample : Sample
+    criterion : Criterion
+    scores : CellScores
+    valid : (8 B, 8 C) bool array
+        Cells with valid pixels.
+    """
+
+    grey: GreySource
+    place: SampleMask
+    request: MatchRequest
+    side: int
+    sample: Sample
+    criterion: Criterion
+    scores: CellScores
+    valid: NDArray[np.bool_]
+
+    @property
+    def how(self) -> TextureSample:
+        """What was compared."""
+        return TextureSample(self.sample, (self.criterion.limit - NULL_SCORE) / SCORE_UNITS, self.side * CELL)
+
+
+def search_texture(
+    grey: GreySource,
+    bands: Sequence[GreySource],
+    place: SampleMask,
+    request: MatchRequest,
+    passes: Sequence[TilePass],
+) -> TextureSearch:
+    """Score all cells of a raster against a sample.
+
+    Parameters
+    ----------
+    grey : GreySource
+    bands : sequence of GreySource
+        Further bands whose intensity is compared.
+    place : SampleMask
+    request : MatchRequest
+    passes : two of TilePass
+    """
+    side = (request.window or fitting_window(place) or USUAL_WINDOWS[-1]) // CELL
+    with phase("cells and the sample"):
+        known = measure_cells(grey, passes[0])
+        sample = fit_sample(grey, known.bin_edges, place, side, passes[0].map)
+        colors = fit_colors(bands, place, request.intensity)
+    criterion = Criterion.of(sample, known.bin_edges, side, request.similarity, request.intensity, colors)
+    with phase("scores"):
+        scores = score_cells(grey, criterion, passes[1])
+    return TextureSearch(grey, place, request, side, sample, criterion, scores, known.blocks.counts > 0)
+
+
+def regions_by_texture(
+    search: TextureSearch, passes: Sequence[TilePass], within: Rings | None = None
+) -> Extraction:
+    """Regions whose texture and intensity are like those of a sample.
+
+    Parameters
+    ----------
+    search, passes, within
+        As of `outlines_by_texture`.
+    """
+    outlined, scores = outlines_by_texture(search, passes, within)
+    return _measured(search, outlined, scores, passes[1])
+
+
+def outlines_by_texture(
+    search: TextureSearch, passes: Sequence[TilePass], within: Rings | None = None
+) -> tuple[RegionOutlines, CellScores]:
+    """Outlines of regions whose texture and intensity are like those of a sample, and the scores of cells.
+
+    Parameters
+    ----------
+    search : TextureSearch
+    passes : two of TilePass
+    within : Rings, optional
+        Outlines beyond which nothing is of interest. What remains of them in pieces of less than a cell is
+        left out.
+    """
+    grey, request, edges = search.grey, search.request, search.criterion.bin_edges
+    with phase("comparison with the background"):
+        whole = search.scores.whole
+        evidence = fit_weights(grey, edges, search.place, whole, search.side, passes[0].map)
+        least = evidence.threshold(request.similarity)
+        scores = reject_unlike(grey, search.criterion, search.scores, evidence.weights, least, passes[0])
+    trim_heap()
+    with phase("outlines"):
+        outlined = _outlined(search, scores, within, passes[1])
+        if within is not None:
+            outlined = drop_small_regions(outlined, grey.dataset.geobox, _PIECE)
+    trim_heap()
+    return outlined, scores
+
+
+def _outlined(
+    search: TextureSearch, scores: CellScores, within: Rings | None, tile_pass: TilePass
+) -> RegionOutlines:
+    criterion, request = search.criterion, search.request
+    matched = scores.best <= criterion.limit
+    if request.refine == "none" and within is None:
+        return outline_segments(search.grey, matched.view(np.uint8), tile_pass)
+    if request.refine == "none":
+        cells = matched.view(np.uint8)
+    else:
+        cells = undecided_cells(matched, search.valid & ~matched, search.side // 2)
+    weights = PixelWeights.between(criterion.model, scores.rest, np.isfinite(request.intensity))
+    shape = MatchShape(within, detail_of(request.detail, search.grey.dataset.geobox, request.refine))
+    return outline_matches(search.grey, cells, criterion, weights, scores.rest_colors, tile_pass, shape)
+
+
+def _measured(
+    search: TextureSearch, outlined: RegionOutlines, scores: CellScores, tile_pass: TilePass
+) -> Extraction:
+    """Regions with their attributes; holes are filled before small ones are dropped."""
+    grey, request, sample = search.grey, search.request, search.sample
+    outlined = filled(grey, outlined, request.fill_holes, tile_pass)
+    if request.min_area is not None:
+        outlined = drop_small_regions(outlined, grey.dataset.geobox, request.min_area)
+    bounds = sample.bounds(request.intensity)
+    interval = bounds.low / GREY_MAX, bounds.high / GREY_MAX
+    doubt = Doubt.of_textures(outlined, parting_of(search), request.refine, request.min_confidence)
+    more = {"similarity": sample.similarity(mean_scores(outlined, scores.best, tile_pass))}
+    return measured(outlined, SourceInfo.of(grey), interval, request.drawing, more, doubt=doubt)
+
+
+def parting_of(search: TextureSearch) -> Parting:
+    """How clearly texture parts the sample from the rest of the raster.
+
+    Parameters
+    ----------
+    search : TextureSearch
+    """
+    pixels = int(search.valid.sum()) * CELL * CELL
+    return Parting(search.side * CELL, separability(search.scores.best.ravel()), pixels)

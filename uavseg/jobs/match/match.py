@@ -1,0 +1,189 @@
+"""Search for the regions of a raster that are like a sample of it.
+
+color -> outlined: where the raster has the colors of the sample, see `like.by_color`
+      -> texture: where that clearly parts what is outlined, it decides which of it remains
+texture alone, see `like.by_texture`: where color hardly parts the sample from the raster, or as chosen
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from uavseg.execution.phases import decided
+from uavseg.jobs.match.by_color import learn, outlines_by_color, regions_by_color
+from uavseg.jobs.match.by_texture import TextureSample, regions_by_texture, search_texture
+from uavseg.jobs.match.color_bands import band_sources, color_sources
+from uavseg.jobs.match.request import MatchRequest
+from uavseg.jobs.result.doubt import nothing_sure
+from uavseg.jobs.result.metadata import doubt_facts, drawing_facts, with_metadata
+from uavseg.jobs.result.result import Extraction
+from uavseg.jobs.source.detail import detail_of
+from uavseg.jobs.source.open_source import raster_of
+from uavseg.jobs.source.source import Raster, Source
+from uavseg.jobs.source.work import SERIAL, Work
+from uavseg.raster.grid.tiling import TilePass
+from uavseg.regions.sample.inner_cells import inner_cells
+from uavseg.regions.sample.place import Disc, SampleMask, sample_mask
+from uavseg.regions.sample.windows import fitting_window
+from uavseg.segmentation.sample.likeness_table import LikenessTable
+from uavseg.segmentation.sample.two_kinds import are_two_kinds, separability
+from uavseg.segmentation.source import GreySource
+
+_LEAST_PARTING = 0.15  # of likeness: that of the sample less that of the raster, where color parts them
+_LEAST_WINDOW = 24  # pixels: smaller ones tell textures apart where these differ much
+_LEAST_SEPARABILITY = 0.8  # of the scores of smaller windows
+_HARDLY = "color hardly parts the sample from the rest of the raster; texture may (--by texture)"
+_MIXED = "color hardly parts the samples of what is wanted from the others; give bands or an index that does"
+_NEITHER = (
+    "color hardly parts the sample from the rest of the raster, and the sample is too small to tell by its "
+    "texture; give a larger one"
+)
+
+
+@dataclass(frozen=True)
+class Match:
+    """Regions like a sample, and what "like" meant.
+
+    Parameters
+    ----------
+    found : Extraction
+        Its regions have the column `similarity`, 1 where they are as like the sample as it is itself.
+    color : LikenessTable, optional
+        The colors, where they were compared.
+    texture : TextureSample, optional
+        The texture, where it was compared.
+    next_sample : Disc, optional
+        Where a further sample would help most, if color alone decided and left much of the raster undecided.
+    """
+
+    found: Extraction
+    color: LikenessTable | None
+    texture: TextureSample | None
+    next_sample: Disc | None = None
+
+    @property
+    def compared(self) -> str:
+        """What decided: "color", "texture", or both."""
+        parts = [self.color is not None and "color", self.texture is not None and "texture"]
+        return " and ".join(part for part in parts if part)
+
+    @property
+    def advice(self) -> str | None:
+        """Where to look for a further sample, as a line with what to type."""
+        if self.next_sample is None:
+            return None
+        x, y, radius = (
+            f"{value:.15g}" for value in (self.next_sample.x, self.next_sample.y, self.next_sample.radius)
+        )
+        disc = f"{x},{y},{radius}"
+        return f"undecided is what lies at {x}, {y}: look there, and add --like {disc} or --unlike {disc}"
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the user should know."""
+        return self.found.warnings
+
+
+def match(source: Source, request: MatchRequest, work: Work = SERIAL) -> Match:
+    """Regions of a raster that are like a sample of it.
+
+    Parameters
+    ----------
+    source : Raster
+    request : MatchRequest
+    work : Work
+
+    Raises
+    ------
+    SampleError
+        If the sample is not on the raster, too small, or on nodata.
+    UavsegError
+        If the raster cannot be read or a parameter does not fit it.
+    """
+    work = work.begun()
+    raster = raster_of(source, "a block map holds no texture to be compared; name the raster itself")
+    detail_of(request.detail, raster.geobox, request.refine)  # refused before any work
+    places = tuple(sample_mask(like, raster.geobox) for like in request.samples)
+    passes = work.over(raster).stages(7)
+    made = _by_texture if request.texture_alone else _by_color
+    result = made(raster, raster.grey(passes[0]), places, request, passes)
+    hints = []
+    if result.color is None and not len(result.found.regions) and not result.found.unsure:
+        hints.append("nothing is like the sample; a smaller similarity or a larger intensity finds more")
+    if result.color is not None and not _parts(result.color):
+        hints.append(_MIXED if not request.is_one else _HARDLY if request.by == "color" else _NEITHER)
+    if result.found.unsure and not len(result.found.regions):
+        hints.append(nothing_sure(result.found.unsure, request.min_confidence))
+    found = with_metadata(result.found, raster, "match", _facts(request, result))
+    return replace(result, found=work.finished(found, *hints))
+
+
+def _by_texture(
+    raster: Raster,
+    grey: GreySource,
+    places: Sequence[SampleMask],
+    request: MatchRequest,
+    passes: Sequence[TilePass],
+) -> Match:
+    """By texture alone, with intensity."""
+    bands = band_sources(raster, request.bands, passes[0].silent)
+    search = search_texture(grey, bands, places[0], request, passes[:2])
+    return Match(regions_by_texture(search, passes[2:4]), None, search.how)
+
+
+def _by_color(
+    raster: Raster,
+    grey: GreySource,
+    places: Sequence[SampleMask],
+    request: MatchRequest,
+    passes: Sequence[TilePass],
+) -> Match:
+    """By color, and unless that is asked for alone, by texture where it tells more."""
+    colors = color_sources(raster, grey, request.bands, passes[0].silent)
+    unlike = [sample_mask(one, raster.geobox) for one in request.unlike]
+    likeness = learn(colors, places, unlike, passes[0])
+    window = fitting_window(places[0]) if request.by == "auto" and request.is_one else None
+    if window is not None and not _parts(likeness.table):
+        bands = band_sources(raster, request.bands, passes[0].silent)
+        search = search_texture(grey, bands, places[0], request, passes[:2])
+        if window >= _LEAST_WINDOW or separability(search.scores.best.ravel()) >= _LEAST_SEPARABILITY:
+            decided("color hardly parts the sample from the raster: texture is compared")
+            return Match(regions_by_texture(search, passes[2:4]), None, search.how)
+    outlined, proposed = outlines_by_color(likeness, request, [*places, *unlike], passes[1:3])
+    if window is not None and window >= _LEAST_WINDOW:
+        plain = replace(request, intensity=float("inf"), bands=())
+        search = search_texture(grey, (), places[0], plain, passes[3:5])
+        inner = inner_cells(outlined.rings, raster.geobox.shape, passes[5].silent)
+        if are_two_kinds(search.scores.best[inner], search.criterion.limit):
+            decided("texture clearly parts what has the colors of the sample")
+            return Match(regions_by_texture(search, passes[5:7], outlined.rings), likeness.table, search.how)
+    found = regions_by_color(grey, likeness, outlined, request, passes[2])
+    return Match(found, likeness.table, None, proposed)
+
+
+def _parts(table: LikenessTable) -> bool:
+    """Whether color parts the sample from the rest of the raster."""
+    return table.parting >= _LEAST_PARTING
+
+
+def _facts(request: MatchRequest, made: Match) -> dict[str, Any]:
+    """The parameters, for the metadata of the regions."""
+    likes = [_fact(like) for like in request.samples]
+    facts: dict[str, Any] = {"like": likes[0] if len(likes) == 1 else likes, "by": made.compared}
+    if request.unlike:
+        facts |= {"unlike": [_fact(one) for one in request.unlike]}
+    if made.texture is not None:
+        facts |= {"window": made.texture.window, "similarity": request.similarity}
+        any_intensity = made.color is not None or not np.isfinite(request.intensity)
+        facts |= {"intensity": "any" if any_intensity else request.intensity}
+    facts |= {"refine": request.refine, "bands": request.bands or None}
+    facts |= doubt_facts(request.min_confidence)
+    if made.next_sample is not None:
+        facts |= {"next_sample": _fact(made.next_sample)}
+    return facts | drawing_facts(request.drawing, request.fill_holes, request.min_area, request.detail)
+
+
+def _fact(like: Disc | str) -> list[float] | str:
+    return [like.x, like.y, like.radius] if isinstance(like, Disc) else like

@@ -1,0 +1,295 @@
+"""The band, index or sum of bands, and its range, that part a sample best from the rest of a raster.
+
+sample and raster -> colors: what is of the sample's kind, as `match` learns it
+                  -> features: what bands make, each with its best interval
+                  -> ranges: the best of each kind of feature
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.errors import ParameterError, UnchosenBandsError
+from uavseg.execution.phases import decided, phase
+from uavseg.jobs.match.color_bands import band_sources
+from uavseg.jobs.result.result import SourceInfo
+from uavseg.jobs.source.open_source import open_source, raster_of
+from uavseg.jobs.source.source import Raster, ReadOptions
+from uavseg.jobs.source.work import SERIAL, Work
+from uavseg.raster.intensity.features import Feature, alike, features_of, weighted_sum
+from uavseg.raster.intensity.value_range import axis_of, scale_of
+from uavseg.raster.spectral.band_names import find_band, listed
+from uavseg.raster.spectral.value_scale import BandScale, ValueAxis, values_text
+from uavseg.regions.sample.likeness import SampledColors, sample_colors
+from uavseg.regions.sample.place import Disc, sample_mask
+from uavseg.segmentation.sample.best_interval import Interval, best_interval, linear_weights
+from uavseg.segmentation.source import GreySource
+from uavseg.units import GREY_MAX
+
+_MOST_BANDS = 16  # that are compared unless they are chosen
+_LEAST_PARTING = 0.15  # of likeness: that of the sample less that of the raster, where color parts them
+_LEAST_AGREEMENT = 0.5
+_SIMPLER = {"band": 0.02, "index": 0.01, "sum": 0.0}  # agreement that what is simpler to read may lack
+_HARDLY = (
+    "color hardly parts the sample from the rest of the raster, so no range of it does; texture may "
+    "(uavseg match --by texture)"
+)
+_MIXED = (
+    "the best range agrees in {:.0%} only with what has the colors of the sample; uavseg match compares all "
+    "bands at once"
+)
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class SuggestLikeRequest:
+    """Samples of what is wanted, and of what is not.
+
+    Parameters
+    ----------
+    like : tuple of Disc or str
+        At least one.
+    unlike : tuple of Disc or str
+    bands : tuple of int or str
+        The ones to use; all, if there are none.
+
+    Raises
+    ------
+    ParameterError
+        If there is no sample of what is wanted.
+    """
+
+    like: tuple[Disc | str, ...]
+    unlike: tuple[Disc | str, ...] = ()
+    bands: tuple[int | str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.like:
+            raise ParameterError("a sample of what is wanted is needed beside that of what is not; give like")
+
+
+@dataclass(frozen=True, slots=True)
+class SampleRange:
+    """A band, an index or an expression, and the range of its values that a sample's kind has.
+
+    Parameters
+    ----------
+    of : str
+        Description: "band 3", "ndvi (nir - red) / (nir + red) of bands 4,1".
+    value_low, value_high : float or None
+        In the units of the raster; None where it is open.
+    unit : str
+        Of the values; empty where it is not known.
+    agreement : float
+        Expected pixels that are of the kind and in the range, as a share of those that are either, 0 to 1.
+    share : float
+        Of the raster's pixels in the range, estimated from pixels all over it.
+    words : dict
+        What chooses it, as `uavseg.extract` takes it: "band", "index" or "expr"; what was chosen already is
+        not there.
+    """
+
+    of: str
+    value_low: float | None
+    value_high: float | None
+    unit: str
+    agreement: float
+    share: float
+    words: dict[str, Any]
+
+    @property
+    def values(self) -> tuple[float | None, float | None]:
+        """As `uavseg.extract` takes it."""
+        return self.value_low, self.value_high
+
+    def __str__(self) -> str:
+        """As --values takes it."""
+        return ",".join("" if end is None else f"{end:.10g}" for end in self.values)
+
+    @property
+    def values_text(self) -> str:
+        """The range for people."""
+        low, high = (math.nan if end is None else end for end in self.values)
+        return values_text((low, high), self.unit)
+
+
+@dataclass(frozen=True, slots=True)
+class SampleRanges:
+    """Ranges that part a sample from the rest of a raster, the best first.
+
+    Parameters
+    ----------
+    ranges : tuple of SampleRange
+        The best of each kind of feature: a band or the luminance, an index or a ratio, a weighted sum.
+    source : SourceInfo
+    warnings : tuple of str
+    """
+
+    ranges: tuple[SampleRange, ...]
+    source: SourceInfo
+    warnings: tuple[str, ...]
+
+
+def open_all_bands(source: Any, options: ReadOptions) -> Raster:
+    """A raster of which no band has to be chosen, however many it has.
+
+    Raises
+    ------
+    ParameterError
+        If slow light is to be taken away: ranges that part a sample are of values.
+    UavsegError
+        As of `open_source`.
+    """
+    if options.flatten is not None:
+        raise ParameterError(
+            "a sample is parted by ranges of values, which do not fit without slow light; leave flatten out"
+        )
+    refusal = "a block map holds no colors to be compared; name the raster itself"
+    try:
+        return raster_of(open_source(source, options), refusal)
+    except UnchosenBandsError:
+        raster = raster_of(open_source(source, replace(options, band=1)), refusal)
+        return replace(raster, options=options)
+
+
+def ranges_of_sample(raster: Raster, request: SuggestLikeRequest, work: Work = SERIAL) -> SampleRanges:
+    """Ranges of bands, indices and sums of bands that part samples best from the rest of a raster.
+
+    Parameters
+    ----------
+    raster : Raster
+        Where a band or a formula of it is chosen, that alone is looked at.
+    request : SuggestLikeRequest
+    work : Work
+
+    Raises
+    ------
+    SampleError
+        If a sample is not on the raster, too small, or on nodata.
+    UavsegError
+        If the raster cannot be read, or has too many bands of which none is chosen.
+    """
+    work = work.begun()
+    [tile_pass] = work.over(raster).stages(1)
+    places, others = (
+        [sample_mask(one, raster.geobox) for one in several] for several in (request.like, request.unlike)
+    )
+    options = raster.options
+    alone = not request.bands and (options.band is not None or options.words.is_formula)
+    bands = [] if alone or raster.dataset.choice.expanded else _bands(raster, request.bands)
+    sources = band_sources(raster, bands, tile_pass) if bands else [raster.grey(tile_pass)]
+    with phase("colors of the sample"):
+        colors = sample_colors(sources, places, tile_pass, others)
+        table = colors.table()
+    decided("likeness %.3f in the sample, %.3f in the raster", table.own, table.share)
+    likeness = table.of(colors.points) / GREY_MAX
+    with phase("ranges"):
+        if bands:
+            ranges = _of_bands(raster, sources, bands, colors, likeness)
+        else:
+            ranges = _as_chosen(raster, sources[0], colors, likeness)
+    info = SourceInfo.of(sources[0])
+    hints = []
+    if table.parting < _LEAST_PARTING:
+        hints.append(_HARDLY)
+    elif not ranges or ranges[0].agreement < _LEAST_AGREEMENT:
+        hints.append(_MIXED.format(ranges[0].agreement if ranges else 0))
+    return work.finished(SampleRanges(tuple(ranges), info, raster.warnings), *hints)
+
+
+def _bands(raster: Raster, wanted: Sequence[int | str]) -> list[int]:
+    """Numbers of the bands to use."""
+    layout = raster.dataset.mosaic.files[0].layout
+    if wanted:
+        return [find_band(layout, band) if isinstance(band, str) else band for band in wanted]
+    if raster.options.rgb is not None:
+        return list(raster.dataset.bands)
+    found = [number for number, role in enumerate(layout.roles, start=1) if role != "alpha"]
+    if len(found) > _MOST_BANDS:
+        raise ParameterError(
+            f"the raster has {len(found)} bands, and at most {_MOST_BANDS} are compared; choose with "
+            f"--bands; the bands are {listed(layout)}"
+        )
+    return found
+
+
+def _as_chosen(
+    raster: Raster, source: GreySource, colors: SampledColors, likeness: Floats
+) -> list[SampleRange]:
+    """The range of the one number per pixel that was chosen."""
+    axis = axis_of(source.dataset, source.stretch) or ValueAxis(source.stretch.low, source.stretch.high)
+    points, own = (axis.values(values[:, 0] / GREY_MAX) for values in (colors.points, colors.sample))
+    found = best_interval(points, likeness, own)
+    if found is None:
+        return []
+    options = raster.options
+    chosen = {"band": options.band, "index": options.words.index, "expr": options.words.expr}
+    words = _given(chosen | {"band_names": options.words.names})
+    return [_range(source.dataset.band_names, axis.unit, words, found)]
+
+
+def _of_bands(
+    raster: Raster,
+    sources: Sequence[GreySource],
+    bands: Sequence[int],
+    colors: SampledColors,
+    likeness: Floats,
+) -> list[SampleRange]:
+    """The best range of each kind of feature."""
+    options, layout = raster.options, raster.dataset.mosaic.files[0].layout
+    scales = {band: scale_of(source.dataset) for band, source in zip(bands, sources, strict=True)}
+    points, own = (_stored(sources, bands, values) for values in (colors.points, colors.sample))
+    integers = sources[0].dataset.dtype.kind in "iu" and scales[bands[0]] == BandScale()
+    features = features_of(layout, bands, options.rgb, options.words, integers)
+    summed = alike(layout, bands)
+    if len(summed) > 1:
+        values = np.stack([scales[band].values(points[band]) for band in summed], 1)
+        total = weighted_sum(layout, summed, linear_weights(values, likeness).tolist(), options.words)
+        features += [] if total is None else [total]
+    best: dict[str, tuple[Feature, Interval]] = {}
+    for one in features:
+        if one.choice.formula is None and len({scales[band] for band in one.choice.bands}) > 1:
+            continue  # there are no values of its luminance
+        found = best_interval(one.values(points, scales), likeness, one.values(own, scales))
+        if found and (one.kind not in best or found.agreement > best[one.kind][1].agreement):
+            best[one.kind] = one, found
+    order = sorted(best.values(), key=lambda pair: -pair[1].agreement - _SIMPLER[pair[0].kind])
+    ranges = []
+    for one, found in order:
+        words: dict[str, Any] = {"band": one.band, "index": one.words.index, "expr": one.words.expr}
+        words |= {"rgb": options.rgb if one.choice.formula is None and one.band is None else None}
+        unit = scales[one.choice.bands[0]].unit if one.choice.formula is None else ""
+        words |= {"band_names": one.words.names}
+        ranges.append(_range(one.choice.name, unit, _given(words), found))
+    return ranges
+
+
+def _stored(
+    sources: Sequence[GreySource], bands: Sequence[int], greys: NDArray[np.uint16]
+) -> dict[int, Floats]:
+    """Stored numbers of pixels of each band, from their greys."""
+    found = {}
+    for band, source, column in zip(bands, sources, greys.T, strict=True):
+        low, high = source.stretch.low, source.stretch.high
+        found[band] = low + column / GREY_MAX * (high - low)
+    return found
+
+
+def _given(words: dict[str, Any]) -> dict[str, Any]:
+    return {name: word for name, word in words.items() if word is not None}
+
+
+def _range(of: str, unit: str, words: dict[str, Any], found: Interval) -> SampleRange:
+    ends = [None if math.isinf(end) else _rounded(end, found.step) for end in (found.low, found.high)]
+    return SampleRange(of, ends[0], ends[1], unit, found.agreement, found.share, words)
+
+
+def _rounded(value: float, step: float) -> float:
+    """With as many decimals as the step between values that were compared has."""
+    decimals = max(math.ceil(-math.log10(step)), 0)
+    return round(value, decimals) + 0.0

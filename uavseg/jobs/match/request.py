@@ -1,0 +1,119 @@
+"""What is searched for by a sample, and what counts as like it."""
+
+import math
+from dataclasses import dataclass
+
+from uavseg.errors import ParameterError
+from uavseg.jobs.result.doubt import check_least
+from uavseg.jobs.result.result import Drawing
+from uavseg.jobs.source.detail import Length
+from uavseg.regions.edit.small import Area
+from uavseg.regions.sample.place import Disc
+
+WINDOWS = (16, 24, 32, 48, 64, 96, 128)
+
+
+@dataclass(frozen=True, slots=True)
+class MatchRequest:
+    """Which sample, and what is like it.
+
+    Parameters
+    ----------
+    like : Disc or str, or tuple of them
+        The sample: a disc on the map, or a file of polygons. Several are compared by color.
+    window : int, optional
+        Side in pixels of the window whose texture is compared; by default 32, or less where the sample is too
+        small for it.
+    similarity : float
+        How like the sample a window must be, above 0 and at most 1, see `Sample.similarity`, and by how much
+        the background may explain it better, see `Evidence.least`. A smaller one finds more.
+    intensity : float
+        By how many of the sample's standard deviations the mean of a window may differ from the sample's;
+        infinite for texture alone.
+    refine : {"pixel", "none"}
+        Whether pixels near boundaries are decided one by one, or regions end at cells of 8 pixels.
+    drawing : Drawing
+    fill_holes, min_area : Area, optional
+        As of `ExtractRequest`.
+    bands : tuple of int or str
+        Bands whose intensity is compared, each by itself, by number or name; beside texture, they are
+        compared as well.
+    by : {"auto", "color", "texture"}
+        What is compared: color, or texture with intensity. By default color, with texture where that clearly
+        parts what has the color; or texture, where color hardly parts the sample from the rest of the raster,
+        or one of window, similarity and intensity is chosen.
+    unlike : tuple of Disc or str
+        Samples of what is not wanted; they are compared by color.
+    detail : Length, optional
+        As of `ExtractRequest`.
+    min_confidence : float, optional
+        Regions of a lower confidence are dropped at last.
+
+    Raises
+    ------
+    ParameterError
+        If one of them is not allowed.
+    """
+
+    like: Disc | str | tuple[Disc | str, ...]
+    window: int | None = None
+    similarity: float = 0.9
+    intensity: float = 1.0
+    refine: str = "pixel"
+    drawing: Drawing = Drawing()
+    fill_holes: Area | None = None
+    min_area: Area | None = None
+    bands: tuple[int | str, ...] = ()
+    by: str = "auto"
+    unlike: tuple[Disc | str, ...] = ()
+    detail: Length | None = None
+    min_confidence: float | None = None
+
+    def __post_init__(self) -> None:
+        check_least(self.min_confidence, self.refine)
+        if len(self.samples) == 0:
+            raise ParameterError("a sample is needed, of what is wanted")
+        if not self.is_one and self.texture_alone:
+            raise ParameterError(
+                "texture is compared with one sample; several, and those of what is unlike, are compared by "
+                "color: leave out the words of texture, or all samples but one"
+            )
+        if self.window is not None and self.window not in WINDOWS:
+            known = ", ".join(map(str, WINDOWS))
+            raise ParameterError(f"the side of a window is one of {known} pixels, not {self.window}")
+        if not 0 < self.similarity <= 1:
+            raise ParameterError(f"a similarity is above 0 and at most 1, not {self.similarity:g}")
+        if not self.intensity >= 0:
+            raise ParameterError(
+                f"an intensity is a number of deviations that is not negative, not {self.intensity:g}"
+            )
+        if self.bands and math.isinf(self.intensity):
+            raise ParameterError("an infinite intensity compares texture alone; leave the bands out, or it")
+        if self.refine not in ("pixel", "none"):
+            raise ParameterError(f"a refinement of matches is pixel or none, not {self.refine!r}")
+        if self.by not in ("auto", "color", "texture"):
+            raise ParameterError(f"regions are compared by auto, color or texture, not {self.by!r}")
+        if self.by == "color" and self.chooses_texture:
+            raise ParameterError(
+                "window, similarity and intensity are of texture, and not of color; leave them out"
+            )
+
+    @property
+    def chooses_texture(self) -> bool:
+        """Whether something is chosen that only the comparison of texture has."""
+        return (self.window, self.similarity, self.intensity) != (None, 0.9, 1.0)
+
+    @property
+    def samples(self) -> tuple[Disc | str, ...]:
+        """The samples of what is wanted."""
+        return self.like if isinstance(self.like, tuple) else (self.like,)
+
+    @property
+    def is_one(self) -> bool:
+        """Whether there is one sample, of what is wanted."""
+        return len(self.samples) == 1 and not self.unlike
+
+    @property
+    def texture_alone(self) -> bool:
+        """Whether color is not looked at."""
+        return self.by == "texture" or (self.by == "auto" and self.chooses_texture)

@@ -1,0 +1,1 @@
+"""Ranges of v, of values and of percentiles, as requested and as detected."""

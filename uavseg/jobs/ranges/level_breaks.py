@@ -1,0 +1,140 @@
+"""Breaks between levels chosen from the raster: multi-level Otsu thresholds, or quantiles."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.errors import ParameterError, RasterError
+from uavseg.segmentation.blocks.block_map import BlockMap
+from uavseg.segmentation.blocks.leaves import histogram_of_means
+from uavseg.segmentation.params.partition import Breaks
+from uavseg.segmentation.params.segment import DivisionParams
+from uavseg.segmentation.range_candidates import MAX_CLASSES, propose_ranges
+from uavseg.units import GREY_MAX
+
+BreakRule = Literal["otsu", "quantile"]
+_QUANTILES = 5
+_MAX_QUANTILES = 100
+
+
+@dataclass(frozen=True, slots=True)
+class BreakChoice:
+    """How many levels, and the rule for the breaks between them, from the means of leaves.
+
+    Parameters
+    ----------
+    rule : {"otsu", "quantile"}
+        The smallest variance within levels, as `suggest` has it; or the same number of pixels in each.
+    count : int, optional
+        Of levels: 2 to 8 with "otsu", by default as many as valleys of the histogram separate; 2 to 100 with
+        "quantile", by default 5.
+
+    Raises
+    ------
+    ParameterError
+        If one of them is not allowed.
+    """
+
+    rule: BreakRule
+    count: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.rule not in get_args(BreakRule):
+            raise ParameterError(
+                f"breaks are numbers such as 0.2,0.5, otsu, otsu:3, quantile or quantile:4, not {self.rule!r}"
+            )
+        most = MAX_CLASSES if self.rule == "otsu" else _MAX_QUANTILES
+        if self.count is not None and not 2 <= self.count <= most:
+            raise ParameterError(f"levels by {self.rule} are 2 to {most} in number, not {self.count}")
+
+    def breaks(self, blocks: BlockMap, division: DivisionParams) -> Breaks:
+        """The breaks that a block map gives.
+
+        Raises
+        ------
+        RasterError
+            If it has no valid pixel.
+        """
+        histogram = histogram_of_means(blocks, division)
+        if not histogram.any():
+            raise RasterError("no pixel is valid, so there are no breaks; look at nodata with uavseg info")
+        if self.rule == "otsu":
+            return Breaks(propose_ranges(histogram, self.count).edges)
+        return Breaks(quantile_breaks(histogram, self.count or _QUANTILES))
+
+
+def quantile_breaks(histogram: NDArray[np.int64], count: int) -> tuple[float, ...]:
+    """Breaks below which 1 / count, 2 / count, ... of the pixels lie; fewer where many have one value.
+
+    Parameters
+    ----------
+    histogram : (65536,) int64 array
+        Pixels by grey.
+    count : int
+
+    Examples
+    --------
+    >>> histogram = np.zeros(65536, np.int64)
+    >>> histogram[[6000, 20000, 40000, 60000]] = 1
+    >>> quantile_breaks(histogram, 2)
+    (0.4,)
+    """
+    below = np.cumsum(histogram)
+    wanted = np.array([-(-k * int(below[-1]) // count) for k in range(1, count)])
+    greys = np.unique(np.searchsorted(below, wanted))
+    greys = greys[below[greys] < below[-1]]  # the last grey belongs to the last level
+    occupied = np.flatnonzero(histogram)
+    after = occupied[np.searchsorted(occupied, greys, "right")]
+    return tuple(_break_between(*pair) for pair in zip(greys.tolist(), after.tolist(), strict=True))
+
+
+def _break_between(low: int, high: int) -> float:
+    """The number above 0 of the fewest decimals from a grey on that is not nearer to another, higher one."""
+    for decimals in range(1, 7):  # six decimals, a fifteenth of a grey, always do
+        unit = 10**decimals
+        found = max(-(-low * unit // GREY_MAX), 1) / unit
+        if found < (high - 0.5) / GREY_MAX:
+            break
+    return float(found)
+
+
+def breaks_of(breaks: Sequence[float] | str | None) -> Breaks | BreakChoice:
+    """Breaks from numbers or text; see `breaks_of_words`.
+
+    Raises
+    ------
+    ParameterError
+        If they are not understood.
+    """
+    if breaks is None or isinstance(breaks, str):
+        return breaks_of_words(breaks or "")
+    return Breaks(tuple(float(one) for one in breaks))
+
+
+def breaks_of_words(text: str) -> Breaks | BreakChoice:
+    """Breaks from text: numbers between commas, otsu, quantile, or one of these with a number of levels.
+
+    Raises
+    ------
+    ParameterError
+        If it is none of them.
+
+    Examples
+    --------
+    >>> breaks_of_words("otsu:3"), breaks_of_words("0.2,0.5")
+    (BreakChoice(rule='otsu', count=3), Breaks(edges=(0.2, 0.5)))
+    """
+    rule, _, count = text.strip().partition(":")
+    try:
+        if rule in get_args(BreakRule):
+            return BreakChoice(rule, int(count) if ":" in text else None)  # type: ignore[arg-type]
+        return Breaks(tuple(float(part) for part in text.split(",")))
+    except ValueError as error:
+        if isinstance(error, ParameterError):
+            raise
+        raise ParameterError(
+            f"breaks are numbers such as 0.2,0.5, otsu, otsu:3, quantile or quantile:4, not {text!r}"
+        ) from None

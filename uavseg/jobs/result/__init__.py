@@ -1,0 +1,1 @@
+"""What a job returns: regions with attributes, metadata and confidence."""

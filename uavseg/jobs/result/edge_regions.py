@@ -1,0 +1,94 @@
+"""Regions at the edge of a raster: they may go on beyond it, or be a collar without data."""
+
+from collections.abc import Collection
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from uavseg.errors import RegionError
+from uavseg.jobs.source.source import Source
+from uavseg.raster.geodesy.globe import WGS84, transform_between
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.regions.select.where import where
+from uavseg.regions.table import Regions
+
+REACH_PIXELS = 1.0  # outlines may be smoothed and simplified
+MAX_LISTED = 10  # ids in a message
+
+
+def without_edge_regions(
+    regions: Regions, raster: Source, ids: Collection[int] | None, condition: str | None
+) -> tuple[Regions, list[str]]:
+    """Regions that do not touch the edge of a raster, and a note of those that are left out.
+
+    Parameters
+    ----------
+    regions : Regions
+        In degrees.
+    raster : Source
+        With a CRS.
+    ids : collection of int, optional
+        Regions that were asked for by id are not left out: they are refused.
+    condition : str, optional
+        The note is about regions that fulfil it.
+
+    Raises
+    ------
+    RegionError
+        If a region that was asked for touches the edge, none is left, or the raster has no CRS.
+    """
+    if raster.geobox.wkt is None:
+        raise RegionError(
+            f"{raster.name} has no CRS, so which regions touch its edge is not known; give it one with "
+            "gdal_edit.py -a_srs, or fly over them all the same (--allow-edge)"
+        )
+    touches = touches_edge(regions.polygons, raster.geobox)
+    chosen = np.ones(len(regions), bool) if condition is None else where(regions.columns, condition)
+    if ids is not None:
+        chosen &= np.isin(regions.columns["id"], list(ids))
+    found = regions.columns["id"][touches & chosen].tolist()
+    if not found:
+        return regions.select(np.flatnonzero(~touches)), []
+    more = f" and {len(found) - MAX_LISTED} more" if len(found) > MAX_LISTED else ""
+    one = len(found) == 1
+    what = (
+        f"region{'s' * (not one)} {', '.join(map(str, found[:MAX_LISTED]))}{more} "
+        f"touch{'es' * one} the edge of {raster.name}: {'it' if one else 'they'} may go on beyond it, or be "
+        "a collar"
+    )
+    if ids is not None or not (chosen & ~touches).any():
+        raise RegionError(f"{what}; choose others, or fly over them all the same (--allow-edge)")
+    return regions.select(np.flatnonzero(~touches)), [
+        f"{what}, so {'it is' if one else 'they are'} left out; --allow-edge flies over them"
+    ]
+
+
+def touches_edge(polygons: Any, geobox: GeoBox) -> NDArray[np.bool_]:
+    """Which polygons come nearer than a pixel to the edge of a raster, from either side.
+
+    Edges of valid pixels inside of a raster do not count.
+
+    Parameters
+    ----------
+    polygons : sequence of shapely Polygon or MultiPolygon
+        In degrees (lon, lat; WGS 84).
+    geobox : GeoBox
+        Of the raster, with a CRS.
+
+    Returns
+    -------
+    touches : (n,) bool array
+    """
+    lonlat, owner = shapely.get_coordinates(np.asarray(list(polygons), object), return_index=True)
+    x, y = transform_between(WGS84, geobox.wkt)(*lonlat.T)
+    t = ~geobox.transform
+    row, col = t.d * x + t.e * y + t.f, t.a * x + t.b * y + t.c
+    rows, cols = geobox.shape
+    near_row, near_col = (np.minimum(abs(at), abs(at - size)) for at, size in ((row, rows), (col, cols)))
+    beside = (near_row <= REACH_PIXELS) & (col >= -REACH_PIXELS) & (col <= cols + REACH_PIXELS)
+    beside |= (near_col <= REACH_PIXELS) & (row >= -REACH_PIXELS) & (row <= rows + REACH_PIXELS)
+    touches = np.zeros(len(polygons), bool)
+    touches[owner[beside]] = True
+    return touches

@@ -1,0 +1,213 @@
+"""Results of jobs: regions with what is needed to describe them and to rasterise them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from uavseg.errors import ParameterError
+from uavseg.jobs.ranges.ranges import FoundRange
+from uavseg.jobs.result.doubt import COLUMN, Doubt
+from uavseg.jobs.source.source import Blocks
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.intensity.stretch import Stretch
+from uavseg.raster.intensity.value_range import axis_of
+from uavseg.raster.spectral.value_scale import ValueAxis
+from uavseg.regions.outline.rings import RegionOutlines, Rings
+from uavseg.regions.shapes import LazyPolygons
+from uavseg.regions.table import Regions, make_regions
+from uavseg.regions.values import with_values
+from uavseg.segmentation.source import GreySource
+
+
+@dataclass(frozen=True)
+class Extraction:
+    """Regions, and what is needed to describe them and to rasterise them.
+
+    Parameters
+    ----------
+    regions : Regions
+    rings : Rings
+        Their outlines on pixel edges, neither smoothed nor simplified.
+    geobox : GeoBox
+        Of the raster.
+    stretch : Stretch
+        The one that was used.
+    band_names : str
+    warnings : tuple of str
+    in_metres : bool
+        Whether lengths are metres rather than units of the map.
+    axis : ValueAxis or None
+        How v maps to values in the raster's own units, where that is known.
+    wanted : FoundRange or None
+        The range that was asked for, if it is one.
+    unsure : int or None
+        Regions that were left out because of their confidence, if a least one was asked for.
+    nothing : str
+        Why no region of the range was found, for messages; empty where some were.
+    """
+
+    regions: Regions
+    rings: Rings
+    geobox: GeoBox
+    stretch: Stretch
+    band_names: str
+    warnings: tuple[str, ...]
+    in_metres: bool = True
+    axis: ValueAxis | None = None
+    wanted: FoundRange | None = None
+    unsure: int | None = None
+    nothing: str = ""
+
+    @property
+    def area_unit(self) -> str:
+        """Unit of areas in the table at the end: square metres, pixels or square units of the map."""
+        if self.in_metres:
+            return "m2"
+        return "square pixels" if self.geobox.transform.is_identity else "square units"
+
+
+@dataclass(frozen=True, slots=True)
+class SourceInfo:
+    """What a result says of its source.
+
+    Parameters
+    ----------
+    name : str
+        Name of the first file, without folder.
+    geobox : GeoBox
+    stretch : Stretch
+    band_names : str
+    warnings : tuple of str
+    in_metres : bool
+        Whether lengths are metres rather than units of the map.
+    axis : ValueAxis or None
+        How v maps to values in the raster's own units, where that is known.
+    """
+
+    name: str
+    geobox: GeoBox
+    stretch: Stretch
+    band_names: str
+    warnings: tuple[str, ...]
+    in_metres: bool
+    axis: ValueAxis | None = None
+
+    @classmethod
+    def of(cls, source: GreySource | Blocks) -> "SourceInfo":
+        """About pixels that were read, or about a block map."""
+        if isinstance(source, Blocks):
+            saved = source.saved
+            facts = saved.stretch, saved.band_names, saved.stretch.warnings
+            return cls(source.name, saved.geobox, *facts, saved.geobox.crs is not None, saved.axis)
+        dataset, stretch = source.dataset, source.stretch
+        warnings = dataset.warnings + stretch.warnings
+        facts = stretch, dataset.band_names, warnings
+        axis = None if source.is_flat else axis_of(dataset, stretch)
+        return cls(dataset.source, dataset.geobox, *facts, dataset.in_metres, axis)
+
+
+_MAX_METRES = 1e8  # more than twice around the Earth
+
+
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """How outlines are smoothed and simplified; attributes stay those of the pixels.
+
+    Parameters
+    ----------
+    smooth_m : float, optional
+        Largest distance in metres of smoothed outlines from the pixel edges, at most half a pixel; smoothing
+        comes first.
+    simplify_m : float, optional
+        Tolerance in metres of the simplification that follows, see `simplify`.
+
+    Raises
+    ------
+    ParameterError
+        If one of them is negative or not finite.
+    """
+
+    smooth_m: float | None = None
+    simplify_m: float | None = None
+
+    def __post_init__(self) -> None:
+        for metres, what in ((self.smooth_m, "smoothed"), (self.simplify_m, "simplified")):
+            if metres is not None and not 0 <= metres < float("inf"):
+                raise ParameterError(f"outlines are {what} by metres that are not negative, not {metres:g}")
+            if metres is not None and metres > _MAX_METRES:
+                raise ParameterError(f"outlines are {what} by {_MAX_METRES:g} m at most, not {metres:g}")
+
+    def drawn(self, regions: Regions, rings: Rings, geobox: GeoBox) -> Regions:
+        """The regions with their outlines smoothed and simplified.
+
+        Parameters
+        ----------
+        regions : Regions
+        rings : Rings
+            Their outlines on the pixel edges.
+        geobox : GeoBox
+        """
+        if self.smooth_m:
+            from uavseg.regions.smooth.smooth_outlines import smooth_outlines
+
+            rings, geobox = smooth_outlines(rings, self.smooth_m, geobox)
+            regions = replace(regions, polygons=LazyPolygons(rings, geobox.transform))
+        if self.simplify_m:
+            from uavseg.regions.edit.simplify import simplify
+
+            regions = simplify(regions, self.simplify_m, geobox)
+        return regions
+
+
+def measured(
+    outlined: RegionOutlines,
+    info: SourceInfo,
+    interval: tuple[ArrayLike, ArrayLike],
+    drawing: Drawing = Drawing(),
+    more: Mapping[str, NDArray[Any]] = {},
+    wanted: FoundRange | None = None,
+    doubt: Doubt | None = None,
+) -> Extraction:
+    """Regions with their attributes.
+
+    Parameters
+    ----------
+    outlined : RegionOutlines
+    info : SourceInfo
+    interval : (float, float) or two (n,) arrays
+        Low and high v of all regions, or of each.
+    drawing : Drawing
+        How their outlines are drawn.
+    more : mapping of str to (n,) array
+        Columns that come after the id.
+    wanted : FoundRange, optional
+        The range that was asked for, in both units; by default its values follow from `interval`.
+    doubt : Doubt, optional
+        Their confidence, a column after `more`; those of less than is wanted are left out.
+
+    Raises
+    ------
+    ParameterError
+        If a confidence is wanted that is not known.
+    """
+    unsure = None
+    if doubt is not None:
+        outlined, kept = doubt.applied(outlined)
+        more = {name: column[kept] for name, column in more.items()} | {COLUMN: doubt.confidence[kept]}
+        interval = _kept(interval[0], kept), _kept(interval[1], kept)
+        unsure = None if doubt.least is None else int(np.count_nonzero(~kept))
+    rings, sums = outlined.rings, outlined.sums
+    pixels = np.bincount(rings.labels, rings.pixel_areas(), len(sums.counts) + 1)[1:].astype(np.int64)
+    regions = make_regions(rings, sums, info.geobox, interval, info.name, pixels)
+    regions = with_values(regions, sums, info.axis, None if wanted is None else wanted.ends)
+    columns = {"id": regions.columns["id"], **more} | regions.columns
+    regions = drawing.drawn(replace(regions, columns=columns), rings, info.geobox)
+    facts = info.stretch, info.band_names, info.warnings, info.in_metres, info.axis, wanted
+    return Extraction(regions, rings, info.geobox, *facts, unsure)
+
+
+def _kept(ends: ArrayLike, kept: NDArray[np.bool_]) -> ArrayLike:
+    return ends if np.ndim(ends) == 0 else np.asarray(ends)[kept]

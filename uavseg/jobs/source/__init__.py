@@ -1,0 +1,1 @@
+"""What a job reads: rasters, maps and block maps, and how they are opened."""

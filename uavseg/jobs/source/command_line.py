@@ -1,0 +1,88 @@
+"""Command lines that are proposed: the same sources and the same options of reading, quoted for a shell."""
+
+import os
+import shlex
+from collections.abc import Sequence
+from dataclasses import fields
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+from uavseg.access import current_policy
+from uavseg.jobs.source.detail import Length
+from uavseg.jobs.source.source import ReadOptions
+from uavseg.raster.intensity.stretch import Stretch, StretchSpec
+from uavseg.raster.read.source_list import expand_sources, is_list
+
+_FEW = 8  # names that are spelled out where a pattern stands for them
+
+
+def extract_line(sources: Sequence[str], options: ReadOptions, interval: str, kind: str = "--range") -> str:
+    """The line that extracts a range from the same sources, read in the same way.
+
+    Parameters
+    ----------
+    sources : sequence of str
+        As the user named them.
+    options : ReadOptions
+    interval : str
+        As --range takes it, or another option.
+    kind : str
+        That option.
+
+    Examples
+    --------
+    >>> extract_line(["my tile.tif"], ReadOptions(band=2, stretch="0,2047"), "0.5,1")
+    "uavseg extract 'my tile.tif' --band 2 --stretch 0,2047 --range 0.5,1"
+    """
+    words = [*source_words(sources), *option_words(options), *_access_words(), kind, interval]
+    return shlex.join(["uavseg", "extract", *words])
+
+
+def _access_words() -> list[str]:
+    """The options of the access policy, as it is now."""
+    policy = current_policy()
+    words = [word for folder in policy.allow_paths for word in ("--allow-path", folder)]
+    return [*words, "--allow-network"] if policy.allow_network else words
+
+
+def source_words(sources: Sequence[str]) -> list[str]:
+    """Names of sources as arguments; more than eight become a pattern where one stands for just these."""
+    words = [f"./{name}" if name.startswith("-") else name for name in sources]
+    if len(words) <= _FEW:
+        return words
+    folders, suffixes = {os.path.dirname(name) for name in words}, {Path(name).suffix for name in words}  # noqa: PTH120
+    if len(folders) > 1 or len(suffixes) > 1:
+        return words
+    pattern = os.path.join(folders.pop(), f"*{suffixes.pop()}")  # noqa: PTH118 - keeps ./
+    return [pattern] if is_list(pattern) and expand_sources([pattern]) == words else words
+
+
+def option_words(options: ReadOptions) -> list[str]:
+    """The options of the command line that say what `ReadOptions` say; none where they are the defaults."""
+    bands = options.words
+    given = {"--index": bands.index, "--expr": bands.expr, "--band-names": bands.names}
+    words = [word for name, text in given.items() if text is not None for word in (name, text)]
+    for field in fields(options):
+        if field.name == "words":
+            continue
+        value = getattr(options, field.name)
+        if value is None or value is False or value == field.default or value == StretchSpec("auto"):
+            continue
+        option = f"--{field.name.replace('_', '-')}"
+        words += [option] if value is True else [option, _text(value)]
+    return words
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, Length):
+        return value.word
+    if isinstance(value, Stretch):
+        return _text((value.low, value.high))
+    if isinstance(value, StretchSpec):
+        if value.bounds is None:
+            return value.form
+        return f"percentile:{_text(value.bounds)}" if value.form == "percentile" else _text(value.bounds)
+    if isinstance(value, tuple | list):
+        return ",".join(map(_text, value))
+    return repr(float(value)).removesuffix(".0") if isinstance(value, float | Fraction) else str(value)

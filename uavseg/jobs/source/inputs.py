@@ -1,0 +1,88 @@
+"""Files that a job reads, so that no output replaces one of them."""
+
+import os
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from uavseg.access import current_policy
+from uavseg.errors import UavsegError
+from uavseg.output.inputs import check_not_inputs
+from uavseg.output.targets import existing_files
+from uavseg.raster.read.file_list import raster_files
+from uavseg.raster.read.source_list import expand_sources
+
+Path_ = str | os.PathLike[str]
+_ROS = (".yaml", ".yml")
+
+
+def keep_inputs(outputs: Iterable[Path_ | None], inputs: Iterable[Any]) -> None:
+    """Check that no output would replace a file that is read, before the work.
+
+    Parameters
+    ----------
+    outputs : iterable of path or None
+    inputs : iterable
+        Sources as they were given: paths count, with the files that they name (the sources of a VRT, the
+        image of a ROS map, the rasters of a block map). Other values are left out.
+
+    Raises
+    ------
+    OutputError
+        If one would.
+    """
+    there = [path for path in outputs if path is not None and path != "-" and _has_files(path)]
+    if there:
+        check_not_inputs(there, [name for given in _paths(inputs) for name in _files_read(given)])
+
+
+def _has_files(path: Path_) -> bool:
+    return bool(existing_files(Path(os.path.realpath(path))))
+
+
+def _paths(inputs: Iterable[Any]) -> Iterator[str]:
+    for given in inputs:
+        if isinstance(given, str | os.PathLike):
+            yield from _named(given)
+        elif isinstance(given, list | tuple):
+            yield from _paths(given)
+
+
+def _named(path: Path_) -> list[str]:
+    """The files that a path stands for."""
+    try:
+        return expand_sources([path])
+    except UavsegError:
+        return [os.fspath(path)]  # the error is reported when it is opened
+
+
+def _files_read(path: str) -> list[str]:
+    suffix = Path(path).suffix.lower()
+    if suffix in _ROS:
+        return [path, *_ros_image(path)]
+    if not Path(path).is_file():
+        return [path]
+    return [*raster_files(path), *_block_map_rasters(path)]
+
+
+def _ros_image(path: str) -> list[str]:
+    from uavseg.occupancy.ros.ros_yaml import read_ros_yaml
+
+    try:
+        return [os.fspath(read_ros_yaml(path).image)]
+    except UavsegError:
+        return []  # the error is reported when the map is opened
+
+
+def _block_map_rasters(path: str) -> list[str]:
+    from uavseg.segmentation.blocks.block_file import rasters_of
+
+    found = []
+    for raster in rasters_of(path):
+        try:
+            current_policy().check_name(path, raster, Path())
+        except UavsegError:
+            found.append(raster)  # it is not opened, and so not replaced either
+        else:
+            found += raster_files(raster)
+    return found

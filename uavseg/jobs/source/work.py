@@ -1,0 +1,130 @@
+"""How a job is run: tiles, executor, checkpoint, progress and unreadable blocks as one value."""
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from uavseg.execution.executors import Map, Progress, serial, usable_cores
+from uavseg.execution.executors import threads as thread_pool
+from uavseg.execution.phases import decided
+from uavseg.raster.grid.tiling import TilePass, Window
+from uavseg.raster.read.bad_blocks import BadBlock, bad_block_warnings, recording_bad_blocks, with_bad_blocks
+from uavseg.segmentation.blocks.memory import check_memory
+
+if TYPE_CHECKING:
+    from uavseg.jobs.source.source import Pixels
+
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True)
+class Work:
+    """How a job is run; none of it changes a result.
+
+    Parameters
+    ----------
+    tile : int, optional
+        Side of a tile in pixels, a multiple of 64; by default one that suits the files.
+    executor : Map
+        Runs the tiles.
+    local : Map
+        Threads of this process, for the steps that a cluster would slow down.
+    progress : callable, optional
+        Called with (done, total).
+    checkpoint : path, optional
+        Folder in which finished tiles are kept, and from which they are taken.
+    resumed : callable, optional
+        Called with (stage, done, total) for each stage of which tiles were found in the checkpoint.
+    started : callable, optional
+        Called with the windows when the tiles of a source are known.
+    bad_blocks : set of BadBlock
+        Blocks of files that could not be read; grows as results come in. Each job has a set of its own.
+    """
+
+    tile: int | None = None
+    executor: Map = serial
+    local: Map = serial
+    progress: Progress | None = None
+    checkpoint: str | os.PathLike[str] | None = None
+    resumed: Callable[[str, int, int], object] | None = None
+    started: Callable[[Sequence[Window]], object] | None = None
+    bad_blocks: set[BadBlock] = field(default_factory=set, repr=False, compare=False)
+
+    @classmethod
+    def by_threads(
+        cls,
+        threads: int | None,
+        tile: int | None = None,
+        progress: Progress | None = None,
+        resume: str | os.PathLike[str] | None = None,
+    ) -> "Work":
+        """Work of threads of this process, with finished tiles kept in a folder if one is given.
+
+        Raises
+        ------
+        ParameterError
+            If the number of threads is below 1.
+        """
+        run = thread_pool(threads)
+        decided("%d threads", threads or usable_cores())
+        return cls(tile, run, run, progress, resume)
+
+    def begun(self) -> "Work":
+        """The work of one job, with a set of unreadable blocks of its own."""
+        return replace(self, bad_blocks=set())
+
+    def over(self, source: "Pixels") -> TilePass:
+        """The pass over the tiles of a source, which collects its unreadable blocks.
+
+        Raises
+        ------
+        ParameterError
+            If the side of a tile is not a multiple of 64, or there is a checkpoint and the source is a ROS
+            map, which is read whole.
+        OutputError
+            If the folder of the checkpoint cannot be made.
+        RasterError
+            If the raster is too large for its block map to fit into memory.
+        """
+        if self.checkpoint is not None:
+            source.check_resumable()
+        check_memory(source.geobox.shape)
+        tile_pass = TilePass(source.dataset.windows(self.tile), self.map, self.progress)
+        sides = max((window.rows, window.cols) for window in tile_pass.windows)
+        decided("%d tiles of %d x %d pixels at most", len(tile_pass.windows), *sides)
+        if self.started is not None:
+            self.started(tile_pass.windows)
+        return tile_pass
+
+    @property
+    def map(self) -> Map:
+        """The executor with its checkpoint, which collects unreadable blocks."""
+        run = self.executor
+        if self.checkpoint is not None:
+            from uavseg.execution.checkpoint import with_checkpoint
+
+            run = with_checkpoint(run, self.checkpoint, self.resumed)
+        return with_bad_blocks(run, self.bad_blocks)
+
+    @contextmanager
+    def reading_here(self) -> Iterator[None]:
+        """A block in which this thread reads; it collects unreadable blocks too."""
+        with recording_bad_blocks(self.bad_blocks):
+            yield
+
+    @property
+    def bad_block_warnings(self) -> tuple[str, ...]:
+        """What cannot be read, see `raster.bad_blocks.bad_block_warnings`."""
+        return bad_block_warnings(self.bad_blocks)
+
+    def finished(self, result: Result, *hints: str) -> Result:
+        """A result with all of its warnings: its own, the unreadable blocks, then hints of the job."""
+        known: Any = result
+        found: Result = replace(known, warnings=(*known.warnings, *self.bad_block_warnings, *hints))
+        return found
+
+
+SERIAL = Work()
+"""One tile after the other, in this thread."""

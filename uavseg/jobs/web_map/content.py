@@ -1,0 +1,199 @@
+"""What a web map of a raster shows: a picture in Web Mercator, and block means for ranges."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.errors import ParameterError, RasterError
+from uavseg.execution.phases import phase
+from uavseg.jobs.divide import block_map_of
+from uavseg.jobs.result.result import SourceInfo
+from uavseg.jobs.source.open_source import raster_of
+from uavseg.jobs.source.source import Source
+from uavseg.jobs.source.work import SERIAL, Work
+from uavseg.jobs.web_map.mercator import MercatorImage, to_mercator, webp_of
+from uavseg.raster.geodesy.globe import is_on_earth
+from uavseg.raster.grid.ground_grid import GroundGrid, ground_grid
+from uavseg.raster.grid.tiling import Window
+from uavseg.raster.intensity.stretch import Stretch
+from uavseg.raster.read.dataset import Dataset
+from uavseg.raster.read.overview import DatasetOverview
+from uavseg.segmentation.blocks.block_map import BlockMap
+from uavseg.segmentation.blocks.leaf_codes import STEPS, leaf_codes
+from uavseg.segmentation.params.segment import SegmentParams
+from uavseg.units import CELL
+
+__all__ = ["STEPS", "CellCodes", "FieldMap", "FieldMapRequest", "field_map", "map_tile"]
+
+MIN_SIZE, MAX_SIZE = 64, 8192
+MAX_CELLS = 1 << 22  # about 16384 x 16384 pixels
+
+
+@dataclass(frozen=True, slots=True)
+class FieldMapRequest:
+    """What a web map shows.
+
+    Parameters
+    ----------
+    segment : SegmentParams
+        How blocks are divided.
+    size : int
+        Longest side of the picture in pixels, 64 to 8192.
+    all_cells : bool
+        Whether cells are there also where they are too many for a page.
+
+    Raises
+    ------
+    ParameterError
+        If the size is out of bounds.
+    """
+
+    segment: SegmentParams = SegmentParams()
+    size: int = 2048
+    all_cells: bool = False
+
+    def __post_init__(self) -> None:
+        if not MIN_SIZE <= self.size <= MAX_SIZE:
+            raise ParameterError(
+                f"the longest side of the picture is {MIN_SIZE} to {MAX_SIZE} pixels, not {self.size}"
+            )
+
+    @classmethod
+    def from_words(cls, method: str, threshold: float, intensity_step: float, size: int) -> "FieldMapRequest":
+        """The request of the words of both faces."""
+        return cls(SegmentParams.from_words(method, threshold, intensity_step, None), size)
+
+
+@dataclass(frozen=True)
+class CellCodes:
+    """Where the mean of each cell's leaf lies among the steps of a slider.
+
+    Parameters
+    ----------
+    shape : (int, int)
+        Rows and columns of the raster.
+    codes : (m, n) uint16 array
+        See `leaf_codes`.
+    counts : (m, n) uint8 array
+        Number of valid pixels of each cell.
+    """
+
+    shape: tuple[int, int]
+    codes: NDArray[np.uint16]
+    counts: NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class FieldMap:
+    """A raster for a web map.
+
+    Parameters
+    ----------
+    image : MercatorImage
+    ground : GroundGrid
+    cells : CellCodes or None
+        None where the raster is too large for a page, unless all were asked for.
+    info : SourceInfo
+    warnings : tuple of str
+    """
+
+    image: MercatorImage
+    ground: GroundGrid
+    cells: CellCodes | None
+    info: SourceInfo
+    warnings: tuple[str, ...]
+
+    @property
+    def fits_page(self) -> bool:
+        """Whether a page can hold the cells."""
+        return self.cells is not None and self.cells.codes.size <= MAX_CELLS
+
+
+def map_tile(dataset: Dataset, stretch: Stretch, place: tuple[int, int, int]) -> bytes | None:
+    """A tile of a web map in the colours of its picture, as WebP.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Without its collar.
+    stretch : Stretch
+        That of the picture.
+    place : (zoom, x, y)
+        In the usual numbering of tiles of Web Mercator.
+
+    Returns
+    -------
+    content : bytes or None
+        None where the raster has nothing.
+    """
+    from uavseg.jobs.web_map.map_tile import read_map_tile
+
+    found = read_map_tile(dataset, place)
+    return None if found is None else webp_of(_colored(*found, stretch, dataset))
+
+
+def field_map(source: Source, request: FieldMapRequest = FieldMapRequest(), work: Work = SERIAL) -> FieldMap:
+    """The picture and the block means of a raster.
+
+    Parameters
+    ----------
+    source : Raster
+    request : FieldMapRequest
+    work : Work
+
+    Raises
+    ------
+    RasterError
+        If it has no place on Earth, or one that a map in Web Mercator cannot show.
+    UavsegError
+        If it cannot be read, or a parameter does not fit it.
+    """
+    work = work.begun()
+    raster = raster_of(source, "a block map holds no picture; name the raster that it was made from")
+    if raster.geobox.crs is None or not is_on_earth(raster.geobox.wkt):
+        raise RasterError(
+            f"{raster.name} has no coordinate system on Earth, so it has no place on a map; give it one "
+            "(gdal_edit.py -a_srs), or draw it with uavseg preview"
+        )
+    ground = ground_grid(raster.geobox)
+    tile_pass = work.over(raster)
+    saved, info = block_map_of(raster, tile_pass)
+    with phase("picture"), work.reading_here():
+        coarse = DatasetOverview.of(raster.cleaned(tile_pass.silent), request.size)
+        image = to_mercator(_colors(coarse, saved.stretch), coarse.geobox, ground, request.size)
+    cells, notes = None, info.warnings
+    rows, cols = raster.geobox.shape
+    if request.all_cells or -(-rows // CELL) * -(-cols // CELL) <= MAX_CELLS:
+        cells = _cells(saved.blocks, request.segment)
+    else:
+        many = f"{cols} x {rows} pixels are too many for the slider of a page"
+        notes = (*notes, f"{many}, so it is left out; uavseg serve has one")
+    return work.finished(FieldMap(image, ground, cells, info, notes))
+
+
+def _cells(blocks: BlockMap, segment: SegmentParams) -> CellCodes:
+    rows, cols = (-(-length // CELL) for length in blocks.shape)
+    codes = leaf_codes(blocks, segment.division)[:rows, :cols]
+    return CellCodes(
+        blocks.shape, np.ascontiguousarray(codes), np.ascontiguousarray(blocks.counts[:rows, :cols])
+    )
+
+
+def _colors(coarse: Dataset, stretch: Stretch) -> NDArray[np.uint8]:
+    """Red, green, blue and alpha: colours as they are where they are bytes, else grey through the stretch."""
+    return _colored(*coarse.read(Window(0, 0, *coarse.geobox.shape)), stretch, coarse)
+
+
+def _colored(
+    values: NDArray[Any], valid: NDArray[np.bool_] | None, stretch: Stretch, source: Dataset
+) -> NDArray[np.uint8]:
+    image = np.full((4, *values.shape[1:]), 255, np.uint8)
+    if len(values) == 3 and values.dtype == np.uint8 and source.choice.formula is None:
+        image[:3] = values
+    else:
+        image[:3] = (stretch.apply(values, valid) >> 8).astype(np.uint8)
+    if valid is not None:
+        image[3] = np.where(valid, 255, 0)
+    return image

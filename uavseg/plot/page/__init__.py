@@ -1,0 +1,1 @@
+"""The page of a picture: frame, map furniture, polygons, PNG file."""

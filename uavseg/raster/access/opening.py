@@ -1,0 +1,305 @@
+"""GDAL access: a pool of open files per thread, a small block cache, captured messages, readable errors."""
+
+import ctypes
+import logging
+import os
+import re
+import threading
+import warnings
+from collections import OrderedDict
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import rasterio
+from rasterio._env import del_gdal_config
+from rasterio._err import CPLE_BaseError
+from rasterio.env import get_gdal_config, set_gdal_config
+from rasterio.errors import CRSError, NotGeoreferencedWarning, RasterioError
+from rasterio.io import DatasetReader
+
+from uavseg.errors import RasterReadError
+from uavseg.plain_text import cause_of
+from uavseg.raster.grid.tiling import Window
+from uavseg.warning_filters import changing_filters
+
+MAX_OPEN = 64  # open files per thread
+CACHE_BYTES = 32 << 20  # GDAL's cache of decoded blocks; its own default is a twentieth of the memory
+GDAL_OPTIONS = {
+    "GDAL_PNG_WHOLE_IMAGE_OPTIM": "NO",  # it reads missing parts of truncated files as 0
+    "GDAL_VRT_ENABLE_PYTHON": "NO",  # code of files is not run
+    "GDAL_NUM_THREADS": "1",  # threads of the JPEG 2000 driver read damaged tiles as 0, without an error
+}
+OFFLINE_OPTIONS = {  # the second line of defence: what files name is checked before they are opened
+    "GDAL_HTTP_PROXY": "none://offline",  # no such kind of proxy: every request fails before it is sent
+    "CPL_VSIL_CURL_ALLOWED_FILENAME": "\n",  # no file of a network file system has this name
+}
+GDAL_ERRORS = (  # they have no common base class
+    RasterioError,
+    CRSError,
+    CPLE_BaseError,
+    UnicodeError,  # of a name, or of a text in the file
+)
+
+
+def _silence_libtiff() -> None:
+    """Take away the handlers of libtiff that print to stderr; GDAL reports its errors file by file.
+
+    GDAL's layer for files has no handler of its own there, so that a full disk or a damaged offset printed
+    lines. Where libtiff is not a library of its own, or the system is not Linux, nothing is changed.
+    """
+    with suppress(OSError, AttributeError):
+        maps = Path("/proc/self/maps").read_text(errors="replace")
+        for path in set(re.findall(r"/\S*/libtiff[^/\s]*\.so[^/\s]*", maps)):
+            library = ctypes.CDLL(path)
+            for name in ("TIFFSetErrorHandler", "TIFFSetWarningHandler"):
+                unset = getattr(library, name)
+                unset.argtypes, unset.restype = [ctypes.c_void_p], ctypes.c_void_p
+                unset(None)
+
+
+_silence_libtiff()
+
+
+class OpenFiles:
+    """Pool of open files, one for each thread; it is empty after unpickling."""
+
+    def __init__(self) -> None:
+        self._local = threading.local()
+
+    def __reduce__(self) -> tuple[type["OpenFiles"], tuple[()]]:
+        return OpenFiles, ()
+
+    def open(self, path: str, located: bool, driver: str | None = None, masks: str = "") -> DatasetReader:
+        """The open file, opened now if it is not; beyond 64 files the least recently used is closed.
+
+        Raises
+        ------
+        RasterReadError
+            If it cannot be opened, or has lost its place on the map (`located`) or its masks (`masks`, of
+            `mask_kind`).
+        """
+        files: OrderedDict[str, DatasetReader] = self._local.__dict__.setdefault("files", OrderedDict())
+        if path not in files:
+            try:
+                opener = rasterio.open if located else quiet_open
+                files[path] = _unchanged(path, opener(path, driver=driver), located, masks)
+            except GDAL_ERRORS as error:
+                raise RasterReadError(open_error_text(path, error)) from error
+            if len(files) > MAX_OPEN:
+                files.popitem(last=False)[1].close()
+        files.move_to_end(path)
+        return files[path]
+
+    def failed_blocks(self, path: str, bands: tuple[int, ...]) -> set[tuple[int, int]]:
+        """First row and column of the blocks of a file that this thread could not read, to be added to.
+
+        A block is not tried again for each tile that it meets: where a strip of a damaged file is as wide as
+        the raster, that took most of the time.
+        """
+        known: dict[tuple[str, tuple[int, ...]], set[tuple[int, int]]]
+        known = self._local.__dict__.setdefault("failed", {})
+        return known.setdefault((path, bands), set())
+
+    def bad_as_a_whole(self, path: str, bands: tuple[int, ...], is_bad: Callable[[], bool]) -> bool:
+        """Whether nothing of a file can be read, which this thread asks once."""
+        known: dict[tuple[str, tuple[int, ...]], bool] = self._local.__dict__.setdefault("bad", {})
+        if (path, bands) not in known:
+            known[path, bands] = is_bad()
+        return known[path, bands]
+
+    def close(self, path: str) -> None:
+        """Close a file, if this thread has it open; it is opened anew when it is needed."""
+        files: OrderedDict[str, DatasetReader] = self._local.__dict__.get("files", OrderedDict())
+        if path in files:
+            files.pop(path).close()
+
+
+def _unchanged(path: str, source: DatasetReader, located: bool, masks: str) -> DatasetReader:
+    """The raster; an error if it had a geotransform or a mask when it was inspected and has none now."""
+    if (masks and mask_kind(source) != masks) or (located and source.transform.is_identity):
+        source.close()
+        raise RasterReadError(f"{path} changed, or its header cannot be read any more")
+    return source
+
+
+@contextmanager
+def gdal_env(online: bool = False) -> Iterator[None]:
+    """GDAL with its messages captured, without requests unless `online`, and with a small block cache.
+
+    The cache is left as it is where GDAL_CACHEMAX is set.
+    """
+    with rasterio.Env(), _thread_options.in_use(online):
+        yield
+
+
+class _ThreadOptions(threading.local):
+    """GDAL's options while this thread reads.
+
+    rasterio sets options of one thread, but in the main thread those of the process, which hold for threads
+    without options of their own. So each thread sets its own when it begins, and puts back what was there.
+    """
+
+    def __init__(self) -> None:
+        self._readers = 0
+        self._online = 0
+        self._before: dict[str, Any] = {}
+
+    @contextmanager
+    def in_use(self, online: bool) -> Iterator[None]:
+        self._readers += 1
+        self._online += online
+        if self._readers == 1:
+            self._set(GDAL_OPTIONS | self._cache())
+        if online and self._online == 1:
+            self._restore(OFFLINE_OPTIONS)
+        elif not self._online and self._readers == 1:
+            self._set(OFFLINE_OPTIONS)
+        try:
+            yield
+        finally:
+            self._readers -= 1
+            self._online -= online
+            if self._readers == 0:
+                self._restore(list(self._before))
+            elif online and not self._online:
+                self._set(OFFLINE_OPTIONS)
+
+    @staticmethod
+    def _cache() -> dict[str, Any]:
+        if "GDAL_CACHEMAX" in os.environ:
+            return {}
+        default: int | None = get_gdal_config("GDAL_CACHEMAX")
+        return {"GDAL_CACHEMAX": min(CACHE_BYTES, default or CACHE_BYTES)}
+
+    def _set(self, options: dict[str, Any]) -> None:
+        for name, value in options.items():
+            self._before[name] = get_gdal_config(name, normalize=False)
+            set_gdal_config(name, value)
+
+    def _restore(self, names: Iterable[str]) -> None:
+        for name in names:
+            if name not in self._before:
+                continue
+            value = self._before.pop(name)
+            if value is None:
+                del_gdal_config(name)
+            else:
+                set_gdal_config(name, value, normalize=False)
+
+
+_thread_options = _ThreadOptions()
+
+
+def quiet_open(path: str | os.PathLike[str], mode: str = "r", **how: Any) -> Any:
+    """`rasterio.open` without its warning about files that are not georeferenced."""
+    with changing_filters():
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)
+        return rasterio.open(path, mode, **how)
+
+
+def mask_kind(source: DatasetReader) -> str:
+    """The masks of a raster: "file" if all bands share one, "band" if each has its own, or ""."""
+    names = [{flag.name for flag in band} for band in source.mask_flag_enums]
+    if "per_dataset" in names[0] and "alpha" not in names[0]:
+        return "file"
+    return "band" if any(not band for band in names) else ""
+
+
+@contextmanager
+def unread_tags_are_errors(path: str) -> Iterator[None]:
+    """Context in which a TIFF is opened: a tag that cannot be read, and matters, is an error.
+
+    GDAL ignores such tags with a message, and so a raster without its CRS or nodata value.
+
+    Raises
+    ------
+    RasterReadError
+        If there is one.
+    """
+    found: list[str] = []
+    thread = threading.get_ident()
+
+    def note(record: logging.LogRecord) -> None:
+        if record.thread == thread and _UNREAD_TAG.search(record.getMessage()):
+            found.append(record.getMessage())
+
+    handler = logging.Handler(logging.WARNING)
+    handler.emit = note  # type: ignore[method-assign]
+    log = logging.getLogger("rasterio._env")
+    log.addHandler(handler)
+    try:
+        yield
+    finally:
+        log.removeHandler(handler)
+    if found:
+        tag = _UNREAD_TAG.findall(found[0])[0]
+        raise RasterReadError(
+            f"{path} cannot be opened as a raster (its tag {tag} cannot be read); the file is damaged or "
+            "incomplete: repair it"
+        )
+
+
+_UNREAD_TAG = re.compile(r'IO error during reading of "((?:Geo|GDAL|RPC|Extra|Color|Sample|Transparency)\w*)')
+
+
+def has_place(source: DatasetReader) -> bool:
+    """Whether GDAL finds a geotransform, ground control points or RPCs in a raster."""
+    with changing_filters(record=True) as caught:
+        warnings.simplefilter("always")
+        source.read_transform()
+    return not any(issubclass(found.category, NotGeoreferencedWarning) for found in caught)
+
+
+@contextmanager
+def gdal_read_errors(path: str, window: Window, online: bool = False) -> Iterator[None]:
+    """GDAL's messages captured; its errors on reading a window as RasterReadError."""
+    try:
+        with gdal_env(online):
+            yield
+    except GDAL_ERRORS as error:
+        rows, cols = rasterio_window(window)
+        raise RasterReadError(
+            f"{path} cannot be read in rows {rows[0]} to {rows[1]}, columns {cols[0]} to {cols[1]} "
+            f"({cause_of(error)}); the file is damaged or incomplete: repair it, or give --skip-bad-tiles "
+            "(skip_bad_tiles=True) to count unreadable blocks as nodata"
+        ) from error
+
+
+def open_error_text(path: str, error: BaseException) -> str:
+    """Reason why a raster cannot be opened, as one line."""
+    if os.path.isdir(path):  # noqa: PTH112 - false for a name that is too long
+        return f"{path} is a folder; name the rasters in it"
+    if not (is_remote(path) or ":" in path[2:] or file_exists(path)):
+        return f"there is no file {path}"
+    return f"{path} cannot be opened as a raster ({cause_of(error)})"
+
+
+def file_exists(path: str | os.PathLike[str]) -> bool:
+    """Whether there is a file or folder; False too for what is too long for a name."""
+    return os.path.exists(path)  # noqa: PTH110 - the method of Path raises then
+
+
+def is_remote(path: str) -> bool:
+    """Whether a path is a URL, or belongs to one of GDAL's virtual file systems."""
+    return "://" in path or path.startswith("/vsi")
+
+
+def absolute_path(path: str) -> str:
+    """A path that means the same in another process: that of an existing local file becomes absolute.
+
+    Examples
+    --------
+    >>> absolute_path("/vsicurl/https://example.org/a.tif")
+    '/vsicurl/https://example.org/a.tif'
+    """
+    archive = re.match(r"/vsi(?:zip|tar|gzip|7z|rar)/(?!/|vsi|\{)", path)
+    if archive:
+        return path[: archive.end()] + str(Path(path[archive.end() :]).absolute())
+    return str(Path(path).absolute()) if file_exists(path) else path
+
+
+def rasterio_window(window: Window) -> tuple[tuple[int, int], tuple[int, int]]:
+    """A window for rasterio: start and end of the rows, and of the columns."""
+    return (window.row, window.row + window.rows), (window.col, window.col + window.cols)

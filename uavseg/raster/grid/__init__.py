@@ -1,0 +1,1 @@
+"""Georeference and integer arithmetic of windows, tiles and masks."""

@@ -1,0 +1,274 @@
+"""Areas and lengths on the ellipsoid of rings along pixel edges, in any coordinate reference system.
+
+The ground size of a pixel (the areal scale factor) varies slowly over a raster. It is sampled on the
+ellipsoid, interpolated by Chebyshev polynomials, split by a singular value decomposition into a short sum of
+products of a function of the row and one of the column, and integrated once into tables over rows and
+columns. An area is then a sum around a ring (Green's theorem), and the length of an edge a difference of two
+table entries. Rows of a geographic raster are integrated between their parallels directly.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
+
+from uavseg.raster.geodesy.globe import densify_line, unit_factor
+from uavseg.raster.grid.ellipsoid import Ellipsoid, ellipsoid_under, pixel_on_ground, pixel_on_map
+from uavseg.raster.grid.geobox import GeoBox
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.integer[Any]]
+
+_CHUNK = 1 << 20  # vertices measured at a time
+_MAX_NODES = 128  # of the interpolation, along rows and along columns
+_TOLERANCE = 1e-11  # relative, of the last coefficients
+
+
+def ring_areas(geobox: GeoBox, vertices: Integers, starts: Integers) -> Floats:
+    """Signed ground area of rings along pixel edges.
+
+    Parameters
+    ----------
+    geobox : GeoBox
+    vertices : (v, 2) integer array
+        (row, col) pixel corners; each edge is horizontal or vertical. A ring is not closed.
+    starts : (r + 1,) integer array
+        Where each ring starts in `vertices`; the last entry is v.
+
+    Returns
+    -------
+    areas : (r,) float64 array
+        Square metres (square map units if there is no CRS); positive for rings that run clockwise on the
+        image, negative for the others, as holes do.
+
+    Examples
+    --------
+    >>> from affine import Affine
+    >>> box = GeoBox((10, 10), Affine(2.0, 0.0, 0.0, 0.0, -2.0, 0.0), None)
+    >>> ring_areas(box, np.array([[0, 0], [0, 3], [1, 3], [1, 0]]), np.array([0, 4]))
+    array([12.])
+    """
+    return _sum_over_rings(_tables(geobox).area_along, vertices, starts)
+
+
+def ring_perimeters(geobox: GeoBox, vertices: Integers, starts: Integers) -> Floats:
+    """Ground length of rings along pixel edges, in metres (map units if there is no CRS).
+
+    Parameters and shapes are those of `ring_areas`.
+    """
+    return _sum_over_rings(_tables(geobox).length_along, vertices, starts)
+
+
+def ground_resolution(geobox: GeoBox) -> tuple[float, float]:
+    """Ground metres per pixel at the centre of a raster: along a row, and along a column.
+
+    Map units if there is no CRS.
+    """
+    return ground_steps(geobox, geobox.shape[0] / 2, geobox.shape[1] / 2)
+
+
+def ground_steps(geobox: GeoBox, row: float, col: float) -> tuple[float, float]:
+    """Ground metres per pixel at a position: along a row, and along a column.
+
+    Map units if there is no CRS.
+    """
+    per_col, per_row, _ = pixel_on_ground(geobox, np.array([row]), np.array([col]))
+    if np.isfinite(per_col[0]) and np.isfinite(per_row[0]):
+        return float(per_col[0]), float(per_row[0])
+    return pixel_on_map(geobox)[:2]
+
+
+def line_length(geobox: GeoBox, row: Floats, col: Floats) -> float:
+    """Ground length of a polyline on a raster, whose edges are straight on the map.
+
+    Parameters
+    ----------
+    geobox : GeoBox
+    row, col : (n,) float64 arrays
+        Pixel corners are whole numbers.
+
+    Returns
+    -------
+    length : float
+        Metres on the ellipsoid; map units if there is no CRS.
+
+    Examples
+    --------
+    >>> from affine import Affine
+    >>> box = GeoBox((10, 10), Affine(2, 0, 0, 0, -2, 0), None)
+    >>> line_length(box, np.array([0.5, 4.5]), np.array([1.5, 4.5]))
+    10.0
+    """
+    ellipsoid = ellipsoid_under(geobox.wkt)
+    pieces = np.maximum(np.maximum(np.abs(np.diff(row)), np.abs(np.diff(col))), 1).astype(np.int64)
+    rows, cols = densify_line(np.stack([row, col], axis=-1), pieces).T
+    x, y = geobox.xy_from_pixel(rows, cols)
+    points = np.stack([x, y], axis=-1) if ellipsoid is None else ellipsoid.xyz_from_xy(x, y)
+    steps = np.sqrt((np.diff(points, axis=0) ** 2).sum(axis=1))
+    return float(steps.sum()) * (unit_factor(geobox.wkt) if ellipsoid is None else 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class _Product:
+    """Sum over k of rows[k, row] * cols[k, col] at pixel corners."""
+
+    rows: Floats
+    cols: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class _Tables:
+    """Integrals at pixel corners: of the area over rows and columns, of lengths along one of them."""
+
+    area: _Product
+    length_of_rows: _Product
+    length_of_cols: _Product
+
+    def area_along(self, here: Integers, there: Integers) -> Floats:
+        """Ground area between each edge and the first column; 0 for horizontal edges."""
+        total = np.zeros(len(here))
+        for rows, cols in zip(self.area.rows, self.area.cols, strict=True):
+            total += (rows[there[:, 0]] - rows[here[:, 0]]) * cols[here[:, 1]]
+        return total
+
+    def length_along(self, here: Integers, there: Integers) -> Floats:
+        """Ground length of each edge; it runs along a row or along a column, so one of the two sums is 0."""
+        down, across = np.zeros(len(here)), np.zeros(len(here))
+        for rows, cols in zip(self.length_of_cols.rows, self.length_of_cols.cols, strict=True):
+            down += (rows[there[:, 0]] - rows[here[:, 0]]) * cols[here[:, 1]]
+        for rows, cols in zip(self.length_of_rows.rows, self.length_of_rows.cols, strict=True):
+            across += rows[here[:, 0]] * (cols[there[:, 1]] - cols[here[:, 1]])
+        return np.abs(down) + np.abs(across)
+
+
+def _sum_over_rings(
+    measure: Callable[[Integers, Integers], Floats], vertices: Integers, starts: Integers
+) -> Floats:
+    """Sum of `measure(vertices, next vertices)` over each ring."""
+    sums = np.zeros(len(starts) - 1)
+    ring = 0
+    while ring < len(sums):
+        last = int(np.searchsorted(starts, starts[ring] + _CHUNK, "right")) - 1
+        last = max(last, ring + 1)
+        offsets = starts[ring:last] - starts[ring]
+        here = vertices[starts[ring] : starts[last]]
+        there = np.empty_like(here)
+        there[:-1] = here[1:]
+        there[np.append(offsets[1:], len(here)) - 1] = here[offsets]
+        sums[ring:last] = np.add.reduceat(measure(here, there), offsets)
+        ring = last
+    return sums
+
+
+@lru_cache(maxsize=4)
+def _tables(geobox: GeoBox) -> _Tables:
+    ellipsoid = ellipsoid_under(geobox.wkt)
+    if ellipsoid is None:
+        return _uniform_tables(geobox, *pixel_on_map(geobox))
+    if ellipsoid.inverse is None and geobox.transform.b == 0 == geobox.transform.d:
+        return _geographic_tables(geobox, ellipsoid)
+    return _fitted_tables(geobox)
+
+
+def _uniform_tables(geobox: GeoBox, per_col: float, per_row: float, area: float) -> _Tables:
+    """Tables for pixels of equal ground size."""
+    rows, cols = (np.arange(length + 1.0)[None] for length in geobox.shape)
+    return _Tables(
+        _Product(rows, cols * area),
+        _Product(np.ones_like(rows), cols * per_col),
+        _Product(rows * per_row, np.ones_like(cols)),
+    )
+
+
+def _geographic_tables(geobox: GeoBox, ellipsoid: Ellipsoid) -> _Tables:
+    """Tables for a geographic raster whose rows are parallels; there is no ground beyond the poles."""
+    rows, cols = (np.arange(length + 1.0) for length in geobox.shape)
+    lat = np.clip((geobox.transform.f + geobox.transform.e * rows) * ellipsoid.unit, -np.pi / 2, np.pi / 2)
+    cols = cols * abs(geobox.transform.a * ellipsoid.unit)
+    nodes, weights = np.polynomial.legendre.leggauss(8)
+    half = np.diff(lat)[:, None] / 2
+    meridian, parallel = ellipsoid.radii(lat[:-1, None] + half * (1 + nodes))
+    arcs = np.abs(half) * weights * meridian
+    return _Tables(
+        _Product(_cumulative_sum((arcs * parallel).sum(axis=1))[None], cols[None]),
+        _Product(ellipsoid.radii(lat)[1][None], cols[None]),
+        _Product(_cumulative_sum(arcs.sum(axis=1))[None], np.ones((1, len(cols)))),
+    )
+
+
+def _cumulative_sum(steps: Floats) -> Floats:
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def _fitted_tables(geobox: GeoBox) -> _Tables:
+    """Tables from polynomials for the lengths and the area of pixels over the raster."""
+    fitted = _interpolate(geobox)
+    if fitted is None:
+        fitted = _least_squares(geobox)
+    if fitted is None:
+        return _uniform_tables(geobox, *pixel_on_map(geobox))
+    along_rows, along_cols, area = fitted
+    return _Tables(
+        _product(geobox, area, True, True),
+        _product(geobox, along_rows, False, True),
+        _product(geobox, along_cols, True, False),
+    )
+
+
+def _interpolate(geobox: GeoBox) -> Floats | None:
+    """Chebyshev coefficients (3, m, n) by interpolation, as many as needed; None if ground is missing."""
+    shape = [8, 8]
+    while True:
+        nodes = [np.cos(np.pi * (np.arange(n) + 0.5) / n) for n in shape]
+        row, col = (length * (1 + x) / 2 for length, x in zip(geobox.shape, nodes, strict=True))
+        samples = np.stack(pixel_on_ground(geobox, row[:, None], col[None, :]))
+        if not np.isfinite(samples).all():
+            return None
+        into_rows, into_cols = (_from_nodes(x) for x in nodes)
+        fitted: Floats = into_rows @ samples @ into_cols.T
+        size = np.abs(fitted).max(axis=(1, 2), keepdims=True) * _TOLERANCE
+        tails = [(np.abs(fitted[:, -2:, :]) > size).any(), (np.abs(fitted[:, :, -2:]) > size).any()]
+        if not any(tails):
+            return fitted
+        shape = [2 * n if tail else n for n, tail in zip(shape, tails, strict=True)]
+        if max(shape) > _MAX_NODES:
+            return None
+
+
+def _from_nodes(x: Floats) -> Floats:
+    """The matrix from values at Chebyshev nodes to coefficients."""
+    matrix: Floats = chebyshev.chebvander(x, len(x) - 1).T * 2 / len(x)
+    matrix[0] /= 2
+    return matrix
+
+
+def _least_squares(geobox: GeoBox, degree: int = 16) -> Floats | None:
+    """The same by least squares, for a raster that extends past the domain of its projection."""
+    x, y = np.meshgrid(np.linspace(-1, 1, 49), np.linspace(-1, 1, 49))
+    row, col = (length * (1 + at) / 2 for length, at in zip(geobox.shape, (y, x), strict=True))
+    samples = np.stack(pixel_on_ground(geobox, row, col))
+    inside = np.isfinite(samples).all(axis=0)
+    if inside.sum() < 4 * (degree + 1) ** 2:
+        return None
+    basis = chebyshev.chebvander2d(y[inside], x[inside], [degree, degree])
+    fitted = np.linalg.lstsq(basis, samples[:, inside].T, rcond=1e-12)[0]
+    return np.ascontiguousarray(fitted.T).reshape(3, degree + 1, degree + 1)
+
+
+def _product(geobox: GeoBox, fitted: Floats, over_rows: bool, over_cols: bool) -> _Product:
+    """A bivariate polynomial as a sum of products at pixel corners, integrated over rows, columns or both."""
+    left, sizes, right = np.linalg.svd(fitted)
+    terms = max(1, int((sizes > sizes[0] * 1e-12).sum()))
+    in_rows, in_cols = left[:, :terms] * sizes[:terms], right[:terms].T
+    return _Product(
+        _at_corners(in_rows, geobox.shape[0], over_rows), _at_corners(in_cols, geobox.shape[1], over_cols)
+    )
+
+
+def _at_corners(polynomials: Floats, length: int, integrated: bool) -> Floats:
+    series = chebyshev.chebint(polynomials, lbnd=-1, scl=length / 2) if integrated else polynomials
+    return np.asarray(chebyshev.chebval(np.linspace(-1, 1, length + 1), series), np.float64)

@@ -1,0 +1,157 @@
+"""Numbers per pixel that bands make: a band itself, the luminance, an index, a ratio, a weighted sum."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.errors import ParameterError
+from uavseg.raster.intensity.grey import luminance
+from uavseg.raster.read.band_choice import choose
+from uavseg.raster.spectral.band_names import names_of
+from uavseg.raster.spectral.bands import BandChoice, BandLayout
+from uavseg.raster.spectral.formula import BandWords, bind_formula
+from uavseg.raster.spectral.indices import INDICES
+from uavseg.raster.spectral.value_scale import BandScale
+
+_MOST_IN_RATIOS = 6  # bands of which all pairs are compared
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Feature:
+    """A number per pixel, in the words that choose it.
+
+    Parameters
+    ----------
+    kind : {"band", "index", "sum"}
+        From what is simplest to read: a band or the luminance, an index or a ratio, a weighted sum.
+    band : int, optional
+        The band, if it is one.
+    words : BandWords
+        The index or the expression, if it is one.
+    choice : BandChoice
+        What the words choose.
+    """
+
+    kind: str
+    band: int | None
+    words: BandWords
+    choice: BandChoice = field(repr=False)
+
+    def values(self, planes: Mapping[int, Floats], scales: Mapping[int, BandScale]) -> Floats:
+        """Its values, in the units of the raster.
+
+        Parameters
+        ----------
+        planes : mapping of (n,) float64 arrays
+            Stored numbers of the pixels of each band, by its number.
+        scales : mapping of BandScale
+        """
+        bands = self.choice.bands
+        stacked = np.stack([planes[band] for band in bands])
+        if self.choice.formula is not None:
+            found, _ = self.choice.formula.apply(stacked[..., None], None, [scales[band] for band in bands])
+            return found[0, :, 0].astype(np.float64)
+        stored = luminance(stacked) if len(bands) == 3 else stacked[0]
+        return scales[bands[0]].values(stored)
+
+
+def features_of(
+    layout: BandLayout,
+    bands: Sequence[int],
+    rgb: Sequence[int | str] | None,
+    words: BandWords,
+    integers: bool,
+) -> list[Feature]:
+    """The bands by themselves, the luminance, and all indices and ratios that the bands allow.
+
+    Parameters
+    ----------
+    layout : BandLayout
+    bands : sequence of int
+        The ones to use.
+    rgb : three ints or texts, optional
+        The bands of red, green and blue, where they are chosen.
+    words : BandWords
+        Of which the names are kept.
+    integers : bool
+        Whether numbers are stored as integers without a scale, for which indices of reflectance do not hold.
+    """
+    found = [Feature("band", band, words, choose(layout, band, None, words)) for band in bands]
+    bands = alike(layout, bands)
+    if len(bands) in (3, 4):
+        whole = choose(layout, None, rgb, words)
+        if len(whole.bands) == 3 and set(whole.bands) <= set(bands):
+            found.append(Feature("band", None, words, whole))
+    for name, index in INDICES.items():
+        asked = replace(words, index=name)
+        if not (index.of_reflectance and integers) and _uses(layout, asked, bands):
+            found.append(Feature("index", None, asked, choose(layout, None, None, asked)))
+    texts = _ratios(list(_words(layout, bands).values())) if len(bands) <= _MOST_IN_RATIOS else []
+    return found + [_expression(layout, words, text, "index") for text in texts]
+
+
+def alike(layout: BandLayout, bands: Sequence[int]) -> list[int]:
+    """The bands that have the type of the first, with which it can be computed."""
+    return [band for band in bands if layout.dtypes[band - 1] == layout.dtypes[bands[0] - 1]]
+
+
+def weighted_sum(
+    layout: BandLayout, bands: Sequence[int], weights: Sequence[float], words: BandWords
+) -> Feature | None:
+    """The sum of bands times weights; None where there are fewer than two."""
+    called = _words(layout, bands)
+    terms = [
+        f"{weight:g} * {called[band]}"
+        for band, weight in zip(bands, weights, strict=True)
+        if weight and band in called
+    ]
+    if len(terms) < 2:
+        return None
+    return _expression(layout, words, " + ".join(terms).replace("+ -", "- "), "sum")
+
+
+def _expression(layout: BandLayout, words: BandWords, text: str, kind: str) -> Feature:
+    asked = replace(words, expr=text)
+    return Feature(kind, None, asked, choose(layout, None, None, asked))
+
+
+def _uses(layout: BandLayout, words: BandWords, bands: Sequence[int]) -> bool:
+    """Whether a formula is of these bands alone."""
+    try:
+        formula = bind_formula(words, layout)
+    except ParameterError:  # there is no band of a name that it has
+        return False
+    return formula is not None and set(formula.expression.bands) <= set(bands)
+
+
+def _words(layout: BandLayout, bands: Sequence[int]) -> dict[int, str]:
+    """What bands are called in expressions: their numbers, or a name where another band has b1 for its name.
+
+    A band without such a name is left out.
+    """
+    names = names_of(layout)
+    found = {}
+    for band in bands:
+        own = sorted(
+            (key for key in names[band - 1].keys if key.isidentifier()), key=lambda key: (len(key), key)
+        )
+        keys = [f"b{band}", *own]
+        for key in keys:
+            number = int(key[1:]) if key[0] == "b" and key[1:].isdigit() else band
+            if number == band and {name.number for name in names if key in name.keys} <= {band}:
+                found[band] = key
+                break
+    return found
+
+
+def _ratios(names: Sequence[str]) -> list[str]:
+    """Differences of two bands over their sum, and of more than two the share of each."""
+    found = [f"({b} - {a}) / ({b} + {a})" for a, b in combinations(names, 2)]
+    if len(names) > 2:
+        found += [f"{name} / ({' + '.join(names)})" for name in names]
+    return found

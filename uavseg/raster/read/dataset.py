@@ -1,0 +1,321 @@
+"""Dataset: one raster or a mosaic, with windowed reads that are thread-safe and picklable."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from uavseg.arguments import checked
+from uavseg.errors import ParameterError
+from uavseg.plain_text import shown
+from uavseg.raster.access.opening import OpenFiles
+from uavseg.raster.grid.geobox import GeoBox, scaled
+from uavseg.raster.grid.pixel_mask import PixelMask
+from uavseg.raster.grid.tiling import Window, in_panels, sample_positions, tile_side, tiles
+from uavseg.raster.read.array_source import ArraySource, from_array, from_values, is_array_like
+from uavseg.raster.read.band_choice import check_names_agree, check_reflectance, choose
+from uavseg.raster.read.data_array import from_data_array, is_data_array
+from uavseg.raster.read.inspect_file import inspect_file
+from uavseg.raster.read.mosaic import Mosaic, RasterSource, align_rasters, with_nodata
+from uavseg.raster.read.open_raster import from_open_raster, is_open_raster
+from uavseg.raster.read.part_reader import PartReader
+from uavseg.raster.spectral.band_names import renamed
+from uavseg.raster.spectral.bands import BandChoice, Valid, Values, choose_bands, without
+from uavseg.raster.spectral.formula import BandWords
+from uavseg.raster.spectral.value_scale import BandScale
+
+_NO_SCALE = (
+    "its bands or files have different scales, offsets or units: stored numbers are compared as they are"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Dataset:
+    """Windowed reads of the intensity bands of one raster or of a mosaic.
+
+    It holds paths and metadata, never pixels; each thread opens files when it first reads them. So it can be
+    pickled, and read by many threads at once.
+
+    Examples
+    --------
+    >>> dataset = Dataset.open("tile.tif")  # doctest: +SKIP
+    >>> values, valid = dataset.read(Window(0, 0, 64, 64))  # doctest: +SKIP
+    """
+
+    mosaic: Mosaic
+    choice: BandChoice
+    warnings: tuple[str, ...]
+    skip_bad_tiles: bool = False
+    local_metres: bool = False  # without a CRS, coordinates are known to be metres
+    collar: PixelMask | None = None  # pixels that count as nodata, see `raster.collar.find`
+    _handles: OpenFiles = field(default_factory=OpenFiles, repr=False)
+
+    @classmethod
+    @checked
+    def open(
+        cls,
+        sources: Any,
+        band: int | str | None = None,
+        rgb: Sequence[int | str] | None = None,
+        nodata: float | str | None = None,
+        skip_bad_tiles: bool = False,
+        words: BandWords = BandWords(),
+    ) -> "Dataset":
+        """Open rasters as a dataset; no pixel is read.
+
+        Parameters
+        ----------
+        sources : path, array, DataArray, open raster of rasterio, or sequence of these
+            Several rasters make one mosaic; where they overlap, the first with a valid pixel wins. A path is
+            anything that GDAL opens. A DataArray needs rioxarray. An array is (rows, cols), or has at most 16
+            bands first or last; it has no place on the map, and is no part of a mosaic.
+        band : int or str, optional
+            The band to use, counted from 1 or by its name.
+        rgb : three ints or texts, optional
+            The bands of red, green and blue, to use their luminance.
+        nodata : float or str, optional
+            A value that counts for nothing beside the nodata value of the files, NaN too; "only:V" takes its
+            place, "none" leaves it out.
+        skip_bad_tiles : bool
+            Whether blocks of a file that cannot be read count as nodata instead of being an error; see
+            `raster.bad_blocks`.
+        words : BandWords
+            An index or an expression to use in place of a band, and names for the bands.
+
+        Raises
+        ------
+        RasterReadError
+            If a file cannot be opened.
+        RasterError
+            If a raster is of an unsupported kind.
+        MosaicError
+            If the rasters do not fit together.
+        ParameterError
+            If a band does not exist, or an index or expression does not fit the bands.
+        """
+        files = [_inspected(source) for source in _listed(sources)]
+        _check_placed(files)
+        files = [replace(file, layout=renamed(file.layout, words.names)) for file in files]
+        mosaic = align_rasters(files)
+        first = files[0]
+        choice = choose(first.layout, band, rgb, words, first.palette is not None)
+        check_names_agree(files, choice.bands)
+        check_reflectance(files, choice)
+        files_with_nodata, warnings = with_nodata(mosaic.files, choice, nodata)
+        if choice.expanded:
+            warnings = (
+                *warnings,
+                "the palette is expanded to luminance; name --band 1 to use its indices themselves",
+            )
+        found = cls(replace(mosaic, files=files_with_nodata), choice, warnings, skip_bad_tiles)
+        return found if found.scale is not None else replace(found, warnings=(*warnings, _NO_SCALE))
+
+    @classmethod
+    @checked
+    def of_values(cls, values: Values, geobox: GeoBox, name: str, local_metres: bool = False) -> "Dataset":
+        """A dataset of a (rows, cols) array in memory, which is not copied.
+
+        With `local_metres`, its coordinates are metres without a CRS.
+        """
+        source = from_values(values, geobox, name)
+        mosaic = align_rasters([source])
+        return cls(mosaic, choose_bands(source.layout), (), local_metres=local_metres)
+
+    @checked
+    def of_band(self, band: int | str, nodata: float | str | None = None) -> "Dataset":
+        """The same raster with the intensity of one band, by its number or name.
+
+        Raises
+        ------
+        ParameterError
+            If there is no such band.
+        """
+        choice = choose(self.mosaic.files[0].layout, band, None, BandWords())
+        check_names_agree(self.mosaic.files, choice.bands)
+        files, warnings = with_nodata(self.mosaic.files, choice, nodata)
+        return replace(self, mosaic=replace(self.mosaic, files=files), choice=choice, warnings=warnings)
+
+    @property
+    def in_metres(self) -> bool:
+        """Whether lengths are metres (on the ground, where there is a CRS) rather than units of the map."""
+        return self.local_metres or self.geobox.crs is not None
+
+    @property
+    def geobox(self) -> GeoBox:
+        """The grid of the pixels."""
+        return self.mosaic.geobox
+
+    @property
+    def dtype(self) -> np.dtype[np.generic]:
+        """Type of the values that are read."""
+        return self.choice.dtype if self.choice.formula is None else np.dtype(np.float32)
+
+    @property
+    def bits(self) -> int:
+        """Number of bits of a value that are used."""
+        return self.choice.bits if self.choice.formula is None else 32
+
+    @property
+    def limits(self) -> tuple[float, float] | None:
+        """Between which all values lie, where a formula says it."""
+        return None if self.choice.formula is None else self.choice.formula.limits
+
+    @property
+    def bands(self) -> tuple[int, ...]:
+        """The bands that are used, counted from 1."""
+        return self.choice.bands
+
+    @property
+    def band_names(self) -> str:
+        """Description of the bands that are used, for messages."""
+        return self.choice.name
+
+    @property
+    def scale(self) -> BandScale | None:
+        """Scale, offset and unit of the bands that are used; None if bands or files have different ones."""
+        if self.choice.expanded or self.choice.formula is not None:
+            return BandScale()  # brightness of colours, or the value of the formula
+        found = {file.scale_of(band, self.bits) for file in self.mosaic.files for band in self.bands}
+        return found.pop() if len(found) == 1 else None
+
+    @property
+    def file_block(self) -> tuple[int, int]:
+        """Rows and columns of one block of the first file."""
+        return self.mosaic.files[0].block
+
+    @checked
+    def windows(self, tile: int | None = None) -> list[Window]:
+        """The tiles in reading order: squares of this side in pixels, or a size that suits the files.
+
+        Raises
+        ------
+        ParameterError
+            If the side is not a positive multiple of 64.
+        """
+        shape = self.geobox.shape
+        return in_panels(tiles(shape, tile_side(shape, self.file_block) if tile is None else tile))
+
+    @property
+    def paths(self) -> tuple[str, ...]:
+        """Paths of the files, in the order given."""
+        return tuple(file.path for file in self.mosaic.files)
+
+    @property
+    def source(self) -> str:
+        """File name of the first raster."""
+        return self.mosaic.files[0].name
+
+    @property
+    def _parts(self) -> PartReader:
+        return PartReader(self.choice, self._handles, self.skip_bad_tiles)
+
+    def without_formula(self) -> "Dataset":
+        """The same raster with the stored values of its bands, not what a formula makes of them."""
+        return replace(self, choice=replace(self.choice, formula=None))
+
+    def fingerprint(self) -> tuple[object, ...]:
+        """Content hash input: the files as they are now, and the options for reading them."""
+        files = tuple(file.fingerprint() for file in self.mosaic.files)
+        layout = self.mosaic.files[0].layout
+        return files, self.mosaic.boxes, self.choice, layout, self.skip_bad_tiles, self.collar
+
+    @checked
+    def is_empty(self, window: Window) -> bool:
+        """Whether no pixel of `window` is valid, as far as is known without decoding."""
+        if self.collar is not None and self.collar.covers(window):
+            return True
+        return all(
+            file.is_empty(self._handles, self.choice, part) for file, part, _ in self.mosaic.parts(window)
+        )
+
+    @checked
+    def read(self, window: Window) -> tuple[Values, Valid | None]:
+        """Values and validity of a window inside the raster.
+
+        Returns
+        -------
+        values : (1 or 3, rows, cols) array of `dtype`
+            Intensity or the value of a formula, or red, green and blue. Arbitrary where a pixel is invalid.
+        valid : (rows, cols) bool array, or None if every pixel is valid
+
+        Raises
+        ------
+        RasterReadError
+            If a file is damaged inside the window, and `skip_bad_tiles` is false.
+        """
+        if len(self.mosaic.files) == 1:
+            values, valid = self._parts.read(self.mosaic.files[0], window)
+        else:
+            shape = (window.rows, window.cols)
+            values, valid = self._parts.merge(shape, self.mosaic.parts(window), self.dtype)
+        if self.collar is None or not self.collar.touches(window):
+            return values, valid
+        return values, without(valid, self.collar.read(window))
+
+    @checked
+    def read_coarse(self, max_side: int) -> tuple[Values, Valid | None, GeoBox]:
+        """Downsampled read of the whole for display: nearest pixels, from overviews where there are any.
+
+        Parameters
+        ----------
+        max_side : int
+            Maximum of rows and of columns.
+
+        Returns
+        -------
+        values, valid
+            As of `read`.
+        geobox : GeoBox
+            The grid of the reduced pixels; its extent is that of the dataset.
+        """
+        if max_side < 1:
+            raise ParameterError(f"max_side is at least 1, not {max_side}")
+        rows, cols = self.geobox.shape
+        factor = max(rows, cols, max_side) / max_side
+        shape = (max(int(rows / factor), 1), max(int(cols / factor), 1))
+        transform = scaled(self.geobox.transform, rows / shape[0], cols / shape[1])
+        values, valid = self._parts.merge(shape, self.mosaic.coarse_parts(shape), self.dtype)
+        if self.collar is not None:
+            sampled = sample_positions(0, rows, shape[0]), sample_positions(0, cols, shape[1])
+            valid = without(valid, self.collar.sample(*sampled))
+        return values, valid, GeoBox(shape, transform, self.geobox.crs)
+
+
+def is_pixels(source: object) -> bool:
+    """Whether a source is itself an array of pixels or an open raster, not a name or a list."""
+    return is_data_array(source) or is_array_like(source) or is_open_raster(source)
+
+
+def _inspected(source: Any) -> RasterSource:
+    if isinstance(source, str | os.PathLike):
+        return inspect_file(source)
+    if is_open_raster(source):
+        return from_open_raster(source)
+    return from_data_array(source) if is_data_array(source) else from_array(source)
+
+
+def _check_placed(files: Sequence[RasterSource]) -> None:
+    for file in files:
+        if len(files) > 1 and isinstance(file, ArraySource) and not file.placed:
+            raise ParameterError(
+                f"{file.name} does not say where it lies, so it is no part of a mosaic; give DataArrays with "
+                "coordinates, or files, or one array"
+            )
+
+
+def _listed(sources: Any) -> list[Any]:
+    """The sources as a list."""
+    if isinstance(sources, str | os.PathLike) or is_pixels(sources):
+        return [sources]
+    if not isinstance(sources, Sequence) or isinstance(sources, bytes):
+        raise ParameterError(
+            f"sources is a path, an array, an open raster or a list of these, not {shown(sources)}"
+        )
+    if not sources:
+        raise ParameterError("there is no raster to open; give at least one")
+    for source in sources:
+        if not (isinstance(source, str | os.PathLike) or is_pixels(source)):
+            raise ParameterError(f"a source is a path, an array or an open raster, not {shown(source)}")
+    return list(sources)

@@ -1,0 +1,234 @@
+"""Raster metadata: read once when a file is opened; unsupported kinds of raster are refused here."""
+
+import math
+import os
+import shlex
+from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+from affine import Affine
+from rasterio.crs import CRS
+from rasterio.enums import MaskFlags
+from rasterio.io import DatasetReader
+
+from uavseg.errors import RasterError, RasterReadError
+from uavseg.plain_text import cause_of
+from uavseg.raster.access.drivers import as_file_name
+from uavseg.raster.access.open_checked import is_local, is_online, open_checked
+from uavseg.raster.access.opening import GDAL_ERRORS, file_exists, has_place, mask_kind, open_error_text
+from uavseg.raster.grid.geobox import check_transform
+from uavseg.raster.read.raster_file import RasterFile
+from uavseg.raster.spectral.bands import BandLayout
+from uavseg.raster.spectral.value_scale import BandScale
+from uavseg.raster.tiff.directories import mask_page
+
+Answer = TypeVar("Answer")
+
+_ZEROS = (0.0,) * 6  # the geotransform that some drivers give where there is none
+_BLACK_AND_WHITE = {0: (0, 0, 0, 255), 1: (255, 255, 255, 255)}
+
+
+def inspect_file(path: str | os.PathLike[str]) -> RasterFile:
+    """Read the metadata of a raster file.
+
+    Raises
+    ------
+    RasterReadError
+        If the file is not a raster that can be opened.
+    RasterError
+        If it is of an unsupported kind.
+    AccessError
+        If it names files or addresses that may not be opened.
+    """
+    name = as_file_name(os.fspath(path))
+    try:
+        with open_checked(name) as source:
+            return _metadata(name, source)
+    except GDAL_ERRORS as error:
+        raise RasterReadError(open_error_text(name, error)) from error
+
+
+def inspect_open(source: DatasetReader) -> RasterFile:
+    """The metadata of a raster that is open.
+
+    Raises
+    ------
+    UavsegError
+        As of `inspect_file`.
+    """
+    try:
+        return _metadata(source.name, source)
+    except GDAL_ERRORS as error:
+        raise RasterReadError(open_error_text(source.name, error)) from error
+
+
+def _metadata(path: str, source: DatasetReader) -> RasterFile:
+    warnings: list[str] = []
+    crs = _crs(source, warnings)
+    if crs is not None:
+        _check_proj()
+    layout = _layout(source)
+    if not layout.dtypes:
+        raise RasterError(f"{path} has no bands{_subdatasets(source)}")
+    structure = _retry(lambda: source.tags(ns="IMAGE_STRUCTURE"))
+    inverted = structure.get("MINISWHITE") == "YES"
+    transform = _transform(path, source)
+    if transform is None:
+        crs = None
+        warnings.append("it has no place on the map (no geotransform): coordinates are pixels")
+    elif crs is None and not warnings:
+        warnings.append("it has no coordinate reference system: coordinates are local")
+    return RasterFile(
+        path=path,
+        shape=source.shape,
+        transform=transform or Affine.identity(),
+        crs=crs,
+        located=transform is not None,
+        layout=layout,
+        nodatas=tuple(source.nodatavals),
+        block=tuple(source.block_shapes[0]),
+        masks=_masks(path, source),
+        white_is_zero=inverted and np.dtype(layout.dtypes[0]).kind == "u",
+        palette=None if inverted else _palette(source, layout),
+        driver=source.driver,
+        online=is_online(path),
+        overviews=tuple(source.overviews(1)),
+        scales=_scales(source, warnings),
+        warnings=tuple(f"{Path(path).name}: {text}" for text in warnings),
+    )
+
+
+def _scales(source: DatasetReader, warnings: list[str]) -> tuple[BandScale, ...]:
+    """The scale, offset and unit of each band."""
+    found = []
+    for band, tags in enumerate(zip(source.scales, source.offsets, source.units, strict=True), start=1):
+        scale = BandScale.of_tags(*tags)
+        if scale is None:
+            warnings.append(
+                f"band {band} has the scale {tags[0]:g} and the offset {tags[1]:g}: both are ignored"
+            )
+        found.append(scale or BandScale())
+    return tuple(found)
+
+
+def _retry(query: Callable[[], Answer]) -> Answer:
+    """Call a query of GDAL, twice if needed: the first call may report an error left by an earlier one."""
+    try:
+        return query()
+    except GDAL_ERRORS:
+        return query()
+
+
+def _crs(source: DatasetReader, warnings: list[str]) -> CRS | None:
+    """The CRS, or None with a warning; GDAL may report an invalid one only on the next call."""
+    try:
+        crs = source.crs
+        source.colorinterp  # noqa: B018 - raises a pending error about the CRS
+    except GDAL_ERRORS as error:
+        reason = cause_of(error)
+        warnings.append(f"its coordinate reference system cannot be read ({reason}): coordinates are local")
+        return None
+    return crs or None
+
+
+@lru_cache
+def _check_proj() -> None:
+    """Check PROJ's database: with one of another version, PROJ misreads coordinate reference systems."""
+    try:
+        CRS.from_epsg(4326)
+    except GDAL_ERRORS as error:
+        raise RasterError(
+            "coordinate reference systems cannot be read: PROJ finds no database, or that of another "
+            f"installation ({cause_of(error)}); unset the environment variables PROJ_LIB and PROJ_DATA"
+        ) from error
+
+
+def _layout(source: DatasetReader) -> BandLayout:
+    dtypes = tuple(_retry(lambda: source.dtypes))
+    bits = []
+    for band, name in enumerate(dtypes, start=1):
+        size = np.dtype(name).itemsize * 8
+        stored = source.tags(band, ns="IMAGE_STRUCTURE").get("NBITS", size)
+        bits.append(int(stored) if np.dtype(name).kind in "iu" else size)
+    roles = tuple(role.name for role in source.colorinterp)
+    return BandLayout(dtypes, roles, tuple(bits), *_spectral_metadata(source, len(dtypes)))
+
+
+def _spectral_metadata(source: DatasetReader, count: int) -> tuple[tuple[str, ...], tuple[float | None, ...]]:
+    """Descriptions, and wavelengths in micrometres; each empty if none is known."""
+    descriptions = tuple(text or "" for text in source.descriptions)
+    wavelengths = tuple(_wavelength(source, band) for band in range(1, count + 1))
+    return descriptions if any(descriptions) else (), wavelengths if any(wavelengths) else ()
+
+
+def _wavelength(source: DatasetReader, band: int) -> float | None:
+    """GDAL's CENTRAL_WAVELENGTH_UM of a band."""
+    text = source.tags(band, ns="IMAGERY").get("CENTRAL_WAVELENGTH_UM", "")
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if 0 < value < math.inf else None
+
+
+def _palette(source: DatasetReader, layout: BandLayout) -> tuple[tuple[int, int, int, int], ...] | None:
+    if layout.roles[0] != "palette":
+        return None
+    colors = source.colormap(1)
+    if colors == _BLACK_AND_WHITE:  # GDAL's palette for bits, which are used as they are
+        return None
+    return tuple(colors.get(index, (0, 0, 0, 0)) for index in range(max(colors) + 1))
+
+
+def _masks(path: str, source: DatasetReader) -> str:
+    kind, has_mask = mask_kind(source), _has_mask(path, source)
+    if has_mask and not kind and MaskFlags.per_dataset not in source.mask_flag_enums[0]:
+        raise RasterReadError(
+            f"{path} cannot be opened as a raster (it has a mask that cannot be read); the file is damaged "
+            "or incomplete: repair it"
+        )
+    return kind
+
+
+def _has_mask(path: str, source: DatasetReader) -> bool:
+    """Whether a local TIFF has a mask in itself; an error if its directories cannot be read.
+
+    GDAL leaves out a mask that it cannot read, also one beside the raster.
+    """
+    if source.driver != "GTiff" or not is_local(path):
+        return False
+    if file_exists(f"{path}.msk"):
+        mask_page(f"{path}.msk")
+    return mask_page(path) is not None
+
+
+def _transform(path: str, source: DatasetReader) -> Affine | None:
+    """The geotransform, or None."""
+    transform = source.transform
+    if has_place(source) and not transform.is_identity and tuple(transform)[:6] != _ZEROS:
+        try:
+            check_transform(transform, source.shape)
+        except RasterError as error:
+            raise RasterError(f"{path}: {error}") from error
+        return transform
+    warped = f"{Path(path).stem}.warped.tif"
+    if source.gcps[0]:
+        raise RasterError(
+            f"{path} has ground control points and no geotransform; warp it first: "
+            f"gdalwarp -tps -r near {shlex.quote(path)} {shlex.quote(warped)}"
+        )
+    if source.rpcs is not None:
+        raise RasterError(
+            f"{path} has rational polynomial coefficients (RPC) and no geotransform; warp it first: "
+            f"gdalwarp -rpc -r near {shlex.quote(path)} {shlex.quote(warped)}"
+        )
+    return None
+
+
+def _subdatasets(source: DatasetReader) -> str:
+    if not source.subdatasets:
+        return ""
+    return f"; name one of its subdatasets, for instance {source.subdatasets[0]}"

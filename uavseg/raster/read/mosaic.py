@@ -1,0 +1,215 @@
+"""Mosaic: several rasters on a common pixel grid; where they overlap, the first valid pixel wins."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from affine import Affine
+from numpy.typing import NDArray
+
+from uavseg.errors import MosaicError
+from uavseg.raster.grid.geobox import GeoBox, shifted
+from uavseg.raster.grid.tiling import Window
+from uavseg.raster.read.array_source import ArraySource
+from uavseg.raster.read.raster_file import RasterFile
+from uavseg.raster.spectral.bands import BandChoice, nodata_in_place, usable_nodata
+
+GRID_TOLERANCE = 1e-3  # pixels: largest offset of a corner from the common grid
+
+Boxes = NDArray[np.int64]
+RasterSource = RasterFile | ArraySource
+
+
+@dataclass(frozen=True, eq=False)
+class Mosaic:
+    """Rasters on a common grid.
+
+    Parameters
+    ----------
+    files : tuple of Source
+        The first wins where they overlap.
+    boxes : (files, 4) int64 array
+        First row, first column, end row and end column of each file, in pixels of `geobox`.
+    geobox : GeoBox
+        The smallest grid that contains all of them.
+    """
+
+    files: tuple[RasterSource, ...]
+    boxes: Boxes
+    geobox: GeoBox
+
+    def parts(self, window: Window) -> Iterator[tuple[RasterSource, Window, tuple[slice, slice]]]:
+        """The files that intersect `window`, in order.
+
+        Yields
+        ------
+        file, part, place
+            `part` is the intersection in pixels of the file, `place` its index in an array of the window.
+        """
+        top, left, bottom, right = self.boxes.T
+        end_row, end_col = window.row + window.rows, window.col + window.cols
+        touched = (top < end_row) & (bottom > window.row) & (left < end_col) & (right > window.col)
+        for index in np.flatnonzero(touched):
+            file_row, file_col = int(top[index]), int(left[index])
+            row, col = max(window.row, file_row), max(window.col, file_col)
+            rows, cols = min(end_row, int(bottom[index])) - row, min(end_col, int(right[index])) - col
+            place = Window(row - window.row, col - window.col, rows, cols).slices
+            yield self.files[index], Window(row - file_row, col - file_col, rows, cols), place
+
+    def coarse_parts(
+        self, shape: tuple[int, int]
+    ) -> Iterator[tuple[RasterSource, Window, tuple[slice, slice]]]:
+        """Every file whole, with its index in an array of the mosaic downsampled to `shape`.
+
+        A file smaller than a pixel of that array may be left out.
+        """
+        scale = np.tile(np.array(shape) / np.array(self.geobox.shape), 2)
+        places = np.ceil(self.boxes * scale - 0.5).astype(np.int64)  # coarse pixels with their centres inside
+        for file, (row, col, end_row, end_col) in zip(self.files, places.tolist(), strict=True):
+            if row < end_row and col < end_col:
+                yield file, Window(0, 0, *file.shape), (slice(row, end_row), slice(col, end_col))
+
+
+def align_rasters(files: Sequence[RasterSource]) -> Mosaic:
+    """The grid that contains all files, and the position of each file on it.
+
+    Raises
+    ------
+    MosaicError
+        If one differs from the first in CRS, resolution or bands, or is not aligned with its pixel grid.
+    """
+    first = files[0]
+    if len(files) == 1:
+        geobox = GeoBox(first.shape, first.transform, first.crs)
+        return Mosaic((first,), np.array([[0, 0, *first.shape]]), geobox)
+    corners = np.array([_corner(file, first) for file in files])
+    shapes = np.array([file.shape for file in files])
+    boxes = np.hstack([corners, corners + shapes])
+    origin = boxes[:, :2].min(axis=0)
+    boxes -= np.tile(origin, 2)
+    rows, cols = boxes[:, 2:].max(axis=0).tolist()
+    transform = _origin(files, boxes)
+    return Mosaic(tuple(files), boxes, GeoBox((rows, cols), transform, first.crs))
+
+
+def with_nodata(
+    files: Sequence[RasterSource], choice: BandChoice, nodata: float | str | None
+) -> tuple[tuple[RasterSource, ...], tuple[str, ...]]:
+    """The files with the nodata values in effect, and all warnings.
+
+    A number that the user names counts beside that of a file; "only:V" takes its place, "none" leaves it out.
+    """
+    named, in_place = nodata_in_place(nodata)
+    found: list[RasterSource] = []
+    warnings: list[str] = []
+    beside: set[str] = set()
+    for file in files:
+        warnings += file.warnings
+        values, added = list(file.nodatas), None
+        dtypes = [np.dtype(file.layout.dtypes[band - 1]) for band in choice.bands]
+        for band, dtype in zip(choice.bands, dtypes, strict=True):
+            number, warning = usable_nodata(None if in_place else values[band - 1], dtype)
+            values[band - 1] = number
+            if warning:
+                warnings.append(f"{file.name}: {warning}")
+        usable, warning = usable_nodata(named, dtypes[0])
+        if warning:
+            warnings.append(f"{file.name}: {warning}")
+        own = [values[band - 1] for band in choice.bands]
+        if usable is not None and not any(number is not None for number in own):
+            for band in choice.bands:
+                values[band - 1] = usable
+        elif usable is not None and not all(_are_same(number, usable, dtypes[0]) for number in own):
+            added = usable
+            beside |= {f"{number:.12g}" for number in own if number is not None}
+        found.append(replace(file, nodatas=tuple(values), added_nodata=added))
+    if beside:
+        warnings.append(
+            f"nodata {named:.12g} counts beside that of the file, {' and '.join(sorted(beside))}; for "
+            f"{named:.12g} alone, give --nodata only:{named:.12g} (nodata='only:{named:.12g}')"
+        )
+    return tuple(found), tuple(dict.fromkeys(warnings))
+
+
+def _are_same(number: float | None, other: float, dtype: np.dtype[np.generic]) -> bool:
+    """Whether two nodata values are one for pixels of a type."""
+    if number is None:
+        return False
+    first, second = np.array([number, other]).astype(dtype) if dtype.kind == "f" else (number, other)
+    return bool(first == second or (first != first and second != second))
+
+
+def _origin(files: Sequence[RasterSource], boxes: Boxes) -> Affine:
+    """The transform of the common grid.
+
+    Its coefficients are taken from the files at its edges where possible, so that neither the order of the
+    files nor rounding moves it.
+    """
+    t = Affine(*min(tuple(file.transform)[:6] for file in files))
+    if t.b == 0 == t.d:
+        c = min(file.transform.c for file, box in zip(files, boxes, strict=True) if box[1] == 0)
+        f = min(file.transform.f for file, box in zip(files, boxes, strict=True) if box[0] == 0)
+        return Affine(t.a, t.b, c, t.d, t.e, f)
+    first = int(np.lexsort(boxes.T[::-1])[0])
+    row, col = boxes[first, :2].tolist()
+    return shifted(files[first].transform, -row, -col)
+
+
+def _corner(file: RasterSource, first: RasterSource) -> tuple[int, int]:
+    """Row and column, on the grid of `first`, of the first pixel of `file`."""
+    _check_traits(file, first)
+    rows, cols = file.shape
+    (row, col), (low_row, low_col), (right_row, right_col) = (
+        _on_grid(first.transform, shifted(file.transform, *corner))
+        for corner in ((0, 0), (rows, 0), (0, cols))
+    )
+    drifts = (low_row - row - rows, low_col - col, right_row - row, right_col - col - cols)
+    if max(map(abs, drifts)) > GRID_TOLERANCE:
+        raise MosaicError(
+            f"{file.path} has pixels of {_pixel(file.transform)}, and {first.path} of "
+            f"{_pixel(first.transform)}; the rasters of a mosaic must agree"
+        )
+    off = max(abs(col - round(col)), abs(row - round(row)))
+    if off > GRID_TOLERANCE:
+        raise MosaicError(
+            f"{file.path} lies {off:.3f} pixels off the pixel grid of {first.path}; "
+            "resample it with gdalwarp -tap"
+        )
+    return round(row), round(col)
+
+
+def _on_grid(grid: Affine, transform: Affine) -> tuple[float, float]:
+    """Row and column on a grid of the first corner of another transform."""
+    x, y = transform.c - grid.c, transform.f - grid.f
+    size = grid.a * grid.e - grid.b * grid.d
+    return (grid.a * y - grid.d * x) / size, (grid.e * x - grid.b * y) / size
+
+
+def _check_traits(file: RasterSource, first: RasterSource) -> None:
+    for name, value, reference in (
+        ("CRS", _crs_name(file), _crs_name(first)),
+        ("georeferencing", file.located, first.located),
+        ("number of bands", len(file.layout.dtypes), len(first.layout.dtypes)),
+        ("type of bands", ",".join(file.layout.dtypes), ",".join(first.layout.dtypes)),
+        ("bits of bands", file.layout.bits, first.layout.bits),
+        ("colours of bands", _roles(file, first), _roles(first, file)),
+    ):
+        if value != reference and not (name == "CRS" and file.crs == first.crs):
+            raise MosaicError(
+                f"{file.path} has another {name} ({value}) than {first.path} ({reference}); "
+                "the rasters of a mosaic must agree"
+            )
+
+
+def _roles(file: RasterSource, other: RasterSource) -> str:
+    """Colour interpretation of the bands; empty if one of the two is an array, which has none."""
+    both_known = isinstance(file, RasterFile) and isinstance(other, RasterFile)
+    return ",".join(file.layout.roles) if both_known else ""
+
+
+def _crs_name(file: RasterSource) -> str:
+    return "none" if file.crs is None else str(file.crs.to_string())
+
+
+def _pixel(transform: Affine) -> str:
+    return f"{np.hypot(transform.a, transform.d):.9g} x {np.hypot(transform.b, transform.e):.9g}"

@@ -1,0 +1,296 @@
+"""Raster file: its metadata as a value, and windowed reads of its pixels."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from affine import Affine
+from rasterio.crs import CRS
+from rasterio.io import DatasetReader
+
+from uavseg.errors import RasterReadError
+from uavseg.plain_text import cause_of
+from uavseg.raster.access.opening import (
+    GDAL_ERRORS,
+    OpenFiles,
+    absolute_path,
+    gdal_env,
+    gdal_read_errors,
+    quiet_open,
+    rasterio_window,
+)
+from uavseg.raster.access.sequential_rows import is_sequential, read_rows_before
+from uavseg.raster.grid.tiling import Window
+from uavseg.raster.read.mask import check_mask_blocks
+from uavseg.raster.spectral.bands import BandChoice, BandLayout, Valid, Values, valid_pixels
+from uavseg.raster.spectral.value_scale import BandScale
+from uavseg.raster.tiff.deflate import check_deflate_blocks
+from uavseg.raster.tiff.index import are_cut_off
+from uavseg.raster.tiff.jpeg import check_jpeg_blocks
+from uavseg.raster.tiff.sparse import SparseBlocks
+
+FileState = tuple[str, int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class RasterFile:
+    """Metadata of a raster file; the pixels stay in the file.
+
+    Parameters
+    ----------
+    path : str
+    shape : (int, int)
+    transform : affine.Affine
+        The identity if the file is not georeferenced.
+    crs : rasterio.crs.CRS or None
+    layout : BandLayout
+    nodatas : tuple of float or None
+        The nodata value of each band.
+    added_nodata : float or None
+        Another one, of all bands that are read.
+    block : (int, int)
+        Rows and columns of one block of the file.
+    masks : str
+        "file" if all bands share a mask, "band" if each has its own, or "".
+    white_is_zero : bool
+        Whether large values are dark.
+    palette : tuple of (red, green, blue, alpha), or None
+    driver : str
+    online : bool
+        Whether reading it may make requests.
+    overviews : tuple of int
+        Downsampling factors of the overviews in the file.
+    warnings : tuple of str
+    scales : tuple of BandScale
+        The scale, offset and unit of each band.
+    """
+
+    path: str
+    shape: tuple[int, int]
+    transform: Affine
+    crs: CRS | None
+    located: bool
+    layout: BandLayout
+    nodatas: tuple[float | None, ...]
+    block: tuple[int, int]
+    masks: str
+    white_is_zero: bool
+    palette: tuple[tuple[int, int, int, int], ...] | None
+    driver: str
+    online: bool
+    overviews: tuple[int, ...]
+    warnings: tuple[str, ...]
+    scales: tuple[BandScale, ...] = ()
+    added_nodata: float | None = None
+
+    def __reduce__(self) -> tuple[Callable[..., "RasterFile"], tuple[Any, ...]]:
+        # A relative path becomes absolute: another process may have another working directory.
+        values = (getattr(self, part.name) for part in fields(self))
+        path, *others = values
+        return RasterFile, (
+            absolute_path(path),
+            *others,
+        )
+
+    @property
+    def name(self) -> str:
+        """The last part of the path."""
+        return Path(self.path).name
+
+    def scale_of(self, band: int, bits: int) -> BandScale:
+        """The scale of the numbers that are read of a band, counted from 1, of so many bits."""
+        scale = self.scales[band - 1] if self.scales else BandScale()
+        return scale.inverted((1 << bits) - 1) if self.white_is_zero else scale
+
+    @property
+    def fails_by_block(self) -> bool:
+        """Whether a part of a block can be read if and only if the whole block can.
+
+        False for drivers that read parts of blocks (VRT), and for masks with blocks of their own.
+        """
+        return self.driver == "GTiff" and not self.masks
+
+    def fingerprint(self) -> tuple[tuple[FileState, ...], tuple[float | None, ...]]:
+        """Content hash input: the state of each file that it consists of, and the nodata values."""
+        added = () if self.added_nodata is None else (self.added_nodata,)
+        return file_states(self.path, self.driver, self.online), (*self.nodatas, *added)
+
+    def blocks_in(self, window: Window) -> Iterator[Window]:
+        """The blocks of the file that intersect a window, row by row, clipped to the raster."""
+        rows, cols = self.block
+        for i in range(window.row // rows, -(-(window.row + window.rows) // rows)):
+            for j in range(window.col // cols, -(-(window.col + window.cols) // cols)):
+                yield Window(i * rows, j * cols, rows, cols).clipped(self.shape)
+
+    def read(
+        self,
+        handles: OpenFiles,
+        choice: BandChoice,
+        window: Window,
+        shape: tuple[int, int] | None = None,
+    ) -> tuple[Values, Valid | None]:
+        """Read the chosen bands, and which pixels are valid (None: all).
+
+        With `shape`, downsampled to that many rows and columns by nearest neighbour.
+
+        Raises
+        ------
+        RasterReadError
+            If the file cannot be read inside the window.
+        """
+        with gdal_read_errors(self.path, window, self.online):
+            source = handles.open(self.path, self.located, self.driver, self.masks)
+            options = {"window": rasterio_window(window), "out_shape": shape or (window.rows, window.cols)}
+            try:
+                if is_sequential(self.driver):
+                    read_rows_before(source, window)
+                values, alpha = self._read_bands(source, choice, window, options)
+                mask = self._read_mask(source, choice, window, options)
+            except GDAL_ERRORS:
+                handles.close(self.path)  # a block that failed once is read as 0 the next time
+                raise
+        return self.decode(values, alpha, mask, choice)
+
+    def decode(
+        self, values: Values, alpha: Values | None, mask: Valid | None, choice: BandChoice
+    ) -> tuple[Values, Valid | None]:
+        """Intensity and validity from stored numbers.
+
+        Parameters
+        ----------
+        values : (bands, rows, cols) array
+            Of the bands of `choice`.
+        alpha : (rows, cols) array, optional
+        mask : (rows, cols) bool array, optional
+            Of the mask of the file, and where there are pixels.
+        choice : BandChoice
+        """
+        nodatas = [self.nodatas[band - 1] for band in choice.bands]
+        valid = valid_pixels(values, nodatas, alpha, mask, choice.formula is not None, self.added_nodata)
+        return self._brightness(values, valid, choice)
+
+    def is_empty(self, handles: OpenFiles, choice: BandChoice, window: Window) -> bool:
+        """Whether a sparse file stores no block inside `window`, so that every pixel is invalid.
+
+        False where that is not known without decoding.
+        """
+        if self.driver != "GTiff":
+            return False
+        with gdal_read_errors(self.path, window, self.online):
+            source = handles.open(self.path, self.located, self.driver, self.masks)
+            known = [self.nodatas[band - 1] for band in choice.bands]
+            if None in known or known != [source.nodatavals[band - 1] for band in choice.bands]:
+                return False  # missing blocks have another value
+            return SparseBlocks(source, self.path, choice.bands).is_empty(window)
+
+    def cut_off_blocks(self, handles: OpenFiles, choice: BandChoice, window: Window) -> set[tuple[int, int]]:
+        """First row and column of the blocks in a window that begin beyond the end of the file.
+
+        They need not be tried. None where that is not known without trying.
+        """
+        if self.driver != "GTiff":
+            return set()
+        with gdal_read_errors(self.path, window, self.online):
+            source = handles.open(self.path, self.located, self.driver, self.masks)
+            places = [(block.row, block.col) for block in self.blocks_in(window)]
+            rows, cols = self.block
+            numbers = [(row // rows, col // cols) for row, col in places]
+            cut_off = are_cut_off(self.path, source, choice.bands, numbers)
+            return {place for place, beyond in zip(places, cut_off, strict=True) if beyond}
+
+    def _read_bands(
+        self, source: DatasetReader, choice: BandChoice, window: Window, options: dict[str, Any]
+    ) -> tuple[Values, Values | None]:
+        """Values of the chosen bands, and those of the alpha band."""
+
+        def read(bands: Sequence[int]) -> Values:
+            sparse = None
+            if self.driver == "GTiff" and not self.masks:
+                sparse = SparseBlocks(source, self.path, bands).read(window, options["out_shape"])
+            if sparse is not None:
+                return sparse
+            values: Values = source.read(list(bands), **options)
+            if self._is_checked(window, options):
+                check_deflate_blocks(self.path, source, bands, window, values)
+                check_jpeg_blocks(self.path, source, bands, window)
+            return values
+
+        bands, alpha = choice.bands, self.layout.alpha
+        if alpha is None:
+            return read(bands), None
+        if self.layout.dtypes[alpha - 1] == self.layout.dtypes[bands[0] - 1]:
+            pixels = read([*bands, alpha])
+            return pixels[:-1], pixels[-1]
+        return read(bands), read([alpha])[0]
+
+    def _read_mask(
+        self, source: DatasetReader, choice: BandChoice, window: Window, options: dict[str, Any]
+    ) -> Valid | None:
+        if not self.masks:
+            return None
+        bands = list(choice.bands[:1] if self.masks == "file" else choice.bands)
+        mask: Valid = (source.read_masks(bands, **options) != 0).all(axis=0)
+        if self._is_checked(window, options):
+            check_mask_blocks(self.path, source, bands, window)
+        return mask
+
+    def _is_checked(self, window: Window, options: dict[str, Any]) -> bool:
+        """Whether to look for damage that GDAL does not report: in TIFFs, where they are not downsampled."""
+        return self.driver == "GTiff" and options["out_shape"] == (window.rows, window.cols)
+
+    def _brightness(
+        self, values: Values, valid: Valid | None, choice: BandChoice
+    ) -> tuple[Values, Valid | None]:
+        """Stored numbers as brightness: palette colours, and inverted values where white is 0."""
+        if self.palette is not None and choice.expanded:
+            table = np.array(self.palette, np.uint8)
+            index = values[0].view(f"u{values.itemsize}")  # numbers of colours have no sign
+            index = np.minimum(index, len(table) - 1)
+            opaque = table[index, 3] != 0
+            colors = np.ascontiguousarray(table[:, :3].T)[:, index]
+            if opaque.all():
+                return colors, valid
+            return colors, opaque if valid is None else opaque & valid
+        if self.white_is_zero:
+            values = values.dtype.type((1 << choice.bits) - 1) - values
+        return values.astype(choice.dtype, copy=False), valid
+
+
+def file_states(path: str, driver: str | None = None, online: bool = False) -> tuple[FileState, ...]:
+    """Path, size in bytes and modification time in ns of every file that a raster consists of.
+
+    These are the file itself, its sidecar files (masks, overviews) and those that it refers to (a VRT). A
+    file in an archive is represented by the archive; a remote file by its address, with -1 and -1.
+
+    Raises
+    ------
+    RasterReadError
+        If the raster cannot be opened.
+    """
+    try:
+        with gdal_env(online), quiet_open(path, driver=driver) as source:
+            names = sorted({path, *source.files})
+    except GDAL_ERRORS as error:
+        raise RasterReadError(f"{path} cannot be opened as a raster ({cause_of(error)})") from error
+    return tuple(_state(name) for name in names)
+
+
+def _state(name: str) -> FileState:
+    for path in _on_disk(name):
+        try:
+            found = path.stat()
+        except OSError:
+            continue
+        return str(path.absolute()), found.st_size, found.st_mtime_ns
+    return name, -1, -1
+
+
+def _on_disk(name: str) -> list[Path]:
+    """Paths on disk that a name may stand for: itself, or for a name in an archive, the archive."""
+    if not name.startswith("/vsi"):
+        return [Path(name)]
+    inner = Path(name.split("/", 2)[-1].replace("{", "").replace("}", ""))
+    candidates = [inner, Path("/") / inner]
+    return [path for start in candidates for path in (start, *start.parents) if path.name]

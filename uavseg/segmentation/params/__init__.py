@@ -1,0 +1,1 @@
+"""Parameters of the segmentation: ranges, classes and illumination."""
