@@ -222,6 +222,8 @@ def functions() -> dict[str, tuple[str, ...]]:
         value = getattr(uavseg, name)
         if isinstance(value, str) or (inspect.isclass(value) and issubclass(value, Exception)):
             continue
+        if name == "RangeWidget":  # its methods are those of a library
+            continue
         if not (inspect.isclass(value) and name == "Dataset"):
             found[name] = _parameters(value)
         if inspect.isclass(value):

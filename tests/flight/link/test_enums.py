@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import common
 from uavseg.flight.link import link, link_items, vehicle
 from uavseg.flight.link.results import Kind, Result, result_words
 from uavseg.flight.link.send import command_name
-from uavseg.flight.mission.mission import items
+from uavseg.flight.mission import items
 
 NAMES = {
     items: {
