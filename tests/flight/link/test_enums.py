@@ -66,7 +66,7 @@ NAMES = {
     link: {"FIRST_COMPONENT": "MAV_COMP_ID_USER1"},
 }
 NEWER = {"MAV_CMD_CONDITION_GATE"}  # than the oldest pymavlink that works
-OTHERS = {"MAX_ITEMS", "SYSTEM", "COMPONENTS"}  # of no enum
+OTHERS = {"DEGREE_DECIMALS", "MAX_ITEMS", "SYSTEM", "COMPONENTS"}  # of no enum
 
 
 @pytest.mark.parametrize("module", NAMES, ids=lambda module: module.__name__)
