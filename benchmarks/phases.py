@@ -14,7 +14,7 @@ from pathlib import Path
 from benchmarks.competitors import LOW, MIN_PIXELS, with_project
 
 TIMED_FUNCTIONS = (
-    ("raster/raster_file.py", "read", "decoding: `raster_file.read`"),
+    ("raster/read/raster_file.py", "read", "decoding: `raster_file.read`"),
     ("raster/intensity/stretch.py", "apply", "8 to 16 bit: `Stretch.apply`"),
     ("segmentation/blocks/leaves.py", "pixels_in_range", "`leaves.pixels_in_range`"),
     ("segmentation/refine/tv.py", "refine_by_tv", "total variation: `tv.refine_by_tv`"),
@@ -50,9 +50,6 @@ def _measure(raster: str) -> list[tuple[str, float]]:
     import pstats
     import tempfile
 
-    from uavseg import _lazy_pandas
-
-    _lazy_pandas.install()  # as the program does
     from uavseg.jobs.extract import ExtractRequest, extract
     from uavseg.jobs.source.open_source import open_source
     from uavseg.regions.edit.small import Area

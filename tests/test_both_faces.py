@@ -34,14 +34,15 @@ from uavseg.jobs.maps.simulate import SimulateRequest
 from uavseg.jobs.maps.simulate import simulate as simulate_job
 from uavseg.jobs.original import original as original_job
 from uavseg.jobs.source.open_source import open_source
-from uavseg.jobs.source.source import ReadOptions
 from uavseg.occupancy.paths.path_geojson import path_to_geojson
 from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.occupancy.state_file import write_states
+from uavseg.options.option import build
+from uavseg.options.reading import ReadOptions
+from uavseg.options.regions import DivideOptions
 from uavseg.raster.formats.geotiff import write_geotiff, write_label_geotiff
 from uavseg.raster.grid.geobox import local_geobox
 from uavseg.raster.grid.tiling import Window
-from uavseg.raster.spectral.formula import BandWords
 from uavseg.regions.formats import export
 from uavseg.regions.table import Regions
 from uavseg.segmentation.baseline.lbpc import LbpcParams
@@ -645,9 +646,7 @@ def test_block_maps(source: Any, words: Words) -> None:
         assert all(
             np.array_equal(getattr(blocks, n), getattr(known, n)) for n in ("sums", "counts", "ratios")
         )
-        of_bands = BandWords(words.get("index"), words.get("expr"), words.get("band_names"))
-        others = {name: words[name] for name in ("band", "stretch", "skip_bad_tiles") if name in words}
-        read = ReadOptions(**others, words=of_bands)
+        read = build(DivideOptions, words).read
         found = divide_job(open_source(source, read))
         return written(
             lambda path: write_block_map(path, found.saved, SegmentParams().division), "python.tif"

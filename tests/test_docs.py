@@ -72,11 +72,6 @@ def test_the_reference_lists_every_public_name() -> None:
     assert named == set(uavseg.__all__) - {"__version__"}
 
 
-def test_the_glossary_precedes_the_first_use_of_v() -> None:
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert readme.index("<!-- glossary -->") < re.search(r"\bv\b", readme).start()  # type: ignore[union-attr]
-
-
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_images_exist_and_are_small(page: Path) -> None:
     for link in PICTURE.findall(page.read_text(encoding="utf-8")):

@@ -264,7 +264,9 @@ def test_commands_import_only_click_before_they_are_called() -> None:
         for found in imports()
         if package_of(found.importer) in ("cli", "__main__")
         and found.now
-        and not found.imported.startswith(("uavseg.cli", "uavseg.errors", "uavseg.plain_text", "click"))
+        and not found.imported.startswith(
+            ("uavseg.cli", "uavseg.errors", "uavseg.options", "uavseg.plain_text", "click")
+        )
         and found.imported.split(".")[0] not in sys.stdlib_module_names
     }
     assert not wrong
@@ -348,3 +350,35 @@ def test_public_words_are_there_when_they_are_used() -> None:
         assert getattr(uavseg, word) is not None
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         uavseg.nothing  # noqa: B018
+
+
+FEW_USERS = ("uavseg.segmentation.baseline", "uavseg.occupancy.simulation", "uavseg.occupancy.bags")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["a.geojson", "a.kml"])
+def test_extracting_loads_neither_tables_nor_filters(name: str, tmp_path: Path) -> None:
+    raster, output = PACKAGE.parent / "samples" / "quarry.tif", tmp_path / name
+    words = ["extract", str(raster), "--range", "0.55,1", "-o", str(output), "-q"]
+    loaded = modules_loaded_by(f"from uavseg.cli import main; main({words!r}, standalone_mode=False)")
+    assert output.exists() and "uavseg.regions.table" in loaded
+    others = {"pandas", "geopandas", "pyogrio", "pyarrow", "skimage", "scipy", "matplotlib", "pymavlink"}
+    assert not {module.split(".")[0] for module in loaded} & others
+    assert not {module for module in loaded if module.startswith(FEW_USERS)}
+
+
+@pytest.mark.slow
+def test_what_few_use_is_not_loaded_by_what_many_use(tmp_path: Path) -> None:
+    raster, regions, fly = PACKAGE.parent / "samples" / "quarry.tif", tmp_path / "a.gpkg", tmp_path / "a.plan"
+    lines = [
+        ["info", str(raster)],
+        ["suggest", str(raster)],
+        ["extract", str(raster), "--range", "0.55,1", "-o", str(regions), "-q"],
+        ["plan", str(regions), "-o", str(fly), "--altitude", "60", "--home", "auto", "-q"],
+        ["check", str(fly)],
+        ["preview", str(raster), "--regions", str(regions), "-o", str(tmp_path / "a.png"), "-q"],
+    ]
+    calls = (f"main({words!r}, standalone_mode=False)" for words in lines)
+    loaded = modules_loaded_by("\n".join(["from uavseg.cli import main", *calls]))
+    assert "uavseg.plot.preview" in loaded
+    assert not {module for module in loaded if module.startswith((*FEW_USERS, "rosbags", "skimage"))}

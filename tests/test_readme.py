@@ -14,48 +14,59 @@ import pytest
 from uavseg.cli import main
 
 ROOT = Path(__file__).resolve().parents[1]
-README = (ROOT / "README.md").read_text()
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+COMMANDS = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
 
 
-def blocks(language: str) -> list[str]:
-    return re.findall(rf"```{language}\n(.*?)```", README, re.DOTALL)
+def lines(page: str) -> list[str]:
+    """Lines of the shell that a page shows, those that set up an environment aside."""
+    blocks = re.findall(r"```sh\n(.*?)```", page, re.DOTALL)
+    return [line for block in blocks for line in block.splitlines() if not line.startswith("python3 ")]
 
 
-LINES = [line for block in blocks("sh") for line in block.splitlines() if not line.startswith("python3 ")]
+def test_the_readme_is_short() -> None:
+    assert len(README.splitlines()) <= 150
+    first = re.findall(r"uavseg extract [^`\n]*", README)[0]
+    assert first == "uavseg extract samples/quarry.tif --range 0.55,1"  # what a newcomer types first
 
 
-def test_the_readme_shows_every_command() -> None:
-    shown = {shlex.split(line, comments=True)[1] for line in LINES if line.startswith("uavseg")}
-    shown |= set(re.findall(r"`uavseg ([\w-]+) [^`]+`", README))
+def test_the_pages_show_every_command() -> None:
+    shown = {shlex.split(line, comments=True)[1] for line in lines(COMMANDS) if line.startswith("uavseg")}
+    shown |= set(re.findall(r"`uavseg ([\w-]+) [^`]+`", COMMANDS))
     assert shown == set(main.list_commands(click.Context(main)))
 
 
-def test_the_example_of_a_live_map_runs() -> None:
-    [example] = [block for block in blocks("python") if "OccupancyGrid" in block]
-    seen: dict[str, object] = {}
-    exec(compile(example, "README.md", "exec"), seen)
-    assert seen["update"].blocks.any() and seen["free"].agreeing(2).any()  # type: ignore[attr-defined]
-
-
-@pytest.fixture
-def ran(tmp_path: Path) -> Path:
-    """A folder in which the commands ran: UAVSEG_README_RAN names one where that is done already."""
-    if os.environ.get("UAVSEG_README_RAN"):
-        return Path(os.environ["UAVSEG_README_RAN"])
-    shutil.copytree(ROOT / "samples", tmp_path / "samples")
-    script = ["set -eu", 'uavseg() { "$PYTHON" -m uavseg "$@"; }', *LINES]
+def run(page: str, folder: Path) -> Path:
+    """Run the lines of a page in a folder with the samples."""
+    shutil.copytree(ROOT / "samples", folder / "samples")
+    script = ["set -eu", 'uavseg() { "$PYTHON" -m uavseg "$@"; }', *lines(page)]
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])  # of rio, with the plugin
     how = os.environ | {"PYTHON": sys.executable, "PYTHONPATH": str(ROOT), "PATH": path}
     done = subprocess.run(
-        ["bash", "-c", "\n".join(script)], cwd=tmp_path, env=how, capture_output=True, text=True
+        ["bash", "-c", "\n".join(script)], cwd=folder, env=how, capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
-    return tmp_path
+    return folder
+
+
+def outputs(page: str) -> set[str]:
+    named = r"(?:-o|--labels|--objects|--mission) ([\w.]+)"
+    return {word for line in lines(page) for word in re.findall(named, line)}
 
 
 @pytest.mark.slow
-def test_the_commands_of_the_readme_run(ran: Path) -> None:
-    named = {word for line in LINES for word in re.findall(r"(?:-o|--labels|--objects) ([\w.]+)", line)}
-    assert len(named) > 20
-    for written in named - {"fly.plan"} | {"fly-1.plan", "fly-2.plan", "each-quarry.gpkg", "masked.tif"}:
-        assert (ran / written).stat().st_size > 0
+def test_the_commands_of_the_readme_run(tmp_path: Path) -> None:
+    run(README, tmp_path)
+    assert len(outputs(README)) > 6
+    for written in outputs(README):
+        assert (tmp_path / written).stat().st_size > 0
+
+
+@pytest.mark.slow
+def test_the_commands_line_by_line_run(tmp_path: Path) -> None:
+    ran = os.environ.get("UAVSEG_COMMANDS_RAN")  # a folder in which they ran already
+    folder = Path(ran) if ran else run(COMMANDS, tmp_path)
+    assert len(outputs(COMMANDS)) > 20
+    several = {"fly-1.plan", "fly-2.plan", "each-quarry.gpkg", "masked.tif"}
+    for written in outputs(COMMANDS) - {"fly.plan"} | several:
+        assert (folder / written).stat().st_size > 0

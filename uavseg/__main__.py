@@ -6,9 +6,6 @@ import sys
 def run() -> None:
     """Run the command line."""
     try:
-        from uavseg import _lazy_pandas
-
-        _lazy_pandas.install()
         from uavseg.cli import main
 
         main(prog_name="uavseg")

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,14 +13,13 @@ from benchmarks.flight.hills import elevation_model, rise_m
 from benchmarks.flight.lengths import Length, lengths
 from benchmarks.flight.measured import Flown, simulate
 from benchmarks.flight.plans import planned
-from uavseg.flight.params.terrain import terrain_params
-from uavseg.jobs.words.pattern_words import PatternWords
-from uavseg.jobs.words.photo_words import PhotoWords, photos_of
+from uavseg.jobs.flights.request import photos_of
+from uavseg.options.flights import PatternOptions, PhotoOptions
 
 HEIGHT_M, SPEED, CAMERA = 50.0, 5.0, "DJI Mavic 3 Enterprise"
 WIND = (5.0, 3.0, 0.0)
 TRIGGERS = ("distance", "interval", "hover")
-NOTHING = PatternWords()
+NOTHING = PatternOptions()
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +32,7 @@ class Case:
     pattern : str
     trigger : str, optional
         None without a camera.
-    words : PatternWords
+    words : PatternOptions
     terrain : str, optional
         How the ground is followed.
     """
@@ -41,7 +40,7 @@ class Case:
     field: Field
     pattern: str
     trigger: str | None = None
-    words: PatternWords = NOTHING
+    words: PatternOptions = NOTHING
     terrain: str | None = None
 
     @property
@@ -79,15 +78,15 @@ def cases() -> list[Case]:
     some = [
         *(Case(field["ring"], "survey", trigger) for trigger in TRIGGERS),
         *(Case(quarry, "survey", trigger) for trigger in TRIGGERS),
-        Case(field["letter E"], "survey", "distance", PatternWords(margin=12.0)),
-        Case(field["letter E"], "survey", "distance", PatternWords(crosshatch=True)),
-        Case(field["letter E"], "survey", "distance", PatternWords(turnaround=30.0)),
+        Case(field["letter E"], "survey", "distance", PatternOptions(margin=12.0)),
+        Case(field["letter E"], "survey", "distance", PatternOptions(crosshatch=True)),
+        Case(field["letter E"], "survey", "distance", PatternOptions(turnaround=30.0)),
         *(Case(field["road"], "corridor", trigger) for trigger in TRIGGERS),
         Case(field["spiral"], "corridor", "distance"),
-        *(Case(field["ring"], "perimeter", trigger, PatternWords(offset=10.0)) for trigger in TRIGGERS),
-        Case(field["ring"], "perimeter", None, PatternWords(offset=-5.0, holes="fly")),
+        *(Case(field["ring"], "perimeter", trigger, PatternOptions(offset=10.0)) for trigger in TRIGGERS),
+        Case(field["ring"], "perimeter", None, PatternOptions(offset=-5.0, holes="fly")),
         *(Case(field["12 ponds"], "orbit", trigger) for trigger in TRIGGERS),
-        Case(field["12 ponds"], "visit", "hover", PatternWords(hold=5.0)),
+        Case(field["12 ponds"], "visit", "hover", PatternOptions(hold=5.0)),
     ]
     zones = (
         shapely.box(160, 100, 200, 140),
@@ -126,7 +125,7 @@ def fly_cases(some: Sequence[Case], report: Callable[[str], None]) -> Iterator[C
         for case in some:
             calm, windy, items = {}, {}, 0
             rise = rise_m if case.terrain else None
-            words = {"terrain": terrain_params(dem, case.terrain)} if case.terrain else {}
+            ground = {"dem": dem, "terrain": case.terrain} if case.terrain else {}
             home = case.field.home[:2] if case.terrain else case.field.home
             for autopilot in ("ardupilot",) if case.terrain == "frame" else ("ardupilot", "px4"):
                 missions = planned(
@@ -137,8 +136,8 @@ def fly_cases(some: Sequence[Case], report: Callable[[str], None]) -> Iterator[C
                     height_m=HEIGHT_M,
                     speed=SPEED,
                     autopilot=autopilot,
-                    words=case.words,
-                    **words,
+                    **asdict(case.words),
+                    **ground,
                 )
                 items = max(items, sum(len(mission.items) for mission in missions))
                 calm[autopilot] = simulate(missions, case.field, rise=rise)
@@ -149,7 +148,7 @@ def fly_cases(some: Sequence[Case], report: Callable[[str], None]) -> Iterator[C
 
 def survey_lengths() -> list[Length]:
     """Lengths of surveys over the drawn fields and the samples, with the camera and height of the cases."""
-    photos = photos_of(PhotoWords(CAMERA))
+    photos = photos_of(PhotoOptions(camera=CAMERA))
     assert photos is not None
     fields = [*drawn(), of_sample("quarry.tif", 0.55, 200), of_sample("shore.tif", 0.5, 500)]
     return lengths(fields, photos.spacing_m(HEIGHT_M), photos.line_reach_m(HEIGHT_M))

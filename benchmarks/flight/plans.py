@@ -13,8 +13,9 @@ from benchmarks.flight.measured import covered, fly, in_metres, least_distance_m
 from uavseg.flight.mission.items import WAYPOINT
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.planning.planner import plan_missions
-from uavseg.jobs.words.flight_params import flight_params
-from uavseg.jobs.words.photo_words import PhotoWords
+from uavseg.jobs.flights.request import flight_params
+from uavseg.options.flights import MissionOptions
+from uavseg.options.option import build
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,18 +61,19 @@ def planned(
     speed: float,
     autopilot: str = "ardupilot",
     trigger: str | None = None,
-    **words: Any,
+    **options: Any,
 ) -> Sequence[Mission]:
-    """The missions over a field; more words are those of `flight_params`."""
-    params = flight_params(
-        height_m,
-        pattern=pattern,
-        photos=PhotoWords(camera, trigger=trigger),
-        speed=speed,
-        autopilot=autopilot,
-        tolerance=3.0,
-        **words,
-    )
+    """The missions over a field; more options are those of `uavseg.plan`."""
+    given = {
+        "altitude": height_m,
+        "pattern": pattern,
+        "camera": camera,
+        "trigger": trigger,
+        "speed": speed,
+        "autopilot": autopilot,
+        "tolerance": 3.0,
+    }
+    params = flight_params(build(MissionOptions, given | options))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return plan_missions(field.polygons, field.points, params, field.home, field.zones)

@@ -13,7 +13,7 @@ from click.testing import CliRunner
 
 import uavseg
 from uavseg.cli import main
-from uavseg.cli.options.access import _proj_requests
+from uavseg.cli.command import _proj_requests
 from uavseg.errors import AccessError
 
 VRT = """<VRTDataset rasterXSize="64" rasterYSize="64"><VRTRasterBand dataType="Byte" band="1"><SimpleSource>

@@ -20,11 +20,11 @@ PATIENCE_S = 100
 # What stands in for a library never ends. `holding` lets no other thread of Python run, as pyogrio reads
 # features; the others do, as GDAL opens files and rasterio reads pixels, and as GEOS and SQLite work.
 SCRIPT = """
-import collections, ctypes, hashlib, itertools, sqlite3, sys
+import collections, ctypes, hashlib, itertools, os, sqlite3, sys
 from importlib import import_module
 
 def begun():
-    print("begun", file=sys.stderr, flush=True)
+    os.write(2, b"begun\\n")  # at once: print() writes the line and its end apart, and two threads may begin
 
 def holding(*args, **kwargs):
     begun()

@@ -14,7 +14,7 @@ from click.testing import CliRunner, Result
 
 import uavseg
 from uavseg.cli import main
-from uavseg.cli.options.home_words import joined_home
+from uavseg.cli.command import joined_home
 from uavseg.flight.formats import files
 
 BOW = shapely.Polygon([(8, 47), (8.002, 47.002), (8.002, 47), (8, 47.002)])

@@ -14,9 +14,10 @@ from affine import Affine
 from click.testing import CliRunner
 
 from uavseg.cli import main
-from uavseg.cli.options import running as _run
-from uavseg.cli.options.running import Reporter
+from uavseg.cli.terminal import reporter as _run
+from uavseg.cli.terminal.reporter import Reporter
 from uavseg.execution.progress_bar import Amount, bar
+from uavseg.options.running import ProgressOptions, VerbosityOptions
 from uavseg.raster.read.dataset import Dataset
 
 QUARRY = Path(__file__).resolve().parents[2] / "samples" / "quarry.tif"
@@ -31,7 +32,7 @@ def test_a_terminal_sees_tiles_speed_and_the_time_left(monkeypatch: pytest.Monke
     seconds = itertools.count(step=10)
     monkeypatch.setattr(_run, "_seconds", lambda: float(next(seconds)))
     monkeypatch.setattr(sys, "stderr", screen := Terminal())
-    reporter = Reporter(False, False, "auto")
+    reporter = Reporter(VerbosityOptions(), ProgressOptions())
     reporter.begin(Dataset.open(QUARRY).windows(64))  # 9 x 10 tiles of 560 x 640 pixels; ten seconds in
     reporter.progress(1, 2)
     reporter.progress(2, 2)

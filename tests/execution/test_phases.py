@@ -13,9 +13,10 @@ import uavseg
 from tests.occupancy.bags.write_bags import Drive, write_ros1
 from uavseg._jit import messages
 from uavseg.cli import main
-from uavseg.cli.options.running import Reporter
+from uavseg.cli.terminal.reporter import Reporter
 from uavseg.execution.phases import phase, steps_done, watched, working_seconds
 from uavseg.execution.progress_bar import PhaseLine, ProgressLine
+from uavseg.options.running import VerbosityOptions
 
 SAMPLES = Path(__file__).resolve().parents[2] / "samples"
 QUARRY = str(SAMPLES / "quarry.tif")
@@ -23,7 +24,7 @@ PLAN = ("plan", "r.geojson", "--pattern", "perimeter", "--altitude", "50", "--ho
 
 
 def test_times_leave_out_compiling(caplog: pytest.LogCaptureFixture) -> None:
-    before, reporter = messages.compiling_seconds(), Reporter(True, False, "none")
+    before, reporter = messages.compiling_seconds(), Reporter(VerbosityOptions(quiet=True))
     with caplog.at_level(logging.INFO, "uavseg"), phase("slow"), messages.timing_compilation():
         time.sleep(0.25)
     assert messages.compiling_seconds() - before >= 0.25

@@ -23,7 +23,7 @@ LEVELS = (0.0, 0.1, 0.2, 0.25, 0.3, 0.5, 0.6, 0.75, 0.9, 1.0)
 def has_pixels() -> bool:
     """Whether pixels can be classified by their own values alone."""
     try:
-        return SegmentParams.from_words("adaptive", 1.2, 0.05, "pixels").refine == "pixels"
+        return SegmentParams(refine="pixels").refine == "pixels"
     except ValueError:
         return False
 

@@ -17,10 +17,10 @@ from uavseg.jobs.match.match import match
 from uavseg.jobs.match.request import MatchRequest
 from uavseg.jobs.result.result import Extraction
 from uavseg.jobs.source.open_source import open_probability_map, open_source
-from uavseg.jobs.source.source import ReadOptions
 from uavseg.jobs.source.valid_ground import valid_ground
 from uavseg.jobs.source.work import Work
 from uavseg.jobs.suggest import suggest
+from uavseg.options.reading import ReadOptions
 from uavseg.regions.sample.place import Disc
 from uavseg.segmentation.blocks.block_file import write_block_map
 from uavseg.segmentation.params.segment import IntensityRange, Levels, SegmentParams

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from uavseg.access import allowing
 from uavseg.cli.info import command
-from uavseg.cli.options.raster import read_options
 from uavseg.jobs.source.command_line import extract_line, option_words, source_words
-from uavseg.jobs.source.source import ReadOptions
-from uavseg.raster.spectral.formula import BandWords
+from uavseg.options.option import build
+from uavseg.options.reading import ReadOptions
+from uavseg.options.regions import InfoOptions
 
 numbers = st.floats(-1e6, 1e6, allow_nan=False)
 pairs = st.tuples(numbers, numbers).filter(lambda pair: pair[0] < pair[1])
@@ -30,10 +30,9 @@ readings = st.builds(
     nodata=st.none() | numbers | numbers.map("only:{!r}".format) | st.just("none"),
     stretch=stretches,
     skip_bad_tiles=st.booleans(),
-    words=st.builds(
-        BandWords, st.none() | st.just("ndvi"), st.none(), st.none() | st.just("red,green,blue,nir")
-    )
-    | st.builds(BandWords, expr=st.sampled_from(["-b1 + 2", "(nir - red) / 'a b'"])),
+    index=st.none() | st.just("ndvi"),
+    expr=st.none() | st.sampled_from(["-b1 + 2", "(nir - red) / 'a b'"]),
+    band_names=st.none() | st.just("red,green,blue,nir"),
 )
 
 
@@ -41,7 +40,7 @@ readings = st.builds(
 def test_options_of_a_line_are_those_that_were_given(options: ReadOptions) -> None:
     words = ["a.tif", *option_words(options)]
     with command.make_context("info", words) as context:
-        assert read_options(context.params) == options
+        assert build(InfoOptions, context.params).read == options
 
 
 @given(st.lists(st.text(st.characters(codec="utf-8", exclude_characters="\0"), min_size=1), min_size=1))

@@ -16,12 +16,14 @@ from rasterio.errors import NotGeoreferencedWarning
 
 from uavseg.errors import OutputError, OutputExistsError, ParameterError, RasterReadError
 from uavseg.jobs.each import each
-from uavseg.jobs.each.each import OutputNames, RegionJob, Task, grouped_warnings, plan_tasks, run_each
+from uavseg.jobs.each.each import OutputNames, Task, grouped_warnings, plan_tasks, run_each
 from uavseg.jobs.each.each_report import Outcome
 from uavseg.jobs.extract import ExtractRequest, extract
+from uavseg.jobs.requests import RegionJob
 from uavseg.jobs.result.result import Extraction
-from uavseg.jobs.source.source import ReadOptions, Source
+from uavseg.jobs.source.source import Source
 from uavseg.jobs.source.work import Work
+from uavseg.options.reading import ReadOptions
 from uavseg.output.written import recording_written
 from uavseg.segmentation.params.segment import IntensityRange
 

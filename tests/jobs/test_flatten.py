@@ -16,9 +16,9 @@ from scipy import ndimage
 import uavseg
 from uavseg.cli import main
 from uavseg.errors import ParameterError, UavsegError
-from uavseg.jobs.source.detail import Length, parse_length
 from uavseg.jobs.source.open_source import open_source
-from uavseg.jobs.source.source import ReadOptions
+from uavseg.options.reading import ReadOptions
+from uavseg.raster.grid.length import Length, parse_length
 from uavseg.segmentation.blocks.block_file import read_block_map
 
 DARK = (0, 0.395)

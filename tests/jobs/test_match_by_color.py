@@ -17,8 +17,8 @@ from uavseg.execution.executors import threads
 from uavseg.jobs.match.match import Match, match
 from uavseg.jobs.match.request import MatchRequest
 from uavseg.jobs.source.open_source import open_raster
-from uavseg.jobs.source.source import ReadOptions
 from uavseg.jobs.source.work import Work
+from uavseg.options.reading import ReadOptions
 from uavseg.raster.grid.tiling import Window
 from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.sample.place import Disc

@@ -14,9 +14,10 @@ import uavseg
 from uavseg.errors import ParameterError, RasterReadError
 from uavseg.jobs.divide import divide
 from uavseg.jobs.source.open_source import open_probability_map, open_raster, open_source, raster_of
-from uavseg.jobs.source.source import Blocks, ProbabilityMap, Raster, ReadOptions
+from uavseg.jobs.source.source import Blocks, ProbabilityMap, Raster
 from uavseg.jobs.source.work import Work
 from uavseg.occupancy.ros.ros_map import write_ros_map
+from uavseg.options.reading import ReadOptions
 from uavseg.raster.grid.geobox import local_geobox
 from uavseg.raster.read.dataset import Dataset
 from uavseg.segmentation.blocks.block_file import write_block_map

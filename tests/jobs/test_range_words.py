@@ -7,9 +7,14 @@ import pytest
 
 import uavseg
 from uavseg.errors import IntensityRangeError, ParameterError
-from uavseg.jobs.ranges.range_words import parse_range, range_of_words
+from uavseg.options.ranges import AnyRange, parse_range, requested_range
+from uavseg.options.regions import RangeOptions
 from uavseg.raster.intensity.value_range import ValueRange
 from uavseg.segmentation.params.segment import IntensityRange
+
+
+def range_of_words(interval: Any, values: Any, percentile: Any) -> AnyRange:
+    return requested_range(RangeOptions(range=interval, values=values, percentile=percentile))
 
 
 @pytest.mark.parametrize("word", ["0.5,1", (0.5, 1), [0.5, 1.0], np.array([0.5, 1])])

@@ -22,9 +22,8 @@ from uavseg.jobs.match.ranges_of_sample import (
     open_all_bands,
     ranges_of_sample,
 )
-from uavseg.jobs.source.source import ReadOptions
 from uavseg.jobs.source.work import SERIAL, Work
-from uavseg.raster.spectral.formula import BandWords
+from uavseg.options.reading import ReadOptions
 from uavseg.regions.sample.place import Disc
 
 SHAPE = (160, 200)
@@ -150,11 +149,11 @@ def test_too_many_bands_are_refused(tmp_path: Path) -> None:
 def test_the_words_keep_what_was_chosen(tmp_path: Path) -> None:
     planes = noisy([np.where(kind(), 60, 120), patches(1, 90, 110), np.where(kind(), 140, 90)])
     path = write(tmp_path / "a.tif", planes)
-    words = BandWords(names="red,green,nir")
-    best = suggested(path, options=ReadOptions(words=BandWords("ndvi", None, words.names))).ranges
+    names = "red,green,nir"
+    best = suggested(path, options=ReadOptions(index="ndvi", band_names=names)).ranges
     assert [one.words for one in best] == [{"index": "ndvi", "band_names": "red,green,nir"}]
     assert overlap(path, best[0], kind()) > 0.95
-    by_name = suggested(path, options=ReadOptions(words=words)).ranges
+    by_name = suggested(path, options=ReadOptions(band_names=names)).ranges
     assert all(one.words["band_names"] == "red,green,nir" for one in by_name)
 
 

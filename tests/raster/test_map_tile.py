@@ -10,11 +10,11 @@ from affine import Affine
 from rasterio.enums import ColorInterp
 
 from uavseg.jobs.source.open_source import open_raster
-from uavseg.jobs.source.source import Raster, ReadOptions
+from uavseg.jobs.source.source import Raster
 from uavseg.jobs.source.work import SERIAL
 from uavseg.jobs.web_map.map_tile import has_map_tiles, read_map_tile
+from uavseg.options.reading import ReadOptions
 from uavseg.raster.grid.tiling import Window
-from uavseg.raster.spectral.formula import BandWords
 
 pytest.importorskip("rio_tiler")
 
@@ -78,13 +78,10 @@ def one_of(path: Path, kind: str) -> Raster:
     if kind == "white is zero":
         return open_raster(write(path / "a.tif", some(1), photometric="MINISWHITE"))
     if kind == "index":
-        names = BandWords(index="ndvi", names="blue,green,red,nir")
-        return open_raster(
-            write(path / "a.tif", some(4, "uint16", 0, 5000), nodata=0), ReadOptions(words=names)
-        )
+        names = ReadOptions(index="ndvi", band_names="blue,green,red,nir")
+        return open_raster(write(path / "a.tif", some(4, "uint16", 0, 5000), nodata=0), names)
     if kind == "expression":
-        words = BandWords(expr="b2 / (b1 - 100)")
-        return open_raster(write(path / "a.tif", some(2)), ReadOptions(words=words))
+        return open_raster(write(path / "a.tif", some(2)), ReadOptions(expr="b2 / (b1 - 100)"))
     if kind == "second band of another type":
         file = write(path / "a.tif", some(1))
         other = write(path / "b.tif", RNG.random((1, ROWS, COLS)).astype(np.float32))

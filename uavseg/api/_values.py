@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -10,25 +9,23 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from uavseg.access import allowing
 from uavseg.execution.executors import Progress
 from uavseg.execution.progress_bar import ProgressLine
+from uavseg.jobs.requests import RegionJob, region_job
 from uavseg.jobs.source.open_source import open_source
 from uavseg.jobs.source.work import Work
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
 
-    from uavseg.jobs.each.each import RegionJob
+    from uavseg.options.regions import ExtractOptions, LevelsOptions, MatchOptions
+    from uavseg.options.running import RunOptions
 
 
-def work(
-    threads: int | None,
-    tile: int | None = None,
-    progress: Progress | bool | None = None,
-    resume: str | os.PathLike[str] | None = None,
-) -> Work:
-    """How the job is run: by threads, with finished tiles kept in a folder if one is given."""
-    return Work.by_threads(threads, tile, progress_of(progress), resume)
+def work(run: RunOptions, progress: Progress | bool | None = None) -> Work:
+    """Return how a job is run: by threads, with finished tiles kept in a folder if one is given."""
+    return Work.by_threads(run.threads, run.tile, progress_of(progress), run.resume)
 
 
 def progress_of(progress: Progress | bool | None) -> Progress | None:
@@ -58,33 +55,40 @@ def listed_zones(avoid: Any) -> Sequence[Any]:
 
 
 @dataclass(slots=True)
-class Asked:
-    """What a function is asked for, while `asking` collects it in place of an answer."""
+class Requested:
+    """What a function is asked for, while `collecting` takes it in place of an answer."""
 
     job: RegionJob | None = None
-    work: Work | None = None
+    run: RunOptions | None = None
 
 
-_asked: ContextVar[Asked | None] = ContextVar("asked", default=None)
+_requested: ContextVar[Requested | None] = ContextVar("requested", default=None)
 
 
 @contextmanager
-def asking() -> Iterator[Asked]:
+def collecting() -> Iterator[Requested]:
     """Context in which functions that give regions check their arguments, and do no more."""
-    asked = Asked()
-    token = _asked.set(asked)
+    requested = Requested()
+    token = _requested.set(requested)
     try:
-        yield asked
+        yield requested
     finally:
-        _asked.reset(token)
+        _requested.reset(token)
 
 
-def regions_of(source: Any, job: RegionJob, how: Work) -> GeoDataFrame:
-    """The regions of a source, for the public function that calls this; within `asking`, None."""
-    asked = _asked.get()
-    if asked is not None:
-        asked.job, asked.work = job, how
-        return None
-    found = job.find(open_source(source, job.read), how)
+def regions_of(
+    source: Any,
+    options: ExtractOptions | LevelsOptions | MatchOptions,
+    progress: Progress | bool | None,
+) -> GeoDataFrame:
+    """Return the regions of a source, for the public function that calls this; within `collecting`, None."""
+    job = region_job(options)
+    with allowing(options.access.allow_path, options.access.allow_network):
+        how = work(options.run, progress)
+        requested = _requested.get()
+        if requested is not None:
+            requested.job, requested.run = job, options.run
+            return None
+        found = job.find(open_source(source, job.read), how)
     warn(found.warnings, 5)
     return found.regions.frame()

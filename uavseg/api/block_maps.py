@@ -10,8 +10,8 @@ from uavseg.api._values import warn, work
 from uavseg.arguments import checked
 from uavseg.jobs.divide import divide as run_divide
 from uavseg.jobs.source.open_source import open_source
-from uavseg.jobs.source.source import ReadOptions
-from uavseg.raster.spectral.formula import BandWords
+from uavseg.options.option import build
+from uavseg.options.regions import DivideOptions
 
 if TYPE_CHECKING:
     from uavseg.segmentation.blocks.block_map import BlockMap
@@ -51,10 +51,8 @@ def divide(
     allow_path : path or sequence of paths
         As of `extract`.
     """
-    words = BandWords(index, expr, band_names)
-    options = ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, None, words, collar, flatten)
+    options = build(DivideOptions, locals())
     with allowing(allow_path, allow_network):
-        opened = open_source(source, options)
-        found = run_divide(opened, work=work(threads, tile, None, resume))
+        found = run_divide(open_source(source, options.read), work=work(options.run))
     warn(found.warnings)
     return found.saved.blocks

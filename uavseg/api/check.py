@@ -12,6 +12,8 @@ from uavseg.arguments import checked
 from uavseg.flight.mission.mission import Mission
 from uavseg.jobs.flights.check import MissionCheck, check_request
 from uavseg.jobs.flights.check import check as run_check
+from uavseg.options.flights import CheckOptions
+from uavseg.options.option import build
 
 
 @checked
@@ -65,10 +67,8 @@ def check(
     >>> uavseg.check("fly.plan", autopilot="px4").problems  # doctest: +SKIP
     ()
     """
+    options = build(CheckOptions, locals() | {"avoid": listed_zones(avoid)})
     with allowing(allow_path, allow_network):
-        zones = listed_zones(avoid)
-        found = run_check(
-            mission, check_request(autopilot, zones, avoid_margin, max_altitude, max_distance, dem)
-        )
+        found = run_check(mission, check_request(options))
     warn(found.warnings)
     return found

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from uavseg.access import Folders, allowing
-from uavseg.api._values import asking, warn, work
+from uavseg.api._values import collecting, progress_of, warn
 from uavseg.api.questions import match
 from uavseg.api.rasters import extract, levels
 from uavseg.arguments import checked
@@ -16,6 +16,7 @@ from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress
 from uavseg.jobs.each.each import OutputNames, grouped_warnings, plan_tasks, run_each
 from uavseg.jobs.each.each_report import Outcome
+from uavseg.jobs.source.work import Work
 from uavseg.raster.formats.creation import creation_for
 
 _JOBS: tuple[Callable[..., Any], ...] = (extract, levels, match)
@@ -89,17 +90,30 @@ def each(
     if job not in _JOBS:
         raise ParameterError("job is uavseg.extract, uavseg.levels or uavseg.match")
     _check_words(job, words)
-    with asking() as asked:
+    with collecting() as requested:
         job(None, **words)
-    assert asked.job is not None and asked.work is not None, "each of these functions asks for regions"
-    if asked.work.checkpoint is not None:
+    assert requested.job is not None and requested.run is not None, "each of these functions asks for regions"
+    if requested.run.resume is not None:
         raise ParameterError("resume is for one source; skip_existing=True leaves out what is done")
     creation = creation_for(creation_options, {labels: "uint32"})
-    names = OutputNames(output, labels, overwrite, skip_existing, report, creation)
+    names = OutputNames(
+        output,
+        labels=labels,
+        overwrite=overwrite,
+        skip_existing=skip_existing,
+        report=report,
+        creation=creation,
+    )
     given = [sources] if isinstance(sources, str | os.PathLike) else sources
     with allowing(allow_path, allow_network):
         tasks, _ = plan_tasks(given, names)
-        found = run_each(tasks, asked.job, names, work(None, asked.work.tile, progress), threads)
+        found = run_each(
+            tasks,
+            requested.job,
+            names,
+            Work.by_threads(None, requested.run.tile, progress_of(progress)),
+            threads,
+        )
     failures = [one.failure for one in found if one.error is not None]
     warn([*grouped_warnings(found), *failures])
     return found

@@ -6,13 +6,13 @@ import os
 from typing import Any
 
 from uavseg.access import Folders, allowing
-from uavseg.api._values import work
 from uavseg.arguments import checked
 from uavseg.jobs.info import info as run_info
 from uavseg.jobs.info import open_to_describe
 from uavseg.jobs.info_regions import info_regions, names_regions
-from uavseg.jobs.source.source import ReadOptions
-from uavseg.raster.spectral.formula import BandWords
+from uavseg.jobs.source.work import Work
+from uavseg.options.option import build
+from uavseg.options.regions import InfoOptions
 from uavseg.raster.summary import Summary
 from uavseg.regions.formats.about_file import RegionFile
 
@@ -63,12 +63,11 @@ def info(
     >>> found.rows, found.cols, found.stretch, round(found.mean, 3)
     (64, 80, 'dtype -> 0..255', 0.2)
     """
-    words = BandWords(index, expr, band_names)
-    options = ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, words=words, collar=collar)
+    options = build(InfoOptions, locals())
     with allowing(allow_path, allow_network):
         if names_regions(source):
-            return info_regions(source, options)
-        return run_info(open_to_describe(source, options), work(threads), _names(source))
+            return info_regions(source, options.read)
+        return run_info(open_to_describe(source, options.read), Work.by_threads(threads), _names(source))
 
 
 def _names(source: Any) -> list[str]:

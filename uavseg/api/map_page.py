@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from uavseg.access import Folders, allowing
+from uavseg.api._values import work
 from uavseg.arguments import checked
-from uavseg.jobs.source.source import ReadOptions
-from uavseg.jobs.source.work import Work
 from uavseg.jobs.web_map.content import FieldMapRequest, field_map
+from uavseg.options.option import build
+from uavseg.options.pages import MapOptions
 from uavseg.plot.web.page_file import PageFile
-from uavseg.raster.spectral.formula import BandWords
 
 
 @checked
@@ -83,13 +83,11 @@ def map_page(
     >>> import uavseg
     >>> uavseg.map_page("tile.tif", "map.html", regions="regions.gpkg")  # doctest: +SKIP
     """
-    words = BandWords(index, expr, band_names)
-    options = ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, words=words, collar=collar)
-    request = FieldMapRequest.from_words(method, threshold, intensity_step, size)
-    work = Work.by_threads(threads, tile, resume=resume)
+    options = build(MapOptions, locals())
+    request = FieldMapRequest(options.division.segment_params(), size)
     with allowing(allow_path, allow_network):
         page = PageFile.prepared(output, overwrite, source, regions, mission, camera)
-        found = field_map(page.open_source(source, options), request, work)
+        found = field_map(page.open_source(source, options.read), request, work(options.run))
         _, notes = page.write(found)
     for warning in notes:
         warnings.warn(warning, stacklevel=3)

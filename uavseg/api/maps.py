@@ -12,21 +12,16 @@ from uavseg.arguments import checked
 from uavseg.execution.executors import Progress
 from uavseg.jobs.maps.build_map import BuiltMap, topics_of
 from uavseg.jobs.maps.build_map import build_map as run_build_map
-from uavseg.jobs.maps.classify import Classification, ClassifyRequest
+from uavseg.jobs.maps.classify import Classification
 from uavseg.jobs.maps.classify import classify as run_classify
 from uavseg.jobs.maps.merge_maps import MergedMap, MergeRequest
 from uavseg.jobs.maps.merge_maps import merge_maps as run_merge_maps
-from uavseg.jobs.maps.path import PathRequest, path_params
 from uavseg.jobs.maps.path import path as run_path
-from uavseg.jobs.ranges.range_words import range_of_words
-from uavseg.jobs.result.result import Drawing
+from uavseg.jobs.maps.requests import classify_request, merge_params, path_request
 from uavseg.jobs.source.open_source import open_probability_map
-from uavseg.jobs.source.source import ReadOptions
-from uavseg.occupancy.bags.merge_bag import MergeParams
-from uavseg.occupancy.paths.find_path import PathParams, PlannedPath
-from uavseg.raster.spectral.formula import BandWords
-from uavseg.regions.edit.small import as_area
-from uavseg.segmentation.params.segment import SegmentParams, StateLimits
+from uavseg.occupancy.paths.find_path import PlannedPath
+from uavseg.options.maps import BuildMapOptions, ClassifyOptions, PathOptions
+from uavseg.options.option import build
 
 
 @checked
@@ -108,18 +103,10 @@ def classify(
     >>> found.cells[3], found.frame()["pixels"].tolist()
     (512, [512])
     """
-    request = ClassifyRequest(
-        StateLimits(free_below, occupied_above),
-        SegmentParams.from_words(method, threshold, intensity_step, refine),
-        drawing=Drawing(simplify_m=simplify),
-        min_area=as_area(min_area),
-        allow_lost_obstacles=allow_lost_obstacles,
-    )
-    words = BandWords(index, expr, band_names)
-    read = ReadOptions(band, None, nodata, stretch, free_is_white=free_is_white, words=words)
+    options = build(ClassifyOptions, locals())
     with allowing(allow_path, allow_network):
-        opened = open_probability_map(source, read)
-        found = run_classify(opened, request, work(threads, tile, progress, resume))
+        opened = open_probability_map(source, options.read)
+        found = run_classify(opened, classify_request(options, True), work(options.run, progress))
     warn(found.warnings)
     return found
 
@@ -191,7 +178,7 @@ def path(
         Change no result.
     progress : callable or bool, optional
         Called with (done, total); True draws a bar on stderr, in notebooks too.
-    resume : path, optional
+    resume, allow_path, allow_network
         As of `extract`.
 
     Returns
@@ -216,18 +203,11 @@ def path(
     >>> [round(float(number), 3) for number in way.xy[-1]]
     [2.305, 0.705]
     """
-    request = PathRequest(
-        range_of_words(range, values, percentile),
-        start,
-        goal,
-        PathParams(clearance, smooth),
-        path_params(SegmentParams.from_words(method, threshold, intensity_step), refine),
-    )
-    words = BandWords(index, expr, band_names)
-    read = ReadOptions(band, None, nodata, stretch, free_is_white=free_is_white, words=words)
+    options = build(PathOptions, locals())
+    request = path_request(options)
     with allowing(allow_path, allow_network):
-        opened = open_probability_map(source, read)
-        found = run_path(opened, request, work(threads, tile, progress, resume))
+        opened = open_probability_map(source, options.read)
+        found = run_path(opened, request, work(options.run, progress))
     warn(found.warnings)
     return found.path
 
@@ -290,8 +270,7 @@ def build_map(
         If the bag cannot be read, lacks a topic or has another type there, or no scan has a pose; if the map
         would have more than 100 million cells.
     """
-    params = MergeParams(resolution, sigma, max_range, heights, no_return, beam_order)
-    found = run_build_map(bag, topics_of(scan, odom, tf), params)
+    found = run_build_map(bag, topics_of(scan, odom, tf), merge_params(build(BuildMapOptions, locals())))
     warn(found.warnings)
     return found
 

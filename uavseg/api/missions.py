@@ -9,20 +9,15 @@ from typing import TYPE_CHECKING, Any, Literal
 from uavseg.access import Folders, allowing
 from uavseg.api._values import listed_zones, warn
 from uavseg.arguments import checked
-from uavseg.errors import ParameterError
 from uavseg.flight.camera.camera import Camera
-from uavseg.flight.mission.fence import RallyPoint
 from uavseg.flight.mission.vehicle import Vehicle
-from uavseg.flight.params.limits import LimitParams, SafetyParams
-from uavseg.flight.params.terrain import terrain_params
-from uavseg.jobs.flights.plan import Home, MissionPlan, PlanRequest
+from uavseg.jobs.flights.plan import MissionPlan
 from uavseg.jobs.flights.plan import plan as run_plan
 from uavseg.jobs.flights.plan_regions import open_regions, zone_polygons
+from uavseg.jobs.flights.request import plan_request
 from uavseg.jobs.source.open_source import open_source
-from uavseg.jobs.words.flight_params import flight_params
-from uavseg.jobs.words.pattern_words import PatternWords
-from uavseg.jobs.words.photo_words import PhotoWords
-from uavseg.plain_text import shown
+from uavseg.options.flights import PlanOptions
+from uavseg.options.option import build
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
@@ -217,53 +212,11 @@ def plan(
     >>> plan = uavseg.plan(regions, altitude=60, home="auto", spacing=25)  # doctest: +SKIP
     >>> plan.write("fly.plan")  # doctest: +SKIP
     """
+    options = build(PlanOptions, locals())
     with allowing(allow_path, allow_network):
-        flight = flight_params(
-            altitude,
-            pattern=pattern,
-            spacing=spacing,
-            angle=_angle(angle),
-            speed=speed,
-            autopilot=autopilot,
-            tolerance=tolerance,
-            photos=PhotoWords(
-                camera, sensor, image, focal, min_interval, overlap, gimbal_pitch, trigger, shutter
-            ),
-            words=PatternWords(hold, offset, min_leg, holes, margin, crosshatch, turnaround),
-            gsd=gsd,
-            vehicle=vehicle,
-            limits=LimitParams(endurance, reserve, max_items),
-            safety=SafetyParams(
-                avoid_margin, fence, max_altitude, max_distance, tuple(RallyPoint(*place) for place in rally)
-            ),
-            terrain=terrain_params(dem, terrain, terrain_tolerance, climb, descent),
-        )
-        named = None if classes is None else _names(classes)
-        choice = ids, largest, where, allow_edge, named, _names(avoid_classes)
-        request = PlanRequest(flight, _home(home), *choice)
+        request = plan_request(options)
         found = open_regions(regions, layer)
         source = None if raster is None else open_source(raster)
         planned = run_plan(found, request, zone_polygons(listed_zones(avoid), source), source)
     warn(planned.warnings)
     return planned
-
-
-def _names(given: str | Sequence[str]) -> tuple[str, ...]:
-    return (given,) if isinstance(given, str) else tuple(given)
-
-
-def _angle(given: float | str) -> float | None:
-    if not isinstance(given, str):
-        return float(given)
-    if given != "auto":
-        raise ParameterError(f'angle is a number of degrees or "auto", not {shown(given)}')
-    return None
-
-
-def _home(given: Sequence[float] | str) -> Home:
-    if isinstance(given, str):
-        if given == "auto":
-            return "auto"
-    elif len(given) in (2, 3):
-        return tuple(map(float, given))
-    raise ParameterError(f'home is (lat, lon), (lat, lon, altitude_m) or "auto", not {shown(given)}')

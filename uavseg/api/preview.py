@@ -12,8 +12,10 @@ from uavseg.access import Folders, allowing
 from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.jobs.source.open_source import open_pixels
-from uavseg.jobs.source.source import ProbabilityMap, ReadOptions
+from uavseg.jobs.source.source import ProbabilityMap
 from uavseg.jobs.source.work import Work
+from uavseg.options.option import build
+from uavseg.options.pages import PreviewOptions
 from uavseg.plot.preview import preview as draw_raster
 from uavseg.plot.preview_missions import preview_missions
 
@@ -31,8 +33,11 @@ def preview(
     levels: Any = None,
     path: Any = None,
     dem: Any = None,
-    band: int | None = None,
-    rgb: tuple[int, int, int] | None = None,
+    band: int | str | None = None,
+    rgb: tuple[int | str, int | str, int | str] | None = None,
+    index: str | None = None,
+    expr: str | None = None,
+    band_names: str | None = None,
     nodata: float | str | None = None,
     stretch: str = "auto",
     width: int = 1400,
@@ -59,7 +64,7 @@ def preview(
         levels may be a GeoDataFrame, and path what `uavseg.path` gives.
     dem : path or sequence of paths, optional
         For missions without a raster: the ground below them.
-    band, rgb, nodata, stretch, skip_bad_tiles, collar, allow_path, allow_network
+    band, rgb, index, expr, band_names, nodata, stretch, skip_bad_tiles, collar, allow_path, allow_network
         As of `extract`.
     width : int
         Width of the picture in pixels, 200 to 8000.
@@ -82,15 +87,30 @@ def preview(
     """
     with allowing(allow_path, allow_network):
         if source is None:
-            _check_alone(mission, regions, states, leaves, labels, levels, path, band, rgb, nodata)
+            _check_alone(
+                mission,
+                regions,
+                states,
+                leaves,
+                labels,
+                levels,
+                path,
+                band,
+                rgb,
+                index,
+                expr,
+                band_names,
+                nodata,
+            )
             target = output or f"{_stem(mission)}.preview.png"
             return preview_missions(mission, target, dem=dem, width_px=width, overwrite=overwrite)
         if dem is not None:
             raise ParameterError(
                 "dem is for the profile of a mission without a raster; leave source or dem out"
             )
-        opened = open_pixels(source, ReadOptions(band, rgb, nodata, None, skip_bad_tiles))
-        how: Any = stretch
+        read = build(PreviewOptions, locals()).read
+        opened = open_pixels(source, replace(read, stretch=None))
+        how: Any = read.spec
         if isinstance(opened, ProbabilityMap) and stretch == "auto":
             how = opened.stretch
         work = replace(Work(), bad_blocks=set())

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from functools import partial
-from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 from uavseg.access import Folders, allowing
@@ -13,28 +11,17 @@ from uavseg.api._values import is_given, regions_of, warn, work
 from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress
-from uavseg.jobs.each.each import RegionJob
-from uavseg.jobs.match.by_classes import MatchClassesRequest, match_classes
-from uavseg.jobs.match.match import match as run_match
 from uavseg.jobs.match.ranges_of_sample import (
     SampleRange,
-    SuggestLikeRequest,
     open_all_bands,
     ranges_of_sample,
 )
-from uavseg.jobs.match.request import MatchRequest
-from uavseg.jobs.result.result import Drawing, Extraction
-from uavseg.jobs.source.detail import as_length
+from uavseg.jobs.requests import suggest_like_request, suggest_request
 from uavseg.jobs.source.open_source import open_source
-from uavseg.jobs.source.source import ReadOptions, Source
-from uavseg.jobs.source.work import Work
-from uavseg.jobs.suggest import SuggestRequest
 from uavseg.jobs.suggest import suggest as run_suggest
 from uavseg.jobs.suggestions import Suggestion
-from uavseg.raster.spectral.formula import BandWords
-from uavseg.regions.edit.small import as_area
-from uavseg.regions.sample.place import Disc, parse_like
-from uavseg.segmentation.params.segment import SegmentParams
+from uavseg.options.option import build
+from uavseg.options.regions import MatchOptions, SuggestOptions
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
@@ -140,57 +127,14 @@ def match(
     >>> f"{pixels / field.size:.0%}"
     '50%'
     """
-    drawing, holes, least = Drawing(simplify_m=simplify), as_area(fill_holes), as_area(min_area)
-    request: MatchRequest | MatchClassesRequest
-    if classes is None:
-        request = MatchRequest(
-            _samples(like),
-            window,
-            similarity,
-            intensity,
-            refine,
-            drawing,
-            holes,
-            least,
-            tuple(bands),
-            by,
-            _samples(unlike),
-            as_length(detail),
-            min_confidence,
-        )
-    else:
-        _check_alone(like, unlike, (window, similarity, intensity, by))
-        words = os.fspath(classes), refine, drawing, holes, least, tuple(bands), as_length(detail)
-        request = MatchClassesRequest(*words, min_confidence)
-    named = BandWords(index, expr, band_names)
-    options = ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, words=named, collar=collar)
-    job = RegionJob(options, partial(_matched, request))
-    with allowing(allow_path, allow_network):
-        return regions_of(source, job, work(threads, tile, progress, resume))
-
-
-def _matched(request: MatchRequest | MatchClassesRequest, opened: Source, how: Work) -> Extraction:
-    if isinstance(request, MatchClassesRequest):
-        return match_classes(opened, request, how)
-    return run_match(opened, request, how).found
-
-
-def _check_alone(like: object, unlike: object, words: tuple[object, ...]) -> None:
-    if is_given(like) or is_given(unlike) or words != (None, 0.9, 1.0, "auto"):
+    if classes is not None and (
+        is_given(like) or is_given(unlike) or (window, similarity, intensity, by) != (None, 0.9, 1.0, "auto")
+    ):
         raise ParameterError(
             "classes compares the colors of all its samples; leave out like, unlike, window, similarity, "
             "intensity and by"
         )
-
-
-def _samples(given: Sample | Sequence[Sample]) -> tuple[Disc | str, ...]:
-    """One sample or several, as the requests of jobs have them."""
-    if isinstance(given, str | os.PathLike):
-        return (parse_like(os.fspath(given)),)
-    if len(given) == 3 and all(isinstance(number, Real) for number in given):
-        return (Disc(*given),)
-    several: Any = given
-    return tuple(sample for one in several for sample in _samples(one))
+    return regions_of(source, build(MatchOptions, locals()), progress)
 
 
 @checked
@@ -264,14 +208,11 @@ def suggest(
     (0.52, 1.0) 0.125 1
     (0.0, 0.52) 0.875 1
     """
-    words = BandWords(index, expr, band_names)
-    options = ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, None, words, collar, flatten)
-    how = work(threads, tile, progress, resume)
+    options = build(SuggestOptions, locals())
     with allowing(allow_path, allow_network):
         if not any(map(is_given, (like, unlike, bands))):
-            segment = SegmentParams.from_words(method, threshold, intensity_step, None)
-            request = SuggestRequest(_number_of(classes), segment)
-            found = run_suggest(open_source(source, options), request, how)
+            request = suggest_request(options)
+            found = run_suggest(open_source(source, options.read), request, work(options.run, progress))
             warn(found.warnings)
             return list(found.ranges)
         if (classes, method, threshold, intensity_step, resume) != ("auto", "adaptive", 1.2, 0.05, None):
@@ -279,15 +220,7 @@ def suggest(
                 "classes, method, threshold, intensity_step and resume are for ranges without a sample; "
                 "leave them out"
             )
-        samples = SuggestLikeRequest(_samples(like), _samples(unlike), tuple(bands))
-        parting = ranges_of_sample(open_all_bands(source, options), samples, how)
+        samples = suggest_like_request(options)
+        parting = ranges_of_sample(open_all_bands(source, options.read), samples, work(options.run, progress))
     warn(parting.warnings)
     return list(parting.ranges)
-
-
-def _number_of(classes: int | str) -> int | None:
-    if classes == "auto":
-        return None
-    if not isinstance(classes, int):
-        raise ParameterError(f'classes are "auto" or a number, not {classes!r}')
-    return classes

@@ -6,27 +6,14 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from uavseg.access import Folders, allowing
-from uavseg.api._values import regions_of, work
+from uavseg.access import Folders
+from uavseg.api._values import regions_of
 from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress
-from uavseg.jobs.each.each import RegionJob
-from uavseg.jobs.extract import ExtractRequest
-from uavseg.jobs.extract import extract as run_extract
-from uavseg.jobs.extract_classes import ClassesRequest, extract_classes, refuse_thin_lines
-from uavseg.jobs.levels import LevelsRequest, Small, level_params
-from uavseg.jobs.levels import levels as run_levels
-from uavseg.jobs.ranges.level_breaks import breaks_of
-from uavseg.jobs.ranges.range_words import range_of_words
-from uavseg.jobs.result.result import Drawing
-from uavseg.jobs.segment_kinds import joint_params
-from uavseg.jobs.source.detail import as_length
-from uavseg.jobs.source.source import ReadOptions
-from uavseg.jobs.words.class_words import classes_of_words
-from uavseg.raster.spectral.formula import BandWords
-from uavseg.regions.edit.small import as_area
-from uavseg.segmentation.params.segment import Levels, SegmentParams
+from uavseg.jobs.levels import Small
+from uavseg.options.option import build
+from uavseg.options.regions import ExtractOptions, LevelsOptions
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
@@ -155,22 +142,7 @@ def extract(
     >>> import uavseg
     >>> regions = uavseg.extract("tile.tif", range=(0.55, 1))  # doctest: +SKIP
     """
-    drawing, areas = Drawing(smooth_outline, simplify), (as_area(fill_holes), as_area(min_area))
-    how = drawing, *areas, as_length(detail), min_confidence
-    segment = SegmentParams.from_words(method, threshold, intensity_step, refine)
-    words = BandWords(index, expr, band_names)
-    read = ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, None, words, collar, flatten)
-    if classes is None:
-        request = ExtractRequest(range_of_words(range, values, percentile), segment, *how, thin_lines)
-        job = RegionJob(read, lambda opened, work: run_extract(opened, request, work))
-    else:
-        if not range is values is percentile is None:
-            raise ParameterError("extract takes a range or classes; give one of them")
-        refuse_thin_lines(thin_lines)
-        asked = ClassesRequest(classes_of_words(classes), joint_params(segment, refine), *how)
-        job = RegionJob(read, lambda opened, work: extract_classes(opened, asked, work))
-    with allowing(allow_path, allow_network):
-        return regions_of(source, job, work(threads, tile, progress, resume))
+    return regions_of(source, build(ExtractOptions, locals()), progress)
 
 
 @checked
@@ -249,18 +221,4 @@ def levels(
     """
     if (width is None) == (breaks is None):
         raise ParameterError("levels takes a width, such as width=0.1, or breaks; give one of them")
-    wanted = breaks_of(breaks) if width is None else Levels(width)
-    request = LevelsRequest(
-        wanted,
-        level_params(SegmentParams.from_words(method, threshold, intensity_step), refine, wanted),
-        Drawing(smooth_outline, simplify),
-        as_area(min_area),
-        small,
-        as_length(detail),
-        min_confidence,
-    )
-    words = BandWords(index, expr, band_names)
-    read = ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, None, words, collar, flatten)
-    job = RegionJob(read, lambda opened, how: run_levels(opened, request, how))
-    with allowing(allow_path, allow_network):
-        return regions_of(source, job, work(threads, tile, progress, resume))
+    return regions_of(source, build(LevelsOptions, locals()), progress)

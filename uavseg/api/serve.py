@@ -18,13 +18,14 @@ from uavseg.errors import ParameterError
 from uavseg.execution.executors import threads as thread_pool
 from uavseg.flight.camera.catalogue import cameras
 from uavseg.jobs.source.open_source import open_source, raster_of
-from uavseg.jobs.source.source import ReadOptions, Source
+from uavseg.jobs.source.source import Source
 from uavseg.jobs.source.work import Work
 from uavseg.jobs.web_map.cell_tiles import CellTiles
 from uavseg.jobs.web_map.content import FieldMapRequest, field_map
 from uavseg.jobs.web_map.map_tile import has_map_tiles
+from uavseg.options.option import build
+from uavseg.options.pages import ServeOptions
 from uavseg.plot.web.field_map import page_of
-from uavseg.raster.spectral.formula import BandWords
 from uavseg.server.local_server import Answer, LocalServer
 from uavseg.server.site import Site
 from uavseg.server.tasks import Tasks
@@ -159,12 +160,11 @@ def serve(
     ...     print(server.url)
     ...     server.wait()
     """
-    words = BandWords(index, expr, band_names)
-    options = ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, words=words, collar=collar)
-    request = FieldMapRequest.from_words(method, threshold, intensity_step, size)
+    options = build(ServeOptions, locals())
+    request = FieldMapRequest(options.division.segment_params(), size)
     run = thread_pool(threads)
     with allowing(allow_path, allow_network):
-        server = MapServer(open_source(source, options), request, Work(tile, run, run), port)
+        server = MapServer(open_source(source, options.read), request, Work(tile, run, run), port)
     for warning in server.warnings:
         warnings.warn(warning, stacklevel=3)
     return server

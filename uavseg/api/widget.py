@@ -16,13 +16,13 @@ from uavseg.api.rasters import extract
 from uavseg.errors import IntensityRangeError, MissingLibraryError, ParameterError
 from uavseg.execution.executors import threads as thread_pool
 from uavseg.jobs.source.open_source import open_source
-from uavseg.jobs.source.source import ReadOptions
 from uavseg.jobs.source.work import Work
 from uavseg.jobs.web_map.content import FieldMap, FieldMapRequest, field_map
+from uavseg.options.option import build
+from uavseg.options.pages import MapOptions
 from uavseg.plot.web.field_map import data_of, read_flights, size_notes, title_of
 from uavseg.plot.web.page import asset, render_page
 from uavseg.plot.web.region_features import read_collection
-from uavseg.raster.spectral.formula import BandWords
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
@@ -135,10 +135,8 @@ def _words_of_extract(source: Any, words: dict[str, Any]) -> dict[str, Any]:
 
 
 def _field_map(source: Any, given: dict[str, Any], size: int) -> FieldMap:
-    names = ("band", "rgb", "nodata", "stretch", "skip_bad_tiles", "collar")
-    words = BandWords(given["index"], given["expr"], given["band_names"])
-    options = ReadOptions(**{name: given[name] for name in names}, words=words)
-    request = FieldMapRequest.from_words(given["method"], given["threshold"], given["intensity_step"], size)
-    run = thread_pool(given["threads"])
-    work = Work(given["tile"], run, run, checkpoint=given["resume"])
-    return field_map(open_source(source, options), request, work)
+    options = build(MapOptions, given | {"size": size})
+    request = FieldMapRequest(options.division.segment_params(), size)
+    run = thread_pool(options.run.threads)
+    work = Work(options.run.tile, run, run, checkpoint=options.run.resume)
+    return field_map(open_source(source, options.read), request, work)

@@ -7,11 +7,12 @@ import importlib
 import os
 import sys
 import traceback
+from collections.abc import Sequence
 from typing import Any, NoReturn
 
 import click
 
-from uavseg.cli.terminal.stop import exit_code, last_line, stopping_cleanly
+from uavseg.cli.terminal.stop import end_soon, exit_code, last_line, stopping_cleanly
 from uavseg.errors import UavsegError
 
 _COMMANDS = {
@@ -60,10 +61,14 @@ class _Group(click.Group):
         with formatter.section("Commands"):
             formatter.write_dl(list(_COMMANDS.items()))
 
-    def main(self, *args: Any, **options: Any) -> Any:
+    def main(self, args: Sequence[str] | None = None, *rest: Any, **options: Any) -> Any:
         """As click's; errors of the standard output too, such as of --help, are one line."""
         try:
-            return super().main(*args, **options)
+            return super().main(args, *rest, **options)
+        except SystemExit as end:
+            if args is None and isinstance(end.code, int) and end.code > 128:  # a program that a signal ended
+                end_soon(end.code)
+            raise
         except OSError as error:
             sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, PTH123 - open until the end
             click.echo(f"uavseg: error: {_system_error(error)}", err=True)

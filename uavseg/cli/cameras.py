@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import click
+from uavseg.cli.command import job_command
+from uavseg.options.pages import CamerasOptions
 
 
-@click.command("cameras")
-@click.argument("words", nargs=-1)
-def command(words: tuple[str, ...]) -> None:
+@job_command("cameras", CamerasOptions)
+def command(options: CamerasOptions) -> None:
     """List the cameras that are known; those whose names have all WORDS, if some are given.
 
     A camera of one's own is a JSON file with sensor_width_mm, sensor_height_mm, image_width_px,
@@ -17,9 +17,9 @@ def command(words: tuple[str, ...]) -> None:
     from uavseg.errors import ParameterError
     from uavseg.flight.camera.catalogue import find_cameras
 
-    found = find_cameras(" ".join(words))
+    found = find_cameras(" ".join(options.words))
     if not found:
-        raise ParameterError(f"no camera has {' '.join(words)} in its name; uavseg cameras lists all")
+        raise ParameterError(f"no camera has {' '.join(options.words)} in its name; uavseg cameras lists all")
     lines = [f"{'camera':<34}{'sensor mm':>14}{'image px':>15}{'focal mm':>10}{'cm at 100 m':>13}"]
     for camera in found:
         sensor = "{:g} x {:g}".format(*camera.sensor_mm)

@@ -4,81 +4,39 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import click
-
-from uavseg.cli.options.access import access_options
-from uavseg.cli.options.verbosity import heed_verbose, verbosity_options
+from uavseg.cli.command import job_command
+from uavseg.cli.terminal.reporter import Reporter
 from uavseg.cli.terminal.say import say, show
 from uavseg.errors import MissionError
+from uavseg.options.flights import CheckOptions
 
 if TYPE_CHECKING:
-    from uavseg.jobs.flights.check import CheckRequest, MissionCheck
+    from uavseg.jobs.flights.check import MissionCheck
 
 
-@click.command("check")
-@click.argument("file", metavar="FILE")
-@click.option(
-    "--autopilot",
-    type=click.Choice(["ardupilot", "px4", "generic"]),
-    help="What it is checked for.  [default: what FILE is for, if its format says so]",
-)
-@click.option("--avoid", multiple=True, metavar="FILE", help="Keep-out zones; may be given several times.")
-@click.option(
-    "--avoid-margin",
-    type=float,
-    default=10.0,
-    metavar="M",
-    show_default=True,
-    help="Least distance to keep-out zones.",
-)
-@click.option(
-    "--max-altitude", type=float, metavar="M", help="Refuse more above home, or with --dem above the ground."
-)
-@click.option("--max-distance", type=float, metavar="M", help="Refuse more from home.")
-@click.option(
-    "--dem",
-    multiple=True,
-    metavar="DEM.tif",
-    help="Refuse to fly nearer than 5 m to the ground of this elevation model; may be repeated.",
-)
-@click.option("--json", "as_json", is_flag=True, help="Write JSON, for programs.")
-@verbosity_options
-@access_options
-def command(**options: Any) -> None:
+@job_command("check", CheckOptions)
+def command(options: CheckOptions) -> None:
     """Read the mission in FILE (.plan, .waypoints, .kml, .geojson, .kmz or .csv) back, and tell what it
     holds, how long it takes, and which autopilots, programs and aircraft would refuse it.
 
     Exit code 1: FILE cannot be read, its mission would not be safe, leaves its fence, comes near to a zone of
     --avoid, exceeds a limit, or the autopilot refuses it.
     """
-    from uavseg.jobs.flights.check import check
+    from uavseg.jobs.flights.check import check, check_request
 
-    heed_verbose(options["quiet"], options["verbose"])
-    found = check(options["file"], _request(options))
-    if options["as_json"]:
+    quiet = Reporter(options.messages).quiet
+    found = check(options.file, check_request(options))
+    if options.as_json:
         import json
 
         show(json.dumps(found.as_dict(), indent=2, allow_nan=False))
-    elif not options["quiet"]:
+    elif not quiet:
         show("\n".join(_lines(found)))
-    for warning in () if options["quiet"] else found.warnings:
+    for warning in () if quiet else found.warnings:
         say(f"note: {warning}")
     if found.problems:
         more = f" (and {len(found.problems) - 1} more)" if len(found.problems) > 1 else ""
-        raise MissionError(f"{options['file']}: {found.problems[0]}{more}")
-
-
-def _request(options: dict[str, Any]) -> CheckRequest:
-    from uavseg.jobs.flights.check import check_request
-
-    return check_request(
-        options["autopilot"],
-        options["avoid"],
-        options["avoid_margin"],
-        options["max_altitude"],
-        options["max_distance"],
-        options["dem"] or None,
-    )
+        raise MissionError(f"{options.file}: {found.problems[0]}{more}")
 
 
 def _lines(found: MissionCheck) -> list[str]:

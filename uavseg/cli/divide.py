@@ -2,30 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import click
-
-from uavseg.cli._write import keep_inputs
-from uavseg.cli.options.creation import creation_of, creation_option
-from uavseg.cli.options.raster import (
-    flatten_option,
-    read_options,
-    reading_options,
-    segment_params,
-    segmenting_options,
-)
-from uavseg.cli.options.running import RunOptions, running_options
+from uavseg.cli.command import job_command
+from uavseg.cli.terminal.reporter import Reporter, work_of
+from uavseg.cli.write import creation_of, keep_inputs
+from uavseg.options.regions import DivideOptions
 
 
-@click.command("divide")
-@reading_options
-@click.option("-o", "--output", required=True, metavar="PATH.tif", help="The block map.")
-@creation_option
-@flatten_option
-@segmenting_options
-@running_options
-def command(**options: Any) -> None:
+@job_command("divide", DivideOptions)
+def command(options: DivideOptions) -> None:
     """Divide RASTER... (many are one mosaic, a YAML file is a ROS map) into blocks of uniform texture.
 
     The block map is a GeoTIFF of 8 x 8 pixel cells. Its first two bands are for looking at: the mean and the
@@ -37,29 +21,26 @@ def command(**options: Any) -> None:
     from uavseg.output.atomic import check_target
     from uavseg.segmentation.blocks.block_file import check_block_map_name, write_block_map
 
-    run = RunOptions.of(options)
-    output = options["output"]
+    reporter = Reporter(options.messages, options.progress)
+    output, overwrite, rasters = options.output, options.files.overwrite, options.source.rasters
     check_block_map_name(output)
-    creation = creation_of(options, {output: "uint32"})
-    check_target(output, run.overwrite)
-    keep_inputs([output], options["rasters"])
-    request = DivideRequest(segment_params(options, None))
-    found = divide(open_source(options["rasters"], read_options(options)), request, run.work())
-    write_block_map(output, found.saved, request.segment.division, run.overwrite, creation)
-    run.reporter.finish(found.warnings)
+    creation = creation_of(options.creation, {output: "uint32"})
+    check_target(output, overwrite)
+    keep_inputs([output], rasters)
+    request = DivideRequest(options.division.segment_params())
+    found = divide(open_source(rasters, options.read), request, work_of(options.run, reporter))
+    write_block_map(output, found.saved, request.segment.division, overwrite, creation)
+    reporter.finish(found.warnings)
     rows, cols = found.saved.blocks.blocks
-    flat = found.saved.origin.flatten
-    light = {} if flat is None else {"slow light": f"taken away over {flat.removesuffix('px')} {_unit(flat)}"}
-    run.reporter.table(
+    width = found.saved.origin.flatten
+    unit = "pixels" if width is not None and width.endswith("px") else "m"
+    flat = {} if width is None else {"slow light": f"taken away over {width.removesuffix('px')} {unit}"}
+    reporter.table(
         {
             "blocks": f"{rows * cols:,} of 64 x 64 -> {output}",
             "stretch": found.saved.stretch.name,
             "band": found.saved.band_names,
-            **light,
-            "seconds": f"{run.reporter.seconds:.2f}",
+            **flat,
+            "seconds": f"{reporter.seconds:.2f}",
         }
     )
-
-
-def _unit(length: str) -> str:
-    return "pixels" if length.endswith("px") else "m"

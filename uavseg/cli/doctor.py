@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import click
 
+from uavseg.cli.command import job_command
+from uavseg.options.pages import DoctorOptions
 
-@click.command("doctor")
-@click.option("--json", "as_json", is_flag=True, help="The same as JSON.")
-def command(as_json: bool) -> None:
+
+@job_command("doctor", DoctorOptions)
+def command(options: DoctorOptions) -> None:
     """Check this installation: versions of GDAL, PROJ and numba, kernels, threads, QGIS, serial ports.
 
     The output fits an issue report: it has no names of folders. The exit code is 1 if something is wrong;
@@ -19,6 +21,6 @@ def command(as_json: bool) -> None:
     from uavseg.jobs.install.doctor import doctor
 
     found = doctor()
-    show(json.dumps(found.as_dict(), indent=2) if as_json else str(found))
+    show(json.dumps(found.as_dict(), indent=2) if options.as_json else str(found))
     if found.problems:
         click.get_current_context().exit(1)

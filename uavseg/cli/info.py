@@ -3,18 +3,13 @@
 import sys
 from typing import Any
 
-import click
+from uavseg.cli.command import job_command
+from uavseg.cli.terminal.say import saying_decisions, show
+from uavseg.options.regions import InfoOptions
 
-from uavseg.cli.options.raster import read_options, reading_options
-from uavseg.cli.terminal.say import show
 
-
-@click.command("info", short_help="Tell what a raster, or a file of regions, is and holds.")
-@reading_options
-@click.option("--json", "as_json", is_flag=True, help="Write JSON, for programs.")
-@click.option("--threads", type=click.IntRange(min=1), help="Threads to count with.  [default: all cores]")
-@click.option("-v", "--verbose", is_flag=True, help="Say what was decided, and how long it took.")
-def command(**options: Any) -> None:
+@job_command("info", InfoOptions)
+def command(options: InfoOptions) -> None:
     """Tell the size, place, bands, nodata and intensity of RASTER (many are one mosaic), how that intensity
     is stretched, and a command to try next: the rarer of dark and bright pixels. `uavseg suggest` takes
     longer and proposes ranges from the means of leaves, with what each would give.
@@ -24,38 +19,38 @@ def command(**options: Any) -> None:
     RASTER may also be a file of regions (.geojson, .gpkg, .fgb, .parquet, .shp, .kml): then its format, CRS,
     extent and columns are told, and from what and how the regions were made, where the file says so.
     """
-    from uavseg.cli.terminal.say import saying_decisions
     from uavseg.jobs.info_regions import names_regions
 
-    if options["verbose"]:
+    if options.verbose:
         saying_decisions()
-    text, facts = _regions(options) if names_regions(options["rasters"]) else _raster(options)
-    if options["as_json"]:
+    regions = names_regions(options.source.rasters)
+    text, values = _regions(options) if regions else _raster(options)
+    if options.as_json:
         import json
 
-        show(json.dumps(facts, indent=2, allow_nan=False))
+        show(json.dumps(values, indent=2, allow_nan=False))
     else:
         show(_printable(text))
 
 
-def _raster(options: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+def _raster(options: InfoOptions) -> tuple[str, dict[str, Any]]:
     """What there is to say of a raster, as text and as plain values."""
     from uavseg.execution.executors import threads
     from uavseg.jobs.info import info, open_to_describe
     from uavseg.jobs.source.work import Work
     from uavseg.plot.summary_text import summary_text
 
-    source = open_to_describe(options["rasters"], read_options(options))
-    summary = info(source, Work(executor=threads(options["threads"])), options["rasters"])
+    source = open_to_describe(options.source.rasters, options.read)
+    summary = info(source, Work(executor=threads(options.threads)), options.source.rasters)
     return summary_text(summary), summary.as_dict()
 
 
-def _regions(options: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+def _regions(options: InfoOptions) -> tuple[str, dict[str, Any]]:
     """The same of a file of regions."""
     from uavseg.jobs.info_regions import info_regions
     from uavseg.plot.region_file_text import region_file_text
 
-    found = info_regions(options["rasters"], read_options(options))
+    found = info_regions(options.source.rasters, options.read)
     return region_file_text(found), found.as_dict()
 
 

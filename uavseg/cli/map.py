@@ -2,37 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import click
-
-from uavseg.cli.options.raster import read_options, reading_options, segment_params, segmenting_options
-from uavseg.cli.options.running import RunOptions, running_options
+from uavseg.cli.command import job_command
+from uavseg.cli.terminal.reporter import Reporter, work_of
+from uavseg.options.pages import MapOptions
 
 
-@click.command("map")
-@reading_options
-@click.option(
-    "--regions", type=click.Path(), help="Regions to show: a file that extract wrote, or any polygons."
-)
-@click.option(
-    "--mission",
-    multiple=True,
-    type=click.Path(),
-    help="Mission to show, in any format of uavseg plan. May be given several times.",
-)
-@click.option(
-    "--camera",
-    metavar="NAME|FILE.json",
-    help="The camera of the missions, for the footprints of their photographs; uavseg cameras lists them.",
-)
-@click.option("-o", "--output", required=True, metavar="PATH.html", help="The page.")
-@click.option(
-    "--size", default=2048, show_default=True, help="Longest side of the picture of the raster, in pixels."
-)
-@segmenting_options
-@running_options
-def command(**options: Any) -> None:
+@job_command("map", MapOptions)
+def command(options: MapOptions) -> None:
     """Make one HTML file of RASTER... (many are one mosaic) that a browser shows without network: the raster,
     regions, missions, and a slider that extracts regions of a range at the scale of blocks.
 
@@ -43,22 +19,31 @@ def command(**options: Any) -> None:
     from uavseg.jobs.web_map.content import FieldMapRequest, field_map
     from uavseg.plot.web.page_file import PageFile
 
-    run = RunOptions.of(options)
-    request = FieldMapRequest(segment_params(options, None), options["size"])
-    shown = options["regions"], options["mission"] or None, options["camera"]
-    page = PageFile.prepared(options["output"], run.overwrite, options["rasters"], *shown)
-    source = page.open_source(options["rasters"], read_options(options))
-    found = field_map(source, request, run.work())
+    reporter = Reporter(options.messages, options.progress)
+    request, rasters = (
+        FieldMapRequest(options.division.segment_params(), options.size.size),
+        options.source.rasters,
+    )
+    page = PageFile.prepared(
+        options.output,
+        options.files.overwrite,
+        rasters,
+        options.regions,
+        options.mission,
+        options.camera,
+    )
+    source = page.open_source(rasters, options.read)
+    found = field_map(source, request, work_of(options.run, reporter))
     size, notes = page.write(found)
-    run.reporter.finish(notes)
+    reporter.finish(notes)
     rows, cols = found.image.shape
-    run.reporter.table(
+    reporter.table(
         {
-            "page": f"{size / 1e6:.2f} MB -> {options['output']}",
+            "page": f"{size / 1e6:.2f} MB -> {options.output}",
             "picture": f"{cols} x {rows} pixels",
             "intensity": f"{found.info.band_names}, stretch {found.info.stretch.name}",
             "regions": "-" if page.regions is None else f"{len(page.regions['features']):,}",
             "missions": f"{len(page.flights)}",
-            "seconds": f"{run.reporter.seconds:.2f}",
+            "seconds": f"{reporter.seconds:.2f}",
         }
     )

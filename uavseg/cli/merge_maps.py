@@ -2,34 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import click
-
-from uavseg.cli._write import keep_inputs, transaction
-from uavseg.cli.options.access import access_options
-from uavseg.cli.options.creation import creation_of, creation_option, map_mode_option
-from uavseg.cli.options.verbosity import heed_verbose, showing_phases, verbosity_options
+from uavseg.cli.command import job_command
+from uavseg.cli.terminal.reporter import Reporter, showing_phases
 from uavseg.cli.terminal.say import say
+from uavseg.cli.write import creation_of, keep_inputs, transaction
+from uavseg.options.maps import MergeMapsOptions
 
 if TYPE_CHECKING:
     from uavseg.jobs.maps.merge_maps import MergedMap
 
 
-@click.command("merge-maps", short_help="Merge, crop and turn maps of robots.")
-@click.argument("maps", metavar="MAP...", nargs=-1, required=True)
-@click.option("-o", "--output", required=True, metavar="PATH.yaml|PATH.tif", help="The map.")
-@click.option("--crop", is_flag=True, help="End the map where nothing beyond is known.")
-@click.option("--unrotate", is_flag=True, help="Let rows run along the x axis: a yaw of 0.")
-@click.option(
-    "--resolution", type=float, metavar="M", help="Side of a cell.  [default: that of the first map]"
-)
-@map_mode_option
-@creation_option
-@click.option("--overwrite", is_flag=True, help="Replace files that are there.")
-@verbosity_options
-@access_options
-def command(**options: Any) -> None:
+@job_command("merge-maps", MergeMapsOptions)
+def command(options: MergeMapsOptions) -> None:
     """Merge MAPs that lie in one frame into one; a single MAP may be cropped and turned.
 
     A MAP is the YAML file of a ROS map, or a raster of probabilities in metres. The cells are those of the
@@ -39,22 +25,19 @@ def command(**options: Any) -> None:
     from uavseg.jobs.maps.merge_maps import MergeRequest, merge_maps
     from uavseg.occupancy.map_file import check_map_path
 
-    quiet = options["quiet"]
-    heed_verbose(quiet, options["verbose"])
-    target, overwrite = options["output"], options["overwrite"]
-    files = check_map_path(target, overwrite, options["mode"])
-    keep_inputs(files, *options["maps"])
-    creation_of(options, {target: "float32"})
-    request = MergeRequest(options["crop"], options["unrotate"], options["resolution"])
-    with showing_phases(quiet):
-        found = merge_maps(options["maps"], request)
-    if not quiet:
-        for warning in found.warnings:
-            say(f"uavseg: warning: {warning}")
+    reporter = Reporter(options.messages)
+    target, overwrite, mode = options.output, options.files.overwrite, options.mode.mode
+    files = check_map_path(target, overwrite, mode)
+    keep_inputs(files, *options.maps)
+    creation_of(options.creation, {target: "float32"})
+    request = MergeRequest(options.crop, options.unrotate, options.resolution)
+    with showing_phases(reporter.quiet):
+        found = merge_maps(options.maps, request)
+    reporter.finish(found.warnings)
     with transaction():
-        found.write(target, overwrite, options["creation_options"], options["mode"])
-    if not quiet:
-        _report(found, len(options["maps"]), files)
+        found.write(target, overwrite, options.creation.creation_options, mode)
+    if not reporter.quiet:
+        _report(found, len(options.maps), files)
 
 
 def _report(found: MergedMap, maps: int, files: list[str]) -> None:

@@ -2,26 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import click
-
-from uavseg.cli.options.raster import read_options, reading_options, segment_params, segmenting_options
-from uavseg.cli.options.running import RunOptions, computing_options
+from uavseg.cli.command import job_command
+from uavseg.cli.terminal.reporter import Reporter, work_of
 from uavseg.cli.terminal.say import show
+from uavseg.options.pages import ServeOptions
 
 
-@click.command("serve")
-@reading_options
-@click.option(
-    "--port", default=0, metavar="N", help="Port of 127.0.0.1; 0 is any that is free.", show_default=True
-)
-@click.option(
-    "--size", default=2048, show_default=True, help="Longest side of the picture of the raster, in pixels."
-)
-@segmenting_options
-@computing_options
-def command(**options: Any) -> None:
+@job_command("serve", ServeOptions)
+def command(options: ServeOptions) -> None:
     """Serve the page of RASTER... (many are one mosaic) to a browser on this computer, until Ctrl-C.
 
     The page is that of `uavseg map`, with tiles in full resolution, exact regions of a range or like a
@@ -34,11 +22,11 @@ def command(**options: Any) -> None:
     from uavseg.jobs.web_map.content import FieldMapRequest
     from uavseg.output.written import note_ended
 
-    run = RunOptions.of(options)
-    request = FieldMapRequest(segment_params(options, None), options["size"])
-    source = open_source(options["rasters"], read_options(options))
-    with MapServer(source, request, run.work(), options["port"]) as server:
+    reporter = Reporter(options.messages, options.progress)
+    request = FieldMapRequest(options.division.segment_params(), options.size.size)
+    source = open_source(options.source.rasters, options.read)
+    with MapServer(source, request, work_of(options.run, reporter), options.port) as server:
         note_ended("the server is closed, and the files of its jobs are deleted")
-        run.reporter.finish(server.warnings)
+        reporter.finish(server.warnings)
         show(f"{server.url}")
         server.wait()

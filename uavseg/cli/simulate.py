@@ -3,51 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import click
-
-from uavseg.cli._write import check_distinct, keep_inputs, transaction
-from uavseg.cli.options.creation import creation_of, creation_option
-from uavseg.cli.options.verbosity import heed_verbose, verbosity_options
+from uavseg.cli.command import job_command
+from uavseg.cli.terminal.reporter import Reporter
 from uavseg.cli.terminal.say import say
+from uavseg.cli.write import check_distinct, creation_of, keep_inputs, transaction
 from uavseg.errors import OutputError
+from uavseg.options.maps import SimulateOptions
 
 if TYPE_CHECKING:
     from uavseg.occupancy.mapping.grid import OccupancyGrid
     from uavseg.occupancy.simulation.simulate import Simulation
     from uavseg.raster.formats.creation import CreationOptions
 
-_SENSOR = {"sigma": "sigma_m", "max_range": "max_range_m", "fov": "fov_deg", "step": "step_deg"}
 
-
-@click.command("simulate", short_help="Simulate a laser range finder and write the map that it makes.")
-@click.argument("scene", metavar="lens|circles|SCENE.json")
-@click.option(
-    "-o", "--output", required=True, metavar="MAP", help="The map: .tif (probabilities), or .yaml (ROS map)."
-)
-@click.option(
-    "--png", metavar="PATH.png", help="The map as a picture: free black, unknown grey, occupied white."
-)
-@click.option("--truth", metavar="PATH.tif", help="What the scene really is: states, solid, visible.")
-@creation_option
-@click.option(
-    "--seed",
-    type=click.IntRange(min=0),
-    default=0,
-    show_default=True,
-    help="Of the noise; same seed, same map.",
-)
-@click.option(
-    "--sigma", type=float, metavar="M", help="Standard deviation of ranges.  [default: the scene's]"
-)
-@click.option("--max-range", type=float, metavar="M", help="How far the sensor sees.  [default: the scene's]")
-@click.option("--fov", type=float, metavar="DEG", help="Its field of view.  [default: the scene's]")
-@click.option("--step", type=float, metavar="DEG", help="Between beams.  [default: the scene's]")
-@click.option("--poses", type=click.IntRange(min=1), metavar="N", help="Scan from the first N poses only.")
-@click.option("--overwrite", is_flag=True, help="Replace files that are there.")
-@verbosity_options
-def command(**options: Any) -> None:
+@job_command("simulate", SimulateOptions)
+def command(options: SimulateOptions) -> None:
     """Scan a scene with a laser range finder, merge the scans in log-odds and write the map.
 
     lens and circles are the two maps of the paper, 320 x 320 cells: five views with σ = 5 cm of an object
@@ -62,22 +34,30 @@ def command(**options: Any) -> None:
     from uavseg.occupancy.mapping.grid import grey_picture
     from uavseg.raster.formats.png import write_png
 
-    heed_verbose(options["quiet"], options["verbose"])
-    scene, overwrite = options["scene"], options["overwrite"]
-    keep_inputs([options[name] for name in ("output", "png", "truth") if options[name]], scene)
-    outputs = _check_targets(options["output"], options["png"], options["truth"], overwrite)
-    creation = creation_of(options, {options["output"]: "float32", options["truth"]: "uint8"})
-    sensor = {name: options[option] for option, name in _SENSOR.items()}
-    found = simulate(scene, SimulateRequest(options["seed"], options["poses"], **sensor))
+    reporter = Reporter(options.messages)
+    output, png, truth = options.output, options.png, options.truth
+    scene, overwrite = options.scene, options.files.overwrite
+    keep_inputs([path for path in (output, png, truth) if path], scene)
+    outputs = _check_targets(output, png, truth, overwrite)
+    creation = creation_of(options.creation, {output: "float32", truth: "uint8"})
+    request = SimulateRequest(
+        options.seed,
+        options.poses,
+        sigma_m=options.sigma,
+        max_range_m=options.max_range,
+        fov_deg=options.fov,
+        step_deg=options.step,
+    )
+    found = simulate(scene, request)
     grid = found.grid
-    tags = {"scene": scene, "seed": str(options["seed"])}
+    tags = {"scene": scene, "seed": str(options.seed)}
     with transaction():
-        write_map(options["output"], grid.probabilities, grid.geobox, overwrite, tags=tags, creation=creation)
-        if options["png"]:
-            write_png(options["png"], grey_picture(grid.probabilities), overwrite)
-        if options["truth"]:
-            _write_truth(options["truth"], found.simulation, overwrite, creation)
-    if not options["quiet"]:
+        write_map(output, grid.probabilities, grid.geobox, overwrite, tags=tags, creation=creation)
+        if png:
+            write_png(png, grey_picture(grid.probabilities), overwrite)
+        if truth:
+            _write_truth(truth, found.simulation, overwrite, creation)
+    if not reporter.quiet:
         _report(found.simulation, grid, outputs)
 
 

@@ -1,79 +1,32 @@
-"""`uavseg suggest`: ranges of v that a raster, or a block map, suggests by itself."""
+"""`uavseg suggest`: ranges that a raster suggests by itself, or that part a sample best."""
 
 from __future__ import annotations
 
 import json
 import shlex
-from dataclasses import asdict
+from collections.abc import Sequence
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
 
-from uavseg.cli._suggest_like import suggest_like
-from uavseg.cli._write import keep_inputs, transaction
-from uavseg.cli.options.bands import many_bands
-from uavseg.cli.options.raster import (
-    flatten_option,
-    read_options,
-    reading_options,
-    segment_params,
-    segmenting_options,
-)
-from uavseg.cli.options.running import Reporter, RunOptions, running_options
+from uavseg.cli.command import job_command
+from uavseg.cli.terminal.reporter import Reporter, work_of
 from uavseg.cli.terminal.say import show
+from uavseg.cli.write import keep_inputs, transaction
+from uavseg.options.regions import DivisionOptions, SuggestOptions
 
 if TYPE_CHECKING:
+    from uavseg.jobs.match.ranges_of_sample import SampleRange, SampleRanges
     from uavseg.jobs.suggestions import Suggestion, Suggestions
 
-_PASSED_ON = {"method", "threshold", "intensity_step"}
+_BANDS = ("band", "rgb", "index", "expr", "band_names")
+_OF_HISTOGRAM = ("output", "classes", "method", "threshold", "intensity_step", "resume")
 
 
-def _number(ctx: click.Context, param: click.Parameter, value: str) -> int | None:
-    """A number of classes, or None for auto."""
-    if value == "auto":
-        return None
-    try:
-        return int(value)
-    except ValueError as error:
-        raise click.BadParameter(f"{value!r} is neither auto nor a number such as 3", ctx, param) from error
-
-
-@click.command("suggest", short_help="Propose ranges of v, with what each would give.")
-@reading_options
-@click.option("-o", "--output", metavar="PATH.png", help="Also draw the ranges beside the histogram.")
-@click.option(
-    "--classes",
-    default="auto",
-    show_default=True,
-    callback=_number,
-    metavar="N|auto",
-    help="How many ranges: 2 to 8, of Otsu's thresholds alone, or as many as the raster has by itself.",
-)
-@click.option(
-    "--like",
-    multiple=True,
-    metavar="SAMPLE|X,Y,RADIUS",
-    help="The band, index or sum of bands and the range of its values that part this sample best: a file of "
-    "polygons, or a disc in the raster's coordinates. May be given several times.",
-)
-@click.option(
-    "--unlike",
-    multiple=True,
-    metavar="SAMPLE|X,Y,RADIUS",
-    help="With --like: a sample of what is not wanted; may be given several times.",
-)
-@click.option(
-    "--bands",
-    metavar="BAND,...",
-    callback=many_bands,
-    help="With --like: look at these bands alone.",
-)
-@click.option("--json", "as_json", is_flag=True, help="Write JSON, for programs.")
-@flatten_option
-@segmenting_options
-@running_options
-def command(**options: Any) -> None:
+@job_command("suggest", SuggestOptions)
+def command(options: SuggestOptions) -> None:
     """Propose ranges of v for RASTER... (many are one mosaic), each with its share of the area, the number of
     regions that extracting it gives, and the command to type next. Of rasters of more than 400 megapixels,
     the number is estimated ("about").
@@ -90,63 +43,63 @@ def command(**options: Any) -> None:
     bands, each with the range of its values that fits what has the colors of the sample, and how well it is
     expected to agree with that: pixels that are both, as a share of those that are either.
     """
-    if options["like"] or options["unlike"] or options["bands"]:
-        suggest_like(options)
+    if options.like or options.unlike or options.bands:
+        _suggest_like(options)
         return
+    from uavseg.jobs.requests import suggest_request
     from uavseg.jobs.source.open_source import open_source
     from uavseg.jobs.source.source import Pixels
-    from uavseg.jobs.suggest import SuggestRequest, suggest
+    from uavseg.jobs.suggest import suggest
 
-    run = RunOptions.of(options)
-    output, rasters = options["output"], options["rasters"]
-    request = SuggestRequest(options["classes"], segment_params(options, None))
-    read = read_options(options)
+    reporter = Reporter(options.messages, options.progress)
+    output, rasters, overwrite = options.output, options.source.rasters, options.files.overwrite
+    request = suggest_request(options)
     if output is not None:
         from uavseg.plot.page.page import check_png_target
 
-        check_png_target(output, run.overwrite)
+        check_png_target(output, overwrite)
         keep_inputs([output], rasters)
-    source = open_source(rasters, read)
-    found = suggest(source, request, run.work())
-    commands = [_command(chosen, rasters, found, options) for chosen in found.ranges]
+    source = open_source(rasters, options.read)
+    found = suggest(source, request, work_of(options.run, reporter))
+    commands = [_command(chosen, found, options) for chosen in found.ranges]
     with transaction():
         if output is not None:
             from uavseg.plot.suggestions import draw_suggestions
             from uavseg.raster.grid.tiling import TilePass
 
             dataset = source.cleaned(TilePass(())) if isinstance(source, Pixels) else None
-            draw_suggestions(found, output, dataset, run.overwrite)
-        run.reporter.finish(found.warnings)
-        show(_as_json(found, commands) if options["as_json"] else _table(found, commands))
-    _report(found, output, run.reporter)
+            draw_suggestions(found, output, dataset, overwrite)
+        reporter.finish(found.warnings)
+        show(_as_json(found, commands) if options.as_json else _table(found, commands))
+    _report(found, output, reporter)
 
 
-def _command(
-    chosen: Suggestion, rasters: tuple[str, ...], found: Suggestions, options: dict[str, Any]
-) -> str:
-    """The line that extracts a range, from the same rasters in the same way."""
+def _command(chosen: Suggestion, found: Suggestions, options: SuggestOptions) -> str:
+    """Return the line that extracts a range, from the same rasters in the same way."""
     from uavseg.jobs.source.command_line import extract_line
     from uavseg.raster.read.source_list import stem_of
     from uavseg.regions.formats.export import suffix_for
 
-    suffix = suffix_for(found.source.geobox.wkt)
+    rasters, suffix = options.source.rasters, suffix_for(found.source.geobox.wkt)
     target = f"{stem_of(rasters[0])}.{str(chosen).replace(',', '-')}{suffix}"
-    line = extract_line(rasters, read_options(options), str(chosen))
-    return f"{line} {shlex.join([*_chosen(options), '-o', target])}"
+    line = extract_line(rasters, options.read, str(chosen))
+    return f"{line} {shlex.join([*_chosen(options.division), '-o', target])}"
 
 
-def _chosen(options: dict[str, Any]) -> list[str]:
-    """Options of segmenting as the user gave them."""
-    context = click.get_current_context()
+def _chosen(division: DivisionOptions) -> list[str]:
+    """Return options of the division as the user gave them."""
     words: list[str] = []
-    for parameter in context.command.params:
-        name = str(parameter.name)
-        if name not in _PASSED_ON or context.get_parameter_source(name) is not ParameterSource.COMMANDLINE:
-            continue
-        value = options[name]
-        text = ",".join(map(str, value)) if isinstance(value, tuple) else str(value)
-        words += [parameter.opts[0]] if value is True else [parameter.opts[0], text]
+    for name in _given():
+        if hasattr(division, name):
+            words += [f"--{name.replace('_', '-')}", str(getattr(division, name))]
     return words
+
+
+def _given() -> list[str]:
+    """Return the names of the options that stand on the command line, in the order of the table."""
+    context = click.get_current_context()
+    names = [str(parameter.name) for parameter in context.command.params]
+    return [name for name in names if context.get_parameter_source(name) is ParameterSource.COMMANDLINE]
 
 
 def _as_json(found: Suggestions, commands: list[str]) -> str:
@@ -185,3 +138,58 @@ def _report(found: Suggestions, output: str | None, reporter: Reporter) -> None:
         reporter.say(f"wrote {output}")
     reporter.detail(f"{found.explained:.1%} of the variance of the means lies between the ranges")
     reporter.detail(f"{reporter.seconds:.2f} seconds")
+
+
+# With a sample
+
+
+def _suggest_like(options: SuggestOptions) -> None:
+    """Answer `uavseg suggest` with a sample."""
+    from uavseg.jobs.match.ranges_of_sample import open_all_bands, ranges_of_sample
+    from uavseg.jobs.requests import suggest_like_request
+
+    for name in _given():
+        if name in _OF_HISTOGRAM:
+            flag = f"--{name.replace('_', '-')}"
+            raise click.UsageError(f"{flag} is for ranges without --like; leave one of them out")
+    reporter = Reporter(options.messages, options.progress)
+    request = suggest_like_request(options)
+    opened = open_all_bands(options.source.rasters, options.read)
+    found = ranges_of_sample(opened, request, work_of(options.run, reporter))
+    commands = [_like_command(one, rank, options, found) for rank, one in enumerate(found.ranges, start=1)]
+    reporter.finish(found.warnings)
+    show(_like_json(found, commands) if options.as_json else _like_table(found, commands))
+    reporter.detail(f"{reporter.seconds:.2f} seconds")
+
+
+def _like_command(one: SampleRange, rank: int, options: SuggestOptions, found: SampleRanges) -> str:
+    """Return the line that extracts a range."""
+    from uavseg.jobs.source.command_line import extract_line
+    from uavseg.raster.read.source_list import stem_of
+    from uavseg.regions.formats.export import suffix_for
+
+    chosen: dict[str, Any] = {name: one.words.get(name) for name in _BANDS}
+    read = replace(options.read, **chosen)
+    rasters = options.source.rasters
+    line = extract_line(rasters, read, str(one), "--values")
+    target = f"{stem_of(rasters[0])}.like{rank}{suffix_for(found.source.geobox.wkt)}"
+    return f"{line} {shlex.join(['-o', target])}"
+
+
+def _like_json(found: SampleRanges, commands: Sequence[str]) -> str:
+    ranges = [asdict(one) | {"command": line} for one, line in zip(found.ranges, commands, strict=True)]
+    facts = {"source": found.source.name, "ranges": ranges, "warnings": found.warnings}
+    return json.dumps(facts, indent=2, allow_nan=False)
+
+
+def _like_table(found: SampleRanges, commands: Sequence[str]) -> str:
+    """The ranges in columns; the line to type next stands whole below its range, to be copied."""
+    if not found.ranges:
+        return "all pixels have one value: there is no range to choose"
+    of, values = [one.of for one in found.ranges], [one.values_text for one in found.ranges]
+    first, second = (max(map(len, texts)) + 3 for texts in ([*of, "of"], [*values, "values"]))
+    lines = [f"{'of':<{first}}{'values':<{second}}{'agreement':>9}{'area':>9}"]
+    for one, text, line in zip(found.ranges, values, commands, strict=True):
+        agreement, share = f"{one.agreement:.0%}", f"{100 * one.share:.1f} %"
+        lines += [f"{one.of:<{first}}{text:<{second}}{agreement:>9}{share:>9}", f"    {line}"]
+    return "\n".join(lines)

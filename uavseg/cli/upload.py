@@ -1,22 +1,19 @@
 """`uavseg upload`: a mission to a vehicle."""
 
-from typing import Any
+from __future__ import annotations
 
-import click
+from typing import TYPE_CHECKING
 
-from uavseg.cli.options.link import link_options, reporter_of, vehicle_report
+from uavseg.cli.command import job_command
+from uavseg.cli.terminal.reporter import Reporter
+from uavseg.options.flights import UploadOptions
+
+if TYPE_CHECKING:
+    from uavseg.flight.mission.mission import Mission
 
 
-@click.command("upload", short_help="Send a mission to a vehicle, and verify it.")
-@click.argument("file", metavar="FILE")
-@click.option(
-    "--while-armed",
-    is_flag=True,
-    help="Replace the mission of a vehicle whose motors are armed; it may be flying, and ArduPilot replaces "
-    "the items one by one.",
-)
-@link_options
-def command(**options: Any) -> None:
+@job_command("upload", UploadOptions)
+def command(options: UploadOptions) -> None:
     """Send the mission in FILE (.plan or .waypoints) to a vehicle with its fence and rally points, read them
     back and compare.
 
@@ -29,8 +26,19 @@ def command(**options: Any) -> None:
     from uavseg.jobs.flights.link import LinkRequest, upload
     from uavseg.output.written import noted_stream
 
-    request, reporter = LinkRequest(options["connect"], options["timeout"]), reporter_of(options)
+    reporter = Reporter(options.messages, options.progress)
+    request = LinkRequest(options.link.connect, options.link.timeout)
     with noted_stream("the mission of the vehicle"):
-        done = upload(options["file"], request, reporter.progress, options["while_armed"])
+        done = upload(options.file, request, reporter.progress, options.while_armed)
     reporter.finish(done.warnings)
-    reporter.say(f"{options['file']}: {vehicle_report(done.mission, done.vehicle)}, read back and equal")
+    reporter.say(f"{options.file}: {vehicle_report(done.mission, done.vehicle)}, read back and equal")
+
+
+def vehicle_report(mission: Mission, vehicle: str) -> str:
+    """What was transferred, and the vehicle."""
+    parts = [f"{len(mission.items)} items"]
+    if mission.fence:
+        parts.append(f"a fence of {len(mission.fence)} shape{'s' * (len(mission.fence) > 1)}")
+    if mission.rally:
+        parts.append(f"{len(mission.rally)} rally point{'s' * (len(mission.rally) > 1)}")
+    return f"{', '.join(parts)} ({vehicle})"

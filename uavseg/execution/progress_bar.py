@@ -1,4 +1,8 @@
-"""Progress as a line of text, on a terminal or in a notebook."""
+"""Progress as a line of text, on a terminal or in a notebook.
+
+Not `click.progressbar`: `api` and notebooks draw this bar without click, and a phase is drawn by its own
+thread, so a bar of click would replace 9 lines. Not tqdm: a dependency for the same.
+"""
 
 from __future__ import annotations
 

@@ -19,19 +19,24 @@ from uavseg.jobs.ranges.ranges import (
     range_text,
     where_to_look,
 )
-from uavseg.jobs.result.doubt import Doubt, check_least, nothing_sure
 from uavseg.jobs.result.fill_holes import filled
-from uavseg.jobs.result.metadata import doubt_facts, drawing_facts, range_facts, segment_facts, with_metadata
+from uavseg.jobs.result.metadata import (
+    confidence_facts,
+    drawing_facts,
+    range_facts,
+    segment_facts,
+    with_metadata,
+)
 from uavseg.jobs.result.result import Drawing, Extraction, SourceInfo, measured
-from uavseg.jobs.source.detail import Length, detail_of, refuse_without_pixels
+from uavseg.jobs.source.detail import detail_of, refuse_without_pixels
 from uavseg.jobs.source.source import Blocks, Pixels, Source
-from uavseg.jobs.source.unchanged import check_unchanged
 from uavseg.jobs.source.work import SERIAL, Work
+from uavseg.raster.grid.length import Length
 from uavseg.raster.grid.tiling import TilePass
 from uavseg.raster.intensity.value_range import ValueRange
+from uavseg.regions.confidence import Confidence, check_minimum, confidence_of, none_confident
 from uavseg.regions.edit.small import Area, drop_small_regions, fill_small_holes
 from uavseg.regions.outline.rings import RegionOutlines
-from uavseg.regions.tiles.count_regions import count_pixels, has_thin_lines
 from uavseg.regions.tiles.range_tiles import outline_regions
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaves import cells_in_range
@@ -87,7 +92,7 @@ class ExtractRequest:
     thin_lines: bool = False
 
     def __post_init__(self) -> None:
-        check_least(self.min_confidence, self.segment.refine)
+        check_minimum(self.min_confidence, self.segment.refine)
         if self.thin_lines and self.detail is not None:
             raise ParameterError("a detail leaves out the lines that thin lines adds; give one of them")
         if self.thin_lines and self.segment.refine == "none":
@@ -132,7 +137,7 @@ def extract(source: Source, request: ExtractRequest, work: Work = SERIAL) -> Ext
     how = range_facts(found.wanted, found.axis) | segment_facts(request.segment)
     how |= drawing_facts(request.drawing, request.fill_holes, request.min_area, request.detail)
     how |= {"thin_lines": True} if request.thin_lines else {}
-    how |= doubt_facts(request.min_confidence)
+    how |= confidence_facts(request.min_confidence)
     return work.finished(with_metadata(found, source, "extract", how), *hints)
 
 
@@ -167,6 +172,8 @@ def _refined(source: Blocks, raster: Pixels, request: ExtractRequest, work: Work
     outlining = work.over(raster)
     grey = source.grey(raster, outlining)
     with work.reading_here():
+        from uavseg.jobs.source.unchanged import check_unchanged
+
         check_unchanged(grey, source)
     wanted, asked = range_of_blocks(source, request.interval), request.interval
     if request.segment.decides_pixels and not isinstance(asked, ValueRange):
@@ -224,8 +231,10 @@ def _measured(
         outlined = drop_small_regions(outlined, info.geobox, request.min_area)
     interval = wanted.interval
     ends = interval.low, interval.high
-    doubt = Doubt.of(outlined, ends, request.segment.refine, request.min_confidence)
-    found = measured(outlined, info, ends, request.drawing, wanted=wanted, doubt=doubt)
+    confidence = Confidence.of(
+        outlined, lambda: confidence_of(outlined, *ends), request.segment.refine, request.min_confidence
+    )
+    found = measured(outlined, info, ends, request.drawing, wanted=wanted, confidence=confidence)
     if len(found.regions):
         return found
     return replace(found, nothing=_why_none(found, whole, source, wanted, request, tile_pass))
@@ -241,14 +250,16 @@ def _why_none(
 ) -> str:
     """Why there is no region, for messages: pixels in range are counted where there is a pass to do so."""
     sought = f"a mean {range_text(request.interval, found.axis)}"
-    if found.unsure:
-        return nothing_sure(found.unsure, request.min_confidence)
+    if found.below_minimum:
+        return none_confident(found.below_minimum, request.min_confidence)
     if dropped:
         regions = f"the only region with {sought} is"
         regions = regions if dropped == 1 else f"all {dropped:,} regions with {sought} are"
         return f"{regions} smaller than --min-area; a smaller one keeps more"
     none = f"no region has {sought}" + ("" if request.detail is None else f" and is {request.detail} wide")
     if tile_pass is not None and isinstance(source, GreySource):
+        from uavseg.regions.tiles.count_regions import count_pixels
+
         kinds = Partition(wanted.interval.edges, (0, 1, 0), ()).grey_table
         outside, inside, *_ = count_pixels(source, kinds, tile_pass.silent).tolist()
         if inside:
@@ -262,6 +273,8 @@ def _ways(
     source: GreySource, interval: IntensityRange, request: ExtractRequest, tile_pass: TilePass
 ) -> list[str]:
     """Options that find the pixels in range of which no region was found."""
+    from uavseg.regions.tiles.count_regions import has_thin_lines
+
     if request.detail is not None:
         ways = ["a smaller --detail keeps more"]
     elif not request.thin_lines and has_thin_lines(source, interval, tile_pass):

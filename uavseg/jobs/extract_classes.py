@@ -7,13 +7,13 @@ import numpy as np
 
 from uavseg.errors import ParameterError
 from uavseg.jobs.ranges.ranges import EACH_PIXEL, missed_text, where_to_look
-from uavseg.jobs.result.doubt import Doubt, check_least, nothing_sure
-from uavseg.jobs.result.metadata import doubt_facts, drawing_facts, segment_facts, with_metadata
+from uavseg.jobs.result.metadata import confidence_facts, drawing_facts, segment_facts, with_metadata
 from uavseg.jobs.result.result import Drawing, Extraction, measured
 from uavseg.jobs.segment_kinds import KindsRequest, Segmented, segment_kinds
-from uavseg.jobs.source.detail import Length
 from uavseg.jobs.source.source import Source
 from uavseg.jobs.source.work import SERIAL, Work
+from uavseg.raster.grid.length import Length
+from uavseg.regions.confidence import Confidence, check_minimum, confidence_of, none_confident
 from uavseg.regions.edit.small import Area, drop_small_regions
 from uavseg.segmentation.params.partition import ValueClass, ValueClasses
 from uavseg.segmentation.params.segment import SegmentParams
@@ -56,7 +56,7 @@ class ClassesRequest:
     min_confidence: float | None = None
 
     def __post_init__(self) -> None:
-        check_least(self.min_confidence, self.segment.refine)
+        check_minimum(self.min_confidence, self.segment.refine)
 
 
 def refuse_thin_lines(thin_lines: bool) -> None:
@@ -113,15 +113,17 @@ def extract_classes(source: Source, request: ClassesRequest, work: Work = SERIAL
     if missing := sorted(empty - present):
         hints.append(_why_none(missing, found, request, source))
     ends = low[kind], high[kind]
-    doubt = Doubt.of(outlined, ends, found.refine, request.min_confidence)
-    result = measured(outlined, found.info, ends, request.drawing, columns, doubt=doubt)
+    confidence = Confidence.of(
+        outlined, lambda: confidence_of(outlined, *ends), found.refine, request.min_confidence
+    )
+    result = measured(outlined, found.info, ends, request.drawing, columns, confidence=confidence)
     how = {"classes": [f"{one.name}={one.interval.low:g},{one.interval.high:g}" for one in classes]}
     facts = segment_facts(request.segment) | drawing_facts(
         request.drawing, request.fill_holes, request.min_area, request.detail
     )
-    if result.unsure and not len(result.regions):
-        hints.append(nothing_sure(result.unsure, request.min_confidence))
-    facts |= doubt_facts(request.min_confidence)
+    if result.below_minimum and not len(result.regions):
+        hints.append(none_confident(result.below_minimum, request.min_confidence))
+    facts |= confidence_facts(request.min_confidence)
     return work.finished(with_metadata(result, source, "extract", how | facts), *hints)
 
 

@@ -9,8 +9,9 @@ from uavseg.errors import UnchosenBandsError
 from uavseg.execution.phases import phase
 from uavseg.jobs.source.command_line import extract_line
 from uavseg.jobs.source.open_source import open_pixels
-from uavseg.jobs.source.source import Pixels, ProbabilityMap, Raster, ReadOptions
+from uavseg.jobs.source.source import Pixels, ProbabilityMap, Raster
 from uavseg.jobs.source.work import SERIAL, Work
+from uavseg.options.reading import ReadOptions
 from uavseg.raster.access.opening import file_exists
 from uavseg.raster.summary import Summary, summarize
 

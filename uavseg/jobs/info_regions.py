@@ -4,7 +4,7 @@ import os
 from typing import Any
 
 from uavseg.errors import ParameterError
-from uavseg.jobs.source.source import ReadOptions
+from uavseg.options.reading import ReadOptions
 from uavseg.regions.formats.about_file import RegionFile, about_file, is_region_file
 
 

@@ -7,13 +7,13 @@ import numpy as np
 
 from uavseg.errors import ParameterError
 from uavseg.jobs.ranges.level_breaks import BreakChoice
-from uavseg.jobs.result.doubt import Doubt, check_least, nothing_sure
-from uavseg.jobs.result.metadata import doubt_facts, drawing_facts, segment_facts, with_metadata
+from uavseg.jobs.result.metadata import confidence_facts, drawing_facts, segment_facts, with_metadata
 from uavseg.jobs.result.result import Drawing, Extraction, measured
 from uavseg.jobs.segment_kinds import ChoosePartition, KindsRequest, Segmented, joint_params, segment_kinds
-from uavseg.jobs.source.detail import Length
 from uavseg.jobs.source.source import Source
 from uavseg.jobs.source.work import SERIAL, Work
+from uavseg.raster.grid.length import Length
+from uavseg.regions.confidence import Confidence, check_minimum, confidence_of, none_confident
 from uavseg.regions.edit.eliminate import eliminate
 from uavseg.regions.edit.small import Area, drop_small_regions
 from uavseg.segmentation.blocks.block_map import BlockMap
@@ -59,7 +59,7 @@ class LevelsRequest:
     min_confidence: float | None = None
 
     def __post_init__(self) -> None:
-        check_least(self.min_confidence, self.segment.refine)
+        check_minimum(self.min_confidence, self.segment.refine)
         joint_params(self.segment, self.segment.refine)
         if self.small not in get_args(Small):
             raise ParameterError(f"small segments are merged or dropped: merge or drop, not {self.small!r}")
@@ -108,10 +108,10 @@ def levels(source: Source, request: LevelsRequest, work: Work = SERIAL) -> Extra
     small = {"small": request.small} if request.min_area is not None else {}
     how = {"levels": [0.0, *found.partition.edges, 1.0]} | segment_facts(request.segment)
     how |= drawing_facts(request.drawing, None, request.min_area, request.detail) | small
-    how |= doubt_facts(request.min_confidence)
+    how |= confidence_facts(request.min_confidence)
     result = with_metadata(_measured(found, request), source, "levels", how)
-    if not len(result.regions) and result.unsure:
-        notes.append(nothing_sure(result.unsure, request.min_confidence))
+    if not len(result.regions) and result.below_minimum:
+        notes.append(none_confident(result.below_minimum, request.min_confidence))
     elif not len(result.regions):
         notes.append(
             "no segment is left: no pixel is valid, or all segments are smaller than the minimum area"
@@ -157,5 +157,7 @@ def _measured(found: Segmented, request: LevelsRequest) -> Extraction:
         outlined, level = eliminate(outlined, level, info.geobox, request.min_area)
     bounds = np.array([0.0, *found.partition.edges, 1.0])
     ends = bounds[level], bounds[level + 1]
-    doubt = Doubt.of(outlined, ends, found.refine, request.min_confidence)
-    return measured(outlined, info, ends, request.drawing, {"level": level}, doubt=doubt)
+    confidence = Confidence.of(
+        outlined, lambda: confidence_of(outlined, *ends), found.refine, request.min_confidence
+    )
+    return measured(outlined, info, ends, request.drawing, {"level": level}, confidence=confidence)

@@ -13,10 +13,11 @@ from uavseg.execution.phases import decided, phase
 from uavseg.jobs.ranges.ranges import decided_grey
 from uavseg.jobs.result.fill_holes import filled
 from uavseg.jobs.result.result import SourceInfo
-from uavseg.jobs.source.detail import Length, detail_of, refuse_without_pixels
+from uavseg.jobs.source.detail import detail_of, refuse_without_pixels
 from uavseg.jobs.source.source import Blocks, Pixels, Source
 from uavseg.jobs.source.unchanged import check_unchanged
 from uavseg.jobs.source.work import Work
+from uavseg.raster.grid.length import Length
 from uavseg.raster.grid.tiling import TilePass
 from uavseg.regions.edit.small import Area, fill_small_holes
 from uavseg.regions.outline.rings import RegionOutlines

@@ -138,7 +138,7 @@ def _open_raster(
         if not is_map:
             return dataset, stretch
         own = stretch_of(dataset)
-    return dataset, own if stretch == "auto" else stretch
+    return dataset, own if stretch in ("auto", StretchSpec("auto")) else stretch
 
 
 def _figure(

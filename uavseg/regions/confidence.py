@@ -6,17 +6,20 @@ half, the usual criterion of detection (Everingham et al., "The PASCAL Visual Ob
 ``python -m benchmarks.confidence``; docs/quality.md says how well they hold on others.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from uavseg.errors import ParameterError
 from uavseg.regions.outline.rings import RegionOutlines, Rings, renumber_by_size
 from uavseg.segmentation.components import Sums
 from uavseg.units import GREY_MAX
 
 Floats = NDArray[np.float64]
 
+COLUMN = "confidence"
 DECIMALS = 3  # few enough that logarithms of other platforms make no difference
 MOST_DEVIATIONS = 50.0  # contrasts beyond this are alike
 LEAST_SIMILARITY = 1e-3
@@ -214,7 +217,7 @@ def region_terms(outlined: RegionOutlines, low: ArrayLike, high: ArrayLike) -> F
 
 
 def keep_confident(
-    outlined: RegionOutlines, confidence: Floats, least: float
+    outlined: RegionOutlines, confidence: Floats, minimum: float
 ) -> tuple[RegionOutlines, NDArray[np.bool_]]:
     """Keep regions of at least a confidence, in order, and number them 1..n; also which were kept, (n,) bool.
 
@@ -222,11 +225,96 @@ def keep_confident(
     ----------
     outlined : RegionOutlines
     confidence : (n,) float64 array
-    least : float
+    minimum : float
     """
-    kept = np.asarray(confidence >= least)
+    kept = np.asarray(confidence >= minimum)
     rings = outlined.rings
     return renumber_by_size(rings, outlined.sums, kept[rings.labels - 1]), kept
+
+
+def check_minimum(minimum: float | None, refine: str = "") -> None:
+    """Check a minimum confidence before any work.
+
+    Parameters
+    ----------
+    minimum : float, optional
+    refine : str
+        How regions are refined; those that end at block edges have no confidence.
+
+    Raises
+    ------
+    ParameterError
+        If it is not within 0 and 1, or there will be none to compare it with.
+    """
+    if minimum is None:
+        return
+    if not 0 <= minimum <= 1:
+        raise ParameterError(f"a minimum confidence is within 0 and 1, not {minimum:g}")
+    if refine == "none":
+        raise ParameterError(
+            "regions that end at block edges have no confidence; refine them, or leave the minimum "
+            "confidence out"
+        )
+
+
+def none_confident(count: int, minimum: float | None) -> str:
+    """Return the hint where all regions were left out because of their confidence."""
+    regions = "the only region has" if count == 1 else f"all {count:,} regions have"
+    return f"{regions} a confidence of less than {minimum:g}; a smaller minimum keeps more"
+
+
+@dataclass(frozen=True, eq=False)
+class Confidence:
+    """The confidence of regions, and the minimum that is asked for.
+
+    Parameters
+    ----------
+    values : (n,) float64 array
+        0 to 1; NaN where it is not known.
+    minimum : float, optional
+    """
+
+    values: Floats
+    minimum: float | None = None
+
+    @classmethod
+    def of(
+        cls,
+        outlined: RegionOutlines,
+        compute: Callable[[], Floats],
+        refine: str,
+        minimum: float | None,
+    ) -> "Confidence":
+        """Compute the confidence of regions, unless they are not refined: then it is not known.
+
+        Parameters
+        ----------
+        outlined : RegionOutlines
+        compute : callable
+            Calls one of the functions above, such as `confidence_of`.
+        refine : str
+        minimum : float, optional
+        """
+        if refine == "none":
+            return cls(np.full(len(outlined.sums.counts), np.nan), minimum)
+        return cls(compute(), minimum)
+
+    def applied(self, outlined: RegionOutlines) -> tuple[RegionOutlines, NDArray[np.bool_]]:
+        """Return the regions of at least the minimum, numbered anew, and which were kept.
+
+        Raises
+        ------
+        ParameterError
+            If their confidence is not known, and there is a minimum.
+        """
+        if self.minimum is None:
+            return outlined, np.ones(len(self.values), bool)
+        if np.isnan(self.values).any():
+            raise ParameterError(
+                "the confidence of these regions is not known, because they end at block edges; leave the "
+                "minimum confidence out"
+            )
+        return keep_confident(outlined, self.values, self.minimum)
 
 
 def _in_deviations(greys: Floats, unit: Floats) -> Floats:

@@ -1,4 +1,7 @@
-"""Connected components of pixels that share edges, and sums over them."""
+"""Connected components of pixels that share edges, and sums over them.
+
+Not `skimage.measure.label`: the same labels in 3 times the time, as int64.
+"""
 
 from dataclasses import dataclass, replace
 from typing import Any

@@ -11,13 +11,13 @@ import shapely
 
 from uavseg.errors import ParameterError
 from uavseg.flight.camera.catalogue import cameras
-from uavseg.flight.params.pattern import PATTERNS
 from uavseg.inputs import parse_json
 from uavseg.jobs.extract import ExtractRequest
 from uavseg.jobs.flights.plan import Home, PlanRequest
+from uavseg.jobs.flights.request import plan_request
 from uavseg.jobs.match.request import MatchRequest
-from uavseg.jobs.words.flight_params import flight_params
-from uavseg.jobs.words.photo_words import PhotoWords
+from uavseg.options.flights import PlanOptions
+from uavseg.options.option import Option, build, options_of
 from uavseg.raster.geodesy.globe import WGS84, geod_wgs84, transform_between
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.regions.edit.small import Area
@@ -26,7 +26,6 @@ from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
 
 MAX_ZONES, MAX_CORNERS = 100, 1000
 MAX_ID = 1 << 63
-AUTOPILOTS = ("ardupilot", "px4", "generic")
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +77,17 @@ class Words:
         if not value.is_integer() or abs(value) > 1e9:
             raise ParameterError(f"{name} is a whole number")
         return int(value)
+
+    def option(self, name: str, described: Option) -> Any:
+        """The value of an option, by its description."""
+        if described.choices:
+            return self.word(name, described.choices)
+        if described.type is bool:
+            value = self.values[name]
+            if not isinstance(value, bool):
+                raise ParameterError(f"{name} is true or false")
+            return value
+        return self.number(name) if described.type is float else self.values[name]
 
     def word(self, name: str, allowed: Sequence[str], default: str | None = None) -> str | None:
         """One of the words that are allowed."""
@@ -140,19 +150,19 @@ class PlanQuestion:
     zones: list[Any]
 
 
+_OF_PLAN = ("altitude", "pattern", "spacing", "camera", "speed", "autopilot", "allow_edge")
+
+
 def plan_question(body: bytes) -> PlanQuestion:
     """The question of a flight: regions of a job by their ids, home, height, pattern, camera, zones."""
-    names = ("job", "ids", "home", "altitude", "pattern", "spacing", "camera", "speed", "autopilot", "zones")
-    words = Words.of(body, (*names, "allow_edge"))
-    camera = words.word("camera", [one.name for one in cameras()])
-    flight = flight_params(
-        words.number("altitude"),
-        pattern=words.word("pattern", PATTERNS),
-        spacing=words.optional("spacing"),
-        speed=words.number("speed", 5.0),
-        autopilot=words.word("autopilot", AUTOPILOTS, "ardupilot") or "ardupilot",
-        photos=PhotoWords(camera=camera),
-    )
+    words = Words.of(body, ("job", "ids", "home", "zones", *_OF_PLAN))
+    given = {
+        name: words.option(name, options_of(PlanOptions)[name]) for name in _OF_PLAN if name in words.values
+    }
+    if "camera" in given:
+        words.word("camera", [one.name for one in cameras()])
+    if "altitude" not in given:
+        words.number("altitude")
     ids = words.values.get("ids")
     if ids is not None and not (
         isinstance(ids, list)
@@ -160,10 +170,8 @@ def plan_question(body: bytes) -> PlanQuestion:
         and all(type(one) is int and abs(one) < MAX_ID for one in ids)
     ):
         raise ParameterError("ids are whole numbers")
-    allow_edge = words.values.get("allow_edge", False)
-    if not isinstance(allow_edge, bool):
-        raise ParameterError("allow_edge is true or false")
-    request = PlanRequest(flight, _home(words.values.get("home", "auto")), ids, allow_edge=allow_edge)
+    home = _home(words.values.get("home", "auto"))
+    request = plan_request(build(PlanOptions, given | {"home": home, "ids": ids}))
     return PlanQuestion(words.integer("job"), request, _zones(words.values.get("zones", [])))
 
 

@@ -14,13 +14,12 @@ from uavseg.flight.formats import files
 from uavseg.flight.mission.items import FRAME_AMSL, FRAME_RELATIVE, FRAME_TERRAIN
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.plane import Plane
-from uavseg.flight.params.terrain import terrain_params
 from uavseg.flight.planning.planner import plan_missions
 from uavseg.flight.safety.paper_check import PaperCheck
 from uavseg.jobs.flights.check import CheckRequest, check
-from uavseg.jobs.words.flight_params import flight_params
-from uavseg.jobs.words.pattern_words import PatternWords
-from uavseg.jobs.words.photo_words import PhotoWords
+from uavseg.jobs.flights.request import flight_params
+from uavseg.options.flights import MissionOptions
+from uavseg.options.option import build
 
 PLANE = Plane(*HOME)
 REGIONS = [degrees(shapely.box(*sides), PLANE) for sides in ((100, 50, 180, 110), (220, 60, 270, 150))]
@@ -43,14 +42,17 @@ FRAMES = {None: FRAME_RELATIVE, "absolute": FRAME_AMSL, "relative": FRAME_RELATI
 
 
 def planned(pattern: str, trigger: str, autopilot: str, terrain: str | None, dem: Path) -> Mission:
-    params = flight_params(
-        60.0,
-        pattern=pattern,
-        autopilot=autopilot,
-        photos=PhotoWords("phantom 4 rtk", trigger=trigger),
-        words=PatternWords(hold=3.0) if pattern == "visit" else PatternWords(),
-        terrain=None if terrain is None else terrain_params(dem, terrain),
-    )
+    given = {
+        "altitude": 60.0,
+        "pattern": pattern,
+        "autopilot": autopilot,
+        "camera": "phantom 4 rtk",
+        "trigger": trigger,
+        "hold": 3.0 if pattern == "visit" else None,
+        "dem": None if terrain is None else dem,
+        "terrain": terrain,
+    }
+    params = flight_params(build(MissionOptions, given))
     (mission,) = plan_missions(REGIONS, inside(REGIONS), params, HOME)
     return mission
 

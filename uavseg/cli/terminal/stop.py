@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import signal
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any, NoReturn
@@ -56,6 +57,19 @@ def stopping_cleanly(written: object) -> Iterator[threading.Event]:
 def exit_code(error: KeyboardInterrupt) -> int:
     """128 and the number of the signal, as a shell has it."""
     return 128 + _number(error)
+
+
+def end_soon(code: int) -> None:
+    """End the program in `DEAF_S` at the latest.
+
+    Python waits at its end for the threads of pools, of which a library may keep one for long.
+    """
+
+    def end() -> None:
+        time.sleep(DEAF_S)
+        os._exit(code)
+
+    threading.Thread(target=end, daemon=True).start()
 
 
 def last_line(number: int, written: object) -> str:

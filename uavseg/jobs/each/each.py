@@ -5,7 +5,7 @@ tiles side by side. Which of the two makes no difference to a result.
 """
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import closing
 from contextvars import copy_context
 from dataclasses import dataclass, replace
@@ -15,10 +15,10 @@ from pathlib import Path
 from uavseg.errors import OutputExistsError, RasterReadError, UavsegError
 from uavseg.execution.executors import Progress, serial, threads, usable_cores
 from uavseg.jobs.each.each_report import Outcome, check_report, write_report
-from uavseg.jobs.result.result import Extraction
+from uavseg.jobs.requests import RegionJob
 from uavseg.jobs.source.inputs import keep_inputs
 from uavseg.jobs.source.open_source import open_source
-from uavseg.jobs.source.source import Blocks, ReadOptions, Source
+from uavseg.jobs.source.source import Blocks, Source
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.output.name_template import check_own_names, outputs_of
 from uavseg.output.targets import existing_files
@@ -31,22 +31,6 @@ from uavseg.raster.read.source_list import expand_sources
 Path_ = str | os.PathLike[str]
 
 NOT_RUN = "it was not begun: the run was stopped"
-
-
-@dataclass(frozen=True)
-class RegionJob:
-    """What is asked of every source.
-
-    Parameters
-    ----------
-    read : ReadOptions
-        How it is read.
-    find : callable
-        Finds its regions.
-    """
-
-    read: ReadOptions
-    find: Callable[[Source, Work], Extraction]
 
 
 @dataclass(frozen=True, slots=True)

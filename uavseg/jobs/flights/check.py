@@ -32,6 +32,7 @@ from uavseg.flight.terrain.clearance import Clearance
 from uavseg.flight.terrain.flown import climbs_early
 from uavseg.inputs import read_bytes
 from uavseg.jobs.flights.plan_regions import zone_polygons
+from uavseg.options.flights import CheckOptions
 from uavseg.plain_text import shown
 from uavseg.raster.elevation.dem import Dem
 
@@ -194,25 +195,19 @@ def check(source: str | os.PathLike[str] | Mission, request: CheckRequest) -> Mi
     return MissionCheck(mission, asked or mission.autopilot, tuple(verdicts), tuple(problems))
 
 
-def check_request(
-    autopilot: str | None,
-    avoid: Sequence[Any],
-    avoid_margin_m: float,
-    max_altitude_m: float | None,
-    max_distance_m: float | None,
-    dem: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | None,
-) -> CheckRequest:
-    """What a mission is checked for, with keep-out zones and an elevation model opened.
+def check_request(options: CheckOptions) -> CheckRequest:
+    """Return what a mission is checked for, with keep-out zones and an elevation model opened.
 
     Raises
     ------
     UavsegError
         If a value is out of bounds, or a file cannot be read.
     """
-    highest = MAX_HEIGHT_M if max_altitude_m is None else max_altitude_m
-    safety = SafetyParams(avoid_margin_m, max_altitude_m=highest, max_distance_m=max_distance_m)
-    zones = tuple(zone_polygons(avoid))
-    return CheckRequest(autopilot, safety, zones, None if dem is None else Dem.open(dem))
+    limits, dem = options.safety, options.terrain.dem
+    highest = MAX_HEIGHT_M if limits.max_altitude is None else limits.max_altitude
+    safety = SafetyParams(limits.avoid_margin, max_altitude_m=highest, max_distance_m=limits.max_distance)
+    zones = tuple(zone_polygons(limits.avoid))
+    return CheckRequest(options.autopilot, safety, zones, None if dem is None else Dem.open(dem))
 
 
 def _paper_check(mission: Mission, request: CheckRequest, autopilot: str | None) -> PaperCheck:

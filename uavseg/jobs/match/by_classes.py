@@ -14,15 +14,16 @@ from numpy.typing import NDArray
 from uavseg.errors import ParameterError, SampleError
 from uavseg.execution.phases import decided, phase
 from uavseg.jobs.match.color_bands import color_sources
-from uavseg.jobs.result.doubt import Doubt, check_least, nothing_sure
 from uavseg.jobs.result.fill_holes import filled
-from uavseg.jobs.result.metadata import doubt_facts, drawing_facts, with_metadata
+from uavseg.jobs.result.metadata import confidence_facts, drawing_facts, with_metadata
 from uavseg.jobs.result.result import Drawing, Extraction, SourceInfo, measured
-from uavseg.jobs.source.detail import Length, detail_of
+from uavseg.jobs.source.detail import detail_of
 from uavseg.jobs.source.open_source import raster_of
 from uavseg.jobs.source.source import Source
 from uavseg.jobs.source.work import SERIAL, Work
+from uavseg.raster.grid.length import Length
 from uavseg.raster.grid.tiling import TilePass
+from uavseg.regions.confidence import Confidence, check_minimum, class_confidence_of, none_confident
 from uavseg.regions.edit.small import Area, drop_small_regions
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.sample.class_places import class_masks
@@ -75,7 +76,7 @@ class MatchClassesRequest:
     min_confidence: float | None = None
 
     def __post_init__(self) -> None:
-        check_least(self.min_confidence, self.refine)
+        check_minimum(self.min_confidence, self.refine)
         if self.refine not in ("pixel", "none"):
             raise ParameterError(f"a refinement of matches is pixel or none, not {self.refine!r}")
 
@@ -125,12 +126,19 @@ def match_classes(source: Source, request: MatchClassesRequest, work: Work = SER
     kind = kinds.at(outlined.sums.firsts) - 1
     columns = {"class": np.array(list(places), object)[kind]}
     hints += [f"no region is of {name}" for n, name in enumerate(places) if not (kind == n).any()]
-    doubt = Doubt.of_classes(outlined, alike(likenesses, kind), request.refine, request.min_confidence)
-    result = measured(outlined, SourceInfo.of(grey), (0.0, 1.0), request.drawing, columns, doubt=doubt)
-    if result.unsure and not len(result.regions):
-        hints.append(nothing_sure(result.unsure, request.min_confidence))
+    confidence = Confidence.of(
+        outlined,
+        lambda: class_confidence_of(outlined, *alike(likenesses, kind)),
+        request.refine,
+        request.min_confidence,
+    )
+    result = measured(
+        outlined, SourceInfo.of(grey), (0.0, 1.0), request.drawing, columns, confidence=confidence
+    )
+    if result.below_minimum and not len(result.regions):
+        hints.append(none_confident(result.below_minimum, request.min_confidence))
     facts = {"classes": request.classes, "refine": request.refine, "bands": request.bands or None}
-    facts |= doubt_facts(request.min_confidence)
+    facts |= confidence_facts(request.min_confidence)
     facts |= drawing_facts(request.drawing, request.fill_holes, request.min_area, request.detail)
     return work.finished(with_metadata(result, raster, "match", facts), *hints)
 

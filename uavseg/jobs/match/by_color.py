@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from uavseg.execution.phases import decided, phase
 from uavseg.jobs.match.request import MatchRequest
-from uavseg.jobs.result.doubt import Doubt
 from uavseg.jobs.result.fill_holes import filled
 from uavseg.jobs.result.result import Extraction, SourceInfo, measured
 from uavseg.jobs.source.detail import detail_of
 from uavseg.raster.grid.tiling import TilePass
+from uavseg.regions.confidence import Confidence, match_confidence_of
 from uavseg.regions.edit.small import drop_small_regions
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.sample.likeness import BlurredBands, LikenessSource, fit_likeness
@@ -97,12 +97,14 @@ def regions_by_color(
         outlined = drop_small_regions(outlined, grey.dataset.geobox, request.min_area)
     similarity = similarity_of(outlined, likeness.table.own)
     alike = similarity, likeness.table.own - likeness.table.share
-    doubt = Doubt.of_matches(outlined, alike, request.refine, request.min_confidence)
+    confidence = Confidence.of(
+        outlined, lambda: match_confidence_of(outlined, *alike), request.refine, request.min_confidence
+    )
     with phase("attributes and drawing"):
         outlined = replace(outlined, sums=sum_regions(grey, outlined, tile_pass))
         info = SourceInfo.of(grey)
         more = {"similarity": similarity}
-        return measured(outlined, info, (0.0, 1.0), request.drawing, more, doubt=doubt)
+        return measured(outlined, info, (0.0, 1.0), request.drawing, more, confidence=confidence)
 
 
 def similarity_of(outlined: RegionOutlines, own: float) -> NDArray[np.float64]:

@@ -17,12 +17,11 @@ from numpy.typing import NDArray
 from uavseg.execution.executors import trim_heap
 from uavseg.execution.phases import phase
 from uavseg.jobs.match.request import MatchRequest
-from uavseg.jobs.result.doubt import Doubt
 from uavseg.jobs.result.fill_holes import filled
 from uavseg.jobs.result.result import Extraction, SourceInfo, measured
 from uavseg.jobs.source.detail import detail_of
 from uavseg.raster.grid.tiling import TilePass
-from uavseg.regions.confidence import Parting
+from uavseg.regions.confidence import Confidence, Parting, texture_confidence_of
 from uavseg.regions.edit.small import Area, drop_small_regions
 from uavseg.regions.outline.rings import RegionOutlines, Rings
 from uavseg.regions.sample.colors import fit_colors
@@ -196,9 +195,14 @@ def _measured(
         outlined = drop_small_regions(outlined, grey.dataset.geobox, request.min_area)
     bounds = sample.bounds(request.intensity)
     interval = bounds.low / GREY_MAX, bounds.high / GREY_MAX
-    doubt = Doubt.of_textures(outlined, parting_of(search), request.refine, request.min_confidence)
+    confidence = Confidence.of(
+        outlined,
+        lambda: texture_confidence_of(outlined, parting_of(search)),
+        request.refine,
+        request.min_confidence,
+    )
     more = {"similarity": sample.similarity(mean_scores(outlined, scores.best, tile_pass))}
-    return measured(outlined, SourceInfo.of(grey), interval, request.drawing, more, doubt=doubt)
+    return measured(outlined, SourceInfo.of(grey), interval, request.drawing, more, confidence=confidence)
 
 
 def parting_of(search: TextureSearch) -> Parting:

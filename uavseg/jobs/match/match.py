@@ -16,14 +16,14 @@ from uavseg.jobs.match.by_color import learn, outlines_by_color, regions_by_colo
 from uavseg.jobs.match.by_texture import TextureSample, regions_by_texture, search_texture
 from uavseg.jobs.match.color_bands import band_sources, color_sources
 from uavseg.jobs.match.request import MatchRequest
-from uavseg.jobs.result.doubt import nothing_sure
-from uavseg.jobs.result.metadata import doubt_facts, drawing_facts, with_metadata
+from uavseg.jobs.result.metadata import confidence_facts, drawing_facts, with_metadata
 from uavseg.jobs.result.result import Extraction
 from uavseg.jobs.source.detail import detail_of
 from uavseg.jobs.source.open_source import raster_of
 from uavseg.jobs.source.source import Raster, Source
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.raster.grid.tiling import TilePass
+from uavseg.regions.confidence import none_confident
 from uavseg.regions.sample.inner_cells import inner_cells
 from uavseg.regions.sample.place import Disc, SampleMask, sample_mask
 from uavseg.regions.sample.windows import fitting_window
@@ -110,12 +110,12 @@ def match(source: Source, request: MatchRequest, work: Work = SERIAL) -> Match:
     made = _by_texture if request.texture_alone else _by_color
     result = made(raster, raster.grey(passes[0]), places, request, passes)
     hints = []
-    if result.color is None and not len(result.found.regions) and not result.found.unsure:
+    if result.color is None and not len(result.found.regions) and not result.found.below_minimum:
         hints.append("nothing is like the sample; a smaller similarity or a larger intensity finds more")
     if result.color is not None and not _parts(result.color):
         hints.append(_MIXED if not request.is_one else _HARDLY if request.by == "color" else _NEITHER)
-    if result.found.unsure and not len(result.found.regions):
-        hints.append(nothing_sure(result.found.unsure, request.min_confidence))
+    if result.found.below_minimum and not len(result.found.regions):
+        hints.append(none_confident(result.found.below_minimum, request.min_confidence))
     found = with_metadata(result.found, raster, "match", _facts(request, result))
     return replace(result, found=work.finished(found, *hints))
 
@@ -179,7 +179,7 @@ def _facts(request: MatchRequest, made: Match) -> dict[str, Any]:
         any_intensity = made.color is not None or not np.isfinite(request.intensity)
         facts |= {"intensity": "any" if any_intensity else request.intensity}
     facts |= {"refine": request.refine, "bands": request.bands or None}
-    facts |= doubt_facts(request.min_confidence)
+    facts |= confidence_facts(request.min_confidence)
     if made.next_sample is not None:
         facts |= {"next_sample": _fact(made.next_sample)}
     return facts | drawing_facts(request.drawing, request.fill_holes, request.min_area, request.detail)

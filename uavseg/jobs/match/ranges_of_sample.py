@@ -18,8 +18,9 @@ from uavseg.execution.phases import decided, phase
 from uavseg.jobs.match.color_bands import band_sources
 from uavseg.jobs.result.result import SourceInfo
 from uavseg.jobs.source.open_source import open_source, raster_of
-from uavseg.jobs.source.source import Raster, ReadOptions
+from uavseg.jobs.source.source import Raster
 from uavseg.jobs.source.work import SERIAL, Work
+from uavseg.options.reading import ReadOptions
 from uavseg.raster.intensity.features import Feature, alike, features_of, weighted_sum
 from uavseg.raster.intensity.value_range import axis_of, scale_of
 from uavseg.raster.spectral.band_names import find_band, listed
@@ -180,7 +181,7 @@ def ranges_of_sample(raster: Raster, request: SuggestLikeRequest, work: Work = S
         [sample_mask(one, raster.geobox) for one in several] for several in (request.like, request.unlike)
     )
     options = raster.options
-    alone = not request.bands and (options.band is not None or options.words.is_formula)
+    alone = not request.bands and (options.band is not None or options.formula.is_formula)
     bands = [] if alone or raster.dataset.choice.expanded else _bands(raster, request.bands)
     sources = band_sources(raster, bands, tile_pass) if bands else [raster.grey(tile_pass)]
     with phase("colors of the sample"):
@@ -228,8 +229,8 @@ def _as_chosen(
     if found is None:
         return []
     options = raster.options
-    chosen = {"band": options.band, "index": options.words.index, "expr": options.words.expr}
-    words = _given(chosen | {"band_names": options.words.names})
+    chosen = {"band": options.band, "index": options.index, "expr": options.expr}
+    words = _given(chosen | {"band_names": options.band_names})
     return [_range(source.dataset.band_names, axis.unit, words, found)]
 
 
@@ -245,11 +246,11 @@ def _of_bands(
     scales = {band: scale_of(source.dataset) for band, source in zip(bands, sources, strict=True)}
     points, own = (_stored(sources, bands, values) for values in (colors.points, colors.sample))
     integers = sources[0].dataset.dtype.kind in "iu" and scales[bands[0]] == BandScale()
-    features = features_of(layout, bands, options.rgb, options.words, integers)
+    features = features_of(layout, bands, options.rgb, options.formula, integers)
     summed = alike(layout, bands)
     if len(summed) > 1:
         values = np.stack([scales[band].values(points[band]) for band in summed], 1)
-        total = weighted_sum(layout, summed, linear_weights(values, likeness).tolist(), options.words)
+        total = weighted_sum(layout, summed, linear_weights(values, likeness).tolist(), options.formula)
         features += [] if total is None else [total]
     best: dict[str, tuple[Feature, Interval]] = {}
     for one in features:

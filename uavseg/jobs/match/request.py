@@ -4,9 +4,9 @@ import math
 from dataclasses import dataclass
 
 from uavseg.errors import ParameterError
-from uavseg.jobs.result.doubt import check_least
 from uavseg.jobs.result.result import Drawing
-from uavseg.jobs.source.detail import Length
+from uavseg.raster.grid.length import Length
+from uavseg.regions.confidence import check_minimum
 from uavseg.regions.edit.small import Area
 from uavseg.regions.sample.place import Disc
 
@@ -70,7 +70,7 @@ class MatchRequest:
     min_confidence: float | None = None
 
     def __post_init__(self) -> None:
-        check_least(self.min_confidence, self.refine)
+        check_minimum(self.min_confidence, self.refine)
         if len(self.samples) == 0:
             raise ParameterError("a sample is needed, of what is wanted")
         if not self.is_one and self.texture_alone:

@@ -15,11 +15,11 @@ from uavseg._version import __version__
 from uavseg.errors import ParameterError
 from uavseg.jobs.ranges.ranges import FoundRange
 from uavseg.jobs.result.result import Drawing, Extraction
-from uavseg.jobs.source.detail import Length
-from uavseg.jobs.source.source import Blocks, Raster, ReadOptions, Source
+from uavseg.jobs.source.source import Blocks, Raster, Source
+from uavseg.options.reading import ReadOptions
 from uavseg.plain_text import printable
+from uavseg.raster.grid.length import Length
 from uavseg.raster.intensity.stretch import Stretch
-from uavseg.raster.spectral.formula import BandWords
 from uavseg.raster.spectral.value_scale import ValueAxis
 from uavseg.regions.edit.small import Area
 from uavseg.segmentation.blocks.saved_blocks import Origin
@@ -29,7 +29,10 @@ _BANDS = re.compile(
     r"band (\d{1,6})|luminance of bands (\d{1,6}),(\d{1,6}),(\d{1,6})"
 )  # see `BandChoice.name`
 # by what they result in
-_SAID_OTHERWISE = ("band", "rgb", "stretch", "skip_bad_tiles", "free_is_white", "words", "collar", "flatten")
+_SAID_OTHERWISE = (
+    *("band", "rgb", "index", "expr", "band_names", "stretch"),
+    *("skip_bad_tiles", "free_is_white", "collar", "flatten"),
+)
 
 
 def with_metadata(found: Extraction, source: Source, job: str, how: Mapping[str, Any]) -> Extraction:
@@ -87,7 +90,9 @@ def same_reading(metadata: Mapping[str, Any], raster: Raster) -> ReadOptions | N
             rgb=(bands[0], bands[1], bands[2]) if len(bands) == 3 else None,
             nodata=metadata.get("nodata"),
             stretch=Stretch(*ends, str(metadata.get("stretch"))),
-            words=BandWords(*(metadata.get(name) for name in ("index", "expr", "band_names"))),
+            index=metadata.get("index"),
+            expr=metadata.get("expr"),
+            band_names=metadata.get("band_names"),
             flatten=metadata.get("flatten"),
         )
     except (KeyError, ValueError, TypeError, ParameterError):
@@ -132,9 +137,9 @@ def drawing_facts(
     }
 
 
-def doubt_facts(least: float | None) -> dict[str, Any]:
+def confidence_facts(minimum: float | None) -> dict[str, Any]:
     """Which regions were left out because of their confidence."""
-    return {} if least is None else {"min_confidence": least}
+    return {} if minimum is None else {"min_confidence": minimum}
 
 
 def _area(area: Area | None) -> str | None:

@@ -9,12 +9,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from uavseg.errors import ParameterError
 from uavseg.jobs.ranges.ranges import FoundRange
-from uavseg.jobs.result.doubt import COLUMN, Doubt
 from uavseg.jobs.source.source import Blocks
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.intensity.value_range import axis_of
 from uavseg.raster.spectral.value_scale import ValueAxis
+from uavseg.regions.confidence import COLUMN, Confidence
 from uavseg.regions.outline.rings import RegionOutlines, Rings
 from uavseg.regions.shapes import LazyPolygons
 from uavseg.regions.table import Regions, make_regions
@@ -43,8 +43,8 @@ class Extraction:
         How v maps to values in the raster's own units, where that is known.
     wanted : FoundRange or None
         The range that was asked for, if it is one.
-    unsure : int or None
-        Regions that were left out because of their confidence, if a least one was asked for.
+    below_minimum : int or None
+        Regions that were left out because of their confidence, if there is a minimum.
     nothing : str
         Why no region of the range was found, for messages; empty where some were.
     """
@@ -58,7 +58,7 @@ class Extraction:
     in_metres: bool = True
     axis: ValueAxis | None = None
     wanted: FoundRange | None = None
-    unsure: int | None = None
+    below_minimum: int | None = None
     nothing: str = ""
 
     @property
@@ -169,7 +169,7 @@ def measured(
     drawing: Drawing = Drawing(),
     more: Mapping[str, NDArray[Any]] = {},
     wanted: FoundRange | None = None,
-    doubt: Doubt | None = None,
+    confidence: Confidence | None = None,
 ) -> Extraction:
     """Regions with their attributes.
 
@@ -185,20 +185,20 @@ def measured(
         Columns that come after the id.
     wanted : FoundRange, optional
         The range that was asked for, in both units; by default its values follow from `interval`.
-    doubt : Doubt, optional
-        Their confidence, a column after `more`; those of less than is wanted are left out.
+    confidence : Confidence, optional
+        A column after `more`; regions of less than its minimum are left out.
 
     Raises
     ------
     ParameterError
         If a confidence is wanted that is not known.
     """
-    unsure = None
-    if doubt is not None:
-        outlined, kept = doubt.applied(outlined)
-        more = {name: column[kept] for name, column in more.items()} | {COLUMN: doubt.confidence[kept]}
+    below_minimum = None
+    if confidence is not None:
+        outlined, kept = confidence.applied(outlined)
+        more = {name: column[kept] for name, column in more.items()} | {COLUMN: confidence.values[kept]}
         interval = _kept(interval[0], kept), _kept(interval[1], kept)
-        unsure = None if doubt.least is None else int(np.count_nonzero(~kept))
+        below_minimum = None if confidence.minimum is None else int(np.count_nonzero(~kept))
     rings, sums = outlined.rings, outlined.sums
     pixels = np.bincount(rings.labels, rings.pixel_areas(), len(sums.counts) + 1)[1:].astype(np.int64)
     regions = make_regions(rings, sums, info.geobox, interval, info.name, pixels)
@@ -206,7 +206,7 @@ def measured(
     columns = {"id": regions.columns["id"], **more} | regions.columns
     regions = drawing.drawn(replace(regions, columns=columns), rings, info.geobox)
     facts = info.stretch, info.band_names, info.warnings, info.in_metres, info.axis, wanted
-    return Extraction(regions, rings, info.geobox, *facts, unsure)
+    return Extraction(regions, rings, info.geobox, *facts, below_minimum)
 
 
 def _kept(ends: ArrayLike, kept: NDArray[np.bool_]) -> ArrayLike:

@@ -3,14 +3,13 @@
 import os
 import shlex
 from collections.abc import Sequence
-from dataclasses import fields
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 from uavseg.access import current_policy
-from uavseg.jobs.source.detail import Length
-from uavseg.jobs.source.source import ReadOptions
+from uavseg.options.reading import ReadOptions
+from uavseg.raster.grid.length import Length
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec
 from uavseg.raster.read.source_list import expand_sources, is_list
 
@@ -58,18 +57,22 @@ def source_words(sources: Sequence[str]) -> list[str]:
     return [pattern] if is_list(pattern) and expand_sources([pattern]) == words else words
 
 
+_ORDER = (
+    *("index", "expr", "band_names", "band", "rgb", "nodata", "stretch"),
+    *("skip_bad_tiles", "free_is_white", "collar", "flatten"),
+)
+
+
 def option_words(options: ReadOptions) -> list[str]:
     """The options of the command line that say what `ReadOptions` say; none where they are the defaults."""
-    bands = options.words
-    given = {"--index": bands.index, "--expr": bands.expr, "--band-names": bands.names}
-    words = [word for name, text in given.items() if text is not None for word in (name, text)]
-    for field in fields(options):
-        if field.name == "words":
+    words: list[str] = []
+    for name in _ORDER:
+        value = getattr(options, name)
+        if value is None or value is False or (name, value) == ("collar", "auto"):
             continue
-        value = getattr(options, field.name)
-        if value is None or value is False or value == field.default or value == StretchSpec("auto"):
+        if value == StretchSpec("auto"):
             continue
-        option = f"--{field.name.replace('_', '-')}"
+        option = f"--{name.replace('_', '-')}"
         words += [option] if value is True else [option, _text(value)]
     return words
 

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 from uavseg.errors import ParameterError
 from uavseg.execution.phases import decided, phase
-from uavseg.jobs.source.detail import Length, in_pixels
+from uavseg.jobs.source.detail import in_pixels
 from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.length import Length
 from uavseg.raster.grid.tiling import TilePass
-from uavseg.segmentation.measure_illumination import measure_illumination
 from uavseg.segmentation.source import GreySource
 from uavseg.units import GREY_MAX
 
@@ -44,6 +44,8 @@ def flattened(grey: GreySource, length: Length, tile_pass: TilePass) -> GreySour
     ParameterError
         As of `flatten_width`.
     """
+    from uavseg.segmentation.measure_illumination import measure_illumination
+
     width = flatten_width(length, grey.dataset.geobox)
     with phase("flat field"):
         found = measure_illumination(grey, width, tile_pass)

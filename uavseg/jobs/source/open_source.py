@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from uavseg.errors import MapError, ParameterError, RasterReadError
-from uavseg.jobs.source.source import AUTO, Blocks, ProbabilityMap, Raster, ReadOptions, Source
+from uavseg.jobs.source.source import AUTO, Blocks, ProbabilityMap, Raster, Source
+from uavseg.options.reading import ReadOptions
 from uavseg.plain_text import shown
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec
 from uavseg.raster.read.dataset import Dataset, is_pixels

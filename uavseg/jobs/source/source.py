@@ -3,103 +3,20 @@
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 from uavseg.errors import ParameterError
 from uavseg.execution.phases import decided, phase
-from uavseg.jobs.source.detail import Length, as_length
 from uavseg.jobs.source.flatten import flatten_width, flattened
-from uavseg.raster.collar.find import check_collar, without_collar
+from uavseg.options.reading import ReadOptions
+from uavseg.raster.collar.find import without_collar
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import TilePass
-from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch, parse_stretch
+from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch
 from uavseg.raster.read.dataset import Dataset
-from uavseg.raster.spectral.bands import as_nodata
-from uavseg.raster.spectral.formula import BandWords
 from uavseg.segmentation.blocks.saved_blocks import Origin, SavedBlocks
 from uavseg.segmentation.source import GreySource
 
 AUTO = StretchSpec("auto")
-
-
-@dataclass(frozen=True, slots=True)
-class ReadOptions:
-    """How a source is read.
-
-    Parameters
-    ----------
-    band : int or str, optional
-        The band to use, counted from 1 or by its name.
-    rgb : three ints or texts, optional
-        The bands of red, green and blue, to use their luminance.
-    nodata : float or str, optional
-        A value that counts for nothing beside the nodata value of the files, NaN too; "only:V" takes its
-        place, "none" leaves it out.
-    stretch : Stretch, StretchSpec or str, optional
-        How intensity becomes v: "auto", "dtype", "minmax", "percentile:P,Q", "none" or "LOW,HIGH". By default
-        "auto" for rasters, and for maps of probabilities what follows from their type.
-    skip_bad_tiles : bool
-        Whether blocks of a file that cannot be read count as nodata.
-    free_is_white : bool, optional
-        Of a picture that is a map of probabilities without the YAML file of a ROS map: whether free is white
-        or black.
-    words : BandWords
-        An index or an expression in place of a band, and names for the bands.
-    collar : {"auto", "keep"}
-        Whether an untagged black or white collar of a raster counts as nodata.
-    flatten : Length, float or str, optional
-        Light that changes slowly over this width is taken away from v: metres, or pixels as "200px".
-
-    Raises
-    ------
-    ParameterError
-        If a text is not a stretch, or a word is not known.
-    """
-
-    band: int | str | None = None
-    rgb: tuple[int | str, int | str, int | str] | None = None
-    nodata: float | str | None = None
-    stretch: Stretch | StretchSpec | str | None = None
-    skip_bad_tiles: bool = False
-    free_is_white: bool | None = None
-    words: BandWords = BandWords()
-    collar: str = "auto"
-    flatten: Length | float | str | None = None
-
-    def __post_init__(self) -> None:
-        check_collar(self.collar)
-        object.__setattr__(self, "nodata", as_nodata(self.nodata))
-        if not isinstance(self.flatten, Length):
-            object.__setattr__(self, "flatten", as_length(self.flatten))
-        if isinstance(self.stretch, str):
-            object.__setattr__(self, "stretch", parse_stretch(self.stretch))
-
-    @property
-    def chooses_pixels(self) -> bool:
-        """Whether a band, a formula or a nodata value is chosen."""
-        return (self.band, self.rgb, self.nodata, self.words) != (None, None, None, BandWords())
-
-    def open(self, sources: Any) -> Dataset:
-        """Open rasters with these options; see `Dataset.open`."""
-        return Dataset.open(sources, self.band, self.rgb, self.nodata, self.skip_bad_tiles, self.words)
-
-    @property
-    def flat_field(self) -> Length | None:
-        """The width of the flat field, parsed."""
-        assert self.flatten is None or isinstance(self.flatten, Length), "parsed when the options are made"
-        return self.flatten
-
-    @property
-    def spec(self) -> Stretch | StretchSpec | None:
-        """The stretch, parsed."""
-        assert not isinstance(self.stretch, str), "a text is parsed when the options are made"
-        return self.stretch
-
-    def stretches(self, *harmless: str) -> bool:
-        """Whether a stretch is chosen, other than these forms."""
-        if self.spec is None:
-            return False
-        return not (isinstance(self.spec, StretchSpec) and self.spec.form in harmless)
 
 
 @dataclass(frozen=True)
@@ -193,14 +110,14 @@ class Raster(Pixels):
         options, bands = self.options, self.dataset.bands
         colors = (bands[0], bands[1], bands[2]) if len(bands) == 3 else None
         return Origin(
-            self.given or self.dataset.paths,
-            str(Path.cwd()),
-            None if options.band is None else bands[0],
-            None if options.rgb is None else colors,
-            options.nodata,
-            options.words,
-            "auto" if found else "keep",
-            None if options.flat_field is None else options.flat_field.word,
+            rasters=self.given or self.dataset.paths,
+            folder=str(Path.cwd()),
+            band=None if options.band is None else bands[0],
+            rgb=None if options.rgb is None else colors,
+            nodata=options.nodata,
+            words=options.formula,
+            collar="auto" if found else "keep",
+            flatten=None if options.flat_field is None else options.flat_field.word,
         )
 
 
@@ -286,13 +203,15 @@ class Blocks:
             return ProbabilityMap(*open_map(paths[0]), ros_map=paths[0])
         stretch = self.saved.stretch
         options = ReadOptions(
-            origin.band,
-            origin.rgb,
-            origin.nodata,
-            stretch,
-            self.skip_bad_tiles,
-            words=origin.words,
+            band=origin.band,
+            rgb=origin.rgb,
+            index=origin.words.index,
+            expr=origin.words.expr,
+            band_names=origin.words.names,
+            nodata=origin.nodata,
+            stretch=stretch,
             collar=origin.collar,
+            skip_bad_tiles=self.skip_bad_tiles,
         )
         return Raster(options.open(paths), stretch, options, tuple(paths))
 

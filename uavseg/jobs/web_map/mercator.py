@@ -1,4 +1,8 @@
-"""Reprojection of a picture to Web Mercator, encoded as WebP."""
+"""Reprojection of a picture to Web Mercator, encoded as WebP.
+
+rasterio reprojects. Its `calculate_default_transform` is not used: it makes the quarry of the samples 640
+pixels wide, here it is up to 850, and the picture would have other bytes.
+"""
 
 import warnings
 from dataclasses import dataclass

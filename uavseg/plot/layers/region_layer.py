@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from uavseg.plain_text import shown
 from uavseg.plot.layers.class_colors import ClassColors
-from uavseg.plot.layers.sureness import PLAIN, Look, looks_of
 from uavseg.plot.page.frame import Frame
 from uavseg.plot.page.map_furniture import area_text
 from uavseg.plot.page.polygons import PolygonArray, PolygonTable, polygon_paths, simplified
@@ -27,6 +26,24 @@ def _total(areas: NDArray[Any]) -> float | None:
 def _is_name(own: Any) -> bool:
     """Whether an entry of a column is one number or text that is known."""
     return own is not None and np.ndim(own) == 0 and own == own
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """Fill and line of regions, and what the legend says of them; without a name it has none."""
+
+    alpha: float
+    line: str
+    name: str = ""
+
+
+PLAIN = Look(0.3, "solid")
+_LOOKS = (
+    Look(0.4, "solid", "confidence of 0.8 and more"),
+    Look(0.22, "dashed", "confidence of 0.5 to 0.8"),
+    Look(0.08, "dotted", "confidence below 0.5"),
+)
+_BOUNDS = (0.8, 0.5)
 
 
 @dataclass(frozen=True)
@@ -152,3 +169,21 @@ def _largest_circle(shape: Any, point: float) -> tuple[float, float, float]:
     circle = shapely.maximum_inscribed_circle(part, tolerance=point)
     x, y = shapely.get_coordinates(circle)[0]
     return float(x), float(y), float(shapely.length(circle))
+
+
+def looks_of(columns: dict[str, NDArray[Any]], count: int) -> list[tuple[Look, NDArray[np.bool_]]]:
+    """Return looks, each with the regions (n,) that have it; what has no known confidence is drawn plainly.
+
+    Parameters
+    ----------
+    columns : dict of (n,) arrays
+    count : int
+        n.
+    """
+    values = columns.get("confidence", np.empty(0))
+    if values.dtype.kind not in "iuf" or not np.isfinite(values).any():
+        return [(PLAIN, np.ones(count, bool))]
+    known = np.isfinite(values)
+    rank = np.sum([values < bound for bound in _BOUNDS], axis=0)
+    found = [(look, known & (rank == k)) for k, look in enumerate(_LOOKS)]
+    return [(look, those) for look, those in (*found, (PLAIN, ~known)) if those.any()]

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.flight.camera.photos import Photos
+from uavseg.jobs.flights.request import photos_of
 from uavseg.jobs.web_map.content import FieldMap
-from uavseg.jobs.words.photo_words import PhotoWords, photos_of
+from uavseg.options.flights import PhotoOptions
 from uavseg.plain_text import printable
 from uavseg.plot.layers.mission_layer import read_missions
 from uavseg.plot.page.map_furniture import length_text
@@ -96,7 +97,7 @@ def read_flights(missions: Any, camera: Any = None) -> list[dict[str, Any]]:
     ParameterError
         If the camera is not known.
     """
-    photos = photos_of(PhotoWords(camera=camera))
+    photos = photos_of(PhotoOptions(camera=camera))
     return [_flight(printable(name), mission, photos) for name, mission in read_missions(missions)]
 
 

@@ -10,8 +10,9 @@ from uavseg.errors import OutputError, UavsegError
 from uavseg.jobs.result.metadata import same_reading
 from uavseg.jobs.source.inputs import keep_inputs
 from uavseg.jobs.source.open_source import open_source
-from uavseg.jobs.source.source import Raster, ReadOptions, Source
+from uavseg.jobs.source.source import Raster, Source
 from uavseg.jobs.web_map.content import FieldMap
+from uavseg.options.reading import ReadOptions
 from uavseg.output.atomic import atomic_file, check_target
 from uavseg.plot.web.field_map import page_of, read_flights, size_notes
 from uavseg.plot.web.region_features import other_intensity, read_collection

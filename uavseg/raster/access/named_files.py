@@ -11,7 +11,6 @@ from pathlib import Path
 from uavseg.access import current_policy
 from uavseg.errors import AccessError, RasterError
 from uavseg.inputs import read_bytes, read_start, regular_file
-from uavseg.raster.access import geojp2, netcdf_header
 from uavseg.raster.access.drivers import drivers_of, names_no_file
 from uavseg.raster.access.vrt_sources import is_vrt, sources_of
 
@@ -108,6 +107,8 @@ class NamedFiles:
         """Refuse a description of other files under a name that promises an image."""
         if drivers_of(str(path)) == ("GTiff",) and read_start(path, 4) in _TIFF:
             return
+        from uavseg.raster.access import geojp2, netcdf_header
+
         start = read_start(path)
         if is_vrt(start):
             raise AccessError(f"{subject} holds a VRT, which names other files; call it .vrt if you trust it")

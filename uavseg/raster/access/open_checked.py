@@ -12,7 +12,6 @@ from uavseg.access import current_policy, is_address
 from uavseg.errors import AccessError, RasterReadError
 from uavseg.inputs import regular_file
 from uavseg.plain_text import cause_of
-from uavseg.raster.access.databases import check_database
 from uavseg.raster.access.drivers import as_file_name, drivers_of, names_no_file
 from uavseg.raster.access.limits import check_limits
 from uavseg.raster.access.named_files import NamedFiles, check_named_file
@@ -48,6 +47,8 @@ def open_checked(path: str) -> Iterator[DatasetReader]:
         found.check()
         for source_path in (path, *found.rasters):
             if drivers_of(source_path) in _DATABASES and Path(source_path).is_file():
+                from uavseg.raster.access.databases import check_database
+
                 check_database(source_path, source_path, RasterReadError)
     elif page := _PAGE.fullmatch(path):
         regular_file(page[1])

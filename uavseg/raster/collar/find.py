@@ -20,9 +20,6 @@ from functools import partial
 from typing import TypeVar
 
 from uavseg.errors import ParameterError
-from uavseg.raster.collar.evidence import Evidence, is_one_piece
-from uavseg.raster.collar.flood import flood_from_edges
-from uavseg.raster.collar.rim import count_rim, grow_over_smear
 from uavseg.raster.grid.pixel_mask import PixelMask
 from uavseg.raster.grid.tiling import TilePass, Window
 from uavseg.raster.read.dataset import Dataset
@@ -115,6 +112,10 @@ def _corner(dataset: Dataset, window: Window) -> Corner:
 
 def _collar(dataset: Dataset, value: int, tile_pass: TilePass, corners: list[Corner]) -> _Found | None:
     """The collar of a value; None if what has that value may be ground."""
+    from uavseg.raster.collar.evidence import Evidence, is_one_piece
+    from uavseg.raster.collar.flood import flood_from_edges
+    from uavseg.raster.collar.rim import count_rim, grow_over_smear
+
     flooded = flood_from_edges(dataset, value, tile_pass)
     counts = count_rim(dataset, flooded, value, tile_pass)
     total = dataset.geobox.shape[0] * dataset.geobox.shape[1]
@@ -146,6 +147,9 @@ def _collar(dataset: Dataset, value: int, tile_pass: TilePass, corners: list[Cor
 
 def _rim_of_nodata(dataset: Dataset, tile_pass: TilePass) -> _Found | None:
     """Nodata with the nearly constant pixels along it; None if there are none."""
+    from uavseg.raster.collar.flood import flood_from_edges
+    from uavseg.raster.collar.rim import count_rim, grow_over_smear
+
     value = _fill_value(dataset, tile_pass)
     flooded = flood_from_edges(dataset, None, tile_pass)
     counts = count_rim(dataset, flooded, value, tile_pass)

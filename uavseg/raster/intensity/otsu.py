@@ -1,4 +1,8 @@
-"""Multi-level Otsu thresholds of a histogram, found exactly by dynamic programming."""
+"""Multi-level Otsu thresholds of a histogram, found exactly by dynamic programming.
+
+Not `skimage.filters.threshold_multiotsu`: it tries all combinations (256 bins, 5 classes: 3.8 s, here 3 ms;
+up to 8 are asked for), and its single precision gives other thresholds for 1 to 2 % of random histograms.
+"""
 
 import math
 from collections.abc import Sequence

@@ -1,19 +1,21 @@
-"""Band arithmetic: a text parsed to a syntax tree, checked, and computed by numpy; never run as code.
+"""Band arithmetic: the vocabulary of `--expr` for `uavseg.expressions`, computed chunk by chunk.
 
-The tree becomes a list of steps for a stack of arrays. Every step is one function of numpy in double
-precision, in the order in which it is written, so neither tiles nor threads change a bit.
+Every step is one function of numpy in double precision, in the order in which it is written, so neither tiles
+nor threads change a bit.
 """
 
 import ast
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import lru_cache
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import BandError, ExpressionError
+from uavseg.expressions import ARITHMETIC, Evaluator
 from uavseg.plain_text import printable
 
 MAX_CHARACTERS = 1000
@@ -21,27 +23,6 @@ MAX_DEPTH = 50
 CHUNK = 1 << 14  # pixels: what a step holds stays in the processor's cache
 
 Array = NDArray[Any]
-Step = tuple[str, float]
-
-_OPERATORS: dict[type, str] = {
-    ast.Add: "+",
-    ast.Sub: "-",
-    ast.Mult: "*",
-    ast.Div: "/",
-    ast.Pow: "**",
-    ast.USub: "negative",
-    ast.UAdd: "positive",
-}
-_FUNCTIONS = {"abs": 1, "sqrt": 1, "exp": 1, "log": 1, "log10": 1, "min": 2, "max": 2}
-_UNARY: dict[str, Callable[[Any], Any]] = {
-    "negative": np.negative,
-    "positive": np.positive,
-    "abs": np.abs,
-    "sqrt": np.sqrt,
-    "exp": np.exp,
-    "log": np.log,
-    "log10": np.log10,
-}
 
 
 def _power(base: Any, exponent: Any) -> Any:
@@ -49,17 +30,6 @@ def _power(base: Any, exponent: Any) -> Any:
     if np.ndim(exponent) == 0 and exponent in (2.0, 0.5):
         return np.square(base) if exponent == 2.0 else np.sqrt(base)
     return np.power(base, exponent)
-
-
-_BINARY: dict[str, Callable[[Any, Any], Any]] = {
-    "+": np.add,
-    "-": np.subtract,
-    "*": np.multiply,
-    "/": np.divide,
-    "**": _power,
-    "min": np.minimum,
-    "max": np.maximum,
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,13 +41,13 @@ class Expression:
     text : str
     bands : tuple of int
         The bands that it uses, counted from 1, in the order of their first use.
-    steps : tuple of (str, float)
-        In reverse Polish notation: ("band", place in `bands`), ("number", value) or (operation, 0).
+    names : tuple of (str, int)
+        The names that it uses, each with the place of its band in `bands`.
     """
 
     text: str
     bands: tuple[int, ...]
-    steps: tuple[Step, ...]
+    names: tuple[tuple[str, int], ...]
 
     def compute(self, planes: Array, scales: Sequence[tuple[float, float]] = ()) -> NDArray[np.float32]:
         """The value of each pixel, computed in double precision and rounded to single.
@@ -105,18 +75,7 @@ class Expression:
         return values
 
     def _run(self, bands: Sequence[Array]) -> Any:
-        stack: list[Any] = []
-        for operation, value in self.steps:
-            if operation == "band":
-                stack.append(bands[int(value)])
-            elif operation == "number":
-                stack.append(np.float64(value))
-            elif operation in _UNARY:
-                stack.append(_UNARY[operation](stack.pop()))
-            else:
-                right, left = stack.pop(), stack.pop()
-                stack.append(_BINARY[operation](left, right))
-        return stack.pop()
+        return _Bands(self.text, {name: bands[k] for name, k in self.names}).evaluate(_parse(self.text))
 
 
 def _in_units(plane: Array, scale: float, offset: float) -> NDArray[np.float64]:
@@ -154,89 +113,80 @@ def parse_expression(text: str, find: Callable[[str], int]) -> Expression:
         )
     if not text.isprintable():
         raise _wrong(text, next(n for n, letter in enumerate(text) if not letter.isprintable()), _KNOWN)
+    tree = _parse(text)
+    names = _Names(text, find)
+    with np.errstate(all="ignore"):
+        names.evaluate(tree)
+    bands = tuple(dict.fromkeys(names.found.values()))
+    if not bands:
+        raise ExpressionError(f"the expression {printable(text)!r} uses no band; expected as in nir / red")
+    return Expression(text, bands, tuple((name, bands.index(band)) for name, band in names.found.items()))
+
+
+@lru_cache(maxsize=16)
+def _parse(text: str) -> ast.expr:
     try:
-        tree = ast.parse(text, mode="eval").body
+        return ast.parse(text, mode="eval").body
     except SyntaxError as error:
         at = error.offset - 1 if error.offset else len(text)  # 0 where more is expected
         raise _wrong(text, at, _syntax_text(text, at)) from error
     except (ValueError, RecursionError, MemoryError) as error:
         raise ExpressionError("the expression cannot be read: it is nested too deeply or not text") from error
-    compiler = _Compiler(text, find)
-    compiler.add(tree, 1)
-    if not compiler.bands:
-        raise ExpressionError(f"the expression {printable(text)!r} uses no band; expected as in nir / red")
-    return Expression(text, tuple(compiler.bands), tuple(compiler.steps))
 
 
-class _Compiler:
-    """Turns a syntax tree into steps, and refuses what is no band arithmetic."""
+class _Bands(Evaluator):
+    """Band arithmetic over arrays, by the names of their bands."""
 
-    def __init__(self, text: str, find: Callable[[str], int]) -> None:
+    nodes = frozenset({ast.BinOp, ast.UnaryOp, ast.Call, ast.Constant, ast.Name})
+    operators: ClassVar = {**ARITHMETIC, ast.Pow: _power}
+    functions: ClassVar = {
+        "abs": (np.abs, 1),
+        "sqrt": (np.sqrt, 1),
+        "exp": (np.exp, 1),
+        "log": (np.log, 1),
+        "log10": (np.log10, 1),
+        "min": (np.minimum, 2),
+        "max": (np.maximum, 2),
+    }
+    max_depth = MAX_DEPTH
+
+    def __init__(self, text: str, bands: Mapping[str, Array]) -> None:
         self.text = text
-        self.find = find
-        self.bands: list[int] = []
-        self.steps: list[Step] = []
+        self.bands = bands
 
-    def add(self, part: ast.expr, depth: int) -> None:
-        """The steps of a part of the tree."""
-        if depth > MAX_DEPTH:
-            raise self._refused(part, f"it is nested more than {MAX_DEPTH} deep")
-        if isinstance(part, ast.BinOp):
-            self._add_operation(part.op, [part.left, part.right], part, depth)
-        elif isinstance(part, ast.UnaryOp):
-            self._add_operation(part.op, [part.operand], part, depth)
-        elif isinstance(part, ast.Call):
-            self._add_call(part, depth)
-        elif isinstance(part, ast.Constant):
-            self.steps.append(("number", self._number(part)))
-        elif isinstance(part, ast.Name):
-            self.steps.append(("band", self._band(part)))
-        else:
-            raise self._refused(part, _KNOWN)
+    def look_up(self, part: ast.Name) -> Any:
+        return self.bands[part.id]
 
-    def _add_operation(self, op: ast.AST, operands: list[ast.expr], part: ast.expr, depth: int) -> None:
-        if isinstance(op, ast.BitXor):
-            raise self._refused(operands[1], "a power is written **, not ^")
-        if type(op) not in _OPERATORS:
-            raise self._refused(part, _KNOWN)
-        for operand in operands:
-            self.add(operand, depth + 1)
-        self.steps.append((_OPERATORS[type(op)], 0.0))
-
-    def _add_call(self, part: ast.Call, depth: int) -> None:
-        name = part.func.id.lower() if isinstance(part.func, ast.Name) else ""
-        if name not in _FUNCTIONS:
-            raise self._refused(part, f"the functions are {', '.join(_FUNCTIONS)}")
-        if part.keywords or len(part.args) != _FUNCTIONS[name]:
-            count = "one value" if _FUNCTIONS[name] == 1 else "two values"
-            raise self._refused(part, f"{name} takes {count}")
-        for argument in part.args:
-            self.add(argument, depth + 1)
-        self.steps.append((name, 0.0))
-
-    def _number(self, part: ast.Constant) -> float:
+    def constant(self, part: ast.Constant) -> Any:
         if type(part.value) not in (int, float):
-            raise self._refused(part, _KNOWN)
+            raise self.refused(part)
         try:
-            value = float(part.value)  # type: ignore[arg-type]
+            value = np.float64(part.value)  # type: ignore[arg-type]
         except OverflowError:
-            value = np.inf
+            value = np.float64(np.inf)
         if not np.isfinite(value):
-            raise self._refused(part, "the number is too large")
+            raise self.refused(part, "the number is too large")
         return value
 
-    def _band(self, part: ast.Name) -> int:
-        try:
-            number = self.find(part.id)
-        except BandError as error:
-            raise self._refused(part, str(error)) from error
-        if number not in self.bands:
-            self.bands.append(number)
-        return self.bands.index(number)
-
-    def _refused(self, part: ast.expr, why: str) -> ExpressionError:
+    def refused(self, part: ast.expr, why: str = "") -> ExpressionError:
         before = self.text.encode()[: part.col_offset].decode(errors="replace")
-        return _wrong(self.text, len(before), why)
+        return _wrong(self.text, len(before), why or _KNOWN)
+
+
+class _Names(_Bands):
+    """The same with a number for each band, which finds what is wrong, and the bands that are used."""
+
+    def __init__(self, text: str, find: Callable[[str], int]) -> None:
+        super().__init__(text, {})
+        self.find = find
+        self.found: dict[str, int] = {}
+
+    def look_up(self, part: ast.Name) -> Any:
+        try:
+            self.found[part.id] = self.find(part.id)
+        except BandError as error:
+            raise self.refused(part, str(error)) from error
+        return np.float64(1)
 
 
 _KNOWN = "expected names of bands, numbers, + - * / **, parentheses and functions"

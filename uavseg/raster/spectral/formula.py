@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,9 +11,11 @@ from uavseg.errors import BandError, ParameterError
 from uavseg.plain_text import printable
 from uavseg.raster.spectral.band_names import find_band, listed, names_of
 from uavseg.raster.spectral.bands import BandLayout, Valid, Values
-from uavseg.raster.spectral.expression import Expression, parse_expression
-from uavseg.raster.spectral.indices import SpectralIndex, find_index
 from uavseg.raster.spectral.value_scale import BandScale
+
+if TYPE_CHECKING:
+    from uavseg.raster.spectral.expression import Expression
+    from uavseg.raster.spectral.indices import SpectralIndex
 
 _SHOWN = 60  # characters of a formula in messages
 
@@ -66,7 +69,7 @@ class Formula:
     """
 
     title: str
-    expression: Expression
+    expression: "Expression"
     limits: tuple[float, float] | None = None
     of_reflectance: bool = False
 
@@ -111,10 +114,15 @@ def bind_formula(words: BandWords, layout: BandLayout) -> Formula | None:
     BandError, ExpressionError
         If the expression is wrong, or a band is unknown.
     """
+    if not words.is_formula:
+        return None
+    from uavseg.raster.spectral.expression import parse_expression
+
     if words.expr is not None:
         return Formula("", parse_expression(words.expr, partial(_find, layout)))
-    if words.index is None:
-        return None
+    assert words.index is not None
+    from uavseg.raster.spectral.indices import find_index
+
     name, index = find_index(words.index)
     expression = parse_expression(index.formula, partial(_find_of, layout, name, index))
     return Formula(name, expression, index.limits, index.of_reflectance)
@@ -135,7 +143,7 @@ def _find(layout: BandLayout, name: str) -> int:
     return number
 
 
-def _find_of(layout: BandLayout, index: str, found: SpectralIndex, name: str) -> int:
+def _find_of(layout: BandLayout, index: str, found: "SpectralIndex", name: str) -> int:
     try:
         return find_band(layout, name)
     except BandError as error:

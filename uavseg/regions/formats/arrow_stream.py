@@ -5,6 +5,9 @@ it, and is kept until the reader releases it.
 
 The structures are those of https://arrow.apache.org/docs/format/CDataInterface.html, and of
 CStreamInterface.html beside it.
+
+Not `pyogrio.raw.write`: the same FlatGeobuf and Shapefile, but a fifth to a third slower, with all regions
+in memory at once. Not pyarrow: 170 MB, an extra. Not nanoarrow: its stream is made of a list of all batches.
 """
 
 import ctypes

@@ -8,25 +8,24 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING, Any
 
 import shapely
 
 from uavseg.errors import OutputError
 from uavseg.output.atomic import atomic_file, check_target
 from uavseg.raster.geodesy.globe import parse_crs
-from uavseg.regions.formats import geojson, kml
-from uavseg.regions.formats.arrow_stream import GEOMETRY, RegionStream, batches
-from uavseg.regions.formats.check_written import is_complete
-from uavseg.regions.formats.gdal_state import gdal_options
+from uavseg.regions.formats import geojson
 from uavseg.regions.formats.geojson import COLLECTION, GeoJsonForm
 from uavseg.regions.formats.metadata import metadata_items
 from uavseg.regions.formats.parquet import import_pyarrow
-from uavseg.regions.formats.style_files import add_style
 from uavseg.regions.shapes import has_multipolygons
 from uavseg.regions.table import Regions
 from uavseg.regions.wgs84 import to_wgs84
 from uavseg.warning_filters import changing_filters
+
+if TYPE_CHECKING:
+    from uavseg.regions.formats.arrow_stream import RegionStream
 
 LAYER = "regions"
 _ARROW_TYPES = {"i": "int64", "f": "float64", "O": "string"}  # by the kind of a numpy dtype
@@ -98,7 +97,11 @@ def check_region_path(path: str | os.PathLike[str], overwrite: bool = False) -> 
 
 def format_notes(regions: Regions, path: str | os.PathLike[str]) -> list[str]:
     """What a reader of the format of a file cannot show of regions that are written to it, for warnings."""
-    return kml.kml_notes(regions) if Path(path).suffix.lower() == ".kml" else []
+    if Path(path).suffix.lower() != ".kml":
+        return []
+    from uavseg.regions.formats.kml import kml_notes
+
+    return kml_notes(regions)
 
 
 def suffix_for(wkt: str | None) -> str:
@@ -149,6 +152,8 @@ def _write_geojson(regions: Regions, path: Path) -> None:
 
 
 def _write_geopackage(regions: Regions, path: Path) -> None:
+    from uavseg.regions.formats.style_files import add_style
+
     _write_layer(regions, path, "GPKG")
     add_style(path, regions, LAYER, _DATE)
 
@@ -164,14 +169,20 @@ def _write_shapefile(regions: Regions, path: Path) -> None:
 
 
 def _write_kml(regions: Regions, path: Path) -> None:
+    from uavseg.regions.formats.kml import write_kml
+
     with path.open("wb") as stream:
-        kml.write_kml(regions, stream)
+        write_kml(regions, stream)
 
 
 def _write_layer(regions: Regions, path: Path, driver: str, **options: str) -> None:
     """Write one layer with GDAL in batches, so that the file is never held in memory; warnings are muted."""
     import pyogrio.raw
     from pyogrio.errors import DataLayerError, DataSourceError
+
+    from uavseg.regions.formats.arrow_stream import GEOMETRY, RegionStream
+    from uavseg.regions.formats.check_written import is_complete
+    from uavseg.regions.formats.gdal_state import gdal_options
 
     promote = has_multipolygons(regions.polygons)
     stream = RegionStream(regions, promote)
@@ -198,7 +209,7 @@ def _write_layer(regions: Regions, path: Path, driver: str, **options: str) -> N
 
 
 @contextmanager
-def _raising(stream: RegionStream) -> Iterator[None]:
+def _raising(stream: "RegionStream") -> Iterator[None]:
     """Context that raises what ended a stream too early, such as Ctrl-C, whatever its reader makes of it."""
     try:
         yield
@@ -209,6 +220,8 @@ def _raising(stream: RegionStream) -> Iterator[None]:
 
 def _write_parquet(regions: Regions, path: Path) -> None:
     """GeoParquet 1.0."""
+    from uavseg.regions.formats.arrow_stream import GEOMETRY, batches
+
     pyarrow = import_pyarrow()
     types = {name: _ARROW_TYPES[column.dtype.kind] for name, column in regions.columns.items()}
     fields = [*((name, pyarrow.type_for_alias(kind)) for name, kind in types.items())]

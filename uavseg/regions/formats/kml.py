@@ -1,4 +1,8 @@
-"""KML writer: outlines with names, and a table of attributes."""
+"""KML writer: outlines with names, and a table of attributes.
+
+Not GDAL's LIBKML: 100,000 regions take 3.9 s in place of 1.2, and 86 MB in place of 59, with an altitude in
+each vertex, integers as texts, and without a style.
+"""
 
 from collections.abc import Iterator
 from html import escape

@@ -14,7 +14,6 @@ from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_tiles
 from uavseg.regions.tiles.detail_tiles import with_detail
-from uavseg.regions.tiles.thin_tiles import with_thin_lines
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums
 from uavseg.segmentation.components import Sums, component_sums, label_components, with_beyond
 from uavseg.segmentation.params.segment import IntensityRange, Refinement
@@ -103,6 +102,8 @@ def _outline_tile(
 ) -> TileOutlines | None:
     found = refine_tile(source, job.cells, interval, refine, job.refined)
     if isinstance(detail, ThinLines):
+        from uavseg.regions.tiles.thin_tiles import with_thin_lines
+
         found = with_thin_lines(source, found, interval, job.window)
     if found is None:
         return None

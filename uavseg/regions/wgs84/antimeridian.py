@@ -3,6 +3,9 @@
 A ring is unwrapped first, so that its longitudes never jump; one that encloses a pole is closed through it.
 The planar result gets a vertex wherever it crosses an odd multiple of 180 degrees, the same in rings that
 share an edge, is cut there and shifted back. Holes are processed separately and subtracted at the end.
+
+Edges are not split by `shapely.segmentize`: it has one length for a whole polygon, and how long an edge may
+be depends on its latitude; 100,000 polygons take 0.36 s in place of 0.005.
 """
 
 from collections.abc import Callable, Sequence

@@ -1,4 +1,7 @@
-"""Morphological dilation of cells by a square."""
+"""Morphological dilation of cells by a square.
+
+Not `skimage.morphology.dilation`: the same values in 5 to 20 times the time.
+"""
 
 from typing import TypeVar
 

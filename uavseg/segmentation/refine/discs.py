@@ -2,6 +2,8 @@
 
 An ellipse of pixels stands for a disc on the ground, since pixels need not be square. Maxima over it are
 built up from runs of a row: each row of the disc is a chord.
+
+Not `skimage.morphology.dilation`: the same values in 300 times the time (disc of 17, 2048 x 2048: 0.9 s).
 """
 
 from dataclasses import dataclass

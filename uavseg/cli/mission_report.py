@@ -1,28 +1,35 @@
-"""Which vehicle flies, for estimates; and the table and JSON of what flights take."""
+"""Report of missions: a table on stderr, or JSON."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
-import click
+from uavseg.cli.terminal.say import say
 
 if TYPE_CHECKING:
     from uavseg.flight.mission.estimate import Estimate
     from uavseg.flight.mission.mission import Mission
 
-F = TypeVar("F", bound=Callable[..., Any])
 
+def report(
+    missions: Sequence[Mission], regions: int, paths: Sequence[str | Path], notes: Sequence[str]
+) -> None:
+    """Print estimates of missions on stderr, and notes on them."""
+    from uavseg.flight.mission.estimate import estimate_text
 
-def vehicle_options(command: F) -> F:
-    """The option --vehicle, which arrives as `vehicle`."""
-    return click.option(
-        "--vehicle",
-        metavar="FILE.json",
-        help="What flies, for estimates of time and energy: accelerations, speeds, power and battery. "
-        "[default: a multirotor with the parameters of its autopilot]",
-    )(command)
+    flights = [(Path(path).stem, mission.estimate) for mission, path in zip(missions, paths, strict=True)]
+    for mission, path, (_, found) in zip(missions, paths, flights, strict=True):
+        over = f"{regions} region{'s' * (regions != 1)}, " if len(paths) == 1 else ""
+        estimate = estimate_text(found.distance_m, found.duration_s)
+        say(f"{path}: {over}{len(mission.items)} items, {estimate}")
+    for line in flight_table(flights):
+        say(line)
+    if missions[0].autopilot != "ardupilot" and str(paths[0]).lower().endswith(".waypoints"):
+        say("note: PX4 will face north at each item of a .waypoints file; a .plan leaves it free")
+    for note in notes:
+        say(f"note: {note}")
 
 
 def flight_table(flights: Sequence[tuple[str, Estimate]]) -> list[str]:

@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from uavseg.cli.terminal.say import standard_output
 
 if TYPE_CHECKING:
-    from uavseg.flight.formats.options import FileOptions
     from uavseg.flight.mission.mission import Mission
     from uavseg.jobs.flights.plan import MissionPlan
     from uavseg.jobs.result.result import Extraction
     from uavseg.jobs.source.work import Work
+    from uavseg.options.flights import MissionFileOptions
+    from uavseg.options.outputs import CreationOptions as StoredAs
     from uavseg.raster.formats.creation import CreationOptions
     from uavseg.regions.formats.geojson import GeoJsonForm
 
@@ -28,6 +29,30 @@ class LabelFile:
 
     path: str | None
     creation: CreationOptions
+
+    @classmethod
+    def of(cls, path: str | None, stored: StoredAs) -> LabelFile:
+        """Return the raster of labels with the options of its storage."""
+        return cls(path, creation_of(stored, {path: "uint32"}))
+
+
+def creation_of(stored: StoredAs, targets: dict[str | None, str]) -> CreationOptions:
+    """Return how the GeoTIFFs of a command are stored.
+
+    Parameters
+    ----------
+    stored : CreationOptions of `uavseg.options`
+    targets : dict
+        Its outputs, or None, with the type of their pixels.
+
+    Raises
+    ------
+    ParameterError
+        As `creation_for`.
+    """
+    from uavseg.raster.formats.creation import creation_for
+
+    return creation_for(stored.creation_options, targets)
 
 
 def check_targets(output: str | None, labels: str | None, overwrite: bool) -> None:
@@ -115,10 +140,10 @@ def write_regions_and_labels(
 
 def write_label_output(found: Extraction, labels: LabelFile, work: Work, overwrite: bool) -> None:
     """Write the labels of regions, if asked for; the executor writes them where they are many tiles."""
-    from uavseg.regions.formats import label_raster
-
     if labels.path is None:
         return
+    from uavseg.regions.formats import label_raster
+
     run = work.executor if label_raster.is_vrt(labels.path) else work.local
     how = overwrite, labels.creation
     label_raster.write_label_raster(labels.path, found.rings, found.geobox, run, *how)
@@ -132,7 +157,7 @@ def write_mission_output(mission: Mission, path: str, overwrite: bool) -> list[s
 
 
 def write_plan_output(
-    planned: MissionPlan, path: str, overwrite: bool, options: FileOptions
+    planned: MissionPlan, path: str, overwrite: bool, options: MissionFileOptions
 ) -> tuple[list[Path], list[str]]:
     """Write the missions of a plan; returns their files, and what the format cannot hold as warnings."""
     editable, model = options.editable, options.dji_model
@@ -167,10 +192,10 @@ def summary_rows(found: Extraction) -> dict[str, str]:
 
 
 def confidence_row(found: Extraction) -> dict[str, str]:
-    """How many regions were left out because of their confidence, if a least one was asked for."""
-    if found.unsure is None:
+    """How many regions were left out because of their confidence, if there is a minimum."""
+    if found.below_minimum is None:
         return {}
-    return {"too unsure": f"{found.unsure:,} of {found.unsure + len(found.regions):,} left out"}
+    return {"too unsure": f"{found.below_minimum:,} of {found.below_minimum + len(found.regions):,} left out"}
 
 
 def _range_row(found: Extraction) -> dict[str, str]:

@@ -84,19 +84,36 @@ def classes_of_ranges(texts: Sequence[str]) -> ValueClasses:
     return ValueClasses(tuple(ValueClass(f"{one.low:g},{one.high:g}", one) for one in found))
 
 
-def classes_of_words(classes: Mapping[str, Any] | str | os.PathLike[str] | None) -> ValueClasses:
-    """Classes from a mapping or a file; see `classes_of_mapping` and `read_classes`.
+def classes_of_options(ranges: Any, texts: Sequence[str], classes: Any) -> ValueClasses | None:
+    """Return the classes of a job, None where it has one range.
+
+    Parameters
+    ----------
+    ranges : object
+        Several ranges are a list of their texts.
+    texts : sequence of str
+        Such as "water=0,0.2".
+    classes : mapping or path, optional
+        See `classes_of_mapping` and `read_classes`.
 
     Raises
     ------
     ParameterError
-        If they are neither, or not understood.
+        If they are not understood, or do not go together.
     """
     if isinstance(classes, str | os.PathLike):
         return read_classes(classes)
-    if not isinstance(classes, Mapping):
+    if isinstance(classes, Mapping):
+        return classes_of_mapping(classes)
+    if classes is not None:
         raise ParameterError(f"classes are a mapping of names to ranges, or a file, not {shown(classes)}")
-    return classes_of_mapping(classes)
+    if texts:
+        return classes_of_texts(texts)
+    return (
+        classes_of_ranges(ranges)
+        if isinstance(ranges, list) and len(ranges) > 1 and isinstance(ranges[0], str)
+        else None
+    )
 
 
 def classes_of_mapping(classes: Mapping[str, Any]) -> ValueClasses:

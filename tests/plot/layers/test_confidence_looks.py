@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from uavseg.plot.layers.sureness import PLAIN, looks_of
+from uavseg.plot.layers.region_layer import PLAIN, looks_of
 
 
 def test_the_surer_the_stronger():

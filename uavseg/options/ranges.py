@@ -1,13 +1,15 @@
-"""Ranges in the words of the command line and of Python."""
+"""Ranges of v, of values or of percentiles, from text and from numbers."""
 
 from collections.abc import Sequence
 from typing import Any
 
 from uavseg.errors import IntensityRangeError, ParameterError
-from uavseg.jobs.ranges.ranges import AnyRange
+from uavseg.options.regions import RangeOptions
 from uavseg.plain_text import shown
 from uavseg.raster.intensity.value_range import ValueRange
 from uavseg.segmentation.params.segment import IntensityRange
+
+AnyRange = IntensityRange | ValueRange
 
 _EXAMPLES = {"range": "0.55,1", "values": "20,40 (or 300, or ,35)", "percentile": "90,100"}
 
@@ -41,25 +43,27 @@ def parse_range(name: str, text: str) -> AnyRange:
     return _range(name, low, high)
 
 
-def range_of_words(range: Any, values: Any, percentile: Any) -> AnyRange:
-    """The range of a Python call: exactly one of three, each two numbers (None for an open end) or a text.
+def requested_range(options: RangeOptions) -> AnyRange:
+    """Return the range of a job: exactly one of three, each two numbers (None for an open end) or a text.
 
     Raises
     ------
     ParameterError
         If there is none or more than one, or it is not a range.
     """
-    words = {"range": range, "values": values, "percentile": percentile}
-    given = {name: word for name, word in words.items() if word is not None}
+    named = {"range": options.range, "values": options.values, "percentile": options.percentile}
+    given = {name: value for name, value in named.items() if value is not None}
     if len(given) != 1:
         found = "none is given" if not given else f"{' and '.join(given)} are given"
         raise ParameterError(f"a range is one of range (v in 0..1), values and percentile; {found}")
-    [(name, word)] = given.items()
-    if isinstance(word, str):
-        return parse_range(name, word)
-    if (not isinstance(word, Sequence) and getattr(word, "ndim", None) != 1) or len(word) != 2:
-        raise ParameterError(f"{name} is two numbers, such as ({_EXAMPLES[name][:5]}), not {shown(word)}")
-    low, high = (None if end is None else _number(name, end) for end in word)
+    [(name, value)] = given.items()
+    if isinstance(value, IntensityRange | ValueRange):
+        return value
+    if isinstance(value, str):
+        return parse_range(name, value)
+    if (not isinstance(value, Sequence) and getattr(value, "ndim", None) != 1) or len(value) != 2:
+        raise ParameterError(f"{name} is two numbers, such as ({_EXAMPLES[name][:5]}), not {shown(value)}")
+    low, high = (None if end is None else _number(name, end) for end in value)
     return _range(name, low, high)
 
 

@@ -1,0 +1,227 @@
+"""Commands that are built from the options of a job: parameters, grouped help, and the call."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from itertools import groupby
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+from uavseg.options.option import Option, arguments_of, build, options_of
+from uavseg.options.reading import AccessOptions
+from uavseg.options.texts import OptionTextError
+
+T = TypeVar("T")
+_HELP_ALL = "--help-all"
+
+
+def job_command(name: str, job: type[T]) -> Callable[[Callable[[T], None]], click.Command]:
+    """Make a command of a function that takes the options of a job.
+
+    Parameters
+    ----------
+    name : str
+    job : type
+        A dataclass of options, see `uavseg.options`.
+    """
+
+    def wrap(function: Callable[[T], None]) -> click.Command:
+        def run(**values: Any) -> None:
+            options = build(job, values)
+            access = getattr(options, "access", None)
+            if access is None:
+                function(options)
+                return
+            with _allowed(access):
+                function(options)
+
+        params = [*_arguments(job), *_options(job), _help_all()]
+        made = JobCommand(name, callback=run, params=params, help=function.__doc__)
+        made.job = job
+        return made
+
+    return wrap
+
+
+class JobCommand(click.Command):
+    """A command whose help lists what everyone needs, and with --help-all every option in groups."""
+
+    job: type
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse as click does, with the numbers after --home joined."""
+        return super().parse_args(ctx, joined_home(args) if "home" in options_of(self.job) else args)
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the basic options, or all of them under the headings of their groups."""
+        everything = bool(ctx.meta.get(_HELP_ALL))
+        described = options_of(self.job)
+        known = {str(one.name): one for one in self.params}
+        listed = [name for name in described if everything or described[name].basic]
+        if everything:
+            for heading, names in groupby(
+                sorted(listed, key=_order(described)), lambda n: described[n].group
+            ):
+                with formatter.section(heading):
+                    formatter.write_dl([record for n in names if (record := known[n].get_help_record(ctx))])
+            return
+        records = [record for name in listed if (record := known[name].get_help_record(ctx))]
+        short = [(left, _first_sentence(right)) for left, right in records]
+        if short:
+            with formatter.section("Options"):
+                formatter.write_dl(short)
+        if more := len(described) - len(listed):
+            formatter.write_paragraph()
+            formatter.write_text(f"{more} more options, and these in full: uavseg {self.name} {_HELP_ALL}")
+
+
+def _order(described: dict[str, Option]) -> Callable[[str], int]:
+    """Order of groups by their first option, so that a group is listed in one piece."""
+    first: dict[str, int] = {}
+    for number, one in enumerate(described.values()):
+        first.setdefault(one.group, number)
+    return lambda name: first[described[name].group]
+
+
+def _first_sentence(text: str) -> str:
+    """The first sentence of a help, and its default."""
+    default = re.search(r"\s*\[(default: |required)[^]]*\]$", text)
+    sentence = re.split(r"(?<=[a-z)])[.:;] |\.$", text[: default.start()] if default else text)[0]
+    return sentence + (f"  {default.group().strip()}" if default else "")
+
+
+def _help_all() -> click.Option:
+    def show(ctx: click.Context, param: click.Parameter, value: bool) -> None:
+        if value and not ctx.resilient_parsing:
+            ctx.meta[_HELP_ALL] = True
+            click.echo(ctx.get_help(), color=ctx.color)
+            ctx.exit()
+
+    return click.Option(
+        [_HELP_ALL],
+        is_flag=True,
+        is_eager=True,
+        expose_value=False,
+        callback=show,
+        help="Show every option in full, in groups, and exit.",
+    )
+
+
+def _arguments(job: type) -> Iterator[click.Argument]:
+    for name, one in arguments_of(job).items():
+        yield click.Argument(
+            [name],
+            metavar=one.metavar,
+            nargs=-1 if one.multiple else 1,
+            required=one.required,
+            callback=_parsed(one),
+        )
+
+
+def _options(job: type) -> Iterator[click.Option]:
+    for name, one in options_of(job).items():
+        flags = one.flags or (f"--{name.replace('_', '-')}",)
+        how: dict[str, Any] = {"help": one.help, "required": one.required}
+        if one.type is bool:
+            if "/" in flags[-1]:
+                how["default"] = one.default
+            yield click.Option([*flags, name], is_flag=True, **how)
+            continue
+        how["type"] = click.Choice(list(one.choices)) if one.choices else one.type
+        if one.minimum is not None:
+            how["type"] = click.IntRange(min=one.minimum)
+        if not one.required:
+            how |= _default(one)
+        yield click.Option(
+            [*flags, name],
+            metavar=one.metavar or None,
+            multiple=one.multiple,
+            callback=_parsed(one),
+            **how,
+        )
+
+
+def _default(one: Option) -> dict[str, Any]:
+    """Return the default of an option, and how its help shows it."""
+    if one.default in (None, ()):
+        return {"default": None, "show_default": one.shown or False}
+    if one.parse is not None:  # which reads the text that the help shows
+        return {"default": one.shown or str(one.default), "show_default": True}
+    return {"default": one.default, "show_default": one.shown != "-"}
+
+
+def _parsed(one: Option) -> Callable[[click.Context, click.Parameter, Any], Any] | None:
+    """A callback that turns text into the value that Python takes."""
+    if one.parse is None and not one.multiple:
+        return None
+
+    def parse(ctx: click.Context, param: click.Parameter, value: Any) -> Any:
+        if value in (None, ()) or ctx.resilient_parsing:  # a shell that completes a line parses nothing
+            return () if one.multiple and one.default is None and one.parse is None else one.default
+        try:
+            return value if one.parse is None else one.parse(value)
+        except OptionTextError as error:
+            raise click.BadParameter(str(error), ctx, param) from error
+
+    return parse
+
+
+@contextmanager
+def _allowed(access: AccessOptions) -> Iterator[None]:
+    """Context under the access policy of a command."""
+    from uavseg.access import allowing
+
+    with allowing(access.allow_path, access.allow_network), _proj_requests(access.allow_network):
+        yield
+
+
+@contextmanager
+def _proj_requests(allowed: bool) -> Iterator[None]:
+    """Context in which PROJ fetches no grids, unless that is allowed and its user has asked for it."""
+    before = os.environ.get("PROJ_NETWORK")
+    if not allowed:
+        os.environ["PROJ_NETWORK"] = "OFF"
+    try:
+        yield
+    finally:
+        if before is None:
+            os.environ.pop("PROJ_NETWORK", None)
+        else:
+            os.environ["PROJ_NETWORK"] = before
+
+
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+),?")
+
+
+def joined_home(arguments: Sequence[str]) -> list[str]:
+    """Join two or three numbers after --home to one word: `--home LAT LON`, a negative longitude too.
+
+    A single number is no home, so what follows it cannot be meant for something else; a third number may be
+    the name of a file.
+
+    Examples
+    --------
+    >>> joined_home(["--home", "49.4583", "-122.8272", "-q"])
+    ['--home', '49.4583,-122.8272', '-q']
+    """
+    words = list(arguments)
+    for k, word in enumerate(words):
+        if word == "--":
+            break
+        first = k + 1 if word == "--home" else k
+        text = words[first] if first > k and first < len(words) else word.removeprefix("--home=")
+        if not word.startswith("--home") or not _NUMBER.fullmatch(text):
+            continue
+        numbers = [text]
+        for more in words[first + 1 : first + 3]:
+            if not _NUMBER.fullmatch(more) or (len(numbers) == 2 and Path(more).exists()):
+                break
+            numbers.append(more)
+        home = ",".join(number.rstrip(",") for number in numbers)
+        return [*words[:k], "--home", home, *words[first + len(numbers) :]]
+    return words

@@ -1,0 +1,250 @@
+"""Requests of missions from their options: how to fly, from where and over which regions."""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from uavseg.errors import ParameterError
+from uavseg.flight.camera.camera import Camera, Overlap
+from uavseg.flight.camera.catalogue import camera_named
+from uavseg.flight.camera.photos import SHUTTER_S, Photos
+from uavseg.flight.mission.fence import RallyPoint
+from uavseg.flight.mission.vehicle import read_vehicle
+from uavseg.flight.params.limits import LimitParams, SafetyParams
+from uavseg.flight.params.pattern import PARAMS_OF, PatternParams
+from uavseg.flight.params.plan import COVERING, PlanParams
+from uavseg.flight.params.terrain import terrain_params
+from uavseg.jobs.flights.plan import Home, PlanRequest
+from uavseg.options.flights import MissionOptions, PatternOptions, PhotoOptions, PlanOptions, SafetyOptions
+from uavseg.plain_text import shown
+
+MAX_GSD_CM = 100.0
+
+
+def plan_request(options: PlanOptions) -> PlanRequest:
+    """Return the request of a plan, checked before any work.
+
+    Raises
+    ------
+    ParameterError
+        If a value is out of bounds, or values do not go together.
+    """
+    return mission_request(
+        options.mission,
+        ids=options.ids,
+        largest=options.largest,
+        where=options.where,
+        classes=_names(options.classes),
+        avoid_classes=_names(options.avoid_classes) or (),
+    )
+
+
+def mission_request(options: MissionOptions, **chosen: Any) -> PlanRequest:
+    """Return the request of a mission over regions that are chosen.
+
+    Parameters
+    ----------
+    options : MissionOptions
+    **chosen
+        Fields of `PlanRequest` that choose regions.
+
+    Raises
+    ------
+    ParameterError
+        If a value is out of bounds, or values do not go together.
+    """
+    flight = flight_params(options)
+    home = options.flight.home
+    if home is None:
+        raise ParameterError("a mission needs --home LAT,LON, where the vehicle starts (or --home auto)")
+    return PlanRequest(flight, _home(home), allow_edge=options.safety.allow_edge, **chosen)
+
+
+def _home(given: Any) -> Home:
+    if isinstance(given, str):
+        if given == "auto":
+            return "auto"
+    elif len(given) in (2, 3):
+        return tuple(map(float, given))
+    raise ParameterError(f'home is (lat, lon), (lat, lon, altitude_m) or "auto", not {shown(given)}')
+
+
+def flight_params(options: MissionOptions) -> PlanParams:
+    """Return how to fly; without a pattern, regions are visited, or surveyed with a spacing or a camera.
+
+    With a camera, the height follows from the ground sampling distance where that is given, and the spacing
+    from the overlap.
+
+    Raises
+    ------
+    ParameterError
+        If a value is out of bounds, or values do not go together.
+    """
+    flight = options.flight
+    photos = photos_of(options.photos, flight.pattern)
+    altitude = _altitude(flight.altitude, options.photos.gsd, photos)
+    pattern, spacing = flight.pattern, flight.spacing
+    if pattern is None:
+        pattern = "visit" if spacing is None and photos is None else "survey"
+    if photos is not None and pattern in COVERING and 0 < altitude < math.inf:
+        spacing = photos.spacing_m(altitude) if spacing is None else spacing
+    vehicle = flight.vehicle
+    limits, terrain = options.limits, options.terrain
+    return PlanParams(
+        altitude_m=altitude,
+        pattern=pattern,
+        spacing_m=spacing,
+        angle_deg=_angle(flight.angle),
+        speed_m_s=flight.speed,
+        autopilot=flight.autopilot,
+        tolerance_m=flight.tolerance,
+        photos=photos,
+        vehicle=read_vehicle(vehicle, flight.autopilot)
+        if isinstance(vehicle, str | os.PathLike)
+        else vehicle,
+        how=_pattern_params(pattern, options.pattern),
+        limits=LimitParams(limits.endurance, limits.reserve, limits.max_items),
+        safety=_safety_params(options.safety),
+        terrain=terrain_params(
+            terrain.dem or None,
+            terrain.terrain,
+            terrain.terrain_tolerance,
+            terrain.climb,
+            terrain.descent,
+        ),
+    )
+
+
+def _angle(given: float | str) -> float | None:
+    if not isinstance(given, str):
+        return float(given)
+    if given != "auto":
+        raise ParameterError(f'angle is a number of degrees or "auto", not {shown(given)}')
+    return None
+
+
+def _altitude(altitude: float | None, gsd_cm: float | None, photos: Photos | None) -> float:
+    if gsd_cm is not None:
+        if photos is None:
+            raise ParameterError("a ground sampling distance needs a camera (--camera)")
+        if altitude is not None:
+            raise ParameterError("the height follows from the ground sampling distance; give one of the two")
+        if not 0 < gsd_cm <= MAX_GSD_CM:
+            raise ParameterError(f"a ground sampling distance is above 0 and at most 100 cm, not {gsd_cm:g}")
+        altitude = photos.camera.height_m(gsd_cm / 100, photos.pitch_deg)
+    if altitude is None:
+        raise ParameterError("a mission needs --altitude, in metres above home, or --camera and --gsd")
+    return altitude
+
+
+_FIELDS = {  # of an option about a pattern: the field of its parameters, and the patterns that have it
+    "hold": ("hold_s", ("visit",)),
+    "offset": ("offset_m", ("perimeter",)),
+    "min_leg": ("min_leg_m", ("perimeter",)),
+    "holes": ("holes", ("perimeter",)),
+    "margin": ("margin_m", ("survey", "corridor", "orbit")),
+    "crosshatch": ("crosshatch", ("survey",)),
+    "turnaround": ("turnaround_m", ("survey",)),
+}
+
+
+def _pattern_params(pattern: str, options: PatternOptions) -> PatternParams | None:
+    """Return the parameters of a pattern; None for an unknown one, which is refused elsewhere."""
+    if pattern not in PARAMS_OF:
+        return None
+    named = {}
+    for one in fields(options):
+        value = getattr(options, one.name)
+        if value is None or value is False:
+            continue
+        name, patterns = _FIELDS[one.name]
+        if pattern not in patterns:
+            raise ParameterError(
+                f"--{one.name.replace('_', '-')} is for the pattern {' or '.join(patterns)}, not for "
+                f"{pattern}; leave it out"
+            )
+        named[name] = value
+    params: PatternParams = PARAMS_OF[pattern](**named)
+    return params
+
+
+def _safety_params(options: SafetyOptions) -> SafetyParams:
+    return SafetyParams(
+        avoid_margin_m=options.avoid_margin,
+        fence_margin_m=options.fence,
+        max_altitude_m=options.max_altitude,  # type: ignore[arg-type]
+        max_distance_m=options.max_distance,
+        rally=tuple(RallyPoint(*place) for place in options.rally),
+    )
+
+
+def photos_of(options: PhotoOptions, pattern: str | None = None) -> Photos | None:
+    """Return how to photograph with a camera that is named or described; None without one.
+
+    Parameters
+    ----------
+    options : PhotoOptions
+    pattern : str, optional
+        On a visit, photographs are by default taken in hover.
+
+    Raises
+    ------
+    ParameterError
+        If the camera is not known, a number is out of bounds, or options do not go together.
+    """
+    camera = _camera(options)
+    if camera is None:
+        for name in ("trigger", "shutter", "gimbal_pitch", "overlap"):
+            if not np.array_equal(getattr(options, name), getattr(PhotoOptions(), name)):
+                raise ParameterError(
+                    f"--{name.replace('_', '-')} needs a camera (--camera, or --sensor, --image and --focal)"
+                )
+        return None
+    overlap = options.overlap
+    if len(overlap) != 2:
+        raise ParameterError(f"an overlap is two numbers, along the lines and between them, not {overlap!r}")
+    trigger = options.trigger or ("hover" if pattern == "visit" else "distance")
+    shutter = SHUTTER_S if options.shutter is None else float(options.shutter)
+    both = Overlap(float(overlap[0]), float(overlap[1]))
+    return Photos(camera, both, float(options.gimbal_pitch), trigger, shutter)
+
+
+def _camera(options: PhotoOptions) -> Camera | None:
+    described = ("sensor", "image", "focal", "min_interval")
+    given = [name for name in described if getattr(options, name) is not None]
+    if options.camera is not None:
+        if given:
+            raise ParameterError(
+                f"--camera knows its sensor, image and focal length; leave --{given[0].replace('_', '-')} out"
+            )
+        return options.camera if isinstance(options.camera, Camera) else camera_named(options.camera)
+    if not given:
+        return None
+    sensor, image, focal = options.sensor, options.image, options.focal
+    if sensor is None or image is None or focal is None:
+        raise ParameterError("a camera of your own needs all of --sensor WxH, --image WxH and --focal MM")
+    if len(sensor) != 2 or len(image) != 2:
+        raise ParameterError(f"sensor and image are width and height, not {sensor!r} and {image!r}")
+    return Camera(
+        name=f"camera of {sensor[0]:g} x {sensor[1]:g} mm",
+        sensor_mm=(float(sensor[0]), float(sensor[1])),
+        image_px=(_whole(image[0]), _whole(image[1])),
+        focal_mm=float(focal),
+        min_interval_s=float(options.min_interval or 0.0),
+    )
+
+
+def _whole(side: float) -> int:
+    if not float(side).is_integer():
+        raise ParameterError(f"an image is whole numbers of pixels, such as 5472x3648, not {side}")
+    return int(side)
+
+
+def _names(given: Any) -> Any:
+    """Return one name as a sequence of it."""
+    return (given,) if isinstance(given, str) else None if given is None else tuple(given)

@@ -1,0 +1,65 @@
+"""Requests of the jobs over occupancy maps, from their options."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from uavseg.jobs.maps.classify import ClassifyRequest
+    from uavseg.jobs.maps.path import PathRequest
+    from uavseg.occupancy.bags.merge_bag import MergeParams
+    from uavseg.options.maps import BuildMapOptions, ClassifyOptions, PathOptions
+
+
+def classify_request(options: ClassifyOptions, with_objects: bool | None = None) -> ClassifyRequest:
+    """Return the states of which a map is classified.
+
+    Parameters
+    ----------
+    options : ClassifyOptions
+    with_objects : bool, optional
+        Whether objects are outlined; by default where a file of them is written.
+    """
+    from uavseg.jobs.maps.classify import ClassifyRequest
+    from uavseg.jobs.result.result import Drawing
+    from uavseg.regions.edit.small import as_area
+    from uavseg.segmentation.params.segment import StateLimits
+
+    named = options.objects is not None or options.labels is not None
+    return ClassifyRequest(
+        StateLimits(options.free_below, options.occupied_above),
+        options.division.segment_params(options.refine),
+        objects=named if with_objects is None else with_objects,
+        drawing=Drawing(simplify_m=options.simplify),
+        min_area=as_area(options.min_area),
+        allow_lost_obstacles=options.allow_lost_obstacles,
+    )
+
+
+def path_request(options: PathOptions) -> PathRequest:
+    """Return the two places of a path, and over what it leads."""
+    from uavseg.jobs.maps.path import PathRequest, path_params
+    from uavseg.occupancy.paths.find_path import PathParams
+    from uavseg.options.ranges import requested_range
+
+    return PathRequest(
+        requested_range(options.ranges),
+        start=options.start,
+        goal=options.goal,
+        params=PathParams(options.clearance, options.smooth),
+        segment=path_params(options.division.segment_params(), options.refine),
+    )
+
+
+def merge_params(options: BuildMapOptions) -> MergeParams:
+    """Return how the scans of a bag are merged."""
+    from uavseg.occupancy.bags.merge_bag import MergeParams
+
+    return MergeParams(
+        resolution_m=options.resolution,
+        sigma_m=options.sigma,
+        max_range_m=options.max_range,
+        heights=options.heights,
+        no_return=options.no_return,
+        beam_order=options.beam_order,
+    )

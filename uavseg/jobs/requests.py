@@ -1,0 +1,212 @@
+"""Requests of the jobs that make regions, from their options: the same for every face."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from numbers import Real
+from typing import TYPE_CHECKING, Any
+
+from uavseg.errors import ParameterError
+from uavseg.jobs.extract import ExtractRequest, extract
+from uavseg.jobs.result.result import Drawing, Extraction
+from uavseg.jobs.source.source import Source
+from uavseg.jobs.source.work import Work
+from uavseg.options.classes import classes_of_options
+from uavseg.options.ranges import requested_range
+from uavseg.options.regions import (
+    DrawingOptions,
+    ExtractOptions,
+    LevelsOptions,
+    MatchOptions,
+    SizeOptions,
+    SuggestOptions,
+)
+from uavseg.raster.grid.length import as_length
+from uavseg.regions.edit.small import as_area
+from uavseg.segmentation.params.segment import Levels
+
+if TYPE_CHECKING:
+    from uavseg.jobs.extract_classes import ClassesRequest
+    from uavseg.jobs.levels import LevelsRequest
+    from uavseg.jobs.match.by_classes import MatchClassesRequest
+    from uavseg.jobs.match.ranges_of_sample import SuggestLikeRequest
+    from uavseg.jobs.match.request import MatchRequest
+    from uavseg.jobs.suggest import SuggestRequest
+    from uavseg.options.reading import ReadOptions
+    from uavseg.regions.sample.place import Disc
+
+
+@dataclass(frozen=True)
+class RegionJob:
+    """A job that finds regions in a source.
+
+    Parameters
+    ----------
+    read : ReadOptions
+        How the source is read.
+    find : callable
+        Finds the regions of a source.
+    request : object
+        What `find` answers.
+    """
+
+    read: ReadOptions
+    find: Callable[[Source, Work], Extraction]
+    request: Any = None
+
+
+def region_job(options: ExtractOptions | LevelsOptions | MatchOptions) -> RegionJob:
+    """Return the job of some options, checked before any work.
+
+    Parameters
+    ----------
+    options : ExtractOptions, LevelsOptions or MatchOptions
+
+    Raises
+    ------
+    UavsegError
+        If a value is out of bounds, or values do not go together.
+    """
+    if isinstance(options, ExtractOptions):
+        return _extract_job(options)
+    if isinstance(options, LevelsOptions):
+        from uavseg.jobs.levels import levels
+
+        request = _levels_request(options)
+        return RegionJob(options.read, lambda source, work: levels(source, request, work), request)
+    return _match_job(options)
+
+
+def _drawing(options: DrawingOptions) -> Drawing:
+    """Return how outlines are drawn."""
+    return Drawing(options.smooth_outline, options.simplify)
+
+
+def _sizes(options: SizeOptions) -> dict[str, Any]:
+    return {
+        "fill_holes": as_area(options.fill_holes),
+        "min_area": as_area(options.min_area),
+        "detail": as_length(options.detail),
+        "min_confidence": options.min_confidence,
+    }
+
+
+def _extract_job(options: ExtractOptions) -> RegionJob:
+    classes = classes_of_options(options.ranges.range, options.class_texts, options.classes)
+    ranges = (options.ranges.range, options.ranges.values, options.ranges.percentile)
+    if options.classes is not None and any(one is not None for one in ranges):
+        raise ParameterError("extract takes a range or classes; give one of them")
+    segment = options.division.segment_params(None if classes else options.refine)
+    common = {"drawing": _drawing(options.drawing), **_sizes(options.sizes)}
+    if classes is None:
+        request = ExtractRequest(
+            requested_range(options.ranges), segment, thin_lines=options.thin_lines, **common
+        )
+        return RegionJob(options.read, lambda source, work: extract(source, request, work), request)
+    from uavseg.jobs.extract_classes import ClassesRequest, extract_classes
+    from uavseg.jobs.segment_kinds import joint_params
+
+    if options.thin_lines:
+        raise ParameterError("thin lines are found for one range, not for classes; leave thin lines out")
+    several: ClassesRequest = ClassesRequest(classes, joint_params(segment, options.refine), **common)
+    return RegionJob(options.read, lambda source, work: extract_classes(source, several, work), several)
+
+
+def _levels_request(options: LevelsOptions) -> LevelsRequest:
+    from uavseg.jobs.levels import LevelsRequest, level_params
+    from uavseg.jobs.ranges.level_breaks import breaks_of
+
+    levels = breaks_of(options.breaks) if options.width is None else Levels(options.width)
+    sizes = _sizes(options.sizes)
+    del sizes["fill_holes"]
+    return LevelsRequest(
+        levels,
+        level_params(options.division.segment_params(), options.refine, levels),
+        drawing=_drawing(options.drawing),
+        small=options.small,  # type: ignore[arg-type]
+        **sizes,
+    )
+
+
+def _match_job(options: MatchOptions) -> RegionJob:
+    if options.classes is not None:
+        from uavseg.jobs.match.by_classes import match_classes
+
+        classes = _match_classes_request(options)
+        return RegionJob(options.read, lambda source, work: match_classes(source, classes, work), classes)
+    from uavseg.jobs.match.match import match
+
+    request = _match_request(options)
+    return RegionJob(options.read, lambda source, work: match(source, request, work).found, request)
+
+
+def _match_request(options: MatchOptions) -> MatchRequest:
+    from uavseg.jobs.match.request import MatchRequest
+
+    return MatchRequest(
+        like=samples_of(options.like),
+        unlike=samples_of(options.unlike),
+        by=options.by,
+        window=options.window,
+        similarity=options.similarity,
+        intensity=options.intensity,
+        bands=tuple(options.bands),
+        refine=options.refine,
+        drawing=_drawing(options.drawing),
+        **_sizes(options.sizes),
+    )
+
+
+def _match_classes_request(options: MatchOptions) -> MatchClassesRequest:
+    from uavseg.jobs.match.by_classes import MatchClassesRequest
+
+    return MatchClassesRequest(
+        os.fspath(options.classes or ""),
+        bands=tuple(options.bands),
+        refine=options.refine,
+        drawing=_drawing(options.drawing),
+        **_sizes(options.sizes),
+    )
+
+
+def suggest_request(options: SuggestOptions) -> SuggestRequest:
+    """Return which ranges are suggested.
+
+    Raises
+    ------
+    ParameterError
+        If the number of classes is none.
+    """
+    from uavseg.jobs.suggest import SuggestRequest
+
+    classes = options.classes
+    if classes != "auto" and not isinstance(classes, int):
+        raise ParameterError(f'classes are "auto" or a number, not {classes!r}')
+    return SuggestRequest(classes if isinstance(classes, int) else None, options.division.segment_params())
+
+
+def suggest_like_request(options: SuggestOptions) -> SuggestLikeRequest:
+    """Return the sample that suggested ranges part."""
+    from uavseg.jobs.match.ranges_of_sample import SuggestLikeRequest
+
+    return SuggestLikeRequest(samples_of(options.like), samples_of(options.unlike), tuple(options.bands))
+
+
+def samples_of(given: Any) -> tuple[Disc | str, ...]:
+    """Return one sample or several, as the requests of jobs have them.
+
+    Parameters
+    ----------
+    given : path, (float, float, float), or sequence of them
+        A file of polygons, X,Y,RADIUS as text, or a disc.
+    """
+    from uavseg.regions.sample.place import Disc, parse_like
+
+    if isinstance(given, str | os.PathLike):
+        return (parse_like(os.fspath(given)),)
+    if len(given) == 3 and all(isinstance(number, Real) for number in given):
+        return (Disc(*given),)
+    several: Sequence[Any] = given
+    return tuple(sample for one in several for sample in samples_of(one))

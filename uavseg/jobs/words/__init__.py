@@ -1,1 +1,0 @@
-"""Words of a plan that belong together, and the values that they become."""

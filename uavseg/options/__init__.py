@@ -1,0 +1,1 @@
+"""Options of the jobs, each described once; the faces are built from these descriptions."""

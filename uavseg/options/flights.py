@@ -1,0 +1,433 @@
+"""Options of missions: how to fly, what to keep away from; and of plan, check, upload and download."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+from uavseg.options import texts
+from uavseg.options.option import argument, group, option
+from uavseg.options.reading import AccessOptions
+from uavseg.options.running import OverwriteOptions, ProgressOptions, VerbosityOptions
+
+if TYPE_CHECKING:
+    from uavseg.flight.camera.camera import Camera
+    from uavseg.flight.mission.vehicle import Vehicle
+
+Home = tuple[float, ...] | Literal["auto"]
+Paths = str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | None
+AUTOPILOTS = ("ardupilot", "px4", "generic")
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlightOptions:
+    """Flight."""
+
+    altitude: float | None = option(
+        "Height of the flight above home, or with --dem above the ground, in metres.",
+        type=float,
+        metavar="M",
+        basic=True,
+    )
+    home: Home | None = option(
+        "Where the vehicle starts, and metres above the sea; auto: outside of regions and zones.",
+        metavar="LAT,LON[,M]|auto",
+        parse=texts.home,
+        basic=True,
+    )
+    pattern: str | None = option(
+        "A point in each region, its outline, parallel lines over it, lines along its middle, or a circle "
+        "around it.  [visit, or survey with --spacing or a camera]",
+        choices=("visit", "perimeter", "survey", "corridor", "orbit"),
+        basic=True,
+    )
+    spacing: float | None = option(
+        "Metres between the lines of a survey or corridor.", type=float, metavar="M"
+    )
+    angle: float | Literal["auto"] = option(
+        "Azimuth of the lines, clockwise from north; auto: the one that needs the fewest lines.",
+        default="auto",
+        metavar="DEG|auto",
+        parse=texts.number_or("auto", "auto", "--angle is a number of degrees or auto"),
+    )
+    speed: float = option("Metres per second.", default=5.0, type=float, metavar="M_S", basic=True)
+    autopilot: str = option(
+        "What the mission is for; generic: any, with what ArduPilot and PX4 both accept.",
+        default="ardupilot",
+        choices=AUTOPILOTS,
+        basic=True,
+    )
+    tolerance: float | None = option(
+        "How far outlines may be moved to save corners.  [default: 1 m, or a pixel where larger]",
+        type=float,
+        metavar="M",
+    )
+    vehicle: str | os.PathLike[str] | Vehicle | None = option(
+        "What flies, for estimates of time and energy: accelerations, speeds, power and battery. "
+        "[default: a multirotor with the parameters of its autopilot]",
+        metavar="FILE.json",
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhotoOptions:
+    """Photographs."""
+
+    camera: str | os.PathLike[str] | Camera | None = option(
+        "Photograph with this camera: spacing, trigger distance and the highest speed follow. "
+        "uavseg cameras lists them.",
+        metavar="NAME|FILE.json",
+        basic=True,
+    )
+    gsd: float | None = option(
+        "Ground sampling distance, in place of --altitude: centimetres per pixel.",
+        type=float,
+        metavar="CM",
+        basic=True,
+    )
+    overlap: Sequence[float] = option(
+        "Overlap of photographs along lines and between them, in per cent.",
+        default=(75.0, 70.0),
+        type=str,
+        metavar="FRONT,SIDE",
+        parse=texts.several_numbers("--overlap is FRONT,SIDE in per cent, such as 75,70"),
+        shown="75,70",
+        basic=True,
+    )
+    gimbal_pitch: float = option(
+        "Where the camera looks: -90 is straight down.", default=-90.0, type=float, metavar="DEG"
+    )
+    sensor: Sequence[float] | None = option(
+        "In place of --camera: its sensor in millimetres.",
+        metavar="WxH",
+        parse=texts.numbers("--sensor is WIDTHxHEIGHT, such as 13.2x8.8", 2, "x"),
+    )
+    image: Sequence[float] | None = option(
+        "With --sensor: the image in pixels.",
+        metavar="WxH",
+        parse=texts.numbers("--image is WIDTHxHEIGHT, such as 13.2x8.8", 2, "x"),
+    )
+    focal: float | None = option("With --sensor: the focal length.", type=float, metavar="MM")
+    min_interval: float | None = option(
+        "With --sensor: shortest time between photographs; it limits the speed.  [default: 0]",
+        type=float,
+        metavar="S",
+    )
+    trigger: str | None = option(
+        "Photographs by distance, by time, in hover at a waypoint for each, or not by the mission.  "
+        "[default: distance; hover on a visit]",
+        choices=("distance", "interval", "hover", "none"),
+    )
+    shutter: float | None = option(
+        "Exposure time in seconds, such as 1/1000, by which motion blur limits the speed.  [default: 1/1000]",
+        metavar="1/S|S",
+        parse=texts.shutter,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class PatternOptions:
+    """Patterns."""
+
+    margin: float | None = option(
+        "Survey, corridor: regions are grown by it before they are covered. Orbit: distance of the circle "
+        "from the region.  [default: 0]",
+        type=float,
+        metavar="M",
+    )
+    crosshatch: bool = option("Survey: once more, in lines at a right angle to the first.", default=False)
+    turnaround: float | None = option(
+        "Survey: straight on without photographs before and after each line, for fixed wings.",
+        type=float,
+        metavar="M",
+    )
+    offset: float | None = option(
+        "Perimeter: distance outward from the outline, negative inward.  [default: 0]",
+        type=float,
+        metavar="M",
+    )
+    min_leg: float | None = option(
+        "Perimeter: no leg is shorter.  [default: what is flown in a second]", type=float, metavar="M"
+    )
+    holes: str | None = option(
+        "Perimeter: whether the outlines of holes are flown.  [default: skip]", choices=("skip", "fly")
+    )
+    hold: float | None = option("Visit: seconds over each region.  [default: 0]", type=float, metavar="S")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TerrainOptions:
+    """Terrain."""
+
+    dem: Paths = option(
+        "Fly --altitude above the ground of this elevation model, not above home; may be repeated, for a "
+        "mosaic.",
+        metavar="DEM.tif",
+        multiple=True,
+        parse=texts.or_none,
+    )
+    terrain: str | None = option(
+        "Heights above the sea or above home from --dem, with points added where the ground bends; frame: "
+        "above the terrain that the vehicle knows itself (ArduPilot).  [absolute with --dem]",
+        choices=("frame", "absolute", "relative"),
+    )
+    terrain_tolerance: float | None = option(
+        "How far the height above the ground may differ.  [default: 5, or a quarter of the height]",
+        type=float,
+        metavar="M",
+    )
+    climb: float | None = option(
+        "How fast the vehicle climbs in forward flight; steeper legs are flown slower.  "
+        "[default: 2.5, or 3 for px4]",
+        type=float,
+        metavar="M_S",
+    )
+    descent: float | None = option("How fast it descends.  [default: 1.5]", type=float, metavar="M_S")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SafetyOptions:
+    """Safety."""
+
+    avoid: Any = option(
+        "Keep-out zones that no leg enters: a file of polygons, or a range of intensity that is looked for "
+        "in the raster. May be given several times.",
+        default=(),
+        type=str,
+        metavar="FILE|LO,HI",
+        multiple=True,
+        parse=texts.zones,
+    )
+    avoid_margin: float = option("Least distance to keep-out zones.", default=10.0, type=float, metavar="M")
+    allow_edge: bool = option(
+        "Fly over regions that touch the edge of the raster all the same; they may go on beyond it, or be a "
+        "collar.",
+        default=False,
+    )
+    max_altitude: float | None = option(
+        "Refuse to fly higher above home, or above the ground where it is known.",
+        default=120.0,
+        type=float,
+        metavar="M",
+    )
+    max_distance: float | None = option("Refuse to fly farther from home.", type=float, metavar="M")
+    fence: float | None = option(
+        "Write a fence so far around each flight, which excludes keep-out zones.",
+        default=50.0,
+        type=str,
+        metavar="M|none",
+        parse=texts.number_or("none", None, "--fence is a number of metres or none"),
+        shown="50",
+    )
+    rally: Sequence[Sequence[float]] = option(
+        "A place to return to in an emergency, with a height above home. May be given several times.",
+        default=(),
+        type=str,
+        metavar="LAT,LON,M",
+        multiple=True,
+        parse=texts.each(texts.numbers("--rally is LAT,LON,M in degrees and metres", 3)),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class LimitOptions:
+    """Batteries."""
+
+    endurance: float | None = option(
+        "Minutes in the air on a full battery: the mission is divided into flights that fit.",
+        type=float,
+        metavar="MIN",
+    )
+    reserve: float = option(
+        "Part of the endurance that is left at the end of each flight.",
+        default=20.0,
+        type=float,
+        metavar="PERCENT",
+    )
+    max_items: int | None = option(
+        "Items of a flight at most: the mission is divided likewise.  [default: 650 for ardupilot, else 500]",
+        type=int,
+        metavar="N",
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class MissionFileOptions:
+    """Mission files."""
+
+    editable: bool = option(
+        "In a .plan, survey items that QGroundControl can edit where a part is convex; the same flight.",
+        default=False,
+        python=False,
+    )
+    dji_model: str = option(
+        "The aircraft of a .kmz: m3e, m3t, m3m, m4e, m4t, m30, m30t, m3d, m3td, m300-h20, m350-h30 ...",
+        default="m3e",
+        metavar="NAME",
+        python=False,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class MissionOptions:
+    """Mission."""
+
+    flight: FlightOptions = group(FlightOptions)
+    photos: PhotoOptions = group(PhotoOptions)
+    pattern: PatternOptions = group(PatternOptions)
+    terrain: TerrainOptions = group(TerrainOptions)
+    safety: SafetyOptions = group(SafetyOptions)
+    limits: LimitOptions = group(LimitOptions)
+    files: MissionFileOptions = group(MissionFileOptions)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanOptions:
+    """Regions."""
+
+    regions: str = argument("REGIONS", required=True)
+    output: str = option(
+        "The mission: .plan, .waypoints, .kmz, .csv, .kml or .geojson.",
+        *("-o", "--output"),
+        required=True,
+        metavar="PATH",
+        python=False,
+        basic=True,
+    )
+    mission: MissionOptions = group(MissionOptions)
+    ids: Sequence[int] | None = option(
+        "Only the regions with these ids.", metavar="N,N,...", parse=texts.ids, basic=True
+    )
+    largest: int | None = option("Only the N largest.", type=int, minimum=1, metavar="N", basic=True)
+    where: str | None = option(
+        'Only regions that fulfil it, as in "mean > 0.7 and area_m2 > 500". A comparison with a missing '
+        "number is neither true nor false, so != and not do not select it either.",
+        metavar="CONDITION",
+        basic=True,
+    )
+    classes: str | Sequence[str] | None = option(
+        "Fly over regions of this class only. May be given several times.",
+        "--class",
+        multiple=True,
+        parse=texts.or_none,
+        metavar="NAME",
+    )
+    avoid_classes: str | Sequence[str] = option(
+        "Regions of this class are keep-out zones. May be given several times.",
+        "--avoid-class",
+        default=(),
+        type=str,
+        multiple=True,
+        metavar="NAME",
+    )
+    raster: Any = option(
+        "Where ranges of --avoid are looked for, and at whose edge no region may lie; see --allow-edge.",
+        metavar="PATH",
+    )
+    layer: str | None = option("The layer of a file that has several.", metavar="NAME")
+    as_json: bool = option(
+        "Write the estimates as JSON, for programs.", "--json", default=False, python=False, basic=True
+    )
+    footprints: bool = option(
+        "With --json: also what ground each photograph shows, four corners (lon, lat) in degrees.",
+        default=False,
+        python=False,
+    )
+    files: OverwriteOptions = group(OverwriteOptions, overwrite={"help": "Replace a mission that is there."})
+    messages: VerbosityOptions = group(VerbosityOptions)
+    access: AccessOptions = group(AccessOptions)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckOptions:
+    """Check."""
+
+    file: str = argument("FILE", required=True)
+    autopilot: str | None = option(
+        "What it is checked for.  [default: what FILE is for, if its format says so]",
+        choices=AUTOPILOTS,
+        basic=True,
+    )
+    safety: SafetyOptions = group(
+        SafetyOptions,
+        *("allow_edge", "fence", "rally"),
+        avoid={
+            "help": "Keep-out zones; may be given several times.",
+            "metavar": "FILE",
+            "parse": None,
+            "basic": True,
+        },
+        avoid_margin={"basic": True},
+        max_altitude={
+            "default": None,
+            "basic": True,
+            "help": "Refuse more above home, or with --dem above the ground.",
+        },
+        max_distance={"basic": True, "help": "Refuse more from home."},
+    )
+    terrain: TerrainOptions = group(
+        TerrainOptions,
+        *("terrain", "terrain_tolerance", "climb", "descent"),
+        dem={
+            "basic": True,
+            "help": "Refuse to fly nearer than 5 m to the ground of this elevation model; may be repeated.",
+        },
+    )
+    as_json: bool = option("Write JSON, for programs.", "--json", default=False, python=False, basic=True)
+    messages: VerbosityOptions = group(VerbosityOptions)
+    access: AccessOptions = group(AccessOptions)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinkOptions:
+    """Vehicle."""
+
+    connect: str = option(
+        "Where the vehicle is: udpout:HOST:PORT, udpin:HOST:PORT, tcp:HOST:PORT or serial:DEVICE[:BAUD].",
+        required=True,
+        metavar="ADDRESS",
+        basic=True,
+    )
+    timeout: float = option(
+        "Seconds to wait for an answer, and without progress.",
+        default=10.0,
+        type=float,
+        metavar="S",
+        basic=True,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class UploadOptions:
+    """Upload."""
+
+    file: str = argument("FILE", required=True)
+    while_armed: bool = option(
+        "Replace the mission of a vehicle whose motors are armed; it may be flying, and ArduPilot replaces "
+        "the items one by one.",
+        default=False,
+        basic=True,
+    )
+    link: LinkOptions = group(LinkOptions)
+    progress: ProgressOptions = group(ProgressOptions)
+    messages: VerbosityOptions = group(VerbosityOptions)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DownloadOptions:
+    """Download."""
+
+    link: LinkOptions = group(LinkOptions)
+    output: str = option(
+        "The mission: .plan or another file as of uavseg plan.",
+        *("-o", "--output"),
+        required=True,
+        metavar="FILE",
+        python=False,
+        basic=True,
+    )
+    files: OverwriteOptions = group(OverwriteOptions, overwrite={"help": "Replace a mission that is there."})
+    progress: ProgressOptions = group(ProgressOptions)
+    messages: VerbosityOptions = group(VerbosityOptions)

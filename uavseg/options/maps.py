@@ -1,0 +1,272 @@
+"""Options of the jobs over occupancy maps: classify, path, build-map, merge-maps, simulate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from uavseg.options import texts
+from uavseg.options.flights import AUTOPILOTS, Home
+from uavseg.options.option import argument, group, option
+from uavseg.options.outputs import CreationOptions
+from uavseg.options.reading import MAP_STRETCH, ONLY_RASTERS, AccessOptions, ReadOptions
+from uavseg.options.regions import DivisionOptions, RangeOptions
+from uavseg.options.running import OverwriteOptions, ProgressOptions, RunOptions, VerbosityOptions
+
+MODES = ("trinary", "scale", "raw")
+Ends = tuple[float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModeOptions:
+    """ROS maps."""
+
+    mode: str | None = option(
+        "How the picture of a ROS map is to be read: three states; or all levels, as a .png (scale) or a "
+        ".pgm of per cent (raw).",
+        choices=MODES,
+        shown="trinary",
+        python=False,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClassifyOptions:
+    """States."""
+
+    path: str = argument("MAP", required=True)
+    output: str | None = option(
+        "The states: .tif, or .yaml for a ROS map with a .pgm beside it.  [default: STEM.states.tif here]",
+        *("-o", "--output"),
+        metavar="PATH",
+        python=False,
+        basic=True,
+    )
+    objects: str | None = option(
+        "Also write what is occupied, object by object: .geojson, .gpkg, .fgb, .parquet, .shp or .kml; - is "
+        "GeoJSON on stdout.",
+        metavar="PATH",
+        python=False,
+        basic=True,
+    )
+    labels: str | None = option(
+        "Also write the ids of the objects as a raster: one .tif, or a .vrt over a folder of tiles.",
+        metavar="PATH",
+        python=False,
+    )
+    mode: ModeOptions = group(
+        ModeOptions,
+        mode={
+            "default": "trinary",
+            "shown": "",
+            "help": "How the picture of a ROS map is to be read; for scale it is a .png.",
+        },
+    )
+    free_below: float = option(
+        "Free is what has at most this v.", default=0.498, type=float, metavar="V", basic=True
+    )
+    occupied_above: float = option(
+        "Occupied is what has a larger v.", default=0.502, type=float, metavar="V", basic=True
+    )
+    refine: str = option(
+        "Whether the borders of states are found to the cell, or stay those of blocks.",
+        default="scan",
+        choices=("scan", "none"),
+    )
+    min_area: float | str | None = option(
+        "Drop objects of less; states stay as they are.", metavar="M2|Npx", basic=True
+    )
+    allow_lost_obstacles: bool = option(
+        "Write states in which obstacles of the map have no occupied cell, instead of refusing.",
+        default=False,
+    )
+    simplify: float | None = option("Simplify the outlines of objects.", type=float, metavar="METRES")
+    read: ReadOptions = group(ReadOptions, *ONLY_RASTERS, **MAP_STRETCH)
+    division: DivisionOptions = group(DivisionOptions, method={"basic": True})
+    creation: CreationOptions = group(CreationOptions)
+    run: RunOptions = group(RunOptions)
+    files: OverwriteOptions = group(OverwriteOptions)
+    messages: VerbosityOptions = group(VerbosityOptions)
+    progress: ProgressOptions = group(ProgressOptions)
+    access: AccessOptions = group(AccessOptions)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PathOptions:
+    """Path."""
+
+    map_: str = argument("MAP", required=True)
+    ranges: RangeOptions = group(
+        RangeOptions,
+        range={
+            "help": "What is passable in v, such as 0,0.45.",
+            "multiple": False,
+            "parse": texts.range_named("--range"),
+        },
+    )
+    start: Ends = option(
+        "In the map's coordinates (lon,lat if those are).",
+        required=True,
+        metavar="X,Y",
+        parse=texts.numbers("--start is X,Y in the map's coordinates, such as 12.5,40", 2),
+        basic=True,
+    )
+    goal: Ends = option(
+        "Where to.",
+        required=True,
+        metavar="X,Y",
+        parse=texts.numbers("--goal is X,Y in the map's coordinates, such as 12.5,40", 2),
+        basic=True,
+    )
+    clearance: float = option(
+        "Metres from the centre of a cell to everything else.  [default: none]",
+        default=0.0,
+        type=float,
+        metavar="M",
+        shown="-",
+        basic=True,
+    )
+    smooth: bool = option("Pull the path tight, at any angle.", default=False, basic=True)
+    output: str = option(
+        "The path: .geojson; as a mission .plan, .waypoints, .kmz, .csv or .kml; - is GeoJSON on stdout.",
+        *("-o", "--output"),
+        required=True,
+        metavar="PATH",
+        python=False,
+        basic=True,
+    )
+    refine: str | None = option(
+        "What makes a region: cells by their own value, or as in the paper by the mean of their block too.",
+        choices=("pixels", "scan"),
+        shown="pixels; with --method paper scan",
+    )
+    altitude: float | None = option(
+        "For a mission: metres above home.", type=float, metavar="M", python=False, basic=True
+    )
+    home: Home | None = option(
+        "For a mission: where the vehicle takes off; auto: the start.",
+        metavar="LAT,LON[,M]|auto",
+        parse=texts.home,
+        python=False,
+        basic=True,
+    )
+    speed: float = option("For a mission.", default=5.0, type=float, metavar="M_S", python=False)
+    autopilot: str = option("For a mission.", default="ardupilot", choices=AUTOPILOTS, python=False)
+    read: ReadOptions = group(ReadOptions, *ONLY_RASTERS, **MAP_STRETCH)
+    division: DivisionOptions = group(DivisionOptions)
+    run: RunOptions = group(RunOptions)
+    files: OverwriteOptions = group(OverwriteOptions)
+    messages: VerbosityOptions = group(VerbosityOptions)
+    progress: ProgressOptions = group(ProgressOptions)
+    access: AccessOptions = group(AccessOptions)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BuildMapOptions:
+    """Bag."""
+
+    bag: str = argument("BAG", required=True)
+    output: str = option(
+        "The map.",
+        *("-o", "--output"),
+        required=True,
+        metavar="PATH.yaml|PATH.tif",
+        python=False,
+        basic=True,
+    )
+    mode: ModeOptions = group(ModeOptions, mode={"basic": True})
+    scan: str = option(
+        "Of sensor_msgs/LaserScan, MultiEchoLaserScan or PointCloud2.",
+        default="/scan",
+        metavar="TOPIC",
+        basic=True,
+    )
+    odom: str | None = option(
+        "Poses from nav_msgs/Odometry.  [default: /odom, unless --tf is given]", metavar="TOPIC", basic=True
+    )
+    tf: bool = option("Poses from the tree of /tf and /tf_static.", default=False, basic=True)
+    resolution: float = option("Side of a cell.", default=0.05, type=float, metavar="M", basic=True)
+    sigma: float = option("Standard deviation of ranges.", default=0.03, type=float, metavar="M")
+    max_range: float | None = option(
+        "Use beams up to here.  [default: the range_max of each scan]", type=float, metavar="M"
+    )
+    heights: Ends | None = option(
+        "Of point clouds: what lies between these metres above the map's frame is an obstacle.",
+        metavar="LO,HI",
+        parse=texts.numbers("--heights is LO,HI in metres, such as 0.1,1.8", 2),
+    )
+    no_return: str = option(
+        "What a range is where nothing returned: inf alone, or range_max too.",
+        default="inf",
+        choices=("inf", "range_max"),
+    )
+    beam_order: str | None = option(
+        "What counts where the sign of angle_increment contradicts the angles.  [default: neither]",
+        choices=("angles", "increment"),
+    )
+    creation: CreationOptions = group(CreationOptions)
+    files: OverwriteOptions = group(OverwriteOptions)
+    messages: VerbosityOptions = group(VerbosityOptions)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MergeMapsOptions:
+    """Merging."""
+
+    maps: tuple[str, ...] = argument("MAP...", multiple=True, required=True)
+    output: str = option(
+        "The map.",
+        *("-o", "--output"),
+        required=True,
+        metavar="PATH.yaml|PATH.tif",
+        python=False,
+        basic=True,
+    )
+    crop: bool = option("End the map where nothing beyond is known.", default=False, basic=True)
+    unrotate: bool = option("Let rows run along the x axis: a yaw of 0.", default=False, basic=True)
+    resolution: float | None = option(
+        "Side of a cell.  [default: that of the first map]", type=float, metavar="M", basic=True
+    )
+    mode: ModeOptions = group(ModeOptions, mode={"basic": True})
+    creation: CreationOptions = group(CreationOptions)
+    files: OverwriteOptions = group(OverwriteOptions)
+    messages: VerbosityOptions = group(VerbosityOptions)
+    access: AccessOptions = group(AccessOptions)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulateOptions:
+    """Sensor."""
+
+    scene: str = argument("lens|circles|SCENE.json", required=True)
+    output: str = option(
+        "The map: .tif (probabilities), or .yaml (ROS map).",
+        *("-o", "--output"),
+        required=True,
+        metavar="MAP",
+        basic=True,
+    )
+    png: str | None = option(
+        "The map as a picture: free black, unknown grey, occupied white.", metavar="PATH.png", basic=True
+    )
+    truth: str | None = option(
+        "What the scene really is: states, solid, visible.", metavar="PATH.tif", basic=True
+    )
+    seed: int = option("Of the noise; same seed, same map.", default=0, type=int, minimum=0, basic=True)
+    sigma: float | None = option(
+        "Standard deviation of ranges.  [default: the scene's]", type=float, metavar="M", basic=True
+    )
+    max_range: float | None = option(
+        "How far the sensor sees.  [default: the scene's]", type=float, metavar="M", basic=True
+    )
+    fov: float | None = option(
+        "Its field of view.  [default: the scene's]", type=float, metavar="DEG", basic=True
+    )
+    step: float | None = option(
+        "Between beams.  [default: the scene's]", type=float, metavar="DEG", basic=True
+    )
+    poses: int | None = option(
+        "Scan from the first N poses only.", type=int, minimum=1, metavar="N", basic=True
+    )
+    creation: CreationOptions = group(CreationOptions)
+    files: OverwriteOptions = group(OverwriteOptions)
+    messages: VerbosityOptions = group(VerbosityOptions)

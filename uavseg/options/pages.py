@@ -1,0 +1,142 @@
+"""Options of the jobs that show results, preview, map and serve, and of those about the installation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from uavseg.options import texts
+from uavseg.options.option import argument, group, option
+from uavseg.options.reading import (
+    ONLY_MAPS,
+    RASTER_STRETCH,
+    AccessOptions,
+    RasterArguments,
+    ReadOptions,
+)
+from uavseg.options.regions import DivisionOptions
+from uavseg.options.running import OverwriteOptions, ProgressOptions, RunOptions, VerbosityOptions
+
+
+@dataclass(frozen=True, kw_only=True)
+class PreviewOptions:
+    """Picture."""
+
+    rasters: tuple[str, ...] = argument("[RASTER...]", multiple=True, parse=texts.names_from_standard_input)
+    regions: Any = option("Regions to outline: a file that extract wrote.", metavar="PATH", basic=True)
+    mission: Any = option(
+        "Mission to draw, in any format of uavseg plan. May be given several times.",
+        multiple=True,
+        parse=texts.or_none,
+        metavar="PATH",
+        basic=True,
+    )
+    states: Any = option(
+        "States in colour, segments outlined: what classify wrote.", metavar="PATH", basic=True
+    )
+    leaves: Any = option("Leaves to outline: the block map that divide wrote.", metavar="PATH", basic=True)
+    labels: Any = option(
+        "Segments to outline: the labels that original wrote, or another command with --labels.",
+        metavar="PATH",
+        basic=True,
+    )
+    levels: Any = option("Levels in grey: the segments that levels wrote.", metavar="PATH", basic=True)
+    path: Any = option("A path to draw: .geojson, .plan or .waypoints.", metavar="PATH", basic=True)
+    dem: Any = option(
+        "For missions without RASTER: the ground below them; may be repeated, for a mosaic.",
+        metavar="DEM.tif",
+        multiple=True,
+        parse=texts.or_none,
+    )
+    output: Any = option(
+        "The picture.  [default: STEM.preview.png]", "-o", "--output", metavar="PATH", basic=True
+    )
+    width: int = option("Width of the picture in pixels.", default=1400, type=int, basic=True)
+    read: ReadOptions = group(ReadOptions, *ONLY_MAPS, "flatten", stretch={"default": "auto", "basic": False})
+    files: OverwriteOptions = group(
+        OverwriteOptions, overwrite={"python": True, "help": "Replace a picture that is there."}
+    )
+    messages: VerbosityOptions = group(VerbosityOptions)
+    access: AccessOptions = group(AccessOptions)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SizeOptions:
+    """Page."""
+
+    size: int = option(
+        "Longest side of the picture of the raster, in pixels.", default=2048, type=int, basic=True
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapOptions:
+    """Page."""
+
+    source: RasterArguments = group(RasterArguments)
+    regions: Any = option(
+        "Regions to show: a file that extract wrote, or any polygons.", metavar="PATH", basic=True
+    )
+    mission: Any = option(
+        "Mission to show, in any format of uavseg plan. May be given several times.",
+        multiple=True,
+        parse=texts.or_none,
+        metavar="PATH",
+        basic=True,
+    )
+    camera: Any = option(
+        "The camera of the missions, for the footprints of their photographs; uavseg cameras lists them.",
+        metavar="NAME|FILE.json",
+        basic=True,
+    )
+    output: Any = option("The page.", "-o", "--output", required=True, metavar="PATH.html", basic=True)
+    size: SizeOptions = group(SizeOptions)
+    read: ReadOptions = group(ReadOptions, *ONLY_MAPS, "flatten", **RASTER_STRETCH)
+    division: DivisionOptions = group(DivisionOptions)
+    run: RunOptions = group(RunOptions)
+    files: OverwriteOptions = group(OverwriteOptions, overwrite={"python": True})
+    messages: VerbosityOptions = group(VerbosityOptions)
+    progress: ProgressOptions = group(ProgressOptions)
+    access: AccessOptions = group(AccessOptions)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ServeOptions:
+    """Server."""
+
+    source: RasterArguments = group(RasterArguments)
+    port: int = option(
+        "Port of 127.0.0.1; 0 is any that is free.", default=0, type=int, metavar="N", basic=True
+    )
+    size: SizeOptions = group(SizeOptions)
+    read: ReadOptions = group(ReadOptions, *ONLY_MAPS, "flatten", **RASTER_STRETCH)
+    division: DivisionOptions = group(DivisionOptions)
+    run: RunOptions = group(RunOptions, resume={"python": False})
+    messages: VerbosityOptions = group(VerbosityOptions)
+    progress: ProgressOptions = group(ProgressOptions)
+    access: AccessOptions = group(AccessOptions)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CamerasOptions:
+    """Cameras."""
+
+    words: tuple[str, ...] = argument("[WORDS]...", multiple=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DoctorOptions:
+    """Installation."""
+
+    as_json: bool = option("The same as JSON.", "--json", default=False, python=False, basic=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WarmUpOptions:
+    """Warm-up."""
+
+    processes: int | None = option(
+        "How many compile at once.  [default: all cores]", type=int, metavar="N", basic=True
+    )
+    messages: VerbosityOptions = group(VerbosityOptions, "verbose", quiet={"basic": True})
+    progress: ProgressOptions = group(ProgressOptions, progress={"basic": True})

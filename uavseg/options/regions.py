@@ -1,0 +1,465 @@
+"""Options of the jobs over rasters: extract, levels, match, suggest, divide, original, info."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from uavseg.options import texts
+from uavseg.options.flights import MissionOptions
+from uavseg.options.option import group, option
+from uavseg.options.outputs import CreationOptions, EachOptions, RegionOutputs
+from uavseg.options.reading import (
+    ONLY_MAPS,
+    RASTER_STRETCH,
+    AccessOptions,
+    RasterArguments,
+    ReadOptions,
+)
+from uavseg.options.running import OverwriteOptions, ProgressOptions, RunOptions, VerbosityOptions
+
+if TYPE_CHECKING:
+    from uavseg.segmentation.params.segment import SegmentParams
+
+ADVANCED_FLIGHT = ("pattern", "speed", "autopilot", "overlap")  # in the help of extract
+Sample = str | os.PathLike[str] | tuple[float, float, float]
+Ends = Sequence[float | None] | str | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class RangeOptions:
+    """Range."""
+
+    range: Any = option(
+        "The range of v, such as 0.55,1. Several are classes, named after their ranges.",
+        metavar="LO,HI",
+        multiple=True,
+        parse=texts.several_ranges,
+        basic=True,
+    )
+    values: Ends = option(
+        "In place of --range: values in the raster's own units, after its scale and offset, such as 20,40; "
+        "300, and ,35 are open.",
+        metavar="LO,HI",
+        parse=texts.range_named("--values"),
+        basic=True,
+    )
+    percentile: Ends = option(
+        "In place of --range: percentiles of all valid pixels, such as 90,100.",
+        metavar="LO,HI",
+        parse=texts.range_named("--percentile"),
+        basic=True,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class DivisionOptions:
+    """Segmentation."""
+
+    method: str = option(
+        "Divide blocks by texture and intensity, or by texture alone as the paper does.",
+        default="adaptive",
+        choices=("adaptive", "paper"),
+    )
+    threshold: float = option("Divide where G_max / G_min is larger.", default=1.2, type=float, metavar="X")
+    intensity_step: float = option(
+        "Adaptive: divide where the means of the children differ by more.",
+        default=0.05,
+        type=float,
+        metavar="TAU",
+    )
+
+    def segment_params(self, refine: str | None = None) -> SegmentParams:
+        """Return how a source is segmented, checked."""
+        from uavseg.segmentation.params.segment import SegmentParams
+
+        return SegmentParams.from_words(self.method, self.threshold, self.intensity_step, refine)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SizeOptions:
+    """Small things."""
+
+    detail: float | str | None = option(
+        "Leave out what is narrower, cut necks and close gaps that are; before holes are filled.",
+        metavar="M|Npx",
+    )
+    min_area: float | str | None = option(
+        "Drop regions of less, after holes are filled.", metavar="M2|Npx", basic=True
+    )
+    fill_holes: float | str | None = option(
+        "Fill holes of less, before small regions are dropped.", metavar="M2|Npx", basic=True
+    )
+    min_confidence: float | None = option(
+        "Drop regions of a lower confidence (0 to 1) at last; on drawn scenes four fifths of those at 0.8 "
+        "are right.",
+        type=float,
+        metavar="P",
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class DrawingOptions:
+    """Outlines."""
+
+    smooth_outline: float | None = option(
+        "Draw outlines without stairs, within this many metres of the pixel edges, and never further than "
+        "half a pixel; shared borders stay shared, attributes those of the pixels.",
+        type=float,
+        metavar="METRES",
+    )
+    simplify: float | None = option(
+        "Simplify outlines, after they are smoothed; shared borders stay shared.",
+        type=float,
+        metavar="METRES",
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExtractOptions:
+    """Segmentation."""
+
+    source: RasterArguments = group(RasterArguments)
+    ranges: RangeOptions = group(RangeOptions)
+    class_texts: tuple[str, ...] = option(
+        "A class and its range of v, such as water=0,0.2; give one for each class. Each pixel is in one "
+        "class at most; an end that two ranges share belongs to the lower one.",
+        "--class",
+        default=(),
+        type=str,
+        multiple=True,
+        metavar="NAME=LO,HI",
+        python=False,
+        basic=True,
+    )
+    classes: Mapping[str, Any] | str | os.PathLike[str] | None = option(
+        "Classes from a .csv or .yaml file: name, range (or low and high), color as #rrggbb.", metavar="FILE"
+    )
+    outputs: RegionOutputs = group(RegionOutputs)
+    creation: CreationOptions = group(CreationOptions)
+    read: ReadOptions = group(ReadOptions, *ONLY_MAPS, **RASTER_STRETCH)
+    division: DivisionOptions = group(DivisionOptions)
+    refine: str | None = option(
+        "How boundaries are found to the pixel: by total variation, four scans or a local mean; those of "
+        "classes by tv or none. Or pixels: every pixel by its own value, as a threshold and a polygonizer "
+        "do.",
+        choices=("tv", "scan", "none", "smooth", "pixels"),
+        shown="tv; with --method paper scan, and none for classes",
+    )
+    sizes: SizeOptions = group(SizeOptions)
+    thin_lines: bool = option(
+        "Also find lines of 1 to 3 pixels (cracks, tracks) in one range by their contrast along 15 pixels.",
+        default=False,
+    )
+    drawing: DrawingOptions = group(DrawingOptions)
+    each: EachOptions = group(EachOptions)
+    mission: str | None = option(
+        "Also plan a mission over the regions: a file as of uavseg plan.",
+        metavar="PATH",
+        python=False,
+        basic=True,
+    )
+    mission_classes: tuple[str, ...] = option(
+        "Fly over regions of this class only. May be given several times.",
+        "--mission-class",
+        default=(),
+        type=str,
+        multiple=True,
+        metavar="NAME",
+        python=False,
+    )
+    avoid_classes: tuple[str, ...] = option(
+        "Regions of this class are keep-out zones. May be given several times.",
+        "--avoid-class",
+        default=(),
+        type=str,
+        multiple=True,
+        metavar="NAME",
+        python=False,
+    )
+    flight: MissionOptions = group(
+        MissionOptions, python=False, **{name: {"basic": False} for name in ADVANCED_FLIGHT}
+    )
+    run: RunOptions = group(RunOptions)
+    files: OverwriteOptions = group(OverwriteOptions)
+    messages: VerbosityOptions = group(VerbosityOptions)
+    progress: ProgressOptions = group(ProgressOptions)
+    access: AccessOptions = group(AccessOptions)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LevelsOptions:
+    """Levels."""
+
+    source: RasterArguments = group(RasterArguments)
+    width: float | None = option("Width of a level in v, such as 0.1.", type=float, metavar="P", basic=True)
+    breaks: Sequence[float] | str | None = option(
+        "In place of a width: the values of v between levels, such as 0.2,0.5; or K levels with the smallest "
+        "variance within (otsu, as suggest --classes K) or the same number of pixels (quantile, 5).",
+        metavar="V,V,...|otsu[:K]|quantile[:K]",
+        basic=True,
+    )
+    outputs: RegionOutputs = group(
+        RegionOutputs,
+        output={
+            "help": "The segments: .geojson, .gpkg, .fgb, .parquet, .shp or .kml; - is GeoJSON on stdout.  "
+            "[default: STEM.levels.geojson here]"
+        },
+        labels={
+            "help": "Also write the labels of the segments as a raster: one .tif, or a .vrt over a folder of "
+            "tiles."
+        },
+    )
+    creation: CreationOptions = group(CreationOptions)
+    read: ReadOptions = group(ReadOptions, *ONLY_MAPS, **RASTER_STRETCH)
+    division: DivisionOptions = group(DivisionOptions)
+    refine: str | None = option(
+        "How boundaries are found to the pixel: by total variation, or left at the edges of blocks. Or "
+        "pixels: every pixel by its own value.",
+        choices=("tv", "none", "pixels"),
+        shown="tv; none with --method paper",
+    )
+    sizes: SizeOptions = group(
+        SizeOptions,
+        "fill_holes",
+        detail={"help": "Give what is narrower to the levels near it, before small segments are merged."},
+        min_area={"help": "Merge segments of less into their neighbours, or drop them."},
+    )
+    small: str = option(
+        "What becomes of small segments. Merge: one after the other, the smallest first, becomes part of the "
+        "neighbour with the longest common border (then the nearest mean); one that has grown enough stays.",
+        default="merge",
+        choices=("merge", "drop"),
+    )
+    drawing: DrawingOptions = group(DrawingOptions)
+    each: EachOptions = group(EachOptions)
+    run: RunOptions = group(RunOptions)
+    files: OverwriteOptions = group(OverwriteOptions)
+    messages: VerbosityOptions = group(VerbosityOptions)
+    progress: ProgressOptions = group(ProgressOptions)
+    access: AccessOptions = group(AccessOptions)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MatchOptions:
+    """Comparison."""
+
+    source: RasterArguments = group(RasterArguments)
+    like: Sample | Sequence[Sample] = option(
+        "The sample: a file of polygons, or a disc in the raster's coordinates (RADIUS in their unit; in "
+        "metres where they are degrees). May be given several times.",
+        default=(),
+        type=str,
+        multiple=True,
+        metavar="SAMPLE|X,Y,RADIUS",
+        basic=True,
+    )
+    unlike: Sequence[Sample] = option(
+        "A sample of what is not wanted; may be given several times.",
+        default=(),
+        type=str,
+        multiple=True,
+        metavar="SAMPLE|X,Y,RADIUS",
+        basic=True,
+    )
+    classes: str | os.PathLike[str] | None = option(
+        "In place of --like: a file of polygons with a column class; every pixel is of the likeliest class, "
+        "or of none.",
+        metavar="SAMPLES",
+        basic=True,
+    )
+    outputs: RegionOutputs = group(
+        RegionOutputs,
+        output={
+            "help": "The regions: .geojson, .gpkg, .fgb, .parquet, .shp or .kml; - is GeoJSON on stdout.  "
+            "[default: STEM.match.geojson here]"
+        },
+    )
+    creation: CreationOptions = group(CreationOptions)
+    by: str = option(
+        "What is compared: color, texture with intensity, or what parts the sample from the raster.",
+        default="auto",
+        choices=("auto", "color", "texture"),
+        basic=True,
+    )
+    window: int | None = option(
+        "Side of the window whose texture is compared: 16, 24, 32, 48, 64, 96 or 128.  "
+        "[default: 32, or 24 or 16 where the sample is small]",
+        type=int,
+        metavar="PIXELS",
+    )
+    similarity: float = option(
+        "How like the sample's own windows a window must be, up to 1; less finds more.",
+        default=0.9,
+        type=float,
+        metavar="S",
+    )
+    intensity: float = option(
+        "By how many of the sample's deviations the mean may differ; inf: texture alone.",
+        default=1.0,
+        type=float,
+        metavar="K|inf",
+    )
+    bands: Sequence[int | str] = option(
+        "Compare these bands, each by itself; beside texture too.",
+        default=(),
+        type=str,
+        metavar="BAND,...",
+        parse=texts.bands,
+    )
+    read: ReadOptions = group(ReadOptions, *ONLY_MAPS, "flatten", **RASTER_STRETCH)
+    refine: str = option(
+        "Boundaries to the pixel, or at the edges of cells of 8 pixels.",
+        default="pixel",
+        choices=("pixel", "none"),
+    )
+    sizes: SizeOptions = group(SizeOptions, min_area={"help": "Drop regions of less."})
+    drawing: DrawingOptions = group(
+        DrawingOptions,
+        "smooth_outline",
+        simplify={"help": "Simplify outlines; shared borders stay shared."},
+    )
+    each: EachOptions = group(EachOptions)
+    run: RunOptions = group(RunOptions)
+    files: OverwriteOptions = group(OverwriteOptions)
+    messages: VerbosityOptions = group(VerbosityOptions)
+    progress: ProgressOptions = group(ProgressOptions)
+    access: AccessOptions = group(AccessOptions)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SuggestOptions:
+    """Ranges."""
+
+    source: RasterArguments = group(RasterArguments)
+    output: str | None = option(
+        "Also draw the ranges beside the histogram.",
+        *("-o", "--output"),
+        metavar="PATH.png",
+        python=False,
+        basic=True,
+    )
+    classes: int | str = option(
+        "How many ranges: 2 to 8, of Otsu's thresholds alone, or as many as the raster has by itself.",
+        default="auto",
+        metavar="N|auto",
+        parse=texts.count_or_auto,
+        basic=True,
+    )
+    like: Sample | Sequence[Sample] = option(
+        "The band, index or sum of bands and the range of its values that part this sample best: a file of "
+        "polygons, or a disc in the raster's coordinates. May be given several times.",
+        default=(),
+        type=str,
+        multiple=True,
+        metavar="SAMPLE|X,Y,RADIUS",
+        basic=True,
+    )
+    unlike: Sequence[Sample] = option(
+        "With --like: a sample of what is not wanted; may be given several times.",
+        default=(),
+        type=str,
+        multiple=True,
+        metavar="SAMPLE|X,Y,RADIUS",
+        basic=True,
+    )
+    bands: Sequence[int | str] = option(
+        "With --like: look at these bands alone.",
+        default=(),
+        type=str,
+        metavar="BAND,...",
+        parse=texts.bands,
+    )
+    as_json: bool = option("Write JSON, for programs.", "--json", default=False, python=False, basic=True)
+    read: ReadOptions = group(ReadOptions, *ONLY_MAPS, **RASTER_STRETCH)
+    division: DivisionOptions = group(DivisionOptions)
+    run: RunOptions = group(RunOptions)
+    files: OverwriteOptions = group(OverwriteOptions)
+    messages: VerbosityOptions = group(VerbosityOptions)
+    progress: ProgressOptions = group(ProgressOptions)
+    access: AccessOptions = group(AccessOptions)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DivideOptions:
+    """Block map."""
+
+    source: RasterArguments = group(RasterArguments)
+    output: str = option(
+        "The block map.",
+        *("-o", "--output"),
+        required=True,
+        metavar="PATH.tif",
+        python=False,
+        basic=True,
+    )
+    creation: CreationOptions = group(CreationOptions)
+    read: ReadOptions = group(ReadOptions, *ONLY_MAPS, **RASTER_STRETCH)
+    division: DivisionOptions = group(DivisionOptions, python=False)
+    run: RunOptions = group(RunOptions)
+    files: OverwriteOptions = group(OverwriteOptions)
+    messages: VerbosityOptions = group(VerbosityOptions)
+    progress: ProgressOptions = group(ProgressOptions)
+    access: AccessOptions = group(AccessOptions)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OriginalOptions:
+    """LBP/C of Ojala and Pietikäinen."""
+
+    source: RasterArguments = group(RasterArguments)
+    output: str = option(
+        "The labels of the segments.",
+        *("-o", "--output"),
+        required=True,
+        metavar="LABELS.tif",
+        python=False,
+        basic=True,
+    )
+    creation: CreationOptions = group(CreationOptions)
+    threshold: float = option(
+        "Divide where G_max / G_min is larger.", default=1.2, type=float, metavar="X", basic=True
+    )
+    merge_stop: float = option(
+        "Stop merging where MI / (largest MI before) is larger.",
+        default=2.0,
+        type=float,
+        metavar="Y",
+        basic=True,
+    )
+    untested: float = option(
+        "Of all possible merges, during which that is not tested.",
+        default=0.1,
+        type=float,
+        metavar="SHARE",
+    )
+    radius: int = option("Of the disc around a pixel.", default=11, type=int, metavar="PIXELS")
+    sweeps: int = option("Over the pixels along boundaries.", default=32, type=int, metavar="N")
+    read: ReadOptions = group(ReadOptions, *ONLY_MAPS, "flatten", **RASTER_STRETCH)
+    run: RunOptions = group(RunOptions)
+    files: OverwriteOptions = group(OverwriteOptions)
+    messages: VerbosityOptions = group(VerbosityOptions)
+    progress: ProgressOptions = group(ProgressOptions)
+    access: AccessOptions = group(AccessOptions)
+
+
+@dataclass(frozen=True, kw_only=True)
+class InfoOptions:
+    """Information."""
+
+    source: RasterArguments = group(RasterArguments)
+    as_json: bool = option("Write JSON, for programs.", "--json", default=False, python=False, basic=True)
+    read: ReadOptions = group(ReadOptions, *ONLY_MAPS, "flatten", **RASTER_STRETCH)
+    threads: int | None = option(
+        "Threads to count with.  [default: all cores]", type=int, minimum=1, basic=True
+    )
+    verbose: bool = option(
+        "Say what was decided, and how long it took.",
+        *("-v", "--verbose"),
+        default=False,
+        python=False,
+        basic=True,
+    )
+    access: AccessOptions = group(AccessOptions)

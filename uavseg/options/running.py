@@ -1,0 +1,55 @@
+"""Options that say how a job is run, and how much it reports."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+
+from uavseg.options.option import option
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunOptions:
+    """Running; changes no result."""
+
+    tile: int | None = option("Side of a tile, a multiple of 64.", type=int, metavar="PIXELS")
+    threads: int | None = option("Threads to work with.  [default: all cores]", type=int, metavar="N")
+    scheduler: str | None = option(
+        "Let the workers of a dask.distributed scheduler do the work.",
+        metavar="tcp://HOST:PORT",
+        python=False,
+    )
+    resume: str | os.PathLike[str] | None = option(
+        "Keep finished tiles in this folder, and take up those that are there, so that a run that was "
+        "stopped goes on where it stopped. Remove the folder when you are done.",
+        metavar="DIR",
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class VerbosityOptions:
+    """Messages."""
+
+    quiet: bool = option("Say nothing but errors.", "-q", "--quiet", default=False, python=False)
+    verbose: bool = option(
+        "Say what was decided, and how long it took.", "-v", "--verbose", default=False, python=False
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProgressOptions:
+    """Progress."""
+
+    progress: str = option(
+        "A bar on a terminal; plain: lines 'progress NN' on stderr, for programs.",
+        default="auto",
+        choices=("auto", "plain", "none"),
+        python=False,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class OverwriteOptions:
+    """Files."""
+
+    overwrite: bool = option("Replace files that are there.", default=False, python=False, basic=True)
