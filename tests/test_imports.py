@@ -179,7 +179,7 @@ ONLY_IN = {
     "rio_tiler": {"jobs.web_map.map_tile"},
     "numba": {"_jit.compiling", "_jit.fallback"},
     "llvmlite": {"_jit.compiling", "_jit.fallback"},
-    "geopandas": {"regions", "flight.mission.frame"},
+    "geopandas": {"regions", "flight.mission.features"},
     "pandas": {"regions"},
     "pymavlink": {"flight.link"},
     "serial": {"flight.link.transport", "flight.link.serial_ports"},

@@ -11,8 +11,7 @@ from benchmarks.flight.measured import in_metres
 from uavseg.flight.cover.corridor import corridor
 from uavseg.flight.cover.lines import path_length
 from uavseg.flight.cover.survey import CoverParams, surveys
-from uavseg.flight.order.stops import Stops
-from uavseg.flight.order.tour import short_tour
+from uavseg.flight.order.tour import Stops, short_tour
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,8 +11,7 @@ from pyproj import Proj
 
 from benchmarks.flight.fields import Field
 from benchmarks.flight.measured import MARGIN_M, in_metres
-from uavseg.flight.order.stops import Stops
-from uavseg.flight.order.tour import short_tour
+from uavseg.flight.order.tour import Stops, short_tour
 from uavseg.flight.safety.keep_out import KeepOut
 
 Floats = NDArray[np.float64]

@@ -20,7 +20,7 @@ from uavseg.flight.mission.items import (
     ROI_NONE,
     WAYPOINT,
 )
-from uavseg.flight.params.pattern import OrbitParams, PerimeterParams, VisitParams
+from uavseg.flight.params.plan import OrbitParams, PerimeterParams, VisitParams
 
 CAMERA = Camera("wide", (13.2, 8.8), (5472, 3648), 8.8, 2.0)
 FIELD = box(100, 100, 200, 150)

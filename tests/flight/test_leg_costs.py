@@ -13,11 +13,10 @@ from uavseg.flight.mission.duration import leg_seconds
 from uavseg.flight.mission.plane import Plane
 from uavseg.flight.mission.track import Track
 from uavseg.flight.mission.vehicle import PX4
-from uavseg.flight.params.limits import LimitParams, SafetyParams
-from uavseg.flight.params.plan import PlanParams
+from uavseg.flight.params.plan import LimitParams, PlanParams, SafetyParams
 from uavseg.flight.params.terrain import TerrainParams
 from uavseg.flight.planning import flights
-from uavseg.flight.planning.leg_costs import LegCosts
+from uavseg.flight.planning.flights import LegCosts
 from uavseg.flight.planning.planner import plan_missions
 from uavseg.raster.elevation.dem import Dem
 

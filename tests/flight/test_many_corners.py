@@ -15,9 +15,8 @@ from uavseg.flight.avoid.free_space import FreeSpace
 from uavseg.flight.cover.corridor import corridor
 from uavseg.flight.cover.survey import CoverParams, surveys
 from uavseg.flight.mission.plane import Plane
-from uavseg.flight.params.limits import SafetyParams
-from uavseg.flight.params.pattern import PerimeterParams, SurveyParams
-from uavseg.flight.patterns.rings import offset_rings
+from uavseg.flight.params.plan import PerimeterParams, SafetyParams, SurveyParams
+from uavseg.flight.patterns.perimeter import offset_rings
 from uavseg.flight.safety.home_place import CLEARANCE_M, home_outside
 from uavseg.flight.safety.keep_out import KeepOut
 

@@ -45,15 +45,16 @@ from uavseg.flight.mission.fence import FenceCircle, FencePolygon, RallyPoint
 from uavseg.flight.mission.items import FRAME_MISSION, MOUNT_CONTROL, HomePosition, MissionItem
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.vehicle import ARDUCOPTER
-from uavseg.flight.params.limits import LimitParams, SafetyParams
-from uavseg.flight.params.pattern import (
+from uavseg.flight.params.plan import (
     CorridorParams,
+    LimitParams,
     OrbitParams,
     PerimeterParams,
+    PlanParams,
+    SafetyParams,
     SurveyParams,
     VisitParams,
 )
-from uavseg.flight.params.plan import PlanParams
 from uavseg.flight.params.terrain import TerrainParams
 from uavseg.jobs.flights.link import LinkRequest
 

@@ -9,7 +9,7 @@ from uavseg.flight.avoid.free_space import FreeSpace
 from uavseg.flight.camera.camera import Camera
 from uavseg.flight.camera.photos import Photos
 from uavseg.flight.mission.track import Track
-from uavseg.flight.planning.short_legs import LEAST_LEG_M, without_short_legs
+from uavseg.flight.planning.route import MIN_LEG_M, without_short_legs
 
 PHOTOS = Photos(Camera("wide", (13.2, 8.8), (5472, 3648), 8.8, 0.5))
 OPEN = FreeSpace()
@@ -21,7 +21,7 @@ def line(*corners: tuple[float, float]) -> Track:
 
 
 def way(*corners: tuple[float, float]) -> Track:
-    return Track.of_way(np.array(corners, float))
+    return Track.transit(np.array(corners, float))
 
 
 def test_a_corner_beside_the_end_of_a_line_is_left_out_where_the_way_past_it_is_free() -> None:
@@ -41,7 +41,7 @@ def test_a_corner_that_loses_the_next_one_is_looked_at_again() -> None:
 def test_else_the_line_beside_it_ends_earlier() -> None:
     track = Track.joined([line((0, -0.2), (40, -0.2)), way((40, -0.2), (40, 0), (60, 0), (70, -30))])
     found = without_short_legs(track, WALL)
-    assert found.xy.tolist() == [[0, -0.2], [40 - LEAST_LEG_M, -0.2], [40, 0], [60, 0], [70, -30]]
+    assert found.xy.tolist() == [[0, -0.2], [40 - MIN_LEG_M, -0.2], [40, 0], [60, 0], [70, -30]]
 
 
 def test_corners_of_lines_and_places_with_a_photograph_stay() -> None:
@@ -65,7 +65,7 @@ def test_no_leg_leaves_free_space_and_ends_of_lines_move_no_farther_than_the_lea
     for k in range(0, len(corners), 2):
         if tracks:
             near = [tracks[-1].xy[-1] + beside[k], corners[k] + beside[k - 1]]
-            tracks.append(Track.of_way(np.array([tracks[-1].xy[-1], *near, corners[k]])))
+            tracks.append(Track.transit(np.array([tracks[-1].xy[-1], *near, corners[k]])))
         tracks.append(Track.of_line(corners[k : k + 2], PHOTOS, 60))
     track = Track.joined(tracks)
     for space in (WALL, OPEN):
@@ -74,7 +74,7 @@ def test_no_leg_leaves_free_space_and_ends_of_lines_move_no_farther_than_the_lea
         if space.sees(track.xy[:-1], track.xy[1:]).all():
             assert space.sees(found.xy[:-1], found.xy[1:]).all()
         ends = [found.xy[np.flatnonzero(found.is_line) + side] - corners[side::2] for side in (0, 1)]
-        assert all((np.hypot(*moved.T) <= LEAST_LEG_M + 1e-9).all() for moved in ends)
+        assert all((np.hypot(*moved.T) <= MIN_LEG_M + 1e-9).all() for moved in ends)
     between = ~(found.is_line[1:] | found.is_line[:-1])  # corners of ways, in the open
     legs = np.hypot(*np.diff(found.xy, axis=0).T)
-    assert (np.minimum(legs[1:], legs[:-1])[between] >= LEAST_LEG_M).all()
+    assert (np.minimum(legs[1:], legs[:-1])[between] >= MIN_LEG_M).all()

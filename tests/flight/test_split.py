@@ -13,8 +13,8 @@ from tests.flight.small_regions import box, flights, waypoints
 from uavseg.errors import MissionError, ParameterError
 from uavseg.flight.avoid.free_space import FreeSpace
 from uavseg.flight.mission.track import Track
-from uavseg.flight.params.limits import LimitParams
-from uavseg.flight.planning.route import Route
+from uavseg.flight.params.plan import LimitParams
+from uavseg.flight.planning.route import RegionRoute
 from uavseg.flight.planning.split import FlightLimits, split_route
 
 HOME = np.zeros(2)
@@ -25,10 +25,10 @@ def leg_seconds(xy: np.ndarray) -> np.ndarray:
     return np.hypot(*np.diff(xy, axis=0).T)
 
 
-def route(points: np.ndarray) -> Route:
+def route(points: np.ndarray) -> RegionRoute:
     pieces = [Track.of_path(np.array([point])) for point in points]
-    ways = [Track.of_way(np.array(pair)) for pair in itertools.pairwise(points)]
-    return Route(HOME, tuple(pieces), tuple(ways), FreeSpace())
+    ways = [Track.transit(np.array(pair)) for pair in itertools.pairwise(points)]
+    return RegionRoute(HOME, tuple(pieces), tuple(ways), FreeSpace())
 
 
 def limits(seconds: float, items: float = math.inf) -> FlightLimits:
@@ -71,7 +71,7 @@ def test_items_divide_as_time_does() -> None:
 
 def test_a_line_that_is_longer_than_a_flight_is_flown_in_parts() -> None:
     line = Track(np.array([[500.0, -1000.0], [500.0, 1000.0]]), np.array([25.0]), np.array([True]))
-    long = Route(HOME, (line,), (), FreeSpace())
+    long = RegionRoute(HOME, (line,), (), FreeSpace())
     found = split_route(long, limits(3000))
     covered = shapely.union_all([shapely.LineString(flight.xy) for flight in found])
     assert len(found) > 1 and covered.length == pytest.approx(2000)

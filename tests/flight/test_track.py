@@ -63,12 +63,12 @@ def test_the_reverse_does_the_same_at_the_same_places() -> None:
 
 def test_joined_tracks_share_a_corner_and_what_is_done_there() -> None:
     one = Track.with_photos(np.array([[0, 0], [30, 0.0]]), Photos(CAMERA, trigger="hover"), 15)
-    way = Track.of_way(np.array([[30, 0], [30, 20.0]]))
+    way = Track.transit(np.array([[30, 0], [30, 20.0]]))
     both = Track.joined([one, way, Track.of_path(np.array([[30, 20], [0, 20.0]]))])
     assert both.xy.tolist() == [[0, 0], [15, 0], [30, 0], [30, 20], [0, 20]]
     assert both.shots.tolist() == [True, True, True, False, False]
     assert both.is_line.tolist() == [True, True, False, True]
-    assert both.stretches() == [(0, 2), (3, 4)]
+    assert both.line_runs() == [(0, 2), (3, 4)]
     assert shots(both.part(1, 3)) == {(15, 0), (30, 0)}
 
 

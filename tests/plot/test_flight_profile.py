@@ -9,7 +9,7 @@ from affine import Affine
 
 from tests.plot.pictures import UTM, write
 from uavseg.errors import MissionError
-from uavseg.flight.camera.catalogue import camera_named
+from uavseg.flight.camera.camera import camera_named
 from uavseg.flight.camera.photos import Photos
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.params.plan import PlanParams

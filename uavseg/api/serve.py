@@ -16,7 +16,7 @@ from uavseg.access import Folders, allowing
 from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import threads as thread_pool
-from uavseg.flight.camera.catalogue import cameras
+from uavseg.flight.camera.camera import cameras
 from uavseg.jobs.source.open_source import open_source, raster_of
 from uavseg.jobs.source.source import Source
 from uavseg.jobs.source.work import Work

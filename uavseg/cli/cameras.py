@@ -15,7 +15,7 @@ def command(options: CamerasOptions) -> None:
     """
     from uavseg.cli.terminal.say import show
     from uavseg.errors import ParameterError
-    from uavseg.flight.camera.catalogue import find_cameras
+    from uavseg.flight.camera.camera import find_cameras
 
     found = find_cameras(" ".join(options.words))
     if not found:

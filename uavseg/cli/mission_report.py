@@ -97,7 +97,7 @@ def missions_json(
 
 def _footprints(mission: Mission) -> dict[str, Any]:
     """Corners of what each photograph shows, (lon, lat) in degrees to a millimetre; or why there are none."""
-    from uavseg.flight.mission.footprints import footprints
+    from uavseg.flight.mission.estimate import footprints
 
     found = footprints(mission)
     return {"footprints": found.lonlat.round(8).tolist(), "footprints_note": found.note}

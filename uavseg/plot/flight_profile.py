@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from uavseg.errors import MissionError
 from uavseg.flight.mission.flown import flown_path
-from uavseg.flight.mission.ground import Ground
 from uavseg.flight.mission.items import FRAME_AMSL, FRAME_TERRAIN, TAKEOFFS
-from uavseg.flight.mission.mission import Mission
+from uavseg.flight.mission.mission import Ground, Mission
 from uavseg.flight.mission.plane import Plane
 from uavseg.flight.mission.vehicle import default_vehicle
 from uavseg.flight.terrain.profile import check_known, profile_along

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from uavseg.errors import ParameterError
-from uavseg.flight.camera.catalogue import cameras
+from uavseg.flight.camera.camera import cameras
 from uavseg.inputs import parse_json
 from uavseg.jobs.extract import ExtractRequest
 from uavseg.jobs.flights.plan import Home, PlanRequest

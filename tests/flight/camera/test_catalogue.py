@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from uavseg.errors import ParameterError
-from uavseg.flight.camera.catalogue import camera_named, cameras, find_cameras, read_camera
+from uavseg.flight.camera.camera import camera_named, cameras, find_cameras, read_camera
 
 OWN = {
     "sensor_width_mm": 13.2,

@@ -10,7 +10,7 @@ from tests.flight.cover.cover_fields import fields
 from tests.flight.cover.test_axis import fork
 from tests.flight.cover.test_survey import SHAPES
 from uavseg.flight.cover.corridor import Corridor, corridor, is_long_and_thin
-from uavseg.flight.cover.space import LEEWAY
+from uavseg.flight.cover.lines import LEEWAY
 from uavseg.flight.cover.survey import CoverParams, surveys
 
 

@@ -12,7 +12,7 @@ from shapely.affinity import rotate
 
 from tests.flight.cover.cover_fields import fields
 from uavseg.errors import MissionError, ParameterError
-from uavseg.flight.cover.space import LEEWAY
+from uavseg.flight.cover.lines import LEEWAY
 from uavseg.flight.cover.survey import CoverParams, Survey, surveys
 
 

@@ -9,7 +9,6 @@ from uavseg.flight.camera.camera import Camera, Overlap
 from uavseg.flight.camera.photos import Photos
 from uavseg.flight.mission.estimate import estimate
 from uavseg.flight.mission.flown import flown_path, landing_seconds
-from uavseg.flight.mission.ground import Ground
 from uavseg.flight.mission.items import (
     CAMERA_DISTANCE,
     CAMERA_INTERVAL,
@@ -27,7 +26,7 @@ from uavseg.flight.mission.items import (
     HomePosition,
     MissionItem,
 )
-from uavseg.flight.mission.mission import Mission
+from uavseg.flight.mission.mission import Ground, Mission
 from uavseg.flight.mission.vehicle import ARDUCOPTER, PX4
 
 HOME = HomePosition(47.0, 8.0, 400.0)

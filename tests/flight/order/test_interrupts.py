@@ -7,8 +7,7 @@ from types import FrameType
 import numpy as np
 import pytest
 
-from uavseg.flight.order.local_search import good_tour
-from uavseg.flight.order.stops import Stops
+from uavseg.flight.order.tour import Stops, local_search_tour
 
 
 @pytest.mark.slow
@@ -20,13 +19,15 @@ def test_a_long_search_can_be_interrupted() -> None:
     xy = np.random.default_rng(0).random((1500, 2))
     distances = np.hypot(*(xy[:, None] - xy[None]).transpose(2, 0, 1))
     stops = Stops.of([np.array([[n, n]]) for n in range(1, len(xy))])
-    good_tour(Stops.of([np.array([[n, n]]) for n in range(1, 20)]), distances, 0, 0, 1)  # compiled by now
+    local_search_tour(
+        Stops.of([np.array([[n, n]]) for n in range(1, 20)]), distances, 0, 0, 1
+    )  # compiled by now
     before = signal.signal(signal.SIGALRM, interrupt)
     try:
         begun = time.monotonic()
         signal.setitimer(signal.ITIMER_REAL, 0.5)
         with pytest.raises(KeyboardInterrupt):
-            good_tour(stops, distances, 0, 0)
+            local_search_tour(stops, distances, 0, 0)
         assert time.monotonic() - begun < 10
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)

@@ -7,10 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uavseg.flight.order.held_karp import exact_tour
-from uavseg.flight.order.local_search import good_tour
-from uavseg.flight.order.stops import Stops
-from uavseg.flight.order.tour import short_tour
+from uavseg.flight.order.tour import Stops, exact_tour, local_search_tour, short_tour
 
 
 def random_stops(seed: int, count: int, kinds: int) -> tuple[Stops, np.ndarray, int]:
@@ -61,7 +58,7 @@ def test_the_search_comes_near_the_exact_tour_of_few_stops(seed: int, count: int
     stops, distances, home = near_stops(seed, count, 20)
     exact, searched = (
         cost(stops, distances, find(stops, distances, home, home), home, home)
-        for find in (exact_tour, good_tour)
+        for find in (exact_tour, local_search_tour)
     )
     assert exact - 1e-9 <= searched <= 1.02 * exact
 
@@ -92,7 +89,7 @@ def near_stops(seed: int, count: int, size: float) -> tuple[Stops, np.ndarray, i
 def test_fifty_stops_are_within_two_per_cent_of_a_long_search(size: float) -> None:
     for seed in range(3):
         stops, distances, home = near_stops(seed, 50, size)
-        quick, long = (good_tour(stops, distances, home, home, rounds) for rounds in (4000, 20_000))
+        quick, long = (local_search_tour(stops, distances, home, home, rounds) for rounds in (4000, 20_000))
         found = cost(stops, distances, quick, home, home)
         assert found <= 1.02 * cost(stops, distances, long, home, home)
 

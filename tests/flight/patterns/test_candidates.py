@@ -68,7 +68,7 @@ def test_photographs_of_a_line_overlap_and_show_it_to_its_ends(
     last = math.floor(length / trigger + 1e-9) * trigger
     assert 0 < trigger <= photos.trigger_m(height) + 1e-9
     assert length - last <= photos.reach_m(height) + 1e-9
-    if length >= photos.least_line_m(height):
+    if length >= photos.min_line_m(height):
         assert trigger >= min(photos.trigger_m(height), photos.reach_m(height)) / 2 - 1e-9
 
 

@@ -10,7 +10,13 @@ from hypothesis import strategies as st
 from tests.flight.cover.cover_fields import fields
 from uavseg.flight.camera.camera import Camera, Overlap
 from uavseg.flight.camera.photos import Photos
-from uavseg.flight.patterns.orbit import LARGEST_STEP_DEG, LATERAL_M_S2, MAX_SAGITTA_M, orbit, orbit_trigger_m
+from uavseg.flight.patterns.candidates import (
+    LARGEST_STEP_DEG,
+    LATERAL_M_S2,
+    MAX_SAGITTA_M,
+    orbit,
+    orbit_trigger_m,
+)
 
 CAMERA = Camera("wide", (13.2, 8.8), (5472, 3648), 8.8, 0.5)
 

@@ -11,8 +11,7 @@ from tests.flight.small_regions import degrees, planned
 from uavseg.flight.camera.camera import Camera, Overlap
 from uavseg.flight.camera.photos import Photos
 from uavseg.flight.mission.plane import Plane
-from uavseg.flight.params.limits import LimitParams
-from uavseg.flight.params.pattern import CorridorParams, SurveyParams
+from uavseg.flight.params.plan import CorridorParams, LimitParams, SurveyParams
 
 CAMERA = Camera("wide", (13.2, 8.8), (5472, 3648), 8.8, 0.5)
 PLANE = Plane(47.0, 8.0)

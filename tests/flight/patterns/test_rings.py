@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.flight.cover.cover_fields import fields
-from uavseg.flight.params.pattern import PerimeterParams
-from uavseg.flight.patterns.rings import _hausdorff, _offset, long_legs, offset_rings
+from uavseg.flight.params.plan import PerimeterParams
+from uavseg.flight.patterns.perimeter import _hausdorff, _offset, long_legs, offset_rings
 
 NOTCHED = [
     (28.47, 21.48),

@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 
 from tests.flight.small_regions import HOME, box, flights, planned
 from uavseg.flight.mission.plane import Plane
-from uavseg.flight.params.limits import LimitParams, SafetyParams
-from uavseg.flight.params.plan import PlanParams
+from uavseg.flight.params.plan import LimitParams, PlanParams, SafetyParams
 from uavseg.flight.safety.early_return import return_notes
 from uavseg.flight.safety.keep_out import KeepOut
 

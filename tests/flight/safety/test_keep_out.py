@@ -14,7 +14,7 @@ from uavseg.flight.mission.items import CAMERA_DISTANCE
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.plane import Plane
 from uavseg.flight.mission.track import Track
-from uavseg.flight.params.limits import LimitParams, SafetyParams
+from uavseg.flight.params.plan import LimitParams, SafetyParams
 from uavseg.flight.safety.fence_around import fence_around
 from uavseg.flight.safety.keep_out import KeepOut
 
@@ -99,7 +99,7 @@ def test_lines_are_cut_at_zones_and_photographed_up_to_them() -> None:
     )
     keep_out = KeepOut([shapely.box(40, -5, 60, 20)], 0.0)
     cut = keep_out.clear(track)
-    lines = [cut.xy[first : last + 1].round().tolist() for first, last in cut.stretches()]
+    lines = [cut.xy[first : last + 1].round().tolist() for first, last in cut.line_runs()]
     assert lines == [[[0, 0], [39, 0]], [[61, 0], [100, 0]], [[100, 10], [61, 10]], [[39, 10], [0, 10]]]
     assert cut.trigger_m[cut.is_line].tolist() == [5] * 4 and not cut.trigger_m[~cut.is_line].any()
 

@@ -12,7 +12,7 @@ from uavseg.flight.mission.fence import FenceCircle, FencePolygon, RallyPoint
 from uavseg.flight.mission.items import FRAME_RELATIVE, RETURN, TAKEOFF, WAYPOINT, HomePosition, MissionItem
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.plane import Plane
-from uavseg.flight.params.limits import SafetyParams
+from uavseg.flight.params.plan import SafetyParams
 from uavseg.flight.safety.home_place import CLEARANCE_M, home_outside
 from uavseg.flight.safety.paper_check import PaperCheck
 

@@ -1,1 +1,1 @@
-"""Where the vehicle may fly: keep-out zones, and the shortest ways around them."""
+"""Free space of a flight: keep-out zones, and shortest paths around them."""

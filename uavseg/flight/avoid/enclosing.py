@@ -1,4 +1,4 @@
-"""Outlines with fewer corners (Douglas-Peucker) around areas of many, such as those that follow pixels."""
+"""Outlines with fewer corners (Douglas-Peucker) around areas of many, such as those along pixel edges."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -20,7 +20,7 @@ _QUARTER = 2  # segments of a quarter of a circle: a buffer is 8 % narrower at t
 
 
 def enclosing(area: Any, reach_m: float) -> Any:
-    """An area with fewer corners that holds another one; with few corners, that one itself.
+    """Return an area with fewer corners that contains another one; with few corners, that one itself.
 
     Parameters
     ----------
@@ -43,8 +43,8 @@ def enclosing(area: Any, reach_m: float) -> Any:
     parts = np.array(shapely.get_parts(area))
     around = _grown(parts, reach_m, preserve_topology=False)
     for method in (partial(_grown, reach_m=reach_m, preserve_topology=True), shapely.convex_hull):
-        open_parts = ~shapely.covers(around, parts)  # simplified rings may cross themselves
-        around[open_parts] = method(parts[open_parts])
+        uncovered = ~shapely.covers(around, parts)  # simplified rings may cross themselves
+        around[uncovered] = method(parts[uncovered])
     return shapely.union_all(around)
 
 
@@ -55,31 +55,31 @@ def _grown(parts: NDArray[np.object_], reach_m: float, preserve_topology: bool) 
     return grown
 
 
-def without_small_holes(area: Any, least_m2: float) -> Any:
-    """An area whose holes of less than so many square metres are filled."""
-    return shapely.union_all([_filled(part, least_m2) for part in shapely.get_parts(area)])
+def without_small_holes(area: Any, min_m2: float) -> Any:
+    """Fill the holes of an area (shapely, in metres) that are smaller than a minimum in square metres."""
 
+    def filled(polygon: Any) -> Any:
+        holes = shapely.get_rings(polygon)[1:]
+        large = [hole for hole in holes if shapely.area(shapely.polygons(hole)) >= min_m2]
+        return shapely.Polygon(polygon.exterior, large) if len(large) < len(holes) else polygon
 
-def _filled(polygon: Any, least_m2: float) -> Any:
-    holes = shapely.get_rings(polygon)[1:]
-    large = [hole for hole in holes if shapely.area(shapely.polygons(hole)) >= least_m2]
-    return shapely.Polygon(polygon.exterior, large) if len(large) < len(holes) else polygon
+    return shapely.union_all([filled(part) for part in shapely.get_parts(area)])
 
 
 def without_holes(area: Any) -> Any:
-    """An area whose holes are filled, and with them what lies in them."""
+    """Fill the holes of an area, and the parts in them."""
     return shapely.union_all(filled_parts(area))
 
 
 def filled_parts(areas: Any) -> NDArray[np.object_]:
-    """The polygons of areas without their holes."""
+    """Return the polygons of areas without their holes."""
     rings = shapely.get_exterior_ring(shapely.get_parts(areas))
     filled: NDArray[np.object_] = shapely.polygons(rings[~shapely.is_missing(rings)])
     return filled
 
 
 def neighbour_groups(areas: NDArray[np.object_], bounds: NDArray[np.float64]) -> list[NDArray[np.int64]]:
-    """Indices of areas in groups of neighbours with about `GROUP_CORNERS` corners, by strips.
+    """Return the indices of areas in groups of neighbours with about `GROUP_CORNERS` corners, by strips.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def neighbour_groups(areas: NDArray[np.object_], bounds: NDArray[np.float64]) ->
 
 
 def merged(areas: Sequence[Any], fill: bool = False) -> Any:
-    """The union of areas that are unions of neighbours, a few at a time; with `fill`, without holes."""
+    """Unite areas that are unions of neighbours, a few at a time; with `fill`, without holes."""
     left, done = list(areas), 0
     while len(left) > 1:
         groups = [left[k : k + _MERGED] for k in range(0, len(left), _MERGED)]

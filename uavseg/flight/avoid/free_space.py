@@ -2,8 +2,8 @@
 
 A shortest path among polygons is a chain of straight legs that bend at corners which point into free space
 (T. Lozano-Perez and M. A. Wesley, An algorithm for planning collision-free paths among polyhedral obstacles,
-Communications of the ACM 22, 1979). So the corners are the nodes of a graph whose edges are the legs that
-stay in free space. Shortest paths between all corners are computed once.
+Communications of the ACM 22, 1979). So the corners are the nodes of a graph whose edges are the legs in free
+space. Shortest paths between all corners are computed once.
 """
 
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ Ints = NDArray[np.int64]
 
 TOUCH_M = 1e-4
 """Legs may run along the edge of free space: that close to it, they are in it."""
-MAX_POINTS = 8001  # both ends of as many regions as are ordered, and home; the ways take gigabytes beyond
+MAX_POINTS = 8001  # both ends of as many regions as are ordered, and home; paths of more take gigabytes
 MAX_CORNERS = 1200  # a graph of their pairs takes seconds
 
 
@@ -49,7 +49,7 @@ class FreeSpace:
     obstacles: Sequence[Any] = ()
 
     def is_free(self, points: Floats) -> NDArray[np.bool_]:
-        """Whether points (n, 2) lie in free space or on its edge."""
+        """Return whether points (n, 2) lie in free space or on its edge."""
         places = shapely.points(points)
         free: NDArray[np.bool_] = ~shapely.intersects(self._closed, places)
         if self._open is not None:
@@ -57,28 +57,18 @@ class FreeSpace:
         return free
 
     def sees(self, starts: Floats, ends: Floats) -> NDArray[np.bool_]:
-        """Whether the straight legs between starts and ends, (n, 2) each, stay in free space."""
+        """Return whether the straight legs between starts and ends, (n, 2) each, stay in free space."""
         free: NDArray[np.bool_] = self.is_free(starts) & self.is_free(ends)
         return free & ~self._edges.crossed(starts, ends)
 
     def path(self, start: Sequence[float], end: Sequence[float]) -> Floats:
-        """The shortest path between two points, both included: (k, 2).
-
-        Raises
-        ------
-        MissionError
-            If there is none.
-        """
-        found = self.paths(np.array([start, end], np.float64))
-        return found.path(0, 1)
+        """Return the shortest path between two points, both included, (k, 2); MissionError if none."""
+        return self.paths(np.array([start, end], np.float64)).path(0, 1)
 
     def paths(self, points: Floats) -> "ShortestPaths":
-        """Shortest paths between any two of some points (n, 2).
+        """Compute the shortest paths between any two of some points (n, 2).
 
-        Raises
-        ------
-        MissionError
-            If there are too many points, or free space has too many corners.
+        A MissionError says that there are too many points, or corners of free space.
         """
         if len(points) > MAX_POINTS:
             raise MissionError(
@@ -93,11 +83,12 @@ class FreeSpace:
         between, before = self._between_corners
         onward, first = cheapest(reach, between)
         over, last = cheapest(reach, onward.T)
-        detour = Detours(self.corners, over, first, last, before)
-        return ShortestPaths(points, np.minimum(direct, np.minimum(over, over.T)), direct, detour)
+        detours = Detours(corners=self.corners, lengths=over, first=first, last=last, before=before)
+        lengths = np.minimum(direct, np.minimum(over, over.T))
+        return ShortestPaths(points=points, lengths=lengths, direct=direct, detours=detours)
 
     def lengths_from(self, start: Floats, points: Floats) -> Floats:
-        """Lengths (n,) of the shortest paths from a point (2,) to others (n, 2), or infinity."""
+        """Return the lengths (n,) of the shortest paths from a point (2,) to others (n, 2), or infinity."""
         starts = np.broadcast_to(start, points.shape)
         direct = np.where(self.sees(starts, points), _distances(starts, points), np.inf)
         if np.isfinite(direct).all():
@@ -127,7 +118,7 @@ class FreeSpace:
         return shortest_paths(self._among(self.corners, np.ones(len(self.corners), bool)))
 
     def _among(self, points: Floats, free: NDArray[np.bool_]) -> Floats:
-        """Lengths of the straight legs between points; infinite where they are not free."""
+        """Return the lengths of the straight legs between points; infinite where they are not free."""
         here, there = np.triu_indices(len(points), 1)
         both = free[here] & free[there]
         here, there = here[both], there[both]
@@ -140,7 +131,7 @@ class FreeSpace:
         return lengths
 
     def _to_corners(self, points: Floats, free: NDArray[np.bool_]) -> Floats:
-        """Lengths (n, c) of the straight legs from points to corners; infinite where they are not free."""
+        """Return the lengths (n, c) of straight legs from points to corners; infinite where not free."""
         here, there = (side.ravel() for side in np.indices((len(points), len(self.corners))))
         here, there = here[free[here]], there[free[here]]
         seen = ~self._edges.crossed(points[here], self.corners[there])
@@ -149,7 +140,7 @@ class FreeSpace:
         return lengths
 
     def _rings(self) -> list[Floats]:
-        """Rings with free space on their left."""
+        """Return the rings with free space on their left."""
         inside = [] if self.inside is None else _rings(self.inside)
         return [*inside, *(ring[::-1] for ring in _rings(self._blocked))]
 
@@ -159,7 +150,7 @@ class FreeSpace:
 
     @cached_property
     def _open(self) -> Any:
-        """The inside with its edge, ready for many questions."""
+        """The inside with its edge, prepared for many queries."""
         if self.inside is None:
             return None
         inside = shapely.buffer(self.inside, TOUCH_M, join_style="mitre")
@@ -168,43 +159,29 @@ class FreeSpace:
 
     @cached_property
     def _closed(self) -> Any:
-        """The obstacles without their edges, ready for many questions."""
+        """The obstacles without their edges, prepared for many queries."""
         blocked = shapely.buffer(self._blocked, -TOUCH_M, join_style="mitre")
         shapely.prepare(blocked)
         return blocked
 
     @cached_property
     def _edges(self) -> Edges:
-        """What a leg between free points must not cross."""
         parts = [self._closed] if self._open is None else [self._closed, self._open]
         return Edges(np.concatenate([shapely.get_parts(part) for part in parts]))
 
 
 @dataclass(frozen=True, eq=False)
 class Detours:
-    """Paths between points that bend at corners.
+    """Paths between points that bend at corners."""
 
-    Parameters
-    ----------
-    corners : (c, 2) float64 array
-    lengths : (n, n) float64 array
-        Metres between points; infinite where there is no path.
-    first : (n, c) int64 array
-        The first corner of the path from each point to each corner.
-    last : (n, n) int64 array
-        The last corner of the path to each point (row) from each (column).
-    before : (c, c) int64 array
-        The corner before each corner (column) on the path from each corner (row).
-    """
-
-    corners: Floats
-    lengths: Floats
-    first: Ints
-    last: Ints
-    before: Ints
+    corners: Floats  # (c, 2)
+    lengths: Floats  # (n, n), metres between points; infinite where there is no path
+    first: Ints  # (n, c), the first corner of the path from each point to each corner
+    last: Ints  # (n, n), the last corner of the path to each point (row) from each (column)
+    before: Ints  # (c, c), the corner before each corner (column) on the path from each corner (row)
 
     def bends(self, start: int, end: int) -> Floats:
-        """The corners on the path from one point to another."""
+        """Return the corners on the path from one point to another."""
         steps = [int(self.last[end, start])]
         first = int(self.first[start, steps[0]])
         while steps[-1] != first:
@@ -214,32 +191,15 @@ class Detours:
 
 @dataclass(frozen=True, eq=False)
 class ShortestPaths:
-    """Shortest paths between points.
+    """Shortest paths between points."""
 
-    Parameters
-    ----------
-    points : (n, 2) float64 array
-    lengths : (n, n) float64 array
-        Metres between points; infinite where there is no path.
-    direct : (n, n) float64 array
-        Metres along the straight leg; infinite where it is not free.
-    detours : Detours, optional
-        Without them, all paths are straight.
-    """
-
-    points: Floats
-    lengths: Floats
-    direct: Floats
-    detours: Detours | None = None
+    points: Floats  # (n, 2)
+    lengths: Floats  # (n, n), metres between points; infinite where there is no path
+    direct: Floats  # (n, n), metres along the straight leg; infinite where it is not free
+    detours: Detours | None = None  # without them, all paths are straight
 
     def path(self, start: int, end: int) -> Floats:
-        """The path from one point to another, both included: (k, 2).
-
-        Raises
-        ------
-        MissionError
-            If there is none.
-        """
+        """Return the path from one point to another, both included: (k, 2); MissionError if there is none."""
         if not np.isfinite(self.lengths[start, end]):
             raise MissionError("there is no way between two places that must be flown to")
         ends = self.points[[start, end]]
@@ -251,13 +211,13 @@ class ShortestPaths:
 
 
 def _rings(polygons: Any) -> list[Floats]:
-    """Rings of polygons: their inside lies to the left."""
+    """Return the rings of polygons with the inside to the left."""
     rings = shapely.get_rings(shapely.get_parts(shapely.orient_polygons(polygons)))
     return [shapely.get_coordinates(ring) for ring in rings]
 
 
 def _bends(ring: Floats) -> Floats:
-    """The corners of a closed ring at which it turns right, so that the left side is free around them."""
+    """Return the corners of a closed ring at which it turns right: the left side is free around them."""
     points = ring[:-1]
     into, out = points - np.roll(points, 1, axis=0), np.roll(points, -1, axis=0) - points
     turn = into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0]

@@ -1,4 +1,4 @@
-"""Which legs are free: straight lines against the edges of what blocks them."""
+"""Visibility: straight legs that cross no edge of a polygon, and shortest paths in the graph of such legs."""
 
 from typing import Any
 
@@ -13,13 +13,7 @@ Ints = NDArray[np.int64]
 
 
 class Edges:
-    """The edges of rings, ready to be asked which legs cross them.
-
-    Parameters
-    ----------
-    polygons : shapely geometry
-        Polygons whose rings block, in metres.
-    """
+    """Edges of the rings of polygons (shapely, in metres), which legs must not cross."""
 
     def __init__(self, polygons: Any) -> None:
         rings = [shapely.get_coordinates(ring) for ring in shapely.get_rings(shapely.get_parts(polygons))]
@@ -30,15 +24,15 @@ class Edges:
         self._boxes = np.array(boxes, np.float64).reshape(-1, 4)
 
     def crossed(self, starts: Floats, ends: Floats) -> NDArray[np.bool_]:
-        """Whether the legs between starts and ends, (n, 2) each, cross or touch an edge."""
+        """Return whether the legs between starts and ends, (n, 2) each, cross or touch an edge."""
         legs = np.ascontiguousarray(np.hstack([starts, ends]), np.float64)
-        found = np.zeros(len(legs), np.bool_)
-        _cross(legs, self._edges, self._first, self._boxes, found)
-        return found
+        crossed = np.zeros(len(legs), np.bool_)
+        _cross(legs, self._edges, self._first, self._boxes, crossed)
+        return crossed
 
 
 def shortest_paths(weights: Floats) -> tuple[Floats, Ints]:
-    """Lengths of the shortest paths between all nodes of a graph (Floyd and Warshall).
+    """Compute the shortest paths between all nodes of a graph (Floyd and Warshall).
 
     Parameters
     ----------
@@ -58,7 +52,7 @@ def shortest_paths(weights: Floats) -> tuple[Floats, Ints]:
 
 
 def cheapest(sparse: Floats, matrix: Floats) -> tuple[Floats, Ints]:
-    """The least sums ``sparse[i, k] + matrix[k, j]`` over k, and that k: the product of two steps of a path.
+    """Return the minimum of ``sparse[i, k] + matrix[k, j]`` over k, and that k (min-plus matrix product).
 
     Parameters
     ----------
@@ -74,18 +68,18 @@ def cheapest(sparse: Floats, matrix: Floats) -> tuple[Floats, Ints]:
     """
     lengths = np.full((len(sparse), matrix.shape[1]), np.inf)
     through = np.zeros(lengths.shape, np.int64)
-    _add_least(np.ascontiguousarray(sparse), np.ascontiguousarray(matrix), lengths, through)
+    _min_plus(np.ascontiguousarray(sparse), np.ascontiguousarray(matrix), lengths, through)
     return lengths, through
 
 
 @inlined
 def _side(ax, ay, bx, by, x, y):  # type: ignore[no-untyped-def]
-    """Positive where (x, y) lies to the left of the line from a to b."""
+    """Return a positive number where (x, y) lies to the left of the line from a to b."""
     return (bx - ax) * (y - ay) - (by - ay) * (x - ax)
 
 
 @kernel("void(f8[:,::1], f8[:,::1], i8[::1], f8[:,::1], b1[::1])")
-def _cross(legs, edges, first, boxes, found):  # type: ignore[no-untyped-def]
+def _cross(legs, edges, first, boxes, crossed):  # type: ignore[no-untyped-def]
     for k in range(legs.shape[0]):
         ax, ay, bx, by = legs[k, 0], legs[k, 1], legs[k, 2], legs[k, 3]
         west, east = min(ax, bx), max(ax, bx)
@@ -114,7 +108,7 @@ def _cross(legs, edges, first, boxes, found):  # type: ignore[no-untyped-def]
                 break
             if crosses:
                 break
-        found[k] = crosses
+        crossed[k] = crosses
 
 
 @kernel("void(f8[:,::1], i8[:,::1])")
@@ -132,7 +126,7 @@ def _relax(lengths, before):  # type: ignore[no-untyped-def]
 
 
 @kernel("void(f8[:,::1], f8[:,::1], f8[:,::1], i8[:,::1])")
-def _add_least(sparse, matrix, lengths, through):  # type: ignore[no-untyped-def]
+def _min_plus(sparse, matrix, lengths, through):  # type: ignore[no-untyped-def]
     for i in range(sparse.shape[0]):
         for k in range(sparse.shape[1]):
             first = sparse[i, k]

@@ -1,1 +1,1 @@
-"""Cameras: ground sampling distance, footprint, overlap, and the cameras that operators own."""
+"""Cameras: ground sampling distance, footprint, overlap, and a catalogue."""

@@ -1,23 +1,30 @@
-"""Cameras (pinhole model): ground sampling distance and footprint on flat ground from height and pitch.
+"""Cameras (pinhole model): ground sampling distance and footprint on flat ground; a catalogue of them.
 
 The formulas are those of vertical and low oblique photographs: P. R. Wolf, B. A. Dewitt and B. E. Wilkinson,
 Elements of Photogrammetry with Applications in GIS, 4th edition (2014), chapters 6 (scale of a vertical
 photograph, H f / H) and 18 (project planning: end lap and side lap).
 """
 
+import csv
 import math
+import os
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
+from uavseg.json_object import number_in, read_object, word_in
 from uavseg.plain_text import shown
 
 NADIR_DEG = -90.0
 HIGHEST_PITCH_DEG = -30.0
-"""The flattest gimbal pitch: beyond it the upper edge of most images comes near the horizon."""
-_GREATEST = 1e7  # of any size, so that no product of them overflows
+"""The flattest gimbal pitch: above it the upper edge of most images comes near the horizon."""
+_MAXIMUM = 1e7  # of any size, so that no product of them overflows
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,14 +63,14 @@ class Camera:
 
     def __post_init__(self) -> None:
         sizes = (*self.sensor_mm, *self.image_px, self.focal_mm)
-        if not all(0 < size <= _GREATEST for size in sizes):
+        if not all(0 < size <= _MAXIMUM for size in sizes):
             raise ParameterError(
-                f"the sizes of the camera {self.name} must be numbers above 0, at most {_GREATEST:g}, not "
+                f"the sizes of the camera {self.name} must be numbers above 0, at most {_MAXIMUM:g}, not "
                 f"{', '.join(map(shown, sizes))}"
             )
-        if not 0 <= self.min_interval_s <= _GREATEST:
+        if not 0 <= self.min_interval_s <= _MAXIMUM:
             raise ParameterError(
-                f"the least interval of {self.name} is 0 to {_GREATEST:g} s, not {shown(self.min_interval_s)}"
+                f"the least interval of {self.name} is 0 to {_MAXIMUM:g} s, not {shown(self.min_interval_s)}"
             )
         across, along = (mm / px for mm, px in zip(self.sensor_mm, self.image_px, strict=True))
         if not 0.9 < across / along < 1.1:
@@ -73,7 +80,7 @@ class Camera:
             )
 
     def gsd_m(self, height_m: float, pitch_deg: float = NADIR_DEG) -> float:
-        """Ground sampling distance (GSD) in metres, across the flight direction in the middle of the image.
+        """Return the ground sampling distance (GSD) in metres, across the flight, in the image centre.
 
         Height above the ground times the pixel size over the focal length, H p / f; with a tilted camera the
         slant distance takes the place of the height.
@@ -81,11 +88,11 @@ class Camera:
         return self._slant_m(height_m, pitch_deg) * self.sensor_mm[0] / (self.focal_mm * self.image_px[0])
 
     def height_m(self, gsd_m: float, pitch_deg: float = NADIR_DEG) -> float:
-        """Height above the ground that gives this ground sampling distance; the inverse of `gsd_m`."""
+        """Return the height above the ground for a ground sampling distance; the inverse of `gsd_m`."""
         return gsd_m / self.gsd_m(1.0, pitch_deg)
 
     def footprint_m(self, height_m: float, pitch_deg: float = NADIR_DEG) -> tuple[float, float]:
-        """Width across the direction of flight, and length along it, that one image surely shows.
+        """Return the width across the direction of flight, and length along it, that one image surely shows.
 
         Flat ground. With a tilted camera the footprint is a trapezoid: its width is that of the near edge.
         """
@@ -94,22 +101,15 @@ class Camera:
         return float(corners[1, 0] - corners[0, 0]), far - near
 
     def ground_reach_m(self, height_m: float, pitch_deg: float = NADIR_DEG) -> tuple[float, float]:
-        """Positions of the near and the far edge of the footprint, ahead of the camera, in metres."""
+        """Return the positions of the near and far edge of the footprint, in metres ahead of the camera."""
         corners = self.footprint_corners_m(height_m, pitch_deg)
         return float(corners[0, 1]), float(corners[2, 1])
 
     def footprint_corners_m(self, height_m: float, pitch_deg: float = NADIR_DEG) -> NDArray[np.float64]:
-        """Corners of the footprint on flat ground: near left, near right, far right, far left.
+        """Return the corners of the footprint on flat ground: near left, near right, far right, far left.
 
-        Returns
-        -------
-        corners : (4, 2) float64 array
-            Metres to the right of the camera and ahead of it.
-
-        Raises
-        ------
-        ParameterError
-            If the camera looks higher than -30 degrees, or its upper edge above the horizon.
+        They are (4, 2), metres to the right of the camera and ahead of it. A ParameterError says that the
+        pitch is above -30 degrees, or the upper edge of the image above the horizon.
         """
         check_pitch(pitch_deg)
         half_across, half_along = (size / 2 / self.focal_mm for size in self.sensor_mm)
@@ -132,21 +132,9 @@ class Camera:
         return np.array(corners)
 
     def max_speed_m_s(self, height_m: float, trigger_m: float, shutter_s: float, blur_px: float) -> float:
-        """Highest speed at which the camera keeps up and photographs are sharp.
-
-        Parameters
-        ----------
-        height_m : float
-            Above the ground.
-        trigger_m : float
-            Distance between photographs; infinite if they are taken in hover.
-        shutter_s : float
-            Exposure time.
-        blur_px : float
-            Pixels by which the ground may move during the exposure: v t <= b GSD.
-        """
-        keeps_up = trigger_m / self.min_interval_s if self.min_interval_s else math.inf
-        return min(keeps_up, blur_px * self.gsd_m(height_m) / shutter_s)
+        """Return the maximum speed for sharp photographs a distance apart (m): v t <= blur_px GSD."""
+        by_interval = trigger_m / self.min_interval_s if self.min_interval_s else math.inf
+        return min(by_interval, blur_px * self.gsd_m(height_m) / shutter_s)
 
     def _slant_m(self, height_m: float, pitch_deg: float) -> float:
         check_pitch(pitch_deg)
@@ -154,7 +142,7 @@ class Camera:
 
 
 def check_pitch(pitch_deg: float) -> None:
-    """Raise ParameterError unless a gimbal pitch lies in -90 (straight down) to -30 degrees."""
+    """Refuse a gimbal pitch outside of -90 (straight down) to -30 degrees (ParameterError)."""
     if not NADIR_DEG <= pitch_deg <= HIGHEST_PITCH_DEG:
         raise ParameterError(
             f"a gimbal pitch lies between -90 (straight down) and -30 degrees, not {pitch_deg:g}"
@@ -186,6 +174,102 @@ class Overlap:
             )
 
     def spacing_m(self, footprint_m: tuple[float, float]) -> tuple[float, float]:
-        """Distance between lines, and between photographs along a line, in metres."""
+        """Return the distance between lines, and between photographs along a line, in metres."""
         across, along = footprint_m
         return across * (1 - self.side / 100), along * (1 - self.front / 100)
+
+
+_KEYS = ("sensor_width_mm", "sensor_height_mm", "image_width_px", "image_height_px", "focal_mm")
+
+
+@cache
+def cameras() -> tuple[Camera, ...]:
+    """Read all cameras of the catalogue, sorted by name."""
+    text = resources.files("uavseg.flight.camera").joinpath("cameras.csv").read_text(encoding="utf-8")
+    rows = csv.DictReader(text.splitlines())
+    return tuple(
+        _camera({key: float(row[key]) for key in (*_KEYS, "min_interval_s")}, row["name"]) for row in rows
+    )
+
+
+def find_cameras(text: str) -> list[Camera]:
+    """Find the cameras whose name has all words of a text, in any case and order.
+
+    Examples
+    --------
+    >>> [camera.name for camera in find_cameras("mavic thermal")]
+    ['DJI Mavic 3 Thermal', 'DJI Mavic 3 Thermal wide']
+    """
+    words = _plain(text).split()
+    return [camera for camera in cameras() if all(word in _plain(camera.name) for word in words)]
+
+
+def camera_named(name: str | os.PathLike[str]) -> Camera:
+    """Return a camera by its name in the catalogue, or from a JSON file.
+
+    Parameters
+    ----------
+    name : str or path
+        A name, in any case; part of one, if only one camera has it; or a file that ends in .json.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such camera (the nearest names are given), several have the words, or the file is not
+        that of a camera.
+    """
+    if str(name).lower().endswith(".json"):
+        return read_camera(name)
+    plain = _plain(str(name))
+    exact = [camera for camera in cameras() if _plain(camera.name) == plain]
+    matches = exact or (find_cameras(plain) if plain else [])
+    if len(matches) == 1:
+        return matches[0]
+    if matches:
+        names = ", ".join(camera.name for camera in matches[:6])
+        raise ParameterError(f"several cameras are called {name}: {names}; give the whole name")
+    import difflib
+
+    near = difflib.get_close_matches(plain, [_plain(camera.name) for camera in cameras()], 3, 0.4)
+    names = ", ".join(camera.name for text in near for camera in cameras() if _plain(camera.name) == text)
+    hint = f"the nearest names are {names}" if names else "uavseg cameras lists those that are known"
+    raise ParameterError(f"there is no camera called {name}; {hint}")
+
+
+def read_camera(path: str | os.PathLike[str]) -> Camera:
+    """Read a camera from a JSON file.
+
+    An object with ``sensor_width_mm, sensor_height_mm, image_width_px, image_height_px, focal_mm`` and, if
+    they are known, ``name`` and ``min_interval_s``.
+
+    Raises
+    ------
+    ParameterError
+        If the file cannot be read, a key is missing or unknown, or a value is not a number.
+    """
+    expected = f"{', '.join(_KEYS)} and, if they are known, name and min_interval_s"
+    given = read_object(path, "camera", expected)
+    if not set(_KEYS) <= set(given) <= {*_KEYS, "name", "min_interval_s"}:
+        raise ParameterError(f"{path} is not a camera; expected a JSON object with {expected}")
+    numbers = {key: number_in(given, key, path, "camera") for key in given if key != "name"}
+    return _camera(numbers, word_in(given, "name", Path(path).stem, path, "camera"))
+
+
+def _camera(numbers: Mapping[str, float], name: str) -> Camera:
+    width, height, cols, rows, focal_mm = (numbers[key] for key in _KEYS)
+    for side in (cols, rows):
+        if not side.is_integer():
+            raise ParameterError(f"an image of the camera {name} has a whole number of pixels, not {side:g}")
+    interval_s = numbers.get("min_interval_s", 0.0)
+    return Camera(
+        name=name,
+        sensor_mm=(width, height),
+        image_px=(int(cols), int(rows)),
+        focal_mm=focal_mm,
+        min_interval_s=interval_s,
+    )
+
+
+def _plain(name: str) -> str:
+    """Return a name in lower case with single spaces, without punctuation."""
+    return " ".join("".join(c if c.isalnum() else " " for c in name.lower()).split())

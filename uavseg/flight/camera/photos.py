@@ -25,7 +25,7 @@ INTERVAL_STEP_S = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Photos:
-    """How a flight is photographed.
+    """Photographs of a flight: camera, overlap, gimbal pitch, trigger, exposure time.
 
     Parameters
     ----------
@@ -34,8 +34,7 @@ class Photos:
     pitch_deg : float
         Gimbal pitch: -90 is straight down.
     trigger : "distance", "interval", "hover" or "none"
-        After so many metres, after so many seconds, in hover at a waypoint for each photograph, or not by the
-        mission.
+        By metres, by seconds, in hover at a waypoint for each photograph, or not by the mission.
     shutter_s : float
         Exposure time, by which motion blur is estimated.
 
@@ -61,22 +60,22 @@ class Photos:
             )
 
     def spacing_m(self, height_m: float) -> float:
-        """Distance between lines at a height above the ground."""
+        """Return the distance between lines at a height above the ground."""
         return self.overlap.spacing_m(self.camera.footprint_m(height_m, self.pitch_deg))[0]
 
     def trigger_m(self, height_m: float) -> float:
-        """Distance between photographs along a line, at most."""
+        """Return the maximum distance between photographs along a line."""
         return self.overlap.spacing_m(self.camera.footprint_m(height_m, self.pitch_deg))[1]
 
     def reach_m(self, height_m: float) -> float:
-        """How far a photograph at the end of a line shows ground beyond it, in either direction of flight."""
+        """Return the ground that a photograph shows past the end of a line, in either direction of flight."""
         near, far = self.camera.ground_reach_m(height_m, self.pitch_deg)
         return max(min(-near, far), 0.0)
 
     def line_reach_m(self, height_m: float) -> float:
-        """How far photographs surely show ground beyond the ends of a line; 0 if none are known to be taken.
+        """Return the ground that photographs surely show past the ends of a line; 0 without a trigger.
 
-        The last one may be taken before the end: by so much as `LAST_PHOTO_M`, or as an interval lasts.
+        The last one may be taken before the end, by `LAST_PHOTO_M` or the distance of an interval.
         """
         if self.trigger == "none":
             return 0.0
@@ -84,26 +83,22 @@ class Photos:
         before_end = {"hover": 0.0, "distance": LAST_PHOTO_M, "interval": self.trigger_m(height_m)}
         return max(reach - before_end[self.trigger], 0.0)
 
-    def least_line_m(self, height_m: float) -> float:
-        """Length of the shortest line on which two photographs are not too close for a fair speed."""
+    def min_line_m(self, height_m: float) -> float:
+        """Return the length of the shortest line whose two photographs are not too close for a fair speed."""
         return max(min(self.trigger_m(height_m), self.reach_m(height_m)) / 2 + LAST_PHOTO_M, ONE_PHOTO_M)
 
     def max_speed_m_s(self, height_m: float, trigger_m: float) -> float:
-        """Highest speed at which the camera keeps up with this distance, and photographs are sharp.
-
-        It is infinite where they are taken in hover.
-        """
+        """Return the maximum speed for sharp photographs a distance apart; infinite in hover."""
         if self.trigger == "hover":
             return math.inf
         return self.camera.max_speed_m_s(height_m, trigger_m, self.shutter_s, BLUR_PX)
 
     def line_trigger_m(self, length_m: float, height_m: float) -> float:
-        """Distance between the photographs of one line: the first at its start, the last near its end.
+        """Return the distance between photographs of a line: the first at its start, the last near its end.
 
         So both ends of a line are photographed whatever its length is, and the overlap is never less than
-        asked for. A line of 5 m or less has the first only.
-        In hover the last photograph is taken at the end itself. By interval the place of the last one is not
-        known: the distance is no longer than what a photograph shows beyond the end of a line.
+        requested. A line of 5 m or less has the first only. In hover the last photograph is taken at the end
+        itself. By interval the place of the last one is not known: the distance is at most `reach_m`.
         """
         trigger, reach = self.trigger_m(height_m), self.reach_m(height_m)
         if self.trigger == "interval":
@@ -115,6 +110,6 @@ class Photos:
         return flown / math.ceil(flown / trigger - 1e-9)
 
     def interval_s(self, trigger_m: float, speed_m_s: float) -> float:
-        """Time between photographs that are so far apart at a speed; no shorter than the camera allows."""
+        """Return the time between photographs a distance apart at a speed, at least that of the camera."""
         steps = math.floor(trigger_m / speed_m_s / INTERVAL_STEP_S + 1e-6)
         return max(steps * INTERVAL_STEP_S, self.camera.min_interval_s, INTERVAL_STEP_S)

@@ -1,1 +1,1 @@
-"""Covering a region with lines: strips, cells, the order of cells, and what footprints show."""
+"""Coverage of a region with lines: cells, strips, corridors, and the order of lines."""

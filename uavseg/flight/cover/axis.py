@@ -23,25 +23,15 @@ BUMP = 1.5  # radii of the circle around its start: a branch that is less long s
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Branch:
-    """A branch of a medial axis.
+    """A branch of a medial axis."""
 
-    Parameters
-    ----------
-    xy : (n, 2) float64 array
-        Its places; a loop ends where it starts.
-    radius_m : (n,) float64 array
-        Distance of each place to the outline.
-    ends_free : (bool, bool)
-        Whether its start and its end lie on no other branch.
-    """
-
-    xy: Floats
-    radius_m: Floats
-    ends_free: tuple[bool, bool]
+    xy: Floats  # (n, 2); a loop ends where it starts
+    radius_m: Floats  # (n,), distance of each place to the outline
+    ends_free: tuple[bool, bool]  # whether its start and its end lie on no other branch
 
 
 def medial_axis(polygon: Any, detail_m: float) -> list[Branch]:
-    """The branches of the medial axis of a polygon, without those to bumps; none for a round polygon.
+    """Return the branches of the medial axis of a polygon, without those to bumps; none for a round polygon.
 
     Parameters
     ----------
@@ -74,7 +64,7 @@ def medial_axis(polygon: Any, detail_m: float) -> list[Branch]:
 
 
 def _inner_edges(polygon: Any, detail_m: float) -> Floats:
-    """Voronoi edges inside the polygon, (m, 2, 2)."""
+    """Return the Voronoi edges inside the polygon, (m, 2, 2)."""
     step = max(detail_m / STEPS, float(shapely.length(polygon)) / MAX_POINTS)
     dense = shapely.get_coordinates(shapely.segmentize(shapely.boundary(polygon), step))
     edges = shapely.voronoi_polygons(shapely.MultiPoint(np.unique(dense, axis=0)), only_edges=True)
@@ -109,11 +99,11 @@ class _Graph:
         return float(np.hypot(*np.diff(self.places[path], axis=0).T).sum())
 
     def is_twig(self, path: list[int]) -> bool:
-        """Whether a path ends freely at one side, or at both."""
+        """Return whether a path ends freely at one side, or at both."""
         return path[0] != path[-1] and 1 in (self.degree(path[0]), self.degree(path[-1]))
 
     def paths(self) -> Iterator[list[int]]:
-        """All paths; each once, in an order that depends on the places only."""
+        """Yield all paths, each once, in an order that depends on the places only."""
         used: set[tuple[int, int]] = set()
         nodes = [place for place in self.links if self.degree(place) not in (0, 2)]
         rest = [place for place in self.links if self.degree(place) == 2]  # for loops
@@ -141,5 +131,5 @@ class _Graph:
 
 
 def _root(graph: _Graph, path: list[int]) -> int:
-    """The end of a twig at which it grows from others."""
+    """Return the end of a twig at which it grows from others."""
     return path[0] if graph.degree(path[0]) != 1 else path[-1]

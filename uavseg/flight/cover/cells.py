@@ -1,8 +1,8 @@
-"""Cells: a polygon cut where sweep lines split or merge (boustrophedon cellular decomposition).
+"""Boustrophedon cellular decomposition: a polygon divided where sweep lines split or merge.
 
 A line that sweeps over a polygon splits or merges at the corners that point against the sweep: the corners of
 holes and of concave places (H. Choset and P. Pignon, Coverage path planning: the boustrophedon cellular
-decomposition, Field and Service Robotics, 1998). Cut along the sweep line through each of them, and every
+decomposition, Field and Service Robotics, 1998). Divided along the sweep line through each of them, every
 line meets every cell in one piece.
 """
 
@@ -14,19 +14,19 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-OVERLAP_M = 1e-6  # by which cuts are longer than the polygon is wide
+OVERLAP_M = 1e-6  # by which dividing lines are longer than the polygon is wide
 
 
 def monotone_cells(polygon: Any, step_m: float = np.inf, detail_m: float = 0.0) -> list[Any]:
-    """Cells of a polygon that every line along x meets in one piece at most.
+    """Divide a polygon into cells that every line along x meets in one piece at most.
 
     Parameters
     ----------
     polygon : shapely Polygon
         In metres; may have holes.
     step_m : float
-        The polygon is cut besides at the inner corner of a step: an edge so long that runs nearly along x. A
-        line across it would be too long for the narrow side.
+        The polygon is also divided at the inner corner of a step: an edge so long that runs nearly along x.
+        A line across it would be too long for the narrow side.
     detail_m : float
         Notches that are less deep do not divide it; lines along x may meet cells in more pieces there.
 
@@ -50,28 +50,19 @@ def monotone_cells(polygon: Any, step_m: float = np.inf, detail_m: float = 0.0) 
 
 
 def has_steps(polygon: Any, step_m: float, detail_m: float = 0.0) -> bool:
-    """Whether `monotone_cells` cuts a polygon at steps of its outline."""
-    return count_cuts(polygon, step_m, detail_m) > count_cuts(polygon, np.inf, detail_m)
+    """Return whether `monotone_cells` divides a polygon at steps of its outline; parameters as there."""
+    return critical_count(polygon, step_m, detail_m) > critical_count(polygon, np.inf, detail_m)
 
 
-def count_cuts(polygon: Any, step_m: float = np.inf, detail_m: float = 0.0) -> int:
-    """At how many corners `monotone_cells` cuts a polygon."""
+def critical_count(polygon: Any, step_m: float = np.inf, detail_m: float = 0.0) -> int:
+    """Return the number of corners at which `monotone_cells` divides a polygon; parameters as there."""
     return len(_all_critical(polygon, step_m, detail_m))
 
 
-def merge_flat_cells(cells: list[Any], least_m: float) -> list[Any]:
-    """Cells of which those less high than `least_m` are merged with the neighbour that they touch most.
+def merge_flat_cells(cells: list[Any], min_m: float) -> list[Any]:
+    """Merge cells of one polygon less high than a minimum with the neighbour of the longest common edge.
 
-    Parameters
-    ----------
-    cells : list of shapely Polygon
-        Of one polygon.
-    least_m : float
-
-    Returns
-    -------
-    list of shapely Polygon
-        Lines along x may meet merged cells in two pieces, near an edge that is `least_m` away at most.
+    Lines along x may meet merged cells in two pieces, near an edge that is `min_m` away at most.
     """
     cells = list(cells)
     grown = list(shapely.buffer(cells, 1e-5))
@@ -79,7 +70,7 @@ def merge_flat_cells(cells: list[Any], least_m: float) -> list[Any]:
         bounds = shapely.bounds(cells)
         height = bounds[:, 3] - bounds[:, 1]
         flat = int(np.argmin(height))
-        if height[flat] >= least_m:
+        if height[flat] >= min_m:
             break
         cell = cells.pop(flat)
         grown.pop(flat)
@@ -94,19 +85,15 @@ def merge_flat_cells(cells: list[Any], least_m: float) -> list[Any]:
 
 
 def _all_critical(polygon: Any, step_m: float, detail_m: float) -> Floats:
-    """The corners at which a polygon is cut: some of its vertices."""
+    """Return the vertices at which a polygon is divided."""
     outline = shapely.simplify(polygon, detail_m) if detail_m else polygon
-    return np.unique(np.concatenate([_critical(ring, step_m) for ring in _rings(outline)]), axis=0)
-
-
-def _rings(polygon: Any) -> list[Floats]:
-    """The rings, the inside to their left."""
-    rings = shapely.get_rings(shapely.orient_polygons(polygon))
-    return [shapely.get_coordinates(ring)[:-1] for ring in rings]
+    rings = shapely.get_rings(shapely.orient_polygons(outline))  # the inside to their left
+    critical = [_critical(shapely.get_coordinates(ring)[:-1], step_m) for ring in rings]
+    return np.unique(np.concatenate(critical), axis=0)
 
 
 def _critical(ring: Floats, step_m: float) -> Floats:
-    """Corners that turn right, and whose neighbours both lie on one side of the sweep line through them.
+    """Return the corners that turn right, with both neighbours on one side of the sweep line through them.
 
     An edge along the sweep line counts as one corner.
     """
@@ -122,9 +109,9 @@ def _critical(ring: Floats, step_m: float) -> Floats:
 
 
 def _noded(polygon: Any, critical: Floats) -> list[Any]:
-    """Outlines and cuts as lines that meet at common vertices only."""
+    """Node the outlines with the dividing lines: they meet at common vertices only."""
     west, _, east, _ = shapely.bounds(polygon)
-    cuts = []
+    dividing = []
     for x, y in critical.tolist():
         across = shapely.LineString([(west - 1, y), (east + 1, y)])
         chords = shapely.get_parts(shapely.line_merge(shapely.intersection(polygon, across)))
@@ -133,8 +120,8 @@ def _noded(polygon: Any, critical: Floats) -> list[Any]:
             if chord.geom_type == "LineString" and shapely.distance(chord, reach) < OVERLAP_M:
                 (first, _), (last, _) = chord.coords[0], chord.coords[-1]
                 low, high = min(first, last), max(first, last)
-                cuts.append(shapely.LineString([(low - OVERLAP_M, y), (high + OVERLAP_M, y)]))
-    lines = shapely.union_all([shapely.boundary(polygon), *cuts])
+                dividing.append(shapely.LineString([(low - OVERLAP_M, y), (high + OVERLAP_M, y)]))
+    lines = shapely.union_all([shapely.boundary(polygon), *dividing])
     return list(shapely.get_parts(lines))
 
 

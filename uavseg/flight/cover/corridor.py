@@ -1,7 +1,7 @@
 """Corridors: long, thin regions in lines parallel to their medial axis.
 
-The axis is divided where the region needs another number of lines. What lies beside all lines, as at forks,
-is covered in straight lines of its own.
+The axis is divided where the region needs another number of lines. Areas beside all lines, as at forks, are
+covered in straight lines.
 """
 
 import math
@@ -19,19 +19,17 @@ from shapely.ops import substring
 from uavseg.errors import MissionError
 from uavseg.flight.avoid.enclosing import MANY_CORNERS
 from uavseg.flight.cover.axis import Branch, medial_axis
-from uavseg.flight.cover.grid import grid_lines
-from uavseg.flight.cover.lines import join_cells, path_length, shortest_legs, to_and_fro
-from uavseg.flight.cover.space import flight_space
-from uavseg.flight.cover.strips import LEAST_LINE_M
+from uavseg.flight.cover.lines import flight_space, join_cells, path_length, shortest_legs, to_and_fro
+from uavseg.flight.cover.strips import MIN_LINE_M, grid_lines
 from uavseg.flight.cover.survey import axes
 
 Floats = NDArray[np.float64]
 
-GROWN = 0.25  # spacings by which a region is grown before its axis is found: narrow places do not end it
+GROWN = 0.25  # spacings by which a region is grown before its axis is computed: narrow places do not end it
 SMOOTH = 0.03  # spacings by which the axis is simplified
 STEP = 0.25  # spacings between places of the axis at which the width is measured
 RUN = 8  # places before and after, of which the widest decides about the number of lines
-MISSED = 5e-4  # share of a region that may stay beside all lines
+MISSED = 5e-4  # share of a region that lines may miss
 THIN = 4.0  # spacings: the mean width of a thin region
 LONG = 8.0  # mean widths: the length of a long one
 SLENDER = 0.6  # share of its convex hull that a bent one fills
@@ -39,16 +37,10 @@ SLENDER = 0.6  # share of its convex hull that a bent one fills
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Corridor:
-    """Lines over one region in the order and direction in which they are flown, and the legs between.
+    """Lines over one region in the order and direction in which they are flown, and the legs between."""
 
-    Parameters
-    ----------
-    lines : tuple of n (k, 2) float64 arrays
-    legs : tuple of n - 1 (k, 2) float64 arrays
-    """
-
-    lines: tuple[Floats, ...]
-    legs: tuple[Floats, ...]
+    lines: tuple[Floats, ...]  # n of (k, 2)
+    legs: tuple[Floats, ...]  # n - 1 of (k, 2)
 
     @property
     def length_m(self) -> float:
@@ -62,7 +54,13 @@ class Corridor:
 
 
 def is_long_and_thin(region: Any, spacing_m: float) -> bool:
-    """Whether a region is long, thin and bent, so that a corridor may be shorter than a survey.
+    """Return whether a region is long, thin and bent, so that a corridor may be shorter than a survey.
+
+    Parameters
+    ----------
+    region : shapely Polygon
+        In metres.
+    spacing_m : float
 
     Examples
     --------
@@ -80,7 +78,7 @@ def corridor(
     region: Any,
     spacing_m: float,
     reach_m: float = 0.0,
-    least_m: float = LEAST_LINE_M,
+    min_m: float = MIN_LINE_M,
     obstacles: Sequence[Any] = (),
 ) -> Corridor:
     """Cover a region with lines along its middle, in a short order.
@@ -92,18 +90,18 @@ def corridor(
     spacing_m : float
         Largest distance between neighbouring lines.
     reach_m : float
-        How far photographs show ground beyond the end of a line.
-    least_m : float
+        Ground that photographs show past the end of a line.
+    min_m : float
         Length of the shortest line.
     obstacles : sequence of shapely Polygon
-        Where no leg may lead.
+        Areas that no leg may cross.
 
     Raises
     ------
     ParameterError
         If the spacing is not a positive number.
     MissionError
-        If there would be more lines than a mission holds, there is no way between them, or the region has
+        If there would be more lines than a mission holds, there is no path between them, or the region has
         too many corners.
 
     Examples
@@ -122,7 +120,7 @@ def corridor(
         )
     if shapely.get_num_coordinates(region) > MANY_CORNERS:
         region = simple
-    ends = (reach_m, least_m)
+    ends = (reach_m, min_m)
     body = shapely.simplify(shapely.buffer(simple, GROWN * spacing_m), spacing_m / 40)
     lines = [
         line
@@ -133,7 +131,7 @@ def corridor(
         if _is_free(line, space.inside)
     ]
     covered = [_swath(line, spacing_m, reach_m) for line in lines]
-    rest = shapely.difference(region, shapely.union_all(covered))
+    rest = shapely.difference(region, shapely.union_all(covered))  # as at forks
     lines += _rest_lines(rest, MISSED * region.area, spacing_m, ends)
     places = np.concatenate([line[[0, -1]] for line in lines])
     order = join_cells([to_and_fro([k]) for k in range(len(lines))], places, space)
@@ -148,7 +146,7 @@ def corridor(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Section:
-    """A part of an axis along which the region needs the same number of lines."""
+    """Part of an axis along which the region needs the same number of lines."""
 
     axis: Any  # LineString
     count: int
@@ -156,7 +154,7 @@ class _Section:
 
 
 def _sections(branch: Branch, region: Any, spacing_m: float) -> list[_Section]:
-    """A branch divided where the number of lines changes; its free ends lead on until beyond the region."""
+    """Divide a branch where the number of lines changes; lengthen its free ends past the region."""
     xy = _evenly(
         branch.xy, spacing_m * STEP, spacing_m if np.array_equal(branch.xy[0], branch.xy[-1]) else 0.0
     )
@@ -165,20 +163,20 @@ def _sections(branch: Branch, region: Any, spacing_m: float) -> list[_Section]:
     radius = np.where(inside, distance, 0.0) + SMOOTH * spacing_m
     around = sliding_window_view(np.pad(radius, RUN, mode="edge"), 2 * RUN + 1)
     count = np.maximum(np.ceil(2 * around.max(axis=1) / spacing_m), 1).astype(int)
-    cuts = [0, *(np.flatnonzero(np.diff(count)) + 1).tolist(), len(xy) - 1]
-    found = []
-    for first, last in pairwise(cuts):
+    bounds = [0, *(np.flatnonzero(np.diff(count)) + 1).tolist(), len(xy) - 1]
+    sections = []
+    for first, last in pairwise(bounds):
         if last > first:
             outer = (first == 0 and branch.ends_free[0], last == len(xy) - 1 and branch.ends_free[1])
             axis = _lengthened(xy[first : last + 1], outer, 2 * float(radius.max()))
             number, width = int(count[first]), 2 * float(radius[first : last + 1].max())
             line = shapely.simplify(shapely.LineString(axis), SMOOTH * spacing_m)
-            found.append(_Section(line, number, max(width / number, spacing_m / 2)))
-    return found
+            sections.append(_Section(line, number, max(width / number, spacing_m / 2)))
+    return sections
 
 
 def _evenly(xy: Floats, step_m: float, over_m: float) -> Floats:
-    """A path with places so far apart, about; a loop leads on over its start."""
+    """Resample a path at even steps; a loop continues past its start."""
     at = np.r_[0.0, np.cumsum(np.hypot(*np.diff(xy, axis=0).T))]
     places = np.linspace(0, at[-1] + over_m, max(math.ceil((at[-1] + over_m) / step_m), 1) + 1)
     places = np.where(places > at[-1], places - at[-1], places)
@@ -186,7 +184,7 @@ def _evenly(xy: Floats, step_m: float, over_m: float) -> Floats:
 
 
 def _lengthened(xy: Floats, free: tuple[bool, bool], by_m: float) -> Floats:
-    """A path that leads straight on at its start, its end, or both."""
+    """Lengthen a path straight at its free ends."""
     for side, is_free in enumerate(free):
         if is_free:
             path = xy if side else xy[::-1]
@@ -200,8 +198,8 @@ def _lengthened(xy: Floats, free: tuple[bool, bool], by_m: float) -> Floats:
 
 
 def _section_lines(section: _Section, region: Any, ends: tuple[float, float]) -> list[Floats]:
-    """Lines parallel to a section of the axis, each as long as the region in its strip."""
-    found = []
+    """Return the lines parallel to a section of the axis, each as long as the region in its strip."""
+    lines = []
     for k in range(section.count):
         aside = (k - (section.count - 1) / 2) * section.spacing_m
         curve = shapely.offset_curve(section.axis, aside, join_style="mitre", mitre_limit=2)
@@ -209,12 +207,12 @@ def _section_lines(section: _Section, region: Any, ends: tuple[float, float]) ->
             if line.geom_type == "LineString" and line.length > 0:
                 strip = shapely.buffer(line, section.spacing_m / 2 + 1e-6, cap_style="flat")
                 parts = shapely.get_parts(shapely.intersection(strip, region))
-                found += [_trimmed(line, part, *ends) for part in parts if part.area > 0]
-    return found
+                lines += [_trimmed(line, part, *ends) for part in parts if part.area > 0]
+    return lines
 
 
-def _trimmed(line: Any, part: Any, reach_m: float, least_m: float) -> Floats:
-    """The piece of a line that covers a part of its strip."""
+def _trimmed(line: Any, part: Any, reach_m: float, min_m: float) -> Floats:
+    """Return the piece of a line that covers a part of its strip."""
     if len(part.interiors):  # it runs around: no place has one nearest place on the line
         whole: Floats = shapely.get_coordinates(line)
         return whole
@@ -229,8 +227,8 @@ def _trimmed(line: Any, part: Any, reach_m: float, least_m: float) -> Floats:
         low, high = low + reach_m, high - reach_m
     else:
         low = high = (low + high) / 2
-    if high - low < least_m:
-        low, high = max((low + high - least_m) / 2, 0.0), min((low + high + least_m) / 2, float(line.length))
+    if high - low < min_m:
+        low, high = max((low + high - min_m) / 2, 0.0), min((low + high + min_m) / 2, float(line.length))
     piece = shapely.get_coordinates(substring(line, low, high))
     return piece if len(piece) > 1 else np.repeat(piece, 2, axis=0)
 
@@ -240,7 +238,6 @@ def _is_free(line: Floats, allowed: Any) -> bool:
 
 
 def _swath(line: Floats, spacing_m: float, reach_m: float) -> Any:
-    """What a line covers."""
     first, last = line[0] - line[1], line[-1] - line[-2]
     longer = line.copy()
     for end, step in ((0, first), (-1, last)):
@@ -250,24 +247,20 @@ def _swath(line: Floats, spacing_m: float, reach_m: float) -> Any:
 
 
 def _rest_lines(rest: Any, missed_m2: float, spacing_m: float, ends: tuple[float, float]) -> list[Floats]:
-    """Straight lines over what no other line covers, but for the smallest pieces."""
+    """Return straight lines over areas that no other line covers, but for the smallest pieces."""
     parts = sorted((part for part in shapely.get_parts(rest) if part.area > 0), key=lambda part: part.area)
     areas = np.cumsum([part.area for part in parts])
     lines: list[Floats] = []
     for part in parts[int(np.searchsorted(areas, missed_m2)) :]:
         turn = axes(_azimuth(part))
         turned = shapely.transform(part, lambda xy, turn=turn: xy @ turn)
-        for cell in grid_lines(turned, spacing_m, ends, _never):
+        for cell in grid_lines(turned, spacing_m, ends, lambda starts, _: np.zeros(len(starts), bool)):
             lines += list(cell @ turn.T)
     return lines
 
 
-def _never(starts: Floats, ends: Floats) -> NDArray[np.bool_]:
-    return np.zeros(len(starts), bool)
-
-
 def _azimuth(part: Any) -> float:
-    """Azimuth of the long side of the smallest rectangle around a polygon."""
+    """Return the azimuth of the long side of the smallest rectangle around a polygon."""
     corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(part))
     sides = np.diff(corners, axis=0)
     east, north = sides[np.argmax(np.hypot(*sides.T))]

@@ -1,43 +1,76 @@
-"""Lines in cells: a short order of the cells and of the lines in them, and the legs between lines."""
+"""Order of survey lines: the space to fly in, short orders of cells and their lines, legs between lines."""
 
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
+from uavseg.flight.avoid.enclosing import MANY_CORNERS, enclosing, without_small_holes
 from uavseg.flight.avoid.free_space import FreeSpace
-from uavseg.flight.order.stops import Stops
-from uavseg.flight.order.tour import short_tour
+from uavseg.flight.order.tour import Stops, short_tour
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-ROUNDS = 300  # of the search for the order of many cells
-HALVINGS = 4  # of a straight leg beyond the end of a line, until it is free
+LEEWAY = 0.6
+"""Spacings by which lines, and legs between them, may leave the region."""
+COARSE = 0.3  # spacings by which an outline of many corners is simplified
+SLACK = 0.04  # spacings by which outlines are simplified
+MAX_VERTICES = 40  # outlines with more are simplified
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Lines:
-    """Straight lines in cells; those of a cell are flown one after another, to and fro.
+def flight_space(
+    region: Any, spacing_m: float, lead_m: float = 0.0, obstacles: Sequence[Any] = ()
+) -> tuple[Any, FreeSpace]:
+    """Return a region with fewer vertices, which contains it but for corners, and the space to fly in.
 
     Parameters
     ----------
-    angle_deg : float
-        Their azimuth.
-    cells : tuple of (n, 2, 2) float64 arrays
-        For each cell its lines: both ends, as x, y in metres.
+    region : shapely Polygon
+        In metres.
+    spacing_m : float
     lead_m : float
-        Length of the straight legs before and after each line.
+        Length of straight legs out of the region.
+    obstacles : sequence of shapely Polygon
+        Areas that no leg may cross.
     """
+    slack = SLACK * spacing_m
+    simple = region = _of_few_corners(region, spacing_m)
+    if shapely.get_num_coordinates(region) > MAX_VERTICES:
+        fewer = shapely.simplify(region, slack / 2)
+        grown = shapely.buffer(fewer, slack / 2, join_style="mitre", mitre_limit=1.5)
+        simple = grown if grown.geom_type == "Polygon" else region
+    reach = LEEWAY * spacing_m + lead_m - 1.8 * slack
+    allowed = shapely.simplify(shapely.buffer(simple, reach, quad_segs=16), slack / 2)
+    return simple, FreeSpace(allowed, obstacles)
 
-    angle_deg: float
-    cells: tuple[Floats, ...]
-    lead_m: float = 0.0
+
+def _of_few_corners(region: Any, spacing_m: float) -> Any:
+    """Simplify a region of many corners, and fill holes that lie between two lines."""
+    if shapely.get_num_coordinates(region) <= MANY_CORNERS:
+        return region
+    around = enclosing(without_small_holes(region, spacing_m**2), COARSE * spacing_m)
+    return without_small_holes(around, spacing_m**2)
+
+
+ROUNDS = 300  # of the search for the order of many cells
+HALVINGS = 4  # of a straight leg past the end of a line, until it is free
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SurveyLines:
+    """Straight lines in cells; those of a cell are flown one after another, to and fro."""
+
+    angle_deg: float  # azimuth
+    cells: tuple[Floats, ...]  # for each cell (n, 2, 2): both ends of its lines, in metres
+    lead_m: float = 0.0  # length of the straight legs before and after each line
 
     def estimate_m(self, turn_m: float) -> float:
-        """About the cost of flying them: their length, the ways between them, and the turns."""
+        """Estimate the cost of flying them in metres: their length, the legs between them, and the turns."""
         within = between = 0.0
         for cell in self.cells:
             ends = np.stack([cell[:-1, 1] - cell[1:, 1], cell[:-1, 0] - cell[1:, 0]], axis=1)
@@ -52,16 +85,21 @@ class Lines:
         return within + between + 2 * turn_m * (lines + len(self.cells))
 
 
-def fly_lines(lines: Lines, space: FreeSpace) -> Iterator[tuple[Floats, Floats, tuple[Floats, ...]]]:
-    """Lines in the order and direction in which they are flown, with their straight legs, and legs between.
+def fly_lines(lines: SurveyLines, space: FreeSpace) -> Iterator[tuple[Floats, Floats, tuple[Floats, ...]]]:
+    """Yield orders of lines: one for many cells, two for one cell, which are not each other reversed.
 
-    Yields one way for many cells; for one cell two, of which none is the other reversed: the lines, the same
-    with the straight legs before and after them, and the n - 1 legs from one to the next.
+    Each is the lines in the order and direction of flight, the same with the straight legs before and after
+    them, and the n - 1 legs from one to the next.
+
+    Parameters
+    ----------
+    lines : SurveyLines
+    space : FreeSpace
 
     Raises
     ------
     MissionError
-        If there is no way between lines.
+        If there is no path between lines.
     """
     flat = np.concatenate(lines.cells)
     outer = _extended(flat, lines.lead_m, space)
@@ -76,7 +114,7 @@ def fly_lines(lines: Lines, space: FreeSpace) -> Iterator[tuple[Floats, Floats, 
 
 
 def to_and_fro(cell: Sequence[int]) -> list[Ints]:
-    """The four ways over the lines of a cell, each as 2 k for line k and 2 k + 1 for line k backwards."""
+    """Return the four orders of the lines of a cell: 2 k is line k and 2 k + 1 is line k reversed."""
     index = np.array(cell, np.int64)
     odd = np.arange(len(index)) % 2
     forward = [2 * index + (odd ^ turn) for turn in (0, 1)]
@@ -84,21 +122,30 @@ def to_and_fro(cell: Sequence[int]) -> list[Ints]:
 
 
 def join_cells(candidates: list[list[Ints]], ends: Floats, space: FreeSpace) -> Ints:
-    """One order over all cells: the lines of each in one of its ways; ends 2 k and 2 k + 1 are of line k."""
-    entries = np.array([[(way[0], way[-1] ^ 1) for way in ways] for ways in candidates])
+    """Return one order of the lines of all cells, with a short tour over the cells.
+
+    Parameters
+    ----------
+    candidates : list of lists of (n,) int64 arrays
+        For each cell its orders, as of `to_and_fro`.
+    ends : (m, 2) float64 array
+        Ends of lines: 2 k and 2 k + 1 are those of line k.
+    space : FreeSpace
+    """
+    entries = np.array([[(order[0], order[-1] ^ 1) for order in orders] for orders in candidates])
     points, index = np.unique(entries.ravel(), return_inverse=True)
     lengths = space.paths(ends[points]).lengths
     tour = short_tour(Stops.of(list(index.reshape(entries.shape))), lengths, rounds=ROUNDS)
-    return np.concatenate([candidates[cell][way] for cell, way in tour])
+    return np.concatenate([candidates[cell][order] for cell, order in tour])
 
 
 def path_length(path: Floats) -> float:
-    """Length of a path (k, 2) in metres."""
+    """Return the length of a path (k, 2) in metres."""
     return math.fsum(np.hypot(*np.diff(path, axis=0).T).tolist())
 
 
 def shortest_legs(starts: Floats, ends: Floats, space: FreeSpace) -> list[Floats]:
-    """Shortest paths from each start to its end, (n, 2) both."""
+    """Return the shortest paths in a space from each start to its end, (n, 2) both."""
     if not len(starts):
         return []
     straight = space.sees(starts, ends)
@@ -116,7 +163,7 @@ def _in_order(lines: Floats, order: Ints) -> Floats:
 
 
 def _extended(lines: Floats, lead_m: float, space: FreeSpace) -> Floats:
-    """Lines that begin and end so much farther out, or less where the way is not free."""
+    """Lengthen lines at both ends, by less where the straight leg is not free."""
     if not lead_m:
         return lines
     step = lines[:, 1] - lines[:, 0]

@@ -1,10 +1,14 @@
-"""Strips: a cell cut into parallel strips at most one spacing wide, each with the line that covers it.
+"""Survey lines in parallel strips: strips of a cell, and strips of one grid over a region, joined to cells.
 
 Lines along the middle of strips cover a cell if each line is as long as the cell inside its strip. A line
 that is clipped to the cell is too short where an edge is slanted, and misses what ends between two lines.
+
+Cells that are divided into strips one by one need up to one line more each. Strips of one grid need as few
+lines as the region is high, but two for an arm that lies across an edge of the grid.
 """
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -15,13 +19,110 @@ from uavseg.errors import MissionError, ParameterError
 
 Floats = NDArray[np.float64]
 
+Free = Callable[[Floats, Floats], NDArray[np.bool_]]
+
+TOUCH_M = 1e-6
+
+
+def grid_lines(polygon: Any, spacing_m: float, ends: tuple[float, float], joins: Free) -> list[Floats]:
+    """Return the lines along x that cover a polygon, cell by cell.
+
+    Parameters
+    ----------
+    polygon : shapely Polygon
+        In metres.
+    spacing_m : float
+        Largest distance between neighbouring lines.
+    ends : (float, float)
+        Reach and length of the shortest line, as of `strip_lines`.
+    joins : function of starts, ends (n, 2)
+        Whether a line may lead over a gap in a strip.
+
+    Returns
+    -------
+    list of (n, 2, 2) float64 arrays
+        For each cell its lines from south to north: west and east end, as x, y.
+
+    Examples
+    --------
+    >>> ring = shapely.box(0, 0, 90, 90) - shapely.box(30, 30, 60, 60)
+    >>> [len(cell) for cell in grid_lines(ring, 10, (0, 0), lambda starts, ends: np.zeros(len(starts), bool))]
+    [3, 3, 3, 3]
+    """
+    _, south, _, north = shapely.bounds(polygon)
+    edges = np.linspace(south, north, _line_count(north - south, spacing_m) + 1)
+    rows = []
+    for k, strip in enumerate(_strips_between(polygon, edges)):
+        parts = [part for part in shapely.get_parts(strip) if part.geom_type == "Polygon"]
+        rows.append(_row(parts, (edges[k] + edges[k + 1]) / 2, ends, joins))
+    return _chains(rows, edges)
+
+
+Segment = tuple[Any, Floats]  # what of the polygon a line covers, and the line
+
+
+def _row(parts: list[Any], y: float, ends: tuple[float, float], joins: Free) -> list[Segment]:
+    """Return the lines of one strip from west to east; one line for parts between which a line may lead."""
+    laid = sorted(((part, _line_in_strip(part, y, *ends)) for part in parts), key=lambda one: one[1][0, 0])
+    if len(laid) < 2:
+        return laid
+    joined = joins(*(np.stack([line[k] for _, line in some]) for k, some in ((1, laid[:-1]), (0, laid[1:]))))
+    row = [laid[0]]
+    for join, (part, line) in zip(joined.tolist(), laid[1:], strict=True):
+        if join:
+            before, first = row[-1]
+            last = line if line[1, 0] > first[1, 0] else first
+            row[-1] = (shapely.union(before, part), np.stack([first[0], last[1]]))
+        else:
+            row.append((part, line))
+    return row
+
+
+def _chains(rows: list[list[Segment]], edges: Floats) -> list[Floats]:
+    """Join lines of neighbouring strips to one cell, as long as each has one neighbour only."""
+    cells: list[list[Floats]] = []
+    open_: list[list[Floats]] = []  # the cell of each segment of the row before
+    before: list[Segment] = []
+    for k, row in enumerate(rows):
+        touch = _touching(before, row, float(edges[k]))
+        cells_of_row = []
+        for j, (_, line) in enumerate(row):
+            below = np.flatnonzero(touch[:, j])
+            if len(below) == 1 and touch[below[0]].sum() == 1:
+                cell = open_[below[0]]
+                cell.append(line)
+            else:
+                cell = [line]
+                cells.append(cell)
+            cells_of_row.append(cell)
+        open_, before = cells_of_row, row
+    return [np.stack(cell) for cell in cells]
+
+
+def _touching(below: list[Segment], above: list[Segment], y: float) -> NDArray[np.bool_]:
+    """Return whether the parts that lines below and above cover touch along the edge between strips."""
+
+    def extent(part: Any) -> Floats:
+        west, _, east, _ = shapely.bounds(part)
+        slab = shapely.box(west - 1, y - 1e-3, east + 1, y + 1e-3)
+        bounds: Floats = shapely.bounds(shapely.intersection(part, slab))
+        return bounds
+
+    touch = np.zeros((len(below), len(above)), bool)
+    low, high = ([extent(part) for part, _ in row] for row in (below, above))
+    for i, one in enumerate(low):
+        for j, other in enumerate(high):
+            touch[i, j] = min(one[2], other[2]) - max(one[0], other[0]) > TOUCH_M  # False for NaN
+    return touch
+
+
 MAX_LINES = 10_000  # of a region; 20 000 waypoints are planned at most, and a line takes two of them
-LEAST_LINE_M = 5.0  # where the cell is as long: a vehicle looks along its line only when it flies along it
+MIN_LINE_M = 5.0  # where the cell is as long: a vehicle looks along its line only when it flies along it
 WIDTH_SLACK = 1e-3  # share of its height by which a cell may be higher before it needs another line
 
 
-def strip_lines(cell: Any, spacing_m: float, reach_m: float = 0.0, least_m: float = LEAST_LINE_M) -> Floats:
-    """The lines along x that cover a cell, from south to north.
+def strip_lines(cell: Any, spacing_m: float, reach_m: float = 0.0, min_m: float = MIN_LINE_M) -> Floats:
+    """Return the lines along x that cover a cell, from south to north.
 
     Parameters
     ----------
@@ -30,9 +131,9 @@ def strip_lines(cell: Any, spacing_m: float, reach_m: float = 0.0, least_m: floa
     spacing_m : float
         Largest distance between neighbouring lines.
     reach_m : float
-        How far the ground that is covered reaches beyond the end of a line. So much shorter may a line be
-        than the cell is in its strip, where the line itself does not end before the cell does.
-    least_m : float
+        Distance from the end of a line to the end of the ground that it covers. Lines may be so much shorter
+        than the cell in their strip, but do not end inside the cell.
+    min_m : float
         Length of the shortest line.
 
     Returns
@@ -40,56 +141,44 @@ def strip_lines(cell: Any, spacing_m: float, reach_m: float = 0.0, least_m: floa
     lines : (n, 2, 2) float64 array
         West and east end of each line, as x, y. At least one; evenly spaced.
 
-    Raises
-    ------
-    ParameterError
-        If the spacing is not a positive number.
-    MissionError
-        If there would be more lines than a mission can hold.
-
     Examples
     --------
     >>> strip_lines(shapely.box(0, 0, 100, 30), 12).tolist()
     [[[0.0, 5.0], [100.0, 5.0]], [[0.0, 15.0], [100.0, 15.0]], [[0.0, 25.0], [100.0, 25.0]]]
     """
     _, south, _, north = shapely.bounds(cell)
-    count = line_count(north - south, spacing_m)
+    count = _line_count(north - south, spacing_m)
     edges = np.linspace(south, north, count + 1)
     middle = ((edges[1:] + edges[:-1]) / 2).tolist()
     return np.stack(
         [
-            line_in_strip(piece, y, reach_m, least_m)
-            for piece, y in zip(strips_between(cell, edges), middle, strict=True)
+            _line_in_strip(piece, y, reach_m, min_m)
+            for piece, y in zip(_strips_between(cell, edges), middle, strict=True)
         ]
     )
 
 
-def line_in_strip(piece: Any, y: float, reach_m: float, least_m: float = LEAST_LINE_M) -> Floats:
-    """The line along x at a height that covers what lies in its strip: (2, 2), west end and east end.
+def _line_in_strip(piece: Any, y: float, reach_m: float, min_m: float = MIN_LINE_M) -> Floats:
+    """Return the line along x at a height that covers a piece of a strip: (2, 2), west end and east end.
 
-    It is no shorter than `least_m` where the strip is as long, but 5 m where one photograph shows all of it.
+    It is no shorter than `min_m` where the strip is as long, but 5 m where one photograph shows all of it.
     """
     low, _, high, _ = shapely.bounds(piece)
     across = shapely.LineString([(low - 1, y), (high + 1, y)])
     begin, _, stop, _ = shapely.bounds(shapely.intersection(piece, across))  # NaN where it is not met
     start, end = np.fmin(low + reach_m, begin), np.fmax(high - reach_m, stop)
-    if end - start < least_m:
-        shown_at_once = high - low <= 2 * reach_m - LEAST_LINE_M
+    if end - start < min_m:
+        shown_at_once = high - low <= 2 * reach_m - MIN_LINE_M
         middle = (low + high) / 2 if shown_at_once or start > end else (start + end) / 2
-        half = (LEAST_LINE_M if shown_at_once else least_m) / 2
+        half = (MIN_LINE_M if shown_at_once else min_m) / 2
         start, end = max(low, middle - half), min(high, middle + half)
     return np.array([[start, y], [end, y]])
 
 
-def line_count(width_m: float, spacing_m: float) -> int:
-    """Number of lines over a width.
+def _line_count(width_m: float, spacing_m: float) -> int:
+    """Return the number of lines over a width.
 
-    Raises
-    ------
-    ParameterError
-        If the spacing is not a positive number.
-    MissionError
-        If they are more than a mission can hold.
+    Refuse a spacing that is not positive (ParameterError) and more lines than a mission holds (MissionError).
     """
     if not (math.isfinite(spacing_m) and spacing_m > 0):
         raise ParameterError(f"the spacing of survey lines is a positive number of metres, not {spacing_m}")
@@ -102,18 +191,18 @@ def line_count(width_m: float, spacing_m: float) -> int:
     return count
 
 
-def strips_between(cell: Any, edges: Floats) -> list[Any]:
-    """The parts of a cell between lines along x: halved again and again, which is fast for many lines."""
-    found: list[Any] = [None] * (len(edges) - 1)
+def _strips_between(cell: Any, edges: Floats) -> list[Any]:
+    """Return the parts of a cell between lines along x, by bisection, which is fast for many lines."""
+    strips: list[Any] = [None] * (len(edges) - 1)
     todo = [(cell, 0, len(edges) - 1)]
     while todo:
         part, first, last = todo.pop()
         if last - first == 1:
-            found[first] = part
+            strips[first] = part
             continue
         middle = (first + last) // 2
         west, south, east, north = shapely.bounds(part)
         for begin, stop in ((first, middle), (middle, last)):
             low, high = (south - 1, edges[middle]) if begin == first else (edges[middle], north + 1)
             todo.append((shapely.intersection(part, shapely.box(west - 1, low, east + 1, high)), begin, stop))
-    return found
+    return strips

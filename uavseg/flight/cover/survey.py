@@ -17,83 +17,47 @@ from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
 from uavseg.flight.avoid.free_space import FreeSpace
-from uavseg.flight.cover.cells import count_cuts, has_steps, merge_flat_cells, monotone_cells
-from uavseg.flight.cover.grid import grid_lines
-from uavseg.flight.cover.lines import Lines, fly_lines, path_length
-from uavseg.flight.cover.space import flight_space
-from uavseg.flight.cover.strips import LEAST_LINE_M, strip_lines
+from uavseg.flight.cover.cells import critical_count, has_steps, merge_flat_cells, monotone_cells
+from uavseg.flight.cover.lines import SurveyLines, flight_space, fly_lines, path_length
+from uavseg.flight.cover.strips import MIN_LINE_M, grid_lines, strip_lines
 
 Floats = NDArray[np.float64]
 
 STEP = 2.0  # spacings: cells may be cut at steps of the outline that are longer
-LEAST_HEIGHT = 0.5  # spacings: cells that are less high get no lines of their own
-GAP = 3.0  # spacings: no longer are gaps over which a line leads on
+MIN_HEIGHT = 0.5  # spacings: cells that are less high are merged
+GAP = 3.0  # spacings: longest gap over which a line continues
 TURN_M = 10.0
 """A turn costs the time of so many metres: at 5 m/s, braking and accelerating at 2.5 m/s2."""
 STEP_DEG = 15.0  # azimuths that are tried besides those of edges
 MAX_AZIMUTHS = 40
 TRIED_AZIMUTHS = 6  # those that need the fewest lines are divided into cells
-COMPACT = (
-    0.8  # share of the convex hull: what fills more, and is one cell of a grid, is not divided otherwise
-)
-MAX_CUTS = 400  # into cells
+COMPACT = 0.8  # share of the convex hull: a region that fills more, and is one cell, is not divided otherwise
+MAX_CRITICAL = 400  # corners at which a region is divided into cells
 FLOWN = 3  # the best of those are planned to the end
 
 
 @dataclass(frozen=True, slots=True)
 class CoverParams:
-    """How a region is covered.
+    """Parameters of survey lines over a region."""
 
-    Parameters
-    ----------
-    spacing_m : float
-        Distance between neighbouring lines.
-    angle_deg : float, optional
-        Azimuth of the lines, clockwise from north; by default the one that takes the least time.
-    reach_m : float
-        How far photographs show ground beyond the end of a line.
-    least_m : float
-        Length of the shortest line.
-    turn_m : float
-        Metres that take as long as a turn.
-    lead_m : float
-        Length of the straight legs before and after each line, on which nothing is photographed.
-    crosshatch : bool
-        Whether the region is covered once more, in lines at a right angle to the first.
-    """
-
-    spacing_m: float
-    angle_deg: float | None = None
-    reach_m: float = 0.0
-    least_m: float = LEAST_LINE_M
-    turn_m: float = TURN_M
-    lead_m: float = 0.0
-    crosshatch: bool = False
+    spacing_m: float  # distance between neighbouring lines
+    angle_deg: float | None = None  # azimuth, clockwise from north; by default that of the least time
+    reach_m: float = 0.0  # ground that photographs show past the end of a line
+    min_m: float = MIN_LINE_M  # length of the shortest line
+    turn_m: float = TURN_M  # metres that take as long as a turn
+    lead_m: float = 0.0  # length of the straight legs before and after each line, without photographs
+    crosshatch: bool = False  # whether to cover the region once more, at a right angle
 
 
 @dataclass(frozen=True, slots=True)
 class Survey:
-    """Lines over one region, in the order and direction in which they are flown, and the legs between them.
+    """Lines over one region in the order and direction of flight, and the legs between them."""
 
-    Parameters
-    ----------
-    angle_deg : float
-        Azimuth of the lines, clockwise from north, in [0, 180).
-    cells : int
-        Number of parts of the region that are flown one after another, each from line to line.
-    lines : (n, 2, 2) float64 array
-        Start and end of each line, as x, y in metres.
-    outer : (n, 2, 2) float64 array
-        The same with the straight legs before and after lines, on which nothing is photographed.
-    legs : tuple of (k, 2) float64 arrays
-        From each line, with its straight leg, to the next, both ends included: n - 1 paths.
-    """
-
-    angle_deg: float
-    cells: int
-    lines: Floats
-    outer: Floats
-    legs: tuple[Floats, ...]
+    angle_deg: float  # azimuth of the lines, clockwise from north, in [0, 180)
+    cells: int  # number of parts that are flown one after another, each line by line
+    lines: Floats  # (n, 2, 2), start and end of each line in metres
+    outer: Floats  # (n, 2, 2), with the straight legs before and after lines
+    legs: tuple[Floats, ...]  # n - 1 of (k, 2), from the end of each outer line to the start of the next
 
     @property
     def length_m(self) -> float:
@@ -115,7 +79,7 @@ def surveys(region: Any, params: CoverParams, obstacles: Sequence[Any] = ()) -> 
         In metres; may be concave and have holes.
     params : CoverParams
     obstacles : sequence of shapely Polygon
-        Where no line or leg may lead.
+        Areas that no line or leg may cross.
 
     Returns
     -------
@@ -127,7 +91,7 @@ def surveys(region: Any, params: CoverParams, obstacles: Sequence[Any] = ()) -> 
     ParameterError
         If the spacing is not a positive number, or the angle not finite.
     MissionError
-        If there would be more lines than a mission holds, or there is no way between them.
+        If there would be more lines than a mission holds, or there is no path between them.
 
     Examples
     --------
@@ -145,9 +109,9 @@ def surveys(region: Any, params: CoverParams, obstacles: Sequence[Any] = ()) -> 
 
 
 def _best(region: Any, params: CoverParams, near: FreeSpace, space: FreeSpace) -> list[Survey]:
-    """The survey that takes the least time, with lines in one space and legs in another; see `surveys`."""
+    """Return the fastest survey, with lines in one space and legs in another; see `surveys`."""
 
-    def estimate(lines: Lines) -> float:
+    def estimate(lines: SurveyLines) -> float:
         return lines.estimate_m(params.turn_m)
 
     grids = sorted(
@@ -159,16 +123,20 @@ def _best(region: Any, params: CoverParams, near: FreeSpace, space: FreeSpace) -
     free = [lines for lines in cells if _stays_in(lines, near)]  # merged cells are not monotone
     tried = sorted([*grids, *free], key=estimate)
     flown = [_fly(lines, space) for lines in tried[:FLOWN]]
-    return min(flown, key=lambda ways: ways[0].length_m + params.turn_m * ways[0].turns)
+    return min(flown, key=lambda orders: orders[0].length_m + params.turn_m * orders[0].turns)
 
 
 def _azimuths(region: Any, params: CoverParams) -> list[float]:
-    """The azimuth that is given, or those along edges and in steps that need the fewest lines.
+    """Return the requested azimuth, or those along edges and in steps that need the fewest lines.
 
-    The number of lines is about half of what the outline rises and falls across them, in spacings.
+    The number of lines is about half of the rise and fall of the outline across them, in spacings.
     """
     if params.angle_deg is not None:
-        return [normal_azimuth(params.angle_deg)]
+        if not math.isfinite(params.angle_deg):
+            raise ParameterError(
+                f"the azimuth of survey lines is a number of degrees or auto, not {params.angle_deg}"
+            )
+        return [float(params.angle_deg % 180) % 180]  # -1e-17 % 180 is 180
     outlines = [*shapely.get_rings(region), shapely.get_exterior_ring(shapely.convex_hull(region))]
     step = np.concatenate([np.diff(shapely.get_coordinates(ring), axis=0) for ring in outlines])
     longest = step[np.argsort(-np.hypot(*step.T), kind="stable")][:MAX_AZIMUTHS]
@@ -180,53 +148,42 @@ def _azimuths(region: Any, params: CoverParams) -> list[float]:
     return best
 
 
-def normal_azimuth(angle_deg: float) -> float:
-    """The direction of a line as an azimuth in [0, 180)."""
-    if not math.isfinite(angle_deg):
-        raise ParameterError(f"the azimuth of survey lines is a number of degrees or auto, not {angle_deg}")
-    return float(angle_deg % 180) % 180
-
-
 def axes(angle_deg: float) -> Floats:
-    """Columns: the unit vectors along lines of an azimuth and across them, to the right."""
+    """Return the unit vectors along lines of an azimuth and across them, to the right, as columns (2, 2)."""
     azimuth = math.radians(angle_deg)
     sine, cosine = math.sin(azimuth), math.cos(azimuth)
     return np.array([[sine, cosine], [cosine, -sine]])
 
 
-def _grid(region: Any, angle_deg: float, params: CoverParams, space: FreeSpace) -> Lines:
-    """The lines of one azimuth, in one grid."""
+def _grid(region: Any, angle_deg: float, params: CoverParams, space: FreeSpace) -> SurveyLines:
+    """Return the lines of one azimuth, in one grid."""
     turn, spacing = axes(angle_deg), params.spacing_m
 
     def joins(starts: Floats, ends: Floats) -> NDArray[np.bool_]:
         near = _length(np.stack([starts, ends], axis=1)) <= GAP * spacing
         return near & space.sees(starts @ turn.T, ends @ turn.T)
 
-    cells = grid_lines(_turned(region, turn), spacing, (params.reach_m, params.least_m), joins)
-    return Lines(angle_deg, tuple(cell @ turn.T for cell in cells), params.lead_m)
+    cells = grid_lines(_turned(region, turn), spacing, (params.reach_m, params.min_m), joins)
+    return SurveyLines(angle_deg, tuple(cell @ turn.T for cell in cells), params.lead_m)
 
 
-def _cells(region: Any, angle_deg: float, params: CoverParams) -> list[Lines]:
-    """The lines of one azimuth, in cells of their own height; cut at steps of the outline or not.
+def _cells(region: Any, angle_deg: float, params: CoverParams) -> list[SurveyLines]:
+    """Return the lines of one azimuth in strips cell by cell; divided at steps of the outline or not.
 
-    None where there would be too many cells.
+    Nothing where there would be too many cells.
     """
-    turn, spacing, least = axes(angle_deg), params.spacing_m, LEAST_HEIGHT * params.spacing_m
+    turn, spacing, min_m = axes(angle_deg), params.spacing_m, MIN_HEIGHT * params.spacing_m
     turned = _turned(region, turn)
-    steps = [math.inf, STEP * spacing] if has_steps(turned, STEP * spacing, least / 2) else [math.inf]
-    few = [step for step in steps if count_cuts(turned, step, least / 2) <= MAX_CUTS]
-    divisions = [monotone_cells(turned, step, least / 2) for step in few]
-    laid = [
-        [
-            strip_lines(cell, spacing, params.reach_m, params.least_m)
-            for cell in merge_flat_cells(cells, least)
-        ]
-        for cells in divisions
-    ]
-    return [Lines(angle_deg, tuple(cell @ turn.T for cell in cells), params.lead_m) for cells in laid]
+    divisions = []
+    for step in [math.inf, STEP * spacing] if has_steps(turned, STEP * spacing, min_m / 2) else [math.inf]:
+        if critical_count(turned, step, min_m / 2) <= MAX_CRITICAL:
+            cells = merge_flat_cells(monotone_cells(turned, step, min_m / 2), min_m)
+            lines = [strip_lines(cell, spacing, params.reach_m, params.min_m) @ turn.T for cell in cells]
+            divisions.append(SurveyLines(angle_deg, tuple(lines), params.lead_m))
+    return divisions
 
 
-def _stays_in(lines: Lines, space: FreeSpace) -> bool:
+def _stays_in(lines: SurveyLines, space: FreeSpace) -> bool:
     flat = np.concatenate(lines.cells)
     return bool(space.sees(flat[:, 0], flat[:, 1]).all())
 
@@ -235,13 +192,15 @@ def _turned(region: Any, turn: Floats) -> Any:
     return shapely.transform(region, lambda xy: xy @ turn)
 
 
-def _fly(lines: Lines, space: FreeSpace) -> list[Survey]:
-    """Lines in a short order, with the legs between them."""
-    return [Survey(lines.angle_deg, len(lines.cells), *one) for one in fly_lines(lines, space)]
+def _fly(lines: SurveyLines, space: FreeSpace) -> list[Survey]:
+    return [
+        Survey(angle_deg=lines.angle_deg, cells=len(lines.cells), lines=flown, outer=outer, legs=legs)
+        for flown, outer, legs in fly_lines(lines, space)
+    ]
 
 
 def _joined(first: list[Survey], second: list[Survey], space: FreeSpace) -> Survey:
-    """Two surveys, one after the other, with the shortest leg between them that their candidates have."""
+    """Join two surveys, one after the other, with the shortest leg between any of their candidates."""
     pairs = [
         (one, other)
         for some, others in ((first, second), (second, first))
@@ -255,11 +214,11 @@ def _joined(first: list[Survey], second: list[Survey], space: FreeSpace) -> Surv
     best = int(np.argmin(paths.lengths[index[:, 0], index[:, 1]]))
     one, other = pairs[best]
     return Survey(
-        first[0].angle_deg,
-        one.cells + other.cells,
-        np.concatenate([one.lines, other.lines]),
-        np.concatenate([one.outer, other.outer]),
-        (*one.legs, paths.path(*index[best].tolist()), *other.legs),
+        angle_deg=first[0].angle_deg,
+        cells=one.cells + other.cells,
+        lines=np.concatenate([one.lines, other.lines]),
+        outer=np.concatenate([one.outer, other.outer]),
+        legs=(*one.legs, paths.path(*index[best].tolist()), *other.legs),
     )
 
 

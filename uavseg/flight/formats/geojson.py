@@ -10,7 +10,7 @@ from typing import Any
 
 from uavseg.errors import MissionError
 from uavseg.flight.formats.options import FileOptions
-from uavseg.flight.mission.features import Feature, Place, as_geojson, features_of, mission_of_features
+from uavseg.flight.mission.features import MissionFeature, Place, as_geojson, features_of, mission_of_features
 from uavseg.flight.mission.mission import Mission
 from uavseg.inputs import parse_json
 from uavseg.plain_text import shown
@@ -30,11 +30,11 @@ def read_geojson(content: bytes, name: str) -> Mission:
     return mission_of_features(map(_read_feature, found["features"]), name)
 
 
-def _read_feature(feature: Mapping[str, Any]) -> Feature:
+def _read_feature(feature: Mapping[str, Any]) -> MissionFeature:
     properties = feature.get("properties") or {}
     geometry = feature.get("geometry")
     if geometry is None:
-        return Feature(str(properties.get("kind")), "", (), values=properties)
+        return MissionFeature(str(properties.get("kind")), "", (), values=properties)
     shape, coordinates = geometry["type"], geometry["coordinates"]
     if shape == "Point":
         coordinates = [coordinates]
@@ -43,4 +43,4 @@ def _read_feature(feature: Mapping[str, Any]) -> Feature:
     elif shape != "LineString":
         raise MissionError(f"it holds a {shown(shape, quoted=False)}, which no mission has")
     places: tuple[Place, ...] = tuple((float(lat), float(lon), 0.0) for lon, lat, *_ in coordinates)
-    return Feature(str(properties.get("kind")), shape, places, values=properties)
+    return MissionFeature(str(properties.get("kind")), shape, places, values=properties)

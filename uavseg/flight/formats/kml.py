@@ -21,7 +21,7 @@ from uavseg.flight.mission.features import (
     ITEM,
     PHOTOS,
     RALLY,
-    Feature,
+    MissionFeature,
     Place,
     Value,
     features_of,
@@ -57,10 +57,10 @@ def write_kml(mission: Mission, options: FileOptions) -> bytes:
     folders: dict[str, ET.Element] = {}
     home_m = mission.home.altitude_m
     for feature in features_of(mission):
-        if feature.kind not in folders:
-            folders[feature.kind] = child(document, "Folder")
-            child(folders[feature.kind], "name", FOLDERS[feature.kind])
-        _placemark(folders[feature.kind], feature, home_m)
+        if feature.role not in folders:
+            folders[feature.role] = child(document, "Folder")
+            child(folders[feature.role], "name", FOLDERS[feature.role])
+        _placemark(folders[feature.role], feature, home_m)
     return xml_text(root)
 
 
@@ -71,25 +71,25 @@ def kml_losses(mission: Mission, options: FileOptions) -> list[str]:
     return ["the altitude of home is not given, so that the .kml draws heights above the ground under them"]
 
 
-def _placemark(folder: ET.Element, feature: Feature, home_m: float) -> None:
+def _placemark(folder: ET.Element, feature: MissionFeature, home_m: float) -> None:
     placemark = child(folder, "Placemark")
     child(placemark, "name", _name(feature))
-    if feature.kind in _COLORS:
-        child(placemark, "styleUrl", f"#{feature.kind}")
+    if feature.role in _COLORS:
+        child(placemark, "styleUrl", f"#{feature.role}")
     data = child(placemark, "ExtendedData")
-    for key, value in {"kind": feature.kind, **feature.values}.items():
+    for key, value in {"kind": feature.role, **feature.values}.items():
         entry = ET.SubElement(data, "Data", {"name": key})
         child(entry, "value", _value_text(value))
     _GEOMETRIES[feature.shape](placemark, feature, home_m)
 
 
-def _name(feature: Feature) -> str:
+def _name(feature: MissionFeature) -> str:
     values = feature.values
-    if feature.kind == ITEM:
+    if feature.role == ITEM:
         return f"{values['number']} (command {values['command']})"
-    if feature.kind == FENCE:
+    if feature.role == FENCE:
         return "stay inside" if values["inclusion"] else "keep out"
-    return FOLDERS[feature.kind]
+    return FOLDERS[feature.role]
 
 
 def _value_text(value: Value) -> str:
@@ -98,27 +98,27 @@ def _value_text(value: Value) -> str:
     return "" if value is None else repr(value) if isinstance(value, float) else str(value)
 
 
-def _point(placemark: ET.Element, feature: Feature, home_m: float) -> None:
+def _point(placemark: ET.Element, feature: MissionFeature, home_m: float) -> None:
     _coordinates(child(placemark, "Point"), feature, home_m)
 
 
-def _line(placemark: ET.Element, feature: Feature, home_m: float) -> None:
+def _line(placemark: ET.Element, feature: MissionFeature, home_m: float) -> None:
     line = child(placemark, "LineString")
     child(line, "tessellate", "0")
     _coordinates(line, feature, home_m)
 
 
-def _polygon(placemark: ET.Element, feature: Feature, home_m: float) -> None:
+def _polygon(placemark: ET.Element, feature: MissionFeature, home_m: float) -> None:
     polygon = child(placemark, "Polygon")
     ring = child(child(polygon, "outerBoundaryIs"), "LinearRing")
     child(ring, "coordinates", " ".join(f"{_degrees(lon)},{_degrees(lat)}" for lat, lon, _ in feature.places))
 
 
-def _nothing(placemark: ET.Element, feature: Feature, home_m: float) -> None:
+def _nothing(placemark: ET.Element, feature: MissionFeature, home_m: float) -> None:
     pass
 
 
-_GEOMETRIES: dict[str, Callable[[ET.Element, Feature, float], None]] = {
+_GEOMETRIES: dict[str, Callable[[ET.Element, MissionFeature, float], None]] = {
     "Point": _point,
     "LineString": _line,
     "Polygon": _polygon,
@@ -126,7 +126,7 @@ _GEOMETRIES: dict[str, Callable[[ET.Element, Feature, float], None]] = {
 }
 
 
-def _coordinates(parent: ET.Element, feature: Feature, home_m: float) -> None:
+def _coordinates(parent: ET.Element, feature: MissionFeature, home_m: float) -> None:
     above_sea = feature.heights == ABOVE_SEA or (feature.heights == ABOVE_HOME and home_m != 0)
     added = home_m if above_sea and feature.heights == ABOVE_HOME else 0.0
     child(parent, "altitudeMode", "absolute" if above_sea else "relativeToGround")
@@ -144,7 +144,7 @@ def read_kml(content: bytes, name: str) -> Mission:
     return mission_of_features(map(_read_placemark, root.iter("Placemark")), name)
 
 
-def _read_placemark(placemark: ET.Element) -> Feature:
+def _read_placemark(placemark: ET.Element) -> MissionFeature:
     values = {
         entry.get("name", ""): _read_value(entry.findtext("value") or "")
         for entry in placemark.findall("ExtendedData/Data")
@@ -153,7 +153,7 @@ def _read_placemark(placemark: ET.Element) -> Feature:
     places = tuple(_read_places(placemark.findtext(f".//{shape}//coordinates") or "")) if shape else ()
     if shape and not places:
         raise MissionError("a placemark in it has no coordinates")
-    return Feature(str(values.get("kind")), shape, places, values=values)
+    return MissionFeature(str(values.get("kind")), shape, places, values=values)
 
 
 def _read_places(text: str) -> Iterator[Place]:

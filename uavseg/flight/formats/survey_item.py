@@ -17,8 +17,7 @@ from uavseg.flight.mission.items import (
     WAYPOINT,
     MissionItem,
 )
-from uavseg.flight.mission.mission import Mission
-from uavseg.flight.mission.survey_block import Position, SurveyBlock
+from uavseg.flight.mission.mission import Mission, Position, SurveyBlock
 from uavseg.plain_text import shown
 
 ALTITUDE_MODES = {

@@ -1,7 +1,7 @@
 """Time of each leg where a vehicle brakes for each corner, as PX4 does: its trajectory, integrated in steps.
 
-Every step asks for a velocity: towards the corner, at a speed v from which the vehicle can still brake to the
-speed w of the corner,
+Every step has a target velocity: towards the corner, at a speed v from which the vehicle can still brake to
+the speed w of the corner,
 
     v^2 + 4 a^2 / j v = 2 a d + w^2, and v >= w
 
@@ -9,7 +9,7 @@ with the distance d. With an angle t between the legs, w^2 = a' r / tan(t / 2): 
 acceleration a' that touches both legs at the acceptance radius r; and from w it can brake before the end of
 the next leg. While the velocity turns, the speed does not rise, and the vehicle aims at the place of the leg
 that is 5 m away. The velocity is followed with limited acceleration and jerk; the height changes at the same
-time, within limits of its own. A corner is reached within the acceptance radius. A hold begins there, and the
+time, within separate limits. A corner is reached within the acceptance radius. A hold begins there, and the
 vehicle comes to rest meanwhile (PX4, src/lib/motion_planning: PositionSmoothing.cpp, VelocitySmoothing.cpp,
 TrajectoryConstraints.hpp; src/lib/mathlib/math/TrajMath.hpp; src/modules/navigator/mission_block.cpp).
 """
@@ -27,7 +27,7 @@ Bools = NDArray[np.bool_]
 
 STEP_S = 0.05
 MAX_STEPS = 200_000
-"""Of one leg; a vehicle with unusual limits that is then still on its way is taken to go on at its limits."""
+"""Of one leg; a vehicle with unusual limits that has not arrived by then is taken to fly on at its limits."""
 NEAR_M = 0.8
 """A height is reached within this distance: NAV_MC_ALT_RAD of PX4."""
 AHEAD_M = 5.0
@@ -37,23 +37,10 @@ AT_REST_M_S = 1e-3
 
 
 def braked_seconds(xyz_m: Floats, speeds: Floats, vehicle: Vehicle, stops: Bools, hold_s: Floats) -> Floats:
-    """Time of each leg of a path whose neighbouring corners differ, holds aside.
+    """Compute the time of each leg, without holds, of a path whose neighbouring corners differ.
 
-    Parameters
-    ----------
-    xyz_m : (n, 3) float64 array
-        Corners of the path in metres: east, north and up.
-    speeds : (n - 1,) float64 array
-        Speed over ground, of each leg, in m/s.
-    vehicle : Vehicle
-    stops : (n,) bool array
-        Corners at which the vehicle stops.
-    hold_s : (n,) float64 array
-        How long it waits there, from the moment at which it is within the acceptance radius.
-
-    Returns
-    -------
-    seconds : (n - 1,) float64 array
+    Parameters are arrays as of `uavseg.flight.mission.duration.leg_seconds`; a hold begins at the moment at
+    which the vehicle is within the acceptance radius.
     """
     limits = np.array(
         [
@@ -79,7 +66,7 @@ def _length(x, y):  # type: ignore[no-untyped-def]
 
 @inlined
 def _braking_speed(distance, final, acceleration, jerk):  # type: ignore[no-untyped-def]
-    """Speed from which the vehicle brakes to a final one within a distance."""
+    """Return the speed from which the vehicle brakes to a final one within a distance."""
     b = 4 * acceleration * acceleration / jerk
     root = math.sqrt(b * b + 8 * acceleration * distance + 4 * final * final)
     return max((root - b) / 2, final)
@@ -87,14 +74,14 @@ def _braking_speed(distance, final, acceleration, jerk):  # type: ignore[no-unty
 
 @inlined
 def _braking_distance(speed, final, acceleration, jerk):  # type: ignore[no-untyped-def]
-    """Distance within which it brakes from one speed to another."""
+    """Return the distance within which it brakes from one speed to another."""
     b = 4 * acceleration * acceleration / jerk
     return max((speed * speed + b * speed - final * final) / (2 * acceleration), 0.0)
 
 
 @inlined
 def _corner_speed(xyz, k, x, y, cruise, limits):  # type: ignore[no-untyped-def]
-    """Speed at which corner k is passed, on the way to it from (x, y)."""
+    """Return the speed at which corner k is passed by a vehicle that comes from (x, y)."""
     next_x, next_y = xyz[k + 1, 0] - xyz[k, 0], xyz[k + 1, 1] - xyz[k, 1]
     length = _length(next_x, next_y)
     if length < max(limits[3], 1e-3):
@@ -110,7 +97,7 @@ def _corner_speed(xyz, k, x, y, cruise, limits):  # type: ignore[no-untyped-def]
 
 @inlined
 def _place_ahead(xyz, k, x, y):  # type: ignore[no-untyped-def]
-    """From (x, y) to the place of the leg to corner k that is 5 m away, or to the corner if it is behind."""
+    """Return the step from (x, y) to the place of the leg to corner k that is 5 m away, or to the corner."""
     leg_x, leg_y = xyz[k, 0] - xyz[k - 1, 0], xyz[k, 1] - xyz[k - 1, 1]
     to_x, to_y = xyz[k, 0] - x, xyz[k, 1] - y
     length = _length(leg_x, leg_y)
@@ -124,14 +111,13 @@ def _place_ahead(xyz, k, x, y):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _acceleration(error, most, jerk):  # type: ignore[no-untyped-def]
-    """The most acceleration that can still be taken back until an error of the velocity is made up for."""
-    return min(most, math.sqrt(2 * jerk * error))
+def _acceleration(error, maximum, jerk):  # type: ignore[no-untyped-def]
+    """Return the maximum acceleration that is back at 0 when an error of the velocity is corrected."""
+    return min(maximum, math.sqrt(2 * jerk * error))
 
 
 @inlined
 def _steady_seconds(left, speed):  # type: ignore[no-untyped-def]
-    """For how long a distance is flown at a speed."""
     if speed <= 0:
         return np.inf
     return max(left, 0.0) / speed
@@ -139,7 +125,7 @@ def _steady_seconds(left, speed):  # type: ignore[no-untyped-def]
 
 @kernel("void(f8[:,::1], f8[::1], b1[::1], f8[::1], f8[::1], f8[::1])")
 def _fly(xyz, speeds, stops, hold_s, limits, seconds):  # type: ignore[no-untyped-def]
-    most, jerk, radius, most_up = limits[0], limits[1], limits[3], limits[6]
+    level_max, jerk, radius, up_max = limits[0], limits[1], limits[3], limits[6]
     x, y, z = xyz[0, 0], xyz[0, 1], xyz[0, 2]
     vx, vy, vz, ax, ay, az = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     turning_speed = np.inf
@@ -154,11 +140,11 @@ def _fly(xyz, speeds, stops, hold_s, limits, seconds):  # type: ignore[no-untype
                 is_flown = True
                 break
 
-            # the velocity that is asked for
+            # the target velocity
             corner = 0.0
             if not stops[k]:
                 corner = _corner_speed(xyz, k, x, y, speeds[k - 1], limits)
-            speed = min(speeds[k - 1], _braking_speed(away, corner, most, jerk))
+            speed = min(speeds[k - 1], _braking_speed(away, corner, level_max, jerk))
             is_turning = (
                 moving > TURNING_M_S
                 and vx * to_x + vy * to_y < TURNING_COSINE * moving * away
@@ -173,10 +159,10 @@ def _fly(xyz, speeds, stops, hold_s, limits, seconds):  # type: ignore[no-untype
             rate = limits[4]
             if rise < 0:
                 rate = limits[5]
-            climb = math.copysign(min(rate, _braking_speed(abs(rise), 0.0, most_up, jerk)), rise)
+            climb = math.copysign(min(rate, _braking_speed(abs(rise), 0.0, up_max, jerk)), rise)
             change_x, change_y, change_z = speed * aim_x / aim - vx, speed * aim_y / aim - vy, climb - vz
 
-            # a long way at one velocity is one step, and so is a wait for the height
+            # a long distance at one velocity is one step, and so is a wait for the height
             step = STEP_S
             if moving > 0:
                 step = min(step, max(away, radius) / (2 * moving))
@@ -190,12 +176,12 @@ def _fly(xyz, speeds, stops, hold_s, limits, seconds):  # type: ignore[no-untype
             if is_steady and is_steady_up and not is_turning and not is_reached:
                 level_s, climb_s = 0.0, 0.0
                 if speed == speeds[k - 1]:
-                    braking = max(_braking_distance(speed, corner, most, jerk), radius)
+                    braking = max(_braking_distance(speed, corner, level_max, jerk), radius)
                     level_s = _steady_seconds(away - braking, speed)
                 elif away < radius / 2:
                     level_s, vx, vy = np.inf, 0.0, 0.0
                 if abs(climb) == rate:
-                    braking = max(_braking_distance(rate, 0.0, most_up, jerk), NEAR_M)
+                    braking = max(_braking_distance(rate, 0.0, up_max, jerk), NEAR_M)
                     climb_s = _steady_seconds(abs(rise) - braking, rate)
                 elif abs(rise) < NEAR_M / 2:
                     climb_s, vz = np.inf, 0.0
@@ -210,14 +196,14 @@ def _fly(xyz, speeds, stops, hold_s, limits, seconds):  # type: ignore[no-untype
             else:
                 spent += step
             if not is_steady:
-                wanted = _acceleration(change, most, jerk) / max(change, 1e-12)
-                add_x, add_y = wanted * change_x - ax, wanted * change_y - ay
+                target = _acceleration(change, level_max, jerk) / max(change, 1e-12)
+                add_x, add_y = target * change_x - ax, target * change_y - ay
                 share = min(1.0, jerk * step / max(_length(add_x, add_y), 1e-12))
                 ax, ay = ax + share * add_x, ay + share * add_y
                 vx, vy = vx + ax * step, vy + ay * step
             if not is_steady_up:
-                wanted = math.copysign(_acceleration(abs(change_z), most_up, jerk), change_z)
-                az += min(max(wanted - az, -jerk * step), jerk * step)
+                target = math.copysign(_acceleration(abs(change_z), up_max, jerk), change_z)
+                az += min(max(target - az, -jerk * step), jerk * step)
                 vz += az * step
             x, y, z = x + vx * step, y + vy * step, z + vz * step
         if not is_flown:

@@ -1,16 +1,80 @@
-"""Time of each leg of a flight without wind: acceleration, braking and corners as an autopilot flies them."""
+"""Time of each leg of a flight without wind: acceleration, braking and corners as an autopilot flies them.
 
+A change of speed with limited acceleration and jerk (S-curve) is symmetric: the acceleration rises, stays at
+its limit where the change is large enough, and falls, so the mean speed is that of its ends (L. Biagiotti and
+C. Melchiorri, Trajectory Planning for Automatic Machines and Robots, 2008, section 3.4). The jerk itself
+rises and falls within `jerk_rise_s`, like a raised cosine.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.flight.mission.braked import braked_seconds
-from uavseg.flight.mission.ramps import Ramp, largest
 from uavseg.flight.mission.vehicle import Vehicle
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+
+HALVINGS = 30  # of an interval, in a search for a root: to a thousandth of a millionth of it
+
+
+@dataclass(frozen=True, slots=True)
+class Ramp:
+    """Limits of a change of speed; the acceleration may be one for each leg, (n,)."""
+
+    acceleration_m_s2: Floats | float
+    jerk_m_s3: float
+    jerk_rise_s: float
+
+    def seconds(self, change_m_s: Floats) -> Floats:
+        """Return the time of a change of speed.
+
+        With acceleration a, jerk j and jerk rise r it is dv / a + a / j + r where a is reached, which is at
+        dv >= a (a / j + r); else 2 (u + r), with u (u + r) j = dv.
+
+        Examples
+        --------
+        >>> Ramp(2.0, 1.0, 0.0).seconds(np.array([0.0, 1.0, 10.0])).tolist()
+        [0.0, 2.0, 7.0]
+        """
+        a, j, r = self.acceleration_m_s2, self.jerk_m_s3, self.jerk_rise_s
+        rise = (np.sqrt(r * r + 4 * change_m_s / j) - r) / 2
+        short = 2 * (rise + r)
+        long = change_m_s / a + a / j + r
+        seconds: Floats = np.where(change_m_s >= a * (a / j + r), long, short) * (change_m_s > 0)
+        return seconds
+
+    def start(self, seconds: Floats, speed_m_s: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return distance, speed and acceleration at a time after the start, in the first half of the ramp.
+
+        The acceleration is taken to rise linearly, in the time that the whole ramp needs.
+        """
+        a, j, r = self.acceleration_m_s2, self.jerk_m_s3, self.jerk_rise_s
+        whole = self.seconds(speed_m_s)
+        rise = np.maximum(np.minimum(a / j + r, whole / 2), 1e-9)
+        peak = speed_m_s / np.maximum(whole - rise, 1e-9)
+        early, late = np.minimum(seconds, rise), np.maximum(seconds - rise, 0.0)
+        distance = peak * (early**3 / (6 * rise) + rise / 2 * late + late**2 / 2)
+        speed = peak * (early**2 / (2 * rise) + late)
+        return distance, speed, peak * early / rise
+
+
+def _largest(fits: Callable[[Floats], Bools], low: Floats, high: Floats) -> Floats:
+    """Return the largest values between low and high that fit, by bisection; low where none does."""
+    top = fits(high)
+    if top.all():
+        return np.array(high, float)
+    low, high = np.array(low, float), np.array(high, float)
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        inside = fits(middle)
+        low, high = np.where(inside, middle, low), np.where(inside, high, middle)
+    return np.where(top, high, low)
+
 
 SHORTEST_M = 1e-3  # a leg that is shorter is not flown
 
@@ -22,7 +86,7 @@ def leg_seconds(
     stops: Bools | None = None,
     hold_s: Floats | None = None,
 ) -> Floats:
-    """Time of each leg of a path that is flown from rest to rest.
+    """Compute the time of each leg of a path that is flown from rest to rest.
 
     Parameters
     ----------
@@ -32,10 +96,9 @@ def leg_seconds(
         Speed over ground, of each leg.
     vehicle : Vehicle
     stops : (n,) bool array, optional
-        Corners at which the vehicle stops, as for a hold; by default the first and the last, at which it
-        always does.
+        Corners at which the vehicle stops, as for a hold; it always stops at the first and the last.
     hold_s : (n,) float64 array, optional
-        How long it waits at each corner; by default not at all. This time is not part of the result.
+        Wait at each corner, by default 0. This time is not part of the result.
 
     Returns
     -------
@@ -84,7 +147,7 @@ def leg_seconds(
 
 
 def _blended(legs: Floats, speeds: Floats, vehicle: Vehicle, stops: Bools) -> Floats:
-    """S-curves from rest to rest, less the time by which each overlaps with the next."""
+    """Return the time of S-curves from rest to rest, less the time by which each overlaps with the next."""
     length = np.linalg.norm(legs, axis=1)
     flat, up = np.hypot(legs[:, 0], legs[:, 1]), legs[:, 2]
     vertical = np.where(up > 0, vehicle.climb_m_s, vehicle.descent_m_s)
@@ -93,7 +156,7 @@ def _blended(legs: Floats, speeds: Floats, vehicle: Vehicle, stops: Bools) -> Fl
     level, upward = (np.full(len(legs), one) for one in accelerations)
     acceleration = length * _slower(level, flat, upward, np.abs(up))
     ramp = Ramp(acceleration, vehicle.jerk_m_s3, vehicle.jerk_rise_s)
-    speed = largest(lambda v: v * ramp.seconds(v) <= length, np.full(len(legs), 1e-6), limit)
+    speed = _largest(lambda v: v * ramp.seconds(v) <= length, np.full(len(legs), 1e-6), limit)
     seconds: Floats = ramp.seconds(speed) + length / speed
     overlap = np.where(stops[1:-1], 0.0, _overlaps(legs / length[:, None], speed, limit, ramp, vehicle))
     seconds[:-1] -= overlap / 2
@@ -102,35 +165,33 @@ def _blended(legs: Floats, speeds: Floats, vehicle: Vehicle, stops: Bools) -> Fl
 
 
 def _slower(along: Floats, flat: Floats, vertical: Floats, height: Floats) -> Floats:
-    """A limit along a slope, in slope lengths: by its horizontal part, or by its vertical part."""
+    """Return a limit along a slope, in slope lengths: by its horizontal part, or by its vertical part."""
     with np.errstate(divide="ignore"):
         slower: Floats = np.minimum(along / flat, vertical / height)
     return slower
 
 
 def _overlaps(directions: Floats, speed: Floats, limit: Floats, ramp: Ramp, vehicle: Vehicle) -> Floats:
-    """Time by which each leg overlaps with the next."""
+    """Return the time by which each leg overlaps with the next."""
     if len(speed) < 2:
         return np.zeros(0)
     before, after = directions[:-1], directions[1:]
-    first, second = _part(ramp, slice(None, -1)), _part(ramp, slice(1, None))
+    accelerations = np.asarray(ramp.acceleration_m_s2)
+    first = replace(ramp, acceleration_m_s2=accelerations[:-1])
+    second = replace(ramp, acceleration_m_s2=accelerations[1:])
     slowest = np.minimum(limit[:-1], limit[1:])
 
     def fits(overlap: Floats) -> Bools:
         half = overlap / 2
-        way_in, speed_in, braking = first.start(half, speed[:-1])
-        way_out, speed_out, accelerating = second.start(half, speed[1:])
-        offset = way_out[:, None] * after - way_in[:, None] * before
+        before_m, speed_in, braking = first.start(half, speed[:-1])
+        after_m, speed_out, accelerating = second.start(half, speed[1:])
+        offset = after_m[:, None] * after - before_m[:, None] * before
         velocity = speed_out[:, None] * after + speed_in[:, None] * before
         turning = (accelerating[:, None] * after - braking[:, None] * before)[:, :2]
-        found: Bools = np.linalg.norm(offset, axis=1) <= vehicle.radius_m
-        found &= np.linalg.norm(velocity, axis=1) <= slowest * (1 + 1e-6)
-        found &= np.linalg.norm(turning, axis=1) <= vehicle.corner_acceleration_m_s2
-        return found
+        inside: Bools = np.linalg.norm(offset, axis=1) <= vehicle.radius_m
+        inside &= np.linalg.norm(velocity, axis=1) <= slowest * (1 + 1e-6)
+        inside &= np.linalg.norm(turning, axis=1) <= vehicle.corner_acceleration_m_s2
+        return inside
 
     longest = np.minimum(first.seconds(speed[:-1]), second.seconds(speed[1:]))
-    return largest(fits, np.zeros(len(longest)), longest)
-
-
-def _part(ramp: Ramp, some: slice) -> Ramp:
-    return Ramp(np.asarray(ramp.acceleration_m_s2)[some], ramp.jerk_m_s3, ramp.jerk_rise_s)
+    return _largest(fits, np.zeros(len(longest)), longest)

@@ -1,15 +1,18 @@
-"""A mission as map features: what .kml and .geojson files show, with all that a mission holds as attributes.
+"""Missions as map features: for .kml and .geojson files, tables, interactive maps and drawings.
 
-Home, items, fence and rally points are features of their own, from which the mission is read back; the line
+Home, items, fence and rally points are separate features, from which the mission is read back; the line
 of flight and the legs on which photographs are taken are only drawn.
 """
 
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from typing import Any
+from html import escape
+from typing import TYPE_CHECKING, Any
 
-from uavseg.errors import MissionError
+import numpy as np
+
+from uavseg.errors import MissingLibraryError, MissionError
 from uavseg.flight.mission.fence import Fence, FenceCircle, FencePolygon, RallyPoint
 from uavseg.flight.mission.items import (
     AUTOPILOTS,
@@ -26,79 +29,72 @@ from uavseg.flight.mission.mission import Mission
 from uavseg.plain_text import shown
 from uavseg.raster.geodesy.globe import geod_wgs84
 
+if TYPE_CHECKING:
+    from geopandas import GeoDataFrame
+
+
 Value = str | float | int | bool | None
 Place = tuple[float, float, float]  # lat, lon, metres
 HOME, ITEM, FENCE, RALLY, FLIGHT, PHOTOS = "home", "item", "fence", "rally", "flight", "photographs"
 ABOVE_SEA, ABOVE_HOME, ABOVE_TERRAIN = "sea", "home", "terrain"
 CIRCLE_SIDES = 72
-SINGLE, INTERVAL = "photograph", "interval"
+SINGLE = "photograph"
 
 
 @dataclass(frozen=True, slots=True)
-class Feature:
-    """One feature of a mission.
+class MissionFeature:
+    """One feature of a mission."""
 
-    Parameters
-    ----------
-    kind : str
-        "home", "item", "fence", "rally", or for drawing alone "flight" or "photographs".
-    shape : "Point", "LineString", "Polygon" or ""
-        Nothing for an item without position.
-    places : tuple of (lat, lon, metres)
-    heights : "home", "sea" or "terrain"
-        What the heights of the places are above.
-    values : dict
-        Attributes.
-    """
-
-    kind: str
-    shape: str
+    role: str  # "home", "item", "fence", "rally"; "flight" or "photographs" for drawing alone
+    shape: str  # "Point", "LineString", "Polygon"; empty for an item without position
     places: tuple[Place, ...]
-    heights: str = ABOVE_HOME
+    heights: str = ABOVE_HOME  # zero of the heights: "home", "sea" or "terrain"
     values: dict[str, Value] = field(default_factory=dict)
 
 
-def features_of(mission: Mission) -> list[Feature]:
-    """The features of a mission: what is drawn, then what it holds."""
+def features_of(mission: Mission) -> list[MissionFeature]:
+    """Return the features of a mission: those that are only drawn, then those that hold it."""
     home = mission.home
     about: dict[str, Value] = {"autopilot": mission.autopilot, "altitude_m": home.altitude_m}
     return [
         *_flight(mission),
-        Feature(HOME, "Point", ((home.lat, home.lon, home.altitude_m),), ABOVE_SEA, about),
+        MissionFeature(HOME, "Point", ((home.lat, home.lon, home.altitude_m),), ABOVE_SEA, about),
         *(_item(number, item) for number, item in enumerate(mission.items, start=1)),
         *(_fence(shape) for shape in mission.fence),
         *(
-            Feature(RALLY, "Point", ((p.lat, p.lon, p.altitude_m),), values={"altitude_m": p.altitude_m})
+            MissionFeature(
+                RALLY, "Point", ((p.lat, p.lon, p.altitude_m),), values={"altitude_m": p.altitude_m}
+            )
             for p in mission.rally
         ),
     ]
 
 
-def _item(number: int, item: MissionItem) -> Feature:
+def _item(number: int, item: MissionItem) -> MissionFeature:
     values: dict[str, Value] = {"number": number, "command": item.command, "frame": item.frame}
     values |= {f"param{n}": value for n, value in enumerate(item.params, start=1)}
     values |= {"altitude_m": item.altitude_m} | ({} if item.autocontinue else {"autocontinue": False})
     if item.has_position and not item.is_at_vehicle:
         place = (item.lat, item.lon, item.altitude_m)
-        return Feature(ITEM, "Point", (place,), _heights(item), values)
-    return Feature(ITEM, "", (), values=values | {"lat": item.lat, "lon": item.lon})
+        return MissionFeature(ITEM, "Point", (place,), _heights(item), values)
+    return MissionFeature(ITEM, "", (), values=values | {"lat": item.lat, "lon": item.lon})
 
 
 def _heights(item: MissionItem) -> str:
     return {FRAME_AMSL: ABOVE_SEA, FRAME_TERRAIN: ABOVE_TERRAIN}.get(item.frame, ABOVE_HOME)
 
 
-def _fence(shape: Fence) -> Feature:
+def _fence(shape: Fence) -> MissionFeature:
     if isinstance(shape, FencePolygon):
         ring = tuple((lat, lon, 0.0) for lat, lon in (*shape.vertices, shape.vertices[0]))
-        return Feature(FENCE, "Polygon", ring, values={"inclusion": shape.inclusion})
+        return MissionFeature(FENCE, "Polygon", ring, values={"inclusion": shape.inclusion})
     values: dict[str, Value] = {
         "inclusion": shape.inclusion,
         "lat": shape.lat,
         "lon": shape.lon,
         "radius_m": shape.radius_m,
     }
-    return Feature(FENCE, "Polygon", _circle(shape), values=values)
+    return MissionFeature(FENCE, "Polygon", _circle(shape), values=values)
 
 
 def _circle(circle: FenceCircle) -> tuple[Place, ...]:
@@ -110,8 +106,8 @@ def _circle(circle: FenceCircle) -> tuple[Place, ...]:
     return (*ring, ring[0])
 
 
-def _flight(mission: Mission) -> Iterator[Feature]:
-    """The line of flight, in pieces of equal meaning of heights, and the legs with photographs."""
+def _flight(mission: Mission) -> Iterator[MissionFeature]:
+    """Yield the line of flight, in pieces of one zero of heights, and the legs with photographs."""
     home = mission.home
     place, heights = (home.lat, home.lon, 0.0), ABOVE_HOME
     line: list[Place] = []
@@ -120,29 +116,29 @@ def _flight(mission: Mission) -> Iterator[Feature]:
         if item.command in {CAMERA_DISTANCE, IMAGE_START, IMAGE_STOP}:
             _set_trigger(photos, item)
             if photos.pop(SINGLE, 0.0):
-                yield Feature(PHOTOS, "Point", (place,), heights)
+                yield MissionFeature(PHOTOS, "Point", (place,), heights)
             continue
         if item.command == RETURN:
-            target, meaning = (home.lat, home.lon, place[2]), heights
+            target, zero = (home.lat, home.lon, place[2]), heights
         elif item.has_position:
             lat, lon = (place[0], place[1]) if item.is_at_vehicle else (item.lat, item.lon)
-            target, meaning = (lat, lon, item.altitude_m), _heights(item)
+            target, zero = (lat, lon, item.altitude_m), _heights(item)
         else:
             continue
-        start = place if meaning == heights else (*place[:2], target[2])
-        if line and meaning != heights:
-            yield Feature(FLIGHT, "LineString", tuple(line), heights)
+        start = place if zero == heights else (*place[:2], target[2])
+        if line and zero != heights:
+            yield MissionFeature(FLIGHT, "LineString", tuple(line), heights)
             line = []
         line += [target] if line else [start, target]
         if photos:
-            yield Feature(PHOTOS, "LineString", (start, target), meaning, dict(photos))
-        place, heights = target, meaning
+            yield MissionFeature(PHOTOS, "LineString", (start, target), zero, dict(photos))
+        place, heights = target, zero
     if len(line) > 1:
-        yield Feature(FLIGHT, "LineString", tuple(line), heights)
+        yield MissionFeature(FLIGHT, "LineString", tuple(line), heights)
 
 
 def _set_trigger(photos: dict[str, float], item: MissionItem) -> None:
-    """Distance or time between photographs from here on, or a single one."""
+    """Set the distance or time between photographs from here on, or a single one."""
     first, second, third, _ = (value or 0.0 for value in item.params)
     if item.command == CAMERA_DISTANCE:
         name, step = "distance_m", first
@@ -155,57 +151,64 @@ def _set_trigger(photos: dict[str, float], item: MissionItem) -> None:
         photos[name] = step
 
 
-def mission_of_features(features: Iterable[Feature], name: str) -> Mission:
-    """The mission that `features_of` wrote.
+def mission_of_features(features: Iterable[MissionFeature], name: str) -> Mission:
+    """Return the mission that `features_of` made features of, with a name.
 
     Raises
     ------
     MissionError
         If these are not the features of a mission, or it would not be safe.
     """
-    kinds: dict[str, list[Feature]] = {}
+    roles: dict[str, list[MissionFeature]] = {}
     for feature in features:
-        kinds.setdefault(feature.kind, []).append(feature)
-    if len(kinds.get(HOME, [])) != 1 or not kinds.get(ITEM):
+        roles.setdefault(feature.role, []).append(feature)
+    if len(roles.get(HOME, [])) != 1 or not roles.get(ITEM):
         raise MissionError("it holds no mission: it is not a file that uavseg wrote of one")
-    if unknown := sorted(kinds.keys() - {HOME, ITEM, FENCE, RALLY, FLIGHT, PHOTOS}):
+    if unknown := sorted(roles.keys() - {HOME, ITEM, FENCE, RALLY, FLIGHT, PHOTOS}):
         raise MissionError(f"it holds a {shown(unknown[0])}, which no mission has")
-    [home] = kinds[HOME]
+    [home] = roles[HOME]
     autopilot = str(home.values["autopilot"])
     if autopilot not in AUTOPILOTS:
         raise MissionError(f"its autopilot is {autopilot!r}; expected one of {', '.join(AUTOPILOTS)}")
-    numbered = [(int(_number(one, "number")), one) for one in kinds[ITEM]]
+    numbered = [(int(_number(one, "number")), one) for one in roles[ITEM]]
     items = sorted(numbered, key=lambda pair: pair[0])
     if [number for number, _ in items] != list(range(1, len(items) + 1)):
         raise MissionError("the numbers of its items are not 1, 2, 3 ...")
     return Mission(
-        HomePosition(*home.places[0][:2], _number(home, "altitude_m")),
-        tuple(_read_item(number, item) for number, item in items),
-        autopilot,
-        name,
-        fence=tuple(map(_read_fence, kinds.get(FENCE, []))),
+        home=HomePosition(*home.places[0][:2], _number(home, "altitude_m")),
+        items=tuple(_read_item(number, item) for number, item in items),
+        autopilot=autopilot,
+        name=name,
+        fence=tuple(map(_read_fence, roles.get(FENCE, []))),
         rally=tuple(
-            RallyPoint(*one.places[0][:2], _number(one, "altitude_m")) for one in kinds.get(RALLY, [])
+            RallyPoint(*one.places[0][:2], _number(one, "altitude_m")) for one in roles.get(RALLY, [])
         ),
     )
 
 
-def _read_item(number: int, feature: Feature) -> MissionItem:
+def _read_item(number: int, feature: MissionFeature) -> MissionItem:
     first, second, third, fourth = (_optional(feature, f"param{n}") for n in range(1, 5))
     if feature.places:
         lat, lon = feature.places[0][:2]
     else:
         lat, lon = _number(feature, "lat"), _number(feature, "lon")
     command, frame = int(_number(feature, "command")), int(_number(feature, "frame"))
-    params, altitude_m = (first, second, third, fourth), _number(feature, "altitude_m")
-    goes_on = _truth(feature, "autocontinue", True)
+    altitude_m, autocontinue = _number(feature, "altitude_m"), _truth(feature, "autocontinue", True)
     try:
-        return MissionItem(command, frame, params, lat, lon, altitude_m, goes_on)
+        return MissionItem(
+            command=command,
+            frame=frame,
+            params=(first, second, third, fourth),
+            lat=lat,
+            lon=lon,
+            altitude_m=altitude_m,
+            autocontinue=autocontinue,
+        )
     except MissionError as error:
         raise MissionError(f"item {number}: {error}") from error
 
 
-def _read_fence(feature: Feature) -> Fence:
+def _read_fence(feature: MissionFeature) -> Fence:
     inclusion = _truth(feature, "inclusion")
     if feature.values.get("radius_m") is not None:
         lat, lon, radius_m = (_number(feature, key) for key in ("lat", "lon", "radius_m"))
@@ -213,40 +216,124 @@ def _read_fence(feature: Feature) -> Fence:
     return FencePolygon(tuple(place[:2] for place in feature.places), inclusion)
 
 
-def _truth(feature: Feature, key: str, default: bool | None = None) -> bool:
+def _truth(feature: MissionFeature, key: str, default: bool | None = None) -> bool:
     value = feature.values.get(key, default)
     if not isinstance(value, bool):
-        raise MissionError(f"{key} of a {feature.kind} is {shown(value)}; expected true or false")
+        raise MissionError(f"{key} of a {feature.role} is {shown(value)}; expected true or false")
     return value
 
 
-def _optional(feature: Feature, key: str) -> float | None:
+def _optional(feature: MissionFeature, key: str) -> float | None:
     return None if feature.values.get(key) is None else _number(feature, key)
 
 
-def _number(feature: Feature, key: str) -> float:
+def _number(feature: MissionFeature, key: str) -> float:
     value = feature.values[key]
     if isinstance(value, bool) or not isinstance(value, float | int) or not math.isfinite(value):
-        raise MissionError(f"{key} of a {feature.kind} is {value!r}; expected a number")
+        raise MissionError(f"{key} of a {feature.role} is {value!r}; expected a number")
     return float(value)
 
 
-def as_geojson(feature: Feature) -> dict[str, Any]:
-    """A feature of a mission as GeoJSON has it."""
-    properties: dict[str, Any] = {"kind": feature.kind, **feature.values}
-    if feature.shape in {"Point", "LineString"}:
-        properties["height_above"] = feature.heights
-    if feature.shape == "LineString":
-        properties["heights_m"] = [place[2] for place in feature.places]
-    return {"type": "Feature", "geometry": _geometry(feature), "properties": properties}
-
-
-def _geometry(feature: Feature) -> dict[str, Any] | None:
-    if not feature.shape:
-        return None
+def as_geojson(feature: MissionFeature) -> dict[str, Any]:
+    """Return a feature of a mission as a GeoJSON Feature."""
+    properties: dict[str, Any] = {"kind": feature.role, **feature.values}
     coordinates: Any = [[lon, lat] for lat, lon, _ in feature.places]
+    if feature.shape == "Polygon":
+        coordinates = [coordinates[::-1]]  # counter-clockwise, as RFC 7946 requires
+    elif feature.shape:
+        properties["height_above"] = feature.heights
     if feature.shape == "Point":
         coordinates = coordinates[0]
-    elif feature.shape == "Polygon":
-        coordinates = [coordinates[::-1]]  # counter-clockwise, as RFC 7946 asks for
-    return {"type": feature.shape, "coordinates": coordinates}
+    elif feature.shape == "LineString":
+        properties["heights_m"] = [place[2] for place in feature.places]
+    geometry = {"type": feature.shape, "coordinates": coordinates} if feature.shape else None
+    return {"type": "Feature", "geometry": geometry, "properties": properties}
+
+
+_WIDTH, _HEIGHT = 360, 240  # pixels of the drawing, at most
+_COLORS = {FENCE: "#c0392b", FLIGHT: "#1f6fb2", PHOTOS: "#e08a00", ITEM: "#1f6fb2", RALLY: "#2e8b57"}
+_HOME_COLOR = "#111111"
+_POINTS = {ITEM, RALLY, HOME}  # lines and areas are drawn by their outline
+_DRAWN = (FENCE, FLIGHT, PHOTOS, RALLY, HOME)  # the last one on top
+
+
+def to_geodataframe(mission: Mission) -> "GeoDataFrame":
+    """Return the features of a mission, as its .geojson file has them: see `Mission.to_geodataframe`."""
+    import geopandas
+
+    features = [as_geojson(feature) for feature in features_of(mission)]
+    return geopandas.GeoDataFrame.from_features(features, crs="EPSG:4326")
+
+
+def explore(*missions: Mission, **options: Any) -> Any:
+    """Draw missions on an interactive map: see `Mission.explore`."""
+    for mission in missions:
+        frame = to_geodataframe(mission)
+        frame = frame[~frame.geometry.isna()].dropna(axis="columns", how="all")
+        try:
+            for role in (FENCE, FLIGHT, PHOTOS, RALLY, ITEM, HOME):
+                rows = frame[frame["kind"] == role].dropna(axis="columns", how="all")
+                if len(rows):
+                    style = {"fill": role in _POINTS, "weight": 4 if role == PHOTOS else 2}
+                    color = _COLORS.get(role, _HOME_COLOR)
+                    options["m"] = rows.explore(color=color, name=role, style_kwds=style, **options)
+        except ImportError as error:
+            raise MissingLibraryError(
+                f'interactive maps need folium and mapclassify: pip install "uavseg[explore]" ({error})'
+            ) from error
+    return options["m"]
+
+
+def as_html(mission: Mission) -> str:
+    """Return a summary of a mission, a drawing of it, north up, and its warnings."""
+    summary = [
+        f"{len(mission.items):,} items for {mission.autopilot}",
+        f"{mission.distance_m:,.0f} m",
+        f"about {mission.duration_s / 60:.1f} min",
+    ]
+    title = f"{mission.name}: " if mission.name else ""
+    warnings = "".join(f"<li>{escape(text)}</li>" for text in mission.warnings)
+    warned = f"<ul>{warnings}</ul>" if warnings else ""
+    return f"<div><p>{escape(title + ', '.join(summary))}</p>{_drawing(mission)}{warned}</div>"
+
+
+def _drawing(mission: Mission) -> str:
+    """Draw fence, flight, legs with photographs and home as SVG, in local metres."""
+    features = [feature for feature in features_of(mission) if feature.role in _DRAWN]
+    features.sort(key=lambda feature: _DRAWN.index(feature.role))
+    home = np.array([mission.home.lat, mission.home.lon])
+    degree = np.array([1.0, np.cos(np.radians(mission.home.lat))])  # lengths, against one of latitude
+    lines = [_from_home(feature, home) * degree for feature in features]
+    low, high = np.vstack(lines).min(axis=0), np.vstack(lines).max(axis=0)
+    extent = np.maximum(high - low, 1e-9)
+    scale = min(_HEIGHT / extent[0], _WIDTH / extent[1])
+    shapes = "".join(
+        _shape(feature, np.column_stack([line[:, 1] - low[1], high[0] - line[:, 0]]) * scale + 4)
+        for feature, line in zip(features, lines, strict=True)
+    )
+    legend = "".join(
+        f'<span style="color: {_COLORS.get(role, _HOME_COLOR)}">■</span> {role} · '
+        for role in dict.fromkeys(feature.role for feature in features)
+    )
+    size = f'width="{extent[1] * scale + 8:.0f}" height="{extent[0] * scale + 8:.0f}"'
+    svg = f'<svg xmlns="http://www.w3.org/2000/svg" {size}><g fill="none">{shapes}</g></svg>'
+    return f"{svg}<p><small>{legend}</small></p>"
+
+
+def _from_home(feature: MissionFeature, home: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Return degrees from home, over the antimeridian where that is shorter."""
+    degrees: np.ndarray[Any, Any] = np.array([place[:2] for place in feature.places]) - home
+    degrees[:, 1] = (degrees[:, 1] + 180) % 360 - 180
+    return degrees
+
+
+def _shape(feature: MissionFeature, points: np.ndarray[Any, Any]) -> str:
+    color = _COLORS.get(feature.role, _HOME_COLOR)
+    if feature.shape == "Point":
+        (x, y), radius = points[0], 1.5 if feature.role == PHOTOS else 4
+        return f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius}" fill="{color}"/>'
+    path = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
+    width = 2.5 if feature.role == PHOTOS else 1
+    is_exclusion = feature.role == FENCE and not feature.values.get("inclusion", True)
+    fill = f' fill="{color}" fill-opacity="0.3"' if is_exclusion else ""
+    return f'<polyline points="{path}" stroke="{color}" stroke-width="{width}"{fill}/>'

@@ -26,7 +26,7 @@ class FencePolygon:
     Raises
     ------
     MissionError
-        If a vertex is not on Earth, there are fewer than three, or the outline crosses or touches itself.
+        If a vertex is not on Earth, there are fewer than three, or the outline is not simple.
     """
 
     vertices: tuple[Position, ...]
@@ -125,7 +125,7 @@ Fence = FencePolygon | FenceCircle
 
 
 def _clockwise(vertices: tuple[Position, ...]) -> tuple[Position, ...]:
-    """The vertices clockwise as seen from above, from the same first one; checks that the ring is simple."""
+    """Return the vertices clockwise as seen from above, from the same first one; refuse rings not simple."""
     first = vertices[0][1]
     unwrapped = [(first + (lon - first + 180) % 360 - 180, lat) for lat, lon in vertices]  # antimeridian
     ring = shapely.LinearRing(unwrapped)

@@ -1,4 +1,4 @@
-"""The path that a mission is flown along: its legs in metres with their times, holds and photographs."""
+"""Flight path of a mission: its legs in metres with their times, holds and photographs."""
 
 import math
 from dataclasses import dataclass, field
@@ -35,44 +35,24 @@ CIRCLE_M = 10.0
 
 @dataclass(frozen=True, slots=True)
 class FlownPath:
-    """The legs of a mission, for n positions.
+    """Legs of a mission, for n positions."""
 
-    Parameters
-    ----------
-    xyz_m : (n, 3) float64 array
-        Metres east, north and above home; home first.
-    seconds : (n - 1,) float64 array
-    part : (n - 1,) array of "climb", "flight" or "return"
-    hold_s, rise_m : (n,) float64 arrays
-        Wait at each position, and how far the ground there lies above home, 0 where it is not known.
-    photographs : (n - 1,) int64 array
-        Photographs on each leg; those taken while waiting count on the leg before.
-    shots : tuple of ShotRun
-        Where they are taken.
-    return_hold_s, landing_s : float
-    is_line : (n - 1,) bool array
-        Whether photographs are taken along the leg, by distance or time.
-    has_shot : (n,) bool array
-        Whether a single photograph is taken at the position.
-    """
-
-    xyz_m: Floats
-    seconds: Floats
-    part: NDArray[np.str_]
-    hold_s: Floats
-    rise_m: Floats
-    photographs: NDArray[np.int64]
+    xyz_m: Floats  # (n, 3), metres east, north and above home; home first
+    seconds: Floats  # (n - 1,)
+    part: NDArray[np.str_]  # (n - 1,), "climb", "flight" or "return"
+    hold_s: Floats  # (n,), wait at each position
+    rise_m: Floats  # (n,), height of the ground there above home; 0 where not known
+    photographs: NDArray[np.int64]  # (n - 1,), on each leg; those taken while waiting count on the leg before
     shots: tuple["ShotRun", ...]
     return_hold_s: float
     landing_s: float
-    is_line: NDArray[np.bool_]
-    has_shot: NDArray[np.bool_]
+    is_line: NDArray[np.bool_]  # (n - 1,), whether photographs are taken along the leg, by distance or time
+    has_shot: NDArray[np.bool_]  # (n,), whether a single photograph is taken
 
     @property
     def length_m(self) -> Floats:
         """Length of each leg over ground."""
-        steps = np.diff(self.xyz_m[:, :2], axis=0)
-        lengths: Floats = np.hypot(*steps.T)
+        lengths: Floats = np.hypot(*np.diff(self.xyz_m[:, :2], axis=0).T)
         return lengths
 
     @property
@@ -84,15 +64,7 @@ class FlownPath:
 
 @dataclass(frozen=True, slots=True)
 class ShotRun:
-    """Photographs at even steps along a leg.
-
-    Parameters
-    ----------
-    leg, count : int
-    first, step : float
-        Where the first is taken, and how far each is from the one before, as shares of the leg: 0 is its
-        start, 1 its end.
-    """
+    """Photographs at even steps along a leg; place of the first and step are shares of the leg."""
 
     leg: int
     count: int
@@ -102,7 +74,7 @@ class ShotRun:
 
 @dataclass(slots=True)
 class _Walk:
-    """Positions, and what is asked for on the leg to each and at each."""
+    """Positions so far, with speed, part and triggers of the leg to each, and stops and holds at each."""
 
     xyz: list[Place]
     speed: list[float] = field(default_factory=list)
@@ -129,7 +101,13 @@ class _Walk:
 
 
 def flown_path(mission: Mission, vehicle: Vehicle) -> FlownPath:
-    """The legs of a mission as a vehicle flies them: up, along its items, back where it returns."""
+    """Return the legs of a mission as a vehicle flies them: up, along its items, back where it returns.
+
+    Parameters
+    ----------
+    mission : Mission
+    vehicle : Vehicle
+    """
     plane = Plane(mission.home.lat, mission.home.lon)
     walk = _Walk([(0.0, 0.0, 0.0)])
     speed, trigger, ends = CRUISE_M_S, (0.0, 0.0), ""
@@ -152,7 +130,8 @@ def flown_path(mission: Mission, vehicle: Vehicle) -> FlownPath:
             ends = "return"
             break
         elif item.has_position:
-            walk.go(_place(item, mission, plane, walk.xyz[-1]), speed, _part(item), trigger)
+            part = "climb" if item.command in TAKEOFFS else "flight"
+            walk.go(_place(item, mission, plane, walk.xyz[-1]), speed, part, trigger)
             if mission.ground is not None:
                 home = (mission.home.lat, mission.home.lon)
                 walk.rise[-1] = mission.ground.rise_m(home, (item.lat, item.lon))
@@ -175,10 +154,6 @@ def _place(item: MissionItem, mission: Mission, plane: Plane, before: Place) -> 
     return float(x), float(y), height
 
 
-def _part(item: MissionItem) -> str:
-    return "climb" if item.command in TAKEOFFS else "flight"
-
-
 def _hold_s(item: MissionItem, speed: float) -> float:
     first = abs(item.params[0] or 0.0)
     if item.command in {WAYPOINT, LOITER_TIME}:
@@ -189,12 +164,12 @@ def _hold_s(item: MissionItem, speed: float) -> float:
 
 
 def _return(walk: _Walk, vehicle: Vehicle) -> None:
-    """Up to the height of the return where that is higher, then straight home."""
+    """Climb to the height of the return where that is higher, then go straight home."""
     x, y, height = walk.xyz[-1]
     walk.stop[-1] = True
-    above = min(vehicle.return_height_m, vehicle.return_slope * math.hypot(x, y))
-    if above > height:
-        height = above
+    return_height = min(vehicle.return_height_m, vehicle.return_slope * math.hypot(x, y))
+    if return_height > height:
+        height = return_height
         walk.go((x, y, height), vehicle.return_speed_m_s, "return", (0.0, 0.0))
     walk.go((0.0, 0.0, height), vehicle.return_speed_m_s, "return", (0.0, 0.0))
 
@@ -204,41 +179,35 @@ def _path(walk: _Walk, vehicle: Vehicle, ends: str) -> FlownPath:
     hold = np.array(walk.hold)
     seconds = leg_seconds(xyz, np.array(walk.speed, np.float64), vehicle, np.array(walk.stop), hold)
     climbs = np.flatnonzero(np.array(walk.part) == "climb")
-    seconds[climbs] += _first_metres_s(np.diff(xyz[:, 2])[climbs], vehicle)
+    slow_m = np.clip(np.diff(xyz[:, 2])[climbs], 0.0, vehicle.takeoff_height_m)  # climbs begin slowly
+    seconds[climbs] += slow_m * (1 / vehicle.takeoff_m_s - 1 / vehicle.climb_m_s)
     shots = _shots(walk, np.hypot(*np.diff(xyz[:, :2], axis=0).T), seconds + hold[1:])
     photographs = np.zeros(len(seconds), np.int64)
     for run in shots:
         photographs[run.leg] += run.count
     return FlownPath(
-        xyz,
-        seconds,
-        np.array(walk.part, dtype="<U6"),
-        hold,
-        np.array(walk.rise),
-        photographs,
-        shots,
-        vehicle.return_hold_s if ends == "return" else 0.0,
-        landing_seconds(float(xyz[-1, 2]), vehicle) if ends else 0.0,
-        np.array([any(trigger) for trigger in walk.trigger], np.bool_),
-        np.array([False, *(shots > 0 for shots in walk.shots)], np.bool_),
+        xyz_m=xyz,
+        seconds=seconds,
+        part=np.array(walk.part, dtype="<U6"),
+        hold_s=hold,
+        rise_m=np.array(walk.rise),
+        photographs=photographs,
+        shots=shots,
+        return_hold_s=vehicle.return_hold_s if ends == "return" else 0.0,
+        landing_s=landing_seconds(float(xyz[-1, 2]), vehicle) if ends else 0.0,
+        is_line=np.array([any(trigger) for trigger in walk.trigger], np.bool_),
+        has_shot=np.array([False, *(shots > 0 for shots in walk.shots)], np.bool_),
     )
 
 
-def _first_metres_s(climb_m: Floats, vehicle: Vehicle) -> Floats:
-    """Time that climbs take longer because they begin slowly."""
-    slow = np.clip(climb_m, 0.0, vehicle.takeoff_height_m)
-    longer: Floats = slow * (1 / vehicle.takeoff_m_s - 1 / vehicle.climb_m_s)
-    return longer
-
-
 def landing_seconds(height_m: float, vehicle: Vehicle) -> float:
-    """Time of a descent to the ground, the last metres slowly."""
+    """Return the time of a vehicle's descent from a height to the ground, the last metres slowly."""
     slow = min(max(height_m, 0.0), vehicle.landing_height_m)
     return slow / vehicle.landing_m_s + max(height_m - slow, 0.0) / vehicle.descent_m_s
 
 
 def _shots(walk: _Walk, length: Floats, seconds: Floats) -> tuple[ShotRun, ...]:
-    """Photographs of each leg: a distance or a time goes on over the corners until it is changed."""
+    """Return the photographs of each leg: a distance or time continues over corners until it is changed."""
     runs: list[ShotRun] = []
     carried, before = 0.0, (0.0, 0.0)
     for leg, (trigger, shots) in enumerate(zip(walk.trigger, walk.shots, strict=True)):

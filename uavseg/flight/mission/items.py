@@ -1,10 +1,7 @@
-"""MAVLink mission items and the home position, each with its own checks."""
+"""MAVLink mission items and the home position, checked when they are made."""
 
 import math
 from dataclasses import dataclass
-from typing import Any
-
-import numpy as np
 
 from uavseg.errors import MissionError
 from uavseg.raster.geodesy.globe import geod_wgs84
@@ -82,9 +79,9 @@ class MissionItem:
     lat, lon : float
         Degrees, WGS 84. Not used by commands without position.
     altitude_m : float
-        Metres, relative to what `frame` says.
+        Metres above the zero of `frame`.
     autocontinue : bool
-        Whether the next item follows by itself. ArduPilot always goes on; PX4 waits where it is False.
+        Whether the next item follows by itself. ArduPilot always continues; PX4 waits where it is False.
 
     Raises
     ------
@@ -121,7 +118,7 @@ class MissionItem:
 
     @property
     def is_at_vehicle(self) -> bool:
-        """Whether the item is at the vehicle's own position: a takeoff or landing at 0, 0."""
+        """Whether the item is at the position of the vehicle: a takeoff or landing at 0, 0."""
         return self.command in {*TAKEOFFS, *LANDINGS} and self.lat == 0 and self.lon == 0
 
 
@@ -166,7 +163,7 @@ def _check_speed(item: MissionItem) -> None:
 
 
 def check_position(lat: float, lon: float, what: str) -> None:
-    """Raise MissionError unless a position is on Earth; `what` names it in the message."""
+    """Refuse a position, in degrees, that is not on Earth; `what` names it in the message (MissionError)."""
     if not (math.isfinite(lat) and math.isfinite(lon)):
         raise MissionError(f"{what} lies at lat {lat}, lon {lon}; both must be finite numbers")
     if not (-90 <= lat <= 90 and -180 <= lon <= 180):
@@ -177,10 +174,15 @@ def check_position(lat: float, lon: float, what: str) -> None:
 
 
 def check_accepted(item: MissionItem, autopilot: str, number: int) -> None:
-    """Raise MissionError for an item that the autopilot refuses or is known to fly differently.
+    """Refuse an item that the autopilot refuses or is known to fly differently (MissionError).
 
-    For "generic", an item must be one that ArduPilot and PX4 both accept. The number of the item is for the
-    message.
+    Parameters
+    ----------
+    item : MissionItem
+    autopilot : str
+        For "generic", ArduPilot and PX4 must both accept the item.
+    number : int
+        Of the item, for the message.
     """
     try:
         if autopilot != "px4":
@@ -212,7 +214,7 @@ def _check_px4(item: MissionItem) -> None:
 
 
 def check_near(home: HomePosition, lat: float, lon: float) -> None:
-    """Raise MissionError if the first position to fly to is more than 20 km from home."""
+    """Refuse a first position to fly to, in degrees, more than 20 km from home (MissionError)."""
     away = distance_m(home.lat, home.lon, lat, lon)
     if away <= MAX_FIRST_LEG_M:
         return
@@ -229,11 +231,5 @@ def check_near(home: HomePosition, lat: float, lon: float) -> None:
 
 
 def distance_m(lat: float, lon: float, other_lat: float, other_lon: float) -> float:
-    """Geodesic distance between two positions in metres."""
+    """Return the geodesic distance in metres between two positions in degrees."""
     return float(geod_wgs84().inv(lon, lat, other_lon, other_lat)[2])
-
-
-def round_degrees(degrees: Any) -> list[float]:
-    """Latitudes or longitudes as they are written to files."""
-    rounded: list[float] = np.round(degrees, DEGREE_DECIMALS).tolist()
-    return rounded

@@ -1,16 +1,17 @@
 """Missions: home and items, their length and duration, safety checks and warnings."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from uavseg.errors import MissionError
 from uavseg.flight.camera.photos import Photos
 from uavseg.flight.mission.fence import Fence, FenceCircle, RallyPoint
-from uavseg.flight.mission.ground import Ground
 from uavseg.flight.mission.items import (
     AUTOPILOTS,
     CHANGE_SPEED,
@@ -27,7 +28,6 @@ from uavseg.flight.mission.items import (
     check_near,
     distance_m,
 )
-from uavseg.flight.mission.survey_block import SurveyBlock
 from uavseg.flight.mission.vehicle import Vehicle
 from uavseg.raster.geodesy.globe import geod_wgs84
 
@@ -36,13 +36,56 @@ if TYPE_CHECKING:
 
     from uavseg.flight.mission.estimate import Estimate
 
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ground:
+    """Heights of the ground below a mission, from an elevation model."""
+
+    # height of the ground at (lat, lon) of items and home, above one and the same zero
+    below_m: Mapping[tuple[float, float], float]
+    lowest_m: float  # minimum height of the flight above the ground; takeoff and landing aside
+    highest_m: float  # maximum
+
+    def rise_m(self, home: tuple[float, float], place: tuple[float, float]) -> float:
+        """Return the height of the ground at a place above that at home; 0 where one is not known."""
+        if home not in self.below_m or place not in self.below_m:
+            return 0.0
+        return self.below_m[place] - self.below_m[home]
+
+
+Position = tuple[float, float]  # lat, lon in degrees, WGS 84
+NEARLY_CONVEX = 0.9  # of the area of its convex hull
+
+
+@dataclass(frozen=True, slots=True)
+class SurveyBlock:
+    """A cell of a survey that a ground station could plan again, and the waypoints of the lines over it."""
+
+    outline: tuple[Position, ...]  # of the cell, first vertex not repeated; empty if it has holes
+    # ends of its lines in the order of flight, or in reverse; empty if it is not flown line by line
+    waypoints: tuple[Position, ...]
+    angle_deg: float  # azimuth of the lines, clockwise from north
+    spacing_m: float
+    height_m: float  # above home
+    photos: Photos | None = None
+
+    @property
+    def is_editable(self) -> bool:
+        """Whether the cell is nearly convex, so that lines of any azimuth cross its outline twice."""
+        if len(self.outline) < 3 or len(self.waypoints) < 2:
+            return False
+        cell = shapely.Polygon([(lon, lat) for lat, lon in self.outline])
+        return bool(cell.is_valid and cell.area >= NEARLY_CONVEX * cell.convex_hull.area)
+
+
 BOARD_CAPACITY = {"ardupilot": 650, "px4": 500, "generic": 500}  # items that common boards store
 USUAL_MAX_HEIGHT_M = 120.0  # what most countries allow without a permit
 LONG_FLIGHT_S = 30 * 60.0
 FULL_BATTERY = 0.8  # share that is usually flown, the rest is a reserve
 CRUISE_M_S = 5.0
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,8 +96,8 @@ class Mission:
 
     Parameters
     ----------
-    home : Home
-    items : tuple of Item
+    home : HomePosition
+    items : tuple of MissionItem
         Without home; takeoff first.
     autopilot : "ardupilot", "px4" or "generic"
         The autopilot the mission is for; "generic" for any, with only what ArduPilot and PX4 both accept.
@@ -67,16 +110,16 @@ class Mission:
     rally : tuple of RallyPoint
         Places to which it may return instead of home.
     blocks : tuple of SurveyBlock
-        Parts that a ground station could plan again; not compared.
+        Not compared.
     vehicle : Vehicle, optional
-        What flies it, for estimates; by default a multirotor with the parameters of its autopilot. Neither
-        compared nor written to files, like `photos`.
+        For estimates; by default a multirotor with the parameters of the autopilot. Neither compared nor
+        written to files, like those that follow.
     photos : Photos, optional
-        How it photographs, for estimates.
+        For estimates.
     ground : Ground, optional
-        The ground below it, where the planner knows it; neither compared nor written to files.
+        The ground below it, where the planner knows it.
     endurance_s : float, optional
-        Time in the air on a full battery, where the planner knows it; neither compared nor written to files.
+        Time in the air on a full battery, where the planner knows it.
 
     Raises
     ------
@@ -116,36 +159,36 @@ class Mission:
             check_accepted(item, self.autopilot, number)
         _check_distances(self)
         _check_fence(self)
-        by_kind = sorted(self.fence, key=lambda shape: isinstance(shape, FenceCircle))
-        object.__setattr__(self, "fence", tuple(by_kind))
+        polygons_first = sorted(self.fence, key=lambda shape: isinstance(shape, FenceCircle))
+        object.__setattr__(self, "fence", tuple(polygons_first))
 
     @property
     def speed_m_s(self) -> float:
         """Speed over ground, from the first item that sets it, or else 5 m/s."""
-        asked = (item.params[1] or 0.0 for item in self.items if item.command == CHANGE_SPEED)
-        return next((speed for speed in asked if speed > 0), CRUISE_M_S)
+        speeds = (item.params[1] or 0.0 for item in self.items if item.command == CHANGE_SPEED)
+        return next((speed for speed in speeds if speed > 0), CRUISE_M_S)
 
     @property
     def speed_range_m_s(self) -> tuple[float, float]:
-        """Least and greatest speed over ground that is asked for on the way to an item, takeoff aside."""
+        """Minimum and maximum requested speed over ground on legs to items, takeoff aside."""
         items = (item for item in self.items if item.has_position)
-        flown = zip(items, self.leg_speeds_m_s, strict=True)
-        found = [speed for item, speed in flown if item.command not in TAKEOFFS]
-        return min(found), max(found)
+        legs = zip(items, self.leg_speeds_m_s, strict=True)
+        speeds = [speed for item, speed in legs if item.command not in TAKEOFFS]
+        return min(speeds), max(speeds)
 
     @property
     def leg_speeds_m_s(self) -> tuple[float, ...]:
-        """The speed over ground that is asked for on the way to each item with a position.
+        """Requested speed over ground on the leg to each item with a position.
 
         Before the first item that sets a speed, it is that one.
         """
-        speed, found = self.speed_m_s, []
+        speed, speeds = self.speed_m_s, []
         for item in self.items:
             if item.command == CHANGE_SPEED and (item.params[0] or 0) <= 1 and (item.params[1] or 0) > 0:
                 speed = float(item.params[1] or speed)
             elif item.has_position:
-                found.append(speed)
-        return tuple(found)
+                speeds.append(speed)
+        return tuple(speeds)
 
     @property
     def path(self) -> tuple[Floats, Floats, Floats]:
@@ -165,7 +208,7 @@ class Mission:
         return lat_, lon_, height
 
     def height_above_home_m(self, item: MissionItem) -> float:
-        """Height of an item above home; one above the terrain needs `ground`, see `path`."""
+        """Return the height of an item above home; one above the terrain needs `ground`, see `path`."""
         if item.frame == FRAME_AMSL:
             return item.altitude_m - self.home.altitude_m
         if item.frame != FRAME_TERRAIN or self.ground is None:
@@ -177,7 +220,7 @@ class Mission:
     def distance_m(self) -> float:
         """Length of the flight over ground in metres, including a return."""
         lat, lon, _ = self.path
-        return float(_leg_lengths(lat, lon).sum())
+        return float(np.sum(geod_wgs84().inv(lon[:-1], lat[:-1], lon[1:], lat[1:])[2]))
 
     @property
     def estimate(self) -> "Estimate":
@@ -194,11 +237,11 @@ class Mission:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings for the pilot: the notes, too many items, great height, long duration."""
-        found = list(self.notes)
+        warnings = list(self.notes)
         capacity = BOARD_CAPACITY[self.autopilot]
         with_autopilot = "" if self.autopilot == "generic" else f" with {self.autopilot}"
         if len(self.items) > capacity:
-            found.append(
+            warnings.append(
                 f"{len(self.items)} items: many boards{with_autopilot} hold {capacity}; "
                 "split the mission or choose fewer regions"
             )
@@ -206,52 +249,51 @@ class Mission:
         if self.ground is not None:
             zero, highest = "the ground", round(self.ground.highest_m, 1)
         if highest > USUAL_MAX_HEIGHT_M:
-            found.append(
+            warnings.append(
                 f"{highest:g} m above {zero} is more than most countries allow without a permit (120 m)"
             )
-        found += self._endurance_warnings()
+        warnings += self._endurance_warnings()
         waiting = [number for number, item in enumerate(self.items, start=1) if not item.autocontinue]
         if waiting:
             more = f" (and {len(waiting) - 1} more)" if len(waiting) > 1 else ""
             waits = "ArduPilot does not wait there, but goes on"
             if self.autopilot != "ardupilot":
                 waits = "the vehicle waits there until it is sent on, for which no time is estimated"
-            found.append(f"item {waiting[0]}{more} has autocontinue 0: {waits}")
-        return tuple(found)
+            warnings.append(f"item {waiting[0]}{more} has autocontinue 0: {waits}")
+        return tuple(warnings)
 
     def to_geodataframe(self) -> "GeoDataFrame":
-        """The mission as map features in WGS 84, as its .geojson file has them.
+        """Return the mission as map features in WGS 84, as its .geojson file has them.
 
         Returns
         -------
         GeoDataFrame
             Rows for home, items (some without geometry), fence and rally points, and of `kind`
-            "flight" and "photographs" for what is flown. `height_above` says from where heights count.
+            "flight" and "photographs" for the path. `height_above` is the zero of heights.
         """
-        from uavseg.flight.mission.frame import to_geodataframe
+        from uavseg.flight.mission.features import to_geodataframe
 
         return to_geodataframe(self)
 
-    def explore(self, **words: Any) -> Any:
-        """An interactive map (folium.Map) of the mission, for notebooks.
+    def explore(self, **options: Any) -> Any:
+        """Draw the mission on an interactive map (folium.Map), for notebooks.
 
         Parameters
         ----------
-        **words
-            As of `geopandas.GeoDataFrame.explore`, such as `tiles` or `m`, a map to draw on.
+        **options
+            Of `geopandas.GeoDataFrame.explore`, such as `tiles` or `m`, a map to draw on.
 
         Raises
         ------
         MissingLibraryError
             If folium or mapclassify is not installed.
         """
-        from uavseg.flight.mission.frame import explore
+        from uavseg.flight.mission.features import explore
 
-        return explore(self, **words)
+        return explore(self, **options)
 
     def _repr_html_(self) -> str:
-        """For notebooks: facts, a drawing and the warnings."""
-        from uavseg.flight.mission.frame import as_html
+        from uavseg.flight.mission.features import as_html
 
         return as_html(self)
 
@@ -300,8 +342,3 @@ def _check_fence(mission: Mission) -> None:
                     f"{what} lies {away / 1000:.0f} km from home; "
                     f"at most {MAX_DISTANCE_M / 1000:.0f} km are allowed"
                 )
-
-
-def _leg_lengths(lat: Floats, lon: Floats) -> Floats:
-    lengths: Floats = geod_wgs84().inv(lon[:-1], lat[:-1], lon[1:], lat[1:])[2]
-    return np.asarray(lengths, dtype=np.float64)

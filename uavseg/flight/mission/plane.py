@@ -24,12 +24,12 @@ class Plane:
     lon: float
 
     def xy_from_lonlat(self, lon: Any, lat: Any) -> tuple[Floats, Floats]:
-        """Metres east and north of the centre."""
+        """Return metres east and north of the centre."""
         x, y = _projection(self.lat, self.lon)(np.asarray(lon, float), np.asarray(lat, float))
         return x, y
 
     def lonlat_from_xy(self, x: Any, y: Any) -> tuple[Floats, Floats]:
-        """Degrees, longitude in [-180, 180]."""
+        """Return degrees, longitude in [-180, 180]."""
         lon, lat = _projection(self.lat, self.lon)(np.asarray(x, float), np.asarray(y, float), inverse=True)
         return lon, lat
 
@@ -60,9 +60,14 @@ class Plane:
 
 
 def plane_around(bounds: NDArray[np.float64], lon: float) -> Plane:
-    """The plane around the middle of bounding boxes (N, 4: west, south, east, north in degrees).
+    """Return the plane around the middle of bounding boxes.
 
-    Longitudes are relative to `lon`, so boxes on both sides of the antimeridian are neighbours.
+    Parameters
+    ----------
+    bounds : (N, 4) float64 array
+        West, south, east, north in degrees.
+    lon : float
+        Degrees; longitudes are relative to it, so boxes on both sides of the antimeridian are neighbours.
     """
     east = wrap_lon(bounds[:, [0, 2]] - lon)
     middle = lon + (east.min() + east.max()) / 2

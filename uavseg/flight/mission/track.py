@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,36 +21,19 @@ _NONE: Floats = np.empty(0)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Track:
-    """A path over a region.
+    """A path over a region, with n corners and n - 1 legs.
 
-    Parameters
-    ----------
-    xy : (n, 2) float64 array
-        Its corners, in metres.
-    trigger_m : (n - 1,) float64 array
-        Distance between photographs on the leg to the next corner; 0 where none are taken. Legs with the same
-        distance, one after another, are one line.
-    is_line : (n - 1,) bool array
-        Whether a leg is what the flight is for, such as a survey line; the others lead from line to line and
-        may be replaced by any other way.
-    hold_s : (n,) float64 array, optional
-        For how long the vehicle stands still at a corner; by default it does nowhere.
-    shots : (n,) bool array, optional
-        Whether one photograph is taken at a corner; by default at none.
-    look_at : (n - 1, 2) float64 array, optional
-        The place that the camera looks at on a leg; NaN where it looks in no certain direction, by default on
-        all legs.
-    speed_m_s : (n,) float64 array, optional
-        On the leg to each corner; the first one leads from home. NaN where the mission's own speed is flown,
-        by default everywhere.
+    Legs with the same distance between photographs, one after another, are one line. Legs that are not lines,
+    but transits from line to line, may be replaced by any other path. Optional fields have neutral defaults.
     """
 
-    xy: Floats
-    trigger_m: Floats
-    is_line: Bools
-    hold_s: Floats = field(default_factory=_NONE.copy)
-    shots: Bools = field(default_factory=lambda: _NONE.astype(bool))
-    look_at: Floats = field(default_factory=_NONE.copy)
+    xy: Floats  # (n, 2), corners in metres
+    trigger_m: Floats  # (n - 1,), distance between photographs on the leg to the next corner; 0 for none
+    is_line: Bools  # (n - 1,), whether a leg is what the flight is for, such as a survey line
+    hold_s: Floats = field(default_factory=_NONE.copy)  # (n,), wait at each corner
+    shots: Bools = field(default_factory=lambda: _NONE.astype(bool))  # (n,), single photographs
+    look_at: Floats = field(default_factory=_NONE.copy)  # (n - 1, 2), target of the camera, or NaN
+    # (n,), on the leg to each corner; the first one leads from home. NaN for the mission's speed
     speed_m_s: Floats = field(default_factory=_NONE.copy)
 
     def __post_init__(self) -> None:
@@ -66,24 +49,24 @@ class Track:
 
     @classmethod
     def of_path(cls, xy: Floats) -> "Track":
-        """Lines without photographs."""
+        """Make lines without photographs."""
         return cls(xy, np.zeros(len(xy) - 1), np.ones(len(xy) - 1, bool))
 
     @classmethod
-    def of_way(cls, xy: Floats) -> "Track":
-        """Legs that lead from line to line."""
+    def transit(cls, xy: Floats) -> "Track":
+        """Make legs that lead from line to line."""
         return cls(xy, np.zeros(len(xy) - 1), np.zeros(len(xy) - 1, bool))
 
     @classmethod
     def of_line(cls, xy: Floats, photos: Photos | None, height_m: float) -> "Track":
-        """A line of one leg or more that is photographed from its start to its end."""
+        """Make a line of one leg or more that is photographed from its start to its end."""
         if photos is None:
             return cls.of_path(xy)
         return cls.with_photos(xy, photos, photos.line_trigger_m(_length(xy), height_m))
 
     @classmethod
     def with_photos(cls, xy: Floats, photos: Photos, trigger_m: float) -> "Track":
-        """A line with photographs at a distance, or less, as the trigger of the camera has it."""
+        """Make a line with photographs at most a distance apart, by the trigger of the camera."""
         if photos.trigger == "none":
             return cls.of_path(xy)
         length = _length(xy)
@@ -95,15 +78,16 @@ class Track:
 
     @classmethod
     def joined(cls, tracks: Sequence["Track"]) -> "Track":
-        """Tracks of which each begins where the one before it ends."""
-        legs = [np.concatenate([getattr(track, name) for track in tracks]) for name in _OF_LEGS]
+        """Join tracks of which each begins where the one before it ends."""
+        arrays = {name: np.concatenate([getattr(track, name) for track in tracks]) for name in _OF_LEGS}
         hold_s, shots = tracks[0].hold_s, tracks[0].shots
-        speeds = [tracks[0].speed_m_s, *(track.speed_m_s[1:] for track in tracks[1:])]
         for track in tracks[1:]:
             hold_s = np.r_[hold_s[:-1], max(hold_s[-1], track.hold_s[0]), track.hold_s[1:]]
             shots = np.r_[shots[:-1], shots[-1] | track.shots[0], track.shots[1:]]
-        xy = np.concatenate([tracks[0].xy[:1], *(track.xy[1:] for track in tracks)])
-        return cls(xy, legs[0], legs[1], hold_s, shots, legs[2], np.concatenate(speeds))
+        for name in ("xy", "speed_m_s"):
+            first, *others = (getattr(track, name) for track in tracks)
+            arrays[name] = np.concatenate([first, *(corners[1:] for corners in others)])
+        return cls(hold_s=hold_s, shots=shots, **arrays)
 
     @property
     def length_m(self) -> float:
@@ -111,33 +95,33 @@ class Track:
         return _length(self.xy)
 
     def reversed(self) -> "Track":
-        """The same track from its end to its start."""
-        return Track(*(getattr(self, name)[::-1] for name in _FIELDS))
+        """Return the track from its end to its start."""
+        return Track(**{name: getattr(self, name)[::-1] for name in _FIELDS})
 
     def part(self, first: int, last: int) -> "Track":
-        """The track from one corner to a later one, or the same."""
+        """Return the track from one corner to a later one, or the same."""
         corners, legs = slice(first, last + 1), slice(first, last)
-        return Track(*(getattr(self, name)[legs if name in _OF_LEGS else corners] for name in _FIELDS))
+        return Track(**{name: getattr(self, name)[legs if name in _OF_LEGS else corners] for name in _FIELDS})
 
     def part_from(self, first: int) -> "Track":
-        """The track from a corner to its end."""
+        """Return the track from a corner to its end."""
         return self.part(first, len(self.xy) - 1)
 
     def leg(self, number: int, xy: Floats) -> "Track":
-        """A piece (2, 2) of one leg; what is done at a corner is done there only."""
+        """Return a piece (2, 2) of one leg, with holds and photographs only at corners of the track."""
         whole = self.part(number, number + 1)
         same = np.hypot(*(whole.xy - xy).T) <= SAME_PLACE_M
         return replace(whole, xy=xy, hold_s=np.where(same, whole.hold_s, 0.0), shots=whole.shots & same)
 
-    def stretches(self) -> list[tuple[int, int]]:
-        """First and last corner of each run of lines; of the only corner, where there are no legs."""
+    def line_runs(self) -> list[tuple[int, int]]:
+        """Return the first and last corner of each run of lines, or the only corner twice."""
         if not len(self.is_line):
             return [(0, 0)]
         edges = np.flatnonzero(np.diff(np.r_[False, self.is_line, False].astype(np.int8)))
         return [(int(first), int(last)) for first, last in edges.reshape(-1, 2)]
 
     def started_at(self, corner: int) -> "Track":
-        """A closed track that starts, and ends, at another of its corners."""
+        """Return a closed track that starts, and ends, at another of its corners."""
         if not corner:
             return self
         around = Track.joined([self.part_from(corner), self.part(0, corner)])
@@ -145,32 +129,31 @@ class Track:
         return around
 
     def without_repeats(self) -> "Track":
-        """The same track with one corner where several follow at the same place."""
+        """Return the track, without speeds, with one corner where several follow at the same place."""
         moved = np.hypot(*np.diff(self.xy, axis=0).T) > SAME_PLACE_M
         place = np.r_[0, np.cumsum(moved)]
         first = np.flatnonzero(np.r_[True, moved])
         hold_s, shots = np.zeros(len(first)), np.zeros(len(first), bool)
         np.maximum.at(hold_s, place, self.hold_s)
         np.logical_or.at(shots, place, self.shots)
-        legs = [getattr(self, name)[moved] for name in _OF_LEGS]
-        return Track(self.xy[first], legs[0], legs[1], hold_s, shots, legs[2])
+        legs = {name: getattr(self, name)[moved] for name in _OF_LEGS}
+        return Track(xy=self.xy[first], hold_s=hold_s, shots=shots, **legs)
 
     def in_degrees(self, plane: Plane) -> "Track":
-        """The same track with places as longitude and latitude."""
+        """Return the track with places as longitude and latitude."""
         xy, look_at = (np.column_stack(plane.lonlat_from_xy(*one.T)) for one in (self.xy, self.look_at))
         return replace(self, xy=xy, look_at=np.where(np.isfinite(self.look_at), look_at, np.nan))
 
 
-_FIELDS = ("xy", "trigger_m", "is_line", "hold_s", "shots", "look_at", "speed_m_s")
+_FIELDS = tuple(field.name for field in fields(Track))
 _OF_LEGS = ("trigger_m", "is_line", "look_at")
 
 
 def _hovering(xy: Floats, count: int) -> Track:
-    """A line with a stop and a photograph at its start, its end, and count - 1 places between."""
+    """Make a line with a stop and a photograph at its start, its end, and count - 1 places between."""
     if not count:
-        return replace(
-            Track.of_path(xy), shots=np.arange(len(xy)) == 0, hold_s=HOVER_S * (np.arange(len(xy)) == 0)
-        )
+        is_first = np.arange(len(xy)) == 0
+        return replace(Track.of_path(xy), shots=is_first, hold_s=HOVER_S * is_first)
     at = np.r_[0.0, np.cumsum(np.hypot(*np.diff(xy, axis=0).T))]
     stops = np.linspace(0, at[-1], count + 1)
     known = at[np.abs(at[:, None] - stops).min(axis=1) > SAME_PLACE_M]

@@ -1,6 +1,6 @@
 """Vehicles: speeds, accelerations and turns of a multirotor under ArduCopter or PX4, and its power.
 
-The defaults are those of the autopilots' own parameters, which most operators never change:
+The defaults are those of the autopilots' own parameters, which operators rarely change:
 
 - ArduCopter 4.5: WPNAV_ACCEL 2.5 m/s2, WPNAV_ACCEL_C 0 (twice that), WPNAV_JERK 1 m/s3, WPNAV_ACCEL_Z
   1 m/s2, WPNAV_SPEED 10, WPNAV_SPEED_UP 2.5, WPNAV_SPEED_DN 1.5 m/s, WPNAV_RADIUS 2 m, RTL_ALT 15 m,
@@ -24,36 +24,30 @@ from uavseg.json_object import number_in, read_object, word_in
 from uavseg.plain_text import shown
 
 TURNS = ("blend", "slow")
-_LEAST, _GREATEST = 1e-9, 1e9  # of any number but 0, so that no product or ratio of them overflows
+_MINIMUM, _MAXIMUM = 1e-9, 1e9  # of any number but 0, so that no product or ratio of them overflows
 _MAY_BE_ZERO = frozenset(
-    {
-        "jerk_rise_s",
-        "return_height_m",
-        "return_slope",
-        "return_hold_s",
-        "takeoff_height_m",
-        "landing_height_m",
-    }
+    {"jerk_rise_s", "return_height_m", "return_slope", "return_hold_s"}
+    | {"takeoff_height_m", "landing_height_m"}
 )
 _POWER = ("hover_w", "cruise_w", "battery_wh")
 
 
 @dataclass(frozen=True, slots=True)
 class Vehicle:
-    """How a multirotor flies a mission, and the power that it takes.
+    """Speeds, accelerations and power of a multirotor that flies a mission.
 
     Parameters
     ----------
     name : str
     turns : "blend" or "slow"
-        How corners are flown: the legs before and after overlap in time, as ArduCopter does it, or the
-        vehicle slows down to a speed for each corner, as PX4 does it.
+        At corners the legs before and after overlap in time, as ArduCopter does it, or the vehicle slows down
+        to a speed for each corner, as PX4 does it.
     acceleration_m_s2, jerk_m_s3 : float
         Of the horizontal flight.
     jerk_rise_s : float
         Time in which the jerk builds up.
     corner_acceleration_m_s2 : float
-        Greatest acceleration in a corner.
+        Maximum acceleration in a corner.
     radius_m : float
         A waypoint is passed within this distance.
     climb_m_s, descent_m_s, vertical_acceleration_m_s2 : float
@@ -62,11 +56,11 @@ class Vehicle:
     return_height_m, return_slope : float
         A return climbs to this height above home, or to the slope times its length where that is lower.
     return_hold_s : float
-        How long the vehicle waits above home before it descends.
+        Wait above home before the descent.
     takeoff_m_s, takeoff_height_m : float
-        Speed of the first metres of a climb, and how many they are.
+        Speed of the first metres of a climb, and their number.
     landing_m_s, landing_height_m : float
-        Speed of the last metres before the ground, and how many they are.
+        Speed of the last metres before the ground, and their number.
     hover_w, cruise_w, battery_wh : float, optional
         Power in hover and in forward flight, and the energy of a full battery.
 
@@ -108,11 +102,11 @@ class Vehicle:
                 continue
             zero = key in _MAY_BE_ZERO
             if not (math.isfinite(value) and (value > 0 or (zero and value == 0))):
-                least = "0 or more" if zero else "above 0"
-                raise ParameterError(f"{key} of the vehicle {self.name} is {least}, not {value:g}")
-            if value > _GREATEST or 0 < value < _LEAST:
+                expected = "0 or more" if zero else "above 0"
+                raise ParameterError(f"{key} of the vehicle {self.name} is {expected}, not {value:g}")
+            if value > _MAXIMUM or 0 < value < _MINIMUM:
                 raise ParameterError(
-                    f"{key} of the vehicle {self.name} is {_LEAST:g} to {_GREATEST:g}, not {value:g}"
+                    f"{key} of the vehicle {self.name} is {_MINIMUM:g} to {_MAXIMUM:g}, not {value:g}"
                 )
         given = [key for key in _POWER if getattr(self, key) is not None]
         if 0 < len(given) < len(_POWER):
@@ -167,35 +161,37 @@ PX4 = Vehicle(
 
 
 def default_vehicle(autopilot: str) -> Vehicle:
-    """The multirotor that an autopilot flies with its own parameters."""
+    """Return the multirotor that an autopilot flies with its default parameters."""
     return PX4 if autopilot == "px4" else ARDUCOPTER
 
 
 def returning_vehicles(vehicle: Vehicle | None, autopilot: str) -> tuple[Vehicle, ...]:
-    """Whose returns are looked at: those of both autopilots where a mission is for any."""
+    """Return the vehicles whose returns are checked: those of both autopilots where a mission is for any."""
     if vehicle is not None:
         return (vehicle,)
     return (ARDUCOPTER, PX4) if autopilot == "generic" else (default_vehicle(autopilot),)
 
 
 def read_vehicle(path: str | os.PathLike[str], autopilot: str = "ardupilot") -> Vehicle:
-    """A vehicle from a JSON file: an object with parameters of `Vehicle`; others are those of the autopilot.
+    """Read a vehicle from a JSON file: an object with parameters of `Vehicle`.
+
+    Parameters
+    ----------
+    path : path
+    autopilot : str
+        Its default vehicle has the parameters that are not in the file.
 
     Raises
     ------
     ParameterError
-        If the file cannot be read, a key is unknown, or a value is not what its key needs.
+        If the file cannot be read, a key is unknown, or a value is invalid.
     """
-    keys = {"name", "turns", *NUMBERS}
-    given = read_object(path, "vehicle", f"some of {_listed(keys)}")
-    if unknown := sorted(map(str, set(given) - keys)):
-        raise ParameterError(f"{path} has {shown(unknown[0])}; a vehicle has only {_listed(keys)}")
+    keys = ("name", "turns", *NUMBERS)
+    given = read_object(path, "vehicle", f"some of {', '.join(keys)}")
+    if unknown := sorted(map(str, set(given) - set(keys))):
+        raise ParameterError(f"{path} has {shown(unknown[0])}; a vehicle has only {', '.join(keys)}")
     default = default_vehicle(autopilot)
     values = {key: number_in(given, key, path, "vehicle") for key in NUMBERS if key in given}
     name = word_in(given, "name", Path(path).stem, path, "vehicle")
     turns = word_in(given, "turns", default.turns, path, "vehicle")
     return replace(default, name=name, turns=turns, **values)
-
-
-def _listed(keys: set[str]) -> str:
-    return ", ".join(key for key in ("name", "turns", *NUMBERS) if key in keys)

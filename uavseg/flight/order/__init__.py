@@ -1,1 +1,1 @@
-"""The order of places: short tours over stops with several options (generalised travelling salesman)."""
+"""Short tours over stops with several options (generalised travelling salesman problem)."""

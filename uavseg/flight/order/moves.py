@@ -22,7 +22,7 @@ def leg(distances, here, there):  # type: ignore[no-untyped-def]
 
 @inlined
 def left_before(leaves, tour, k, start):  # type: ignore[no-untyped-def]
-    """The point that is left before position k."""
+    """Return the point that is left before position k."""
     if k == 0:
         return start
     return leaves[tour[k - 1]]
@@ -30,7 +30,7 @@ def left_before(leaves, tour, k, start):  # type: ignore[no-untyped-def]
 
 @inlined
 def entered_at(enters, tour, k, end):  # type: ignore[no-untyped-def]
-    """The point that is entered at position k."""
+    """Return the point that is entered at position k."""
     if k == tour.shape[0]:
         return end
     return enters[tour[k]]
@@ -142,7 +142,7 @@ def reinsert(distances, first, enters, leaves, costs, stop_of, start, end, tour,
 
 @inlined
 def best_options(distances, first, enters, leaves, costs, stop_of, start, end, tour, totals, before):  # type: ignore[no-untyped-def]
-    """The best option of each stop for this order of stops (dynamic programming)."""
+    """Choose the best option of each stop for this order of stops (dynamic programming)."""
     count = tour.shape[0]
     stop = stop_of[tour[0]]
     for a in range(first[stop + 1] - first[stop]):

@@ -1,4 +1,7 @@
-"""Parameters of a mission over regions, checked when they are made."""
+"""Parameters of a mission over regions: pattern, limits, safety.
+
+They are checked when they are made: a value out of bounds raises ParameterError.
+"""
 
 import math
 from dataclasses import dataclass
@@ -7,12 +10,195 @@ from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.flight.camera.camera import NADIR_DEG
 from uavseg.flight.camera.photos import Photos
-from uavseg.flight.mission.items import AUTOPILOTS, MAX_DISTANCE_M, MAX_HEIGHT_M
-from uavseg.flight.mission.mission import CRUISE_M_S
+from uavseg.flight.mission.fence import RallyPoint
+from uavseg.flight.mission.items import AUTOPILOTS, MAX_DISTANCE_M, MAX_HEIGHT_M, MAX_ITEMS
+from uavseg.flight.mission.mission import CRUISE_M_S, USUAL_MAX_HEIGHT_M
 from uavseg.flight.mission.vehicle import Vehicle
-from uavseg.flight.params.limits import LimitParams, SafetyParams
-from uavseg.flight.params.pattern import PARAMS_OF, PATTERNS, PatternParams
 from uavseg.flight.params.terrain import TerrainParams
+
+MAX_MARGIN_M = 1000.0
+MIN_MARGIN_M = 0.001  # a smaller one counts as 0: GEOS returns an empty polygon for a buffer of 1e-320
+MAX_HOLD_S = 3600.0
+HOLES = ("skip", "fly")
+
+
+@checked
+@dataclass(frozen=True, slots=True)
+class VisitParams:
+    """Parameters of visits: seconds of hover over each region, 0 to 3600."""
+
+    hold_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check("hold", self.hold_s, 0, MAX_HOLD_S, "s")
+
+
+@checked
+@dataclass(frozen=True, slots=True)
+class PerimeterParams:
+    """Parameters of perimeters.
+
+    Parameters
+    ----------
+    offset_m : float
+        Distance from the outline, outward; negative inward.
+    min_leg_m : float, optional
+        No leg is shorter; by default a second of flight.
+    holes : "skip" or "fly"
+        Whether the outlines of holes are flown too.
+    """
+
+    offset_m: float = 0.0
+    min_leg_m: float | None = None
+    holes: str = "skip"
+
+    def __post_init__(self) -> None:
+        _check("offset of a perimeter", self.offset_m, -MAX_MARGIN_M, MAX_MARGIN_M, "m")
+        if self.min_leg_m is not None:
+            _check("shortest leg", self.min_leg_m, 0, MAX_MARGIN_M, "m")
+        if self.holes not in HOLES:
+            raise ParameterError(f"holes are one of {', '.join(HOLES)}, not {self.holes!r}")
+
+
+@checked
+@dataclass(frozen=True, slots=True)
+class SurveyParams:
+    """Parameters of surveys in parallel lines.
+
+    Parameters
+    ----------
+    margin_m : float
+        Metres by which the regions are grown before they are covered.
+    crosshatch : bool
+        Whether lines at a right angle to the first are flown too.
+    turnaround_m : float
+        Straight flight without photographs before and after each line, for vehicles that cannot turn in
+        place.
+    """
+
+    margin_m: float = 0.0
+    crosshatch: bool = False
+    turnaround_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check("margin", self.margin_m, 0, MAX_MARGIN_M, "m")
+        _check("turnaround", self.turnaround_m, 0, MAX_MARGIN_M, "m")
+
+
+@checked
+@dataclass(frozen=True, slots=True)
+class CorridorParams:
+    """Parameters of corridors: metres by which the regions are grown before they are covered."""
+
+    margin_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check("margin", self.margin_m, 0, MAX_MARGIN_M, "m")
+
+
+@checked
+@dataclass(frozen=True, slots=True)
+class OrbitParams:
+    """Parameters of orbits: metres between a region and the circle around it."""
+
+    margin_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check("margin", self.margin_m, 0, MAX_MARGIN_M, "m")
+
+
+PatternParams = VisitParams | PerimeterParams | SurveyParams | CorridorParams | OrbitParams
+
+PARAMS_OF = {
+    "visit": VisitParams,
+    "perimeter": PerimeterParams,
+    "survey": SurveyParams,
+    "corridor": CorridorParams,
+    "orbit": OrbitParams,
+}
+PATTERNS = tuple(PARAMS_OF)
+
+
+def _check(what: str, value: float, minimum: float, maximum: float, unit: str) -> None:
+    if not (math.isfinite(value) and minimum <= value <= maximum):
+        raise ParameterError(f"the {what} is {minimum:g} to {maximum:g} {unit}, not {value:g}")
+
+
+MIN_ITEMS = 10
+
+
+@checked
+@dataclass(frozen=True, slots=True)
+class LimitParams:
+    """Limits of each flight; a mission that exceeds them is split.
+
+    Parameters
+    ----------
+    endurance_min : float, optional
+        Minutes in the air on a full battery; by default without a limit.
+    reserve : float
+        Per cent of the endurance that are left at the end.
+    max_items : int, optional
+        Mission items of a flight; by default the capacity of common boards of the autopilot.
+    """
+
+    endurance_min: float | None = None
+    reserve: float = 20.0
+    max_items: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.endurance_min is not None and not 0 < self.endurance_min <= 6000:
+            raise ParameterError(f"the endurance is above 0 and at most 6000 min, not {self.endurance_min:g}")
+        if not 0 <= self.reserve < 100:
+            raise ParameterError(f"the reserve is 0 to below 100 per cent, not {self.reserve:g}")
+        if self.max_items is not None and not MIN_ITEMS <= self.max_items <= MAX_ITEMS:
+            raise ParameterError(f"a flight has {MIN_ITEMS} to {MAX_ITEMS} items, not {self.max_items}")
+
+    @property
+    def seconds(self) -> float:
+        """Maximum time of a flight; infinite without a limit."""
+        return math.inf if self.endurance_min is None else 60 * self.endurance_min * (1 - self.reserve / 100)
+
+
+@checked
+@dataclass(frozen=True, slots=True)
+class SafetyParams:
+    """Keep-out margins, fence and limits of height and distance.
+
+    Parameters
+    ----------
+    avoid_margin_m : float
+        Minimum distance to keep-out zones.
+    fence_margin_m : float, optional
+        Distance of the fence from the flight; None: no fence is written.
+    max_altitude_m : float
+        Maximum height above home, or above the ground where that is known.
+    max_distance_m : float, optional
+        Maximum distance from home; by default 100 km.
+    rally : tuple of RallyPoint
+    """
+
+    avoid_margin_m: float = 10.0
+    fence_margin_m: float | None = 50.0
+    max_altitude_m: float = USUAL_MAX_HEIGHT_M
+    max_distance_m: float | None = None
+    rally: tuple[RallyPoint, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.avoid_margin_m <= 10_000:
+            raise ParameterError(f"the margin of zones is 0 to 10,000 m, not {self.avoid_margin_m:g}")
+        if self.fence_margin_m is not None and not 5 <= self.fence_margin_m <= 10_000:
+            raise ParameterError(f"the margin of the fence is 5 to 10,000 m, not {self.fence_margin_m:g}")
+        if not 0 < self.max_altitude_m <= MAX_HEIGHT_M:
+            raise ParameterError(
+                f"--max-altitude is above 0 and at most {MAX_HEIGHT_M:g} m, not {self.max_altitude_m:g}"
+            )
+        if self.max_distance_m is not None and not 0 < self.max_distance_m <= MAX_DISTANCE_M:
+            raise ParameterError(
+                f"the greatest distance from home is above 0 and at most {MAX_DISTANCE_M:g} m, "
+                f"not {self.max_distance_m:g}"
+            )
+
 
 COVERING = ("survey", "corridor")  # patterns of lines that cover a region
 MAX_SPEED_M_S = 50.0
@@ -46,22 +232,15 @@ class PlanParams:
     name : str
         Name of the mission.
     photos : Photos, optional
-        How the regions are photographed; without, the flight takes no photographs.
+        By default the flight takes no photographs.
     how : VisitParams, PerimeterParams, SurveyParams, CorridorParams or OrbitParams, optional
-        More about the pattern; of its own kind.
+        Parameters of the pattern.
     limits : LimitParams
-        What each flight may take.
     safety : SafetyParams
-        What flights keep away from, and where they stay.
     vehicle : Vehicle, optional
-        What flies, for estimates; by default a multirotor with the parameters of its autopilot.
+        For estimates; by default a multirotor with the parameters of its autopilot.
     terrain : TerrainParams, optional
-        How the flight follows the ground; without, it keeps one height above home.
-
-    Raises
-    ------
-    ParameterError
-        If a value is out of bounds.
+        By default the flight keeps one height above home.
     """
 
     altitude_m: float
@@ -80,8 +259,8 @@ class PlanParams:
     terrain: TerrainParams | None = None
 
     def __post_init__(self) -> None:
-        _check_number("altitude", self.altitude_m, MAX_HEIGHT_M, "m above home")
-        _check_number("speed", self.speed_m_s, MAX_SPEED_M_S, "m/s")
+        _check("altitude", self.altitude_m, MIN_NUMBER, MAX_HEIGHT_M, "m above home")
+        _check("speed", self.speed_m_s, MIN_NUMBER, MAX_SPEED_M_S, "m/s")
         if self.altitude_m > self.safety.max_altitude_m:
             raise ParameterError(
                 f"{self.altitude_m:g} m is higher than {self.safety.max_altitude_m:g} m above the ground, "
@@ -98,16 +277,15 @@ class PlanParams:
         self._check_lines()
         self._check_photos()
         if self.spacing_m is not None:
-            _check_number("spacing", self.spacing_m, MAX_DISTANCE_M, "m")
+            _check("spacing", self.spacing_m, MIN_NUMBER, MAX_DISTANCE_M, "m")
         if self.angle_deg is not None and not math.isfinite(self.angle_deg):
             raise ParameterError(f"the angle of lines is a number of degrees, not {self.angle_deg}")
         if self.tolerance_m is not None:
-            _check_number("tolerance", self.tolerance_m, MAX_DISTANCE_M, "m")
+            _check("tolerance", self.tolerance_m, MIN_NUMBER, MAX_DISTANCE_M, "m")
         if self.terrain is not None:
             self.terrain.check(self.altitude_m, self.autopilot)
 
     def _check_lines(self) -> None:
-        """Spacing and angle are for patterns of lines."""
         if self.pattern in COVERING and self.spacing_m is None:
             raise ParameterError(
                 f"a {self.pattern} needs the spacing of its lines in metres (--spacing or --camera)"
@@ -127,8 +305,3 @@ class PlanParams:
             )
         if self.pattern == "orbit" and self.photos.pitch_deg != NADIR_DEG:
             raise ParameterError("in an orbit the camera looks at the region; a gimbal pitch is not for it")
-
-
-def _check_number(what: str, value: float, maximum: float, unit: str) -> None:
-    if not MIN_NUMBER <= value <= maximum:
-        raise ParameterError(f"the {what} is {MIN_NUMBER:g} to {maximum:g} {unit}, not {value:g}")

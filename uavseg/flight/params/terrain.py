@@ -17,7 +17,7 @@ MIN_RATE_M_S, MAX_RATE_M_S = 0.1, 50.0
 
 @dataclass(frozen=True, slots=True)
 class TerrainParams:
-    """How a flight follows the ground.
+    """Parameters of a flight that follows the ground.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ class TerrainParams:
         Metres by which the height above the ground may differ; by default 5, or a quarter of the height
         where that is less.
     climb_m_s, descent_m_s : float, optional
-        How fast the vehicle climbs and descends while it flies forward; by default as the vehicle says.
+        Rates of climb and descent in forward flight; by default those of the vehicle.
 
     Raises
     ------
@@ -54,12 +54,7 @@ class TerrainParams:
                 raise ParameterError(
                     f"the {what} rate is {MIN_RATE_M_S:g} to {MAX_RATE_M_S:g} m/s, not {rate:g}"
                 )
-        if (
-            self.mode != FRAME
-            and self.dem is not None
-            and self.mode == ABSOLUTE
-            and not self.dem.is_above_sea
-        ):
+        if self.mode == ABSOLUTE and self.dem is not None and not self.dem.is_above_sea:
             raise ParameterError(
                 f"{self.dem.name} has heights above the ellipsoid, up to 100 m from those above the sea that "
                 "autopilots fly, and PROJ has no grid of the geoid (us_nga_egm96_15.tif) here to convert "
@@ -67,13 +62,13 @@ class TerrainParams:
             )
 
     def tolerance_for(self, altitude_m: float) -> float:
-        """The tolerance in metres at a height above the ground."""
+        """Return the tolerance in metres at a height above the ground."""
         if self.tolerance_m is None:
             return max(min(DEFAULT_TOLERANCE_M, altitude_m / 4), MIN_TOLERANCE_M)
         return self.tolerance_m
 
     def rates_m_s(self, vehicle: Vehicle) -> tuple[float, float]:
-        """How fast a vehicle climbs and descends while it flies forward."""
+        """Return the rates of climb and descent of a vehicle in forward flight."""
         climb, descent = self.climb_m_s, self.descent_m_s
         return (
             vehicle.climb_m_s if climb is None else climb,
@@ -81,13 +76,7 @@ class TerrainParams:
         )
 
     def check(self, altitude_m: float, autopilot: str) -> None:
-        """Check that the tolerance fits the height, and the mode the autopilot.
-
-        Raises
-        ------
-        ParameterError
-            If they do not.
-        """
+        """Refuse a tolerance that does not fit the height, or a mode that the autopilot lacks."""
         tolerance_m = self.tolerance_m
         if tolerance_m is not None and not MIN_TOLERANCE_M <= tolerance_m <= altitude_m / 2:
             raise ParameterError(
@@ -108,7 +97,7 @@ def terrain_params(
     climb_m_s: float | None = None,
     descent_m_s: float | None = None,
 ) -> TerrainParams | None:
-    """How a flight follows the ground; None where neither a DEM nor a mode is given.
+    """Open an elevation model for `TerrainParams`; None where neither a DEM nor a mode is given.
 
     Parameters
     ----------
@@ -133,5 +122,10 @@ def terrain_params(
                     f"a {what} is for heights above the ground, which need an elevation model: give --dem"
                 )
         return None
-    opened = None if dem is None else Dem.open(dem)
-    return TerrainParams(opened, ABSOLUTE if mode is None else mode, tolerance_m, climb_m_s, descent_m_s)
+    return TerrainParams(
+        dem=None if dem is None else Dem.open(dem),
+        mode=ABSOLUTE if mode is None else mode,
+        tolerance_m=tolerance_m,
+        climb_m_s=climb_m_s,
+        descent_m_s=descent_m_s,
+    )

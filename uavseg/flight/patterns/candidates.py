@@ -1,5 +1,6 @@
 """Flight patterns of a region: a point, its outline, lines over it, a circle; with notes for the pilot."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -10,27 +11,27 @@ from numpy.typing import NDArray
 
 from uavseg.errors import MissionError
 from uavseg.flight.avoid.enclosing import MANY_CORNERS, enclosing
+from uavseg.flight.camera.photos import Photos
 from uavseg.flight.cover.corridor import corridor, is_long_and_thin
-from uavseg.flight.cover.space import COARSE
-from uavseg.flight.cover.strips import LEAST_LINE_M
+from uavseg.flight.cover.lines import COARSE
+from uavseg.flight.cover.strips import MIN_LINE_M
 from uavseg.flight.cover.survey import CoverParams, Survey
 from uavseg.flight.cover.survey import surveys as cover_region
 from uavseg.flight.mission.track import HOVER_S, Track
-from uavseg.flight.params.pattern import (
-    LEAST_MARGIN_M,
+from uavseg.flight.params.plan import (
+    COVERING,
+    MIN_MARGIN_M,
     CorridorParams,
     OrbitParams,
     PerimeterParams,
+    PlanParams,
     SurveyParams,
     VisitParams,
 )
-from uavseg.flight.params.plan import PlanParams
-from uavseg.flight.patterns.orbit import orbit, orbit_trigger_m
-from uavseg.flight.patterns.perimeter import default_tolerance_m
-from uavseg.flight.patterns.photo_notes import photo_notes
-from uavseg.flight.patterns.rings import OffsetRings, offset_rings
+from uavseg.flight.patterns.perimeter import OffsetRings, default_tolerance_m, offset_rings
 
 Floats = NDArray[np.float64]
+
 MAX_STARTS = 16  # corners at which a ring may begin
 MAX_CANDIDATES = 4000  # of all regions, so that their distances fit into memory
 BRAKING_M_S2 = 2.5
@@ -38,10 +39,18 @@ MIN_LEG_S = 1.0
 """By default no leg of a perimeter is shorter than what the vehicle flies in this time."""
 WORTHWHILE = 0.85  # of the cost of a survey: a corridor that costs less is suggested
 
+MIN_RADIUS_M = 5.0
+LATERAL_M_S2 = 2.5
+"""Acceleration across the direction of flight: at 5 m/s a circle has a radius of 10 m at least."""
+SAGITTA, MAX_SAGITTA_M = 0.02, 3.0  # share of the radius by which corners may lie outside of the circle
+MAX_CORNERS = 72
+LARGEST_STEP_DEG = 15.0
+"""Between directions of photographs; with more, matching of photographs fails."""
+
 
 @dataclass(frozen=True, slots=True)
 class RegionPart:
-    """One connected region in metres, a point (x, y) inside it, and where that is, for messages."""
+    """One connected region in metres, a point (x, y) inside it, and its position, for messages."""
 
     polygon: Any
     point: tuple[float, float]
@@ -50,28 +59,16 @@ class RegionPart:
 
 @dataclass(frozen=True, slots=True)
 class Candidates:
-    """Tracks among which a planner chooses.
+    """Tracks among which a planner chooses."""
 
-    Parameters
-    ----------
-    tracks : list of lists of Track
-        For each thing to fly over or along its candidates, which may be reversed.
-    places : list of str
-        Where the region of each is, for messages.
-    notes : list of str
-        For the pilot.
-    surveys : list of Survey, optional
-        The surveys whose tracks they are.
-    """
-
-    tracks: list[list[Track]]
-    places: list[str]
-    notes: list[str]
-    surveys: Sequence[Survey] = ()
+    tracks: list[list[Track]]  # for each region or ring; they may be reversed
+    places: list[str]  # position of the region of each, for messages
+    notes: list[str]  # for the pilot
+    surveys: Sequence[Survey] = ()  # of the tracks
 
 
 def visits(parts: Sequence[RegionPart], params: PlanParams) -> Candidates:
-    """The point inside each region."""
+    """Return tracks to the point inside each region."""
     assert isinstance(params.how, VisitParams)
     shot = params.photos is not None and params.photos.trigger == "hover"
     hold = np.array([max(params.how.hold_s, HOVER_S * shot)])
@@ -79,85 +76,94 @@ def visits(parts: Sequence[RegionPart], params: PlanParams) -> Candidates:
     tracks = [
         [replace(none, xy=np.array([part.point]), hold_s=hold, shots=np.array([shot]))] for part in parts
     ]
-    return Candidates(tracks, _places(parts), photo_notes(params, "one photograph over each region"))
+    return Candidates(tracks, _places(parts), _photo_notes(params, "one photograph over each region"))
 
 
 def perimeters(parts: Sequence[RegionPart], params: PlanParams) -> Candidates:
-    """The outline of each region, with several corners as candidates for its start."""
+    """Return tracks along the outline of each region, with several corners as candidates for the start."""
     assert isinstance(params.how, PerimeterParams)
     min_leg_m = params.how.min_leg_m
     min_leg_m = MIN_LEG_S * params.speed_m_s if min_leg_m is None else min_leg_m
     tolerances = [params.tolerance_m or default_tolerance_m(part.polygon) for part in parts]
-    found = [
+    offsets = [
         offset_rings(part.polygon, params.how, tolerance, min_leg_m)
         for part, tolerance in zip(parts, tolerances, strict=True)
     ]
-    rings = [(ring, part.place) for one, part in zip(found, parts, strict=True) for ring in one.rings]
+    rings = [(ring, part.place) for one, part in zip(offsets, parts, strict=True) for ring in one.rings]
     if not rings:
         raise MissionError(
             f"every region is narrower than {-2 * params.how.offset_m:g} m, so nothing is left inside at an "
             f"offset of {params.how.offset_m:g} m; give one that is nearer to 0"
         )
     note = f"outlines are simplified by up to {max(tolerances):.3g} m (--tolerance)"
-    notes = [note, *_ring_notes(found, min_leg_m), *photo_notes(params)]
+    notes = [note, *_ring_notes(offsets, min_leg_m), *_photo_notes(params)]
     tracks = [Track.of_line(ring, params.photos, params.altitude_m) for ring, _ in rings]
     return Candidates(_started_anywhere(tracks), [place for _, place in rings], notes)
 
 
 def surveys(parts: Sequence[RegionPart], params: PlanParams) -> Candidates:
-    """Survey lines over each region."""
+    """Return tracks of survey lines over each region."""
     how = params.how
     assert params.spacing_m is not None and isinstance(how, SurveyParams)
+    reach_m, min_m = _line_ends(params)
     cover = CoverParams(
-        params.spacing_m,
-        params.angle_deg,
-        *_line_ends(params),
+        spacing_m=params.spacing_m,
+        angle_deg=params.angle_deg,
+        reach_m=reach_m,
+        min_m=min_m,
         turn_m=_turn_m(params),
         lead_m=how.turnaround_m,
         crosshatch=how.crosshatch,
     )
     regions = _grown(parts, how.margin_m)
-    found = [cover_region(region, cover) for region in regions]
+    choices = [cover_region(region, cover) for region in regions]
     tracks = [
-        [_lines_track(list(way.lines), list(way.outer), way.legs, params) for way in ways] for ways in found
+        [_lines_track(list(one.lines), list(one.outer), one.legs, params) for one in some] for some in choices
     ]
-    notes = [*_outline_notes(parts, params), *photo_notes(params)]
+    notes = [*_outline_notes(parts, params), *_photo_notes(params)]
     if how.turnaround_m:
         notes.append(f"each line has {how.turnaround_m:g} m of straight flight outside before and after it")
-    notes += _corridor_note(regions, [ways[0] for ways in found], params)
-    return Candidates(tracks, _places(parts), notes, [way for ways in found for way in ways])
+    notes += _corridor_note(regions, [some[0] for some in choices], params)
+    return Candidates(
+        tracks=tracks,
+        places=_places(parts),
+        notes=notes,
+        surveys=[survey for some in choices for survey in some],
+    )
 
 
 def corridors(parts: Sequence[RegionPart], params: PlanParams) -> Candidates:
-    """Lines along the middle of each region."""
+    """Return tracks of lines along the middle of each region."""
     assert params.spacing_m is not None and isinstance(params.how, CorridorParams)
-    regions = _grown(parts, params.how.margin_m)
-    found = [corridor(region, params.spacing_m, *_line_ends(params)) for region in regions]
-    tracks = [[_lines_track(one.lines, one.lines, one.legs, params)] for one in found]
-    notes = [*_outline_notes(parts, params), *photo_notes(params)]
+    flown = [
+        corridor(region, params.spacing_m, *_line_ends(params))
+        for region in _grown(parts, params.how.margin_m)
+    ]
+    tracks = [[_lines_track(one.lines, one.lines, one.legs, params)] for one in flown]
+    notes = [*_outline_notes(parts, params), *_photo_notes(params)]
     return Candidates(tracks, _places(parts), notes)
 
 
 def orbits(parts: Sequence[RegionPart], params: PlanParams) -> Candidates:
-    """A circle around each region, with the camera towards its middle."""
+    """Return tracks of a circle around each region, with the camera towards its middle."""
     assert isinstance(params.how, OrbitParams)
-    found = [orbit(part.polygon, params.how.margin_m, params.speed_m_s) for part in parts]
+    circles = [orbit(part.polygon, params.how.margin_m, params.speed_m_s) for part in parts]
     tracks, triggers = [], []
-    for one, part in zip(found, parts, strict=True):
+    for one, part in zip(circles, parts, strict=True):
         track = Track.of_path(one.ring)
         if params.photos is not None:
             triggers.append(orbit_trigger_m(params.photos, one, part.polygon, params.altitude_m))
             track = Track.with_photos(one.ring, params.photos, triggers[-1])
         tracks.append(replace(track, look_at=np.tile(one.centre, (len(track.xy) - 1, 1))))
     notes = []
-    small = sum(one.radius_m == one.least_radius_m for one in found)
+    small = sum(one.radius_m == one.min_radius_m for one in circles)
     if small:
         notes.append(
-            f"{small} of {len(found)} circles have a radius of {found[0].least_radius_m:.1f} m, the smallest "
-            f"at {params.speed_m_s:g} m/s"
+            f"{small} of {len(circles)} circles have a radius of {circles[0].min_radius_m:.1f} m, "
+            f"the smallest at {params.speed_m_s:g} m/s"
         )
     often = f"a photograph every {min(triggers):.1f} m or more" if triggers else ""
-    notes += photo_notes(params, often) or ["no photographs are taken; give a camera (--camera) for that"]
+    notes += _photo_notes(params, often) or [NO_PHOTOS]
     return Candidates(_started_anywhere(tracks), _places(parts), notes)
 
 
@@ -166,23 +172,21 @@ def _places(parts: Sequence[RegionPart]) -> list[str]:
 
 
 def _grown(parts: Sequence[RegionPart], margin_m: float) -> list[Any]:
-    if margin_m < LEAST_MARGIN_M:
+    if margin_m < MIN_MARGIN_M:
         return [part.polygon for part in parts]
     reach_m = _outline_reach_m(margin_m)
     return [shapely.buffer(enclosing(part.polygon, reach_m), margin_m) for part in parts]
 
 
 def _outline_reach_m(margin_m: float) -> float:
-    """How far outlines of fewer corners reach beyond regions that are grown by a margin."""
+    """Return the distance by which outlines of fewer corners exceed regions that are grown by a margin."""
     return max(margin_m / 8, 1.0)
 
 
 def _line_ends(params: PlanParams) -> tuple[float, float]:
-    """How far photographs show ground beyond the ends of lines, and the length of the shortest line."""
+    """Return the ground that photographs show past the ends of lines, and the length of the shortest line."""
     photos, height = params.photos, params.altitude_m
-    return (
-        (0.0, LEAST_LINE_M) if photos is None else (photos.line_reach_m(height), photos.least_line_m(height))
-    )
+    return (0.0, MIN_LINE_M) if photos is None else (photos.line_reach_m(height), photos.min_line_m(height))
 
 
 def _turn_m(params: PlanParams) -> float:
@@ -192,11 +196,11 @@ def _turn_m(params: PlanParams) -> float:
 def _lines_track(
     lines: Sequence[Floats], outer: Sequence[Floats], legs: Sequence[Floats], params: PlanParams
 ) -> Track:
-    """Lines with photographs; straight legs before and after them, and legs between, without."""
+    """Join lines with photographs to straight legs before and after them, and legs between, without."""
     tracks = []
     for k, (line, longer) in enumerate(zip(lines, outer, strict=True)):
         if k:
-            tracks.append(Track.of_way(legs[k - 1]))
+            tracks.append(Track.transit(legs[k - 1]))
         if (longer[0] != line[0]).any():
             tracks.append(Track.of_path(np.stack([longer[0], line[0]])))
         tracks.append(Track.of_line(line, params.photos, params.altitude_m))
@@ -206,43 +210,41 @@ def _lines_track(
 
 
 def _started_anywhere(tracks: Sequence[Track]) -> list[list[Track]]:
-    """Closed tracks with several of their corners as candidates for the start."""
-    most = max(min(MAX_STARTS, MAX_CANDIDATES // len(tracks)), 1)
+    """Return each closed track with several of its corners as candidates for the start."""
+    max_starts = max(min(MAX_STARTS, MAX_CANDIDATES // len(tracks)), 1)
     candidates = []
     for track in tracks:
         corners = len(track.xy) - 1
-        candidates.append([track.started_at(k) for k in range(0, corners, -(-corners // most))])
+        candidates.append([track.started_at(k) for k in range(0, corners, -(-corners // max_starts))])
     return candidates
 
 
-def _ring_notes(found: Sequence[OffsetRings], min_leg_m: float) -> list[str]:
+def _ring_notes(offsets: Sequence[OffsetRings], min_leg_m: float) -> list[str]:
     notes = []
-    narrow = sum(not one.rings for one in found)
-    if narrow:
-        notes.append(f"{narrow} of {len(found)} regions are too narrow for the offset and not flown")
-    holes = sum(one.holes for one in found)
-    if holes:
+    if narrow := sum(not one.rings for one in offsets):
+        notes.append(f"{narrow} of {len(offsets)} regions are too narrow for the offset and not flown")
+    if holes := sum(one.holes for one in offsets):
         notes.append(f"the outlines of {holes} hole{'s' * (holes != 1)} are not flown (--holes fly)")
-    moved = max(one.moved_m for one in found)
-    if moved:
+    if moved := max(one.moved_m for one in offsets):
         notes.append(
             f"for legs of {min_leg_m:g} m or more, corners are left out: paths lie up to {moved:.1f} m "
             "beside the outline (--min-leg)"
         )
-    short = sum(one.has_short_legs for one in found)
-    if short:
-        notes.append(f"{short} of {len(found)} regions are too small for legs of {min_leg_m:g} m (--min-leg)")
+    if short := sum(one.has_short_legs for one in offsets):
+        notes.append(
+            f"{short} of {len(offsets)} regions are too small for legs of {min_leg_m:g} m (--min-leg)"
+        )
     return notes
 
 
 def _outline_notes(parts: Sequence[RegionPart], params: PlanParams) -> list[str]:
-    """A note where `_grown` and `flight_space` take outlines of fewer corners."""
+    """Return a note where `_grown` and `flight_space` take outlines of fewer corners."""
     assert params.spacing_m is not None and isinstance(params.how, SurveyParams | CorridorParams)
     many = sum(shapely.get_num_coordinates(part.polygon) > MANY_CORNERS for part in parts)
     if not many:
         return []
     margin_m = params.how.margin_m
-    reach_m = COARSE * params.spacing_m + (_outline_reach_m(margin_m) if margin_m >= LEAST_MARGIN_M else 0)
+    reach_m = COARSE * params.spacing_m + (_outline_reach_m(margin_m) if margin_m >= MIN_MARGIN_M else 0)
     return [
         f"{many} of {len(parts)} regions have outlines of more than {MANY_CORNERS} corners: they are "
         f"simplified and reach up to {reach_m:.3g} m farther, and holes of less than "
@@ -251,7 +253,7 @@ def _outline_notes(parts: Sequence[RegionPart], params: PlanParams) -> list[str]
 
 
 def _corridor_note(regions: Sequence[Any], flown: Sequence[Survey], params: PlanParams) -> list[str]:
-    """A note where corridors would take clearly less time."""
+    """Return a note where corridors would take clearly less time."""
     assert params.spacing_m is not None
     if params.angle_deg is not None or params.how != SurveyParams():
         return []
@@ -271,3 +273,103 @@ def _corridor_note(regions: Sequence[Any], flown: Sequence[Survey], params: Plan
         f"{len(bent)} of {len(regions)} regions are long, thin and bent: --pattern corridor would take about "
         f"{100 * (1 - after / before):.0f} % less over them"
     ]
+
+
+NO_PHOTOS = "no photographs are taken; give a camera (--camera) for that"
+
+
+def _photo_notes(params: PlanParams, how_often: str = "") -> list[str]:
+    """Return notes about the photographs of a mission; by default they are taken along lines."""
+    photos, height = params.photos, params.altitude_m
+    if photos is None:
+        return [NO_PHOTOS] if params.pattern in COVERING else []
+    across, along = photos.camera.footprint_m(height, photos.pitch_deg)
+    lines = f"lines {params.spacing_m:.1f} m apart, " if params.spacing_m is not None else ""
+    ground = "over flat ground" if params.terrain is None else "above the ground"
+    often = how_often or f"a photograph every {photos.trigger_m(height):.1f} m"
+    view = (
+        f"footprint {across:.0f} x {along:.0f} m, "
+        if params.pattern != "orbit"
+        else "the camera looks at the middle of each region, at the height of home, "
+    )
+    notes = [
+        f"{photos.camera.name} at {height:.1f} m {ground}: "
+        f"{100 * photos.camera.gsd_m(height, photos.pitch_deg):.2f} cm per pixel, {view}{lines}{often}"
+    ]
+    if photos.trigger == "none":
+        every = photos.trigger_m(height)
+        notes.append(
+            "the mission does not trigger the camera: start it by other means, with a photograph at least "
+            f"every {every:.1f} m ({every / params.speed_m_s:.1f} s at {params.speed_m_s:g} m/s)"
+        )
+    elif photos.trigger != "distance":
+        notes.append(
+            "photographs are taken with IMAGE_START_CAPTURE (2000): try on the ground that the camera of "
+            "this vehicle does so"
+        )
+    return notes
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Orbit:
+    """A circle around a region."""
+
+    centre: tuple[float, float]  # in metres
+    radius_m: float  # no point of the path is nearer to the centre
+    min_radius_m: float  # the smallest at the speed of the vehicle; the radius where the region is small
+    ring: Floats  # (n, 2), closed
+
+
+def orbit(region: Any, margin_m: float, speed_m_s: float) -> Orbit:
+    """Return the circle at a margin around the smallest circle around a region, as a polygon of waypoints.
+
+    PX4 has no LOITER_TURNS in missions, and ArduPilot stores its radius in whole metres, up to 255 m, or in
+    tens.
+
+    Parameters
+    ----------
+    region : shapely Polygon
+        In metres.
+    margin_m, speed_m_s : float
+
+    Examples
+    --------
+    >>> circle = orbit(shapely.box(-30, -40, 30, 40), 10, 5)
+    >>> round(circle.radius_m, 6), [round(abs(x), 6) for x in circle.centre]
+    (60.0, [0.0, 0.0])
+    """
+    x, y = shapely.get_coordinates(shapely.centroid(shapely.minimum_bounding_circle(region)))[0]
+    x, y = float(x), float(y)
+    corners = shapely.get_coordinates(region.exterior)
+    enclosing = float(np.hypot(*(corners - (x, y)).T).max())
+    min_radius = max(MIN_RADIUS_M, speed_m_s**2 / LATERAL_M_S2)
+    radius = max(enclosing + margin_m, min_radius)
+    sagitta = min(SAGITTA * radius, MAX_SAGITTA_M)
+    count = min(math.ceil(math.pi / math.acos(radius / (radius + sagitta))), MAX_CORNERS)
+    turn = 2 * math.pi * np.arange(count + 1) / count
+    outer = radius / math.cos(math.pi / count)
+    ring = np.column_stack([x + outer * np.sin(turn), y + outer * np.cos(turn)])
+    ring[-1] = ring[0]
+    return Orbit(centre=(x, y), radius_m=radius, min_radius_m=min_radius, ring=ring)
+
+
+def orbit_trigger_m(photos: Photos, circle: Orbit, region: Any, height_m: float) -> float:
+    """Return the distance in metres between the photographs of an orbit.
+
+    Neighbouring images share the front overlap of their width at the nearest point of the region, by its
+    slant distance, and their directions differ by 15 degrees at most.
+
+    Parameters
+    ----------
+    photos : Photos
+    circle : Orbit
+    region : shapely Polygon
+        In metres.
+    height_m : float
+        Above the ground.
+    """
+    ring = shapely.LineString(circle.ring)
+    near = math.hypot(float(shapely.distance(ring, region)), height_m)
+    across = near * photos.camera.sensor_mm[0] / photos.camera.focal_mm
+    step = circle.radius_m * math.radians(LARGEST_STEP_DEG)
+    return min(across * (1 - photos.overlap.front / 100), step)

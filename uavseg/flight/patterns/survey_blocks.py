@@ -7,9 +7,9 @@ import shapely
 from numpy.typing import NDArray
 
 from uavseg.flight.cover.survey import Survey
-from uavseg.flight.mission.items import round_degrees
+from uavseg.flight.mission.items import DEGREE_DECIMALS
+from uavseg.flight.mission.mission import NEARLY_CONVEX, Position, SurveyBlock
 from uavseg.flight.mission.plane import Plane
-from uavseg.flight.mission.survey_block import NEARLY_CONVEX, Position, SurveyBlock
 from uavseg.flight.params.plan import PlanParams
 
 Floats = NDArray[np.float64]
@@ -19,21 +19,27 @@ NEIGHBOURS = 1.05  # spacings between lines of one block, at most
 
 
 def blocks_of_surveys(surveys: Iterable[Survey], plane: Plane, params: PlanParams) -> tuple[SurveyBlock, ...]:
-    """The runs of neighbouring lines of surveys, with the positions that `items_along` gives their waypoints.
+    """Return the runs of neighbouring lines of surveys, with the positions of their waypoints in the mission.
 
-    Surveys whose lines have straight legs before and after them have none, nor have those that are
-    photographed otherwise than at a distance: a ground station would fly them in another way.
+    Surveys whose lines have straight legs before and after them have none, nor have those that are not
+    photographed by distance: a ground station would fly them differently.
+
+    Parameters
+    ----------
+    surveys : iterable of Survey
+    plane : Plane
+    params : PlanParams
     """
     if params.spacing_m is None or (params.photos is not None and params.photos.trigger != "distance"):
         return ()
     return tuple(
         SurveyBlock(
-            _positions(_outline(lines), plane),
-            _positions(lines.reshape(-1, 2), plane),
-            flown.angle_deg,
-            float(params.spacing_m),
-            float(params.altitude_m),
-            params.photos,
+            outline=_positions(_outline(lines), plane),
+            waypoints=_positions(lines.reshape(-1, 2), plane),
+            angle_deg=flown.angle_deg,
+            spacing_m=float(params.spacing_m),
+            height_m=float(params.altitude_m),
+            photos=params.photos,
         )
         for flown in surveys
         if np.array_equal(flown.lines, flown.outer)
@@ -42,7 +48,7 @@ def blocks_of_surveys(surveys: Iterable[Survey], plane: Plane, params: PlanParam
 
 
 def _runs(flown: Survey, spacing_m: float) -> Iterator[Floats]:
-    """Lines (k, 2, 2), k > 1, that follow each other a spacing apart, joined by straight legs."""
+    """Yield lines (k, 2, 2), k > 1, that follow each other a spacing apart, joined by straight legs."""
     lines = flown.lines
     along = np.array([np.sin(np.radians(flown.angle_deg)), np.cos(np.radians(flown.angle_deg))])
     across = lines.mean(axis=1) @ np.array([along[1], -along[0]])
@@ -61,12 +67,12 @@ def _runs(flown: Survey, spacing_m: float) -> Iterator[Floats]:
             yield run
             continue
         ends = np.sort(run @ along, axis=1)
-        cut = int(np.abs(np.diff(ends, axis=0)).sum(axis=1).argmax()) + 1
-        todo += [run[cut:], run[:cut]]
+        split = int(np.abs(np.diff(ends, axis=0)).sum(axis=1).argmax()) + 1
+        todo += [run[split:], run[:split]]
 
 
 def _outline(lines: Floats) -> Floats:
-    """The outline of the strips of evenly spaced lines, with few corners."""
+    """Return the outline of the strips of evenly spaced lines, with few corners."""
     along = lines[0, 1] - lines[0, 0]
     ahead = (lines @ along)[:, 1] > (lines @ along)[:, 0]
     turned = np.where(ahead[:, None, None], lines, lines[:, ::-1])
@@ -82,5 +88,5 @@ def _outline(lines: Floats) -> Floats:
 
 
 def _positions(xy: Floats, plane: Plane) -> tuple[Position, ...]:
-    lon, lat = plane.lonlat_from_xy(*np.asarray(xy, np.float64).T)
-    return tuple(zip(round_degrees(lat), round_degrees(lon), strict=True))
+    lon, lat = plane.lonlat_from_xy(*xy.T)
+    return tuple(map(tuple, np.round(np.column_stack([lat, lon]), DEGREE_DECIMALS).tolist()))

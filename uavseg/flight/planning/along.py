@@ -1,14 +1,24 @@
-"""Missions along a line: takeoff at home, a waypoint for each position, return."""
+"""Mission items along a track: takeoff, waypoints, photographs, gimbal, return.
+
+ArduPilot refuses DO_SET_CAM_TRIGG_INTERVAL (214), so intervals and single photographs in hover are
+IMAGE_START_CAPTURE (2000), which it and PX4 take.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.flight.mission.items import (
+    CAMERA_DISTANCE,
     CHANGE_SPEED,
     DEGREE_DECIMALS,
     FRAME_MISSION,
     FRAME_RELATIVE,
+    IMAGE_START,
+    IMAGE_STOP,
+    MOUNT_CONTROL,
     RETURN,
+    ROI_LOCATION,
+    ROI_NONE,
     TAKEOFF,
     WAYPOINT,
     HomePosition,
@@ -17,7 +27,6 @@ from uavseg.flight.mission.items import (
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.track import Track
 from uavseg.flight.params.plan import PlanParams
-from uavseg.flight.planning.actions import corner_actions, gimbal_items
 from uavseg.flight.terrain.heights import Heights, constant_height
 from uavseg.flight.terrain.leg_speeds import speeds_of
 
@@ -25,7 +34,7 @@ from uavseg.flight.terrain.leg_speeds import speeds_of
 def fly_along(
     lon: NDArray[np.float64], lat: NDArray[np.float64], params: PlanParams, home: tuple[float, ...]
 ) -> Mission:
-    """Make the mission that flies along a line.
+    """Return the mission that flies along a line.
 
     Parameters
     ----------
@@ -42,15 +51,20 @@ def fly_along(
         If the line is not near home, or the mission would not be safe.
     """
     start = HomePosition(*home)
-    items = items_along(Track.of_path(np.column_stack([lon, lat])), start, params)
-    notes = tuple(home_notes(home))
-    return Mission(start, items, params.autopilot, params.name, notes, vehicle=params.vehicle)
+    return Mission(
+        home=start,
+        items=items_along(Track.of_path(np.column_stack([lon, lat])), start, params),
+        autopilot=params.autopilot,
+        name=params.name,
+        notes=tuple(home_notes(home)),
+        vehicle=params.vehicle,
+    )
 
 
 def items_along(
     track: Track, home: HomePosition, params: PlanParams, heights: Heights | None = None
 ) -> tuple[MissionItem, ...]:
-    """Items of a flight along a track: takeoff, speed, waypoints and what is done there, return.
+    """Return the items of a flight along a track: takeoff, speed, waypoints with their actions, return.
 
     Parameters
     ----------
@@ -63,16 +77,21 @@ def items_along(
     """
     heights = constant_height(track, params) if heights is None else heights
     places = np.round(track.xy, DEGREE_DECIMALS).tolist()
-    flown = zip(heights.height_m.tolist(), heights.speed_m_s.tolist(), track.hold_s.tolist(), strict=True)
+    corners = zip(
+        places,
+        heights.height_m.tolist(),
+        heights.speed_m_s.tolist(),
+        track.hold_s.tolist(),
+        _corner_actions(track, params),
+        strict=True,
+    )
     flight = []
     speed = begin = float(speeds_of(track, params)[0])
-    for (lon, lat), (height, leg_speed, hold), then in zip(
-        places, flown, corner_actions(track, params), strict=True
-    ):
+    for (lon, lat), height, leg_speed, hold, actions in corners:
         if leg_speed != speed:
             flight.append(_speed_item(leg_speed))
         flight.append(MissionItem(WAYPOINT, heights.frame, (hold, 0.0, 0.0, None), lat, lon, height))
-        flight += then
+        flight += actions
         speed = leg_speed
     if speed != begin:
         flight.append(_speed_item(begin))
@@ -80,19 +99,78 @@ def items_along(
     return (
         MissionItem(TAKEOFF, FRAME_RELATIVE, (0.0, 0.0, 0.0, None), home.lat, home.lon, up),
         _speed_item(begin),
-        *gimbal_items(track, params),
+        *_gimbal_items(track, params),
         *flight,
         MissionItem(RETURN, FRAME_MISSION),
     )
 
 
 def _speed_item(speed_m_s: float) -> MissionItem:
-    """The speed over ground from here on."""
     return MissionItem(CHANGE_SPEED, FRAME_MISSION, (1.0, speed_m_s, -1.0, 0.0))
 
 
 def home_notes(home: tuple[float, ...]) -> list[str]:
-    """Note that the altitude of home is missing, if it is."""
+    """Return a note that the altitude of home is missing, if it is."""
     if len(home) > 2:
         return []
     return ["the altitude of home above the sea is not given and written as 0; all heights are above home"]
+
+
+def _corner_actions(track: Track, params: PlanParams) -> list[list[MissionItem]]:
+    """Return the items that follow the waypoint of each corner of a track, whose places are lon, lat."""
+    triggers = [*np.round(track.trigger_m, 3).tolist(), 0.0]
+    speeds = [*speeds_of(track, params)[1:].tolist(), params.speed_m_s]
+    nowhere = np.full((1, 2), np.nan)
+    places = np.round(np.concatenate([track.look_at, nowhere]), DEGREE_DECIMALS)
+    actions = []
+    before, seen = 0.0, nowhere[0]
+    for trigger, speed, shot, place in zip(triggers, speeds, track.shots.tolist(), places, strict=True):
+        items = []
+        if not np.array_equal(place, seen, equal_nan=True):
+            items.append(_look_at(place[0], place[1]))
+        if shot:
+            items += _one_photo(params)
+        if trigger != before:  # the distance is that of the line, which begins with a photograph
+            items.append(_trigger(trigger, speed, params))
+        before, seen = trigger, place
+        actions.append(items)
+    return actions
+
+
+def _gimbal_items(track: Track, params: PlanParams) -> list[MissionItem]:
+    """Turn the gimbal to its pitch once; not where the camera looks at places."""
+    if params.photos is None or np.isfinite(track.look_at).any():
+        return []
+    pitch = float(params.photos.pitch_deg)
+    targeting = 2.0  # MAV_MOUNT_MODE_MAVLINK_TARGETING
+    return [MissionItem(MOUNT_CONTROL, FRAME_MISSION, (pitch, 0.0, 0.0, 0.0), altitude_m=targeting)]
+
+
+def _look_at(lon: float, lat: float) -> MissionItem:
+    """Look at a place at the height of home, or ahead again."""
+    if not np.isfinite(lon):
+        return MissionItem(ROI_NONE, FRAME_MISSION)
+    return MissionItem(ROI_LOCATION, FRAME_RELATIVE, lat=float(lat), lon=float(lon))
+
+
+def _one_photo(params: PlanParams) -> list[MissionItem]:
+    assert params.photos is not None
+    if params.photos.trigger == "distance":  # as on lines: to start the trigger takes a photograph
+        every = round(params.photos.trigger_m(params.altitude_m), 3)
+        return [_distance(every), _distance(0.0)]
+    return [MissionItem(IMAGE_START, FRAME_MISSION, (0.0, 0.0, 1.0, 0.0))]
+
+
+def _trigger(trigger_m: float, speed_m_s: float, params: PlanParams) -> MissionItem:
+    """Start photographs at a distance, or stop them where it is 0."""
+    assert params.photos is not None
+    if params.photos.trigger == "distance":
+        return _distance(trigger_m)
+    if not trigger_m:
+        return MissionItem(IMAGE_STOP, FRAME_MISSION)
+    interval = round(params.photos.interval_s(trigger_m, speed_m_s), 3)
+    return MissionItem(IMAGE_START, FRAME_MISSION, (0.0, interval, 0.0, 0.0))
+
+
+def _distance(trigger_m: float) -> MissionItem:
+    return MissionItem(CAMERA_DISTANCE, FRAME_MISSION, (trigger_m, 0.0, float(trigger_m > 0), 0.0))

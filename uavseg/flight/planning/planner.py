@@ -12,8 +12,7 @@ from uavseg.errors import MissionError
 from uavseg.flight.mission.items import HomePosition
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.track import Track
-from uavseg.flight.params.pattern import MAX_MARGIN_M, PARAMS_OF, PerimeterParams
-from uavseg.flight.params.plan import PlanParams
+from uavseg.flight.params.plan import MAX_MARGIN_M, PARAMS_OF, PerimeterParams, PlanParams
 from uavseg.flight.patterns import candidates as patterns
 from uavseg.flight.patterns.survey_blocks import blocks_of_surveys
 from uavseg.flight.planning.along import home_notes
@@ -28,7 +27,7 @@ Floats = NDArray[np.float64]
 
 MAX_WAYPOINTS = 20_000
 """Of all flights together: 30 full boards."""
-LEAST_REACH_M = 100.0
+MIN_REACH_M = 100.0
 _PATTERN_FUNCTIONS = {
     "visit": patterns.visits,
     "perimeter": patterns.perimeters,
@@ -68,8 +67,8 @@ def plan_missions(
     Raises
     ------
     MissionError
-        If there are no regions, if they are not near home, if zones make a region or home unreachable, if a
-        part of the mission does not fit into a flight, or if the mission would not be safe.
+        If there are no regions, they are not near home, zones make a region or home unreachable, a part of
+        the mission does not fit into a flight, or the mission would not be safe.
     """
     if len(polygons) == 0:
         raise MissionError("there is no region to fly to; choose at least one")
@@ -87,40 +86,36 @@ def plan_missions(
         raise MissionError(
             "home lies in a keep-out zone or its margin; choose another home or a smaller --avoid-margin"
         )
-    parts, cut = clear_parts(region_parts(regions, plane, points), keep_out)
-    found = _PATTERN_FUNCTIONS[params.pattern](parts, params)
-    _check_count(found)
-    candidates = _reached(found, place, keep_out)
-    route = short_route(candidates, place, keep_out.space)
-    notes = [*home_notes(home), *at_home, *cut, *found.notes]
+    parts, zone_notes = clear_parts(region_parts(regions, plane, points), keep_out)
+    candidates = _PATTERN_FUNCTIONS[params.pattern](parts, params)
+    _check_count(candidates)
+    route = short_route(_reachable(candidates, place, keep_out), place, keep_out.space)
+    notes = [*home_notes(home), *at_home, *zone_notes, *candidates.notes]
     missions = missions_over(route, start, plane, keep_out, params, notes)
-    blocks = blocks_of_surveys(found.surveys, plane, params)
+    blocks = blocks_of_surveys(candidates.surveys, plane, params)
     return tuple(replace(mission, blocks=blocks) for mission in missions)
 
 
 def check_regions(count: int, params: PlanParams) -> None:
-    """Check before any work that so many regions can be ordered.
+    """Refuse more regions than can be ordered, before any work (MissionError).
 
-    Raises
-    ------
-    MissionError
-        If not. Perimeters inside of regions are counted later: small regions have none.
+    Perimeters inside of regions are counted later: small regions have none.
     """
     if not (isinstance(params.how, PerimeterParams) and params.how.offset_m < 0):
         check_order(count)
 
 
 def _reach_m(regions: NDArray[np.object_], params: PlanParams) -> float:
-    """More metres than a flight leads beyond its regions, with the margin of zones."""
+    """Return an upper bound of the distance of a flight from its regions, with the margin of zones."""
     west, south, east, north = shapely.bounds(regions).T
     around = float(np.hypot(east - west, north - south).max()) + params.speed_m_s**2  # circles, and turns
     lines = 2 * (params.spacing_m or 0) + 2 * params.safety.avoid_margin_m
     margins = 0 if params.how in (None, PARAMS_OF[params.pattern]()) else 2 * MAX_MARGIN_M
-    return LEAST_REACH_M + around + lines + margins
+    return MIN_REACH_M + around + lines + margins
 
 
-def _check_count(found: patterns.Candidates) -> None:
-    corners = sum(min(len(track.xy) for track in tracks) for tracks in found.tracks)
+def _check_count(candidates: patterns.Candidates) -> None:
+    corners = sum(min(len(track.xy) for track in tracks) for tracks in candidates.tracks)
     if corners > MAX_WAYPOINTS:
         raise MissionError(
             f"the mission would have {corners:,} waypoints; at most {MAX_WAYPOINTS:,} are planned: choose "
@@ -128,21 +123,17 @@ def _check_count(found: patterns.Candidates) -> None:
         )
 
 
-def _reached(found: patterns.Candidates, home: Floats, keep_out: KeepOut) -> list[list[Track]]:
-    """Tracks that are cut where zones block them, without those that cannot be reached from home."""
-    cleared = [[keep_out.clear(track) for track in tracks] for tracks in found.tracks]
+def _reachable(candidates: patterns.Candidates, home: Floats, keep_out: KeepOut) -> list[list[Track]]:
+    """Split tracks where zones block them, and drop those that cannot be reached from home."""
+    cleared = [[keep_out.clear(track) for track in tracks] for tracks in candidates.tracks]
     ends = np.array([track.xy[[0, -1]] for tracks in cleared for track in tracks]).reshape(-1, 2)
     lengths = keep_out.space.lengths_from(home, ends).reshape(-1, 2)
-    reached = np.asarray(np.isfinite(lengths).all(axis=1))
-    first = np.cumsum([0, *map(len, cleared)])
-    left = [
-        [track for track, is_reached in zip(tracks, reached[start:], strict=False) if is_reached]
-        for tracks, start in zip(cleared, first[:-1], strict=True)
-    ]
-    for tracks, place in zip(left, found.places, strict=True):
+    is_reached = iter(np.isfinite(lengths.max(axis=1)))
+    reachable = [[track for track in tracks if next(is_reached)] for tracks in cleared]
+    for tracks, place in zip(reachable, candidates.places, strict=True):
         if not tracks:
             raise MissionError(
                 f"the region at {place} cannot be reached: keep-out zones and their margin enclose it, "
                 "or home; leave it out, or use a smaller --avoid-margin"
             )
-    return left
+    return reachable

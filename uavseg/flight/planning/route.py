@@ -1,7 +1,7 @@
-"""Routes: tracks over all regions in a short order, and the ways between them."""
+"""Routes: tracks over all regions in a short order, and the paths between them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,9 +9,7 @@ from numpy.typing import NDArray
 from uavseg.errors import MissionError
 from uavseg.flight.avoid.free_space import FreeSpace
 from uavseg.flight.mission.track import Track
-from uavseg.flight.order.stops import Stops
-from uavseg.flight.order.tour import short_tour
-from uavseg.flight.planning.short_legs import without_short_legs
+from uavseg.flight.order.tour import Stops, short_tour
 
 Floats = NDArray[np.float64]
 
@@ -19,47 +17,36 @@ MAX_REGIONS = 4000  # far more than any vehicle stores
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Route:
-    """What is flown, in order: runs of lines or single points, and the ways between them.
+class RegionRoute:
+    """Runs of lines, or single points, in the order of flight, and the transits between them."""
 
-    Parameters
-    ----------
-    home : (2,) float64 array
-    pieces : tuple of Track
-        n runs of lines.
-    ways : tuple of Track
-        n - 1 ways, from the end of each piece to the start of the next.
-    space : FreeSpace
-        Where ways may lead.
-    """
-
-    home: Floats
-    pieces: tuple[Track, ...]
-    ways: tuple[Track, ...]
-    space: FreeSpace
+    home: Floats  # (2,)
+    pieces: tuple[Track, ...]  # n runs of lines
+    transits: tuple[Track, ...]  # n - 1, from the end of each piece to the start of the next
+    space: FreeSpace  # of transits
 
     def flight(self, first: int, last: int) -> Track:
-        """From home over pieces, the last one included, and home again where that way is not straight."""
-        inner = [track for k in range(first, last) for track in (self.pieces[k], self.ways[k])]
-        back = self._way(self.pieces[last].xy[-1], self.home)
-        tracks = [self._way(self.home, self.pieces[first].xy[0]), *inner, self.pieces[last]]
+        """Return the track over pieces first to last, from home, and back home where not straight."""
+        inner = [track for k in range(first, last) for track in (self.pieces[k], self.transits[k])]
+        back = self._transit(self.pieces[last].xy[-1], self.home)
+        tracks = [self._transit(self.home, self.pieces[first].xy[0]), *inner, self.pieces[last]]
         if len(back.xy) > 2:
             tracks.append(back)
         return without_short_legs(Track.joined(tracks).part_from(1), self.space)
 
     def home_lengths(self) -> tuple[Floats, Floats]:
-        """Lengths of the ways from home to the start of each piece, and from its end home, in metres."""
+        """Return the lengths in metres from home to the start of each piece, and from its end home."""
         starts = np.array([piece.xy[0] for piece in self.pieces])
         ends = np.array([piece.xy[-1] for piece in self.pieces])
         lengths = self.space.lengths_from(self.home, np.concatenate([starts, ends]))
         return lengths[: len(starts)], lengths[len(starts) :]
 
-    def _way(self, start: Floats, end: Floats) -> Track:
-        return Track.of_way(self.space.path(start.tolist(), end.tolist()))
+    def _transit(self, start: Floats, end: Floats) -> Track:
+        return Track.transit(self.space.path(start.tolist(), end.tolist()))
 
 
-def short_route(candidates: Sequence[Sequence[Track]], home: Floats, space: FreeSpace) -> Route:
-    """A short route from home over one track of each region, in either direction, and home again.
+def short_route(candidates: Sequence[Sequence[Track]], home: Floats, space: FreeSpace) -> RegionRoute:
+    """Return a short route from home over one track of each region, in either direction, and home again.
 
     Parameters
     ----------
@@ -73,29 +60,22 @@ def short_route(candidates: Sequence[Sequence[Track]], home: Floats, space: Free
     MissionError
         If there are too many regions, or a region cannot be reached.
     """
-    tracks = _ordered(candidates, home, space)
     pieces: list[Track] = []
-    ways: list[Track] = []
-    for track in tracks:
-        stretches = track.stretches()
+    transits: list[Track] = []
+    for track in _ordered(candidates, home, space):
+        runs = track.line_runs()
         if pieces:
-            path = space.path(pieces[-1].xy[-1].tolist(), track.xy[stretches[0][0]].tolist())
-            ways.append(Track.of_way(path))
-        for k, (first, last) in enumerate(stretches):
+            path = space.path(pieces[-1].xy[-1].tolist(), track.xy[runs[0][0]].tolist())
+            transits.append(Track.transit(path))
+        for k, (first, last) in enumerate(runs):
             if k:
-                ways.append(track.part(stretches[k - 1][1], first))
+                transits.append(track.part(runs[k - 1][1], first))
             pieces.append(track.part(first, last))
-    return Route(home, tuple(pieces), tuple(ways), space)
+    return RegionRoute(home=home, pieces=tuple(pieces), transits=tuple(transits), space=space)
 
 
 def check_order(count: int) -> None:
-    """Check that so many regions can be ordered.
-
-    Raises
-    ------
-    MissionError
-        If not.
-    """
+    """Refuse more regions than can be ordered (MissionError)."""
     if count > MAX_REGIONS:
         raise MissionError(
             f"there are {count:,} regions, and at most {MAX_REGIONS:,} are ordered; choose fewer"
@@ -103,7 +83,7 @@ def check_order(count: int) -> None:
 
 
 def _ordered(candidates: Sequence[Sequence[Track]], home: Floats, space: FreeSpace) -> list[Track]:
-    """One track for each region, in an order that makes a short tour from home and back."""
+    """Choose one track for each region, in an order that makes a short tour from home and back."""
     check_order(len(candidates))
     ends = np.concatenate([[track.xy[[0, -1]] for track in tracks] for tracks in candidates])
     points, index = np.unique(np.concatenate([home[None], ends.reshape(-1, 2)]), axis=0, return_inverse=True)
@@ -111,12 +91,67 @@ def _ordered(candidates: Sequence[Sequence[Track]], home: Floats, space: FreeSpa
     options, costs, flown = [], [], []
     first = 0
     for tracks in candidates:
-        own = pairs[first : first + len(tracks)]
+        forward = pairs[first : first + len(tracks)]
         first += len(tracks)
         flown.append([*tracks, *(track.reversed() for track in tracks)])
-        options.append(np.concatenate([own, own[:, ::-1]]))
+        options.append(np.concatenate([forward, forward[:, ::-1]]))
         costs.append(np.array([track.length_m for track in tracks] * 2))
     start = int(index.ravel()[0])
     lengths = space.paths(points).lengths
     tour = short_tour(Stops.of(options, costs), lengths, start, start)
     return [flown[region][option] for region, option in tour]
+
+
+MIN_LEG_M = 0.7
+"""A little more than the shortest leg that Litchi flies, 0.6 m."""
+
+
+def without_short_legs(track: Track, space: FreeSpace) -> Track:
+    """Return a track whose transits have no leg shorter than 0.7 m, where free space allows that.
+
+    A corner of a transit too near to another one is left out if the leg past it is free. Else the line that
+    ends beside it ends that much earlier.
+
+    Parameters
+    ----------
+    track : Track
+    space : FreeSpace
+    """
+    track, k = replace(track, xy=track.xy.copy()), 1
+    while k < len(track.xy) - 1:
+        if not _is_of_transit(track, k) or _lengths(track.xy[k - 1 : k + 2]).min() >= MIN_LEG_M:
+            k += 1
+        elif space.sees(track.xy[k - 1, None], track.xy[k + 1, None])[0]:
+            straight = Track.transit(track.xy[[k - 1, k + 1]])
+            track = Track.joined([track.part(0, k - 1), straight, track.part_from(k + 1)])
+            k = max(k - 1, 1)  # the corner before has another leg now
+        else:
+            _shorten_line(track, k, space)
+            k += 1
+    return track
+
+
+def _is_of_transit(track: Track, k: int) -> bool:
+    """Return whether a corner lies between legs of transits, without hold or photograph."""
+    return not (track.is_line[k - 1 : k + 1].any() or track.shots[k] or track.hold_s[k])
+
+
+def _shorten_line(track: Track, k: int, space: FreeSpace) -> None:
+    """Move the ends of lines that are too near to a corner back along them, in place, where that is free."""
+    for end, inward in ((k - 1, -1), (k + 1, 1)):
+        leg, other = (end - 1 if inward < 0 else end), end + inward
+        if not 0 <= other < len(track.xy) or not track.is_line[leg]:
+            continue
+        corner, along = track.xy[end].copy(), track.xy[other] - track.xy[end]
+        length_m = float(np.hypot(*along))
+        if _lengths(track.xy[[end, k]])[0] >= MIN_LEG_M or length_m < 2 * MIN_LEG_M:
+            continue
+        track.xy[end] += along * (MIN_LEG_M / length_m)
+        short = _lengths(track.xy[[end, k]])[0] < MIN_LEG_M
+        if short or not space.sees(track.xy[end, None], track.xy[k, None])[0]:
+            track.xy[end] = corner
+
+
+def _lengths(xy: Floats) -> Floats:
+    lengths: Floats = np.hypot(*np.diff(xy, axis=0).T)
+    return lengths

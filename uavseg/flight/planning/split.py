@@ -1,6 +1,6 @@
-"""Division of a route into flights that each start and end at home and fit their limits.
+"""Split of a route into flights that each start and end at home and fit their limits (vehicle routing).
 
-The order of the route is kept, and the places where it is cut are the best ones: a shortest path over the
+The order of the route is kept, and the places where it is split are the best ones: a shortest path over the
 flights that fit (the split of C. Prins, A simple and effective evolutionary algorithm for the vehicle routing
 problem, Computers and Operations Research 31, 2004).
 """
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from uavseg.errors import MissionError
 from uavseg.flight.mission.track import Track
-from uavseg.flight.planning.route import Route
+from uavseg.flight.planning.route import RegionRoute
 
 Floats = NDArray[np.float64]
 Seconds = Callable[[Floats], Floats]
@@ -27,77 +27,62 @@ ROUNDING_S = 10.0  # a piece that is flown alone starts and ends at rest
 
 @dataclass(frozen=True, slots=True)
 class FlightLimits:
-    """What one flight may take.
+    """Limits of one flight, and the costs that count against them."""
 
-    Parameters
-    ----------
-    seconds : float
-        In the air; infinite without a limit.
-    items : float
-        Mission items.
-    fixed_s, fixed_items : float
-        Of these, what each flight takes besides its way: takeoff, landing, settings.
-    leg_seconds : function
-        Time of each leg of a path (n, 2) in metres, (n - 1,), that is level and of one speed.
-    costs : function, optional
-        Time of each leg of a track, and the items that it needs besides those of its corners, (n - 1,) each;
-        by default the time is `leg_seconds`, and no more items are needed.
-    return_seconds : function, optional
-        What the autopilot's own return takes over a length in metres, where that is more.
-    """
-
-    seconds: float
-    items: float
-    fixed_s: float
+    seconds: float  # in the air; infinite without a limit
+    items: float  # mission items
+    fixed_s: float  # of these, for takeoff, landing and settings of each flight
     fixed_items: float
-    leg_seconds: Seconds
+    leg_seconds: Seconds  # time of each leg of a path (n, 2) in metres, level and of one speed: (n - 1,)
+    # time of each leg of a track, and its items besides corners; by default `leg_seconds` and 0
     costs: Costs | None = None
+    # time of the autopilot's return over a length in metres, where that is more
     return_seconds: Callable[[float], float] | None = None
 
     def of(self, track: Track) -> tuple[Floats, Floats]:
-        """Time and further items of each leg of a track."""
+        """Return the time and further items of each leg of a track."""
         if self.costs is not None:
             return self.costs(track)
         seconds = self.leg_seconds(track.xy)
         return seconds, np.zeros(len(seconds))
 
     def tighter(self, seconds: float, items: float) -> "FlightLimits":
-        """The same with shares of the time and of the items."""
+        """Return limits of shares of the time and of the items."""
         return replace(self, seconds=self.seconds * seconds, items=math.floor(self.items * items))
 
 
-def split_route(route: Route, limits: FlightLimits) -> list[Track]:
-    """The flights over a route, each from the first corner after home to the last before it.
+def split_route(route: RegionRoute, limits: FlightLimits) -> list[Track]:
+    """Split a route into flights, each from the first corner after home to the last before it.
 
     Parameters
     ----------
-    route : Route
+    route : RegionRoute
     limits : FlightLimits
 
     Raises
     ------
     MissionError
-        If a part of the route cannot be flown within the limits even in a flight of its own.
+        If a part of the route cannot be flown within the limits even alone.
     """
     whole = route.flight(0, len(route.pieces) - 1)
     if _fits(route, whole, limits):
         return [whole]
     route = _divided(route, limits)
-    return [route.flight(first, last) for first, last in _cheapest_cuts(_costs(route, limits), limits)]
+    return [route.flight(first, last) for first, last in _cheapest_split(_costs(route, limits), limits)]
 
 
-def _fits(route: Route, flight: Track, limits: FlightLimits) -> bool:
-    out, back = (Track.of_way(np.array([route.home, flight.xy[end]])) for end in (0, -1))
+def _fits(route: RegionRoute, flight: Track, limits: FlightLimits) -> bool:
+    out, back = (Track.transit(np.array([route.home, flight.xy[end]])) for end in (0, -1))
     seconds, items = limits.of(Track.joined([out, flight, back.reversed()]))
-    most_items = limits.items - limits.fixed_items
+    max_items = limits.items - limits.fixed_items
     spent_s = float(seconds.sum()) + limits.fixed_s
     if limits.return_seconds is not None:
         spent_s += max(limits.return_seconds(back.length_m) - float(seconds[-1]), 0.0)
-    return spent_s <= limits.seconds and _items(flight) + items[:-1].sum() <= most_items
+    return spent_s <= limits.seconds and _items(flight) + items[:-1].sum() <= max_items
 
 
 def _items(track: Track) -> int:
-    """Waypoints of a track, and the items that begin and end photographs or turn the camera, at most."""
+    """Return the maximum number of items of a track: waypoints, photographs, turns of the camera."""
     triggers = np.count_nonzero(np.diff(np.r_[0.0, track.trigger_m, 0.0]))
     turned = np.count_nonzero(np.diff(np.r_[False, np.isfinite(track.look_at[:, 0]), False].astype(np.int8)))
     hovering = np.count_nonzero(track.shots & (track.hold_s > 0))  # one item each, others have two
@@ -106,44 +91,45 @@ def _items(track: Track) -> int:
 
 @dataclass(frozen=True, slots=True)
 class _Costs:
-    """Time and items of each piece, of the way to the next, and of the ways from and to home."""
+    """Time and items of each piece, of the transit to the next, and of those from and to home."""
 
     piece_s: Floats
     piece_items: Floats
-    way_s: Floats
-    way_items: Floats
+    transit_s: Floats
+    transit_items: Floats
     out_s: Floats
     back_s: Floats
     out_items: Floats
     back_items: Floats
 
 
-def _costs(route: Route, limits: FlightLimits) -> _Costs:
+def _costs(route: RegionRoute, limits: FlightLimits) -> _Costs:
     seconds, items = _joined_costs(route, limits)
     out_m, back_m = route.home_lengths()
-    held_s = np.array([piece.hold_s[0] for piece in route.pieces])  # else it is a part of the way before
-    dense = _items_per_m(route, items)
+    held_s = np.array([piece.hold_s[0] for piece in route.pieces])  # else a part of the transit before
+    items_per_m = _items_per_m(route, items)
+    corners = np.array([max(len(transit.xy) - 2, 0) for transit in route.transits], np.float64)
     return _Costs(
-        seconds[::2],
-        np.array([_items(piece) for piece in route.pieces], np.float64) + items[::2],
-        seconds[1::2],
-        np.array([max(len(way.xy) - 2, 0) for way in route.ways], np.float64) + items[1::2],
-        _straight_seconds(out_m, limits) + held_s,
-        _return_seconds(back_m, limits),
-        dense * out_m,
-        dense * back_m,
+        piece_s=seconds[::2],
+        piece_items=np.array([_items(piece) for piece in route.pieces], np.float64) + items[::2],
+        transit_s=seconds[1::2],
+        transit_items=corners + items[1::2],
+        out_s=_straight_seconds(out_m, limits) + held_s,
+        back_s=_return_seconds(back_m, limits),
+        out_items=items_per_m * out_m,
+        back_items=items_per_m * back_m,
     )
 
 
-def _items_per_m(route: Route, items: Floats) -> float:
-    """Further items over the length of pieces and ways; so many are expected on ways from and to home."""
-    length_m = sum(track.length_m for track in (*route.pieces, *route.ways))
+def _items_per_m(route: RegionRoute, items: Floats) -> float:
+    """Return further items by length; their number on transits from and to home is estimated from it."""
+    length_m = sum(track.length_m for track in (*route.pieces, *route.transits))
     return float(items.sum()) / length_m if length_m > 0 else 0.0
 
 
-def _joined_costs(route: Route, limits: FlightLimits) -> tuple[Floats, Floats]:
-    """Time and further items of each piece and each way, in turns, where all are flown one after another."""
-    tracks = [track for pair in zip(route.pieces, route.ways, strict=False) for track in pair]
+def _joined_costs(route: RegionRoute, limits: FlightLimits) -> tuple[Floats, Floats]:
+    """Return time and further items of pieces and transits in turns, flown one after another."""
+    tracks = [track for pair in zip(route.pieces, route.transits, strict=False) for track in pair]
     tracks.append(route.pieces[-1])
     ends = np.cumsum([0, *(len(track.is_line) for track in tracks)])
     sums = [np.concatenate([[0.0], np.cumsum(one)]) for one in limits.of(Track.joined(tracks))]
@@ -152,15 +138,15 @@ def _joined_costs(route: Route, limits: FlightLimits) -> tuple[Floats, Floats]:
 
 
 def _straight_seconds(length_m: Floats, limits: FlightLimits) -> Floats:
-    """Time of ways of some lengths that start and end at rest, interpolated."""
+    """Return the time of straight legs of some lengths that start and end at rest, interpolated."""
     known = np.concatenate([[0.0], np.geomspace(0.1, max(float(length_m.max()), 1.0), STRAIGHT_LENGTHS)])
     seconds = [limits.leg_seconds(np.array([[0.0, 0.0], [length, 0.0]])).sum() for length in known.tolist()]
-    found: Floats = np.interp(length_m, known, seconds)
-    return found
+    interpolated: Floats = np.interp(length_m, known, seconds)
+    return interpolated
 
 
 def _return_seconds(length_m: Floats, limits: FlightLimits) -> Floats:
-    """Time of ways home of some lengths, by waypoints or by a return, whichever is longer."""
+    """Return the time home over some lengths, by waypoints or by a return, whichever is longer."""
     straight = _straight_seconds(length_m, limits)
     if limits.return_seconds is None:
         return straight
@@ -170,8 +156,8 @@ def _return_seconds(length_m: Floats, limits: FlightLimits) -> Floats:
     return longer
 
 
-def _divided(route: Route, limits: FlightLimits) -> Route:
-    """The route with pieces cut that take longer than a flight, or have more items."""
+def _divided(route: RegionRoute, limits: FlightLimits) -> RegionRoute:
+    """Return the route with pieces divided that take longer than a flight, or have more items."""
     reach_m = route.space.lengths_from(route.home, np.concatenate([piece.xy for piece in route.pieces]))
     first = np.cumsum([0, *(len(piece.xy) for piece in route.pieces[:-1])])
     away_m = np.maximum.reduceat(reach_m, first)
@@ -179,56 +165,58 @@ def _divided(route: Route, limits: FlightLimits) -> Route:
     left_s = limits.seconds - limits.fixed_s - home_s
     seconds, items = _joined_costs(route, limits)
     home_items = 2 * _items_per_m(route, items) * away_m
-    most_items = limits.items - limits.fixed_items - home_items
+    max_items = limits.items - limits.fixed_items - home_items
     seconds, items = seconds[::2], items[::2]
     fits = seconds <= left_s - ROUNDING_S
     pieces: list[Track] = []
-    ways: list[Track] = []
+    transits: list[Track] = []
     for k, piece in enumerate(route.pieces):
-        small = fits[k] and _items(piece) + items[k] <= most_items[k]
-        parts = [piece] if small else _parts(piece, float(left_s[k]), float(most_items[k]), limits)
+        small = fits[k] and _items(piece) + items[k] <= max_items[k]
+        parts = [piece] if small else _parts(piece, float(left_s[k]), float(max_items[k]), limits)
         if pieces:
-            ways.append(route.ways[k - 1])
-        ways += [Track.of_way(part.xy[:1]) for part in parts[1:]]
+            transits.append(route.transits[k - 1])
+        transits += [Track.transit(part.xy[:1]) for part in parts[1:]]
         pieces += parts
         if len(pieces) > MAX_PIECES:
             raise MissionError("the mission would have to be cut into too many flights; choose fewer regions")
-    return replace(route, pieces=tuple(pieces), ways=tuple(ways))
+    return replace(route, pieces=tuple(pieces), transits=tuple(transits))
 
 
-def _parts(piece: Track, most_s: float, most_items: float, limits: FlightLimits) -> list[Track]:
-    """A run of lines as runs that take no longer than a time, cut at corners and within long lines."""
+def _parts(piece: Track, max_s: float, max_items: float, limits: FlightLimits) -> list[Track]:
+    """Divide a run of lines at corners and within long lines into runs within a time and items."""
     seconds, items = limits.of(piece)
-    if seconds.sum() <= most_s and _items(piece) + items.sum() <= most_items:
+    if seconds.sum() <= max_s and _items(piece) + items.sum() <= max_items:
         return [piece]
-    if most_s <= 0 or most_items < 4:
-        _refuse(limits, limits.seconds - most_s)
-    lines = [line for k in range(len(seconds)) for line in _cut(piece.part(k, k + 1), seconds[k], most_s)]
+    if max_s <= 0 or max_items < 4:
+        _refuse(limits, limits.seconds - max_s)
+    lines = [
+        line for k in range(len(seconds)) for line in _divided_line(piece.part(k, k + 1), seconds[k], max_s)
+    ]
     parts = [lines[0]]
     for line in lines[1:]:
         longer = Track.joined([parts[-1], line])
         seconds, items = limits.of(longer)
-        if seconds.sum() <= most_s and _items(longer) + items.sum() <= most_items:
+        if seconds.sum() <= max_s and _items(longer) + items.sum() <= max_items:
             parts[-1] = longer
         else:
             parts.append(line)
     return parts
 
 
-def _cut(line: Track, seconds: float, most_s: float) -> list[Track]:
-    """A line in equal parts that each take no longer than a time."""
-    count = max(math.ceil(1.3 * seconds / most_s), 1) if seconds > most_s else 1
+def _divided_line(line: Track, seconds: float, max_s: float) -> list[Track]:
+    """Divide a line into equal parts that each take no longer than a time."""
+    count = max(math.ceil(1.3 * seconds / max_s), 1) if seconds > max_s else 1
     if count > MAX_PIECES:
         raise MissionError("the mission would have to be cut into too many flights; choose fewer regions")
     xy = line.xy[0] + np.linspace(0, 1, count + 1)[:, None] * (line.xy[1] - line.xy[0])
     return [line.leg(0, xy[k : k + 2]) for k in range(count)]
 
 
-def _cheapest_cuts(costs: _Costs, limits: FlightLimits) -> list[tuple[int, int]]:
-    """First and last piece of each flight, so that the sum of all times is least."""
+def _cheapest_split(costs: _Costs, limits: FlightLimits) -> list[tuple[int, int]]:
+    """Return the first and last piece of each flight for the minimum sum of times (dynamic programming)."""
     count = len(costs.piece_s)
-    spent = np.concatenate([[0.0], np.cumsum(costs.piece_s + np.append(costs.way_s, 0.0))])
-    items = np.concatenate([[0.0], np.cumsum(costs.piece_items + np.append(costs.way_items, 0.0))])
+    spent = np.concatenate([[0.0], np.cumsum(costs.piece_s + np.append(costs.transit_s, 0.0))])
+    items = np.concatenate([[0.0], np.cumsum(costs.piece_items + np.append(costs.transit_items, 0.0))])
     best = np.full(count + 1, np.inf)
     best[0] = 0.0
     start = np.zeros(count + 1, np.int64)
@@ -243,15 +231,15 @@ def _cheapest_cuts(costs: _Costs, limits: FlightLimits) -> list[tuple[int, int]]
         fits = (seconds <= limits.seconds) & (carried + limits.fixed_items <= limits.items)
         total = np.where(fits, best[first] + seconds, np.inf)
         choice = int(total.argmin())
-        if not fits[-1]:  # else every piece fits into a flight of its own, and so there is a way to cut
+        if not fits[-1]:  # else every piece fits into a flight alone, and so there is a split
             _refuse(limits, float(seconds[-1]))
         best[last + 1], start[last + 1] = total[choice], first[choice]
-    cuts = []
+    flights = []
     stop = count
     while stop:
-        cuts.append((int(start[stop]), stop - 1))
+        flights.append((int(start[stop]), stop - 1))
         stop = int(start[stop])
-    return cuts[::-1]
+    return flights[::-1]
 
 
 def _refuse(limits: FlightLimits, needed_s: float) -> None:

@@ -17,11 +17,20 @@ from uavseg.flight.safety.keep_out import KeepOut
 Floats = NDArray[np.float64]
 
 MAX_LISTED = 10  # places in a message
-LEAST_SHARE = 0.01  # of a region: what zones leave of it in smaller pieces is not flown
+MIN_SHARE = 0.01  # of a region: smaller pieces that zones leave of it are not flown
 
 
 def plane_of(polygons: Sequence[Any], points: Sequence[tuple[float, float]], home: HomePosition) -> Plane:
-    """The local plane of regions in degrees; checks that they are on Earth and near home."""
+    """Return the local plane of regions; refuse regions that are not on Earth, or not near home.
+
+    Parameters
+    ----------
+    polygons : sequence of shapely Polygon or MultiPolygon
+        In degrees (lon, lat).
+    points : sequence of (lon, lat)
+        A point inside each region.
+    home : HomePosition
+    """
     bounds = shapely.bounds(shapely.get_parts(np.array(polygons, dtype=object)))
     (west, south), (east, north) = bounds[:, :2].min(axis=0), bounds[:, 2:].max(axis=0)
     check_position(south, west, "a region")
@@ -43,13 +52,22 @@ def plane_of(polygons: Sequence[Any], points: Sequence[tuple[float, float]], hom
 def region_parts(
     regions: Iterable[Any], plane: Plane, points: Sequence[tuple[float, float]]
 ) -> list[RegionPart]:
-    """The connected parts of regions, with the given point if it lies inside, else another one."""
+    """Return the connected parts of regions, each with the given point if it lies inside, else another one.
+
+    Parameters
+    ----------
+    regions : iterable of shapely Polygon or MultiPolygon
+        In metres.
+    plane : Plane
+    points : sequence of (lon, lat)
+    """
     parts = []
     for region, lonlat in zip(regions, points, strict=True):
         x, y = map(float, plane.xy_from_lonlat(*lonlat))
         for polygon in _connected_parts(region):
             point = _point_in(polygon, (x, y))
-            parts.append(RegionPart(polygon, point, _place(point, plane)))
+            lon, lat = plane.lonlat_from_xy(*point)
+            parts.append(RegionPart(polygon, point, f"{float(lat):.5f},{float(lon):.5f}"))
     return parts
 
 
@@ -62,33 +80,33 @@ def _connected_parts(region: Any) -> list[Any]:
 
 
 def _point_in(polygon: Any, point: tuple[float, float]) -> tuple[float, float]:
-    """A point if it lies inside, else another one."""
+    """Return a point if it lies inside, else another one."""
     if shapely.contains_xy(polygon, *point):
         return point
     x, y = shapely.get_coordinates(shapely.point_on_surface(polygon))[0].tolist()
     return x, y
 
 
-def _place(point: tuple[float, float], plane: Plane) -> str:
-    lon, lat = plane.lonlat_from_xy(*point)
-    return f"{float(lat):.5f},{float(lon):.5f}"
-
-
 def clear_parts(parts: list[RegionPart], keep_out: KeepOut) -> tuple[list[RegionPart], list[str]]:
-    """What keep-out zones leave of regions, and a note of what they take."""
-    found, taken_m2 = [], 0.0
+    """Return the parts of regions outside of keep-out zones, and a note of the area inside.
+
+    Parameters
+    ----------
+    parts : list of RegionPart
+    keep_out : KeepOut
+    """
+    cleared, taken_m2 = [], 0.0
     lost: list[str] = []
     for part in parts:
-        left = keep_out.left_of(part.polygon)
         pieces = [
             piece
-            for piece in shapely.get_parts(left)
-            if piece.geom_type == "Polygon" and piece.area >= LEAST_SHARE * part.polygon.area
+            for piece in shapely.get_parts(keep_out.left_of(part.polygon))
+            if piece.geom_type == "Polygon" and piece.area >= MIN_SHARE * part.polygon.area
         ]
         if not pieces:
             lost.append(part.place)
         taken_m2 += part.polygon.area - sum(piece.area for piece in pieces)
-        found += [replace(part, polygon=piece, point=_point_in(piece, part.point)) for piece in pieces]
+        cleared += [replace(part, polygon=piece, point=_point_in(piece, part.point)) for piece in pieces]
     if lost:
         more = f" and {len(lost) - MAX_LISTED} more" if len(lost) > MAX_LISTED else ""
         places = "; ".join(lost[:MAX_LISTED]) + more
@@ -98,7 +116,7 @@ def clear_parts(parts: list[RegionPart], keep_out: KeepOut) -> tuple[list[Region
             "--avoid-margin"
         )
     if taken_m2 < 0.5:
-        return found, []
+        return cleared, []
     share = taken_m2 / sum(part.polygon.area for part in parts)
     note = f"{taken_m2:,.0f} m2 of the regions ({100 * share:.2g} %) lie in keep-out zones or their margin"
-    return found, [f"{note}, and are not flown over"]
+    return cleared, [f"{note}, and are not flown over"]

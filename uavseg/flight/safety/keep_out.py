@@ -125,7 +125,7 @@ class KeepOut:
         """
         if not self.zones or self.space.sees(track.xy[:-1], track.xy[1:]).all():
             return track
-        kept = [piece for first, last in track.stretches() for piece in self._pieces(track.part(first, last))]
+        kept = [piece for first, last in track.line_runs() for piece in self._pieces(track.part(first, last))]
         if not kept:
             raise MissionError("nothing is left of a flight over a region outside of the keep-out zones")
         tracks = kept[:1]
@@ -155,7 +155,7 @@ class KeepOut:
                 way = track.part(k, m)
                 if k < m and not way.is_line.any() and self.space.sees(way.xy[:-1], way.xy[1:]).all():
                     return way
-        return Track.of_way(self.space.path(start.tolist(), end.tolist()))
+        return Track.transit(self.space.path(start.tolist(), end.tolist()))
 
 
 def _held(zones: Any, margin_m: float) -> Any:

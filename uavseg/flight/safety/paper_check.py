@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from uavseg.errors import MissionError
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.plane import Plane
-from uavseg.flight.params.limits import SafetyParams
+from uavseg.flight.params.plan import SafetyParams
 from uavseg.flight.safety.fence_check import fence_problems
 from uavseg.flight.terrain.clearance import Clearance
 

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import MissionError
-from uavseg.flight.mission.ground import Ground
 from uavseg.flight.mission.items import FRAME_AMSL, FRAME_RELATIVE, FRAME_TERRAIN, HomePosition
+from uavseg.flight.mission.mission import Ground
 from uavseg.flight.mission.track import Track
 from uavseg.flight.params.plan import PlanParams
 from uavseg.flight.params.terrain import FRAME, RELATIVE, TerrainParams
@@ -82,7 +82,7 @@ def follow_ground(track: Track, home: HomePosition, params: PlanParams) -> Groun
     if leads_home:
         way_lon, way_lat = np.append(way_lon, way_lon[0]), np.append(way_lat, way_lat[0])
         flown = fly_over(terrain.dem, way_lon, way_lat, params, np.append(speeds, params.speed_m_s))
-        track = Track.joined([track, Track.of_way(np.array([track.xy[-1], (home.lon, home.lat)]))])
+        track = Track.joined([track, Track.transit(np.array([track.xy[-1], (home.lon, home.lat)]))])
         over_back = over_back[:0]
     heights, kept = _heights(flown, params, terrain)
     leg = np.searchsorted(flown.profile.corners[1:], kept)  # the first one leads from home to the path
@@ -110,7 +110,7 @@ def _with_added(track: Track, places: Floats, added: NDArray[np.bool_], leg: Int
         The leg to each corner: 0 leads from home, and 1 is the track's first.
     """
     speed, leg = track.speed_m_s[leg], leg[1:]
-    way = Track.joined([Track.of_way(track.xy[[0, 0]]), track])
+    way = Track.joined([Track.transit(track.xy[[0, 0]]), track])
     hold_s, shots = np.zeros(len(places)), np.zeros(len(places), bool)
     hold_s[~added], shots[~added] = track.hold_s, track.shots
     return Track(places, way.trigger_m[leg], way.is_line[leg], hold_s, shots, way.look_at[leg], speed)

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.flight.mission.ramps import Ramp
+from uavseg.flight.mission.duration import Ramp
 from uavseg.flight.mission.track import Track
 from uavseg.flight.mission.vehicle import default_vehicle
 from uavseg.flight.params.plan import PlanParams
@@ -46,7 +46,7 @@ def with_speeds(track: Track, home: Floats, params: PlanParams) -> Track:
     limit = _limits_m_s(track, params)
     if (limit >= params.speed_m_s).all():
         return track
-    whole = Track.joined([Track.of_way(np.array([home, track.xy[0]])), track])
+    whole = Track.joined([Track.transit(np.array([home, track.xy[0]])), track])
     length = np.hypot(*np.diff(whole.xy, axis=0).T)
     limit = np.minimum(np.append(np.inf, limit), params.speed_m_s)
     speed = _fewest_changes(limit, length)

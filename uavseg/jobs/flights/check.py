@@ -26,7 +26,7 @@ from uavseg.flight.mission.items import (
 )
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.vehicle import default_vehicle
-from uavseg.flight.params.limits import SafetyParams
+from uavseg.flight.params.plan import SafetyParams
 from uavseg.flight.safety.paper_check import PaperCheck
 from uavseg.flight.terrain.clearance import Clearance
 from uavseg.flight.terrain.flown import climbs_early

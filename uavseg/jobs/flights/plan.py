@@ -109,13 +109,13 @@ class MissionPlan:
 
     def explore(self, **words: Any) -> Any:
         """An interactive map (folium.Map) of all flights, for notebooks; words as of `Mission.explore`."""
-        from uavseg.flight.mission.frame import explore
+        from uavseg.flight.mission.features import explore
 
         return explore(*self.missions, **words)
 
     def _repr_html_(self) -> str:
         """For notebooks: each flight."""
-        from uavseg.flight.mission.frame import as_html
+        from uavseg.flight.mission.features import as_html
 
         count = len(self.missions)
         titles = ["" if count == 1 else f"<p>flight {k} of {count}</p>" for k in range(1, count + 1)]

@@ -10,14 +10,18 @@ from typing import Any
 import numpy as np
 
 from uavseg.errors import ParameterError
-from uavseg.flight.camera.camera import Camera, Overlap
-from uavseg.flight.camera.catalogue import camera_named
+from uavseg.flight.camera.camera import Camera, Overlap, camera_named
 from uavseg.flight.camera.photos import SHUTTER_S, Photos
 from uavseg.flight.mission.fence import RallyPoint
 from uavseg.flight.mission.vehicle import read_vehicle
-from uavseg.flight.params.limits import LimitParams, SafetyParams
-from uavseg.flight.params.pattern import PARAMS_OF, PatternParams
-from uavseg.flight.params.plan import COVERING, PlanParams
+from uavseg.flight.params.plan import (
+    COVERING,
+    PARAMS_OF,
+    LimitParams,
+    PatternParams,
+    PlanParams,
+    SafetyParams,
+)
 from uavseg.flight.params.terrain import terrain_params
 from uavseg.jobs.flights.plan import Home, PlanRequest
 from uavseg.options.flights import MissionOptions, PatternOptions, PhotoOptions, PlanOptions, SafetyOptions

@@ -104,8 +104,7 @@ def read_flights(missions: Any, camera: Any = None) -> list[dict[str, Any]]:
 def _flight(name: str, mission: "Mission", photos: Photos | None) -> dict[str, Any]:
     from uavseg.flight.formats.geojson import write_geojson
     from uavseg.flight.formats.options import FileOptions
-    from uavseg.flight.mission.estimate import estimate_text
-    from uavseg.flight.mission.footprints import footprints
+    from uavseg.flight.mission.estimate import estimate_text, footprints
     from uavseg.flight.mission.items import LANDINGS, RETURN, TAKEOFFS
 
     lat, lon, _ = mission.path
