@@ -39,8 +39,8 @@ from uavseg.regions import confidence
 from uavseg.regions.confidence import Weights
 from uavseg.regions.outline.rasterise import Rasteriser
 from uavseg.regions.outline.rings import RegionOutlines, Rings
-from uavseg.regions.sample.likeness import BlurredBands
 from uavseg.regions.sample.place import Disc, sample_mask
+from uavseg.regions.sample.similarity import BlurredBands
 from uavseg.regions.tiles.range_tiles import outline_regions
 from uavseg.segmentation.params.segment import IntensityRange, Refinement, SegmentParams
 from uavseg.segmentation.pipeline import cells_to_refine, measure_block_map_for

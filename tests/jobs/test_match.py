@@ -27,7 +27,7 @@ from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.intensity.stretch import parse_stretch
 from uavseg.raster.read.dataset import Dataset
-from uavseg.regions.edit.small import parse_area
+from uavseg.regions.edit.small import as_area
 from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.sample.place import Disc
 
@@ -171,7 +171,7 @@ def test_what_workers_get_and_give_may_be_sent() -> None:
             yield pickle.loads(pickle.dumps(sent(job)))
 
     image, _ = scene("rows", "sand", 11)
-    request = MatchRequest(INSIDE, fill_holes=parse_area("50px"))
+    request = MatchRequest(INSIDE, fill_holes=as_area("50px"))
     here, there = (found(image, request=request, work=Work(64, run)) for run in (serial, elsewhere))
     for name, column in here.found.regions.columns.items():
         np.testing.assert_array_equal(there.found.regions.columns[name], column)
@@ -253,7 +253,7 @@ def test_holes_are_filled_and_small_regions_dropped() -> None:
     image[104:128, 104:128] = 127  # a hole in the texture
     open_, filled = (
         found(image, Disc(110, 60, 28), MatchRequest(INSIDE, 16, fill_holes=size, min_area=size))
-        for size in (None, parse_area("900px"))
+        for size in (None, as_area("900px"))
     )
     assert not painted(open_)[115, 115] and painted(filled)[115, 115]
     assert filled.found.regions.columns["pixels"].min() >= 900

@@ -26,8 +26,8 @@ from uavseg.jobs.source.open_source import open_raster
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.raster.grid.tiling import Window
 from uavseg.regions.outline.rasterise import rasterise
-from uavseg.regions.sample.class_places import class_masks
-from uavseg.regions.sample.likeness import BlurredBands
+from uavseg.regions.sample.place import class_masks
+from uavseg.regions.sample.similarity import BlurredBands
 from uavseg.segmentation.params.segment import SegmentParams
 
 NAMES = ("meadow", "roof", "water")

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavseg.regions.sorted_keys import lower_bound, sorted_unique
+from uavseg.regions.smooth.arcs import lower_bound, sorted_unique
 
 keys = st.lists(st.integers(-5, 5) | st.integers(-(2**62), 2**62))
 

@@ -204,7 +204,7 @@ def _checked_style(style: str | None, target: str, overwrite: bool) -> str | Non
         return None
     if target == "-":
         raise click.UsageError("--style is written beside a file of regions; give -o a name, or leave it out")
-    from uavseg.regions.formats.style_files import check_style
+    from uavseg.regions.formats.styles import check_style
 
     check_style(target, style, overwrite)
     return style

@@ -130,7 +130,7 @@ def write_regions_and_labels(
     if target != "-":
         write_region_output(found, target, overwrite)
     if style is not None:
-        from uavseg.regions.formats.style_files import write_style
+        from uavseg.regions.formats.styles import write_style
 
         write_style(found.regions, target, style, overwrite)
     write_label_output(found, labels, work, overwrite)

@@ -37,7 +37,7 @@ from uavseg.raster.intensity.value_range import ValueRange
 from uavseg.regions.confidence import Confidence, check_minimum, confidence_of, none_confident
 from uavseg.regions.edit.small import Area, drop_small_regions, fill_small_holes
 from uavseg.regions.outline.rings import RegionOutlines
-from uavseg.regions.tiles.range_tiles import outline_regions
+from uavseg.regions.tiles.range_tiles import has_thin_lines, outline_regions
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaves import cells_in_range
 from uavseg.segmentation.params.partition import Partition
@@ -186,7 +186,7 @@ def _refined(source: Blocks, raster: Pixels, request: ExtractRequest, work: Work
 
 def _at_block_edges(source: Blocks, request: ExtractRequest) -> Extraction:
     """Regions of whole cells with valid pixels, from the block map alone; their `std` is not known."""
-    from uavseg.regions.tiles.block_map_regions import outline_block_map, sum_enclosed_cells
+    from uavseg.regions.tiles.segment_tiles import outline_block_map, sum_enclosed_cells
 
     refuse_without_pixels(request.detail, request.segment.refine)
     if request.thin_lines:
@@ -258,7 +258,7 @@ def _why_none(
         return f"{regions} smaller than --min-area; a smaller one keeps more"
     none = f"no region has {sought}" + ("" if request.detail is None else f" and is {request.detail} wide")
     if tile_pass is not None and isinstance(source, GreySource):
-        from uavseg.regions.tiles.count_regions import count_pixels
+        from uavseg.regions.tiles.range_tiles import count_pixels
 
         kinds = Partition(wanted.interval.edges, (0, 1, 0), ()).grey_table
         outside, inside, *_ = count_pixels(source, kinds, tile_pass.silent).tolist()
@@ -273,7 +273,6 @@ def _ways(
     source: GreySource, interval: IntensityRange, request: ExtractRequest, tile_pass: TilePass
 ) -> list[str]:
     """Options that find the pixels in range of which no region was found."""
-    from uavseg.regions.tiles.count_regions import has_thin_lines
 
     if request.detail is not None:
         ways = ["a smaller --detail keeps more"]

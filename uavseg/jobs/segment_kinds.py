@@ -197,16 +197,16 @@ def _outlined(
     expected: BlockMap | None = None,
 ) -> Segmented:
     """Outlines of segments, with small holes filled; `cells` are their kinds where leaves decide."""
-    from uavseg.regions.tiles.count_regions import count_pixels
-    from uavseg.regions.tiles.kind_tiles import outline_segments
-    from uavseg.regions.tiles.refined_kinds import outline_refined_kinds
+    from uavseg.regions.tiles.class_tiles import outline_refined_classes
+    from uavseg.regions.tiles.range_tiles import count_pixels
+    from uavseg.regions.tiles.segment_tiles import outline_segments
 
     kinds_at: Callable[[Firsts], NDArray[np.int64]]
     if cells is not None:
         outlined, kinds_at = outline_segments(grey, cells, tile_pass), _of_cells(cells)
     else:
         detail = detail_of(request.detail, grey.dataset.geobox, request.segment.refine, request.cover)
-        outlined, kinds = outline_refined_kinds(
+        outlined, kinds = outline_refined_classes(
             grey, partition, request.segment.refine, tile_pass, expected, detail
         )
         kinds_at = kinds.at
@@ -224,7 +224,7 @@ def _at_block_edges(
     source: Blocks, partition: Partition, request: KindsRequest, notes: tuple[str, ...] = ()
 ) -> Segmented:
     """Segments of whole cells with valid pixels, from the block map alone; their `std` is not known."""
-    from uavseg.regions.tiles.block_map_regions import outline_block_map, sum_enclosed_cells
+    from uavseg.regions.tiles.segment_tiles import outline_block_map, sum_enclosed_cells
 
     refuse_without_pixels(request.detail, request.segment.refine)
     blocks = source.saved.blocks

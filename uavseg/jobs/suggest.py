@@ -18,8 +18,8 @@ from uavseg.jobs.suggestions import Suggestion, Suggestions
 from uavseg.raster.grid.tiling import TilePass
 from uavseg.raster.intensity.populations import population_edges
 from uavseg.raster.spectral.value_scale import ValueAxis
-from uavseg.regions.tiles.block_map_regions import count_segments
-from uavseg.regions.tiles.count_regions import count_greys, count_regions, estimate_regions
+from uavseg.regions.tiles.range_tiles import count_greys, count_regions, estimate_regions
+from uavseg.regions.tiles.segment_tiles import count_segments
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.cell_pairs import cells_of_own_mean, count_cell_pairs
 from uavseg.segmentation.blocks.leaves import (

@@ -21,13 +21,13 @@ Floats = NDArray[np.float64]
 
 COLUMN = "confidence"
 DECIMALS = 3  # few enough that logarithms of other platforms make no difference
-MOST_DEVIATIONS = 50.0  # contrasts beyond this are alike
-LEAST_SIMILARITY = 1e-3
+MAX_DEVIATIONS = 50.0  # larger contrasts are not told apart
+MIN_SIMILARITY = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
 class Parting:
-    """How clearly texture parts a sample from the rest of a raster.
+    """Separation of a sample from the rest of a raster by texture.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class Weights:
     terms: tuple[float, ...]
 
     def probability(self, terms: Floats) -> Floats:
-        """Of rows of terms (n, k): (n,), in thousandths."""
+        """Return the probability of each row of terms (n, k): (n,), in thousandths."""
         with np.errstate(over="ignore"):
             probability = 1 / (1 + np.exp(-(self.intercept + terms @ np.array(self.terms))))
         return np.asarray(np.round(probability, DECIMALS))
@@ -71,12 +71,12 @@ OF_TEXTURES = Weights(-7.448, (1.305, -0.751, 9.572, -5.778))
 
 
 def confidence_of(outlined: RegionOutlines, low: ArrayLike, high: ArrayLike) -> Floats:
-    """Probability that each region is right, from its size, shape, margin and contrast.
+    """Compute the probability that each region is right, from its size, shape, margin and contrast.
 
     Parameters
     ----------
     outlined : RegionOutlines
-        Refined to the pixel, with the sums of what the range is of.
+        Refined to the pixel, with the sums of the intensity of the range.
     low, high : float or (n,) array
         The range of v, of all regions or of each; 0 and 1 are no bounds.
 
@@ -89,109 +89,22 @@ def confidence_of(outlined: RegionOutlines, low: ArrayLike, high: ArrayLike) -> 
 
 
 def match_confidence_of(outlined: RegionOutlines, similarity: Floats, parting: float) -> Floats:
-    """Probability that each region like a sample is right.
-
-    Parameters
-    ----------
-    outlined : RegionOutlines
-        Refined to the pixel, with the sums of likeness to the sample.
-    similarity : (n,) float64 array
-        0 to 1.
-    parting : float
-        By how much the likeness of the sample exceeds that of the raster.
-
-    Returns
-    -------
-    confidence : (n,) float64 array
-        As of `confidence_of`.
-    """
+    """Compute the probability that each region like a sample is right; parameters as of `match_terms`."""
     return OF_MATCHES.probability(match_terms(outlined, similarity, parting))
 
 
 def class_confidence_of(outlined: RegionOutlines, own: Floats, parting: Floats) -> Floats:
-    """Probability that each region of a class is right.
-
-    Parameters
-    ----------
-    outlined, own, parting
-        As of `class_terms`; refined to the pixel.
-
-    Returns
-    -------
-    confidence : (n,) float64 array
-        As of `confidence_of`.
-    """
+    """Compute the probability that each region of a class is right; parameters as of `class_terms`."""
     return OF_CLASSES.probability(class_terms(outlined, own, parting))
 
 
 def texture_confidence_of(outlined: RegionOutlines, parting: Parting) -> Floats:
-    """Probability that each region whose texture is like a sample's is right.
-
-    Parameters
-    ----------
-    outlined, parting
-        As of `texture_terms`; refined to the pixel.
-
-    Returns
-    -------
-    confidence : (n,) float64 array
-        As of `confidence_of`.
-    """
+    """Compute the probability that each region by texture is right; parameters as of `texture_terms`."""
     return OF_TEXTURES.probability(texture_terms(outlined, parting))
 
 
-def match_terms(outlined: RegionOutlines, similarity: Floats, parting: ArrayLike) -> Floats:
-    """What the confidence of matches is computed from: (n, 7) float64.
-
-    Those of `region_terms` with likeness in place of grey, the logarithm of the similarity, and the parting.
-    """
-    alike = np.log(np.maximum(similarity, LEAST_SIMILARITY))
-    parts = np.broadcast_to(np.asarray(parting, np.float64), alike.shape)
-    return np.column_stack([region_terms(outlined, 0.5, 1), alike, parts])
-
-
-def class_terms(outlined: RegionOutlines, own: Floats, parting: Floats) -> Floats:
-    """What the confidence of regions of classes is computed from: (n, 7) float64, as of `match_terms`.
-
-    Parameters
-    ----------
-    outlined : RegionOutlines
-        With the sums of likeness to the class of each region in `alike`.
-    own : (n,) float64 array
-        Mean likeness of the samples of its class to this class.
-    parting : (n,) float64 array
-        By how much that exceeds the mean likeness of the raster to this class.
-    """
-    sums = outlined.sums
-    assert sums.alike is not None, "regions of classes have it"
-    counts, total, squares = sums.alike.T
-    of_likeness = replace(
-        sums, counts=counts, greys=total.astype(np.uint64), squares=squares.astype(np.uint64)
-    )
-    similarity = np.minimum(total / np.maximum(counts, 1) / GREY_MAX / np.maximum(own, 1e-9), 1)
-    return match_terms(replace(outlined, sums=of_likeness), similarity, parting)
-
-
-def texture_terms(outlined: RegionOutlines, parting: Parting) -> Floats:
-    """What the confidence of regions by texture is computed from: (n, 4) float64.
-
-    In order: logarithm of the number of pixels over that of a window; the term of shape of `region_terms`;
-    the separability; the share of the raster, which is large where nothing ends a region.
-
-    Parameters
-    ----------
-    outlined : RegionOutlines
-    parting : Parting
-    """
-    counts = np.maximum(outlined.sums.counts, 1).astype(np.float64)
-    size, shape = np.log(counts / parting.window**2), _shapes(outlined.rings, counts)
-    return np.column_stack(
-        [size, shape, np.full_like(size, parting.separability), counts / max(parting.pixels, 1)]
-    )
-
-
 def region_terms(outlined: RegionOutlines, low: ArrayLike, high: ArrayLike) -> Floats:
-    """What the confidence is computed from: (n, 5) float64.
+    """Compute the terms of the confidence of regions of a range: (n, 5) float64.
 
     In order: logarithm of the number of pixels; logarithm of the squared perimeter over that of a square of
     the same area; logarithms of one more than the distance of the mean from the nearest bound, and than the
@@ -206,20 +119,77 @@ def region_terms(outlined: RegionOutlines, low: ArrayLike, high: ArrayLike) -> F
     sums = outlined.sums
     counts = np.maximum(sums.counts, 1).astype(np.float64)
     mean = sums.greys / counts
-    unit = (
-        np.sqrt(np.maximum(sums.squares / counts - mean * mean, 0)) + 1
-    )  # greys; no region is without noise
+    unit = np.sqrt(np.maximum(sums.squares / counts - mean * mean, 0)) + 1  # greys; noise is never 0
     size = np.log(counts)
-    shape = _shapes(outlined.rings, counts)
     margin = _in_deviations(np.maximum(_distance_to_bound(mean / GREY_MAX, low, high), 0) * GREY_MAX, unit)
     contrast = _in_deviations(_mean_steps(sums), unit)
-    return np.stack([size, shape, margin, contrast, size * contrast], 1)
+    return np.stack([size, _shapes(outlined.rings, counts), margin, contrast, size * contrast], 1)
+
+
+def match_terms(outlined: RegionOutlines, similarity: Floats, parting: ArrayLike) -> Floats:
+    """Compute the terms of the confidence of matches: (n, 7) float64.
+
+    Those of `region_terms` with similarity in place of grey, the logarithm of the similarity, and `parting`.
+
+    Parameters
+    ----------
+    outlined : RegionOutlines
+        Refined to the pixel, with the sums of similarity to the sample in place of grey.
+    similarity : (n,) float64 array
+        0 to 1.
+    parting : float or (n,) array
+        Difference of the mean similarities of the sample and of the raster.
+    """
+    logarithm = np.log(np.maximum(similarity, MIN_SIMILARITY))
+    parts = np.broadcast_to(np.asarray(parting, np.float64), logarithm.shape)
+    return np.column_stack([region_terms(outlined, 0.5, 1), logarithm, parts])
+
+
+def class_terms(outlined: RegionOutlines, own: Floats, parting: Floats) -> Floats:
+    """Compute the terms of the confidence of regions of classes: (n, 7) float64, as of `match_terms`.
+
+    Parameters
+    ----------
+    outlined : RegionOutlines
+        Refined to the pixel, with the sums of similarity to the class of each region in `alike`.
+    own : (n,) float64 array
+        Mean similarity of the samples of its class to this class.
+    parting : (n,) float64 array
+        Difference of that and the mean similarity of the raster to this class.
+    """
+    sums = outlined.sums
+    assert sums.alike is not None, "regions of classes have it"
+    counts, total, squares = sums.alike.T
+    of_similarity = replace(
+        sums, counts=counts, greys=total.astype(np.uint64), squares=squares.astype(np.uint64)
+    )
+    similarity = np.minimum(total / np.maximum(counts, 1) / GREY_MAX / np.maximum(own, 1e-9), 1)
+    return match_terms(replace(outlined, sums=of_similarity), similarity, parting)
+
+
+def texture_terms(outlined: RegionOutlines, parting: Parting) -> Floats:
+    """Compute the terms of the confidence of regions by texture: (n, 4) float64.
+
+    In order: logarithm of the number of pixels over that of a window; the term of shape of `region_terms`;
+    the separability; the share of the raster, which is large where nothing ends a region.
+
+    Parameters
+    ----------
+    outlined : RegionOutlines
+        Refined to the pixel.
+    parting : Parting
+    """
+    counts = np.maximum(outlined.sums.counts, 1).astype(np.float64)
+    size, shape = np.log(counts / parting.window**2), _shapes(outlined.rings, counts)
+    return np.column_stack(
+        [size, shape, np.full_like(size, parting.separability), counts / max(parting.pixels, 1)]
+    )
 
 
 def keep_confident(
     outlined: RegionOutlines, confidence: Floats, minimum: float
 ) -> tuple[RegionOutlines, NDArray[np.bool_]]:
-    """Keep regions of at least a confidence, in order, and number them 1..n; also which were kept, (n,) bool.
+    """Keep regions of a minimum confidence, in order, and number them 1..n; also which were kept, (n,) bool.
 
     Parameters
     ----------
@@ -318,11 +288,11 @@ class Confidence:
 
 
 def _in_deviations(greys: Floats, unit: Floats) -> Floats:
-    return np.asarray(np.log1p(np.minimum(greys / unit, MOST_DEVIATIONS)))
+    return np.asarray(np.log1p(np.minimum(greys / unit, MAX_DEVIATIONS)))
 
 
 def _distance_to_bound(mean: Floats, low: ArrayLike, high: ArrayLike) -> Floats:
-    """Distance in v from the nearest bound; infinite where there is none."""
+    """Return the distance in v from the nearest bound; infinite where there is none."""
     lows, highs = np.asarray(low, np.float64), np.asarray(high, np.float64)
     from_low = np.where(lows > 0, mean - lows, np.inf)
     from_high = np.where(highs < 1, highs - mean, np.inf)
@@ -330,13 +300,13 @@ def _distance_to_bound(mean: Floats, low: ArrayLike, high: ArrayLike) -> Floats:
 
 
 def _mean_steps(sums: Sums) -> Floats:
-    """Mean grey difference across the border; 0 where no border is inside of the raster."""
+    """Return the mean grey difference across the border; 0 where none is inside of the raster."""
     if sums.steps is None:
         return np.full(len(sums.counts), np.nan)
     return np.asarray(sums.steps[:, 0] / np.maximum(sums.steps[:, 1], 1))
 
 
 def _shapes(rings: Rings, counts: Floats) -> Floats:
-    """Logarithm of the squared perimeter of each region over that of a square of the same area."""
+    """Return the logarithm of the squared perimeter over that of a square of the same area."""
     perimeters = np.bincount(rings.labels, rings.pixel_perimeters(), len(counts) + 1)[1:]
     return np.asarray(np.log(np.maximum(perimeters**2 / (16 * counts), 1)))

@@ -22,7 +22,7 @@ BATCH_VERTICES = 1 << 18  # of the polygons that are built at a time
 
 
 class LazyPolygons:
-    """The polygons of regions 1..n in map coordinates; can be indexed like an array of shapely Polygons.
+    """Polygons of regions 1..n in map coordinates, indexed like an array of shapely Polygons.
 
     Exteriors run counter-clockwise on the map, holes clockwise. A region with several exteriors is a
     MultiPolygon.
@@ -36,8 +36,8 @@ class LazyPolygons:
     """
 
     def __init__(self, rings: "Rings", transform: Affine) -> None:
-        self._rings = rings
-        self._transform = transform
+        self.rings = rings
+        self.transform = transform
         self._count = int(rings.labels[-1]) if len(rings.labels) else 0
 
     def __len__(self) -> int:
@@ -55,35 +55,21 @@ class LazyPolygons:
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Objects:
         return self._build(0, len(self))
 
-    @property
-    def has_multipolygons(self) -> bool:
-        """Whether some region has more than one polygon."""
-        return int(self._rings.exteriors.sum()) > len(self)
-
     def vertex_counts(self) -> Integers:
-        """Vertices of each region, (n,) int64, counting the repeated first vertex of each closed ring."""
-        starts = self._rings.starts[self._first_rings(0, len(self))]
-        return np.diff(starts) + np.diff(self._first_rings(0, len(self)))
-
-    def corner_counts(self) -> Integers:
-        """Corners of each polygon, those of its holes included; a region may have several polygons."""
-        rings = self._rings
-        return np.bincount(rings.parts, np.diff(rings.starts)).astype(np.int64)
-
-    def total_area(self) -> float:
-        """Total area in square units of the map."""
-        return float(self._rings.pixel_areas().sum() * abs(self._transform.determinant))
+        """Count the vertices of each region, (n,) int64, with the repeated first vertex of each ring."""
+        firsts = self._first_rings(0, len(self))
+        return np.diff(self.rings.starts[firsts]) + np.diff(firsts)
 
     def _first_rings(self, first: int, last: int) -> Integers:
-        return np.searchsorted(self._rings.labels, np.arange(first + 1, last + 2))
+        return np.searchsorted(self.rings.labels, np.arange(first + 1, last + 2))
 
     def _build(self, first: int, last: int) -> Objects:
         if last <= first:
             return np.empty(0, object)
         of_region = self._first_rings(first, last)
         begin, end = int(of_region[0]), int(of_region[-1])
-        starts = self._rings.starts[begin : end + 1]
-        exteriors = np.flatnonzero(self._rings.exteriors_of(begin, end))
+        starts = self.rings.starts[begin : end + 1]
+        exteriors = np.flatnonzero(self.rings.exteriors_of(begin, end))
         return RaggedPolygons(
             self._map_coordinates(starts),
             starts - starts[0] + np.arange(len(starts)),
@@ -92,11 +78,11 @@ class LazyPolygons:
         ).to_geometries()
 
     def _map_coordinates(self, starts: Integers) -> NDArray[np.float64]:
-        """Closed rings in map coordinates."""
+        """Return closed rings in map coordinates."""
         coordinates = np.empty((int(starts[-1] - starts[0]) + len(starts) - 1, 2))
-        affine = np.array(self._transform[:6])
-        reverse = self._transform.determinant < 0
-        _close_rings(self._rings.vertices, starts, reverse, affine, coordinates)
+        affine = np.array(self.transform[:6])
+        reverse = self.transform.determinant < 0
+        _close_rings(self.rings.vertices, starts, reverse, affine, coordinates)
         return coordinates
 
 
@@ -104,7 +90,13 @@ PolygonArray = Objects | LazyPolygons
 
 
 def batch_slices(polygons: PolygonArray, vertices: int = BATCH_VERTICES) -> Iterator[slice]:
-    """Slices of regions, in order, with at most so many vertices each, and at least one region."""
+    """Split regions into slices, in order, of at most `vertices` each, and at least one region.
+
+    Parameters
+    ----------
+    polygons : (n,) object array or LazyPolygons
+    vertices : int
+    """
     if isinstance(polygons, LazyPolygons):
         ends = np.cumsum(polygons.vertex_counts())
     else:
@@ -118,25 +110,25 @@ def batch_slices(polygons: PolygonArray, vertices: int = BATCH_VERTICES) -> Iter
 
 
 def corner_counts(polygons: PolygonArray) -> Integers:
-    """Corners of each polygon, those of its holes included; a MultiPolygon has several polygons."""
+    """Count the corners of each polygon, with its holes; a MultiPolygon has several polygons."""
     if isinstance(polygons, LazyPolygons):
-        return polygons.corner_counts()
+        return np.bincount(polygons.rings.parts, np.diff(polygons.rings.starts)).astype(np.int64)
     parts = shapely.get_parts(polygons)
     closing = shapely.get_num_interior_rings(parts) + 1
     return np.asarray(shapely.get_num_coordinates(parts) - closing, np.int64)
 
 
 def total_area(polygons: PolygonArray) -> float:
-    """Total area of polygons in square units of the map."""
-    return (
-        polygons.total_area() if isinstance(polygons, LazyPolygons) else float(shapely.area(polygons).sum())
-    )
+    """Return the total area of polygons in square units of the map."""
+    if isinstance(polygons, LazyPolygons):
+        return float(polygons.rings.pixel_areas().sum() * abs(polygons.transform.determinant))
+    return float(shapely.area(polygons).sum())
 
 
 def has_multipolygons(polygons: PolygonArray) -> bool:
-    """Whether some geometry is a MultiPolygon."""
+    """Check whether some geometry is a MultiPolygon."""
     if isinstance(polygons, LazyPolygons):
-        return polygons.has_multipolygons
+        return int(polygons.rings.exteriors.sum()) > len(polygons)
     return bool((shapely.get_type_id(polygons) != shapely.GeometryType.POLYGON).any())
 
 
@@ -197,7 +189,7 @@ class RaggedPolygons:
         )
 
     def to_geometries(self) -> Objects:
-        """The regions as shapely Polygons (empty for a region without polygons) and MultiPolygons, (n,)."""
+        """Return shapely Polygons (empty for a region without polygons) and MultiPolygons, (n,)."""
         parts: Objects = shapely.from_ragged_array(
             shapely.GeometryType.POLYGON, self.vertices, (self.rings, self.polygons)
         )
@@ -213,7 +205,7 @@ class RaggedPolygons:
         return geometries
 
     def without(self, dropped: NDArray[np.bool_]) -> "RaggedPolygons":
-        """The same regions, some of them without their polygons; `dropped` is an (n,) mask."""
+        """Return the same regions, some of them without their polygons; `dropped` is an (n,) mask."""
         if not dropped.any():
             return self
         vertices, rings, polygons = np.diff(self.rings), np.diff(self.polygons), np.diff(self.regions)
@@ -227,7 +219,7 @@ class RaggedPolygons:
         )
 
     def region_of(self, vertices: Integers) -> Integers:
-        """The region, 0..n - 1, that each of some vertices belongs to."""
+        """Return the region, 0..n - 1, that each of some vertices belongs to."""
         return np.searchsorted(self.rings[self.polygons[self.regions]], vertices, "right") - 1
 
 

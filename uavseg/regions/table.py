@@ -1,7 +1,7 @@
 """Region table: polygons in the raster's CRS with measured attributes (area, perimeter, mean, ...)."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,11 +18,14 @@ from uavseg.units import GREY_MAX
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
 
+    from uavseg.raster.spectral.value_scale import ValueAxis
     from uavseg.regions.outline.rings import Rings
     from uavseg.segmentation.components import Sums
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+
+_MIDDLE = 32768  # grey of the only intensity of a stretch without extent
 
 COLUMNS: dict[str, type] = {
     "id": np.int64,
@@ -46,7 +49,7 @@ VALUE_COLUMNS: dict[str, type] = {
     "value_high": np.float64,
     "unit": object,
 }
-"""Columns in the units of the raster, which follow `range_high`; see `regions.values`."""
+"""Columns in the units of the raster, which follow `range_high`; see `with_values`."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +68,7 @@ class Regions:
     wkt : str or None
         The CRS; None for local coordinates.
     metadata : mapping
-        What they were made from and how, as JSON has it; files keep it.
+        Source and parameters, as plain values for JSON; written to files.
     """
 
     columns: dict[str, NDArray[Any]]
@@ -77,12 +80,12 @@ class Regions:
         return len(self.polygons)
 
     def select(self, which: NDArray[Any]) -> "Regions":
-        """Some of the regions, by index or mask, in that order."""
+        """Return some of the regions, by index or mask, in that order."""
         columns = {name: column[which] for name, column in self.columns.items()}
-        return Regions(columns, self.polygons[which], self.wkt, self.metadata)
+        return replace(self, columns=columns, polygons=self.polygons[which])
 
     def frame(self) -> "GeoDataFrame":
-        """The regions as a GeoDataFrame with the raster's CRS; its `attrs` have the metadata as "uavseg"."""
+        """Return a GeoDataFrame with the raster's CRS; its `attrs` have the metadata as "uavseg"."""
         from uavseg.regions.frame import RegionFrame
 
         frame = RegionFrame(dict(self.columns), geometry=list(self.polygons), crs=self.wkt)
@@ -134,8 +137,8 @@ def make_regions(
         np.full(n, source, object),
     ]
     columns: dict[str, NDArray[Any]] = {
-        name: np.asarray(value).astype(kind, copy=False)
-        for (name, kind), value in zip(COLUMNS.items(), values, strict=True)
+        name: np.asarray(value).astype(dtype, copy=False)
+        for (name, dtype), value in zip(COLUMNS.items(), values, strict=True)
     }
     return Regions(columns, polygons, geobox.wkt)
 
@@ -151,7 +154,7 @@ def _mean_and_std(sums: "Sums") -> tuple[Floats, Floats]:
 
 
 def _points_inside(polygons: LazyPolygons, geobox: GeoBox) -> tuple[Floats, Floats]:
-    """Longitude and latitude of a point inside each polygon; NaN without a CRS, or outside of its domain."""
+    """Return longitude and latitude of a point inside each polygon; NaN where they are not defined."""
     points = np.concatenate(
         [np.empty(0, object), *(shapely.point_on_surface(polygons[part]) for part in batch_slices(polygons))]
     )
@@ -162,3 +165,44 @@ def _points_inside(polygons: LazyPolygons, geobox: GeoBox) -> tuple[Floats, Floa
     undefined = ~(np.isfinite(lon) & np.isfinite(lat))
     lon[undefined] = lat[undefined] = np.nan
     return wrap_lon_beyond_180(lon), lat
+
+
+def with_values(
+    regions: Regions, sums: "Sums", axis: "ValueAxis | None", ends: tuple[ArrayLike, ArrayLike] | None = None
+) -> Regions:
+    """Return regions with columns in the units of the raster after `range_high`, see `VALUE_COLUMNS`.
+
+    Parameters
+    ----------
+    regions : Regions
+    sums : Sums
+        Of their pixels.
+    axis : ValueAxis or None
+        Map of v to values; None where it is not known: NaN and an empty unit then.
+    ends : (float, float) or two (n,) arrays, optional
+        The range in values of all regions or of each, NaN where it is open; by default that of `range_low`
+        and `range_high`.
+    """
+    columns, n = regions.columns, len(regions)
+    if ends is None:
+        ends = axis.ends(columns["range_low"], columns["range_high"]) if axis else (np.nan, np.nan)
+    mean = np.full(n, np.nan) if axis is None else _mean_values(columns, sums, axis)
+    low, high = (np.broadcast_to(np.asarray(end, np.float64), n).copy() for end in ends)
+    unit = np.full(n, "" if axis is None else axis.unit, object)
+    values = dict(zip(VALUE_COLUMNS, (mean, low, high, unit), strict=True))
+    completed = {}
+    for name, column in columns.items():
+        completed[name] = column
+        if name == "range_high":
+            completed |= values
+    return replace(regions, columns=completed)
+
+
+def _mean_values(columns: dict[str, NDArray[Any]], sums: "Sums", axis: "ValueAxis") -> NDArray[np.float64]:
+    """Return the mean value of each region; NaN where its pixels are known only as a stretch clips them.
+
+    So in a block map, which has no standard deviations either, and outside a stretch of one intensity.
+    """
+    v = columns["mean"] if sums.beyond is None else columns["mean"] + sums.beyond / sums.counts / GREY_MAX
+    unknown = np.isnan(columns["std"]) if axis.low < axis.high else columns["mean"] != _MIDDLE / GREY_MAX
+    return np.where(unknown & axis.clips, np.nan, axis.values(v))

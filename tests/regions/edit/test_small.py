@@ -12,7 +12,7 @@ from scipy.ndimage import label as connected
 from uavseg.errors import ParameterError
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import Window
-from uavseg.regions.edit.small import Area, drop_small_regions, fill_small_holes, parse_area
+from uavseg.regions.edit.small import Area, as_area, drop_small_regions, fill_small_holes
 from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.outline.trace import trace
@@ -74,13 +74,13 @@ def dropped(text: str, pixels: float) -> list[str]:
     ],
 )
 def test_areas_are_square_metres_or_pixels(text: str, area: Area) -> None:
-    assert parse_area(text) == area
+    assert as_area(text) == area
 
 
 @pytest.mark.parametrize("text", ["", "px", "-1", "-1px", "nan", "inf", "4 m2", "1,5"])
 def test_a_text_that_is_not_an_area_is_refused(text: str) -> None:
     with pytest.raises(ParameterError, match="an area is"):
-        parse_area(text)
+        as_area(text)
 
 
 # Holes

@@ -11,7 +11,7 @@ import shapely
 
 from uavseg.errors import OutputError
 from uavseg.regions.formats import export
-from uavseg.regions.formats.check_written import is_complete
+from uavseg.regions.formats.export import is_complete
 from uavseg.regions.table import Regions
 
 resource = pytest.importorskip("resource", reason="only Unix limits the size of files")

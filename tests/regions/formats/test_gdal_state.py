@@ -7,7 +7,7 @@ from pathlib import Path
 import pyogrio
 import pytest
 
-from uavseg.regions.formats.gdal_state import gdal_options
+from uavseg.regions.formats.vector_files import gdal_options
 
 # A CRS that says EPSG:32633 and is not: of such a one GDAL warns when it is written.
 START = """

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from uavseg.raster.grid.tiling import Window
 from uavseg.regions.outline import trace as tracing
 from uavseg.regions.outline.chains import pack_chains, trace_tile
-from uavseg.regions.outline.linking import link_chains, split_simple_rings
 from uavseg.regions.outline.rings import Rings
-from uavseg.regions.outline.trace import link_rings, trace
+from uavseg.regions.outline.trace import link_chains, link_rings, split_simple_rings, trace
 from uavseg.segmentation.components import label_equal_values
 
 Labels = NDArray[np.uint32]

@@ -8,7 +8,7 @@ from scipy.ndimage import label as connected
 
 from uavseg.raster.grid.tiling import Window, tiles
 from uavseg.regions.outline.rasterise import rasterise
-from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_tiles
+from uavseg.regions.outline.stitch import TileOutlines, TileStitcher, outline_tile
 from uavseg.segmentation.components import component_sums, label_components, label_equal_values
 from uavseg.segmentation.source import GreyTile
 
@@ -64,7 +64,7 @@ def by_size(mask: Image) -> NDArray[np.uint32]:
 def test_stitched_tiles_are_the_components_of_the_whole(seed: int, side: int) -> None:
     mask, grey = images(seed)
     windows = tiles(mask.shape, side)
-    found = stitch_tiles(mask.shape, windows, (outline(mask, grey, w) for w in windows)).finish()
+    found = TileStitcher(mask.shape, windows, (outline(mask, grey, w) for w in windows)).finish()
     expected = by_size(mask)
     assert np.array_equal(rasterise(found.rings, Window(0, 0, *mask.shape)), expected)
     sums = component_sums(expected, int(expected.max()), grey)
@@ -86,7 +86,7 @@ def test_cells_that_share_an_edge_are_one_region_though_no_pixels_touch() -> Non
     grey = np.zeros(pixels.shape, np.uint16)
     labels, count = label_equal_values(pixels, MARGIN)
     tile = outline_tile(pixels, labels, count, GreyTile(grey, pixels, False), Window(0, 0, 8, 24), 24)
-    found = stitch_tiles((8, 24), [Window(0, 0, 8, 24)], [tile]).finish(leaves)
+    found = TileStitcher((8, 24), [Window(0, 0, 8, 24)], [tile]).finish(leaves)
     assert found.sums.counts.tolist() == [64 + 56, 64]
     assert found.rings.labels.tolist() == [1, 1, 2] and found.rings.parts.tolist() == [0, 1, 2]
 
@@ -95,5 +95,5 @@ def test_tiles_without_components_have_no_regions() -> None:
     mask, grey = np.zeros((70, 130), np.uint8), np.zeros((70, 130), np.uint16)
     windows = tiles(mask.shape, 64)
     assert [outline(mask, grey, w) for w in windows] == [None] * len(windows)
-    found = stitch_tiles(mask.shape, windows, [None] * len(windows)).finish()
+    found = TileStitcher(mask.shape, windows, [None] * len(windows)).finish()
     assert len(found.rings.labels) == len(found.sums.counts) == 0

@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from uavseg.regions.outline.rings import Rings
 from uavseg.regions.outline.trace import trace
-from uavseg.regions.smooth.arcs import edge_key, is_reversed, load_arc, unit_corners
-from uavseg.regions.smooth.nodes import Nodes, find_nodes
+from uavseg.regions.smooth.arcs import Nodes, edge_key, find_nodes, is_reversed, load_arc, unit_corners
 
 Labels = NDArray[np.uint32]
 

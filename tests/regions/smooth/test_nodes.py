@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from uavseg.regions.outline.trace import trace
-from uavseg.regions.smooth.nodes import find_nodes
+from uavseg.regions.smooth.arcs import find_nodes
 
 Labels = NDArray[np.uint32]
 

@@ -11,8 +11,8 @@ from uavseg.jobs.suggest import SuggestRequest, suggest
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.read.dataset import Dataset
-from uavseg.regions.tiles import count_regions
-from uavseg.regions.tiles.count_regions import sample_parts
+from uavseg.regions.tiles import range_tiles as count_regions
+from uavseg.regions.tiles.range_tiles import sample_parts
 from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from uavseg.regions.tiles.detail_tiles import with_detail
+from uavseg.regions.tiles.range_tiles import with_detail
 from uavseg.segmentation.refine.detail import Detail
 from uavseg.segmentation.source import GreyTile
 

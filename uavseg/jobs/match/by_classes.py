@@ -26,11 +26,9 @@ from uavseg.raster.grid.tiling import TilePass
 from uavseg.regions.confidence import Confidence, check_minimum, class_confidence_of, none_confident
 from uavseg.regions.edit.small import Area, drop_small_regions
 from uavseg.regions.outline.rings import RegionOutlines
-from uavseg.regions.sample.class_places import class_masks
-from uavseg.regions.sample.likeness import BlurredBands, LikenessSource, fit_likeness, spread_colors
-from uavseg.regions.sample.place import SampleMask
-from uavseg.regions.tiles.likely_classes import LIKELY, outline_likely_classes
-from uavseg.regions.tiles.refined_kinds import KindsByPixel
+from uavseg.regions.sample.place import SampleMask, class_masks
+from uavseg.regions.sample.similarity import BlurredBands, SimilaritySource, fit_similarity, spread_colors
+from uavseg.regions.tiles.class_tiles import LIKELY, ClassesByPixel, outline_likely_classes
 from uavseg.segmentation.params.segment import SegmentParams
 from uavseg.segmentation.pipeline import cells_to_refine, measure_block_maps_for
 from uavseg.segmentation.refine.detail import Detail
@@ -145,7 +143,7 @@ def match_classes(source: Source, request: MatchClassesRequest, work: Work = SER
 
 def learn_classes(
     bands: BlurredBands, places: Mapping[str, Sequence[SampleMask]], tile_pass: TilePass
-) -> list[LikenessSource]:
+) -> list[SimilaritySource]:
     """The raster as likeness to each class, against the samples of all others."""
     with phase("colors of the raster"):
         spread = spread_colors(bands.bands, tile_pass)
@@ -153,7 +151,7 @@ def learn_classes(
     for name, own in places.items():
         others = [mask for other, masks in places.items() if other != name for mask in masks]
         with phase(f"colors of {name}"):
-            found = fit_likeness(bands, own, tile_pass, others, f"the sample of {name}", spread)
+            found = fit_similarity(bands, own, tile_pass, others, f"the sample of {name}", spread)
         decided(
             "%s: likeness %.3f in its samples, %.3f in the others", name, found.table.own, found.table.unlike
         )
@@ -163,18 +161,18 @@ def learn_classes(
 
 def outlines_by_classes(
     grey: GreySource,
-    likenesses: Sequence[LikenessSource],
+    likenesses: Sequence[SimilaritySource],
     params: SegmentParams,
     passes: Sequence[TilePass],
     detail: Detail | None = None,
-) -> tuple[RegionOutlines, KindsByPixel]:
+) -> tuple[RegionOutlines, ClassesByPixel]:
     """Outlines of the likeliest class of each pixel, and the class of each by its first pixel, from 1.
 
     Parameters
     ----------
     grey : GreySource
         The intensity that regions are measured in.
-    likenesses : sequence of LikenessSource
+    likenesses : sequence of SimilaritySource
         Of `learn_classes`.
     params : SegmentParams
     passes : two of TilePass
@@ -188,7 +186,7 @@ def outlines_by_classes(
 
 
 def alike(
-    likenesses: Sequence[LikenessSource], kind: NDArray[np.int64]
+    likenesses: Sequence[SimilaritySource], kind: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """How alike the samples of the class of each region are: two (n,) float64 arrays.
 
@@ -196,7 +194,7 @@ def alike(
 
     Parameters
     ----------
-    likenesses : sequence of LikenessSource
+    likenesses : sequence of SimilaritySource
     kind : (n,) int64 array
         The class of each region, from 0.
     """

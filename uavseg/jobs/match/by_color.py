@@ -20,10 +20,10 @@ from uavseg.raster.grid.tiling import TilePass
 from uavseg.regions.confidence import Confidence, match_confidence_of
 from uavseg.regions.edit.small import drop_small_regions
 from uavseg.regions.outline.rings import RegionOutlines
-from uavseg.regions.sample.likeness import BlurredBands, LikenessSource, fit_likeness
 from uavseg.regions.sample.next_place import next_place
 from uavseg.regions.sample.place import Disc, SampleMask
-from uavseg.regions.tiles.likely_classes import LIKELY
+from uavseg.regions.sample.similarity import BlurredBands, SimilaritySource, fit_similarity
+from uavseg.regions.tiles.class_tiles import LIKELY
 from uavseg.regions.tiles.range_tiles import outline_regions, sum_regions
 from uavseg.segmentation.params.segment import SegmentParams
 from uavseg.segmentation.pipeline import cells_to_refine, measure_block_map_for
@@ -36,16 +36,16 @@ def learn(
     places: Sequence[SampleMask],
     unlike: Sequence[SampleMask],
     tile_pass: TilePass,
-) -> LikenessSource:
+) -> SimilaritySource:
     """The raster as likeness to samples, and not to others."""
     with phase("colours of the sample"):
-        found = fit_likeness(BlurredBands(bands), places, tile_pass, unlike)
+        found = fit_similarity(BlurredBands(bands), places, tile_pass, unlike)
     decided("likeness %.3f in the sample, %.3f in the raster", found.table.own, found.table.share)
     return found
 
 
 def outlines_by_color(
-    likeness: LikenessSource,
+    likeness: SimilaritySource,
     request: MatchRequest,
     samples: Sequence[SampleMask],
     passes: Sequence[TilePass],
@@ -54,7 +54,7 @@ def outlines_by_color(
 
     Parameters
     ----------
-    likeness : LikenessSource
+    likeness : SimilaritySource
     request : MatchRequest
     samples : sequence of SampleMask
         All that were given.
@@ -75,7 +75,7 @@ def outlines_by_color(
 
 def regions_by_color(
     grey: GreySource,
-    likeness: LikenessSource,
+    likeness: SimilaritySource,
     outlined: RegionOutlines,
     request: MatchRequest,
     tile_pass: TilePass,
@@ -86,7 +86,7 @@ def regions_by_color(
     ----------
     grey : GreySource
         The intensity that their attributes are of.
-    likeness : LikenessSource
+    likeness : SimilaritySource
     outlined : RegionOutlines
         Of `outlines_by_color`.
     request : MatchRequest

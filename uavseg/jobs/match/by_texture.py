@@ -25,13 +25,11 @@ from uavseg.regions.confidence import Confidence, Parting, texture_confidence_of
 from uavseg.regions.edit.small import Area, drop_small_regions
 from uavseg.regions.outline.rings import RegionOutlines, Rings
 from uavseg.regions.sample.colors import fit_colors
-from uavseg.regions.sample.model import Sample, fit_sample, fit_weights
-from uavseg.regions.sample.outline_matches import MatchShape, outline_matches
+from uavseg.regions.sample.model import USUAL_WINDOWS, Sample, fit_sample, fit_weights, fitting_window
+from uavseg.regions.sample.outline_matches import outline_matches
 from uavseg.regions.sample.place import SampleMask
-from uavseg.regions.sample.reject import reject_unlike
-from uavseg.regions.sample.scores import CellScores, Criterion, mean_scores, score_cells
-from uavseg.regions.sample.windows import USUAL_WINDOWS, fitting_window
-from uavseg.regions.tiles.kind_tiles import outline_segments
+from uavseg.regions.sample.scores import CellScores, Criterion, mean_scores, reject_unlike, score_cells
+from uavseg.regions.tiles.segment_tiles import outline_segments
 from uavseg.segmentation.pipeline import measure_cells
 from uavseg.segmentation.sample.g_scores import NULL_SCORE, SCORE_UNITS
 from uavseg.segmentation.sample.pixel_decision import PixelWeights, undecided_cells
@@ -181,8 +179,10 @@ def _outlined(
     else:
         cells = undecided_cells(matched, search.valid & ~matched, search.side // 2)
     weights = PixelWeights.between(criterion.model, scores.rest, np.isfinite(request.intensity))
-    shape = MatchShape(within, detail_of(request.detail, search.grey.dataset.geobox, request.refine))
-    return outline_matches(search.grey, cells, criterion, weights, scores.rest_colors, tile_pass, shape)
+    detail = detail_of(request.detail, search.grey.dataset.geobox, request.refine)
+    return outline_matches(
+        search.grey, cells, criterion, weights, scores.rest_colors, tile_pass, within, detail
+    )
 
 
 def _measured(

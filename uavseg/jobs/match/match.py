@@ -24,9 +24,9 @@ from uavseg.jobs.source.source import Raster, Source
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.raster.grid.tiling import TilePass
 from uavseg.regions.confidence import none_confident
-from uavseg.regions.sample.inner_cells import inner_cells
+from uavseg.regions.sample.model import fitting_window
 from uavseg.regions.sample.place import Disc, SampleMask, sample_mask
-from uavseg.regions.sample.windows import fitting_window
+from uavseg.regions.sample.scores import inner_cells
 from uavseg.segmentation.sample.likeness_table import LikenessTable
 from uavseg.segmentation.sample.two_kinds import are_two_kinds, separability
 from uavseg.segmentation.source import GreySource

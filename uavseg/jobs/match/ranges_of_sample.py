@@ -25,8 +25,8 @@ from uavseg.raster.intensity.features import Feature, alike, features_of, weight
 from uavseg.raster.intensity.value_range import axis_of, scale_of
 from uavseg.raster.spectral.band_names import find_band, listed
 from uavseg.raster.spectral.value_scale import BandScale, ValueAxis, values_text
-from uavseg.regions.sample.likeness import SampledColors, sample_colors
 from uavseg.regions.sample.place import Disc, sample_mask
+from uavseg.regions.sample.similarity import SampledColors, sample_colors
 from uavseg.segmentation.sample.best_interval import Interval, best_interval, linear_weights
 from uavseg.segmentation.source import GreySource
 from uavseg.units import GREY_MAX

@@ -17,8 +17,7 @@ from uavseg.raster.spectral.value_scale import ValueAxis
 from uavseg.regions.confidence import COLUMN, Confidence
 from uavseg.regions.outline.rings import RegionOutlines, Rings
 from uavseg.regions.shapes import LazyPolygons
-from uavseg.regions.table import Regions, make_regions
-from uavseg.regions.values import with_values
+from uavseg.regions.table import Regions, make_regions, with_values
 from uavseg.segmentation.source import GreySource
 
 

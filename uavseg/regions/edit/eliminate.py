@@ -17,21 +17,22 @@ Integers = NDArray[np.int64]
 
 
 def eliminate(
-    outlined: RegionOutlines, kinds: Integers, geobox: GeoBox, min_area: Area
+    outlined: RegionOutlines, classes: Integers, geobox: GeoBox, min_area: Area
 ) -> tuple[RegionOutlines, Integers]:
     """Merge segments below a minimum area into their neighbours.
 
     The smallest segment is merged first, of equal ones the first in raster order. It becomes part of the
     neighbour with which it shares most pixel edges; of several such neighbours, the one whose mean is
-    nearest, then the one with the smallest label. A merged segment that now touches one of its own kind is
-    merged with it. This repeats until all segments below the minimum have no neighbour.
+    nearest, then the one with the smallest label. A merged segment that now touches one of its class is
+    merged with it. This repeats until all segments below the minimum have no neighbour. An area in square
+    metres without a CRS is refused with a ParameterError.
 
     Parameters
     ----------
     outlined : RegionOutlines
-        Segments; no two of one kind share an edge.
-    kinds : (n,) int64 array
-        The kind of each, such as its level; a merged segment takes that of the neighbour it became part of.
+        Segments; no two of one class share an edge.
+    classes : (n,) int64 array
+        The class of each, such as its level; a merged segment takes that of the neighbour it became part of.
     geobox : GeoBox
     min_area : Area
 
@@ -39,20 +40,14 @@ def eliminate(
     -------
     outlined : RegionOutlines
         Labels are 1..m, the segment that encloses most pixels first; ties in raster order.
-    kinds : (m,) int64 array
-
-    Raises
-    ------
-    ParameterError
-        If the area is in square metres and there is no CRS.
+    classes : (m,) int64 array
     """
     areas = region_areas(outlined, geobox, min_area)
     if not (areas < min_area.value).any():
-        return outlined, kinds
+        return outlined, classes
     labels = LazyLabels(Rasteriser(outlined.rings), geobox.shape)
-    roots, group = np.unique(
-        _merged_into(outlined.sums, kinds, areas, min_area.value, labels), return_inverse=True
-    )
+    merged = _merged_into(outlined.sums, classes, areas, min_area.value, labels)
+    roots, group = np.unique(merged, return_inverse=True)
     sums = merge_sums(outlined.sums, group, len(roots))
     pixels = np.zeros(len(roots), np.int64)
     np.add.at(pixels, group[outlined.rings.labels - 1], outlined.rings.pixel_areas())
@@ -61,11 +56,11 @@ def eliminate(
     number[order] = np.arange(1, len(order) + 1)
     strips = trace_strips(replace(labels, numbers=np.append(0, number[group]).astype(np.uint32)))
     del labels
-    return RegionOutlines(link_strips(strips), select_sums(sums, order)), kinds[roots][order]
+    return RegionOutlines(link_strips(strips), select_sums(sums, order)), classes[roots][order]
 
 
 def border_lengths(labels: LabelRows) -> tuple[Integers, Integers]:
-    """Length of the border that each pair of adjacent regions shares.
+    """Measure the border that each pair of adjacent regions shares (region adjacency graph).
 
     Parameters
     ----------
@@ -85,11 +80,11 @@ def border_lengths(labels: LabelRows) -> tuple[Integers, Integers]:
     >>> pairs.tolist(), lengths.tolist()
     ([[1, 2], [1, 3]], [1, 1])
     """
-    found = [
+    strips = [
         np.unique(_contacts(labels[max(top - 1, 0) : top + STRIP], first=top == 0), return_counts=True)
         for top in range(0, labels.shape[0], STRIP)
     ]
-    names, lengths = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    names, lengths = (np.concatenate(parts) for parts in zip(*strips, strict=True))
     keys, place = np.unique(names, return_inverse=True)
     sums = np.zeros(len(keys), np.int64)
     np.add.at(sums, place, lengths)
@@ -97,10 +92,10 @@ def border_lengths(labels: LabelRows) -> tuple[Integers, Integers]:
 
 
 def _contacts(labels: NDArray[np.uint32], first: bool) -> Integers:
-    """A key for each pixel edge between two labels; the first row is one of the strip before, if any."""
-    own = labels if first else labels[1:]
+    """Return a key for each pixel edge between two labels; the first row is of the strip before, if any."""
+    rows = labels if first else labels[1:]
     keys = [np.empty(0, np.int64)]
-    for one, other in ((own[:, :-1], own[:, 1:]), (labels[:-1], labels[1:])):
+    for one, other in ((rows[:, :-1], rows[:, 1:]), (labels[:-1], labels[1:])):
         apart = (one != other) & (one > 0) & (other > 0)
         near, far = one[apart].astype(np.int64), other[apart].astype(np.int64)
         keys.append((np.minimum(near, far) << 32) | np.maximum(near, far))
@@ -108,15 +103,15 @@ def _contacts(labels: NDArray[np.uint32], first: bool) -> Integers:
 
 
 def _merged_into(
-    sums: Sums, kinds: Integers, areas: NDArray[np.float64], limit: float, labels: LabelRows
+    sums: Sums, classes: Integers, areas: NDArray[np.float64], limit: float, labels: LabelRows
 ) -> Integers:
-    """The segment that each one has become part of, counted from 0."""
+    """Return the segment that each one has become part of, counted from 0."""
     n = len(areas)
     pairs, shared = border_lengths(labels)
     near = (pairs - 1).astype(np.int32).reshape(-1)
     del pairs
     firsts = sums.firsts[:, 0] * np.int64(labels.shape[1]) + sums.firsts[:, 1]
-    state = (areas.copy(), firsts, sums.counts.astype(np.int64), sums.greys.astype(np.int64), kinds)
+    state = (areas.copy(), firsts, sums.counts.astype(np.int64), sums.greys.astype(np.int64), classes)
     borders = near, shared, np.zeros(1 << (len(near) + 8).bit_length(), np.int32)
     lists = np.full((2, n), -1, np.int32), np.full((2, len(near)), -1, np.int32)
     heap = np.empty(n, np.int32), np.full(n, -1, np.int32)
@@ -129,13 +124,13 @@ def _merged_into(
 
 @inlined
 def comes_before(areas, firsts, one, other):  # type: ignore[no-untyped-def]
-    """Whether a segment is merged before another: the smaller, of equal ones the first in raster order."""
+    """Check whether a segment is merged before another: the smaller, or the first in raster order."""
     return areas[one] < areas[other] or (areas[one] == areas[other] and firsts[one] < firsts[other])
 
 
 @inlined
 def settle(areas, firsts, heap, place, size, at):  # type: ignore[no-untyped-def]
-    """Move an item of a binary heap up or down to where it belongs."""
+    """Restore the order of a binary heap for one item (sift up or down)."""
     item = heap[at]
     while at > 0 and comes_before(areas, firsts, item, heap[(at - 1) // 2]):
         heap[at] = heap[(at - 1) // 2]
@@ -156,7 +151,7 @@ def settle(areas, firsts, heap, place, size, at):  # type: ignore[no-untyped-def
 
 @inlined
 def remove(areas, firsts, heap, place, size, item):  # type: ignore[no-untyped-def]
-    """Take an item out of a heap; its new size."""
+    """Remove an item from a heap; return its new size."""
     at = place[item]
     place[item] = -1
     last = heap[size - 1]
@@ -168,8 +163,8 @@ def remove(areas, firsts, heap, place, size, item):  # type: ignore[no-untyped-d
 
 
 @inlined
-def grown(areas, firsts, limit, heap, place, size, item):  # type: ignore[no-untyped-def]
-    """Bring the heap up to date for an item that has grown; its new size."""
+def update(areas, firsts, limit, heap, place, size, item):  # type: ignore[no-untyped-def]
+    """Update the heap for an item that has grown; return its new size."""
     if place[item] >= 0 and areas[item] >= limit:
         return remove(areas, firsts, heap, place, size, item)
     if place[item] >= 0:
@@ -179,7 +174,7 @@ def grown(areas, firsts, limit, heap, place, size, item):  # type: ignore[no-unt
 
 @inlined
 def is_less(one, of_one, other, of_other):  # type: ignore[no-untyped-def]
-    """Whether one / of_one < other / of_other, without products: both are in 0..1, denominators positive."""
+    """Compare fractions in 0..1, one / of_one < other / of_other, without products."""
     while True:
         if one == 0 or other == 0:
             return one == 0 and other > 0
@@ -193,7 +188,7 @@ def is_less(one, of_one, other, of_other):  # type: ignore[no-untyped-def]
 
 @inlined
 def mean_distance(greys, counts, one, other):  # type: ignore[no-untyped-def]
-    """How far the mean of a segment is from another's, times the pixels of the first: whole, and its rest."""
+    """Return the distance of the means of two segments, times the pixels of the first: whole, and rest."""
     pixels, n = counts[one], counts[other]
     whole = greys[other] // n - greys[one] // pixels
     rest = (greys[other] % n) * pixels - (greys[one] % pixels) * n
@@ -206,7 +201,7 @@ def mean_distance(greys, counts, one, other):  # type: ignore[no-untyped-def]
 
 @inlined
 def is_nearer(greys, counts, one, other, best):  # type: ignore[no-untyped-def]
-    """Whether the mean of a segment is nearer to `other` than to `best`; of equal ones the smaller number."""
+    """Check whether the mean of a segment is nearer to `other` than to `best`; ties by number."""
     whole, rest = mean_distance(greys, counts, one, other)
     best_whole, best_rest = mean_distance(greys, counts, one, best)
     if whole != best_whole:
@@ -218,7 +213,7 @@ def is_nearer(greys, counts, one, other, best):  # type: ignore[no-untyped-def]
 
 @inlined
 def slot_of(table, near, one, other):  # type: ignore[no-untyped-def]
-    """Where the border of two segments is in a hash table with linear probing, or would be."""
+    """Return the slot of the border of two segments in a hash table with linear probing."""
     low, high = np.uint64(min(one, other)), np.uint64(max(one, other))
     spread = (low * np.uint64(0x9E3779B97F4A7C15) + high) * np.uint64(0xC2B2AE3D27D4EB4F)
     at = np.int64((spread >> np.uint64(32)) & np.uint64(table.shape[0] - 1))
@@ -234,7 +229,7 @@ def slot_of(table, near, one, other):  # type: ignore[no-untyped-def]
 
 @inlined
 def empty_slot(table, near, at):  # type: ignore[no-untyped-def]
-    """Take a border out of the hash table; those behind it move up, so that they are still found."""
+    """Remove a border from the hash table; later ones move up, so that probing still finds them."""
     table[at] = 0
     at = (at + 1) & (table.shape[0] - 1)
     while table[at] > 0:
@@ -259,7 +254,7 @@ def append(ends, links, owner, side):  # type: ignore[no-untyped-def]
 
 @inlined
 def unlink(ends, links, owner, side):  # type: ignore[no-untyped-def]
-    """Take a side of a border out of the list of a segment."""
+    """Remove a side of a border from the list of a segment."""
     before, after = links[0, side], links[1, side]
     if before < 0:
         ends[0, owner] = after
@@ -308,8 +303,9 @@ _MERGE = (
 
 @kernel(_MERGE)
 def _merge(  # type: ignore[no-untyped-def]
-    areas, firsts, counts, greys, kinds, limit, near, shared, table, ends, links, parents, found, heap, place
-):
+    areas, firsts, counts, greys, levels, limit, near, shared, table, ends, links, parents, adjacent,
+    heap, place,
+):  # fmt: skip
     # Border k has the sides 2 k and 2 k + 1: near[side] is the segment on that side, near[side ^ 1] the one
     # beyond. Each segment has a linked list of its sides (first and last in `ends`, the ones before and after
     # in `links`), and a hash table finds the border of two segments.
@@ -334,7 +330,7 @@ def _merge(  # type: ignore[no-untyped-def]
         side = ends[0, one]
         while side >= 0:
             other = near[side ^ 1]
-            found[count] = other
+            adjacent[count] = other
             count += 1
             length = shared[side >> 1]
             if length > longest or (length == longest and is_nearer(greys, counts, one, other, into)):
@@ -344,15 +340,15 @@ def _merge(  # type: ignore[no-untyped-def]
         if count == 0:
             continue
         absorb(segments, borders, one, into)
-        size = grown(areas, firsts, limit, heap, place, size, into)
-        kind = kinds[into]
+        size = update(areas, firsts, limit, heap, place, size, into)
+        level = levels[into]
         first = into
         for k in range(count):  # only these can be new beside it
-            other = found[k]
-            if other != first and kinds[other] == kind:
+            other = adjacent[k]
+            if other != first and levels[other] == level:
                 gone = max(into, other)
                 into = min(into, other)
                 if place[gone] >= 0:
                     size = remove(areas, firsts, heap, place, size, gone)
                 absorb(segments, borders, gone, into)
-                size = grown(areas, firsts, limit, heap, place, size, into)
+                size = update(areas, firsts, limit, heap, place, size, into)

@@ -35,11 +35,6 @@ def simplify(regions: Regions, metres: float, geobox: GeoBox) -> Regions:
     -------
     Regions
         Vertices are pixel corners of `geobox`.
-
-    Raises
-    ------
-    ParameterError
-        If `metres` is negative or not finite.
     """
     if not 0 <= metres < np.inf:
         raise ParameterError(f"expected a simplification tolerance of 0 or more metres, got {metres:g}")
@@ -57,11 +52,8 @@ def simplify(regions: Regions, metres: float, geobox: GeoBox) -> Regions:
 
 
 def _corners(xy: NDArray[np.float64], transform: Affine) -> Integers:
-    """The (row, col) pixel corners at map coordinates."""
+    """Return the (row, col) pixel corners at map coordinates."""
     back = ~transform
-    rows, cols = (
-        back.d * xy[:, 0] + back.e * xy[:, 1] + back.f,
-        back.a * xy[:, 0] + back.b * xy[:, 1] + back.c,
-    )
-    corners: Integers = np.rint(np.stack([rows, cols], axis=1)).astype(np.int64)
-    return corners
+    rows = back.d * xy[:, 0] + back.e * xy[:, 1] + back.f
+    cols = back.a * xy[:, 0] + back.b * xy[:, 1] + back.c
+    return np.asarray(np.rint(np.stack([rows, cols], axis=1)), np.int64)

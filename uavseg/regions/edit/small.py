@@ -1,4 +1,4 @@
-"""Remove small holes and small regions: holes are filled first, then regions are dropped."""
+"""Remove small holes and small regions by minimum areas; parse areas."""
 
 from dataclasses import dataclass
 
@@ -14,11 +14,11 @@ from uavseg.regions.outline.rings import RegionOutlines, Rings, renumber_by_size
 
 @dataclass(frozen=True, slots=True)
 class Area:
-    """An area in square metres, or in pixels.
+    """Area in square metres, or in pixels.
 
     Examples
     --------
-    >>> parse_area("64px")
+    >>> as_area("64px")
     Area(value=64.0, in_pixels=True)
     """
 
@@ -30,41 +30,31 @@ class Area:
             raise ParameterError(f"an area is a finite number of at least 0, not {self.value:g}")
 
 
-def parse_area(text: str) -> Area:
-    """Parse an area: square metres, or pixels with the suffix px.
-
-    Raises
-    ------
-    ParameterError
-        If the text is not a finite number of at least 0, with or without px.
-    """
-    number = text.strip().lower()
-    in_pixels = number.endswith("px")
-    try:
-        return Area(float(number.removesuffix("px")), in_pixels)
-    except ValueError as error:
-        raise ParameterError(
-            f"an area is square metres such as 500, or pixels such as 64px, not {text!r}"
-        ) from error
-
-
 def as_area(given: float | str | None) -> Area | None:
-    """Square metres, or an area as text such as "64px"; None is no area.
-
-    Raises
-    ------
-    ParameterError
-        If it is not a finite number of at least 0, with or without px.
-    """
+    """Parse an area: square metres, or pixels as text with the suffix px; None for None."""
     if given is None:
         return None
-    return parse_area(given) if isinstance(given, str) else Area(float(given))
+    if not isinstance(given, str):
+        return Area(float(given))
+    number = given.strip().lower()
+    try:
+        return Area(float(number.removesuffix("px")), in_pixels=number.endswith("px"))
+    except ValueError as error:
+        raise ParameterError(
+            f"an area is square metres such as 500, or pixels such as 64px, not {given!r}"
+        ) from error
 
 
 def fill_small_holes(outlined: RegionOutlines, geobox: GeoBox, min_area: Area) -> RegionOutlines:
     """Fill holes below a minimum area; regions inside such a hole become part of the region around it.
 
     The sums stay those of the original pixels: `extract` measures filled regions again.
+
+    Parameters
+    ----------
+    outlined : RegionOutlines
+    geobox : GeoBox
+    min_area : Area
     """
     rings = outlined.rings
     small = ~rings.exteriors & (-_areas(rings, geobox, min_area) < min_area.value)
@@ -75,19 +65,30 @@ def fill_small_holes(outlined: RegionOutlines, geobox: GeoBox, min_area: Area) -
 
 
 def drop_small_regions(outlined: RegionOutlines, geobox: GeoBox, min_area: Area) -> RegionOutlines:
-    """Keep regions of at least a minimum area, in order, and number them 1..n."""
+    """Drop regions below a minimum area, and number the others 1..n in order.
+
+    Parameters
+    ----------
+    outlined : RegionOutlines
+    geobox : GeoBox
+    min_area : Area
+    """
     rings = outlined.rings
     areas = region_areas(outlined, geobox, min_area)
     return renumber_by_size(rings, outlined.sums, areas[rings.labels - 1] >= min_area.value)
 
 
 def region_areas(outlined: RegionOutlines, geobox: GeoBox, unit: Area) -> NDArray[np.float64]:
-    """Area of each region, (n,), in the unit of `unit`: square metres or pixels.
+    """Return the area of each region, (n,).
 
-    Raises
-    ------
-    ParameterError
-        If the area is in square metres and there is no CRS.
+    Square metres are refused with a ParameterError where there is no CRS.
+
+    Parameters
+    ----------
+    outlined : RegionOutlines
+    geobox : GeoBox
+    unit : Area
+        Its unit is used: square metres or pixels.
     """
     rings = outlined.rings
     areas = np.bincount(rings.labels, _areas(rings, geobox, unit), len(outlined.sums.counts) + 1)
@@ -95,13 +96,7 @@ def region_areas(outlined: RegionOutlines, geobox: GeoBox, unit: Area) -> NDArra
 
 
 def _areas(rings: Rings, geobox: GeoBox, unit: Area) -> NDArray[np.float64]:
-    """Area of each ring, negative for holes, in the unit of `unit`.
-
-    Raises
-    ------
-    ParameterError
-        If the area is in square metres and there is no CRS.
-    """
+    """Return the area of each ring, negative for holes, in the unit of `unit`."""
     if unit.in_pixels:
         return rings.pixel_areas().astype(np.float64)
     if geobox.crs is None:
@@ -113,7 +108,7 @@ def _areas(rings: Rings, geobox: GeoBox, unit: Area) -> NDArray[np.float64]:
 
 
 def _parts_inside(rings: Rings, holes: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Numbers of the polygons that lie inside some of the holes."""
+    """Return the numbers of the polygons that lie inside some of the holes."""
     corners = rings.vertices[rings.starts[:-1][rings.exteriors]]
     centres = shapely.points(corners[:, ::-1] + 0.5)  # a region's uppermost, then leftmost pixel
     filled = [

@@ -1,6 +1,6 @@
-"""Whether all regions of a file were read: GDAL leaves out what it cannot read, mostly without an error.
+"""Verify that all regions of a file were read: GDAL skips what it cannot read, mostly without an error.
 
-A region that is lost may be the one that a drone has to keep away from.
+A lost region may be the one that a drone has to keep away from.
 """
 
 import os
@@ -17,12 +17,15 @@ from uavseg.inputs import MAX_TEXT, parse_json, read_bytes
 from uavseg.output.interrupts import deaf_call
 from uavseg.plain_text import cause_of
 
-_PIECE = 1 << 24  # bytes of a text that are looked at in one go
+_PIECE = 1 << 24  # bytes of a text that are read at once
 _GEOMETRY = b'"geometry"'
 
 
 def check_feature_count(source: str | os.PathLike[str] | bytes, name: str, layer: str | None = None) -> int:
-    """How many features a layer claims: no more than its file has bytes, and no fewer than its text has.
+    """Return how many features a layer claims, -1 if that is not known before they are read.
+
+    Refuse a layer that claims more than its file has bytes, and JSON with features that GDAL does not count,
+    with a RegionError.
 
     Parameters
     ----------
@@ -31,54 +34,43 @@ def check_feature_count(source: str | os.PathLike[str] | bytes, name: str, layer
         For messages.
     layer : str, optional
         By default the first one.
-
-    Returns
-    -------
-    features : int
-        -1 if that is not known before they are read.
-
-    Raises
-    ------
-    RegionError
-        If it claims more, or if it is JSON and holds some that GDAL does not count.
     """
     import pyogrio
 
     size = len(source) if isinstance(source, bytes) else Path(source).stat().st_size
-    found = pyogrio.read_info(source, layer=layer)
-    features = int(found["features"])
+    info = pyogrio.read_info(source, layer=layer)
+    features = int(info["features"])
     if features > size:
         raise RegionError(f"{name} claims {features:,} features in {size:,} bytes; its header is damaged")
-    if "JSON" in found["driver"]:
-        _check_json_count(source, name, features, found["driver"] == "GeoJSONSeq")
+    if "JSON" in info["driver"]:
+        _check_json_count(source, name, features, info["driver"] == "GeoJSONSeq")
     return features
 
 
 def check_count(count: int, features: int, name: str) -> None:
-    """Check that so many features were read as a layer claims, if it claims a number.
+    """Refuse a layer of which fewer or more features were read than it claims, with a RegionError.
 
-    Raises
-    ------
-    RegionError
-        If not.
+    Parameters
+    ----------
+    count : int
+        Features that were read.
+    features : int
+        Features that it claims; -1 if unknown.
+    name : str
+        For messages.
     """
     if features not in (-1, count):
         raise RegionError(f"{name} claims {features:,} features, and {count:,} can be read; it is damaged")
 
 
 def check_geometries(geometries: NDArray[np.object_], name: str) -> None:
-    """Check that every feature has a geometry.
+    """Refuse features without a geometry, or with an empty one, with a RegionError.
 
     Parameters
     ----------
     geometries : ndarray of shapely geometries or None
     name : str
         For messages.
-
-    Raises
-    ------
-    RegionError
-        If a feature has none, or an empty one.
     """
     missing = np.flatnonzero(shapely.is_missing(geometries) | shapely.is_empty(geometries))
     if len(missing) == len(geometries):
@@ -91,7 +83,7 @@ def check_geometries(geometries: NDArray[np.object_], name: str) -> None:
 
 
 def check_attributes(source: str | os.PathLike[str] | bytes, name: str, count: int) -> None:
-    """Check that attributes of a Shapefile were read.
+    """Refuse a Shapefile whose table of attributes was not read, with a RegionError.
 
     Parameters
     ----------
@@ -99,12 +91,7 @@ def check_attributes(source: str | os.PathLike[str] | bytes, name: str, count: i
     name : str
         For messages.
     count : int
-        How many attributes were read.
-
-    Raises
-    ------
-    RegionError
-        If it has none.
+        Attributes that were read.
     """
     if count == 0 and not isinstance(source, bytes):
         table = Path(source).with_suffix(".dbf")
@@ -117,35 +104,35 @@ def check_attributes(source: str | os.PathLike[str] | bytes, name: str, count: i
 def _check_json_count(
     source: str | os.PathLike[str] | bytes, name: str, features: int, is_sequence: bool
 ) -> None:
-    """Check that GDAL counts all features of a text, of which it counts so many in one layer.
+    """Refuse JSON with features that GDAL does not count; `features` are those of one layer.
 
-    The text is parsed only if not as many members are called geometry.
+    The text is parsed only if the number of members called geometry differs.
     """
     import pyogrio
 
     if any(b"\0" in piece for piece in _pieces(source)):  # GDAL goes on after it somewhere
         raise RegionError(f"{name} cannot be read as regions: it has null bytes, which JSON has not")
-    held = _count_records(source) if is_sequence else features
-    if held == features == _count_geometry_members(source):
+    present = _count_records(source) if is_sequence else features
+    if present == features == _count_geometry_members(source):
         return
     layers = range(len(pyogrio.list_layers(source)))  # those of bytes have another name each time
     counted = sum(int(pyogrio.read_info(source, layer=layer)["features"]) for layer in layers)
-    if held <= counted:
+    if present <= counted:
         content = source if isinstance(source, bytes) else read_bytes(source, RegionError, MAX_TEXT)
         texts = content.split(_separator(content)) if is_sequence else [content]
         try:
             with deaf_call():
-                held = sum(
+                present = sum(
                     _features_of(parse_json(text.decode("utf-8-sig"))) for text in texts if text.strip()
                 )
         except ValueError as error:
             raise RegionError(f"{name} cannot be read as regions: {cause_of(error)}") from error
-    if counted < held:
-        raise RegionError(f"{name} has {held:,} features, of which {counted:,} can be read; repair it")
+    if counted < present:
+        raise RegionError(f"{name} has {present:,} features, of which {counted:,} can be read; repair it")
 
 
 def _count_records(source: str | os.PathLike[str] | bytes) -> int:
-    """How many records a sequence of JSON texts has."""
+    """Count the records of a sequence of JSON texts."""
     count = 0
     separator = b""
     is_blank = True
@@ -160,7 +147,7 @@ def _count_records(source: str | os.PathLike[str] | bytes) -> int:
 
 
 def _separator(start: bytes) -> bytes:
-    """What is between records: newlines, or record separators (RFC 8142)."""
+    """Return the separator of records: newline, or record separator (RFC 8142)."""
     return b"\x1e" if start.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"\x1e") else b"\n"
 
 
@@ -172,20 +159,20 @@ def _count_geometry_members(source: str | os.PathLike[str] | bytes) -> int:
     return count
 
 
-def _features_of(found: Any) -> int:
-    """Features of a GeoJSON, ESRI JSON or TopoJSON text; a geometry alone is one."""
-    if not isinstance(found, dict):
+def _features_of(parsed: Any) -> int:
+    """Count the features of GeoJSON, ESRI JSON or TopoJSON; a geometry alone is one."""
+    if not isinstance(parsed, dict):
         return 0
-    objects = found.get("objects")
-    if found.get("type") == "Topology" and isinstance(objects, dict):
+    objects = parsed.get("objects")
+    if parsed.get("type") == "Topology" and isinstance(objects, dict):
         parts = [one.get("geometries") for one in objects.values() if isinstance(one, dict)]
         return sum(len(part) if isinstance(part, list) else 1 for part in parts)
-    features = found.get("features")
+    features = parsed.get("features")
     return sum(isinstance(one, dict) for one in features) if isinstance(features, list) else 1
 
 
 def _pieces(source: str | os.PathLike[str] | bytes) -> Iterator[bytes]:
-    """The content of a file in pieces; bytes are one."""
+    """Read a file in pieces; bytes are one."""
     if isinstance(source, bytes):
         yield source
         return

@@ -16,7 +16,7 @@ Words = NDArray[np.uint32]
 
 
 def degree_words(decimals: int) -> int:
-    """How many words a coordinate with so many decimals of degrees takes."""
+    """Return the number of words of a coordinate with a number of decimals of degrees."""
     return 3 if decimals == MIN_DECIMALS else 4
 
 
@@ -50,12 +50,12 @@ def write_degrees(value: NDArray[np.int64], words: Words, decimals: int, after: 
 
 
 def pack_words(texts: Iterable[str]) -> Words:
-    """Texts of up to four bytes as words, (n,) uint32."""
+    """Pack texts of up to four bytes as words, (n,) uint32."""
     return np.frombuffer("".join(text.ljust(4, "\0") for text in texts).encode(), np.uint32)
 
 
 def unpack_lines(words: Words) -> list[bytes]:
-    """Lines of text from an array of words; every line, the last one too, ends with a newline.
+    """Return the lines of text in an array of words; the last one ends with a newline too.
 
     Examples
     --------
@@ -70,12 +70,12 @@ def unpack_lines(words: Words) -> list[bytes]:
 
 @cache
 def _degrees(after: str) -> Words:
-    """Words of 0, 1, 2, ... and then of -0, -1, -2, ..."""
+    """Return the words of 0, 1, 2, ... and then of -0, -1, -2, ..."""
     largest = 90 if after else 180
     return pack_words(f"{after}{sign}{whole}" for sign in ("", "-") for whole in range(largest + 1))
 
 
 @cache
 def _decimals(count: int, before: str = "") -> Words:
-    """Words of all numbers of so many digits, up to four."""
+    """Return the words of all numbers of `count` digits, up to four."""
     return pack_words(f"{before}{number:0{count}}" for number in range(10**count))

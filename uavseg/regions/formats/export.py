@@ -1,12 +1,16 @@
-"""Write regions to vector files; the extension determines the format, and writing is atomic."""
+"""Write regions to vector files atomically, in the format of their extension, and verify them."""
 
 import io
 import json
+import mmap
 import os
+import sqlite3
+import struct
 import textwrap
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
@@ -28,13 +32,19 @@ if TYPE_CHECKING:
     from uavseg.regions.formats.arrow_stream import RegionStream
 
 LAYER = "regions"
-_ARROW_TYPES = {"i": "int64", "f": "float64", "O": "string"}  # by the kind of a numpy dtype
+_ARROW_TYPES = {"i": "int64", "f": "float64", "O": "string"}  # by `dtype.kind` of numpy
 _DATE = "2000-01-01T00:00:00Z"  # reproducible files: the same regions give the same bytes on any day
-_SHORT_NAMES = {
-    "perimeter_m": "perim_m",
-    "range_low": "range_lo",
-    "range_high": "range_hi",
-}  # a shapefile's names have at most ten characters
+# Names in a Shapefile have at most ten characters.
+_SHORT_NAMES = {"perimeter_m": "perim_m", "range_low": "range_lo", "range_high": "range_hi"}
+_NODE_BYTES = 40  # of one node of FlatGeobuf's index
+_BRANCHES = 16  # of one node
+_GEOPACKAGE, _OLDEST = 0x47504B47, 10200  # "GPKG" and version 1.2
+_TRIGGERS = (
+    "trigger_insert_feature_count_{}",
+    "trigger_delete_feature_count_{}",
+    "rtree_{}_geom_insert",
+    "rtree_{}_geom_delete",
+)
 
 
 def write_regions(
@@ -72,7 +82,12 @@ def write_regions(
 
 
 def check_region_path(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
-    """The path, if regions can be written there; call it before the work that makes them.
+    """Return the path, if regions can be written there; call it before computing them.
+
+    Parameters
+    ----------
+    path : path
+    overwrite : bool
 
     Raises
     ------
@@ -96,7 +111,14 @@ def check_region_path(path: str | os.PathLike[str], overwrite: bool = False) -> 
 
 
 def format_notes(regions: Regions, path: str | os.PathLike[str]) -> list[str]:
-    """What a reader of the format of a file cannot show of regions that are written to it, for warnings."""
+    """Return warnings about what readers of the format of a file cannot show.
+
+    Parameters
+    ----------
+    regions : Regions
+    path : path
+        Of the file that they are written to.
+    """
     if Path(path).suffix.lower() != ".kml":
         return []
     from uavseg.regions.formats.kml import kml_notes
@@ -105,7 +127,7 @@ def format_notes(regions: Regions, path: str | os.PathLike[str]) -> list[str]:
 
 
 def suffix_for(wkt: str | None) -> str:
-    """The extension of a file of regions in a CRS: that of GeoJSON, unless it cannot hold them."""
+    """Return the extension of a file of regions in a CRS: that of GeoJSON, unless it cannot hold them."""
     try:
         check_region_crs("regions.geojson", wkt)
     except OutputError:
@@ -114,13 +136,17 @@ def suffix_for(wkt: str | None) -> str:
 
 
 def check_region_crs(path: str | os.PathLike[str], wkt: str | None, form: GeoJsonForm = COLLECTION) -> None:
-    """Check that regions in a CRS can be written to a file of this name, or to a stream ("-").
+    """Refuse a CRS that is not of the Earth where the format needs one, with an OutputError.
 
-    Raises
-    ------
-    OutputError
-        If the CRS is not one of the Earth: KML needs one, and so does GeoJSON in longitude and latitude,
-        unless there is no CRS.
+    KML needs one, and so does GeoJSON in longitude and latitude, unless there is no CRS.
+
+    Parameters
+    ----------
+    path : path
+        Of the file; "-" for a stream.
+    wkt : str or None
+    form : GeoJsonForm
+        Of the GeoJSON on a stream.
     """
     suffix = Path(path).suffix.lower()
     if path == "-" and form.projected:
@@ -152,14 +178,10 @@ def _write_geojson(regions: Regions, path: Path) -> None:
 
 
 def _write_geopackage(regions: Regions, path: Path) -> None:
-    from uavseg.regions.formats.style_files import add_style
+    from uavseg.regions.formats.styles import add_style
 
     _write_layer(regions, path, "GPKG")
     add_style(path, regions, LAYER, _DATE)
-
-
-def _write_flatgeobuf(regions: Regions, path: Path) -> None:
-    _write_layer(regions, path, "FlatGeobuf")
 
 
 def _write_shapefile(regions: Regions, path: Path) -> None:
@@ -181,13 +203,12 @@ def _write_layer(regions: Regions, path: Path, driver: str, **options: str) -> N
     from pyogrio.errors import DataLayerError, DataSourceError
 
     from uavseg.regions.formats.arrow_stream import GEOMETRY, RegionStream
-    from uavseg.regions.formats.check_written import is_complete
-    from uavseg.regions.formats.gdal_state import gdal_options
+    from uavseg.regions.formats.vector_files import gdal_options
 
     promote = has_multipolygons(regions.polygons)
     stream = RegionStream(regions, promote)
-    today = {"OGR_CURRENT_DATE": _DATE}
-    with changing_filters(), gdal_options(today), _raising(stream):  # one thread at a time
+    date = {"OGR_CURRENT_DATE": _DATE}
+    with changing_filters(), gdal_options(date), _raising(stream):  # one thread at a time
         warnings.simplefilter("ignore")
         try:
             pyogrio.raw.write_arrow(
@@ -210,7 +231,7 @@ def _write_layer(regions: Regions, path: Path, driver: str, **options: str) -> N
 
 @contextmanager
 def _raising(stream: "RegionStream") -> Iterator[None]:
-    """Context that raises what ended a stream too early, such as Ctrl-C, whatever its reader makes of it."""
+    """Context that raises what ended a stream too early, such as Ctrl-C, which the reader swallows."""
     try:
         yield
     finally:
@@ -219,12 +240,12 @@ def _raising(stream: "RegionStream") -> Iterator[None]:
 
 
 def _write_parquet(regions: Regions, path: Path) -> None:
-    """GeoParquet 1.0."""
+    """Write GeoParquet 1.0."""
     from uavseg.regions.formats.arrow_stream import GEOMETRY, batches
 
     pyarrow = import_pyarrow()
-    types = {name: _ARROW_TYPES[column.dtype.kind] for name, column in regions.columns.items()}
-    fields = [*((name, pyarrow.type_for_alias(kind)) for name, kind in types.items())]
+    aliases = {name: _ARROW_TYPES[column.dtype.kind] for name, column in regions.columns.items()}
+    fields = [(name, pyarrow.type_for_alias(alias)) for name, alias in aliases.items()]
     schema = pyarrow.schema([*fields, (GEOMETRY, pyarrow.binary())])
     geo = {"geo": json.dumps(_geo_metadata(regions))}
     schema = schema.with_metadata(geo | metadata_items(regions.metadata))
@@ -232,15 +253,15 @@ def _write_parquet(regions: Regions, path: Path) -> None:
         for length, columns in batches(regions):
             arrays = [
                 pyarrow.Array.from_buffers(
-                    kind, length, [None if part is None else pyarrow.py_buffer(part) for part in parts]
+                    field_type, length, [None if part is None else pyarrow.py_buffer(part) for part in parts]
                 )
-                for kind, parts in zip(schema.types, columns, strict=True)
+                for field_type, parts in zip(schema.types, columns, strict=True)
             ]
             file.write_batch(pyarrow.record_batch(arrays, schema=schema))
 
 
 def _geo_metadata(regions: Regions) -> dict[str, Any]:
-    """GeoParquet metadata of the geometry column."""
+    """Return GeoParquet metadata of the geometry column."""
     column: dict[str, Any] = {
         "encoding": "WKB",
         "geometry_types": sorted({polygon.geom_type for polygon in regions.polygons}),
@@ -256,8 +277,91 @@ _WRITERS: dict[str, Callable[[Regions, Path], None]] = {
     ".geojson": _write_geojson,
     ".json": _write_geojson,
     ".gpkg": _write_geopackage,
-    ".fgb": _write_flatgeobuf,
+    ".fgb": partial(_write_layer, driver="FlatGeobuf"),
     ".parquet": _write_parquet,
     ".shp": _write_shapefile,
     ".kml": _write_kml,
 }
+
+
+def is_complete(path: Path, count: int) -> bool:
+    """Check whether a .gpkg, .fgb or .shp that GDAL wrote is complete: it does not report a full disk.
+
+    By SQLite's integrity check, and the tables of a GeoPackage of GDAL; the layout of FlatGeobuf 3 (magic,
+    header, packed Hilbert R-tree, features, each preceded by its size); and the file lengths stated in the
+    headers of shapefiles (ESRI Shapefile Technical Description, 1998) and dBASE III tables.
+
+    Parameters
+    ----------
+    path : Path
+    count : int
+        Regions that were written.
+    """
+    check = {".gpkg": _geopackage, ".fgb": _flatgeobuf, ".shp": _shapefile}[path.suffix.lower()]
+    try:
+        return check(path, count)
+    except (OSError, sqlite3.Error, struct.error, ValueError):
+        return False
+
+
+def _geopackage(path: Path, count: int) -> bool:
+    if len(list(path.parent.iterdir())) > 1:  # a journal of an unfinished transaction
+        return False
+    with closing(sqlite3.connect(f"file:{path.as_posix()}?mode=ro&immutable=1", uri=True)) as base:
+        [(table, min_x)] = base.execute(
+            "SELECT table_name, min_x FROM gpkg_contents WHERE data_type = 'features'"
+        )
+        [(stated,)] = base.execute(
+            "SELECT feature_count FROM gpkg_ogr_contents WHERE table_name = ?", [table]
+        )
+        [(rows,)] = base.execute(f'SELECT count(*) FROM "{table}"')
+        [(indexed,)] = base.execute(f'SELECT count(*) FROM "rtree_{table}_geom_rowid"')
+        [(integrity,), *_] = base.execute("PRAGMA quick_check(1)")
+        pragmas = ("application_id", "user_version", "page_count", "page_size")
+        application, version, pages, page_bytes = (
+            base.execute(f"PRAGMA {name}").fetchone()[0] for name in pragmas
+        )
+        [(crs,)] = base.execute(
+            "SELECT count(*) FROM gpkg_geometry_columns JOIN gpkg_spatial_ref_sys USING (srs_id)"
+        )
+        triggers = {name for (name,) in base.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'")}
+    has_extent = count == 0 or min_x is not None  # the extent is written last
+    has_header = application == _GEOPACKAGE and version >= _OLDEST and crs == 1
+    has_triggers = triggers >= {name.format(table) for name in _TRIGGERS}
+    is_whole = stated == rows == indexed == count and has_extent and integrity == "ok"
+    has_all_bytes = pages * page_bytes == path.stat().st_size
+    return bool(is_whole and has_header and has_triggers and has_all_bytes)
+
+
+def _flatgeobuf(path: Path, count: int) -> bool:
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        position = 12 + struct.unpack_from("<I", data, 8)[0] + _index_bytes(count)
+        for _ in range(count):
+            position += 4 + struct.unpack_from("<I", data, position)[0]
+        return bool(position == len(data))
+
+
+def _index_bytes(count: int) -> int:
+    nodes, level = count, count
+    while level > 1:
+        level = -(-level // _BRANCHES)
+        nodes += level
+    return (nodes + (count == 1)) * _NODE_BYTES  # a single feature has a root above it
+
+
+def _shapefile(path: Path, count: int) -> bool:
+    table, index, crs = (path.with_suffix(end) for end in (".dbf", ".shx", ".prj"))
+    for part in (path, index):
+        if 2 * struct.unpack_from(">i", _read_start(part, 28), 24)[0] != part.stat().st_size:
+            return False
+    records, header, width = struct.unpack_from("<IHH", _read_start(table, 12), 4)
+    table_bytes = header + records * width + 1  # an end mark follows the records
+    table_complete = table.stat().st_size == table_bytes and records == count
+    index_complete = index.stat().st_size == 100 + 8 * count
+    wkt = crs.read_text() if crs.exists() else "[]"
+    return table_complete and index_complete and wkt.count("[") == wkt.count("]") > 0
+
+
+def _read_start(path: Path, size: int) -> bytes:
+    with path.open("rb") as file:
+        return file.read(size)

@@ -1,4 +1,4 @@
-"""GeoJSON writer (RFC 7946, sequences RFC 8142): a feature per line, in bulk from integer coordinates."""
+"""GeoJSON writer (RFC 7946, sequences RFC 8142): one feature per line, in bulk from integers."""
 
 import json
 from collections.abc import Iterable, Iterator
@@ -22,7 +22,7 @@ from uavseg.regions.wgs84.to_wgs84 import wgs84_batches
 
 @dataclass(frozen=True, slots=True)
 class GeoJsonForm:
-    """How GeoJSON is written to a stream, as rasterio's and fiona's commands have it.
+    """Form of GeoJSON on a stream, with the options of rasterio's and fiona's commands.
 
     Parameters
     ----------
@@ -47,30 +47,28 @@ def write_geojson(regions: Regions, stream: IO[bytes], form: GeoJsonForm = COLLE
     """Write regions as a FeatureCollection, or as a sequence of features.
 
     Longitudes and latitudes are in WGS 84 with decimals as the pixels need (see `decimals_for`), exteriors
-    run counter-clockwise, and polygons that cross the antimeridian are cut there. Without a CRS the local
+    run counter-clockwise, and polygons that cross the antimeridian are split there. Without a CRS the local
     coordinates are written unchanged. A collection has the metadata of the regions as its foreign member
-    ``uavseg``.
+    ``uavseg``. Regions that are not on the Earth are refused with an OutputError.
 
     Parameters
     ----------
     regions : Regions
     stream : binary file
     form : GeoJsonForm
-
-    Raises
-    ------
-    OutputError
-        If the regions are not on the Earth.
     """
     features = _features(regions, form.projected)
     if form.sequence:
         for feature in features:
             stream.write(b"\x1e" * form.rs + feature + b"\n")
         return
-    named = _crs_member(regions.wkt) if form.projected and regions.wkt is not None else b""
-    about = metadata_text(regions.metadata)
-    member = b'"%b":%b,' % (METADATA_KEY.encode(), about.encode()) if about else b""
-    stream.write(b'{"type":"FeatureCollection",%b%b"features":[' % (member, named))
+    crs = b""
+    if form.projected and regions.wkt is not None:
+        name = crs_name(regions.wkt) or regions.wkt
+        crs = b'"crs":%b,' % _compact({"type": "name", "properties": {"name": name}})
+    text = metadata_text(regions.metadata)
+    member = b'"%b":%b,' % (METADATA_KEY.encode(), text.encode()) if text else b""
+    stream.write(b'{"type":"FeatureCollection",%b%b"features":[' % (member, crs))
     separator = b"\n"
     for feature in features:
         stream.write(separator + feature)
@@ -78,13 +76,8 @@ def write_geojson(regions: Regions, stream: IO[bytes], form: GeoJsonForm = COLLE
     stream.write(b"\n]}\n")
 
 
-def _crs_member(wkt: str) -> bytes:
-    """The member that names a CRS, by its code where it has one."""
-    return b'"crs":%b,' % _compact({"type": "name", "properties": {"name": crs_name(wkt) or wkt}})
-
-
 def crs_name(wkt: str) -> str | None:
-    """The name of a CRS by its code (OGC URN), if it has one."""
+    """Return the name of a CRS by its code (OGC URN), if it has one."""
     authority = parse_crs(wkt).to_authority()
     return None if authority is None else f"urn:ogc:def:crs:{authority[0]}::{authority[1]}"
 
@@ -94,15 +87,17 @@ def _compact(value: Any) -> bytes:
 
 
 def _features(regions: Regions, projected: bool) -> Iterator[bytes]:
-    is_local = projected or regions.wkt is None
-    geometries = _local_geometries(regions) if is_local else _wgs84_geometries(regions)
+    if projected or regions.wkt is None:
+        geometries: Iterator[bytes] = (text.encode() for text in shapely.to_geojson(regions.polygons))
+    else:
+        geometries = _wgs84_geometries(regions)
     ids = regions.columns["id"].tolist()
     for parts in zip(ids, _properties(regions), geometries, strict=True):
         yield b'{"type":"Feature","id":%d,"properties":%b,"geometry":%b}' % parts
 
 
 def _properties(regions: Regions) -> Iterable[bytes]:
-    """The attributes of each region as a JSON object."""
+    """Format the attributes of each region as a JSON object."""
     columns = regions.columns
     template = "{" + ",".join(f"{json.dumps(name)}:%s" for name in columns) + "}"
     texts = [_texts(column) for column in columns.values()]
@@ -110,17 +105,13 @@ def _properties(regions: Regions) -> Iterable[bytes]:
 
 
 def _texts(column: NDArray[Any]) -> list[str]:
-    """Each value as JSON: floats with up to twelve significant digits and a point, NaN as null."""
+    """Format values as JSON: floats with up to twelve significant digits and a point, NaN as null."""
     if column.dtype.kind == "f":
         return [repr(float(f"{x:.12g}")) if isfinite(x) else "null" for x in column.tolist()]
     if column.dtype.kind in "iu":
         return [str(x) for x in column.tolist()]
-    known = {x: json.dumps(x, ensure_ascii=False) for x in set(column.tolist())}
-    return [known[x] for x in column.tolist()]
-
-
-def _local_geometries(regions: Regions) -> Iterator[bytes]:
-    return (text.encode() for text in shapely.to_geojson(regions.polygons))
+    texts = {x: json.dumps(x, ensure_ascii=False) for x in set(column.tolist())}
+    return [texts[x] for x in column.tolist()]
 
 
 def _wgs84_geometries(regions: Regions) -> Iterator[bytes]:
@@ -136,7 +127,7 @@ def _wgs84_geometries(regions: Regions) -> Iterator[bytes]:
 
 
 def _polygon_texts(flat: RaggedPolygons, decimals: int) -> list[bytes]:
-    """The coordinates of each polygon as JSON: one row of words per vertex, with its brackets."""
+    """Format the coordinates of each polygon as JSON: one row of 4-byte words per vertex, with brackets."""
     size = degree_words(decimals)
     rows = np.empty((len(flat.vertices), 2 * size + 2), np.uint32)
     ends = flat.rings[flat.polygons]

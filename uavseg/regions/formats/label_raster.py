@@ -23,7 +23,12 @@ Path_ = str | os.PathLike[str]
 
 
 def check_labels(path: Path_, overwrite: bool = False) -> None:
-    """Check that labels can be written there; call it before the work.
+    """Refuse a path where labels cannot be written; call it before computing them.
+
+    Parameters
+    ----------
+    path : path
+    overwrite : bool
 
     Raises
     ------
@@ -43,7 +48,7 @@ def check_labels(path: Path_, overwrite: bool = False) -> None:
 
 
 def is_vrt(path: Path_) -> bool:
-    """Whether labels of that name are written as tiles under a VRT."""
+    """Check whether labels of that name are written as tiles under a VRT."""
     return Path(path).suffix.lower() == ".vrt"
 
 
@@ -59,10 +64,15 @@ def write_label_raster(
 
     The pixels of both are the same, and depend on neither tiles nor workers.
 
-    Raises
-    ------
-    OutputExistsError, OutputError
-        If the labels may not or cannot be written.
+    Parameters
+    ----------
+    path : path
+        .tif, .tiff or .vrt, see `check_labels`.
+    rings : Rings
+    geobox : GeoBox
+    map : Map
+    overwrite : bool
+    creation : CreationOptions
     """
     if is_vrt(path):
         parts = edge_tables(rings, label_windows(geobox.shape))
@@ -75,7 +85,15 @@ def write_label_raster(
 def label_strips(
     rings: Rings, shape: tuple[int, int], map: Map = serial
 ) -> Iterator[tuple[Window, NDArray[np.uint32]]]:
-    """Windows of full width, from top to bottom, with the labels that the outlines enclose."""
+    """Rasterise labels in windows of full width, from top to bottom.
+
+    Parameters
+    ----------
+    rings : Rings
+    shape : (int, int)
+        Rows and columns of the raster.
+    map : Map
+    """
     rows, cols = shape
     strip = max((1 << 24) // cols // BLOCK, 1) * BLOCK
     windows = tiles((rows, cols), (strip, -(-cols // BLOCK) * BLOCK))

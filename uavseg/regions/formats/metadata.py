@@ -2,7 +2,7 @@
 
 A GeoPackage and a FlatGeobuf have it as an item of the metadata of their layer, GeoParquet in that of its
 schema, GeoJSON as a foreign member (RFC 7946, 6.1) and KML as extended data of its document. A Shapefile and
-a sequence of GeoJSON features have no place for it.
+a sequence of GeoJSON features have none.
 """
 
 import html
@@ -23,27 +23,27 @@ _KML_DATA = re.compile(rf'<Data name="{METADATA_KEY}">\s*<value>([^<]*)</value>'
 
 
 def metadata_text(metadata: Mapping[str, Any]) -> str:
-    """The metadata as JSON in ASCII; empty where there is none."""
+    """Format metadata as JSON in ASCII; empty where there is none."""
     return json.dumps(dict(metadata), separators=(",", ":"), allow_nan=False) if metadata else ""
 
 
 def metadata_items(metadata: Mapping[str, Any]) -> dict[str, str]:
-    """The metadata as items of text, as formats with such items have it."""
+    """Return metadata as text items, for formats with key-value metadata."""
     return {METADATA_KEY: metadata_text(metadata)} if metadata else {}
 
 
 def parse_metadata(text: str | None) -> dict[str, Any]:
-    """The metadata of a text; empty where it is not a JSON object of finite numbers."""
+    """Parse metadata; empty where the text is not a JSON object of finite numbers."""
     try:
-        found = parse_json(text or "{}")
-        json.dumps(found, allow_nan=False)  # NaN and infinity are not JSON, and could not be shown as it
+        parsed = parse_json(text or "{}")
+        json.dumps(parsed, allow_nan=False)  # NaN and infinity are not JSON
     except (ValueError, RecursionError):
         return {}
-    return found if isinstance(found, dict) else {}
+    return parsed if isinstance(parsed, dict) else {}
 
 
 def read_json_metadata(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """The metadata of a GeoJSON file that begins with it."""
+    """Read the metadata of a GeoJSON file that begins with it."""
     text = read_start(path, _HEAD, RegionError).decode("utf-8", "replace")
     member = re.search(rf'"{METADATA_KEY}"\s*:\s*(?={{)', text.partition('"features"')[0])
     if member is None:
@@ -56,14 +56,14 @@ def read_json_metadata(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def read_kml_metadata(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """The metadata of a KML file."""
+    """Read the metadata of a KML file."""
     head = read_start(path, _HEAD, RegionError).decode("utf-8", "replace").partition("<Placemark")[0]
-    found = _KML_DATA.search(head)
-    return parse_metadata(html.unescape(found[1])) if found else {}
+    data = _KML_DATA.search(head)
+    return parse_metadata(html.unescape(data[1])) if data else {}
 
 
 def read_parquet_schema(path: str | os.PathLike[str]) -> Any:
-    """The schema of a Parquet file with its metadata, and how many rows it has."""
+    """Read the schema of a Parquet file with its metadata, and the number of its rows."""
     pyarrow = import_pyarrow()
     with pyarrow.parquet.ParquetFile(Path(path)) as file:
         return file.schema_arrow, file.metadata.num_rows

@@ -1,4 +1,4 @@
-"""pyarrow, which GeoParquet needs and which is installed with an extra."""
+"""Import of pyarrow, an optional dependency for GeoParquet."""
 
 from typing import Any
 
@@ -6,13 +6,7 @@ from uavseg.errors import MissingLibraryError
 
 
 def import_pyarrow() -> Any:
-    """The library with its Parquet part.
-
-    Raises
-    ------
-    MissingLibraryError
-        If it is not installed.
-    """
+    """Return pyarrow with its Parquet module; raise a MissingLibraryError where it is not installed."""
     try:
         import pyarrow
         import pyarrow.parquet

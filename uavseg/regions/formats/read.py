@@ -40,11 +40,7 @@ KML_FIELDS = {
     *("Name", "description", "timestamp", "begin", "end", "altitudeMode", "tessellate", "extrude"),
     *("visibility", "drawOrder", "icon"),
 }
-FULL_NAMES = {
-    "perim_m": "perimeter_m",
-    "range_lo": "range_low",
-    "range_hi": "range_high",
-}  # by the names in a shapefile
+FULL_NAMES = {"perim_m": "perimeter_m", "range_lo": "range_low", "range_hi": "range_high"}  # of Shapefiles
 
 
 def read_regions(source: str | os.PathLike[str] | bytes, layer: str | None = None) -> Regions:
@@ -203,7 +199,7 @@ def _to_wgs84(frame: "GeoDataFrame", name: str) -> "GeoDataFrame":
 
 
 def _cut_at_antimeridian(geometries: NDArray[np.object_], name: str) -> NDArray[np.object_]:
-    """Polygons in degrees, those that cross the antimeridian as one part on each side of it.
+    """Split polygons in degrees that cross the antimeridian into a part on each side of it.
 
     They cross it where longitudes go on past 180, and where an edge is longer than half a turn: reprojection
     puts the two sides of a polygon at both ends of the map.
@@ -249,7 +245,7 @@ def _polygons(geometries: NDArray[np.object_], name: str) -> NDArray[np.object_]
 
 
 def _without_empty_parts(geometries: NDArray[np.object_]) -> NDArray[np.object_]:
-    """The same without empty parts of multipolygons, on which GEOS was seen to crash (`segmentize`)."""
+    """Remove empty parts of multipolygons, on which GEOS has crashed (`segmentize`)."""
     parts, of = shapely.get_parts(geometries, return_index=True)
     empty = shapely.is_empty(parts)
     for n in np.unique(of[empty]).tolist():
@@ -258,7 +254,7 @@ def _without_empty_parts(geometries: NDArray[np.object_]) -> NDArray[np.object_]
 
 
 def _repair(polygon: Any, what: str) -> Any:
-    """A valid polygon for one that touches itself; one that crosses itself is refused."""
+    """Repair a polygon that touches itself; refuse one that crosses itself."""
     valid = shapely.make_valid(polygon, method="structure", keep_collapsed=False)
     change = abs(shapely.area(shapely.get_parts(polygon)).sum() - valid.area)
     is_area = valid.geom_type in {"Polygon", "MultiPolygon"} and not valid.is_empty
@@ -270,7 +266,7 @@ def _repair(polygon: Any, what: str) -> Any:
 
 
 def _restore_names(columns: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """Columns with the names and types that they had before the file format shortened or lost them."""
+    """Restore names and types of columns that the file format shortened or lost."""
     columns = {FULL_NAMES.get(name, name): values for name, values in columns.items()}
     if "tessellate" in columns:
         columns = {name: values for name, values in columns.items() if name not in KML_FIELDS}
@@ -292,7 +288,7 @@ def _numbers(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def _integers(values: NDArray[Any] | None) -> NDArray[np.int64] | None:
-    """Integers from numbers or texts; None if some value is not an integer."""
+    """Parse integers from numbers or texts; None if some value is not an integer."""
     if values is None:
         return None
     texts = [re.sub(r"\.0$", "", str(value)) for value in values]
@@ -318,7 +314,7 @@ def _complete(columns: dict[str, NDArray[Any]], polygons: NDArray[np.object_]) -
 
 
 def _inner_points(polygons: NDArray[np.object_], lon: Any, lat: Any) -> tuple[Any, Any]:
-    """The given points where they lie inside their polygons, computed ones elsewhere."""
+    """Return the given points where they lie inside their polygons, computed ones elsewhere."""
     if lon is None or lat is None or lon.dtype.kind != "f" or lat.dtype.kind != "f":
         lon = lat = np.full(len(polygons), np.nan)
     points = np.column_stack([lon, lat])

@@ -1,13 +1,20 @@
-"""Styles of regions for GIS programs: QML for QGIS, and SLD 1.0 (OGC 02-070) for all that read it.
+"""Styles of regions for GIS programs: QML for QGIS, and SLD 1.0 (OGC 02-070).
 
-Regions are filled half transparent and outlined: in one colour, or in one for each class where they have a
-column `class`, or graduated where they have levels.
+They are beside the file of the regions, or in a GeoPackage (layer_styles of QGIS). Regions are filled half
+transparent and outlined: in one colour, in one for each class where they have a column `class`, or graduated
+where they have levels.
 """
 
+import os
+import sqlite3
 from collections.abc import Sequence
+from contextlib import closing
 from html import escape
 from itertools import cycle
+from pathlib import Path
 
+from uavseg.errors import OutputError
+from uavseg.output.atomic import atomic_file, check_target
 from uavseg.regions.table import Regions
 
 Class = tuple[str, str]
@@ -18,12 +25,12 @@ _ALPHA = 0.35  # of the fill
 _OUTLINE_MM = 0.5  # in QGIS
 _OUTLINE_PX = 1.5  # in SLD
 _PALETTE = ("#1f78b4", "#e6ab02", "#33a02c", "#e31a1c", "#6a3d9a", "#b15928", "#a6761d", "#666666")
-_RAMP = ("#440154", "#fde725")  # the ends of viridis, by way of
+_RAMP = ("#440154", "#fde725")  # the ends of viridis
 _RAMP_MIDDLE = "#21918c"
 
 
 def classes_of(regions: Regions, colors: Sequence[Class] = ()) -> tuple[str, tuple[Class, ...]] | None:
-    """The column by which regions are coloured, and its values with their colours; None for one colour.
+    """Return the column by which regions are coloured, and its values with colours; None for one colour.
 
     Parameters
     ----------
@@ -32,19 +39,19 @@ def classes_of(regions: Regions, colors: Sequence[Class] = ()) -> tuple[str, tup
         Of classes; others get colours from a palette, in the order of their names.
     """
     if "class" in regions.columns:
-        colors = colors or _given_colors(regions)
+        colors = colors or _column_colors(regions)
         names = sorted(
             {str(name) for name in regions.columns["class"].tolist()} - {name for name, _ in colors}
         )
         return "class", (*colors, *zip(names, cycle(_PALETTE), strict=False))
     if "level" in regions.columns:
-        found = sorted(set(regions.columns["level"].tolist()))
-        return "level", tuple((str(level), _ramp(k, len(found))) for k, level in enumerate(found))
+        levels = sorted(set(regions.columns["level"].tolist()))
+        return "level", tuple((str(level), _ramp(k, len(levels))) for k, level in enumerate(levels))
     return None
 
 
-def _given_colors(regions: Regions) -> tuple[Class, ...]:
-    """Classes with the colours of the column `color`, in the order of their names."""
+def _column_colors(regions: Regions) -> tuple[Class, ...]:
+    """Return classes with the colours of the column `color`, in the order of their names."""
     if "color" not in regions.columns:
         return ()
     pairs = zip(regions.columns["class"].tolist(), regions.columns["color"].tolist(), strict=True)
@@ -52,7 +59,7 @@ def _given_colors(regions: Regions) -> tuple[Class, ...]:
 
 
 def qml(regions: Regions, colors: Sequence[Class] = ()) -> str:
-    """The style as QML, as QGIS 3 reads it.
+    """Return the style as QML, as QGIS 3 reads it.
 
     Parameters
     ----------
@@ -69,9 +76,9 @@ def qml(regions: Regions, colors: Sequence[Class] = ()) -> str:
             f'<renderer-v2 type="categorizedSymbol" attr="{column}" enableorderby="0" forceraster="0" '
             'symbollevels="0">'
         )
-        kind = "long" if column == "level" else "string"
+        value_type = "long" if column == "level" else "string"
         categories = "".join(
-            f'<category value="{escape(name)}" label="{escape(name)}" symbol="{k}" type="{kind}" '
+            f'<category value="{escape(name)}" label="{escape(name)}" symbol="{k}" type="{value_type}" '
             'render="true"/>'
             for k, (name, _) in enumerate(values)
         )
@@ -85,7 +92,7 @@ def qml(regions: Regions, colors: Sequence[Class] = ()) -> str:
 
 
 def sld(regions: Regions, layer: str = "regions", colors: Sequence[Class] = ()) -> str:
-    """The style as SLD 1.0.
+    """Return the style as SLD 1.0.
 
     Parameters
     ----------
@@ -157,9 +164,92 @@ def _rgb(color: str) -> tuple[int, int, int]:
 
 
 def _ramp(k: int, count: int) -> str:
-    """Color k of `count`, from dark to bright."""
+    """Return color k of `count`, from dark to bright."""
     at = 2 * k / (count - 1) if count > 1 else 1.0
     low, high = (_RAMP[0], _RAMP_MIDDLE) if at <= 1 else (_RAMP_MIDDLE, _RAMP[1])
     share = at if at <= 1 else at - 1
     mixed = (round(a + share * (b - a)) for a, b in zip(_rgb(low), _rgb(high), strict=True))
     return "#" + "".join(f"{part:02x}" for part in mixed)
+
+
+STYLE_TABLE = "layer_styles"
+_CREATE = f"""CREATE TABLE {STYLE_TABLE} (
+    id INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, f_table_catalog TEXT(256), f_table_schema TEXT(256),
+    f_table_name TEXT(256), f_geometry_column TEXT(256), styleName TEXT(30), styleQML TEXT, styleSLD TEXT,
+    useAsDefault BOOLEAN, description TEXT, owner TEXT(30), ui TEXT(30), update_time DATETIME)"""
+
+
+def check_style(target: str | os.PathLike[str], format: str, overwrite: bool = False) -> Path:
+    """Return the style file of a file of regions (its stem with .qml or .sld), if it may be made.
+
+    Parameters
+    ----------
+    target : path
+        The file of the regions.
+    format : {"qml", "sld"}
+    overwrite : bool
+
+    Raises
+    ------
+    OutputError
+        For another format, and as of `check_target`.
+    """
+    if format not in ("qml", "sld"):
+        raise OutputError(f"a style is qml (of QGIS) or sld, not {format!r}")
+    return check_target(Path(target).with_suffix(f".{format}"), overwrite)
+
+
+def write_style(
+    regions: Regions,
+    target: str | os.PathLike[str],
+    format: str,
+    overwrite: bool = False,
+    colors: Sequence[Class] = (),
+) -> Path:
+    """Write the style of regions beside their file; return its path.
+
+    Parameters
+    ----------
+    regions : Regions
+    target, format, overwrite
+        As of `check_style`.
+    colors : sequence of (name, colour)
+        Of classes, see `classes_of`.
+    """
+    path = check_style(target, format, overwrite)
+    text = qml(regions, colors) if format == "qml" else sld(regions, Path(target).stem, colors)
+    with atomic_file(path, overwrite) as part:
+        part.write_text(text, encoding="utf-8")
+    return path
+
+
+def add_style(path: Path, regions: Regions, layer: str, date: str) -> None:
+    """Add the style of a layer to a GeoPackage, as its default.
+
+    Parameters
+    ----------
+    path : Path
+        A GeoPackage that is complete.
+    regions : Regions
+    layer : str
+    date : str
+        Of the change, such as "2000-01-01T00:00:00Z".
+    """
+    changed = date.replace("Z", ".000Z")
+    styles = qml(regions), sld(regions, layer)
+    try:
+        with closing(sqlite3.connect(path)) as base, base:
+            [(geometry,)] = base.execute(
+                "SELECT column_name FROM gpkg_geometry_columns WHERE table_name = ?", [layer]
+            )
+            row = ("", "", layer, geometry, layer, *styles, True, "", "", None, changed)
+            base.execute(_CREATE)
+            base.execute(f"INSERT INTO {STYLE_TABLE} VALUES (1, {', '.join('?' * 12)})", row)
+            base.execute(
+                "INSERT INTO gpkg_contents (table_name, data_type, identifier, description, last_change, "
+                "srs_id) VALUES (?, 'attributes', ?, '', ?, 0)",
+                (STYLE_TABLE, STYLE_TABLE, date),
+            )
+            base.execute("INSERT INTO gpkg_ogr_contents VALUES (?, 1)", [STYLE_TABLE])
+    except sqlite3.Error as error:
+        raise OutputError(f"{path.name} cannot be given a style ({error}); is the disk full?") from error

@@ -1,4 +1,4 @@
-"""Vector files that may be hostile: what they are, what they name, and the options of GDAL.
+"""Safe opening of vector files of unknown origin: format checks, refusal of links, options of GDAL.
 
 GDAL recognises formats by content, and some formats (OGR VRT, descriptions of web services, pipelines of
 GDAL) name other files or addresses. So only the formats below are opened, a file with one of their extensions
@@ -8,7 +8,8 @@ only as that format, and GDAL makes no request meanwhile.
 import json
 import os
 import re
-from collections.abc import Iterator
+import threading
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,6 @@ from uavseg.inputs import MAX_TEXT, parse_json, read_bytes, read_start, regular_
 from uavseg.output.interrupts import deaf_call
 from uavseg.plain_text import cause_of
 from uavseg.raster.access.databases import check_database
-from uavseg.regions.formats.gdal_state import gdal_options
 
 _EXTENSIONS = {
     "GeoJSON": (".geojson", ".json", ".geojsonl", ".geojsons", ".ndjson", ".topojson"),
@@ -39,13 +39,13 @@ _MAGIC = {
 }
 _BESIDE = (".shx", ".dbf", ".prj", ".cpg", ".cst", ".qix", ".sbn", ".qpj")  # of a Shapefile
 _OPTIONS = {
-    "GDAL_HTTP_PROXY": "none://offline",  # no such kind of proxy: every request fails before it is sent
+    "GDAL_HTTP_PROXY": "none://offline",  # an unknown type of proxy: every request fails before it is sent
     "CPL_VSIL_CURL_ALLOWED_FILENAME": "\n",  # no file of a network file system has this name
     "OGR_SQLITE_ALLOW_EXTERNAL_ACCESS": "NO",
     "LIBKML_RESOLVE_STYLE": "NO",
 }
 
-# A linked CRS: JSON as GDAL reads it has quotes of both kinds, and letters may be escaped.
+# A linked CRS: JSON as GDAL reads it has single or double quotes, and letters may be escaped.
 _MAY_LINK = re.compile(rb"[\"']\s*(?:href|url)\s*[\"']|\\u00[4-7]", re.IGNORECASE)
 _PIPELINE = b"gdal_streamed_alg"
 _DESCRIPTION = re.compile(rb"<\s*(?:OGR\w*DataSource|GDAL_\w+|VRTDataset)|<!ENTITY", re.IGNORECASE)
@@ -53,7 +53,7 @@ _KML = re.compile(rb"<\s*(?:\w+:)?kml[\s>]", re.IGNORECASE)
 
 
 def check_vector(source: str | os.PathLike[str] | bytes, name: str) -> None:
-    """Check that a file of regions is of a known format, that of its extension, and complete by itself.
+    """Refuse a file that is not of a known format and that of its extension, or that links to others.
 
     Parameters
     ----------
@@ -72,46 +72,45 @@ def check_vector(source: str | os.PathLike[str] | bytes, name: str) -> None:
     if not isinstance(source, bytes):
         regular_file(source, RegionError)
     start = source[: 1 << 16] if isinstance(source, bytes) else read_start(source, 1 << 16, RegionError)
-    kind = _kind(start)
+    file_format = _format_of(start)
     suffix = "" if isinstance(source, bytes) else Path(source).suffix.lower()
-    expected = next((known for known, ends in _EXTENSIONS.items() if suffix in ends), kind)
+    expected = next((known for known, ends in _EXTENSIONS.items() if suffix in ends), file_format)
     if _DESCRIPTION.search(start) or _PIPELINE in start:
         raise AccessError(
             f"{name} is a description that names other files or addresses, not a file of polygons"
         )
-    if kind is None or kind != expected:
+    if file_format is None or file_format != expected:
         raise RegionError(
             f"{name} cannot be read as regions: it is not {expected or 'one of ' + ', '.join(_EXTENSIONS)}"
         )
-    if kind == "GeoJSON":
+    if file_format == "GeoJSON":
         _check_json(source, name)
-    elif kind == "GeoPackage":
+    elif file_format == "GeoPackage":
         check_database(source, name, RegionError)
     elif isinstance(source, bytes):
         return
-    elif kind == "Shapefile":
+    elif file_format == "Shapefile":
         for beside in (Path(source).with_suffix(end) for end in _BESIDE):
             if os.path.lexists(beside):
                 read_start(current_policy().check_file(source, beside), error=RegionError)
 
 
 def vector_format(path: str | os.PathLike[str]) -> str | None:
-    """The format of a file of vectors by its first bytes; None if it is none of those that are read."""
-    return _kind(read_start(path, 1 << 16, RegionError))
+    """Return the format of a vector file by its first bytes; None for an unsupported one."""
+    return _format_of(read_start(path, 1 << 16, RegionError))
 
 
 @contextmanager
 def reading_vectors() -> Iterator[None]:
-    """GDAL without requests, and without code from databases, while vectors are read."""
+    """Context in which GDAL makes no requests and runs no code from databases while it reads vectors."""
     with gdal_options({} if current_policy().allow_network else _OPTIONS):
         yield
 
 
-def _kind(start: bytes) -> str | None:
-    """The format of a file by its first bytes."""
-    for magic, kind in _MAGIC.items():
+def _format_of(start: bytes) -> str | None:
+    for magic, file_format in _MAGIC.items():
         if start.startswith(magic):
-            return kind
+            return file_format
     text = start.removeprefix(b"\xef\xbb\xbf").lstrip(b" \t\r\n\x1e")
     if text[:1] in (b"{", b"["):
         return "GeoJSON"
@@ -119,7 +118,7 @@ def _kind(start: bytes) -> str | None:
 
 
 def _check_json(source: str | os.PathLike[str] | bytes, name: str) -> None:
-    """Refuse a linked coordinate reference system; most files are known not to have one without parsing."""
+    """Refuse a linked coordinate reference system; most files need no parsing to rule one out."""
     if current_policy().allow_network:
         return
     if isinstance(source, bytes):
@@ -132,16 +131,16 @@ def _check_json(source: str | os.PathLike[str] | bytes, name: str) -> None:
         return
     try:
         with deaf_call():
-            found = parse_json(content.decode())
+            parsed = parse_json(content.decode())
     except ValueError as error:
         raise RegionError(f"{name} cannot be read as regions: {cause_of(error)}") from error
-    link = _linked_crs(found)
+    link = _linked_crs(parsed)
     if link is not None:
         current_policy().check_address(name, f"{link[:100]!r} as its coordinate reference system")
 
 
 def _may_link(path: Path) -> bool:
-    """Whether a file may contain a link, read in pieces that overlap."""
+    """Check whether a file may contain a link; it is read in pieces that overlap."""
     with path.open("rb") as file:
         before = b""
         while piece := file.read(1 << 24):
@@ -151,9 +150,9 @@ def _may_link(path: Path) -> bool:
     return False
 
 
-def _linked_crs(found: Any) -> str | None:
-    """The address of a `crs` of the type link or url, anywhere in parsed JSON."""
-    pending = [found]
+def _linked_crs(parsed: Any) -> str | None:
+    """Return the address of a `crs` of the type link or url, anywhere in parsed JSON."""
+    pending = [parsed]
     while pending:
         value = pending.pop()
         if isinstance(value, list):
@@ -166,3 +165,29 @@ def _linked_crs(found: Any) -> str | None:
                         return named
             pending += value.values()
     return None
+
+
+_thread = threading.local()
+
+
+@contextmanager
+def gdal_options(options: Mapping[str, str]) -> Iterator[None]:
+    """Context with options of GDAL, in which its messages are warnings of Python, whatever the thread.
+
+    The options belong to the process: only one thread at a time may be in such a context. pyogrio handles
+    messages of the thread in which it was first imported. In all others GDAL prints them on stderr, and a
+    geometry that it could not read is lost without a warning.
+    """
+    import pyogrio
+
+    if not hasattr(_thread, "handles_messages"):
+        from pyogrio._err import _register_error_handler  # as pyogrio does when it is imported
+
+        _register_error_handler()
+        _thread.handles_messages = True
+    before = {option: pyogrio.get_gdal_config_option(option) for option in options}
+    pyogrio.set_gdal_config_options(dict(options))
+    try:
+        yield
+    finally:
+        pyogrio.set_gdal_config_options(before)

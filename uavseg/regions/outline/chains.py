@@ -44,13 +44,13 @@ class Chains:
 
 @dataclass(frozen=True, slots=True)
 class PackedChains:
-    """Chains with a byte for most vertices, as they are kept until they are linked.
+    """Chain code: a byte for most vertices, to save memory until chains are linked.
 
     Parameters
     ----------
     steps : (b,) uint8 array
         For each vertex a byte: 128 where it is pinched, 32 times the direction in which it was reached, and
-        how many pixels that took, or 0 where these follow in four bytes. Of first vertices the pinch alone.
+        the number of pixels, or 0 where it follows in four bytes. For first vertices the pinch alone.
     corners : (k, 2) int32 array
         The first vertex of each chain.
     counts : (k,) int64 array
@@ -65,7 +65,7 @@ class PackedChains:
     table: NDArray[np.int64]
 
     def unpacked(self, which: NDArray[np.int64]) -> Chains:
-        """Some of the chains, by number and in that order."""
+        """Return some of the chains, by number and in that order."""
         counts, table = self.counts[which], self.table[which]
         table[:, START] = np.cumsum(counts) - counts
         vertices, pinched = np.empty((int(counts.sum()), 2), np.int32), np.empty(int(counts.sum()), np.uint8)
@@ -74,7 +74,7 @@ class PackedChains:
 
 
 def pack_chains(chains: Chains) -> PackedChains:
-    """Pack chains, which takes a ninth of their memory."""
+    """Pack chains into a ninth of their memory."""
     table = chains.table.copy()
     steps = np.empty(5 * len(chains.vertices), np.uint8)  # pages that are not written to take no memory
     corners, counts = np.empty((len(table), 2), np.int32), np.empty(len(table), np.int64)
@@ -83,7 +83,7 @@ def pack_chains(chains: Chains) -> PackedChains:
 
 
 def join_packed(tiles: list[PackedChains]) -> PackedChains:
-    """The chains of all tiles; the list is emptied."""
+    """Concatenate the chains of all tiles; the list is emptied."""
     offsets = np.cumsum([0] + [len(packed.steps) for packed in tiles])
     parts = zip(*((tile.steps, tile.corners, tile.counts, tile.table) for tile in tiles), strict=True)
     sizes = [len(tile.table) for tile in tiles]
@@ -121,11 +121,8 @@ def trace_tile(
     kernel_of_type = _trace_u1 if image.dtype == np.uint8 else _trace_u4
     stride = image.shape[1]
     ahead, steps = np.array([0, -1, -stride - 1, -stride]), np.array([1, stride, -1, -stride])
-    words = (
-        view_as_words(image)
-        if image.dtype == np.uint8 and margin % WORD == 0
-        else np.empty((0, 0), np.uint64)
-    )
+    is_aligned = image.dtype == np.uint8 and margin % WORD == 0
+    words = view_as_words(image) if is_aligned else np.empty((0, 0), np.uint64)
     while True:
         vertices = np.empty((max_vertices, 2), np.int32)
         pinched = np.empty(max_vertices, np.uint8)
@@ -142,39 +139,39 @@ def trace_tile(
 
 @inlined
 def step_row(direction):  # type: ignore[no-untyped-def]
-    """Rows moved by one step."""
+    """Return the rows moved by one step."""
     return (direction == 1) - (direction == 3)
 
 
 @inlined
 def step_col(direction):  # type: ignore[no-untyped-def]
-    """Columns moved by one step."""
+    """Return the columns moved by one step."""
     return (direction == 0) - (direction == 2)
 
 
 @inlined
 def pixel_row(row, direction, right):  # type: ignore[no-untyped-def]
-    """Row of the pixel ahead of a corner, on the right-hand or the left-hand side."""
+    """Return the row of the pixel ahead of a corner, on the right-hand or the left-hand side."""
     above = direction == 3 or (direction == 2 and right) or (direction == 0 and not right)
     return row - above
 
 
 @inlined
 def pixel_col(col, direction, right):  # type: ignore[no-untyped-def]
-    """Column of the pixel ahead of a corner, on the right-hand or the left-hand side."""
+    """Return the column of the pixel ahead of a corner, on the right-hand or the left-hand side."""
     before = direction == 2 or (direction == 1 and right) or (direction == 3 and not right)
     return col - before
 
 
 @inlined
 def lies_within(row, col, shape):  # type: ignore[no-untyped-def]
-    """Whether a pixel belongs to the tile, not to its halo."""
+    """Check whether a pixel belongs to the tile, not to its halo."""
     return row >= 0 and row < shape[0] and col >= 0 and col < shape[1]
 
 
 @inlined
 def begins_chain(image, shape, margin, row, col, direction):  # type: ignore[no-untyped-def]
-    """Whether an edge belongs to the tile and its predecessor to another tile."""
+    """Check whether an edge belongs to the tile and its predecessor to another tile."""
     own_row = pixel_row(row, direction, True)
     own_col = pixel_col(col, direction, True)
     label = image[own_row + margin, own_col + margin]
@@ -196,7 +193,7 @@ def begins_chain(image, shape, margin, row, col, direction):  # type: ignore[no-
 
 @inlined
 def steps_within(row, col, direction, shape):  # type: ignore[no-untyped-def]
-    """Steps from a corner until the pixel ahead on the right-hand side belongs to another tile."""
+    """Count steps from a corner until the pixel ahead on the right-hand side is of another tile."""
     if direction == 0:
         return shape[1] - col
     if direction == 1:
@@ -205,7 +202,7 @@ def steps_within(row, col, direction, shape):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def follow_boundary(tile, found, row, col, direction):  # type: ignore[no-untyped-def]
+def follow_boundary(tile, written, row, col, direction):  # type: ignore[no-untyped-def]
     """Write the chain that begins with an edge; past the end of the output arrays, count only.
 
     In `tile`, `flat` is the image and `steps` holds the offset of one step in each direction. `ahead` holds,
@@ -213,7 +210,7 @@ def follow_boundary(tile, found, row, col, direction):  # type: ignore[no-untype
     right-hand side; the pixel ahead on the left-hand side is that of the previous direction.
     """
     flat, ahead, steps, labels, margin, top, left, width = tile
-    seen, vertices, pinched, table, sizes = found
+    seen, vertices, pinched, table, sizes = written
     shape = labels.shape
     place = (row + margin) * steps[1] + col + margin
     first = direction
@@ -283,7 +280,7 @@ def _trace(  # type: ignore[no-untyped-def]
     rows, cols = labels.shape
     stride = steps[1]
     tile = (flat, ahead, steps, labels, margin, top, left, width)
-    found = (seen, vertices, pinched, table, sizes)
+    written = (seen, vertices, pinched, table, sizes)
     # Open chains, whose previous edge belongs to another tile, begin on the tile's border.
     for r in range(rows + 1):
         for c in range(0, cols + 1, 1 if r == 0 or r == rows else cols):
@@ -293,7 +290,7 @@ def _trace(  # type: ignore[no-untyped-def]
                 if lies_within(own_row, own_col, labels.shape) and begins_chain(
                     image, labels.shape, margin, r, c, direction
                 ):
-                    follow_boundary(tile, found, r, c, direction)
+                    follow_boundary(tile, written, r, c, direction)
     # All other chains are closed, and have an upper edge that begins with a turn.
     for r in range(rows):
         c = 0
@@ -307,7 +304,7 @@ def _trace(  # type: ignore[no-untyped-def]
             label = flat[place]
             edge = label != 0 and label != flat[place - stride] and not seen[r, c]
             if edge and (flat[place - 1] != label or flat[place - 1 - stride] == label):
-                follow_boundary(tile, found, r, c, 0)
+                follow_boundary(tile, written, r, c, 0)
             c += 1
 
 

@@ -17,23 +17,25 @@ _COLUMN_0 = np.array([1, 1, 0], np.int32)
 
 
 def rasterise(rings: Rings, window: Window) -> NDArray[np.uint32]:
-    """Label image of the regions that rings enclose; the inverse of `trace`.
+    """Rasterise regions to a label image, (rows, cols) uint32; the inverse of `trace`.
 
     Parameters
     ----------
     rings : Rings
     window : Window
         The part of the raster that is rasterised.
-
-    Returns
-    -------
-    labels : (rows, cols) uint32 array
     """
     return Rasteriser(rings)(window)
 
 
 def edge_tables(rings: Rings, windows: Sequence[Window]) -> "LazySequence[EdgeTable]":
-    """The edge table of each window, made when it is indexed: a worker gets only what its window needs."""
+    """Return the edge table of each window, made when it is indexed: workers get only what they need.
+
+    Parameters
+    ----------
+    rings : Rings
+    windows : sequence of Window
+    """
     return LazySequence(len(windows), partial(_edge_table_of, Rasteriser(rings), windows))
 
 
@@ -62,7 +64,7 @@ class EdgeTable:
     steps: NDArray[np.uint32]
 
     def rasterise(self) -> NDArray[np.uint32]:
-        """The labels of the window, (rows, cols) uint32."""
+        """Return the labels of the window, (rows, cols) uint32."""
         labels = np.zeros((self.window.rows, self.window.cols), np.uint32)
         labels[:, 0] = self.first
         _add_steps(self.edges, self.steps, labels)
@@ -71,7 +73,7 @@ class EdgeTable:
 
 @dataclass(frozen=True, slots=True)
 class LazyLabels:
-    """A label image of which rows are rasterised when they are indexed.
+    """Label image whose rows are rasterised when they are indexed.
 
     Parameters
     ----------
@@ -79,7 +81,7 @@ class LazyLabels:
     shape : (int, int)
         Rows and columns of the raster.
     numbers : (n + 1,) uint32 array, optional
-        What each label is replaced by.
+        Replacement of each label.
     """
 
     rasteriser: "Rasteriser"
@@ -87,14 +89,14 @@ class LazyLabels:
     numbers: NDArray[np.uint32] | None = None
 
     def __getitem__(self, rows: slice) -> NDArray[np.uint32]:
-        """The labels of some rows, (rows, cols) uint32."""
+        """Return the labels of some rows, (rows, cols) uint32."""
         start, stop, _ = rows.indices(self.shape[0])
         labels = self.rasteriser(Window(start, 0, stop - start, self.shape[1]))
         return labels if self.numbers is None else self.numbers[labels]
 
 
 class Rasteriser:
-    """Rasterises rings window by window.
+    """Scan-line rasteriser of rings, window by window.
 
     Along a row a label starts at an edge that runs up and ends at one that runs down; the running sum of
     these steps, modulo 2^32, is the label. So only the vertical edges are needed, sorted by their upper ends.
@@ -116,11 +118,11 @@ class Rasteriser:
         _sort_edges(vertices, starts, rings.labels, ends, *edges)
 
     def __call__(self, window: Window) -> NDArray[np.uint32]:
-        """The labels of a window, (rows, cols) uint32."""
+        """Return the labels of a window, (rows, cols) uint32."""
         return self.edge_table(window).rasterise()
 
     def edge_table(self, window: Window) -> EdgeTable:
-        """The vertical edges that a window needs."""
+        """Return the vertical edges that a window needs."""
         begin, end = np.searchsorted(self._upper, (window.row - MAX_EDGE_ROWS, window.row + window.rows))
         cols = self._cols[begin:end]
         crossing = (self._lower[begin:end] > window.row) & (cols < window.col + window.cols)
@@ -131,7 +133,7 @@ class Rasteriser:
         return EdgeTable(window, first[:, 0], self._edges(inside, window), self._steps[inside])
 
     def _edges(self, which: NDArray[np.int64], window: Window) -> NDArray[np.int32]:
-        """Edges in pixels of a window, clipped to its rows."""
+        """Return edges in pixels of a window, clipped to its rows."""
         upper = np.maximum(self._upper[which] - np.int32(window.row), np.int32(0))
         lower = np.minimum(self._lower[which] - np.int32(window.row), np.int32(window.rows))
         return np.stack([upper, lower, self._cols[which] - np.int32(window.col)], 1)
@@ -139,7 +141,7 @@ class Rasteriser:
 
 @kernel("void(i4[:,::1], i8[::1], i8[::1])")
 def _count_edges(vertices, starts, counts):  # type: ignore[no-untyped-def]
-    # How many pieces of vertical edges begin in the row before each: the first step of a counting sort.
+    # Number of pieces of vertical edges that begin in the row before each: first step of a counting sort.
     for ring in range(starts.shape[0] - 1):
         for v in range(starts[ring], starts[ring + 1]):
             after = v + 1 if v + 1 < starts[ring + 1] else starts[ring]

@@ -1,6 +1,7 @@
 """Rings: outlines of numbered regions on pixel corners, with the pixel sums of each region."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +21,8 @@ class Rings:
     Parameters
     ----------
     vertices : (v, 2) int32 array
-        Row and column of pixel corners; the first vertex is not repeated. Vertices
-        are turns, and nodes: corners where what lies beyond the outline changes.
+        Row and column of pixel corners; the first vertex is not repeated. Vertices are turns, and nodes:
+        corners where the neighbour across the outline changes.
     starts : (r + 1,) int64 array
         Offset of each ring in `vertices`; v at the end.
     labels : (r,) int64 array
@@ -38,28 +39,28 @@ class Rings:
 
     @property
     def exteriors(self) -> NDArray[np.bool_]:
-        """Which rings are exteriors."""
+        """Mask of the rings that are exteriors."""
         return self.exteriors_of(0, len(self.parts))
 
     def exteriors_of(self, first: int, last: int) -> NDArray[np.bool_]:
-        """Which of the rings from `first` up to `last` are exteriors."""
+        """Return the mask of exteriors; parameters are a slice of rings, first and end."""
         before = self.parts[first - 1] if first else -1
         return np.diff(self.parts[first:last], prepend=before) > 0
 
     def pixel_areas(self) -> NDArray[np.int64]:
-        """Pixels within each ring; negative for a hole."""
+        """Return the number of pixels within each ring; negative for a hole."""
         areas = np.empty(len(self.labels), np.int64)
         _pixel_areas(self.vertices, self.starts, areas)
         return areas
 
     def pixel_perimeters(self) -> NDArray[np.int64]:
-        """Pixel edges along each ring."""
+        """Return the number of pixel edges along each ring."""
         lengths = np.empty(len(self.labels), np.int64)
         _pixel_perimeters(self.vertices, self.starts, lengths)
         return lengths
 
     def select(self, rings: NDArray[np.bool_], labels: NDArray[np.int64] | None = None) -> "Rings":
-        """A subset of the rings, relabelled if labels are given.
+        """Return a subset of the rings, relabelled if labels are given.
 
         Parameters
         ----------
@@ -75,18 +76,24 @@ class Rings:
         """
         kept_labels = self.labels[rings] if labels is None else labels
         order = np.flatnonzero(rings)[np.argsort(kept_labels, kind="stable")]
-        parts = self.parts[order]
+        vertices, starts = reorder_rings(self.vertices, self.starts, order)
         return Rings(
-            *reorder_rings(self.vertices, self.starts, order),
-            np.sort(kept_labels, kind="stable"),
-            np.cumsum(np.diff(parts, prepend=parts[:1]) != 0),
+            vertices=vertices,
+            starts=starts,
+            labels=np.sort(kept_labels, kind="stable"),
+            parts=dense_parts(self.parts[order]),
         )
+
+
+def dense_parts(parts: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Renumber runs of equal parts from 0."""
+    return np.cumsum(np.diff(parts, prepend=parts[:1]) != 0)
 
 
 def reorder_rings(
     vertices: NDArray[np.int32], starts: NDArray[np.int64], order: NDArray[np.int64]
 ) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-    """Vertices and starts of rings, taken in another order.
+    """Return vertices and starts of rings in another order.
 
     Parameters
     ----------
@@ -94,11 +101,6 @@ def reorder_rings(
     starts : (r + 1,) int64 array
     order : (k,) int64 array
         Indices of rings.
-
-    Returns
-    -------
-    vertices : (w, 2) int32 array
-    starts : (k + 1,) int64 array
     """
     new_starts = np.concatenate([[0], np.cumsum(np.diff(starts)[order])])
     reordered = np.empty((int(new_starts[-1]), 2), np.int32)
@@ -178,18 +180,25 @@ def renumber_by_size(rings: Rings, sums: Sums, kept: NDArray[np.bool_] | None = 
 
 
 def size_order(sums: Sums) -> NDArray[np.int64]:
-    """Indices that sort regions: most pixels first, ties in raster order of the first pixel."""
+    """Return indices that sort regions: most pixels first, ties in raster order of the first pixel."""
     return np.lexsort((sums.firsts[:, 1], sums.firsts[:, 0], -sums.counts))
 
 
 def select_sums(sums: Sums, which: NDArray[np.int64] | NDArray[np.bool_]) -> Sums:
-    """Sums of some regions, by index or mask."""
-    known = (None if part is None else part[which] for part in (sums.beyond, sums.steps, sums.alike))
-    return Sums(sums.counts[which], sums.greys[which], sums.squares[which], sums.firsts[which], *known)
+    """Return the sums of some regions, by index or mask.
+
+    Parameters
+    ----------
+    sums : Sums
+    which : (k,) int64 or (n,) bool array
+    """
+    parts = {field.name: getattr(sums, field.name) for field in fields(sums)}
+    chosen: dict[str, Any] = {n: None if part is None else part[which] for n, part in parts.items()}
+    return Sums(**chosen)
 
 
 def merge_sums(sums: Sums, group: NDArray[np.int64], count: int) -> Sums:
-    """Sums of groups 0..count - 1 of components.
+    """Add the sums of groups 0..count - 1 of components.
 
     Parameters
     ----------
@@ -199,25 +208,12 @@ def merge_sums(sums: Sums, group: NDArray[np.int64], count: int) -> Sums:
         The group of each.
     count : int
     """
-    merged = Sums(
-        np.zeros(count, np.int64),
-        np.zeros(count, np.uint64),
-        np.zeros(count, sums.squares.dtype),  # NaN where they are not known
-        np.zeros((count, 2), np.int64),
-        *(_merged(part, group, count) for part in (sums.beyond, sums.steps, sums.alike)),
-    )
-    np.add.at(merged.counts, group, sums.counts)
-    np.add.at(merged.greys, group, sums.greys)
-    np.add.at(merged.squares, group, sums.squares)
+    merged: dict[str, Any] = {}
+    for field in fields(sums):
+        part = getattr(sums, field.name)
+        merged[field.name] = None if part is None else np.zeros((count, *part.shape[1:]), part.dtype)
+        if part is not None and field.name != "firsts":
+            np.add.at(merged[field.name], group, part)
     order = np.lexsort((sums.firsts[:, 1], sums.firsts[:, 0]))[::-1]
-    merged.firsts[group[order]] = sums.firsts[order]  # the first in raster order is written last
-    return merged
-
-
-def _merged(part: NDArray[np.int64] | None, group: NDArray[np.int64], count: int) -> NDArray[np.int64] | None:
-    """A sum of each group, if it is known."""
-    if part is None:
-        return None
-    merged = np.zeros((count, *part.shape[1:]), np.int64)
-    np.add.at(merged, group, part)
-    return merged
+    merged["firsts"][group[order]] = sums.firsts[order]  # the first in raster order is written last
+    return Sums(**merged)

@@ -1,7 +1,7 @@
 """Stitch tiles: merge the components that meet at tile borders (union-find), and link their outlines."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -40,12 +40,7 @@ class TileOutlines:
 
 
 def outline_tile(
-    image: NDArray[Any],
-    labels: NDArray[np.uint32],
-    count: int,
-    tile: GreyTile,
-    window: Window,
-    width: int,
+    image: NDArray[Any], labels: NDArray[np.uint32], count: int, tile: GreyTile, window: Window, width: int
 ) -> TileOutlines | None:
     """Sum and trace the components of one tile.
 
@@ -77,45 +72,34 @@ def outline_tile(
     beyond = None if tile.beyond is None else tile.beyond[inner]
     sums = with_beyond(component_sums(labels, count, tile.grey, halo), labels, beyond)
     sums.firsts[:] += (window.row, window.col)
-    sums = replace(sums, steps=border_steps(image, labels, count, tile.grey, tile.valid))
-    chains = trace_tile(image, labels, halo, (window.row, window.col), width)
-    own = labels[: window.rows, : window.cols]
-    return TileOutlines(sums, chains, own[0].copy(), own[-1].copy(), own[:, 0].copy(), own[:, -1].copy())
+    clipped = labels[: window.rows, : window.cols]
+    return TileOutlines(
+        sums=replace(sums, steps=border_steps(image, labels, count, tile.grey, tile.valid)),
+        chains=trace_tile(image, labels, halo, (window.row, window.col), width),
+        top=clipped[0].copy(),
+        bottom=clipped[-1].copy(),
+        left=clipped[:, 0].copy(),
+        right=clipped[:, -1].copy(),
+    )
 
 
-def stitch_tiles(
-    shape: tuple[int, int], windows: Sequence[Window], tiles: Iterable[TileOutlines | None]
-) -> "TileStitcher":
-    """A stitcher that holds all tiles of a raster.
+class TileStitcher:
+    """Stitcher that merges the components that meet at tile borders.
+
+    It holds only the last labels along the border, so each tile comes after those above it and to its left.
 
     Parameters
     ----------
     shape : (int, int)
         Rows and columns of the raster.
     windows : sequence of Window
-        Each after those above it and to its left.
     tiles : iterable of TileOutlines or None
-        One for each window.
-    """
-    stitcher = TileStitcher(shape)
-    for window, tile in zip(windows, tiles, strict=True):
-        stitcher.add(window, tile)
-    return stitcher
-
-
-class TileStitcher:
-    """Collects tiles, and merges the components that meet at tile borders.
-
-    Only the labels along the border of what was added are held, so tiles must be added each after those above
-    it and to its left.
-
-    Parameters
-    ----------
-    shape : (int, int)
-        Rows and columns of the raster.
+        One for each window; None for one without components.
     """
 
-    def __init__(self, shape: tuple[int, int]) -> None:
+    def __init__(
+        self, shape: tuple[int, int], windows: Sequence[Window], tiles: Iterable[TileOutlines | None]
+    ) -> None:
         self._sums: list[Sums] = []
         self._chains: list[PackedChains] = []
         self._pairs: list[NDArray[np.int64]] = []
@@ -123,9 +107,10 @@ class TileStitcher:
         # Components along the last row, and along the last column, of the tiles so far; 0 for none.
         self._above = np.zeros(shape[1], np.int64)
         self._beside = np.zeros(shape[0], np.int64)
+        for window, tile in zip(windows, tiles, strict=True):
+            self._add(window, tile)
 
-    def add(self, window: Window, tile: TileOutlines | None) -> None:
-        """Add the next tile; None for one without components."""
+    def _add(self, window: Window, tile: TileOutlines | None) -> None:
         rows, cols = window.slices
         if tile is None:
             self._above[cols] = self._beside[rows] = 0
@@ -140,9 +125,9 @@ class TileStitcher:
         self._count += len(tile.sums.counts)
 
     def finish(
-        self, leaves: NDArray[Any] | None = None, kinds: NDArray[np.uint8] | None = None
+        self, leaves: NDArray[Any] | None = None, classes: NDArray[np.uint8] | None = None
     ) -> RegionOutlines:
-        """All regions: components that meet at tile borders, or belong to the same leaves, are one.
+        """Return all regions: components that meet at tile borders, or belong to the same leaves, are one.
 
         Parameters
         ----------
@@ -150,15 +135,15 @@ class TileStitcher:
             The cells that the pixels come from, where they were not refined: 0 for no region, and the same
             number where adjacent cells belong together. Then components of different numbers stay apart, and
             cells that share an edge are one region also where invalid pixels separate their pixels.
-        kinds : (n,) uint8 array, optional
-            In place of leaves: the kind of each component, in the order in which tiles were added. Components
-            of different kinds stay apart.
+        classes : (n,) uint8 array, optional
+            In place of leaves: the class of each component, in the order in which tiles were added.
+            Components of different classes stay apart.
         """
         trim_heap()  # tiles are not needed any more
         sums = _concatenate_sums(self._sums)
         pairs = np.concatenate([np.empty((0, 2), np.int64), *self._pairs])
-        if kinds is not None:
-            pairs = pairs[kinds[pairs[:, 0]] == kinds[pairs[:, 1]]]
+        if classes is not None:
+            pairs = pairs[classes[pairs[:, 0]] == classes[pairs[:, 1]]]
         if leaves is None:
             parts = union_roots(pairs, self._count)
             return _number_regions(sums, parts, parts, self._chains)
@@ -169,7 +154,7 @@ class TileStitcher:
         return _number_regions(sums, segments[row, col].astype(np.int64), parts, self._chains)
 
     def _numbered(self, border: NDArray[np.uint32]) -> NDArray[np.int64]:
-        """Components of a border, numbered from 1 over all tiles; 0 for none."""
+        """Return the components of a border, numbered from 1 over all tiles; 0 for none."""
         return np.where(border > 0, border + np.int64(self._count), 0)
 
     def _add_contacts(self, first: NDArray[np.int64], second: NDArray[np.int64]) -> None:
@@ -195,25 +180,12 @@ def _number_regions(
 
 
 def _concatenate_sums(parts: Sequence[Sums]) -> Sums:
-    return Sums(
-        np.concatenate([np.empty(0, np.int64), *(part.counts for part in parts)]),
-        np.concatenate([np.empty(0, np.uint64), *(part.greys for part in parts)]),
-        np.concatenate([np.empty(0, np.uint64), *(part.squares for part in parts)]),
-        np.concatenate([np.empty((0, 2), np.int64), *(part.firsts for part in parts)]),
-        _concatenate_beyond(parts),
-        _concatenate_known([part.steps for part in parts]),
-        _concatenate_known([part.alike for part in parts]),
-    )
-
-
-def _concatenate_beyond(parts: Sequence[Sums]) -> NDArray[np.int64] | None:
-    if all(part.beyond is None for part in parts):
-        return None
-    return np.concatenate(
-        [np.zeros_like(part.counts) if part.beyond is None else part.beyond for part in parts]
-    )
-
-
-def _concatenate_known(parts: Sequence[NDArray[np.int64] | None]) -> NDArray[np.int64] | None:
-    known = [part for part in parts if part is not None]
-    return np.concatenate(known) if known else None
+    if any(part.beyond is not None for part in parts):  # None stands for zeros
+        parts = [replace(p, beyond=np.zeros_like(p.counts)) if p.beyond is None else p for p in parts]
+    empty = [np.empty(shape, dtype) for shape, dtype in ((0, "i8"), (0, "u8"), (0, "u8"), ((0, 2), "i8"))]
+    known: dict[str, Any] = {}
+    for field in fields(Sums):
+        columns = [getattr(part, field.name) for part in (Sums(*empty), *parts)]
+        columns = [column for column in columns if column is not None]
+        known[field.name] = np.concatenate(columns) if columns else None
+    return Sums(**known)

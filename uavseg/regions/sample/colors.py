@@ -1,7 +1,7 @@
-"""Intensity of further bands in the search for regions like a sample.
+"""Further bands in the search for regions like a sample: bounds of windows, histograms for pixels.
 
-Texture is that of the intensity which is searched; each further band adds its bounds to the criterion of a
-window, and its histogram to the decision of a pixel.
+Texture is that of one intensity; each further band adds its bounds to the criterion of a window, and its
+histogram to the decision of a pixel.
 """
 
 from collections.abc import Sequence
@@ -44,36 +44,31 @@ class ColorBand:
 
 
 def fit_colors(sources: Sequence[GreySource], place: SampleMask, deviations: float) -> tuple[ColorBand, ...]:
-    """Measure a sample in each band.
+    """Measure a sample in each band; refuse one without valid pixels in a band, with a SampleError.
 
     Parameters
     ----------
     sources : sequence of GreySource
     place : SampleMask
     deviations : float
-        By how many of the sample's standard deviations the mean of a window may differ.
-
-    Raises
-    ------
-    SampleError
-        If a band has no valid pixel in the sample.
+        By how many standard deviations of the sample the mean of a window may differ.
     """
     return tuple(_fit_band(source, place, deviations) for source in sources)
 
 
 def _fit_band(source: GreySource, place: SampleMask, deviations: float) -> ColorBand:
     tile, rows, cols = source.read(place.window, 0), place.window.rows, place.window.cols
-    own = tile.grey[:rows, :cols][place.mask & (tile.valid[:rows, :cols] != 0)]
-    if len(own) == 0:
+    grey = tile.grey[:rows, :cols][place.mask & (tile.valid[:rows, :cols] != 0)]
+    if len(grey) == 0:
         raise SampleError(f"the sample has no valid pixel in {source.dataset.band_names}")
-    bounds = bounds_around(float(own.mean()), float(own.std()), deviations)
-    return ColorBand(source, bounds, np.bincount(own >> 10, minlength=GREY_BINS).astype(np.int64))
+    bounds = bounds_around(float(grey.mean()), float(grey.std()), deviations)
+    return ColorBand(source, bounds, np.bincount(grey >> 10, minlength=GREY_BINS).astype(np.int64))
 
 
 def limit_scores(
     colors: Sequence[ColorBand], scores: NDArray[np.uint16], window: Window, side: int
 ) -> NDArray[np.uint16]:
-    """Scores of the windows around a tile, with the largest where the mean of a band is out of its bounds.
+    """Set scores of windows around a tile to the maximum where the mean of a band is out of bounds.
 
     Parameters
     ----------
@@ -96,7 +91,7 @@ def limit_scores(
 
 
 def _window_sums(pixels: Counts, side: int) -> Counts:
-    """Sums over the windows of cells that begin at each cell."""
+    """Return sums over the windows of cells that begin at each cell."""
     rows, cols = (length // CELL for length in pixels.shape)
     sums: Counts = pixels.reshape(rows, CELL, cols, CELL).sum(axis=(1, 3))
     for axis in (0, 1):
@@ -106,21 +101,40 @@ def _window_sums(pixels: Counts, side: int) -> Counts:
 
 
 def count_colors(colors: Sequence[ColorBand], window: Window, cells: NDArray[np.bool_]) -> Counts:
-    """Histograms of the chosen cells of a tile in each band: a (bands, 64) array."""
-    found = np.zeros((len(colors), GREY_BINS), np.int64)
+    """Return histograms of the chosen cells of a tile in each band, (bands, 64) int64.
+
+    Parameters
+    ----------
+    colors : sequence of ColorBand
+    window : Window
+        The tile.
+    cells : (m, n) bool array
+    """
+    counts = np.zeros((len(colors), GREY_BINS), np.int64)
     chosen = cells.repeat(CELL, 0).repeat(CELL, 1)
-    for counts, color in zip(found, colors, strict=True):
+    for k, color in enumerate(colors):
         tile = color.source.read(window, 0)
-        counts += np.bincount(tile.grey[chosen & (tile.valid != 0)] >> 10, minlength=GREY_BINS)
-    return found
+        counts[k] = np.bincount(tile.grey[chosen & (tile.valid != 0)] >> 10, minlength=GREY_BINS)
+    return counts
 
 
 def color_planes(
     colors: Sequence[ColorBand], rest: Counts, window: Window, margin: int
 ) -> tuple[ColorPlane, ...]:
-    """The bands of a tile with a margin, each with its weights of the sample against the rest."""
-    planes = []
-    for color, others in zip(colors, rest, strict=True):
-        tile = color.source.read(window, margin)
-        planes.append(ColorPlane(tile.grey, tile.valid, log_ratio(color.counts, others)))
-    return tuple(planes)
+    """Read the bands of a tile with a margin, each with its weights of the sample against the rest.
+
+    Parameters
+    ----------
+    colors : sequence of ColorBand
+    rest : (bands, 64) int64 array
+        Histograms of unlike cells.
+    window : Window
+        The tile.
+    margin : int
+        In pixels.
+    """
+    tiles = (color.source.read(window, margin) for color in colors)
+    return tuple(
+        ColorPlane(tile.grey, tile.valid, log_ratio(color.counts, others))
+        for color, others, tile in zip(colors, rest, tiles, strict=True)
+    )

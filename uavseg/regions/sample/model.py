@@ -1,4 +1,4 @@
-"""Texture model of a sample: symbol histograms, the spread of its own windows' scores, its intensity, and
+"""Texture model of a sample: symbol histograms, spread of the scores of its windows, intensity, and
 log-likelihood-ratio weights against the raster as background.
 """
 
@@ -22,6 +22,7 @@ from uavseg.segmentation.sample.g_scores import (
     SCORE_UNITS,
     GreyBounds,
     TextureModel,
+    min_count,
     texture_model,
     window_scores,
 )
@@ -29,7 +30,7 @@ from uavseg.segmentation.sample.likelihood_weights import SampleWeights, SymbolP
 from uavseg.segmentation.source import GreySource, GreyTile
 from uavseg.units import CELL, GREY_MAX
 
-_OWN_QUANTILE = (19, 20)  # of the scores of the sample's own windows, which counts as similar
+_OWN_QUANTILE = (19, 20)  # of the scores of windows in the sample: they are similar up to it
 _GREY_STEP = 257  # one step of 8 bits: the smallest deviation of a sample
 
 
@@ -53,26 +54,34 @@ class Sample:
     deviation: float
 
     def limit(self, similarity: float) -> int:
-        """The largest score at which a window has at least this similarity."""
+        """Return the largest score at which a window has at least this similarity."""
         return min(self.own + math.floor(-2 * SCORE_UNITS * math.log(similarity)), MAX_SCORE - 1)
 
     def similarity(self, score: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Similarity to the sample from 0 to 1, for mean scores of windows or regions.
+        """Return the similarity to the sample from 0 to 1, for mean scores of windows or regions.
 
         Half of G is a log-likelihood ratio. So this is the likelihood ratio per pixel of one texture for both
-        against two textures, relative to that of the sample's own windows.
+        against two textures, relative to that of windows in the sample.
         """
         excess = np.maximum(score - self.own, 0) / SCORE_UNITS
         similarity: NDArray[np.float64] = np.exp(-excess / 2)
         return similarity
 
     def bounds(self, deviations: float) -> GreyBounds:
-        """Bounds of mean grey: so many deviations around the sample's mean, at least one step of 8 bits."""
+        """Return bounds of mean grey, a number of standard deviations around the mean."""
         return bounds_around(self.mean, self.deviation, deviations)
 
 
 def bounds_around(mean: float, deviation: float, deviations: float) -> GreyBounds:
-    """Bounds of mean grey: so many times the deviation around a mean, at least one step of 8 bits."""
+    """Return bounds of mean grey around a mean, at least one step of 8 bits from it.
+
+    Parameters
+    ----------
+    mean, deviation : float
+        In grey levels.
+    deviations : float
+        Half the distance of the bounds in multiples of the deviation; may be infinite.
+    """
     if math.isinf(deviations):
         return GreyBounds()
     half = min(max(deviations * deviation, _GREY_STEP), GREY_MAX)
@@ -99,16 +108,25 @@ def fit_sample(
     SampleError
         If the sample has too few pixels with a texture.
     """
-    [(model, own, moments)] = map(partial(_measure_sample, source, bin_edges, side), [place])
-    largest = (CELL * side) ** 2
+    [(model, scores, moments)] = map(partial(_measure_sample, source, bin_edges, side), [place])
+    window = CELL * side
     if model.count == 0:
         raise SampleError("the sample has no valid pixel with valid neighbours; it probably lies on nodata")
-    if model.count < 2 * largest or len(own) == 0:
-        raise SampleError(_too_small(source, model.count, CELL * side))
+    if model.count < 2 * window**2 or len(scores) == 0:
+        raise SampleError(
+            f"the sample has {model.count:,} pixels with a texture; expected at least {2 * window**2:,}, "
+            f"with a window of {window} x {window} among them, as a disc with a radius of "
+            f"{_radius(source, window)} has; give a larger sample or a smaller --window, or compare colors "
+            "(--by color)"
+        )
     count, total, squares = (int(moment) for moment in moments)
-    rank = -(-len(own) * _OWN_QUANTILE[0] // _OWN_QUANTILE[1])
-    variance = (squares * count - total * total) / count**2
-    return Sample(model, max(int(np.sort(own)[rank - 1]), NULL_SCORE), total / count, math.sqrt(variance))
+    rank = -(-len(scores) * _OWN_QUANTILE[0] // _OWN_QUANTILE[1])
+    return Sample(
+        model=model,
+        own=max(int(np.sort(scores)[rank - 1]), NULL_SCORE),
+        mean=total / count,
+        deviation=math.sqrt((squares * count - total * total) / count**2),
+    )
 
 
 def fit_weights(
@@ -128,12 +146,18 @@ def fit_weights(
     whole : (2, 2048) int64 array
         Count of each symbol in the raster, at both scales.
     """
-    [found] = map(partial(_fit_sample_weights, source, bin_edges, whole, side), [place])
-    return found
+    [weights] = map(partial(_fit_sample_weights, source, bin_edges, whole, side), [place])
+    return weights
 
 
 def symbol_pair(tile: GreyTile, bin_edges: NDArray[np.int32]) -> SymbolPair:
-    """LBP symbols of a tile at both scales, without its halo of COARSE_HALO pixels."""
+    """Return LBP symbols of a tile at both scales, without its halo of COARSE_HALO pixels.
+
+    Parameters
+    ----------
+    tile : GreyTile
+    bin_edges : (7,) int32 array
+    """
     inner = np.s_[COARSE_HALO - 1 : 1 - COARSE_HALO, COARSE_HALO - 1 : 1 - COARSE_HALO]
     known = tile.mask
     near = None if known is None else np.ascontiguousarray(known[inner])
@@ -144,11 +168,12 @@ def symbol_pair(tile: GreyTile, bin_edges: NDArray[np.int32]) -> SymbolPair:
 def _fit_sample_weights(
     source: GreySource, bin_edges: NDArray[np.int32], whole: NDArray[np.int64], side: int, place: SampleMask
 ) -> SampleWeights:
-    return SampleWeights.of(_own_names(source.read(place.window, COARSE_HALO), bin_edges, place), whole, side)
+    tile = source.read(place.window, COARSE_HALO)
+    return SampleWeights.of(_sample_symbols(tile, bin_edges, place), whole, side)
 
 
-def _own_names(tile: GreyTile, bin_edges: NDArray[np.int32], place: SampleMask) -> SymbolPair:
-    """Symbols of the pixels of a sample; UNCOUNTED for the other pixels of the blocks around it."""
+def _sample_symbols(tile: GreyTile, bin_edges: NDArray[np.int32], place: SampleMask) -> SymbolPair:
+    """Return the symbols of the pixels of a sample; UNCOUNTED for the other pixels of its blocks."""
     names = symbol_pair(tile, bin_edges)
     mask = np.zeros(names[0].shape, bool)
     mask[: place.window.rows, : place.window.cols] = place.mask
@@ -157,16 +182,8 @@ def _own_names(tile: GreyTile, bin_edges: NDArray[np.int32], place: SampleMask) 
     return names
 
 
-def _too_small(source: GreySource, count: int, window: int) -> str:
-    return (
-        f"the sample has {count:,} pixels with a texture; expected at least {2 * window**2:,}, with a window "
-        f"of {window} x {window} among them, as a disc with a radius of {_radius(source, window)} has; "
-        "give a larger sample or a smaller --window, or compare colors (--by color)"
-    )
-
-
 def _radius(source: GreySource, pixels: int) -> str:
-    """A length in pixels as text, with metres where they are known."""
+    """Format a length in pixels, with metres where they are known."""
     box = source.dataset.geobox
     if box.crs is None:
         return f"{pixels} pixels"
@@ -178,9 +195,9 @@ def _radius(source: GreySource, pixels: int) -> str:
 def _measure_sample(
     source: GreySource, bin_edges: NDArray[np.int32], side: int, place: SampleMask
 ) -> tuple[TextureModel, NDArray[np.uint16], NDArray[np.uint64]]:
-    """Texture model of a sample, scores of its windows, and count, sum and sum of squares of its grey."""
+    """Measure a sample: texture model, scores of its windows, and count, sum and sum of squares of grey."""
     tile = source.read(place.window, COARSE_HALO)
-    names, coarse = _own_names(tile, bin_edges, place)
+    names, coarse = _sample_symbols(tile, bin_edges, place)
     grey = np.ascontiguousarray(tile.grey[COARSE_HALO:-COARSE_HALO, COARSE_HALO:-COARSE_HALO])
     cells = np.ones((names.shape[0] // CELL, names.shape[1] // CELL), np.uint8)
     model = texture_model(names, grey, cells, coarse=coarse)
@@ -188,3 +205,24 @@ def _measure_sample(
     counted = grey[names != UNCOUNTED].astype(np.uint64)
     moments = np.array([len(counted), counted.sum(), (counted * counted).sum()], np.uint64)
     return model, scores[scores != NO_SCORE], moments
+
+
+USUAL_WINDOWS = (32, 24, 16)  # pixels
+_WINDOWS_IN_SAMPLE = 3  # minimum area of a sample, in windows: a disc with the side as radius
+
+
+def fitting_window(place: SampleMask) -> int | None:
+    """Return the side in pixels of the largest usual window that fits into a sample; None where none does."""
+    counts = place.cell_counts()
+    for side in USUAL_WINDOWS:
+        if counts.sum() >= _WINDOWS_IN_SAMPLE * side**2 and _holds(counts, side // CELL):
+            return side
+    return None
+
+
+def _holds(counts: NDArray[np.int64], side: int) -> bool:
+    """Check whether some window of `side` cells is covered well enough to have a score."""
+    if min(counts.shape) < side:
+        return False
+    windows = np.lib.stride_tricks.sliding_window_view(counts, (side, side))
+    return bool(windows.sum((2, 3)).max() >= min_count(side))

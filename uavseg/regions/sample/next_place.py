@@ -1,7 +1,6 @@
-"""Where the next sample would help most: the disc whose colors are the least decided.
+"""Active learning (uncertainty sampling): propose the next sample where the colors are least certain.
 
-cells -> a few discs whose cells are undecided, far enough from all samples
-      -> the one whose pixels are the least decided
+cells -> a few discs of uncertain cells, far enough from all samples -> the one of the most uncertain pixels
 """
 
 import math
@@ -17,69 +16,68 @@ from uavseg.raster.geodesy.globe import is_geographic
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.ground import ground_steps
 from uavseg.raster.grid.tiling import TilePass, Window
-from uavseg.regions.sample.likeness import MIN_PIXELS, LikenessSource
 from uavseg.regions.sample.place import Disc, SampleMask, sample_mask
+from uavseg.regions.sample.similarity import MIN_PIXELS, SimilaritySource
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.sample.undecided_cells import half_widths, most_undecided
 from uavseg.units import CELL, GREY_MAX
 
-_LEAST_SHARE = 0.05  # of the raster that is undecided, below which no sample is asked for
-_LEAST_DOUBT = 0.5  # of the pixels of a disc on average
-_LEAST_RADIUS, _LARGEST_RADIUS = 8.0, 16.0  # pixels
+_MIN_SHARE = 0.05  # of the raster that is undecided, below which no sample is proposed
+_MIN_UNCERTAINTY = 0.5  # of the pixels of a disc on average
+_MIN_RADIUS, _MAX_RADIUS = 8.0, 16.0  # pixels
 _GAP = 2  # radii from the samples
-_LOOKED_AT = 16  # discs whose pixels are read
-_STRETCHED = 4  # a pixel this many times longer than wide is too long for a disc of cells
+_CANDIDATES = 16  # discs whose pixels are read
+_MAX_ASPECT = 4  # of a pixel: longer ones make a disc of too few cells
 
 
 def next_place(
-    likeness: LikenessSource, blocks: BlockMap, samples: Sequence[SampleMask], tile_pass: TilePass
+    source: SimilaritySource, blocks: BlockMap, samples: Sequence[SampleMask], tile_pass: TilePass
 ) -> Disc | None:
-    """The disc on the map whose pixels are the least decided; None where hardly any are.
+    """Return the disc on the map whose pixels are the least certain; None where hardly any are uncertain.
 
     It lies on valid pixels as a whole and outside of all samples, and is about as large as these are, with a
     radius of 8 to 16 pixels; of 8 where no larger one fits.
 
     Parameters
     ----------
-    likeness : LikenessSource
+    source : SimilaritySource
     blocks : BlockMap
-        Of the likeness.
+        Of the similarity.
     samples : sequence of SampleMask
-        All that were given, of what is wanted and of what is not.
+        All samples, of the target and of other areas.
     tile_pass : TilePass
         Its executor reads; the result depends neither on it nor on its tiles.
     """
-    if likeness.table.undecided < _LEAST_SHARE:
+    if source.table.undecided < _MIN_SHARE:
         return None
-    geobox = likeness.dataset.geobox
-    usual = _radius(samples)
-    for radius in dict.fromkeys((usual, _LEAST_RADIUS)):
-        reach = radius * math.sqrt(_stretched(geobox))
-        if reach > radius * math.sqrt(_STRETCHED):
+    geobox = source.dataset.geobox
+    for radius in dict.fromkeys((_mean_radius(samples), _MIN_RADIUS)):
+        reach = radius * math.sqrt(_aspect(geobox))
+        if reach > radius * math.sqrt(_MAX_ASPECT):
             return None
-        taken = _taken(samples, blocks.counts.shape, _GAP * radius)
-        cells = most_undecided(blocks.sums, blocks.counts, taken, reach, _LOOKED_AT, _LEAST_DOUBT)
+        taken = _cells_near(samples, blocks.counts.shape, _GAP * radius)
+        cells = most_undecided(blocks.sums, blocks.counts, taken, reach, _CANDIDATES, _MIN_UNCERTAINTY)
         discs = [_disc(geobox, row, col, reach) for row, col in cells.tolist()]
-        found = _least_decided(likeness, discs, samples, tile_pass)
-        if found is not None:
-            return found
+        best = _most_uncertain(source, discs, samples, tile_pass)
+        if best is not None:
+            return best
     return None
 
 
-def _least_decided(
-    likeness: LikenessSource, discs: Sequence[Disc], samples: Sequence[SampleMask], tile_pass: TilePass
+def _most_uncertain(
+    source: SimilaritySource, discs: Sequence[Disc], samples: Sequence[SampleMask], tile_pass: TilePass
 ) -> Disc | None:
-    """Of discs, the one whose pixels are the least decided on average, if they are undecided."""
-    masks = [_mask_apart(disc, likeness.dataset.geobox, samples) for disc in discs]
-    looked = [(disc, mask) for disc, mask in zip(discs, masks, strict=True) if mask is not None]
-    doubts = list(tile_pass.silent.run(partial(_doubt, likeness), [mask for _, mask in looked]))
-    best = max(range(len(looked)), key=lambda k: doubts[k], default=None)
-    return None if best is None or doubts[best] < _LEAST_DOUBT else looked[best][0]
+    """Return the disc whose pixels are the least certain on average, if they are uncertain."""
+    masks = [_mask_apart(disc, source.dataset.geobox, samples) for disc in discs]
+    candidates = [(disc, mask) for disc, mask in zip(discs, masks, strict=True) if mask is not None]
+    values = list(tile_pass.silent.run(partial(_uncertainty, source), [mask for _, mask in candidates]))
+    best = max(range(len(values)), key=values.__getitem__, default=None)
+    return None if best is None or values[best] < _MIN_UNCERTAINTY else candidates[best][0]
 
 
-def _doubt(likeness: LikenessSource, place: SampleMask) -> float:
-    """By how much the pixels of a place are undecided on average, 0 to 1; 0 if one of them is not valid."""
-    tile, inside = likeness.read(place.window, 0), place.mask
+def _uncertainty(source: SimilaritySource, place: SampleMask) -> float:
+    """Compute the mean uncertainty of the pixels of a place, 0 to 1; 0 if one of them is not valid."""
+    tile, inside = source.read(place.window, 0), place.mask
     rows, cols = inside.shape
     if not tile.valid[:rows, :cols][inside].all():
         return 0.0
@@ -88,28 +86,28 @@ def _doubt(likeness: LikenessSource, place: SampleMask) -> float:
 
 
 def _mask_apart(disc: Disc, geobox: GeoBox, samples: Sequence[SampleMask]) -> SampleMask | None:
-    """The pixels of a disc; None where they are too few, or some belong to a sample."""
+    """Return the pixels of a disc; None where they are too few, or some belong to a sample."""
     try:
-        found = sample_mask(disc, geobox)
+        place = sample_mask(disc, geobox)
     except SampleError:
         return None
-    if np.count_nonzero(found.mask) < MIN_PIXELS or any(map(found.meets, samples)):
-        return None
-    return found
+    too_small = np.count_nonzero(place.mask) < MIN_PIXELS
+    return None if too_small or any(map(place.meets, samples)) else place
 
 
-def _radius(samples: Sequence[SampleMask]) -> float:
-    """Radius in pixels of a disc that is as large as samples are on average, within bounds."""
+def _mean_radius(samples: Sequence[SampleMask]) -> float:
+    """Return the radius in pixels of a disc that is as large as samples are on average, within bounds."""
     pixels = np.mean([np.count_nonzero(place.mask) for place in samples])
-    return float(min(max(round(math.sqrt(pixels / math.pi)), _LEAST_RADIUS), _LARGEST_RADIUS))
+    return float(min(max(round(math.sqrt(pixels / math.pi)), _MIN_RADIUS), _MAX_RADIUS))
 
 
-def _taken(samples: Sequence[SampleMask], shape: tuple[int, ...], gap: float) -> NDArray[np.bool_]:
-    """Cells within a gap of samples: (m, n) bool."""
+def _cells_near(samples: Sequence[SampleMask], shape: tuple[int, ...], gap: float) -> NDArray[np.bool_]:
+    """Return the cells within a gap of samples: (m, n) bool."""
     taken = np.zeros(shape, bool)
+    widths = half_widths(gap)
+    reach = len(widths) // 2
     for place in samples:
-        near = _grown(_held_cells(place), half_widths(gap))
-        reach = (near.shape[0] - _cells_of(place.window.rows)) // 2
+        near = _dilated(place.cell_counts() > 0, widths)
         first = Window(place.window.row // CELL - reach, place.window.col // CELL - reach, *near.shape)
         part = first.clipped((shape[0], shape[1]))
         inner = replace(part, row=part.row - first.row, col=part.col - first.col)
@@ -117,37 +115,25 @@ def _taken(samples: Sequence[SampleMask], shape: tuple[int, ...], gap: float) ->
     return taken
 
 
-def _cells_of(length: int) -> int:
-    return -(-length // CELL)
-
-
-def _held_cells(place: SampleMask) -> NDArray[np.bool_]:
-    """Cells of a sample's bounding box in which it has pixels."""
-    mask = place.mask
-    rows, cols = map(_cells_of, mask.shape)
-    padded = np.pad(mask, ((0, rows * CELL - mask.shape[0]), (0, cols * CELL - mask.shape[1])))
-    return np.asarray(padded.reshape(rows, CELL, cols, CELL).any((1, 3)))
-
-
-def _grown(held: NDArray[np.bool_], widths: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Cells dilated by a disc, with a margin of its reach on all sides."""
+def _dilated(cells: NDArray[np.bool_], widths: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Dilate cells by a disc, with a margin of its reach on all sides."""
     reach = len(widths) // 2
-    around = np.pad(held, reach)
-    grown = np.zeros_like(around)
+    padded = np.pad(cells, reach)
+    dilated = np.zeros_like(padded)
     for row, width in enumerate(widths.tolist(), -reach):
         for col in range(-width, width + 1):
-            grown |= np.roll(around, (row, col), (0, 1))
-    return grown
+            dilated |= np.roll(padded, (row, col), (0, 1))
+    return dilated
 
 
-def _stretched(geobox: GeoBox) -> float:
-    """How many times longer than wide a pixel is, at most, on the map or on the ground in degrees."""
-    long, wide = _steps(geobox, geobox.shape[0] / 2, geobox.shape[1] / 2)
+def _aspect(geobox: GeoBox) -> float:
+    """Return the aspect ratio of a pixel in the middle, on the map or on the ground in degrees."""
+    long, wide = _pixel_extents(geobox, geobox.shape[0] / 2, geobox.shape[1] / 2)
     return long / wide if wide > 0 and math.isfinite(long) else math.inf
 
 
-def _steps(geobox: GeoBox, row: float, col: float) -> tuple[float, float]:
-    """Longest and shortest extent of a pixel in the unit of a radius."""
+def _pixel_extents(geobox: GeoBox, row: float, col: float) -> tuple[float, float]:
+    """Return the longest and the shortest extent of a pixel in the unit of a radius."""
     if is_geographic(geobox.wkt):
         steps = ground_steps(geobox, row, col)
         return max(steps), min(steps)
@@ -157,18 +143,18 @@ def _steps(geobox: GeoBox, row: float, col: float) -> tuple[float, float]:
 
 
 def _disc(geobox: GeoBox, row: int, col: int, reach: float) -> Disc:
-    """The disc on the map around the middle of a cell, which reaches so many pixels at most."""
+    """Return the disc on the map around the middle of a cell, with a radius in pixels at most `reach`."""
     middle = ((row + 0.5) * CELL, (col + 0.5) * CELL)
     x, y = (float(value) for value in geobox.xy_from_pixel(*middle))
     t = geobox.transform
     finest = min(step for step in (math.hypot(t.a, t.d), math.hypot(t.b, t.e)))
     digits = 1 - math.floor(math.log10(finest))  # a tenth of a pixel or less
-    _, least = _steps(geobox, *middle)
-    return Disc(round(x, digits), round(y, digits), _rounded_down(reach * least))
+    _, shortest = _pixel_extents(geobox, *middle)
+    return Disc(round(x, digits), round(y, digits), _rounded_down(reach * shortest))
 
 
 def _rounded_down(length: float) -> float:
-    """A length with three digits, not above it."""
+    """Round a length down to three digits."""
     digits = 2 - math.floor(math.log10(length))
     unit = 10.0**digits
     return round(math.floor(length * unit + 1e-6) / unit, max(digits, 0))

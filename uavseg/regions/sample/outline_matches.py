@@ -1,7 +1,6 @@
-"""Outlines of the cells that match a sample, decided pixel by pixel where they end."""
+"""Outlines of the cells that match a sample, classified pixel by pixel at their boundaries."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -11,11 +10,11 @@ from uavseg.execution.lazy_sequence import LazySequence
 from uavseg.raster.grid.tiling import TilePass, Window, whole_blocks
 from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
 from uavseg.regions.outline.rings import RegionOutlines, Rings
-from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_tiles
+from uavseg.regions.outline.stitch import TileOutlines, TileStitcher, outline_tile
 from uavseg.regions.sample.colors import color_planes
 from uavseg.regions.sample.scores import Criterion
-from uavseg.regions.tiles.detail_tiles import with_detail
-from uavseg.regions.tiles.kind_tiles import cell_jobs
+from uavseg.regions.tiles.range_tiles import with_detail
+from uavseg.regions.tiles.segment_tiles import cell_jobs
 from uavseg.segmentation.blocks.lbp import lbp_symbols
 from uavseg.segmentation.blocks.leaves import cells_to_pixels
 from uavseg.segmentation.components import label_components
@@ -25,29 +24,8 @@ from uavseg.segmentation.sample.color_decision import classify_colored_pixels
 from uavseg.segmentation.sample.pixel_decision import DECISION_HALO, PixelWeights, classify_pixels
 from uavseg.segmentation.source import GreySource
 
-# A tile, its cells with those around it, and perhaps the edges of regions beyond which nothing is inside.
+# A tile, its cells with those around it, and the edges of the regions that matches are clipped to, if any.
 _MatchJob = tuple[Window, NDArray[np.uint8], EdgeTable | None]
-
-
-@dataclass(frozen=True)
-class MatchShape:
-    """What limits the shape of matches.
-
-    Parameters
-    ----------
-    within : Rings, optional
-        Outlines of other regions, beyond which no pixel is inside.
-    detail : Detail, optional
-        Structures that are narrower vanish.
-    """
-
-    within: Rings | None = None
-    detail: Detail | None = None
-
-    @property
-    def halo(self) -> int:
-        """How many pixels around a tile the detail takes."""
-        return 0 if self.detail is None else self.detail.halo
 
 
 def outline_matches(
@@ -57,7 +35,8 @@ def outline_matches(
     weights: PixelWeights,
     rest_colors: NDArray[np.int64],
     tile_pass: TilePass,
-    shape: MatchShape = MatchShape(),
+    within: Rings | None = None,
+    detail: Detail | None = None,
 ) -> RegionOutlines:
     """Outline regions of inner cells, and of those pixels of undecided cells that are classified as sample.
 
@@ -71,26 +50,24 @@ def outline_matches(
     rest_colors : (bands, 64) int64 array
         See `CellScores`.
     tile_pass : TilePass
-    shape : MatchShape
+    within : Rings, optional
+        Outlines of other regions, to which matches are clipped.
+    detail : Detail, optional
+        Narrower structures are removed.
     """
-    outline = partial(_outline_match, source, criterion, weights, rest_colors, shape.detail)
-    windows, halo = tile_pass.windows, DECISION_HALO + shape.halo
-    around = [_read_around(window, halo) for window in windows]
-    tables = None if shape.within is None else edge_tables(shape.within, around)
+    outline = partial(_outline_match, source, criterion, weights, rest_colors, detail)
+    windows, halo = tile_pass.windows, DECISION_HALO + (detail.halo if detail else 0)
+    blocks = [Window(w.row, w.col, whole_blocks(w.rows), whole_blocks(w.cols)).grown(halo) for w in windows]
+    tables = None if within is None else edge_tables(within, blocks)
     jobs = partial(_match_job, cell_jobs(cells, windows, halo), tables)
     tiles = tile_pass.run(outline, LazySequence(len(windows), jobs))
-    return stitch_tiles(source.shape, windows, tiles).finish()
+    return TileStitcher(source.shape, windows, tiles).finish()
 
 
 def _match_job(
     jobs: Sequence[tuple[Window, NDArray[np.uint8]]], tables: Sequence[EdgeTable] | None, k: int
 ) -> _MatchJob:
     return *jobs[k], None if tables is None else tables[k]
-
-
-def _read_around(window: Window, halo: int) -> Window:
-    """The pixels that are read to decide those of a tile."""
-    return Window(window.row, window.col, whole_blocks(window.rows), whole_blocks(window.cols)).grown(halo)
 
 
 def _outline_match(
@@ -120,5 +97,4 @@ def _outline_match(
         pixels &= within.rasterise() > 0
     if detail is not None:
         pixels, tile = with_detail(pixels, tile, detail)
-    found = label_components(pixels, DECISION_HALO)
-    return outline_tile(pixels, *found, tile, window, source.shape[1])
+    return outline_tile(pixels, *label_components(pixels, DECISION_HALO), tile, window, source.shape[1])

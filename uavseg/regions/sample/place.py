@@ -1,4 +1,4 @@
-"""Sample area: a disc or a file of polygons, and the mask of the pixels that it covers."""
+"""Sample areas: discs, files of polygons, and the masks of the pixels that they cover."""
 
 import math
 from dataclasses import dataclass
@@ -21,11 +21,12 @@ if TYPE_CHECKING:
 
 MAX_SAMPLE_PIXELS = 1 << 24  # of the bounding box of a sample, which is held in memory
 _CORNERS = 256  # of the polygon that approximates a disc
+_CLASS = "class"  # column of a file of samples
 
 
 @dataclass(frozen=True, slots=True)
 class Disc:
-    """A disc on the map.
+    """Disc on the map.
 
     Parameters
     ----------
@@ -33,11 +34,6 @@ class Disc:
         Its centre in map coordinates of the raster.
     radius : float
         In units of the map; in metres if they are degrees.
-
-    Raises
-    ------
-    ParameterError
-        If the radius is not above 0, or a number is not finite.
     """
 
     x: float
@@ -54,11 +50,6 @@ class Disc:
 
 def parse_like(text: str) -> Disc | str:
     """Parse a sample: a disc if the text is three numbers between commas, else the name of a file.
-
-    Raises
-    ------
-    ParameterError
-        If the text is numbers, but not three.
 
     Examples
     --------
@@ -93,23 +84,30 @@ class SampleMask:
 
     @property
     def mask(self) -> NDArray[np.bool_]:
-        """The pixels of the sample, (rows, cols)."""
+        """Pixels of the sample, (rows, cols)."""
         return np.unpackbits(self.bits, axis=1, count=self.window.cols).view(bool)
 
     def part(self, window: Window) -> NDArray[np.bool_]:
-        """The mask of a window within the bounding box."""
+        """Return the mask of a window within the bounding box."""
         row, col = window.row - self.window.row, window.col - self.window.col
         return self.mask[row : row + window.rows, col : col + window.cols]
 
+    def cell_counts(self) -> NDArray[np.int64]:
+        """Return the number of pixels of the sample in each cell of the bounding box."""
+        mask = self.mask
+        rows, cols = (-(-length // CELL) for length in mask.shape)
+        padded = np.pad(mask, ((0, rows * CELL - mask.shape[0]), (0, cols * CELL - mask.shape[1])))
+        return np.asarray(padded.reshape(rows, CELL, cols, CELL).sum((1, 3), dtype=np.int64))
+
     def meets(self, other: "SampleMask") -> bool:
-        """Whether two samples have pixels in common."""
+        """Check whether two samples have pixels in common."""
         common = self.window.common(other.window)
         both = common.rows and common.cols and (self.part(common) & other.part(common)).any()
         return bool(both)
 
 
 def sample_mask(like: Disc | str, geobox: GeoBox) -> SampleMask:
-    """Mask of the pixels of a raster whose centres lie in a sample.
+    """Return the mask of the pixels of a raster whose centres lie in a sample.
 
     Parameters
     ----------
@@ -125,24 +123,55 @@ def sample_mask(like: Disc | str, geobox: GeoBox) -> SampleMask:
     RegionError
         If the file cannot be read as polygons.
     """
-    polygons = _disc_polygon(like, geobox) if isinstance(like, Disc) else _file_polygons(like, geobox)
+    polygons = _disc_polygon(like, geobox) if isinstance(like, Disc) else _read_polygons(like, geobox)[1]
     return _mask(polygons, geobox, "the sample" if isinstance(like, Disc) else f"the sample {like}")
 
 
-def polygon_masks(regions: "Regions", geobox: GeoBox, name: str) -> list[SampleMask]:
-    """The mask of each of some regions; `sample_mask` says which errors there are.
+def class_masks(name: str, geobox: GeoBox) -> dict[str, list[SampleMask]]:
+    """Return masks of the samples of each class, in the order in which classes first appear.
 
     Parameters
     ----------
-    regions : Regions
-        In any coordinate system.
-    geobox : GeoBox
-        Of a raster with a CRS.
     name : str
-        What an error calls one of them.
+        A file of polygons with a column `class`, in any coordinate system.
+    geobox : GeoBox
+        Of the raster.
+
+    Raises
+    ------
+    SampleError
+        If the raster has no CRS, the file has no such column, a sample has no class or lies outside of the
+        raster, or there are fewer than two classes.
+    RegionError
+        If the file cannot be read as polygons.
     """
-    polygons = _on_raster(regions, geobox)
-    return [_mask(polygons[k : k + 1], geobox, name) for k in range(len(polygons))]
+    regions, polygons = _read_polygons(name, geobox)
+    if _CLASS not in regions.columns:
+        raise SampleError(
+            f"{name} has no column {_CLASS!r}, which names the class of each sample; it has "
+            f"{', '.join(regions.columns)}"
+        )
+    classes = [_class_name(value) for value in regions.columns[_CLASS]]
+    if None in classes:
+        raise SampleError(
+            f"sample {classes.index(None) + 1} of {name} has no class; give it one, or remove it"
+        )
+    masks: dict[str, list[SampleMask]] = {}
+    for k, label in enumerate(classes):
+        mask = _mask(polygons[k : k + 1], geobox, f"a sample of {name}")
+        masks.setdefault(str(label), []).append(mask)
+    if len(masks) < 2:
+        raise SampleError(f"{name} has samples of one class; give some of another one, or use --like {name}")
+    return masks
+
+
+def _class_name(value: object) -> str | None:
+    """Return a class as text; None for a missing value or empty text."""
+    if value is None or (isinstance(value, float | np.floating) and not np.isfinite(value)):
+        return None
+    if isinstance(value, float | np.floating) and float(value).is_integer():
+        value = int(value)  # a column of whole numbers with a gap is read as floats
+    return str(value).strip() or None
 
 
 def _mask(polygons: NDArray[np.object_], geobox: GeoBox, name: str) -> SampleMask:
@@ -163,7 +192,7 @@ def _mask(polygons: NDArray[np.object_], geobox: GeoBox, name: str) -> SampleMas
 
 
 def _disc_polygon(disc: Disc, geobox: GeoBox) -> NDArray[np.object_]:
-    """A disc as a polygon in map coordinates; geodesic if they are degrees."""
+    """Return a disc as a polygon in map coordinates; geodesic if they are degrees."""
     angles = np.linspace(0, 360, _CORNERS, endpoint=False)
     wkt = geobox.wkt
     if wkt is not None and is_geographic(wkt):
@@ -178,51 +207,35 @@ def _disc_polygon(disc: Disc, geobox: GeoBox) -> NDArray[np.object_]:
     return np.array([shapely.Polygon(np.stack([x, y], axis=1))], object)
 
 
-def _file_polygons(name: str, geobox: GeoBox) -> NDArray[np.object_]:
+def _read_polygons(name: str, geobox: GeoBox) -> "tuple[Regions, NDArray[np.object_]]":
+    """Read regions, and their polygons in the coordinates of a raster."""
     from uavseg.regions.formats.read import read_regions
 
-    check_placed(geobox, name)
-    return _on_raster(read_regions(name), geobox)
-
-
-def check_placed(geobox: GeoBox, name: str) -> None:
-    """Check that a file of polygons has a place in a raster.
-
-    Raises
-    ------
-    SampleError
-        If the raster has no CRS.
-    """
     if geobox.wkt is None:
         raise SampleError(
             f"the raster has no CRS, so the position of {name} in it is unknown; "
             "give the sample as X,Y,RADIUS"
         )
-
-
-def _on_raster(regions: "Regions", geobox: GeoBox) -> NDArray[np.object_]:
-    """The polygons of regions in the coordinates of a raster that has a CRS."""
-    assert geobox.wkt is not None
+    regions = read_regions(name)
     project = transform_between(regions.wkt, geobox.wkt)
-    polygons: NDArray[Any] = shapely.transform(
+    return regions, shapely.transform(
         np.asarray(regions.polygons), lambda x, y: project(x, y), interleaved=False
     )
-    return polygons
 
 
 def _to_pixels(polygons: NDArray[np.object_], geobox: GeoBox) -> NDArray[np.object_]:
-    """Polygons in pixel coordinates (col, row)."""
+    """Return polygons in pixel coordinates (col, row)."""
     back = ~geobox.transform
-    found: NDArray[Any] = shapely.transform(
+    on_grid: NDArray[Any] = shapely.transform(
         polygons,
         lambda x, y: (back.a * x + back.b * y + back.c, back.d * x + back.e * y + back.f),
         interleaved=False,
     )
-    return found
+    return on_grid
 
 
 def _bounding_cells(bounds: NDArray[np.float64], shape: tuple[int, int]) -> Window:
-    """Window of the cells that bounds (col, row, col, row) intersect, clipped to the raster."""
+    """Return the window of the cells that bounds (col, row, col, row) intersect, clipped to the raster."""
     limit = np.array([shape[1], shape[0]])
     first = np.clip(np.floor(bounds[:2]), 0, limit).astype(int) // CELL * CELL
     end = np.clip(np.ceil(bounds[2:]), 0, limit).astype(int)

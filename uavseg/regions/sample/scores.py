@@ -1,7 +1,7 @@
-"""Scores of cells against a sample (G of moving windows), tile by tile."""
+"""Scores of cells against a sample (G of moving windows), and rejection of unlike cells, tile by tile."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -10,18 +10,14 @@ from numpy.typing import NDArray
 from uavseg.execution.lazy_sequence import LazySequence
 from uavseg.raster.grid.tiling import TilePass, Window, window_cells
 from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
-from uavseg.regions.outline.rings import RegionOutlines
-from uavseg.regions.sample.colors import (
-    GREY_BINS,
-    ColorBand,
-    count_colors,
-    limit_scores,
-)
-from uavseg.regions.sample.model import Sample
+from uavseg.regions.outline.rings import RegionOutlines, Rings
+from uavseg.regions.sample.colors import GREY_BINS, ColorBand, count_colors, limit_scores
+from uavseg.regions.sample.model import Sample, symbol_pair
+from uavseg.regions.tiles.segment_tiles import cell_jobs
 from uavseg.segmentation.blocks.block_map import BlockMap
+from uavseg.segmentation.blocks.dilation import dilate
 from uavseg.segmentation.blocks.lbp import SYMBOLS, lbp_symbols
-from uavseg.segmentation.sample import coarse_lbp
-from uavseg.segmentation.sample.coarse_lbp import coarse_symbols
+from uavseg.segmentation.sample.coarse_lbp import COARSE_HALO, coarse_symbols
 from uavseg.segmentation.sample.g_scores import (
     MAX_SCORE,
     NO_SCORE,
@@ -31,8 +27,11 @@ from uavseg.segmentation.sample.g_scores import (
     texture_model,
     window_scores,
 )
-from uavseg.segmentation.source import GreySource, GreyTile
+from uavseg.segmentation.sample.likelihood_weights import best_mean_weights
+from uavseg.segmentation.source import GreySource
 from uavseg.units import CELL
+
+Integers = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -72,9 +71,26 @@ class Criterion:
         deviations: float,
         colors: tuple[ColorBand, ...] = (),
     ) -> "Criterion":
-        """Criterion from a minimum similarity, and a number of deviations from the sample's mean grey."""
-        bounds = sample.bounds(deviations)
-        return cls(sample.model, bin_edges, side, bounds, sample.limit(similarity), colors)
+        """Make a criterion from a minimum similarity, and a number of deviations from the mean grey.
+
+        Parameters
+        ----------
+        sample : Sample
+        bin_edges, side, colors
+            As of the class.
+        similarity : float
+            Above 0, at most 1.
+        deviations : float
+            Standard deviations of the sample; may be infinite.
+        """
+        return cls(
+            model=sample.model,
+            bin_edges=bin_edges,
+            side=side,
+            bounds=sample.bounds(deviations),
+            limit=sample.limit(similarity),
+            colors=colors,
+        )
 
 
 @dataclass(frozen=True)
@@ -95,16 +111,12 @@ class CellScores:
 
     best: NDArray[np.uint16]
     rest: TextureModel
-    whole: NDArray[np.int64]
-    rest_colors: NDArray[np.int64]
+    whole: Integers
+    rest_colors: Integers
 
 
-def score_cells(
-    source: GreySource,
-    criterion: Criterion,
-    tile_pass: TilePass,
-) -> CellScores:
-    """The best score of every cell.
+def score_cells(source: GreySource, criterion: Criterion, tile_pass: TilePass) -> CellScores:
+    """Compute the best score of every cell.
 
     Parameters
     ----------
@@ -115,21 +127,105 @@ def score_cells(
     best = np.full(BlockMap.empty(source.shape).counts.shape, NO_SCORE, np.uint16)
     rest, whole = TextureModel(), np.zeros((2, SYMBOLS), np.int64)
     rest_colors = np.zeros((len(criterion.colors), GREY_BINS), np.int64)
-    for window, found in zip(
-        tile_pass.windows, tile_pass.run(partial(_score_tile, source, criterion)), strict=True
-    ):
-        if found is not None:
-            best[window_cells(window)], unlike, counts, colors = found
+    tiles = tile_pass.run(partial(_score_tile, source, criterion))
+    for window, scored in zip(tile_pass.windows, tiles, strict=True):
+        if scored is not None:
+            best[window_cells(window)], unlike, counts, colors = scored
             rest += unlike
             whole += counts
             rest_colors += colors
-    return CellScores(best, rest, whole, rest_colors)
+    return CellScores(best=best, rest=rest, whole=whole, rest_colors=rest_colors)
+
+
+def _score_tile(
+    source: GreySource, criterion: Criterion, window: Window
+) -> tuple[NDArray[np.uint16], TextureModel, Integers, Integers] | None:
+    """Return scores of the cells of a tile, the texture model of unlike cells, the count of each symbol,
+    and histograms of unlike cells in further bands; None for an empty tile.
+    """
+    halo, side = CELL * (criterion.side - 1), criterion.side
+    if source.dataset.is_empty(window):
+        return None
+    tile = source.read(window, halo + 1)
+    names = lbp_symbols(tile.grey, tile.mask, criterion.bin_edges)
+    grey = np.ascontiguousarray(tile.grey[1:-1, 1:-1])
+    scores = window_scores(names, grey, criterion.model, side, criterion.bounds)
+    best = best_scores(limit_scores(criterion.colors, scores, window, side), side)
+    unlike = ((best > criterion.limit) & (best != NO_SCORE)).view(np.uint8)
+    near = tile.cropped(halo + 1 - COARSE_HALO)
+    coarse = coarse_symbols(near.grey, near.mask, criterion.bin_edges)
+    whole = texture_model(names, grey, np.ones_like(unlike), halo, coarse)
+    counts = np.stack([whole.texture, whole.coarse])
+    colors = count_colors(criterion.colors, window, unlike.view(np.bool_))
+    return best, texture_model(names, grey, unlike, halo, coarse), counts, colors
+
+
+def reject_unlike(
+    source: GreySource,
+    criterion: Criterion,
+    scores: CellScores,
+    weights: Integers,
+    minimum: int,
+    tile_pass: TilePass,
+) -> CellScores:
+    """Reject cells whose texture the background model (the whole raster) explains better than the sample.
+
+    Parameters
+    ----------
+    source, criterion, tile_pass
+        As of `score_cells`.
+    scores : CellScores
+    weights : (2, 2048) int64 array
+        Of symbols at both scales, see `SampleWeights`.
+    minimum : int
+        The smallest mean weight of a window that is like the sample.
+
+    Returns
+    -------
+    CellScores
+        Rejected cells have the largest score, and their histograms are added to `rest`, except for cells that
+        touch one that is kept.
+    """
+    matched = scores.best <= criterion.limit
+    with_matches = [window for window in tile_pass.windows if matched[window_cells(window)].any()]
+    jobs = cell_jobs(matched.view(np.uint8), with_matches, CELL)
+    best, rest, rest_colors = scores.best.copy(), scores.rest, scores.rest_colors.copy()
+    reject = partial(_reject_tile, source, criterion, weights, minimum)
+    for window, (rejected, unlike, colors) in zip(with_matches, tile_pass.run(reject, jobs), strict=True):
+        best[window_cells(window)][rejected] = MAX_SCORE
+        rest += unlike
+        rest_colors += colors
+    return replace(scores, best=best, rest=rest, rest_colors=rest_colors)
+
+
+def _reject_tile(
+    source: GreySource,
+    criterion: Criterion,
+    weights: Integers,
+    minimum: int,
+    job: tuple[Window, NDArray[np.uint8]],
+) -> tuple[NDArray[np.bool_], TextureModel, Integers]:
+    """Return the mask of the rejected cells of a tile, and histograms of those that touch no kept cell: the
+    others lie on boundaries and have texture of both sides.
+    """
+    window, around = job  # cells of the tile, and one more on every side
+    halo = CELL * criterion.side
+    tile = source.read(window, halo + COARSE_HALO)
+    names = symbol_pair(tile, criterion.bin_edges)
+    explained = best_mean_weights(names, weights, criterion.side) >= minimum
+    matched, inner = around.view(np.bool_), np.s_[1:-1, 1:-1]
+    rejected = (matched & ~explained)[inner]
+    unlike = rejected & ~dilate(matched & explained, 1)[inner]
+    grey = np.ascontiguousarray(tile.grey[COARSE_HALO:-COARSE_HALO, COARSE_HALO:-COARSE_HALO])
+    coarse = np.ascontiguousarray(names[1][halo:-halo, halo:-halo])
+    model = texture_model(names[0], grey, unlike.view(np.uint8), halo, coarse)
+    return rejected, model, count_colors(criterion.colors, window, unlike)
 
 
 def mean_scores(
     outlined: RegionOutlines, best: NDArray[np.uint16], tile_pass: TilePass
 ) -> NDArray[np.float64]:
-    """Mean score of the pixels of each region.
+    """Compute the mean score of the pixels of each region, (n,); NaN for a region without scored cells.
 
     Parameters
     ----------
@@ -137,11 +233,6 @@ def mean_scores(
     best : (8 B, 8 C) uint16 array
         Scores of cells.
     tile_pass : TilePass
-
-    Returns
-    -------
-    means : (n,) float64 array
-        NaN for a region without scored cells.
     """
     sums, counts = np.zeros((2, len(outlined.sums.counts) + 1), np.int64)
     tables = edge_tables(outlined.rings, tile_pass.windows)
@@ -157,15 +248,11 @@ def mean_scores(
 def _score_job(
     tables: Sequence[EdgeTable], best: NDArray[np.uint16], k: int
 ) -> tuple[EdgeTable, NDArray[np.uint16]]:
-    """The edge table of a tile, and the scores of its cells."""
-    table = tables[k]
-    return table, best[window_cells(table.window)]
+    return tables[k], best[window_cells(tables[k].window)]
 
 
-def _sum_scores(
-    job: tuple[EdgeTable, NDArray[np.uint16]],
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Labels in a tile, and the sum of scores and the number of scored pixels of each."""
+def _sum_scores(job: tuple[EdgeTable, NDArray[np.uint16]]) -> tuple[Integers, Integers, Integers]:
+    """Return the labels in a tile, and the sum of scores and the number of scored pixels of each."""
     edges, best = job
     labels = edges.rasterise()
     rows, cols = labels.shape
@@ -177,29 +264,27 @@ def _sum_scores(
     return names, sums[names], counts[names]
 
 
-def _score_tile(
-    source: GreySource, criterion: Criterion, window: Window
-) -> tuple[NDArray[np.uint16], TextureModel, NDArray[np.int64], NDArray[np.int64]] | None:
-    """Scores of a tile's cells, the texture model of unlike cells, the count of each symbol in the tile, and
-    histograms of unlike cells in further bands; None for an empty tile.
+def inner_cells(rings: Rings, shape: tuple[int, int], tile_pass: TilePass) -> NDArray[np.bool_]:
+    """Return which cells have all their pixels in regions, (8 B, 8 C); none that exceeds the raster.
+
+    Parameters
+    ----------
+    rings : Rings
+        Outlines of the regions.
+    shape : (int, int)
+        Rows and columns of the raster.
+    tile_pass : TilePass
     """
-    halo, side = CELL * (criterion.side - 1), criterion.side
-    if source.dataset.is_empty(window):
-        return None
-    tile = source.read(window, halo + 1)
-    names = lbp_symbols(tile.grey, tile.mask, criterion.bin_edges)
-    grey = np.ascontiguousarray(tile.grey[1:-1, 1:-1])
-    scores = window_scores(names, grey, criterion.model, side, criterion.bounds)
-    best = best_scores(limit_scores(criterion.colors, scores, window, side), side)
-    unlike = ((best > criterion.limit) & (best != NO_SCORE)).view(np.uint8)
-    coarse = coarse_symbols(*_crop(tile, halo + 1 - coarse_lbp.COARSE_HALO), criterion.bin_edges)
-    whole = texture_model(names, grey, np.ones_like(unlike), halo, coarse)
-    counts = np.stack([whole.texture, whole.coarse])
-    colors = count_colors(criterion.colors, window, unlike.view(np.bool_))
-    return best, texture_model(names, grey, unlike, halo, coarse), counts, colors
+    inner = np.zeros(BlockMap.empty(shape).counts.shape, bool)
+    tiles = tile_pass.run(_whole_cells, edge_tables(rings, tile_pass.windows))
+    for window, cells in zip(tile_pass.windows, tiles, strict=True):
+        first = Window(window.row // CELL, window.col // CELL, *cells.shape)
+        inner[first.slices] = cells
+    return inner
 
 
-def _crop(tile: GreyTile, margin: int) -> tuple[NDArray[np.uint16], NDArray[np.uint8] | None]:
-    """Grey and validity of a tile, cropped by `margin` pixels on every side."""
-    inner = np.s_[margin : tile.grey.shape[0] - margin, margin : tile.grey.shape[1] - margin]
-    return tile.grey[inner], None if tile.all_valid else tile.valid[inner]
+def _whole_cells(table: EdgeTable) -> NDArray[np.bool_]:
+    labels = table.rasterise()
+    rows, cols = (length // CELL for length in labels.shape)
+    inside = labels[: rows * CELL, : cols * CELL].reshape(rows, CELL, cols, CELL) > 0
+    return np.asarray(inside.all((1, 3)))

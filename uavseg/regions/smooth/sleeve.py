@@ -20,7 +20,7 @@ _MAX_EDGES = 4096  # edges that one segment may replace
 
 @inlined
 def portal_offsets(base_x, base_y, n, x, y, offsets):  # type: ignore[no-untyped-def]
-    """Where a line crosses the portals of the n edges of an arc: steps to the left of the middle of each."""
+    """Compute where a line crosses the portals of an arc: steps to the left of the middle of each."""
     for e in range(n):
         dx = base_x[e + 1] - base_x[e]
         dy = base_y[e + 1] - base_y[e]
@@ -62,13 +62,13 @@ def place_points(base_x, base_y, n, cyclic, offsets, px, py, steps):  # type: ig
 
 @inlined
 def cross_product(ax, ay, bx, by):  # type: ignore[no-untyped-def]
-    """Cross product of a and b: above 0 where b points to the right of a in the image."""
+    """Return the cross product of a and b: above 0 where b points to the right of a in the image."""
     return ax * by - ay * bx
 
 
 @inlined
 def straighten(base_x, base_y, cyclic, px, py, steps, last, kept):  # type: ignore[no-untyped-def]
-    """Greedy sleeve fitting: from each point a segment to the furthest point that it reaches.
+    """Fit a sleeve greedily: from each point a segment to the furthest point that it reaches.
 
     A segment passes through all portals between, within SLEEVE_WIDTH of the point on each. Returns the number
     of points that are kept; their indices are written to `kept`, 0 and the last among them.
@@ -113,7 +113,7 @@ def straighten(base_x, base_y, cyclic, px, py, steps, last, kept):  # type: igno
 
 @inlined
 def doubled_steps(px, py, kept, count):  # type: ignore[no-untyped-def]
-    """Twice the signed area between the kept points and the line from the last to the first."""
+    """Return twice the signed area between the kept points and the line from the last to the first."""
     before = kept[count - 1]
     doubled = 0
     for k in range(count):
@@ -124,7 +124,7 @@ def doubled_steps(px, py, kept, count):  # type: ignore[no-untyped-def]
 
 @inlined
 def area_slope(base_x, base_y, n, cyclic, px, py, last):  # type: ignore[no-untyped-def]
-    """Growth of twice the area if all points move one step to the left on their portals."""
+    """Return the growth of twice the area if all points move one step to the left on their portals."""
     lead = 0 if cyclic else 1
     slope = 0
     for e in range(n):

@@ -39,13 +39,13 @@ def relax(base_x, base_y, n, cyclic, x, y, other_x, other_y):  # type: ignore[no
 
 @inlined
 def clamp(value, middle, reach):  # type: ignore[no-untyped-def]
-    """The value clamped to at most `reach` from the middle."""
+    """Clamp a value to at most `reach` from the middle."""
     return min(max(value, middle - reach), middle + reach)
 
 
 @inlined
 def relax_axis(here, there, base, n, cyclic):  # type: ignore[no-untyped-def]
-    """One step along one axis: each corner moves halfway to the middle of its neighbours."""
+    """Relax along one axis: each corner moves halfway to the middle of its neighbours."""
     for i in range(1, n):
         there[i] = clamp(0.5 * here[i] + 0.25 * (here[i - 1] + here[i + 1]), base[i], MAX_SHIFT)
     there[0] = here[0]
@@ -57,7 +57,7 @@ def relax_axis(here, there, base, n, cyclic):  # type: ignore[no-untyped-def]
 
 @inlined
 def doubled_area(x, y, n):  # type: ignore[no-untyped-def]
-    """Twice the signed area between an arc and the line from its end to its start."""
+    """Return twice the signed area between an arc and the line from its end to its start."""
     doubled = x[n] * y[0] - y[n] * x[0]
     for i in range(n):
         doubled += x[i] * y[i + 1] - y[i] * x[i + 1]

@@ -1,7 +1,8 @@
-"""Regions of an intensity range: tiles are refined, labelled and traced one by one, then stitched."""
+"""Regions of an intensity range: outlined tile by tile and stitched, summed, counted or estimated."""
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -9,19 +10,37 @@ from numpy.typing import NDArray
 
 from uavseg.errors import RasterError
 from uavseg.execution.lazy_sequence import LazySequence
-from uavseg.raster.grid.tiling import TilePass, Window, cells_around, window_cells
+from uavseg.raster.grid.tiling import (
+    TilePass,
+    Window,
+    cells_around,
+    sample_positions,
+    whole_blocks,
+    window_cells,
+)
 from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
 from uavseg.regions.outline.rings import RegionOutlines
-from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_tiles
-from uavseg.regions.tiles.detail_tiles import with_detail
+from uavseg.regions.outline.stitch import TileOutlines, TileStitcher, outline_tile
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums
-from uavseg.segmentation.components import Sums, component_sums, label_components, with_beyond
+from uavseg.segmentation.components import (
+    Sums,
+    component_sums,
+    label_components,
+    label_equal_values,
+    with_beyond,
+)
 from uavseg.segmentation.params.segment import IntensityRange, Refinement
 from uavseg.segmentation.pipeline import refine_tile
-from uavseg.segmentation.refine.detail import Detail
+from uavseg.segmentation.refine.detail import Detail, apply_detail
 from uavseg.segmentation.refine.range_scans import REFINE_HALO
-from uavseg.segmentation.refine.thin_lines import ThinLines
+from uavseg.segmentation.refine.thin_lines import MARGIN, ThinLines, find_thin_lines
 from uavseg.segmentation.source import GreySource, GreyTile
+from uavseg.units import BLOCK, GREY_LEVELS
+
+PART_SIDE = 16 * BLOCK  # of a part of the raster for estimates, in pixels
+_PARTS = 5  # along each side of the raster, at most
+
+Refined = tuple[NDArray[np.uint8], GreyTile]
 
 
 def outline_regions(
@@ -45,23 +64,18 @@ def outline_regions(
         With "none", leaves that share an edge are one region also where invalid pixels separate their pixels.
     tile_pass : TilePass
     expected : BlockMap, optional
-        The sums and counts that cells must have, if the block map was made earlier.
+        The sums and counts that cells must have, if the block map was made earlier; see `check_sums`.
     detail : Detail or ThinLines, optional
-        Structures that are narrower vanish from what was refined, or thin lines are added; not with "none".
-
-    Raises
-    ------
-    RasterError
-        If a cell has other sums or counts than expected.
+        Narrower structures are removed after refinement, or thin lines are added; not with "none".
     """
     jobs = tile_jobs(cells, tile_pass.windows, expected, detail)
     tiles = tile_pass.run(partial(_outline_tile, source, interval, refine, detail), jobs)
-    return stitch_tiles(source.shape, tile_pass.windows, tiles).finish(cells if refine == "none" else None)
+    return TileStitcher(source.shape, tile_pass.windows, tiles).finish(cells if refine == "none" else None)
 
 
 @dataclass(frozen=True, slots=True)
 class TileJob:
-    """A tile, its cells with those around it, and the sums and counts that its cells must have.
+    """Tile, its cells with those around it, and the sums and counts that its cells must have.
 
     `refined` is the window that is refined: the tile, grown by the halo of a detail.
     """
@@ -75,12 +89,11 @@ class TileJob:
 def tile_jobs(
     cells: NDArray[np.uint8],
     windows: Sequence[Window],
-    expected: BlockMap | None,
+    expected: BlockMap | None = None,
     detail: Detail | ThinLines | None = None,
 ) -> LazySequence[TileJob]:
-    """Tiles with what their refinement takes; the sums of cells are those of a block map, if one is given."""
-    halo = 0 if detail is None else detail.halo
-    return LazySequence(len(windows), partial(_job, cells, windows, expected, halo))
+    """Return the input of the refinement of each tile; parameters as of `outline_regions`."""
+    return LazySequence(len(windows), partial(_job, cells, windows, expected, detail.halo if detail else 0))
 
 
 def _job(
@@ -89,8 +102,12 @@ def _job(
     window = windows[k]
     refined = window.grown(halo)
     here = window_cells(window)
-    sums = None if expected is None else (expected.sums[here], expected.counts[here])
-    return TileJob(window, cells_around(cells, refined, REFINE_HALO), sums, refined)
+    return TileJob(
+        window=window,
+        cells=cells_around(cells, refined, REFINE_HALO),
+        expected=None if expected is None else (expected.sums[here], expected.counts[here]),
+        refined=refined,
+    )
 
 
 def _outline_tile(
@@ -100,33 +117,65 @@ def _outline_tile(
     detail: Detail | ThinLines | None,
     job: TileJob,
 ) -> TileOutlines | None:
-    found = refine_tile(source, job.cells, interval, refine, job.refined)
+    refined = refine_tile(source, job.cells, interval, refine, job.refined)
     if isinstance(detail, ThinLines):
-        from uavseg.regions.tiles.thin_tiles import with_thin_lines
-
-        found = with_thin_lines(source, found, interval, job.window)
-    if found is None:
+        refined = _with_thin_lines(source, refined, interval, job.window)
+    if refined is None:
         return None
-    pixels, tile = with_detail(*found, detail) if isinstance(detail, Detail) else found
+    pixels, tile = with_detail(*refined, detail) if isinstance(detail, Detail) else refined
     check_sums(source, job, tile)
     return outline_tile(pixels, *label_components(pixels, REFINE_HALO), tile, job.window, source.shape[1])
 
 
-def check_sums(source: GreySource, job: TileJob, tile: GreyTile) -> None:
-    """Check that the cells of a tile have the sums and counts that its job expects.
+def with_detail(pixels: NDArray[np.uint8], tile: GreyTile, detail: Detail) -> Refined:
+    """Remove narrow structures from a refined tile, and crop the halo that this takes.
 
-    Raises
-    ------
-    RasterError
-        If they have others.
+    Parameters
+    ----------
+    pixels : (M + 2 m, N + 2 m) uint8 array
+        Class of each pixel, exact on the tile grown by `detail.halo` and one pixel more.
+    tile : GreyTile
+        Of the same pixels.
+    detail : Detail
+    """
+    halo = detail.halo
+    inner = np.s_[halo : pixels.shape[0] - halo, halo : pixels.shape[1] - halo]
+    return np.ascontiguousarray(apply_detail(pixels, tile.valid, detail)[inner]), tile.cropped(halo)
+
+
+def _with_thin_lines(
+    source: GreySource, refined: Refined | None, interval: IntensityRange, window: Window
+) -> Refined | None:
+    """Add thin lines to a tile from `refine_tile`; None for an empty tile."""
+    if refined is None:
+        if source.dataset.is_empty(window.grown(REFINE_HALO).clipped(source.shape)):
+            return None
+        side = 2 * REFINE_HALO
+        shape = whole_blocks(window.rows) + side, whole_blocks(window.cols) + side
+        refined = np.zeros(shape, np.uint8), source.read(window, REFINE_HALO, beyond=True)
+    pixels, tile = refined
+    inner = np.s_[REFINE_HALO - MARGIN : MARGIN - REFINE_HALO, REFINE_HALO - MARGIN : MARGIN - REFINE_HALO]
+    pixels[inner] |= find_thin_lines(tile.grey, tile.valid, interval.greys, REFINE_HALO)
+    return pixels, tile
+
+
+def check_sums(source: GreySource, job: TileJob, tile: GreyTile) -> None:
+    """Refuse a tile whose cells have other sums or counts than its job expects, with a RasterError.
+
+    Parameters
+    ----------
+    source : GreySource
+    job : TileJob
+    tile : GreyTile
+        With a halo of REFINE_HALO pixels.
     """
     if job.expected is None:
         return
     sums, counts = cell_sums(tile.grey, tile.valid, REFINE_HALO)
-    moved = np.abs(sums.astype(np.int64) - job.expected[0])
-    # Bounds of a range that are decided by intensities move a pixel by one grey at most.
-    most = counts if source.stretch.borders else 0
-    if (counts != job.expected[1]).any() or (moved > most).any():
+    change = np.abs(sums.astype(np.int64) - job.expected[0])
+    # Range bounds that are compared with intensities move a pixel by one grey at most.
+    tolerance = counts if source.stretch.borders else 0
+    if (counts != job.expected[1]).any() or (change > tolerance).any():
         raise RasterError(
             f"{source.dataset.source} is not as it was when its block map was made; make the block map again "
             "with uavseg divide, or give --refine none"
@@ -134,37 +183,164 @@ def check_sums(source: GreySource, job: TileJob, tile: GreyTile) -> None:
 
 
 def sum_regions(source: GreySource, outlined: RegionOutlines, tile_pass: TilePass) -> Sums:
-    """Sums of each region over all valid pixels that its outlines enclose, read again from the raster.
+    """Sum each region over all valid pixels that its outlines enclose, read again from the raster.
 
-    The contrast across borders, and the likeness of classes, stay as they were.
+    The contrast across borders, and the similarity to classes, stay as they were.
+
+    Parameters
+    ----------
+    source : GreySource
+    outlined : RegionOutlines
+    tile_pass : TilePass
     """
     sums = outlined.sums
     greys, squares = np.zeros_like(sums.greys), np.zeros_like(sums.squares)
     counts, beyond = np.zeros_like(sums.counts), np.zeros_like(sums.counts)
     jobs = edge_tables(outlined.rings, tile_pass.windows)
-    for found in tile_pass.silent.run(partial(_sum_tile, source), jobs):
-        if found is not None:
-            labels, parts = found
+    for labels, parts in tile_pass.silent.run(partial(_sum_tile, source), jobs):
+        if parts is not None:
             counts[labels - 1] += parts.counts
             greys[labels - 1] += parts.greys
             squares[labels - 1] += parts.squares
             if parts.beyond is not None:
                 beyond[labels - 1] += parts.beyond
-    return Sums(counts, greys, squares, sums.firsts, beyond if beyond.any() else None, sums.steps, sums.alike)
+    return replace(sums, counts=counts, greys=greys, squares=squares, beyond=beyond if beyond.any() else None)
 
 
-def _sum_tile(source: GreySource, edges: EdgeTable) -> tuple[NDArray[np.int64], Sums] | None:
-    """The labels in a tile, and the sums of each over its valid pixels; None without labels."""
+def _sum_tile(source: GreySource, edges: EdgeTable) -> tuple[NDArray[np.int64], Sums | None]:
+    """Return the labels in a tile, and the sums of each over its valid pixels; None without labels."""
     window, image = edges.window, edges.rasterise()
     labels = np.unique(image).astype(np.int64)
     labels = labels[labels > 0]
     if len(labels) == 0:
-        return None
+        return labels, None
     tile = source.read(window, 0, beyond=True)
-    valid = tile.valid[: window.rows, : window.cols] > 0
+    inner = (slice(window.rows), slice(window.cols))
     numbers = np.searchsorted(labels, image) + 1
-    numbers[(image == 0) | ~valid] = 0
-    grey = np.ascontiguousarray(tile.grey[: window.rows, : window.cols])
-    names, inner = numbers.astype(np.uint32), (slice(window.rows), slice(window.cols))
-    beyond = None if tile.beyond is None else tile.beyond[inner]
-    return labels, with_beyond(component_sums(names, len(labels), grey), names, beyond)
+    numbers[(image == 0) | (tile.valid[inner] == 0)] = 0
+    names = numbers.astype(np.uint32)
+    sums = component_sums(names, len(labels), np.ascontiguousarray(tile.grey[inner]))
+    return labels, with_beyond(sums, names, None if tile.beyond is None else tile.beyond[inner])
+
+
+def count_regions(
+    source: GreySource,
+    cells: NDArray[np.uint8],
+    interval: IntensityRange,
+    refine: Refinement,
+    tile_pass: TilePass,
+    expected: BlockMap | None = None,
+) -> tuple[int, int]:
+    """Count the regions of `outline_regions`, and their pixels; the parameters are the same."""
+    counts = outline_regions(source, cells, interval, refine, tile_pass, expected).sums.counts
+    return len(counts), int(counts.sum())
+
+
+def estimate_regions(
+    source: GreySource,
+    cells: NDArray[np.uint8],
+    interval: IntensityRange,
+    refine: Refinement,
+    tile_pass: TilePass,
+) -> tuple[int, float]:
+    """Estimate the number of regions of `outline_regions`, and their share of the valid pixels.
+
+    A ratio estimate: regions of leaves are counted over the whole raster, and multiplied by what refinement
+    makes of their number in 5 x 5 evenly spaced parts of 1024 x 1024 pixels. Where no leaf of these parts is
+    in range, their number per pixel is used. The share is that in these parts.
+
+    Parameters
+    ----------
+    source : GreySource
+    cells : (m, n) uint8 array
+        1 where the leaf of a cell is in range, from `leaves.cells_in_range`.
+    interval : IntensityRange
+    refine : {"none", "scan", "smooth", "tv", "pixels"}
+    tile_pass : TilePass
+        Its executor and its progress are used.
+    """
+    whole = int(label_equal_values(cells)[1]) if cells.any() else 0
+    count_part = partial(_count_part, source, cells, interval, refine)
+    counted = list(tile_pass.run(count_part, sample_parts(source.shape)))
+    of_cells, refined, inside, valid = (int(sum(counts)) for counts in zip(*counted, strict=True))
+    share = inside / max(valid, 1)
+    if of_cells:
+        return max(round(whole * refined / of_cells), 1), share
+    sampled = sum(part.rows * part.cols for part in sample_parts(source.shape))
+    return round(refined * math.prod(source.shape) / sampled), share
+
+
+def count_greys(source: GreySource, tile_pass: TilePass, exact: bool = True) -> NDArray[np.int64]:
+    """Count valid pixels by grey, (65536,) int64.
+
+    Parameters
+    ----------
+    source : GreySource
+    tile_pass : TilePass
+    exact : bool
+        All pixels; otherwise those of `sample_parts`.
+    """
+    counts = np.zeros(GREY_LEVELS, np.int64)
+    for part in tile_pass.run(partial(_count_greys, source), None if exact else sample_parts(source.shape)):
+        counts += part
+    return counts
+
+
+def count_pixels(source: GreySource, table: NDArray[np.uint8], tile_pass: TilePass) -> NDArray[np.int64]:
+    """Count the valid pixels of each class by their intensity, (256,) int64.
+
+    Parameters
+    ----------
+    source : GreySource
+    table : (65536,) uint8 array
+        The class of each grey, see `Partition.grey_table`.
+    tile_pass : TilePass
+    """
+    return np.bincount(table, count_greys(source, tile_pass), 256).astype(np.int64)
+
+
+def has_thin_lines(source: GreySource, interval: IntensityRange, tile_pass: TilePass) -> bool:
+    """Check whether there are thin lines in the `sample_parts` of a raster.
+
+    Parameters
+    ----------
+    source : GreySource
+    interval : IntensityRange
+    tile_pass : TilePass
+    """
+    parts = tile_pass.run(partial(_has_lines, source, interval), sample_parts(source.shape))
+    return any(list(parts))
+
+
+def sample_parts(shape: tuple[int, int]) -> list[Window]:
+    """Return evenly spaced parts of a raster, none adjacent where it is large enough."""
+    blocks = [-(-length // PART_SIDE) for length in shape]
+    rows, cols = (sample_positions(0, count, min(count, _PARTS)).tolist() for count in blocks)
+    corners = [(row * PART_SIDE, col * PART_SIDE) for row in rows for col in cols]
+    return [Window(row, col, PART_SIDE, PART_SIDE).clipped(shape) for row, col in corners]
+
+
+def _count_greys(source: GreySource, window: Window) -> NDArray[np.int64]:
+    if source.dataset.is_empty(window):
+        return np.zeros(GREY_LEVELS, np.int64)
+    tile = source.read(window, 0)
+    return np.bincount(tile.grey[tile.valid > 0], minlength=GREY_LEVELS)
+
+
+def _has_lines(source: GreySource, interval: IntensityRange, window: Window) -> bool:
+    lines = _with_thin_lines(source, None, interval, window)
+    return lines is not None and bool(lines[0][REFINE_HALO:-REFINE_HALO, REFINE_HALO:-REFINE_HALO].any())
+
+
+def _count_part(
+    source: GreySource, cells: NDArray[np.uint8], interval: IntensityRange, refine: Refinement, window: Window
+) -> tuple[int, int, int, int]:
+    """Count in a part: regions of cells, regions after refinement, their pixels, all valid pixels."""
+    here = np.ascontiguousarray(cells[window_cells(window)])
+    refined = refine_tile(source, cells_around(cells, window, REFINE_HALO), interval, refine, window)
+    if refined is None:
+        return 0, 0, 0, int(np.count_nonzero(source.read(window, 0).valid))
+    pixels, tile = refined
+    core = np.s_[REFINE_HALO:-REFINE_HALO, REFINE_HALO:-REFINE_HALO]
+    inside, valid = (int(np.count_nonzero(image[core])) for image in (pixels, tile.valid))
+    return label_equal_values(here)[1], label_components(pixels, REFINE_HALO)[1], inside, valid

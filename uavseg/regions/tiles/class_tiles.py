@@ -1,0 +1,220 @@
+"""Segments of several classes, refined tile by tile so that borders are shared, and stitched."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.execution.lazy_sequence import LazySequence
+from uavseg.raster.grid.tiling import TilePass, Window
+from uavseg.regions.outline.rings import RegionOutlines
+from uavseg.regions.outline.stitch import TileOutlines, TileStitcher, outline_tile
+from uavseg.regions.tiles.range_tiles import TileJob, check_sums, tile_jobs, with_detail
+from uavseg.segmentation.blocks.block_map import BlockMap
+from uavseg.segmentation.border_steps import border_steps
+from uavseg.segmentation.components import Sums, component_sums, label_equal_values
+from uavseg.segmentation.kinds import refine_kinds_of_tile
+from uavseg.segmentation.params.partition import Partition
+from uavseg.segmentation.params.segment import IntensityRange, Refinement
+from uavseg.segmentation.pipeline import every_cell, refine_tile
+from uavseg.segmentation.refine.detail import Detail
+from uavseg.segmentation.refine.range_scans import REFINE_HALO
+from uavseg.segmentation.source import GreySource, GreyTile
+
+Firsts = NDArray[np.int64]
+
+LIKELY = IntensityRange(0.5, 1)  # similarities at which a pixel may belong to a class
+
+
+@dataclass(frozen=True, slots=True)
+class ClassesByPixel:
+    """Class of each segment by its first pixel: known however segments are renumbered.
+
+    Parameters
+    ----------
+    firsts : (n, 2) int64 array
+        In raster order.
+    classes : (n,) uint8 array
+    """
+
+    firsts: Firsts
+    classes: NDArray[np.uint8]
+
+    @classmethod
+    def of(cls, firsts: Firsts, classes: NDArray[np.uint8]) -> "ClassesByPixel":
+        """Sort components by their first pixels.
+
+        Parameters
+        ----------
+        firsts : (n, 2) int64 array
+        classes : (n,) uint8 array
+        """
+        order = np.lexsort((firsts[:, 1], firsts[:, 0]))
+        return cls(firsts[order], classes[order])
+
+    def at(self, firsts: Firsts) -> NDArray[np.int64]:
+        """Return the classes of some of the components by their first pixels, (k, 2): (k,) int64."""
+        width = 1 + max(int(self.firsts[:, 1].max(initial=0)), int(firsts[:, 1].max(initial=0)))
+        place = np.searchsorted(self.firsts @ (width, 1), firsts @ (width, 1))
+        return self.classes[place].astype(np.int64)
+
+
+def outline_refined_classes(
+    source: GreySource,
+    partition: Partition,
+    refine: Refinement,
+    tile_pass: TilePass,
+    expected: BlockMap | None = None,
+    detail: Detail | None = None,
+) -> tuple[RegionOutlines, ClassesByPixel]:
+    """Outline segments of a partition, refined together: none overlap, and borders are shared.
+
+    Parameters
+    ----------
+    source : GreySource
+    partition : Partition
+    refine : {"tv", "pixels"}
+    tile_pass : TilePass
+    expected : BlockMap, optional
+        The sums and counts that cells must have, if the block map was made earlier; see `check_sums`.
+    detail : Detail, optional
+        Narrower structures are removed after refinement.
+    """
+    jobs = tile_jobs(every_cell(source.shape), tile_pass.windows, expected, detail)
+    tiles = tile_pass.run(partial(_outline_tile, source, partition.grey_table, refine, detail), jobs)
+    return _stitch_classes(source.shape, tile_pass.windows, tiles)
+
+
+def outline_likely_classes(
+    grey: GreySource,
+    similarities: Sequence[GreySource],
+    cells: Sequence[NDArray[np.uint8]],
+    refine: Refinement,
+    tile_pass: TilePass,
+    detail: Detail | None = None,
+) -> tuple[RegionOutlines, ClassesByPixel]:
+    """Outline the regions of classes: each pixel belongs to the likeliest of the possible classes, if any.
+
+    Parameters
+    ----------
+    grey : GreySource
+        The intensity that regions are measured in.
+    similarities : sequence of GreySource
+        Similarity to each class; a class is possible where it is one half or more, refined.
+    cells : sequence of (m, n) uint8 array
+        Of each class, from `pipeline.cells_to_refine`.
+    refine : {"tv", "none"}
+    tile_pass : TilePass
+    detail : Detail, optional
+        Narrower structures are assigned to adjacent classes, or to none; not with "none".
+
+    Returns
+    -------
+    outlined : RegionOutlines
+        With the sums of grey, and of the similarity of each region to its class.
+    classes : ClassesByPixel
+        1 for the first class, and so on.
+    """
+    windows = tile_pass.windows
+    jobs = [tile_jobs(one, windows, detail=detail) for one in cells]
+    tiles = tile_pass.run(
+        partial(_outline_likely_tile, grey, similarities, refine, detail),
+        LazySequence(len(windows), partial(_same_tile, jobs)),
+    )
+    return _stitch_classes(grey.shape, windows, tiles)
+
+
+def _same_tile(jobs: Sequence[Sequence[TileJob]], k: int) -> tuple[TileJob, ...]:
+    return tuple(of_class[k] for of_class in jobs)
+
+
+# Outlines of the components of a tile, and the class of each; None for a tile without components.
+_ClassOutlines = tuple[TileOutlines, NDArray[np.uint8]] | None
+
+
+def _stitch_classes(
+    shape: tuple[int, int], windows: Sequence[Window], tiles: Iterable[_ClassOutlines]
+) -> tuple[RegionOutlines, ClassesByPixel]:
+    """Stitch tiles to regions; those of different classes stay apart."""
+    all_firsts, all_classes = [np.empty((0, 2), np.int64)], [np.empty(0, np.uint8)]
+
+    def outlines() -> Iterator[TileOutlines | None]:
+        for tile in tiles:
+            if tile is not None:
+                all_firsts.append(tile[0].sums.firsts)
+                all_classes.append(tile[1])
+            yield tile and tile[0]
+
+    stitcher = TileStitcher(shape, windows, outlines())
+    classes = np.concatenate(all_classes)
+    return stitcher.finish(classes=classes), ClassesByPixel.of(np.concatenate(all_firsts), classes)
+
+
+def _outline_tile(
+    source: GreySource, table: NDArray[np.uint8], refine: Refinement, detail: Detail | None, job: TileJob
+) -> _ClassOutlines:
+    refined = refine_kinds_of_tile(source, table, refine, job.refined)
+    if refined is None:
+        return None
+    pixels, tile = refined if detail is None else with_detail(*refined, detail)
+    check_sums(source, job, tile)
+    labels, count = label_equal_values(pixels, REFINE_HALO)
+    return _with_classes(
+        pixels, outline_tile(pixels, labels, count, tile, job.window, source.shape[1]), job.window
+    )
+
+
+def _with_classes(pixels: NDArray[np.uint8], outlines: TileOutlines | None, window: Window) -> _ClassOutlines:
+    """Return outlines with the class of each component, from the classes of pixels with REFINE_HALO."""
+    if outlines is None:
+        return None
+    row, col = (outlines.sums.firsts - (window.row, window.col) + REFINE_HALO).T
+    return outlines, pixels[row, col]
+
+
+def _outline_likely_tile(
+    grey: GreySource,
+    similarities: Sequence[GreySource],
+    refine: Refinement,
+    detail: Detail | None,
+    jobs: tuple[TileJob, ...],
+) -> _ClassOutlines:
+    if not any(job.cells.any() for job in jobs):
+        return None
+    window, refined = jobs[0].window, jobs[0].refined
+    tile = grey.read(refined, REFINE_HALO, beyond=True)
+    pixels, tiles = np.zeros(tile.grey.shape, np.uint8), {}
+    best = np.zeros(tile.grey.shape, np.int32)
+    for number, (source, job) in enumerate(zip(similarities, jobs, strict=True), 1):
+        possible = refine_tile(source, job.cells, LIKELY, refine, refined)
+        if possible is None:
+            continue
+        inside, tiles[number] = possible
+        similarity = np.where(inside & tile.valid, tiles[number].grey.astype(np.int32) + 1, 0)
+        better = similarity > best
+        pixels[better], best[better] = number, similarity[better]
+    if detail is not None:
+        pixels, tile = with_detail(pixels, tile, detail)
+        tiles = {number: of_class.cropped(detail.halo) for number, of_class in tiles.items()}
+    labels, count = label_equal_values(pixels, REFINE_HALO)
+    outlines = outline_tile(pixels, labels, count, tile, window, grey.shape[1])
+    if outlines is not None:
+        sums = _with_similarity(outlines.sums, pixels, labels, tiles)
+        outlines = replace(outlines, sums=sums)
+    return _with_classes(pixels, outlines, window)
+
+
+def _with_similarity(
+    sums: Sums, pixels: NDArray[np.uint8], labels: NDArray[np.uint32], tiles: Mapping[int, GreyTile]
+) -> Sums:
+    """Return sums with those of the similarity of each region to its class; `tiles` has it by class."""
+    similarity, steps = np.zeros(pixels.shape, np.uint16), np.zeros((len(sums.counts), 2), np.int64)
+    for number, tile in tiles.items():
+        here = pixels == number
+        np.copyto(similarity, tile.grey, where=here)
+        steps += border_steps(here.view(np.uint8), labels, len(steps), tile.grey, tile.valid)
+    total = component_sums(labels, len(steps), similarity, REFINE_HALO)
+    columns = [part.astype(np.int64) for part in (total.counts, total.greys, total.squares)]
+    return replace(sums, steps=steps, alike=np.stack(columns, 1))
