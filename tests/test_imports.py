@@ -182,7 +182,7 @@ ONLY_IN = {
     "geopandas": {"regions", "flight.mission.features"},
     "pandas": {"regions"},
     "pymavlink": {"flight.link"},
-    "serial": {"flight.link.transport", "flight.link.serial_ports"},
+    "serial": {"flight.link.transport"},
     "dask": {"execution.cluster"},
     "distributed": {"execution.cluster"},
     "click": {"cli"},

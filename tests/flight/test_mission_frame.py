@@ -18,7 +18,7 @@ from uavseg.errors import MissingLibraryError
 from uavseg.flight.formats.files import write_mission
 from uavseg.flight.mission.fence import FencePolygon
 from uavseg.flight.mission.mission import Mission
-from uavseg.flight.safety.paper_check import PaperCheck
+from uavseg.flight.safety.check import SafetyCheck
 from uavseg.jobs.flights.plan import MissionPlan
 
 
@@ -112,11 +112,11 @@ def test_the_drawing_is_the_same_across_the_antimeridian(mission: Mission) -> No
 
 
 def test_a_plan_shows_each_flight(mission: Mission) -> None:
-    two = MissionPlan((mission, replace(mission, name="other")), 1, PaperCheck())
+    two = MissionPlan((mission, replace(mission, name="other")), 1, SafetyCheck())
     html = two._repr_html_()
     ElementTree.fromstring(html)
     assert html.count("<svg") == 2 and html.index("flight 1 of 2") < html.index("flight 2 of 2")
-    assert "flight 1" not in MissionPlan((mission,), 1, PaperCheck())._repr_html_()
+    assert "flight 1" not in MissionPlan((mission,), 1, SafetyCheck())._repr_html_()
 
 
 def test_warnings_of_a_mission_are_shown_as_text(mission: Mission) -> None:
@@ -154,6 +154,6 @@ def test_lines_of_the_map_are_not_filled_areas(mission: Mission) -> None:
 def test_flights_of_a_plan_share_a_map(mission: Mission) -> None:
     folium = pytest.importorskip("folium")
     pytest.importorskip("mapclassify")
-    shown = MissionPlan((mission, mission), 1, PaperCheck()).explore()
+    shown = MissionPlan((mission, mission), 1, SafetyCheck()).explore()
     names = [one.layer_name for one in shown._children.values() if isinstance(one, folium.GeoJson)]
     assert names.count("flight") == 2

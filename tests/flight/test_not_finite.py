@@ -31,7 +31,7 @@ from uavseg.flight.camera.camera import Camera, Overlap
 from uavseg.flight.camera.photos import Photos
 from uavseg.flight.formats.files import FORMATS, read_mission
 from uavseg.flight.formats.options import FileOptions
-from uavseg.flight.link.link_items import (
+from uavseg.flight.link.messages import (
     LinkItem,
     fence_of_items,
     home_of_row,

@@ -18,7 +18,7 @@ import uavseg
 from uavseg._jit import warming
 from uavseg._jit.kernels import Kernel
 from uavseg.cli import main
-from uavseg.flight.link.serial_ports import SerialPort, serial_ports
+from uavseg.flight.link.transport import SerialPort, serial_ports
 from uavseg.jobs.install import doctor as doctor_job
 from uavseg.jobs.install import find_qgis as qgis
 

@@ -15,7 +15,7 @@ from uavseg.flight.mission.items import FRAME_AMSL, FRAME_RELATIVE, FRAME_TERRAI
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.plane import Plane
 from uavseg.flight.planning.planner import plan_missions
-from uavseg.flight.safety.paper_check import PaperCheck
+from uavseg.flight.safety.check import SafetyCheck
 from uavseg.jobs.flights.check import CheckRequest, check
 from uavseg.jobs.flights.request import flight_params
 from uavseg.options.flights import MissionOptions
@@ -100,4 +100,4 @@ def test_independent_readers_find_every_item_and_the_check_refuses_nothing(
         )
     checked = check(plan, CheckRequest(autopilot))
     assert checked.problems == () and checked.mission == mission
-    assert not list(PaperCheck().problems(files.read_mission(rows))) or terrain is not None
+    assert not list(SafetyCheck().problems(files.read_mission(rows))) or terrain is not None

@@ -11,7 +11,7 @@ from pymavlink import mavwp
 
 from tests.flight.formats.random_missions import missions, routes
 from uavseg.flight.formats import files
-from uavseg.flight.formats.route import Route, route_of
+from uavseg.flight.formats.wayline import Wayline, wayline_of
 from uavseg.flight.mission.items import HEADING_COMMANDS, MissionItem
 from uavseg.flight.mission.mission import CRUISE_M_S, Mission
 
@@ -50,7 +50,7 @@ def test_waypoints_are_read_back_equal_but_for_what_they_cannot_hold(
     assert read_back(mission, tmp_path_factory.getbasetemp(), ".waypoints") == held
 
 
-def same_points(found: Route, expected: Route) -> None:
+def same_points(found: Wayline, expected: Wayline) -> None:
     """Equal points; a speed that is not set is the usual one, and headings are compared modulo 360."""
     assert len(found.points) == len(expected.points)
     for mine, theirs in zip(expected.points, found.points, strict=True):
@@ -70,13 +70,13 @@ def same_points(found: Route, expected: Route) -> None:
 def test_a_kmz_makes_an_aircraft_fly_the_same(
     mission: Mission, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
-    route = route_of(mission, "it")
+    route = wayline_of(mission, "it")
     # a series that begins at the last waypoint photographs nothing
     last = replace(route.points[-1], trigger_m=0.0, interval_s=0.0)
     route = replace(route, points=(*route.points[:-1], last))
     found = read_back(mission, tmp_path_factory.getbasetemp(), ".kmz")
-    same_points(route_of(found, "it"), route)
-    again = route_of(found, "it")
+    same_points(wayline_of(found, "it"), route)
+    again = wayline_of(found, "it")
     assert (again.finish, again.approach_m_s) == (route.finish, pytest.approx(route.approach_m_s))
     assert again.takeoff_m == pytest.approx(route.takeoff_m)
     assert (found.home.lat, found.home.lon) == pytest.approx((route.points[0].lat, route.points[0].lon))
@@ -87,7 +87,7 @@ def test_a_kmz_makes_an_aircraft_fly_the_same(
 @settings(max_examples=200)
 def test_a_csv_makes_litchi_fly_the_same(mission: Mission, tmp_path_factory: pytest.TempPathFactory) -> None:
     found = read_back(mission, tmp_path_factory.getbasetemp(), ".csv")
-    same_points(route_of(found, "it"), route_of(mission, "it"))
+    same_points(wayline_of(found, "it"), wayline_of(mission, "it"))
     assert any("does not hold home" in note for note in found.notes)
 
 

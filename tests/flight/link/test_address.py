@@ -3,7 +3,7 @@
 import pytest
 
 from uavseg.errors import ParameterError
-from uavseg.flight.link.address import parse_address
+from uavseg.flight.link.transport import parse_address
 from uavseg.jobs.flights.link import LinkRequest
 
 
@@ -23,8 +23,8 @@ from uavseg.jobs.flights.link import LinkRequest
 )
 def test_an_address_names_a_place_and_a_port_or_a_speed(text: str, place: str, number: int) -> None:
     address = parse_address(text)
-    assert (address.kind, address.place, address.number) == (text.strip().split(":")[0], place, number)
-    assert parse_address(f"{address.kind}:{address.place}:{address.number}") == address
+    assert (address.scheme, address.place, address.number) == (text.strip().split(":")[0], place, number)
+    assert parse_address(f"{address.scheme}:{address.place}:{address.number}") == address
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,13 @@ import pytest
 
 from tests.flight.link.link_missions import FENCE, RALLY, survey
 from uavseg.flight.link.compare import differences, rounded
-from uavseg.flight.link.link_items import LinkItem, items_of_fence, items_of_mission, items_of_rally
-from uavseg.flight.link.results import Kind
+from uavseg.flight.link.messages import (
+    LinkItem,
+    MissionType,
+    items_of_fence,
+    items_of_mission,
+    items_of_rally,
+)
 
 SENT = items_of_mission(survey(), True)  # home, takeoff, speed, waypoint, ...
 
@@ -39,7 +44,7 @@ def kept(number: int, **changes: Any) -> list[LinkItem]:
 def test_what_would_fly_otherwise_is_an_error(
     number: int, changes: dict[str, Any], words: str, autopilot: str
 ) -> None:
-    [found] = differences(SENT, kept(number, **changes), Kind.MISSION, autopilot)
+    [found] = differences(SENT, kept(number, **changes), MissionType.MISSION, autopilot)
     assert re.search(words, found)
 
 
@@ -53,41 +58,41 @@ def test_what_would_fly_otherwise_is_an_error(
     ],
 )
 def test_what_ardupilot_replaces_or_rounds_is_none(number: int, changes: dict[str, Any]) -> None:
-    assert not differences(SENT, kept(number, **changes), Kind.MISSION, "ardupilot")
+    assert not differences(SENT, kept(number, **changes), MissionType.MISSION, "ardupilot")
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4", "generic"])
 def test_only_ardupilot_may_go_on_where_it_was_to_wait(autopilot: str) -> None:
     waiting = [*SENT[:3], replace(SENT[3], autocontinue=0), *SENT[4:]]
-    assert not differences(waiting, waiting, Kind.MISSION, autopilot)
-    found = differences(waiting, SENT, Kind.MISSION, autopilot)
+    assert not differences(waiting, waiting, MissionType.MISSION, autopilot)
+    found = differences(waiting, SENT, MissionType.MISSION, autopilot)
     assert found == ([] if autopilot == "ardupilot" else ["item 3: autocontinue is 1 instead of 0"])
 
 
 def test_a_generic_vehicle_keeps_all_parameters() -> None:
-    assert differences(SENT, kept(3, params=(0.0, 0.0, 1.0, None)), Kind.MISSION, "generic")
+    assert differences(SENT, kept(3, params=(0.0, 0.0, 1.0, None)), MissionType.MISSION, "generic")
 
 
 def test_the_number_of_items_is_compared_first() -> None:
-    assert differences(SENT, SENT[:-1], Kind.MISSION, "px4") == ["it holds 12 items instead of 13"]
+    assert differences(SENT, SENT[:-1], MissionType.MISSION, "px4") == ["it holds 12 items instead of 13"]
 
 
 NAN, INF = math.nan, math.inf
 STATED = LinkItem(16, 3, (5.0, 1.0, 0.0, 90.0), 470000000, 80000000, 50.0)
 COUNTED = LinkItem(178, 2, (1.0, 5.0, -1.0, 0.0))
 LISTS = {
-    Kind.MISSION: [STATED, STATED, COUNTED],
-    Kind.FENCE: items_of_fence(FENCE),
-    Kind.RALLY: items_of_rally(RALLY),
+    MissionType.MISSION: [STATED, STATED, COUNTED],
+    MissionType.FENCE: items_of_fence(FENCE),
+    MissionType.RALLY: items_of_rally(RALLY),
 }
 
 
 @pytest.mark.parametrize("value", [NAN, INF, -INF])
 @pytest.mark.parametrize("field", ["param1", "param2", "param3", "param4", "z"])
-@pytest.mark.parametrize("kind", list(Kind))
+@pytest.mark.parametrize("kind", list(MissionType))
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4", "generic"])
 def test_a_number_that_is_not_finite_is_a_difference(
-    value: float, field: str, kind: Kind, autopilot: str
+    value: float, field: str, kind: MissionType, autopilot: str
 ) -> None:
     for number in range(1, len(LISTS[kind])):
         message = SimpleNamespace(
@@ -106,8 +111,8 @@ def test_infinity_and_nan_equal_nothing_but_nan(autopilot: str) -> None:
     unset = replace(STATED, params=(0.0, 0.0, 0.0, None))
     for value in (INF, -INF):
         held = [unset, replace(unset, params=(0.0, 0.0, 0.0, value))]
-        assert differences([unset, unset], held, Kind.MISSION, autopilot)
-    assert not differences([unset, unset], [unset, unset], Kind.MISSION, autopilot)
+        assert differences([unset, unset], held, MissionType.MISSION, autopilot)
+    assert not differences([unset, unset], [unset, unset], MissionType.MISSION, autopilot)
 
 
 MADE = [  # autopilot, command, parameter, sent, kept, whether that is known of the autopilot
@@ -153,26 +158,28 @@ def test_only_what_an_autopilot_is_known_to_make_of_a_parameter_is_no_difference
         return replace(STATED, command=command, params=tuple(params))
 
     sent, held = [STATED, item(value)], [STATED, item(known)]
-    assert (not differences(sent, held, Kind.MISSION, autopilot)) == is_known
+    assert (not differences(sent, held, MissionType.MISSION, autopilot)) == is_known
     if is_known and (value is not None or autopilot == "generic"):
-        [told] = rounded(sent, held, Kind.MISSION, autopilot)
+        [told] = rounded(sent, held, MissionType.MISSION, autopilot)
         assert told.startswith(f"the vehicle keeps parameter {n} of command {command} as ")
 
 
 def test_the_height_of_what_is_looked_at_is_compared() -> None:
     point = LinkItem(195, 3, x=470000000, y=80000000, z=12.0)
-    assert differences([STATED, point], [STATED, replace(point, z=40.0)], Kind.MISSION, "ardupilot")
-    assert differences([STATED, point], [STATED, replace(point, frame=0)], Kind.MISSION, "ardupilot")
+    assert differences([STATED, point], [STATED, replace(point, z=40.0)], MissionType.MISSION, "ardupilot")
+    assert differences([STATED, point], [STATED, replace(point, frame=0)], MissionType.MISSION, "ardupilot")
 
 
 def test_a_fence_is_compared_by_position_and_size() -> None:
     sent = items_of_fence(FENCE)
-    assert not differences(sent, [replace(one, frame=3, z=5.0) for one in sent], Kind.FENCE, "px4")
+    assert not differences(sent, [replace(one, frame=3, z=5.0) for one in sent], MissionType.FENCE, "px4")
     for changes in ({"params": (5.0, 0.0, 0.0, 0.0)}, {"x": 1}, {"command": 5002}):
-        assert differences(sent, [replace(sent[0], **changes), *sent[1:]], Kind.FENCE, "ardupilot")
+        assert differences(sent, [replace(sent[0], **changes), *sent[1:]], MissionType.FENCE, "ardupilot")
 
 
 def test_rally_points_may_lose_the_decimals_of_their_altitude() -> None:
     sent = items_of_rally(RALLY)
-    assert not differences(sent, [replace(sent[0], z=sent[0].z - 0.9), sent[1]], Kind.RALLY, "ardupilot")
-    assert differences(sent, [replace(sent[0], z=sent[0].z - 1.1), sent[1]], Kind.RALLY, "ardupilot")
+    assert not differences(
+        sent, [replace(sent[0], z=sent[0].z - 0.9), sent[1]], MissionType.RALLY, "ardupilot"
+    )
+    assert differences(sent, [replace(sent[0], z=sent[0].z - 1.1), sent[1]], MissionType.RALLY, "ardupilot")

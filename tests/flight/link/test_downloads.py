@@ -16,7 +16,7 @@ from tests.flight.link.vehicles import (
 )
 from uavseg.errors import LinkError, MissionError
 from uavseg.flight.link.download import download_mission
-from uavseg.flight.link.results import Result
+from uavseg.flight.link.messages import Result
 from uavseg.flight.mission.items import (
     CONDITION_GATE,
     FRAME_MISSION,

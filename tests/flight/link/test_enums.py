@@ -5,9 +5,9 @@ from types import ModuleType
 import pytest
 from pymavlink.dialects.v20 import common
 
-from uavseg.flight.link import link, link_items, vehicle
-from uavseg.flight.link.results import Kind, Result, result_words
-from uavseg.flight.link.send import command_name
+from uavseg.flight.link import link, messages
+from uavseg.flight.link.messages import MissionType, Result, result_text
+from uavseg.flight.link.transfer import command_name
 from uavseg.flight.mission import items
 
 NAMES = {
@@ -38,7 +38,7 @@ NAMES = {
         "FRAME_RELATIVE": "MAV_FRAME_GLOBAL_RELATIVE_ALT",
         "FRAME_TERRAIN": "MAV_FRAME_GLOBAL_TERRAIN_ALT",
     },
-    link_items: {
+    messages: {
         "FENCE_RETURN": "MAV_CMD_NAV_FENCE_RETURN_POINT",
         "POLYGON_INCLUSION": "MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION",
         "POLYGON_EXCLUSION": "MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION",
@@ -53,7 +53,7 @@ NAMES = {
         "FRAME_RELATIVE_INT": "MAV_FRAME_GLOBAL_RELATIVE_ALT_INT",
         "FRAME_TERRAIN_INT": "MAV_FRAME_GLOBAL_TERRAIN_ALT_INT",
     },
-    vehicle: {
+    link: {
         "INVALID_AUTOPILOT": "MAV_AUTOPILOT_INVALID",
         "ARMED": "MAV_MODE_FLAG_SAFETY_ARMED",
         "TRACKER": "MAV_TYPE_ANTENNA_TRACKER",
@@ -62,11 +62,11 @@ NAMES = {
         "GIMBAL": "MAV_TYPE_GIMBAL",
         "ADSB": "MAV_TYPE_ADSB",
         "CAMERA": "MAV_TYPE_CAMERA",
+        "FIRST_COMPONENT": "MAV_COMP_ID_USER1",
     },
-    link: {"FIRST_COMPONENT": "MAV_COMP_ID_USER1"},
 }
 NEWER = {"MAV_CMD_CONDITION_GATE"}  # than the oldest pymavlink that works
-OTHERS = {"DEGREE_DECIMALS", "MAX_ITEMS", "SYSTEM", "COMPONENTS"}  # of no enum
+OTHERS = {"MAX_ITEMS", "SYSTEM", "COMPONENTS", "QUICK_REPEATS", "DEGREE_DECIMALS"}  # of no enum
 
 
 @pytest.mark.parametrize("module", NAMES, ids=lambda module: module.__name__)
@@ -79,17 +79,17 @@ def test_numbers_are_those_of_mavlink(module: ModuleType) -> None:
 
 @pytest.mark.parametrize("module", NAMES, ids=lambda module: module.__name__)
 def test_every_number_is_compared(module: ModuleType) -> None:
-    imported = {word for other in (items, link_items, vehicle) if other is not module for word in vars(other)}
+    imported = {word for other in (items, messages) if other is not module for word in vars(other)}
     numbers = {word for word, value in vars(module).items() if word.isupper() and type(value) is int}
     assert numbers - imported - OTHERS <= set(NAMES[module])
 
 
-def test_autopilots_kinds_and_results_are_those_of_mavlink() -> None:
+def test_autopilots_list_types_and_results_are_those_of_mavlink() -> None:
     for name, number in items.AUTOPILOTS.items():
         enum = {"ardupilot": "ARDUPILOTMEGA"}.get(name, name.upper())
         assert number == getattr(common, f"MAV_AUTOPILOT_{enum}")
-    assert {kind.name: int(kind) for kind in Kind} == {
-        kind.name: getattr(common, f"MAV_MISSION_TYPE_{kind.name}") for kind in Kind
+    assert {kind.name: int(kind) for kind in MissionType} == {
+        kind.name: getattr(common, f"MAV_MISSION_TYPE_{kind.name}") for kind in MissionType
     }
     theirs = {
         number: entry.name.removeprefix("MAV_MISSION_")
@@ -100,9 +100,9 @@ def test_autopilots_kinds_and_results_are_those_of_mavlink() -> None:
 
 
 def test_every_result_has_words() -> None:
-    said = {result_words(result) for result in Result}
+    said = {result_text(result) for result in Result}
     assert len(said) == len(Result) and all("(MAV_MISSION_" in words for words in said)
-    assert result_words(99) == "result 99"
+    assert result_text(99) == "result 99"
 
 
 def test_commands_have_their_names() -> None:

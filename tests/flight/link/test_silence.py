@@ -13,7 +13,7 @@ from tests.flight.link.vehicles import (
     Px4,
 )
 from uavseg.errors import LinkError, UnverifiedError
-from uavseg.flight.link.results import Result
+from uavseg.flight.link.messages import Result
 from uavseg.flight.link.upload import upload_mission
 
 

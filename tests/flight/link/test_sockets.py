@@ -24,7 +24,7 @@ from tests.flight.link.served import (
 from tests.flight.link.vehicles import ArduPilot, Generic, Px4
 from uavseg.errors import LinkError
 from uavseg.flight.link import link
-from uavseg.flight.link.link_items import LinkItem, items_of_fence, items_of_mission, items_of_rally
+from uavseg.flight.link.messages import LinkItem, items_of_fence, items_of_mission, items_of_rally
 from uavseg.flight.mission.mission import Mission
 from uavseg.jobs.flights.link import LinkRequest, download, upload
 

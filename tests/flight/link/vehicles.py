@@ -9,7 +9,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import common
 
-from uavseg.flight.link.results import Result
+from uavseg.flight.link.messages import Result
 
 MISSION_MESSAGES = {
     *("HEARTBEAT", "MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_ACK"),

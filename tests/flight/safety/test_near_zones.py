@@ -6,7 +6,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from uavseg.flight.avoid.free_space import FreeSpace
-from uavseg.flight.safety.near_zones import near_zones
+from uavseg.flight.safety.keep_out import near_zones
 
 PLACES = st.lists(st.tuples(st.integers(0, 60), st.integers(0, 60)), min_size=2, max_size=4, unique=True)
 BOXES = st.lists(

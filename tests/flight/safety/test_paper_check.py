@@ -13,8 +13,8 @@ from uavseg.flight.mission.items import FRAME_RELATIVE, RETURN, TAKEOFF, WAYPOIN
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.plane import Plane
 from uavseg.flight.params.plan import SafetyParams
+from uavseg.flight.safety.check import SafetyCheck
 from uavseg.flight.safety.home_place import CLEARANCE_M, home_outside
-from uavseg.flight.safety.paper_check import PaperCheck
 
 
 def flight(*places: tuple[float, float], height: float = 60, **words: object) -> Mission:
@@ -55,8 +55,8 @@ def test_what_is_not_safe_is_refused_and_says_where(
     mission: Mission, safety: SafetyParams, zones: list[shapely.Polygon], words: str
 ) -> None:
     with pytest.raises(MissionError, match=words):
-        PaperCheck(safety, zones).check(mission)
-    PaperCheck(SafetyParams(0, max_altitude_m=500), []).check(flight((100, 0)))
+        SafetyCheck(safety, zones).check(mission)
+    SafetyCheck(SafetyParams(0, max_altitude_m=500), []).check(flight((100, 0)))
 
 
 def rally(east: float, north: float, height: float = 30) -> RallyPoint:
@@ -97,10 +97,10 @@ def rally(east: float, north: float, height: float = 30) -> RallyPoint:
 def test_rally_points_and_every_inclusion_are_checked(
     mission: Mission, safety: SafetyParams, words: str
 ) -> None:
-    found = list(PaperCheck(safety, [box(40, 5, 20, 20)]).problems(mission))
+    found = list(SafetyCheck(safety, [box(40, 5, 20, 20)]).problems(mission))
     assert len(found) == 1 and re.search(words, found[0])
     good = flight((100, 0), fence=(polygon(AROUND),), rally=(rally(0, 40), rally(-20, -20, 60)))
-    assert not list(PaperCheck(SafetyParams(2), [box(40, 5, 20, 20)]).problems(good))
+    assert not list(SafetyCheck(SafetyParams(2), [box(40, 5, 20, 20)]).problems(good))
 
 
 def test_the_fence_leads_around_the_flight_and_is_left_out_on_request() -> None:

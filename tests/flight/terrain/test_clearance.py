@@ -26,15 +26,14 @@ from uavseg.flight.params.plan import PlanParams
 from uavseg.flight.params.terrain import TerrainParams
 from uavseg.flight.planning.along import items_along
 from uavseg.flight.terrain.clearance import Clearance, clearance_of
-from uavseg.flight.terrain.follow import GroundPath
-from uavseg.flight.terrain.heights import Heights
+from uavseg.flight.terrain.follow import GroundPath, WaypointHeights
 from uavseg.raster.elevation.dem import Dem
 
 
 def mission(path: Any, frame: int, heights: Any, takeoff_m: float = 60.0) -> Mission:
     lon, lat = PLANE.lonlat_from_xy(*np.array(path, float).T)
     none = np.zeros(len(lon), bool)
-    flight = Heights(frame, np.array(heights, float), takeoff_m, none, np.full(len(lon), 5.0))
+    flight = WaypointHeights(frame, np.array(heights, float), takeoff_m, none, np.full(len(lon), 5.0))
     home = HomePosition(*HOME, 400.0)
     return Mission(home, items_along(track(lon, lat), home, PlanParams(60), flight))
 
@@ -53,7 +52,7 @@ def test_a_planned_flight_passes_and_a_lowered_or_raised_one_does_not(
 
     def moved(path: GroundPath, by_m: float) -> Mission:
         heights = path.heights
-        flight = Heights(
+        flight = WaypointHeights(
             heights.frame, heights.height_m + by_m, heights.takeoff_m + by_m, heights.added, heights.speed_m_s
         )
         items = items_along(path.track, home, PlanParams(60), flight)
@@ -114,7 +113,7 @@ def test_without_a_model_nothing_is_checked_here(tmp_path: Path) -> None:
     assert clearance_of(PlanParams(60, terrain=TerrainParams(None, "frame"))) is None
     dem = Dem.open(draw(tmp_path / "a.tif", plane(0, 0)))
     found = clearance_of(PlanParams(60, terrain=TerrainParams(dem, tolerance_m=7)))
-    assert found is not None and found.least_m == 53
+    assert found is not None and found.minimum_m == 53
 
 
 @pytest.mark.parametrize(("rise_m", "words"), [(-40.0, "at least 55"), (40.0, "--max-altitude")])

@@ -13,7 +13,7 @@ from uavseg.errors import MissionError, ParameterError
 from uavseg.flight.mission.plane import Plane
 from uavseg.flight.params.plan import PlanParams, SafetyParams
 from uavseg.flight.params.terrain import TerrainParams, terrain_params
-from uavseg.flight.terrain.home import home_on_ground
+from uavseg.flight.terrain.follow import home_on_ground
 from uavseg.raster.elevation.dem import Dem
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uavseg.flight.terrain.selection import FIRST_LOOK, limit_slopes, points_within
+from uavseg.flight.terrain.altitude_profile import FIRST_WINDOW, limit_slopes, points_within
 
 profiles = st.lists(st.floats(-100, 100), min_size=2, max_size=40)
 
@@ -50,7 +50,7 @@ def test_each_point_is_the_farthest_that_one_line_reaches(
 
 
 def test_long_straight_profiles_need_two_points() -> None:
-    along = np.arange(20.0 * FIRST_LOOK)
+    along = np.arange(20.0 * FIRST_WINDOW)
     assert points_within(along, 0.3 * along, 1.0) == [0, len(along) - 1]
     assert points_within(np.zeros(2), np.array([1.0, 1.0]), 1.0) == [0, 1]
 

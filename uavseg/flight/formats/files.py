@@ -14,7 +14,7 @@ from uavseg.flight.formats.litchi import litchi_losses, read_litchi, write_litch
 from uavseg.flight.formats.options import FileOptions
 from uavseg.flight.formats.plan import plan_losses, read_plan, write_plan
 from uavseg.flight.formats.waypoints import read_waypoints, waypoints_losses, write_waypoints
-from uavseg.flight.mission.items import TAKEOFFS
+from uavseg.flight.mission.items import TAKEOFFS, HomePosition
 from uavseg.flight.mission.mission import Mission
 from uavseg.inputs import read_bytes
 from uavseg.output.atomic import atomic_file
@@ -32,23 +32,11 @@ def _no_losses(mission: Mission, options: FileOptions) -> list[str]:
 
 @dataclass(frozen=True, slots=True)
 class Format:
-    """A format of mission files.
-
-    Parameters
-    ----------
-    write : callable
-        The content of a file.
-    read : callable
-        The mission of a content; its name is given.
-    losses : callable
-        What the format cannot hold of a mission, one sentence each.
-    holds_home : bool
-        Whether home is in the file.
-    """
+    """Format of mission files."""
 
     write: Callable[[Mission, FileOptions], bytes]
-    read: Callable[[bytes, str], Mission]
-    losses: Callable[[Mission, FileOptions], list[str]] = _no_losses
+    read: Callable[[bytes, str], Mission]  # from the content of a file and the name of the mission
+    losses: Callable[[Mission, FileOptions], list[str]] = _no_losses  # what it cannot hold, one sentence each
     holds_home: bool = True
 
 
@@ -78,7 +66,7 @@ def write_mission(
     mission : Mission
     path : path
         Its extension selects the format: .plan (QGroundControl, MAVSDK), .waypoints (Mission Planner, mavwp,
-        QGroundControl), .kmz (DJI), .csv (Litchi), or to look at .kml and .geojson. A .waypoints file does
+        QGroundControl), .kmz (DJI), .csv (Litchi), and for display .kml and .geojson. A .waypoints file does
         not store the autopilot; parameters that are not set are written as 0.
     overwrite : bool
         Whether an existing file may be replaced.
@@ -100,37 +88,34 @@ def write_mission(
         If the file exists, or cannot be written.
     """
     suffix = check_mission_format(path)
-    form, options = FORMATS[suffix], FileOptions(editable, dji_model)
+    mission_format, options = FORMATS[suffix], FileOptions(editable, dji_model)
     if editable and suffix != ".plan":
         raise ParameterError(f"only a .plan can hold what QGroundControl edits (--editable), not a {suffix}")
-    content, losses = form.write(mission, options), form.losses(mission, options)
+    content, losses = mission_format.write(mission, options), mission_format.losses(mission, options)
     with atomic_file(path, overwrite) as temporary:
         temporary.write_bytes(content)
         if check is not None:
-            check(_from_home(read_mission(temporary), mission, form))
+            written = read_mission(temporary)
+            check(written if mission_format.holds_home else _from_home(written, mission.home))
     for loss in losses:
         warnings.warn(loss, stacklevel=2)
 
 
-def _from_home(found: Mission, mission: Mission, form: Format) -> Mission:
-    """A mission as it is flown from the home of another one, where its file does not say from where."""
-    if form.holds_home:
-        return found
-    home = mission.home
+def _from_home(mission: Mission, home: HomePosition) -> Mission:
+    """Move home and takeoff of a mission whose file does not hold them."""
     items = tuple(
         replace(item, lat=home.lat, lon=home.lon) if item.command in TAKEOFFS else item
-        for item in found.items
+        for item in mission.items
     )
-    return replace(found, home=home, items=items)
+    return replace(mission, home=home, items=items)
 
 
 def read_mission(path: MissionPath) -> Mission:
     """Read a mission from a file in any of the formats of `write_mission`.
 
     A mission from `write_mission` is read back equal from a .plan, .kml or .geojson file. A .waypoints file
-    is read as one for ArduPilot, and a heading (param4) of 0 in it as not set. Of a .plan, the items are read
-    that its surveys hold. A .kmz and a .csv do not hold home; what they hold besides that a mission cannot is
-    noted.
+    is read as one for ArduPilot, and a heading (param4) of 0 in it as not set. The items of surveys in a
+    .plan are read as they are flown. A .kmz and a .csv do not hold home; notes name what was not read.
 
     Raises
     ------
@@ -138,10 +123,10 @@ def read_mission(path: MissionPath) -> Mission:
         If the file cannot be read, is not what its extension says, holds other complex items than surveys, or
         holds a mission that would not be safe.
     """
-    form = FORMATS[check_mission_format(path)]
+    mission_format = FORMATS[check_mission_format(path)]
     content = read_bytes(path, MissionError, MAX_BYTES)
     try:
-        return form.read(content, Path(path).stem)
+        return mission_format.read(content, Path(path).stem)
     except UnicodeDecodeError as error:
         raise MissionError(f"{path} cannot be read as a mission: {cause_of(error)}") from error
     except MissionError as error:
@@ -156,7 +141,7 @@ def check_mission_format(path: MissionPath) -> str:
     Raises
     ------
     MissionError
-        If it is none of `FORMATS`.
+        If it is not in `FORMATS`.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in FORMATS:

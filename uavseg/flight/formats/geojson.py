@@ -1,4 +1,4 @@
-"""Missions as .geojson files, to look at in GIS software; in positions without height.
+"""GeoJSON of missions for display in GIS software, in positions without height.
 
 Heights of GeoJSON count from the ellipsoid (RFC 7946), which heights of missions do not: they are attributes,
 above home, the sea or the terrain, as `height_above` says.
@@ -17,17 +17,17 @@ from uavseg.plain_text import shown
 
 
 def write_geojson(mission: Mission, options: FileOptions) -> bytes:
-    """A mission as the content of a .geojson file, a feature on each line."""
+    """Write a mission as the content of a .geojson file, a feature on each line."""
     lines = ",\n".join(json.dumps(as_geojson(one), allow_nan=False) for one in features_of(mission))
     return f'{{"type": "FeatureCollection", "features": [\n{lines}\n]}}\n'.encode()
 
 
 def read_geojson(content: bytes, name: str) -> Mission:
-    """The mission of a .geojson file that `write_geojson` wrote."""
-    found = parse_json(content.decode())
-    if not isinstance(found, dict) or found.get("type") != "FeatureCollection":
+    """Read a .geojson file that `write_geojson` wrote."""
+    document = parse_json(content.decode())
+    if not isinstance(document, dict) or document.get("type") != "FeatureCollection":
         raise MissionError('it is not GeoJSON: "type" is not "FeatureCollection"')
-    return mission_of_features(map(_read_feature, found["features"]), name)
+    return mission_of_features(map(_read_feature, document["features"]), name)
 
 
 def _read_feature(feature: Mapping[str, Any]) -> MissionFeature:

@@ -44,7 +44,7 @@ _FLAGS = {"true": True, "false": False}
 
 
 def write_kml(mission: Mission, options: FileOptions) -> bytes:
-    """A mission as the content of a .kml file."""
+    """Write a mission as the content of a .kml file."""
     root = ET.Element("kml", {"xmlns": NAMESPACE})
     document = child(root, "Document")
     child(document, "name", plain_name(mission.name) or "mission")
@@ -65,7 +65,7 @@ def write_kml(mission: Mission, options: FileOptions) -> bytes:
 
 
 def kml_losses(mission: Mission, options: FileOptions) -> list[str]:
-    """That heights are drawn above the ground, where the altitude of home is not known."""
+    """Return the note that heights are drawn above the ground, where the altitude of home is not known."""
     if mission.home.altitude_m:
         return []
     return ["the altitude of home is not given, so that the .kml draws heights above the ground under them"]
@@ -139,7 +139,7 @@ def _degrees(value: float) -> str:
 
 
 def read_kml(content: bytes, name: str) -> Mission:
-    """The mission of a .kml file that `write_kml` wrote."""
+    """Read a .kml file that `write_kml` wrote."""
     root = parse_xml(content)
     return mission_of_features(map(_read_placemark, root.iter("Placemark")), name)
 
@@ -166,7 +166,7 @@ def _read_places(text: str) -> Iterator[Place]:
 
 
 def _read_value(text: str) -> Value:
-    """A number, a flag or nothing where the text is one, else the text."""
+    """Return a number, a flag or None where the text is one, else the text."""
     if text in _FLAGS:
         return _FLAGS[text]
     try:

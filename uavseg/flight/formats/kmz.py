@@ -6,9 +6,8 @@ from io import BytesIO
 
 from uavseg.errors import MissionError
 from uavseg.flight.formats.options import DJI_MODELS, FileOptions
-from uavseg.flight.formats.read_wpml import route_of_waylines
-from uavseg.flight.formats.route import mission_of_route, route_losses, route_of
-from uavseg.flight.formats.wpml import check_route, template_kml, waylines_wpml
+from uavseg.flight.formats.wayline import mission_of_wayline, wayline_losses, wayline_of
+from uavseg.flight.formats.wpml import check_wayline, read_waylines, template_kml, waylines_wpml
 from uavseg.flight.formats.xml_text import MAX_BYTES
 from uavseg.flight.mission.mission import Mission
 from uavseg.plain_text import cause_of
@@ -20,50 +19,41 @@ _NO_DATE = (1980, 1, 1, 0, 0, 0)  # the same mission gives the same bytes
 
 
 def write_kmz(mission: Mission, options: FileOptions) -> bytes:
-    """A mission as the content of a .kmz file.
-
-    Raises
-    ------
-    MissionError
-        If DJI's format cannot hold how the mission is flown.
-    """
-    route = route_of(mission, NAME)
-    check_route(route, NAME)
+    """Write a mission as the content of a .kmz file; raise MissionError if DJI's format cannot hold it."""
+    wayline = wayline_of(mission, NAME)
+    check_wayline(wayline, NAME)
     model = DJI_MODELS[options.dji_model]
     stream = BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, content in (
-            (TEMPLATE, template_kml(route, model)),
-            (WAYLINES, waylines_wpml(route, model)),
-        ):
+        for name, write in ((TEMPLATE, template_kml), (WAYLINES, waylines_wpml)):
             member = zipfile.ZipInfo(name, _NO_DATE)
             member.compress_type = zipfile.ZIP_DEFLATED
-            archive.writestr(member, content)
+            archive.writestr(member, write(wayline, model))
     return stream.getvalue()
 
 
 def kmz_losses(mission: Mission, options: FileOptions) -> list[str]:
-    """What a .kmz does not hold of a mission, and what the pilot has to know of it."""
-    route, home = route_of(mission, NAME), mission.home
+    """Return what a .kmz cannot hold of a mission, and what the pilot has to know, one sentence each."""
+    wayline, home = wayline_of(mission, NAME), mission.home
     model = DJI_MODELS[options.dji_model]
-    notes = route_losses(mission, route, NAME)
+    notes = wayline_losses(mission, wayline, NAME)
     notes.append(
         f"the .kmz is for a {model.name} (--dji-model); it does not hold home: take off at "
         f"{home.lat:.6f},{home.lon:.6f}, from where heights count"
     )
-    if any(point.heading_deg is not None and point.heading_deg % 1 for point in route.points):
+    if any(point.heading_deg is not None and point.heading_deg % 1 for point in wayline.points):
         notes.append("headings are rounded to whole degrees in a .kmz")
     return notes
 
 
 def read_kmz(content: bytes, name: str) -> Mission:
-    """The mission of a .kmz file: its one wayline."""
-    route, notes = route_of_waylines(_member(content))
-    return mission_of_route(route, name, notes)
+    """Read the one wayline of a .kmz file as a mission."""
+    wayline, notes = read_waylines(_member(content))
+    return mission_of_wayline(wayline, name, notes)
 
 
 def _member(content: bytes) -> bytes:
-    """The document of the wayline, decompressed within bounds."""
+    """Decompress the document of the wayline, within bounds."""
     try:
         with zipfile.ZipFile(BytesIO(content)) as archive:
             if len(archive.infolist()) > MAX_MEMBERS:

@@ -14,13 +14,13 @@ from itertools import pairwise
 
 from uavseg.errors import MissionError
 from uavseg.flight.formats.options import FileOptions
-from uavseg.flight.formats.route import (
+from uavseg.flight.formats.wayline import (
     FINISH_NONE,
-    Route,
-    RoutePoint,
-    mission_of_route,
-    route_losses,
-    route_of,
+    Wayline,
+    WaylinePoint,
+    mission_of_wayline,
+    wayline_losses,
+    wayline_of,
 )
 from uavseg.flight.formats.waypoints import decimal
 from uavseg.flight.mission.items import FRAME_RELATIVE, FRAME_TERRAIN, distance_m
@@ -32,7 +32,7 @@ ACTIONS = 15
 COLUMNS = (
     *("latitude", "longitude", "altitude(m)", "heading(deg)", "curvesize(m)", "rotationdir", "gimbalmode"),
     "gimbalpitchangle",
-    *(f"action{word}{number}" for number in range(1, ACTIONS + 1) for word in ("type", "param")),
+    *(f"action{field}{number}" for number in range(1, ACTIONS + 1) for field in ("type", "param")),
     *("altitudemode", "speed(m/s)", "poi_latitude", "poi_longitude", "poi_altitude(m)", "poi_altitudemode"),
     *("photo_timeinterval", "photo_distinterval"),
 )
@@ -47,40 +47,34 @@ MAX_ROWS = 100_000
 
 
 def write_litchi(mission: Mission, options: FileOptions) -> bytes:
-    """A mission as the content of a .csv file of Litchi.
-
-    Raises
-    ------
-    MissionError
-        If Litchi's format cannot hold how the mission is flown, or it has more than 99 waypoints.
-    """
-    route = route_of(mission, NAME)
-    check_route(route)
-    rows = [COLUMNS, *(_row(point) for point in route.points)]
+    """Write a mission as the content of a .csv file; raise MissionError if Litchi cannot fly it."""
+    wayline = wayline_of(mission, NAME)
+    check_wayline(wayline)
+    rows = [COLUMNS, *(_row(point) for point in wayline.points)]
     return "".join(",".join(row) + "\n" for row in rows).encode()
 
 
 def litchi_losses(mission: Mission, options: FileOptions) -> list[str]:
-    """What a .csv does not hold of a mission, and what has to be set in Litchi."""
-    route, home = route_of(mission, NAME), mission.home
-    end = {"return": "RTH", "land": "Land", "none": "None"}[route.finish]
-    heading = "auto" if all(point.heading_deg is None for point in route.points) else "custom"
+    """Return what a .csv cannot hold of a mission, and what has to be set in Litchi, one sentence each."""
+    wayline, home = wayline_of(mission, NAME), mission.home
+    end = {"return": "RTH", "land": "Land", "none": "None"}[wayline.finish]
+    heading = "auto" if all(point.heading_deg is None for point in wayline.points) else "custom"
     return [
-        *route_losses(mission, route, NAME),
+        *wayline_losses(mission, wayline, NAME),
         f"in Litchi, set the path mode to straight lines, the heading mode to {heading} and the finish "
         f"action to {end}; the .csv does not hold them, nor home: take off at {home.lat:.6f},{home.lon:.6f}",
     ]
 
 
-def check_route(route: Route) -> None:
-    """Raise MissionError if Litchi does not fly a route."""
-    count = len(route.points)
+def check_wayline(wayline: Wayline) -> None:
+    """Raise MissionError if Litchi does not fly a wayline."""
+    count = len(wayline.points)
     if not MIN_WAYPOINTS <= count <= MAX_WAYPOINTS:
         raise MissionError(
             f"Litchi flies {MIN_WAYPOINTS} to {MAX_WAYPOINTS} waypoints, and the mission has {count}: split "
             f"it (--max-items {MAX_WAYPOINTS} is enough), or choose fewer regions or a wider spacing"
         )
-    for number, point in enumerate(route.points, start=1):
+    for number, point in enumerate(wayline.points, start=1):
         if not MIN_HEIGHT_M <= point.altitude_m <= MAX_HEIGHT_M:
             raise MissionError(
                 f"Litchi flies at {MIN_HEIGHT_M:g} to {MAX_HEIGHT_M:g} m, and waypoint {number} is at "
@@ -96,7 +90,7 @@ def check_route(route: Route) -> None:
                 f"Litchi stays at a waypoint for up to {MAX_STAY_MS / 1000:g} s, and waypoint {number} asks "
                 f"for {point.hold_s:g} s"
             )
-    for number, (before, point) in enumerate(pairwise(route.points), start=1):
+    for number, (before, point) in enumerate(pairwise(wayline.points), start=1):
         leg_m = math.hypot(
             distance_m(before.lat, before.lon, point.lat, point.lon), point.altitude_m - before.altitude_m
         )
@@ -107,22 +101,18 @@ def check_route(route: Route) -> None:
             )
 
 
-def _speed(point: RoutePoint) -> float:
+def _speed(point: WaylinePoint) -> float:
     return CRUISE_M_S if point.speed_m_s is None else point.speed_m_s
 
 
-def _row(point: RoutePoint) -> list[str]:
+def _row(point: WaylinePoint) -> list[str]:
     actions = [(STAY, round(1000 * point.hold_s))] * (point.hold_s > 0) + [(PHOTO, 0)] * point.photo
     actions += [(NO_ACTION, 0)] * (ACTIONS - len(actions))
-    aimed = point.pitch_deg is not None
     return [
-        decimal(point.lat, 8),
-        decimal(point.lon, 8),
-        decimal(point.altitude_m, 1),
+        *(decimal(point.lat, 8), decimal(point.lon, 8), decimal(point.altitude_m, 1)),
         "0" if point.heading_deg is None else decimal(point.heading_deg % 360 or 360.0, 1),
-        "0",
-        "0",
-        str(INTERPOLATED_PITCH if aimed else 0),
+        *("0", "0"),
+        str(INTERPOLATED_PITCH if point.pitch_deg is not None else 0),
         decimal(point.pitch_deg or 0.0, 1),
         *(str(value) for action in actions for value in action),
         str(int(point.frame == FRAME_TERRAIN)),
@@ -134,17 +124,18 @@ def _row(point: RoutePoint) -> list[str]:
 
 
 def read_litchi(content: bytes, name: str) -> Mission:
-    """The mission of a .csv file of Litchi, in metric units."""
+    """Read a .csv file of Litchi in metric units."""
     notes: dict[str, None] = {}
     points = tuple(_points(content.decode("utf-8-sig"), notes))
     if not points:
         raise MissionError("it holds no waypoints")
     notes["what follows the last waypoint is set in Litchi, not in its file"] = None
     takeoff_m = max(points[0].altitude_m, 1.0)  # Litchi takes off, and climbs to the first waypoint
-    return mission_of_route(Route(points, takeoff_m, None, FINISH_NONE), name, list(notes))
+    wayline = Wayline(points=points, takeoff_m=takeoff_m, approach_m_s=None, finish=FINISH_NONE)
+    return mission_of_wayline(wayline, name, list(notes))
 
 
-def _points(text: str, notes: dict[str, None]) -> Iterator[RoutePoint]:
+def _points(text: str, notes: dict[str, None]) -> Iterator[WaylinePoint]:
     try:
         rows = csv.reader(io.StringIO(text), strict=True)
         header = [column.strip().lower() for column in next(rows, [])]
@@ -172,14 +163,14 @@ def _check_header(header: list[str]) -> None:
         raise MissionError("two columns have the same name")
 
 
-def _point(number: int, row: dict[str, str], notes: dict[str, None]) -> RoutePoint:
+def _point(waypoint: int, row: dict[str, str], notes: dict[str, None]) -> WaylinePoint:
     def value(column: str, default: float = 0.0) -> float:
         text = row.get(column, "").strip()
         with suppress(ValueError):
-            found = float(text) if text else default
-            if math.isfinite(found):
-                return found
-        raise MissionError(f"{column} of waypoint {number} is {shown(text)}; expected a number")
+            number = float(text) if text else default
+            if math.isfinite(number):
+                return number
+        raise MissionError(f"{column} of waypoint {waypoint} is {shown(text)}; expected a number")
 
     if value("curvesize(m)"):
         notes["curves at waypoints were not read"] = None
@@ -187,19 +178,19 @@ def _point(number: int, row: dict[str, str], notes: dict[str, None]) -> RoutePoi
         notes["points of interest were not read"] = None
     hold_ms, photo = 0.0, False
     for action in range(1, ACTIONS + 1):
-        kind = value(f"actiontype{action}", NO_ACTION)
-        if kind == STAY:
+        code = value(f"actiontype{action}", NO_ACTION)
+        if code == STAY:
             hold_ms += value(f"actionparam{action}")
-        elif kind == PHOTO:
+        elif code == PHOTO:
             photo = True
-        elif kind != NO_ACTION:
-            notes[f"actions of type {kind:g} were not read"] = None
+        elif code != NO_ACTION:
+            notes[f"actions of type {code:g} were not read"] = None
     heading = value("heading(deg)")
-    return RoutePoint(
-        value("latitude"),
-        value("longitude"),
-        value("altitude(m)"),
-        FRAME_TERRAIN if value("altitudemode") else FRAME_RELATIVE,
+    return WaylinePoint(
+        lat=value("latitude"),
+        lon=value("longitude"),
+        altitude_m=value("altitude(m)"),
+        frame=FRAME_TERRAIN if value("altitudemode") else FRAME_RELATIVE,
         hold_s=hold_ms / 1000,
         heading_deg=heading % 360 if heading else None,
         photo=photo,

@@ -1,4 +1,4 @@
-"""Options of mission files: what a mission itself does not say and some formats ask for."""
+"""Options of mission files: what some formats need besides the mission."""
 
 from dataclasses import dataclass
 
@@ -8,21 +8,12 @@ from uavseg.plain_text import shown
 
 @dataclass(frozen=True, slots=True)
 class DjiModel:
-    """A DJI aircraft with its camera, by the numbers of DJI's product support page.
-
-    Parameters
-    ----------
-    name : str
-    drone, drone_sub : int
-        `droneEnumValue` and `droneSubEnumValue` of WPML.
-    payload : int
-        `payloadEnumValue` of WPML.
-    """
+    """DJI aircraft with its camera, by the numbers of DJI's product support page."""
 
     name: str
-    drone: int
-    drone_sub: int
-    payload: int
+    drone: int  # droneEnumValue of WPML
+    drone_sub: int  # droneSubEnumValue
+    payload: int  # payloadEnumValue
 
 
 DJI_MODELS = {

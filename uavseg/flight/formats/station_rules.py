@@ -1,7 +1,6 @@
-"""Rules of the programs that load mission files: what each refuses of a .plan or .waypoints file.
+"""Rules of ground stations: what each refuses of a .plan or .waypoints file.
 
-Transcribed from the loaders of QGroundControl, Mission Planner and MAVSDK. A rule gives the first reason, or
-an empty text if the program loads the file.
+Transcribed from the loaders of QGroundControl, Mission Planner and MAVSDK.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -19,7 +18,7 @@ Rule = Callable[[Any], Iterator[str]]
 
 
 def station_refusals(content: bytes, suffix: str) -> dict[str, str]:
-    """Why each program refuses a file, empty where it loads it; nothing for formats that they do not load.
+    """Return why each program refuses a file, empty where it loads it; nothing for other formats.
 
     Parameters
     ----------
@@ -38,7 +37,7 @@ def station_refusals(content: bytes, suffix: str) -> dict[str, str]:
 
 
 def _first_reason(rule: Rule, plan: Any) -> str:
-    """The first reason of a rule; a member of a wrong type, which the loaders refuse too, is one."""
+    """Return the first reason of a rule; a member of a wrong type, which the loaders refuse too, is one."""
     try:
         return next(rule(plan), "")
     except (KeyError, TypeError, AttributeError) as error:
@@ -72,7 +71,7 @@ def _qgc_items(items: list[Mapping[str, Any]]) -> Iterator[str]:
 
 
 def _planner_plan(plan: Mapping[str, Any]) -> Iterator[str]:
-    """Mission Planner reads some numbers as integers, and nothing of the fence."""
+    """Yield what Mission Planner refuses: it reads some numbers as integers, and nothing of the fence."""
     mission = plan["mission"]
     for key in ("cruiseSpeed", "hoverSpeed"):
         if not _is_whole(mission.get(key, 0)):

@@ -4,7 +4,7 @@ A survey item holds the items that are flown besides the outline and the camera 
 plans them again after an edit. Its keys are those that QGroundControl requires of version 5.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,45 +24,41 @@ ALTITUDE_MODES = {
     FRAME_RELATIVE: 1,
     FRAME_AMSL: 2,
     FRAME_TERRAIN: 4,
-}  # QGroundControl's own enum, by MAV_FRAME
+}  # QGroundControl's enum, by MAV_FRAME
 SURVEY_VERSION = 5
 MANUAL_CAMERA, CUSTOM_CAMERA = "Manual (no camera specs)", "Custom Camera"
 
 
 @dataclass(frozen=True, slots=True)
-class FoundBlock:
-    """A survey block, and the range of the items of a mission that fly it: `first` to before `stop`."""
+class BlockItems:
+    """Survey block, and the range of the items of a mission that fly it: `first` to before `stop`."""
 
     block: SurveyBlock
     first: int
     stop: int
 
 
-def find_blocks(mission: Mission) -> list[FoundBlock]:
-    """The blocks of which all waypoints are in the mission, one after another, with nothing but triggers.
-
-    Parameters
-    ----------
-    mission : Mission
+def find_blocks(mission: Mission) -> list[BlockItems]:
+    """Find the blocks whose waypoints are all in the mission, one after another, with nothing but triggers.
 
     Returns
     -------
-    list of FoundBlock
+    list of BlockItems
         In the order of the items, without overlap; of convex cells alone.
     """
     visits = [number for number, item in enumerate(mission.items) if item.command == WAYPOINT]
     at = [(mission.items[number].lat, mission.items[number].lon) for number in visits]
-    found = []
+    result = []
     for block in mission.blocks:
         if not block.is_editable:
             continue
         for positions in (block.waypoints, block.waypoints[::-1]):
             begin = _position_of(list(positions), at)
             if begin is not None:
-                found += _matching(mission, block, visits[begin], visits[begin + len(positions) - 1])
+                result += _matching(mission, block, visits[begin], visits[begin + len(positions) - 1])
                 break
-    found.sort(key=lambda one: one.first)
-    return [one for k, one in enumerate(found) if not k or one.first >= found[k - 1].stop]
+    result.sort(key=lambda one: one.first)
+    return [one for k, one in enumerate(result) if not k or one.first >= result[k - 1].stop]
 
 
 def _position_of(part: list[Position], whole: list[Position]) -> int | None:
@@ -72,8 +68,8 @@ def _position_of(part: list[Position], whole: list[Position]) -> int | None:
     return None
 
 
-def _matching(mission: Mission, block: SurveyBlock, first: int, last: int) -> list[FoundBlock]:
-    """The range of items with the trigger that ends it, if it holds nothing but waypoints and triggers."""
+def _matching(mission: Mission, block: SurveyBlock, first: int, last: int) -> list[BlockItems]:
+    """Return the range of items with the trigger that ends it, if it holds only waypoints and triggers."""
     stop = last + 1
     if stop < len(mission.items) and mission.items[stop].command == CAMERA_DISTANCE:
         stop += 1
@@ -81,14 +77,22 @@ def _matching(mission: Mission, block: SurveyBlock, first: int, last: int) -> li
         item.command == CAMERA_DISTANCE or (item.command == WAYPOINT and item.frame == FRAME_RELATIVE)
         for item in mission.items[first:stop]
     )
-    return [FoundBlock(block, first, stop)] if plain else []
+    return [BlockItems(block, first, stop)] if plain else []
 
 
 def survey_item(
-    found: FoundBlock, items: Sequence[MissionItem], written: Sequence[dict[str, Any]]
+    block: SurveyBlock, items: Sequence[MissionItem], written: Sequence[dict[str, Any]]
 ) -> dict[str, Any]:
-    """A block as a ComplexItem of version 5, with its items as they are written otherwise."""
-    block = found.block
+    """Write a block as a ComplexItem of version 5.
+
+    Parameters
+    ----------
+    block : SurveyBlock
+    items : sequence of MissionItem
+        That fly it.
+    written : sequence of dict
+        The same as SimpleItems.
+    """
     flown = [(item.lat, item.lon) for item in items if item.command == WAYPOINT]
     return {
         "type": "ComplexItem",
@@ -114,20 +118,20 @@ def survey_item(
 
 
 def _grid_angle(angle_deg: float) -> float:
-    """An azimuth as QGroundControl's angle of transects, from -90 to 90."""
+    """Return an azimuth as QGroundControl's angle of transects, from -90 to 90."""
     return round((angle_deg + 90) % 180 - 90, 6)
 
 
 def _entry_location(outline: Sequence[Position], entry: Position) -> int:
-    """Corner at which the lines begin: 0 top left, 1 top right, 2 bottom left, 3 bottom right."""
+    """Return the corner at which the lines begin: 0 top left, 1 top right, 2 bottom left, 3 bottom right."""
     lat, lon = (sum(values) / len(outline) for values in zip(*outline, strict=True))
     return 2 * int(entry[0] < lat) + int(entry[1] >= lon)
 
 
 def _camera_calc(block: SurveyBlock, items: Sequence[MissionItem]) -> dict[str, Any]:
-    """Spacing, trigger distance and camera, by the names of QGroundControl's CameraCalc."""
+    """Write spacing, trigger distance and camera as QGroundControl's CameraCalc."""
     triggers = [float(item.params[0] or 0) for item in items if item.command == CAMERA_DISTANCE]
-    known = {
+    calc = {
         "version": 2,
         "CameraName": MANUAL_CAMERA,
         "DistanceMode": ALTITUDE_MODES[FRAME_RELATIVE],
@@ -136,9 +140,9 @@ def _camera_calc(block: SurveyBlock, items: Sequence[MissionItem]) -> dict[str, 
         "AdjustedFootprintFrontal": max(triggers, default=0.0),
     }
     if block.photos is None:
-        return known
+        return calc
     photos, camera = block.photos, block.photos.camera
-    return known | {
+    return calc | {
         "CameraName": CUSTOM_CAMERA,
         "AdjustedFootprintFrontal": photos.trigger_m(block.height_m),
         "ValueSetIsDistance": True,
@@ -156,21 +160,21 @@ def _camera_calc(block: SurveyBlock, items: Sequence[MissionItem]) -> dict[str, 
     }
 
 
-def items_of_survey(item: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
-    """The simple items that a survey item holds, which are what is flown.
+def items_of_survey(item: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Return the simple items that a survey item holds, which are what is flown.
 
     Raises
     ------
     MissionError
         If it is another complex item than a survey of version 5, or holds no items.
     """
-    kind = shown(item.get("complexItemType", item["type"]), quoted=False)
-    if kind != "survey" or item.get("version") != SURVEY_VERSION:
-        version = f" of version {shown(item.get('version'))}" if kind == "survey" else ""
+    item_type = shown(item.get("complexItemType", item["type"]), quoted=False)
+    if item_type != "survey" or item.get("version") != SURVEY_VERSION:
+        version = f" of version {shown(item.get('version'))}" if item_type == "survey" else ""
         raise MissionError(
-            f"it holds a {kind} item{version}; only simple items and surveys of version 5 can be read"
+            f"it holds a {item_type} item{version}; only simple items and surveys of version 5 can be read"
         )
-    items = item["TransectStyleComplexItem"]["Items"]
+    items: list[Mapping[str, Any]] = item["TransectStyleComplexItem"]["Items"]
     if not items:
         raise MissionError("it holds a survey item without waypoints; open and save it in QGroundControl")
-    yield from items
+    return items

@@ -19,19 +19,19 @@ HEADER = "QGC WPL 110"
 
 
 def write_waypoints(mission: Mission, options: FileOptions) -> bytes:
-    """A mission as the content of a .waypoints file."""
+    """Write a mission as the content of a .waypoints file."""
     return waypoints_text(mission).encode()
 
 
 def waypoints_losses(mission: Mission, options: FileOptions) -> list[str]:
-    """What a .waypoints file cannot hold of a mission."""
+    """Return what a .waypoints file cannot hold of a mission, one sentence each."""
     if mission.fence or mission.rally:
         return ["a .waypoints file cannot hold a fence or rally points: they were not written; use a .plan"]
     return []
 
 
 def waypoints_text(mission: Mission) -> str:
-    """A mission as the text of a .waypoints file (QGC WPL 110), home in row 0."""
+    """Write a mission as the text of a .waypoints file (QGC WPL 110), home in row 0."""
     home = mission.home
     start = MissionItem(
         WAYPOINT, FRAME_RELATIVE, (0.0,) * 4, home.lat, home.lon, 1.0
@@ -48,12 +48,12 @@ def _row(number: int, current: int, frame: int, item: MissionItem, altitude_m: f
 
 
 def decimal(value: float, min_decimals: int) -> str:
-    """A number without exponent that is read back equal, with at least `min_decimals` decimals."""
+    """Format a number without exponent, with at least `min_decimals` decimals; it is read back equal."""
     return np.format_float_positional(value, unique=True, min_digits=min_decimals, trim="k")
 
 
 def read_waypoints(content: bytes, name: str) -> Mission:
-    """The mission of a .waypoints file."""
+    """Read a .waypoints file."""
     header, *rows = content.decode().splitlines()
     if header.split() != HEADER.split():
         raise MissionError(f"its first line is {header[:40]!r}; expected {HEADER!r}")
@@ -75,6 +75,14 @@ def _item_of_row(number: int, row: str) -> HomePosition | MissionItem:
         if fields[11].strip() not in {"0", "1"}:
             raise MissionError(f"autocontinue is {shown(fields[11])}; expected 0 or 1")
         params = (first, second, third, heading)
-        return MissionItem(command, frame, params, lat, lon, altitude_m, fields[11].strip() == "1")
+        return MissionItem(
+            command=command,
+            frame=frame,
+            params=params,
+            lat=lat,
+            lon=lon,
+            altitude_m=altitude_m,
+            autocontinue=fields[11].strip() == "1",
+        )
     except MissionError as error:
         raise MissionError(f"item {number}: {error}") from error

@@ -7,16 +7,17 @@ template.kml, waylines.wpml, common elements; namespace http://www.dji.com/wpmz/
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
 from uavseg.errors import MissionError
 from uavseg.flight.formats.options import DjiModel
-from uavseg.flight.formats.route import FINISH_LAND, FINISH_NONE, FINISH_RETURN, Route, RoutePoint
-from uavseg.flight.formats.xml_text import child, xml_text
-from uavseg.flight.mission.items import FRAME_RELATIVE
+from uavseg.flight.formats.wayline import FINISH_LAND, FINISH_NONE, FINISH_RETURN, Wayline, WaylinePoint
+from uavseg.flight.formats.xml_text import child, parse_xml, xml_text
+from uavseg.flight.mission.items import FRAME_RELATIVE, FRAME_TERRAIN
 from uavseg.flight.mission.mission import CRUISE_M_S
+from uavseg.plain_text import shown
 
 NAMESPACE = "http://www.dji.com/wpmz/1.0.2"
 KML_NAMESPACE = "http://www.opengis.net/kml/2.2"
@@ -28,93 +29,83 @@ HEIGHT_MODE = "relativeToStartPoint"
 TURN_MODE = "toPointAndStopWithDiscontinuityCurvature"  # straight legs: no corner is cut
 FINISH_ACTIONS = {FINISH_RETURN: "goHome", FINISH_LAND: "autoLand", FINISH_NONE: "noAction"}
 LENS = "wide"
+_FRAMES = {HEIGHT_MODE: FRAME_RELATIVE, "realTimeFollowSurface": FRAME_TERRAIN}
+_SERIES = {"multipleDistance": "trigger_m", "multipleTiming": "interval_s"}
 
 
-@dataclass(frozen=True, slots=True)
-class Trigger:
-    """Photographs from waypoint `first` to waypoint `last`, at equal times or distances."""
-
-    first: int
-    last: int
-    kind: str
-    step: float
-
-
-def template_kml(route: Route, model: DjiModel) -> bytes:
-    """The document `wpmz/template.kml`: a template of waypoint flight."""
+def template_kml(wayline: Wayline, model: DjiModel) -> bytes:
+    """Write the document `wpmz/template.kml`: a template of waypoint flight."""
     root, document = _document()
     child(document, "wpml:author", "uavseg")
-    _mission_config(document, route, model)
+    _mission_config(document, wayline, model)
     folder = child(document, "Folder")
-    child(folder, "wpml:templateType", "waypoint")
-    child(folder, "wpml:templateId", "0")
+    _add(folder, templateType="waypoint", templateId="0")
     system = child(folder, "wpml:waylineCoordinateSysParam")
-    child(system, "wpml:coordinateMode", "WGS84")
-    child(system, "wpml:heightMode", HEIGHT_MODE)
-    child(folder, "wpml:autoFlightSpeed", speed_of(route.points[0]))
-    child(folder, "wpml:globalHeight", route.points[0].altitude_m)
-    child(folder, "wpml:gimbalPitchMode", "manual")
-    heading = child(folder, "wpml:globalWaypointHeadingParam")
-    _heading(heading, None)
-    child(folder, "wpml:globalWaypointTurnMode", TURN_MODE)
-    child(folder, "wpml:globalUseStraightLine", "1")
-    for index, placemark in _placemarks(folder, route):
-        point = route.points[index]
-        child(placemark, "wpml:ellipsoidHeight", point.altitude_m)  # as DJI writes it in this height mode
-        child(placemark, "wpml:height", point.altitude_m)
+    _add(system, coordinateMode="WGS84", heightMode=HEIGHT_MODE)
+    first = wayline.points[0]
+    _add(folder, autoFlightSpeed=_speed_of(first), globalHeight=first.altitude_m, gimbalPitchMode="manual")
+    _heading(child(folder, "wpml:globalWaypointHeadingParam"), None)
+    _add(folder, globalWaypointTurnMode=TURN_MODE, globalUseStraightLine="1")
+    for index, placemark in _placemarks(folder, wayline):
+        point = wayline.points[index]
+        # DJI writes the same as ellipsoidHeight in this height mode
+        _add(placemark, ellipsoidHeight=point.altitude_m, height=point.altitude_m)
         for name in ("Height", "Speed", "HeadingParam", "TurnParam"):
             child(placemark, f"wpml:useGlobal{name}", "0")
         _flight(placemark, point)
-        _action_groups(placemark, route, index)
+        _action_groups(placemark, wayline, index)
     payload = child(folder, "wpml:payloadParam")
-    child(payload, "wpml:payloadPositionIndex", "0")
-    child(payload, "wpml:imageFormat", LENS)
+    _add(payload, payloadPositionIndex="0", imageFormat=LENS)
     return xml_text(root)
 
 
-def waylines_wpml(route: Route, model: DjiModel) -> bytes:
-    """The document `wpmz/waylines.wpml`: one wayline, as it is flown."""
+def waylines_wpml(wayline: Wayline, model: DjiModel) -> bytes:
+    """Write the document `wpmz/waylines.wpml`: one wayline, as it is flown."""
     root, document = _document()
-    _mission_config(document, route, model)
+    _mission_config(document, wayline, model)
     folder = child(document, "Folder")
-    child(folder, "wpml:templateId", "0")
-    child(folder, "wpml:executeHeightMode", HEIGHT_MODE)
-    child(folder, "wpml:waylineId", "0")
-    child(folder, "wpml:autoFlightSpeed", speed_of(route.points[0]))
-    for index, placemark in _placemarks(folder, route):
-        child(placemark, "wpml:executeHeight", route.points[index].altitude_m)
-        _flight(placemark, route.points[index])
-        _action_groups(placemark, route, index)
+    _add(folder, templateId="0", executeHeightMode=HEIGHT_MODE, waylineId="0")
+    child(folder, "wpml:autoFlightSpeed", _speed_of(wayline.points[0]))
+    for index, placemark in _placemarks(folder, wayline):
+        child(placemark, "wpml:executeHeight", wayline.points[index].altitude_m)
+        _flight(placemark, wayline.points[index])
+        _action_groups(placemark, wayline, index)
     return xml_text(root)
 
 
-def check_route(route: Route, name: str) -> None:
-    """Raise MissionError if DJI's format or aircraft do not take a route."""
-    if not 2 <= len(route.points) <= MAX_WAYPOINTS:
+def check_wayline(wayline: Wayline, name: str) -> None:
+    """Raise MissionError if DJI's format or aircraft do not take a wayline; `name` is that of the format."""
+    if not 2 <= len(wayline.points) <= MAX_WAYPOINTS:
         raise MissionError(
-            f"{name} holds 2 to {MAX_WAYPOINTS} waypoints, and the mission has {len(route.points)}"
+            f"{name} holds 2 to {MAX_WAYPOINTS} waypoints, and the mission has {len(wayline.points)}"
         )
-    for speed in (approach_speed(route), *map(speed_of, route.points)):
+    for speed in (_approach_speed(wayline), *map(_speed_of, wayline.points)):
         if not 0 < speed <= MAX_SPEED_M_S:
             raise MissionError(
                 f"DJI's aircraft fly waypoints at up to {MAX_SPEED_M_S:g} m/s, and the mission asks for "
                 f"{speed:g} m/s (--speed)"
             )
-    if any(point.frame != FRAME_RELATIVE for point in route.points):
+    if any(point.frame != FRAME_RELATIVE for point in wayline.points):
         raise MissionError(
             f"{name} cannot hold heights above the terrain; plan with heights above home, or with --terrain "
             "absolute"
         )
 
 
-def speed_of(point: RoutePoint) -> float:
-    """The speed from a waypoint on; the usual one where the mission sets none."""
+def _speed_of(point: WaylinePoint) -> float:
+    """Return the speed from a waypoint on; the default where the mission sets none."""
     return CRUISE_M_S if point.speed_m_s is None else point.speed_m_s
 
 
-def approach_speed(route: Route) -> float:
-    """The speed on the way to the first waypoint."""
-    return speed_of(route.points[0]) if route.approach_m_s is None else route.approach_m_s
+def _approach_speed(wayline: Wayline) -> float:
+    """Return the speed on the leg to the first waypoint."""
+    return _speed_of(wayline.points[0]) if wayline.approach_m_s is None else wayline.approach_m_s
+
+
+def _add(parent: ET.Element, **texts: str | float) -> None:
+    """Append child elements of DJI's namespace, in this order."""
+    for tag, text in texts.items():
+        child(parent, f"wpml:{tag}", text)
 
 
 def _document() -> tuple[ET.Element, ET.Element]:
@@ -122,28 +113,24 @@ def _document() -> tuple[ET.Element, ET.Element]:
     return root, child(root, "Document")
 
 
-def _mission_config(document: ET.Element, route: Route, model: DjiModel) -> None:
-    """Global parameters; if the link is lost, the aircraft leaves the wayline and returns."""
-    highest = max(point.altitude_m for point in route.points)
-    takeoff = route.points[0].altitude_m if route.takeoff_m is None else route.takeoff_m
+def _mission_config(document: ET.Element, wayline: Wayline, model: DjiModel) -> None:
+    """Write global parameters; if the link is lost, the aircraft leaves the wayline and returns."""
+    highest = max(point.altitude_m for point in wayline.points)
+    takeoff = wayline.points[0].altitude_m if wayline.takeoff_m is None else wayline.takeoff_m
     config = child(document, "wpml:missionConfig")
-    child(config, "wpml:flyToWaylineMode", "safely")
-    child(config, "wpml:finishAction", FINISH_ACTIONS[route.finish])
-    child(config, "wpml:exitOnRCLost", "executeLostAction")
-    child(config, "wpml:executeRCLostAction", "goBack")
+    _add(config, flyToWaylineMode="safely", finishAction=FINISH_ACTIONS[wayline.finish])
+    _add(config, exitOnRCLost="executeLostAction", executeRCLostAction="goBack")
     child(config, "wpml:takeOffSecurityHeight", min(max(takeoff, MIN_TAKEOFF_M), MAX_HEIGHT_M))
-    child(config, "wpml:globalTransitionalSpeed", approach_speed(route))
+    child(config, "wpml:globalTransitionalSpeed", _approach_speed(wayline))
     child(config, "wpml:globalRTHHeight", max(highest, takeoff, MIN_TAKEOFF_M))
     drone = child(config, "wpml:droneInfo")
-    child(drone, "wpml:droneEnumValue", str(model.drone))
-    child(drone, "wpml:droneSubEnumValue", str(model.drone_sub))
+    _add(drone, droneEnumValue=str(model.drone), droneSubEnumValue=str(model.drone_sub))
     payload = child(config, "wpml:payloadInfo")
-    child(payload, "wpml:payloadEnumValue", str(model.payload))
-    child(payload, "wpml:payloadPositionIndex", "0")
+    _add(payload, payloadEnumValue=str(model.payload), payloadPositionIndex="0")
 
 
-def _placemarks(folder: ET.Element, route: Route) -> Iterator[tuple[int, ET.Element]]:
-    for index, point in enumerate(route.points):
+def _placemarks(folder: ET.Element, wayline: Wayline) -> Iterator[tuple[int, ET.Element]]:
+    for index, point in enumerate(wayline.points):
         placemark = child(folder, "Placemark")
         place = f"{_degrees(point.lon)},{_degrees(point.lat)}"
         child(child(placemark, "Point"), "coordinates", place)
@@ -152,17 +139,16 @@ def _placemarks(folder: ET.Element, route: Route) -> Iterator[tuple[int, ET.Elem
 
 
 def _degrees(value: float) -> str:
-    """Degrees without exponent, read back equal."""
+    """Format degrees without exponent; they are read back equal."""
     return np.format_float_positional(value, unique=True, trim="0")
 
 
-def _flight(placemark: ET.Element, point: RoutePoint) -> None:
-    """Speed, heading and turn at a waypoint."""
-    child(placemark, "wpml:waypointSpeed", speed_of(point))
+def _flight(placemark: ET.Element, point: WaylinePoint) -> None:
+    """Write speed, heading and turn at a waypoint."""
+    child(placemark, "wpml:waypointSpeed", _speed_of(point))
     _heading(child(placemark, "wpml:waypointHeadingParam"), point.heading_deg)
     turn = child(placemark, "wpml:waypointTurnParam")
-    child(turn, "wpml:waypointTurnMode", TURN_MODE)
-    child(turn, "wpml:waypointTurnDampingDist", "0")
+    _add(turn, waypointTurnMode=TURN_MODE, waypointTurnDampingDist="0")
     child(placemark, "wpml:useStraightLine", "1")
 
 
@@ -173,9 +159,9 @@ def _heading(parent: ET.Element, heading_deg: float | None) -> None:
     child(parent, "wpml:waypointHeadingPathMode", "followBadArc")
 
 
-def _action_groups(placemark: ET.Element, route: Route, index: int) -> None:
-    """What is done at a waypoint, then what begins there."""
-    point, before = route.points[index], route.points[index - 1] if index else None
+def _action_groups(placemark: ET.Element, wayline: Wayline, index: int) -> None:
+    """Write the actions at a waypoint, then those that begin there."""
+    point, before = wayline.points[index], wayline.points[index - 1] if index else None
     at_point = []
     if point.pitch_deg is not None and (before is None or point.pitch_deg != before.pitch_deg):
         at_point.append("gimbalRotate")
@@ -187,60 +173,212 @@ def _action_groups(placemark: ET.Element, route: Route, index: int) -> None:
         group = _group(placemark, GROUPS * index, (index, index), "reachPoint", None)
         for number, function in enumerate(at_point):
             _action(group, number, function, point)
-    for offset, trigger in enumerate(_triggers_at(route.points, index), start=1):
-        waypoints = (trigger.first, trigger.last)
-        group = _group(placemark, GROUPS * index + offset, waypoints, trigger.kind, trigger.step)
+    for offset, (last, trigger, step) in enumerate(_triggers_at(wayline.points, index), start=1):
+        group = _group(placemark, GROUPS * index + offset, (index, last), trigger, step)
         _action(group, 0, "takePhoto", point)
 
 
-def _triggers_at(points: Sequence[RoutePoint], index: int) -> Iterator[Trigger]:
-    """Series of photographs that begin at a waypoint."""
-    for kind, name in (("multipleDistance", "trigger_m"), ("multipleTiming", "interval_s")):
+def _triggers_at(points: Sequence[WaylinePoint], index: int) -> Iterator[tuple[int, str, float]]:
+    """Yield the series of photographs that begin at a waypoint."""
+    for trigger, name in _SERIES.items():
         steps = [getattr(point, name) for point in points[index:]]
         if not steps[0] or (index and getattr(points[index - 1], name) == steps[0]):
             continue
         last = next((k for k, step in enumerate(steps) if step != steps[0]), len(steps) - 1)
         if last:
-            yield Trigger(index, index + last, kind, steps[0])
+            yield index + last, trigger, steps[0]
 
 
 def _group(
-    placemark: ET.Element, number: int, waypoints: tuple[int, int], kind: str, step: float | None
+    placemark: ET.Element, number: int, waypoints: tuple[int, int], trigger_type: str, step: float | None
 ) -> ET.Element:
     group = child(placemark, "wpml:actionGroup")
-    child(group, "wpml:actionGroupId", str(number))
-    child(group, "wpml:actionGroupStartIndex", str(waypoints[0]))
-    child(group, "wpml:actionGroupEndIndex", str(waypoints[1]))
+    first, last = map(str, waypoints)
+    _add(group, actionGroupId=str(number), actionGroupStartIndex=first, actionGroupEndIndex=last)
     child(group, "wpml:actionGroupMode", "sequence")
     trigger = child(group, "wpml:actionTrigger")
-    child(trigger, "wpml:actionTriggerType", kind)
+    child(trigger, "wpml:actionTriggerType", trigger_type)
     if step is not None:
         child(trigger, "wpml:actionTriggerParam", step)
     return group
 
 
-def _action(group: ET.Element, number: int, function: str, point: RoutePoint) -> None:
+def _action(group: ET.Element, number: int, function: str, point: WaylinePoint) -> None:
     action = child(group, "wpml:action")
-    child(action, "wpml:actionId", str(number))
-    child(action, "wpml:actionActuatorFunc", function)
+    _add(action, actionId=str(number), actionActuatorFunc=function)
     params = child(action, "wpml:actionActuatorFuncParam")
     if function == "hover":
         child(params, "wpml:hoverTime", point.hold_s)
         return
     if function == "takePhoto":
-        child(params, "wpml:fileSuffix", "uavseg")
-        child(params, "wpml:payloadLensIndex", LENS)
-        child(params, "wpml:useGlobalPayloadLensIndex", "1")
+        _add(params, fileSuffix="uavseg", payloadLensIndex=LENS, useGlobalPayloadLensIndex="1")
     else:
         _gimbal(params, point.pitch_deg or 0.0)
     child(params, "wpml:payloadPositionIndex", "0")
 
 
 def _gimbal(params: ET.Element, pitch_deg: float) -> None:
-    child(params, "wpml:gimbalHeadingYawBase", "north")
-    child(params, "wpml:gimbalRotateMode", "absoluteAngle")
+    _add(params, gimbalHeadingYawBase="north", gimbalRotateMode="absoluteAngle")
     for axis, angle in (("Pitch", pitch_deg), ("Roll", 0.0), ("Yaw", 0.0)):
         child(params, f"wpml:gimbal{axis}RotateEnable", str(int(axis == "Pitch")))
         child(params, f"wpml:gimbal{axis}RotateAngle", angle)
-    child(params, "wpml:gimbalRotateTimeEnable", "0")
-    child(params, "wpml:gimbalRotateTime", "0")
+    _add(params, gimbalRotateTimeEnable="0", gimbalRotateTime="0")
+
+
+def read_waylines(document: bytes) -> tuple[Wayline, list[str]]:
+    """Read the one wayline of `waylines.wpml`, with notes of what was not read.
+
+    Raises
+    ------
+    MissionError
+        If it holds none or several, or its heights are above the ellipsoid.
+    """
+    root = parse_xml(document)
+    config = _one(root, "Document/missionConfig")
+    folders = root.findall("Document/Folder")
+    if len(folders) != 1:
+        raise MissionError(f"it holds {len(folders)} waylines; only files with one can be read")
+    reader = _Reader(_frame(_text(folders[0], "executeHeightMode")))
+    placemarks = folders[0].findall("Placemark")
+    if not placemarks:
+        raise MissionError("it holds no waypoints")
+    for index, placemark in enumerate(placemarks):
+        reader.add_point(index, placemark, _number(folders[0], "autoFlightSpeed"))
+    for placemark in placemarks:
+        for group in placemark.findall("actionGroup"):
+            reader.add_group(group)
+    wayline = Wayline(
+        points=tuple(reader.with_pitches()),
+        takeoff_m=_number(config, "takeOffSecurityHeight"),
+        approach_m_s=_number(config, "globalTransitionalSpeed"),
+        finish=_finish(_text(config, "finishAction"), reader.notes),
+    )
+    return wayline, list(reader.notes)
+
+
+class _Reader:
+    """Waypoints that are read, with notes of what is not."""
+
+    def __init__(self, frame: int) -> None:
+        self.frame = frame
+        self.points: list[WaylinePoint] = []
+        self.notes: dict[str, None] = {}
+
+    def add_point(self, index: int, placemark: ET.Element, speed_m_s: float) -> None:
+        place = _text(placemark, "Point/coordinates").split(",")
+        if len(place) not in (2, 3) or int(_number(placemark, "index")) != index:
+            raise MissionError(f"placemark {index} is not waypoint {index} with longitude,latitude")
+        lon, lat = _float(place[0]), _float(place[1])
+        heading = None
+        mode = placemark.findtext("waypointHeadingParam/waypointHeadingMode", "followWayline")
+        if mode == "smoothTransition":
+            heading = _number(placemark, "waypointHeadingParam/waypointHeadingAngle")
+        elif mode != "followWayline":
+            self.notes[f"the heading mode {shown(mode)} was not read"] = None
+        if placemark.findtext("waypointTurnParam/waypointTurnMode", TURN_MODE) != TURN_MODE:
+            note = "the aircraft does not stop at waypoints and may cut corners: this was not read"
+            self.notes[note] = None
+        speed = _number(placemark, "waypointSpeed", speed_m_s)
+        height = _number(placemark, "executeHeight")
+        self.points.append(
+            WaylinePoint(
+                lat=lat,
+                lon=lon,
+                altitude_m=height,
+                frame=self.frame,
+                heading_deg=heading,
+                speed_m_s=speed,
+            )
+        )
+
+    def add_group(self, group: ET.Element) -> None:
+        first = int(_number(group, "actionGroupStartIndex"))
+        last = int(_number(group, "actionGroupEndIndex"))
+        if not 0 <= first <= last < len(self.points):
+            raise MissionError(f"a group of actions is for waypoints {first} to {last}, which are not there")
+        for action in group.findall("action"):
+            self._add_action(action, first, last, group)
+
+    def _add_action(self, action: ET.Element, first: int, last: int, group: ET.Element) -> None:
+        trigger = _text(group, "actionTrigger/actionTriggerType")
+        function = _text(action, "actionActuatorFunc")
+        if function == "takePhoto" and trigger in _SERIES:
+            step = _number(group, "actionTrigger/actionTriggerParam")
+            for index in range(first, last):
+                self._change(index, **{_SERIES[trigger]: step})
+        elif trigger != "reachPoint":
+            self.notes[f"the action {shown(function)} between waypoints was not read"] = None
+        elif function == "takePhoto":
+            self._change(first, photo=True)
+        elif function == "hover":
+            held = self.points[first].hold_s + _number(action, "actionActuatorFuncParam/hoverTime")
+            self._change(first, hold_s=held)
+        elif function == "gimbalRotate" and _turns_pitch(action):
+            pitch = _number(action, "actionActuatorFuncParam/gimbalPitchRotateAngle")
+            self._change(first, pitch_deg=pitch)
+        else:
+            self.notes[f"the action {shown(function)} was not read"] = None
+
+    def _change(self, index: int, **changes: object) -> None:
+        self.points[index] = replace(self.points[index], **changes)  # type: ignore[arg-type]
+
+    def with_pitches(self) -> list[WaylinePoint]:
+        """Return the waypoints; a pitch holds until the next one."""
+        pitch = None
+        points = []
+        for point in self.points:
+            pitch = pitch if point.pitch_deg is None else point.pitch_deg
+            points.append(replace(point, pitch_deg=pitch))
+        return points
+
+
+def _turns_pitch(action: ET.Element) -> bool:
+    params = action.find("actionActuatorFuncParam")
+    return (
+        params is not None
+        and params.findtext("gimbalPitchRotateEnable") == "1"
+        and params.findtext("gimbalRotateMode") == "absoluteAngle"
+    )
+
+
+def _frame(mode: str) -> int:
+    if mode == "WGS84":
+        raise MissionError(
+            "its heights are above the ellipsoid (WGS84), which are not heights above home or the sea; "
+            f"save it with heights relative to the takeoff point ({HEIGHT_MODE})"
+        )
+    if mode not in _FRAMES:
+        raise MissionError(f"its executeHeightMode is {shown(mode)}; expected {HEIGHT_MODE}")
+    return _FRAMES[mode]
+
+
+def _finish(action: str, notes: dict[str, None]) -> str:
+    for finish, name in FINISH_ACTIONS.items():
+        if name == action:
+            return finish
+    notes[f"the end {shown(action)} was not read"] = None
+    return FINISH_NONE
+
+
+def _one(parent: ET.Element, path: str) -> ET.Element:
+    element = parent.find(path)
+    if element is None:
+        raise MissionError(f"it has no element {path}: it is not a mission of DJI")
+    return element
+
+
+def _text(parent: ET.Element, path: str) -> str:
+    return (_one(parent, path).text or "").strip()
+
+
+def _number(parent: ET.Element, path: str, default: float | None = None) -> float:
+    if default is not None and parent.find(path) is None:
+        return default
+    return _float(_text(parent, path), path)
+
+
+def _float(text: str, path: str = "coordinates") -> float:
+    try:
+        return float(text)
+    except ValueError as error:
+        raise MissionError(f"{path} is {shown(text)}; expected a number") from error

@@ -3,8 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 
-from uavseg.flight.link.link_items import LOCATED, LinkItem
-from uavseg.flight.link.results import Kind
+from uavseg.flight.link.messages import LOCATED, LinkItem, MissionType
 from uavseg.flight.mission.items import (
     FRAME_MISSION,
     HEADING_COMMANDS,
@@ -36,87 +35,105 @@ ARDUPILOT_FLAGS = frozenset((command, 4) for command in (LOITER_TURNS, LOITER_TI
 PX4_FLAGS = frozenset({(LOITER_TIME, 2), (LOITER_TIME, 4), (LOITER_TO_ALTITUDE, 1), (LOITER_TO_ALTITUDE, 4)})
 
 
-def differences(sent: Sequence[LinkItem], kept: Sequence[LinkItem], kind: Kind, autopilot: str) -> list[str]:
-    """What the vehicle holds other than it was sent, so that it would not fly the mission; empty if nothing.
+def differences(
+    sent: Sequence[LinkItem], kept: Sequence[LinkItem], list_type: MissionType, autopilot: str
+) -> list[str]:
+    """Return how the list that a vehicle holds differs from the one that was sent; empty if it would fly it.
 
     Home (item 0 of ArduPilot) is not compared, because the vehicle replaces it. A parameter may come back as
-    what the autopilot is known to make of it, which `rounded` tells; a generic vehicle keeps everything. NaN
-    where a number was sent, and infinity, are differences everywhere.
+    what the autopilot is known to make of it, which `rounded` reports; a generic vehicle keeps everything.
+    NaN where a number was sent, and infinity, are differences everywhere.
+
+    Parameters
+    ----------
+    sent, kept : sequence of LinkItem
+    list_type : MissionType
+    autopilot : "ardupilot", "px4" or "generic"
     """
     if len(sent) != len(kept):
         return [f"it holds {len(kept)} items instead of {len(sent)}"]
-    found = []
-    for number in range(_first(kind, autopilot), len(sent)):
-        what = _difference(sent[number], kept[number], kind, autopilot)
-        if what:
-            found.append(f"item {number}: {what}")
-    return found
+    texts = [_difference(*pair, list_type, autopilot) for pair in zip(sent, kept, strict=True)]
+    first = _first(list_type, autopilot)
+    return [f"item {number}: {text}" for number, text in enumerate(texts) if text and number >= first]
 
 
-def rounded(sent: Sequence[LinkItem], kept: Sequence[LinkItem], kind: Kind, autopilot: str) -> list[str]:
-    """What the vehicle keeps otherwise: a line for each command and parameter, and that it does not wait."""
-    if kind != Kind.MISSION:
+def rounded(
+    sent: Sequence[LinkItem], kept: Sequence[LinkItem], list_type: MissionType, autopilot: str
+) -> list[str]:
+    """Return the parameters that a vehicle keeps otherwise, and whether it does not wait, one sentence each.
+
+    Parameters
+    ----------
+    sent, kept : sequence of LinkItem
+        Without `differences`.
+    list_type : MissionType
+    autopilot : "ardupilot", "px4" or "generic"
+    """
+    if list_type != MissionType.MISSION:
         return []
     seen: dict[tuple[int, int], list[tuple[float | None, float | None]]] = {}
-    for mine, theirs in zip(sent[_first(kind, autopilot) :], kept[_first(kind, autopilot) :], strict=True):
-        for n, (value, known) in enumerate(zip(mine.params, theirs.params, strict=True), start=1):
-            # ArduPilot and PX4 keep 0 for what is not set; of others nobody knows how they fly it
-            if (value is not None or autopilot == "generic") and not _equal(value, known):
-                seen.setdefault((mine.command, n), []).append((value, known))
+    start = _first(list_type, autopilot)
+    for item, back in zip(sent[start:], kept[start:], strict=True):
+        for n, (value, got) in enumerate(zip(item.params, back.params, strict=True), start=1):
+            # ArduPilot and PX4 keep 0 for NaN; how others fly it is not known
+            if (value is not None or autopilot == "generic") and not _equal(value, got):
+                seen.setdefault((item.command, n), []).append((value, got))
     first = next((n for n in range(len(sent)) if kept[n].autocontinue > sent[n].autocontinue), None)
-    goes_on = f"the vehicle keeps autocontinue of item {first} as 1 instead of 0: it does not wait there"
-    return [goes_on] * (first is not None) + [
+    continues = f"the vehicle keeps autocontinue of item {first} as 1 instead of 0: it does not wait there"
+    return [continues] * (first is not None) + [
         f"the vehicle keeps parameter {n} of command {command} as {_text(pairs[0][1])} instead of "
         f"{_text(pairs[0][0])}" + (f", and otherwise in {len(pairs)} items" if len(pairs) > 1 else "")
         for (command, n), pairs in sorted(seen.items())
     ]
 
 
-def _first(kind: Kind, autopilot: str) -> int:
-    return int(kind == Kind.MISSION and autopilot == "ardupilot")
+def _first(list_type: MissionType, autopilot: str) -> int:
+    return int(list_type == MissionType.MISSION and autopilot == "ardupilot")
 
 
-def _difference(sent: LinkItem, kept: LinkItem, kind: Kind, autopilot: str) -> str:
+def _difference(sent: LinkItem, kept: LinkItem, list_type: MissionType, autopilot: str) -> str:
     if kept.command != sent.command:
         return f"command {kept.command} instead of {sent.command}"
-    goes_on = autopilot == "ardupilot" and kept.autocontinue == 1  # whatever it was sent
-    if kind == Kind.MISSION and kept.autocontinue != sent.autocontinue and not goes_on:
+    in_mission = list_type == MissionType.MISSION
+    is_set = autopilot == "ardupilot" and kept.autocontinue == 1  # which it does whatever it was sent
+    if in_mission and kept.autocontinue != sent.autocontinue and not is_set:
         return f"autocontinue is {kept.autocontinue} instead of {sent.autocontinue}"
-    has_place = kind != Kind.MISSION or sent.command in POSITION_COMMANDS or bool(sent.x or sent.y)
+    has_place = not in_mission or sent.command in POSITION_COMMANDS or bool(sent.x or sent.y)
     if has_place and max(abs(kept.x - sent.x), abs(kept.y - sent.y)) > UNITS:
         return f"position {_position(kept)} instead of {_position(sent)}"
-    is_located = has_place and (kind == Kind.RALLY or sent.command in LOCATED)
-    tolerance_m = (RALLY_ALTITUDE_M if kind == Kind.RALLY else ALTITUDE_M) if is_located else math.inf
+    is_located = has_place and (list_type == MissionType.RALLY or sent.command in LOCATED)
+    tolerance_m = RALLY_ALTITUDE_M if list_type == MissionType.RALLY else ALTITUDE_M
+    tolerance_m = tolerance_m if is_located else math.inf
     if not (math.isfinite(kept.z) and abs(kept.z - sent.z) <= tolerance_m):
         return f"altitude {kept.z:g} m instead of {sent.z:g} m"
-    if is_located and kind == Kind.MISSION and FRAME_MISSION != sent.frame != kept.frame:
+    if is_located and in_mission and FRAME_MISSION != sent.frame != kept.frame:
         return f"frame {kept.frame} instead of {sent.frame}"
-    for n, (value, known) in enumerate(zip(sent.params, kept.params, strict=True), start=1):
-        if not _is_kept(value, known, n, sent.command, kind, autopilot):
-            return f"parameter {n} is {_text(known)} instead of {_text(value)}"
+    for n, (value, got) in enumerate(zip(sent.params, kept.params, strict=True), start=1):
+        if not _is_kept(value, got, n, sent.command, list_type, autopilot):
+            return f"parameter {n} is {_text(got)} instead of {_text(value)}"
     return ""
 
 
 def _is_kept(
-    value: float | None, known: float | None, n: int, command: int, kind: Kind, autopilot: str
+    value: float | None, got: float | None, n: int, command: int, list_type: MissionType, autopilot: str
 ) -> bool:
-    """Whether a parameter came back as it was sent, or as what the autopilot is known to make of it."""
-    if _equal(value, known):
+    """Return whether a parameter came back as it was sent, or as the autopilot is known to round it."""
+    if _equal(value, got):
         return True
-    if known is None or not math.isfinite(known):
+    if got is None or not math.isfinite(got):
         return False
     if autopilot == "generic":
-        return value is None and known == 0
-    if kind != Kind.MISSION:
-        return not (kind == Kind.FENCE and n == 1)  # the number of vertices, or the radius
+        return value is None and got == 0
+    if list_type != MissionType.MISSION:
+        return not (list_type == MissionType.FENCE and n == 1)  # the number of vertices, or the radius
     if command not in LOCATED:
-        return known == 0 and (value is None or n > EXACT_PARAMS)
-    made = _of_ardupilot if autopilot == "ardupilot" else _of_px4
-    return any(_equal(one, known) for one in made(value, command, n))
+        return got == 0 and (value is None or n > EXACT_PARAMS)
+    rounded_by = _rounded_by_ardupilot if autopilot == "ardupilot" else _rounded_by_px4
+    return any(_equal(one, got) for one in rounded_by(value, command, n))
 
 
-def _of_ardupilot(value: float | None, command: int, n: int) -> Iterator[float]:
-    """What ArduPilot makes of a parameter of an item with a position (AP_Mission.cpp)."""
+def _rounded_by_ardupilot(value: float | None, command: int, n: int) -> Iterator[float]:
+    """Yield what ArduPilot may keep of a parameter of an item with a position (AP_Mission.cpp)."""
     if value is None or (command, n) not in ARDUPILOT_KEEPS:
         yield 0.0
     number = value or 0.0
@@ -132,8 +149,8 @@ def _of_ardupilot(value: float | None, command: int, n: int) -> Iterator[float]:
         yield float(number > 0)
 
 
-def _of_px4(value: float | None, command: int, n: int) -> Iterator[float]:
-    """What PX4 makes of a parameter of an item with a position (mavlink_mission.cpp)."""
+def _rounded_by_px4(value: float | None, command: int, n: int) -> Iterator[float]:
+    """Yield what PX4 may keep of a parameter of an item with a position (mavlink_mission.cpp)."""
     if (command, n) not in PX4_KEEPS:
         yield 0.0
     elif value is not None and n == 4:
@@ -153,7 +170,7 @@ def _text(value: float | None) -> str:
 
 
 def _equal(one: float | None, other: float | None) -> bool:
-    """Whether two numbers are equal as 32-bit floats; None is NaN, which equals itself alone."""
+    """Return whether two numbers are equal as 32-bit floats; None is NaN, which equals itself alone."""
     if one is None or other is None:
         return one is other
     if not (math.isfinite(one) and math.isfinite(other)):

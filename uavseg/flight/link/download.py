@@ -4,18 +4,19 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from uavseg.errors import MissionError
-from uavseg.flight.link.link import POLL_S, Link
-from uavseg.flight.link.link_items import (
+from uavseg.flight.link.link import AUTOPILOT_NAMES, POLL_S, Link, LinkedVehicle
+from uavseg.flight.link.messages import (
     FENCE_RETURN,
     LinkItem,
+    MissionType,
+    RefusedError,
+    TransferLostError,
     fence_of_items,
     home_of_row,
     mission_items,
     rally_of_items,
 )
-from uavseg.flight.link.receive import Progress, receive_items
-from uavseg.flight.link.results import Kind, RefusedError, TransferLostError
-from uavseg.flight.link.vehicle import AUTOPILOT_NAMES, Vehicle
+from uavseg.flight.link.transfer import Progress, receive_items
 from uavseg.flight.mission.items import HomePosition, MissionItem
 from uavseg.flight.mission.mission import Mission
 
@@ -25,8 +26,14 @@ HOME_S = 2.5  # PX4 sends HOME_POSITION every 2 s
 def download_mission(link: Link, progress: Progress | None = None) -> Mission:
     """Read the mission of a vehicle, with its fence and rally points.
 
-    ArduPilot tells home as item 0, PX4 by a message; where neither is there, home is at the first item, at
+    ArduPilot sends home as item 0, PX4 in a message; where neither is there, home is at the first item, at
     0 m above the sea, and a note says so.
+
+    Parameters
+    ----------
+    link : Link
+    progress : callable, optional
+        Called with the number of items of the mission that were received, and of all.
 
     Raises
     ------
@@ -36,13 +43,13 @@ def download_mission(link: Link, progress: Progress | None = None) -> Mission:
         If it holds no mission, or one that would not be safe.
     """
     report = progress or (lambda done, total: None)
-    rows = receive_items(link, Kind.MISSION, report)
+    rows = receive_items(link, MissionType.MISSION, report)
     vehicle = link.vehicle
     if len(rows) <= int(vehicle.has_home_row):
         raise MissionError("the vehicle holds no mission")
     notes: list[str] = []
-    fence_items = _optional(link, Kind.FENCE, notes)
-    rally_items = _optional(link, Kind.RALLY, notes)
+    fence_items = _optional(link, MissionType.FENCE, notes)
+    rally_items = _optional(link, MissionType.RALLY, notes)
     if any(item.command == FENCE_RETURN for item in fence_items):
         notes.append("the return point of the fence was not read")
     try:
@@ -55,21 +62,21 @@ def download_mission(link: Link, progress: Progress | None = None) -> Mission:
     return replace(mission, notes=tuple(notes))
 
 
-def _optional(link: Link, kind: Kind, notes: list[str]) -> list[LinkItem]:
-    """A list that a vehicle need not know."""
+def _optional(link: Link, list_type: MissionType, notes: list[str]) -> list[LinkItem]:
+    """Receive a list that a vehicle need not support."""
     try:
-        return receive_items(link, kind, lambda done, total: None)
+        return receive_items(link, list_type, lambda done, total: None)
     except (TransferLostError, RefusedError) as error:
-        notes.append(f"the {kind} of the vehicle could not be read: {error}")
+        notes.append(f"the {list_type} of the vehicle could not be read: {error}")
         return []
 
 
 def _home(
     link: Link, rows: Sequence[LinkItem], items: Sequence[MissionItem], notes: list[str]
 ) -> HomePosition:
-    known = home_of_row(rows[0]) if link.vehicle.has_home_row and rows else None
-    if known is not None:
-        return known
+    home = home_of_row(rows[0]) if link.vehicle.has_home_row and rows else None
+    if home is not None:
+        return home
     if link.home is None and link.vehicle.autopilot == "px4":
         until = link.now() + HOME_S
         while link.home is None and link.now() < until:
@@ -83,8 +90,10 @@ def _home(
     return HomePosition(first.lat, first.lon)
 
 
-def _autopilot(home: HomePosition, items: tuple[MissionItem, ...], vehicle: Vehicle, notes: list[str]) -> str:
-    """The autopilot that the mission is for; of a generic vehicle, the first whose rules it keeps."""
+def _autopilot(
+    home: HomePosition, items: tuple[MissionItem, ...], vehicle: LinkedVehicle, notes: list[str]
+) -> str:
+    """Return the autopilot that the mission is for; of a generic vehicle, the first whose rules it keeps."""
     if vehicle.autopilot != "generic":
         return vehicle.autopilot
     for autopilot in ("generic", *AUTOPILOT_NAMES):

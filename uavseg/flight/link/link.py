@@ -1,21 +1,19 @@
-"""Link to one vehicle: finds it, keeps the heartbeat, passes on its messages, notices others in between."""
+"""MAVLink connection to one vehicle: heartbeats, messages of the mission protocol, other senders noticed."""
 
 import os
 import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from pymavlink.dialects.v20 import common
 
 from uavseg.errors import LinkError
-from uavseg.flight.link.address import parse_address
-from uavseg.flight.link.patience import Patience
-from uavseg.flight.link.results import Result
-from uavseg.flight.link.transport import Source, Transport, open_transport
-from uavseg.flight.link.vehicle import ARMED, GROUND_STATION, INVALID_AUTOPILOT, Vehicle, is_vehicle
+from uavseg.flight.link.messages import MissionType, Result
+from uavseg.flight.link.transport import Source, Transport, open_transport, parse_address
+from uavseg.flight.mission.items import AUTOPILOTS
 
 TIMEOUT_S = 10.0  # ArduPilot asks again after 1 s and gives up after 8 s; PX4 after 0.25 and 5 s
 HEARTBEAT_S = 1.0
@@ -33,6 +31,89 @@ _WRITES = frozenset(
     }
 )
 _READ = _FOR_US | _WRITES | {"HEARTBEAT", "STATUSTEXT", "HOME_POSITION"}
+
+
+INITIAL_TIMEOUT_S, MIN_TIMEOUT_S, MAX_TIMEOUT_S = 0.5, 0.1, 1.5  # before a message is repeated
+QUICK_REPEATS = 4
+_ROUND_TRIPS = 3.0
+_SMOOTHING = 0.2
+
+INVALID_AUTOPILOT = 8  # MAV_AUTOPILOT of what is not a vehicle
+ARMED = 128  # MAV_MODE_FLAG_SAFETY_ARMED
+# MAV_TYPE of what has a heartbeat but flies no mission
+TRACKER, GROUND_STATION, COMPANION, GIMBAL, ADSB, CAMERA = 5, 6, 18, 26, 27, 30
+NOT_VEHICLES = frozenset({TRACKER, GROUND_STATION, COMPANION, GIMBAL, ADSB, CAMERA})
+AUTOPILOT_NAMES = {"ardupilot": "ArduPilot", "px4": "PX4"}  # for people
+
+
+@dataclass(frozen=True, slots=True)
+class LinkedVehicle:
+    """Vehicle at the other end of a link."""
+
+    system: int  # MAVLink ids
+    component: int
+    mav_autopilot: int  # MAV_AUTOPILOT
+    is_armed: bool = False  # whether its motors are armed, by its last heartbeat
+    source: Source = None  # where its messages come from
+
+    @property
+    def autopilot(self) -> str:
+        """Name of the autopilot: "ardupilot", "px4", or "generic" for any other."""
+        return next((name for name, number in AUTOPILOTS.items() if number == self.mav_autopilot), "generic")
+
+    @property
+    def has_home_row(self) -> bool:
+        """True if its missions begin with home as item 0."""
+        return self.autopilot == "ardupilot"
+
+    def __str__(self) -> str:
+        name = AUTOPILOT_NAMES.get(self.autopilot, f"autopilot {self.mav_autopilot}")
+        return f"{name}, system {self.system}"
+
+
+class RetransmissionTimer:
+    """Timeout that follows the round trips of a link, and doubles after the fourth repetition.
+
+    The first repetitions are quick, because a vehicle may give up after few (MAVSDK after five, or 2.5 s). A
+    fixed time does not fit all links: 250 ms repeat a third of all messages over a telemetry radio, and are
+    long over a network. Round trips of repeated messages are not measured, because the answer may be to any
+    of them (Karn and Partridge, 1987, "Improving Round-Trip Time Estimates in Reliable Transport Protocols").
+
+    Examples
+    --------
+    >>> timer = RetransmissionTimer()
+    >>> timer.timeout_s
+    0.5
+    >>> timer.answered(0.06)
+    >>> round(timer.timeout_s, 3)
+    0.18
+    >>> for _ in range(6):
+    ...     timer.repeated()
+    >>> round(timer.timeout_s, 3)
+    0.72
+    """
+
+    def __init__(self) -> None:
+        self._round_trip_s: float | None = None
+        self._repeats = 0
+
+    @property
+    def timeout_s(self) -> float:
+        """Seconds to wait for an answer."""
+        first = INITIAL_TIMEOUT_S if self._round_trip_s is None else _ROUND_TRIPS * self._round_trip_s
+        doublings = min(max(self._repeats - QUICK_REPEATS, 0), 10)
+        return float(min(max(first, MIN_TIMEOUT_S) * 2**doublings, MAX_TIMEOUT_S))
+
+    def repeated(self) -> None:
+        """Count a repetition."""
+        self._repeats += 1
+
+    def answered(self, seconds: float) -> None:
+        """Measure a round trip; `seconds` since the message was sent last."""
+        if not self._repeats:
+            mean = self._round_trip_s
+            self._round_trip_s = seconds if mean is None else mean + _SMOOTHING * (seconds - mean)
+        self._repeats = 0
 
 
 class Link:
@@ -55,21 +136,21 @@ class Link:
     ) -> None:
         self.timeout_s = timeout_s
         self.now = now
-        self.patience = Patience()
+        self.timer = RetransmissionTimer()
         self.texts: list[str] = []  # STATUSTEXT of the vehicle
         self.home: tuple[float, float, float] | None = None  # lat, lon, metres above the sea
         self.component = FIRST_COMPONENT + os.getpid() % COMPONENTS
         self._transport = transport
-        self._mav = common.MAVLink(_Sender(transport), SYSTEM, self.component)
+        self._mav = common.MAVLink(_Writer(transport), SYSTEM, self.component)
         self._parser = _parser()
-        self._vehicle: Vehicle | None = None
+        self._vehicle: LinkedVehicle | None = None
         self._arrived: deque[tuple[Any, Source]] = deque()
         self._heartbeat_at = -HEARTBEAT_S + now()
         self._heard = 0
 
     @property
-    def vehicle(self) -> Vehicle:
-        """The vehicle that was found."""
+    def vehicle(self) -> LinkedVehicle:
+        """Vehicle whose heartbeat `find_vehicle` heard."""
         assert self._vehicle is not None, "find_vehicle comes first"
         return self._vehicle
 
@@ -95,47 +176,28 @@ class Link:
             return f" ({self._transport.trouble}); is it switched on, and is this its address?"
         return ": nothing arrives; is it switched on, and is this its address?"
 
-    # Sending
+    def send(self, message: str, list_type: MissionType, *fields: Any) -> None:
+        """Send a message, such as "mission_count", with its fields after the target."""
+        encode = getattr(self._mav, f"{message}_encode")
+        target = self.vehicle.system, self.vehicle.component
+        self._mav.send(encode(*target, *fields, mission_type=int(list_type)))
 
-    def count(self, kind: int, count: int) -> None:
-        """Send MISSION_COUNT: offer so many items."""
-        self._send("mission_count", count, mission_type=kind)
-
-    def item(self, kind: int, fields: tuple[Any, ...]) -> None:
-        """Send MISSION_ITEM_INT; the fields are those after the target."""
-        self._send("mission_item_int", *fields, mission_type=kind)
-
-    def request_list(self, kind: int) -> None:
-        """Send MISSION_REQUEST_LIST: ask how many items there are."""
-        self._send("mission_request_list", mission_type=kind)
-
-    def request_item(self, kind: int, number: int) -> None:
-        """Send MISSION_REQUEST_INT: ask for an item."""
-        self._send("mission_request_int", number, mission_type=kind)
-
-    def acknowledge(self, kind: int, result: Result) -> None:
+    def acknowledge(self, list_type: MissionType, result: Result) -> None:
         """Send MISSION_ACK: end a transfer."""
-        self._send("mission_ack", int(result), mission_type=kind)
+        self.send("mission_ack", list_type, int(result))
 
-    def cancel(self, kind: int) -> None:
+    def cancel(self, list_type: MissionType) -> None:
         """End a transfer that failed, so that the vehicle does not wait for more, if it can be reached."""
         with suppress(LinkError):
-            self.acknowledge(kind, Result.OPERATION_CANCELLED)
-
-    def _send(self, name: str, *fields: Any, mission_type: int) -> None:
-        encode = getattr(self._mav, f"{name}_encode")
-        target = self.vehicle.system, self.vehicle.component
-        self._mav.send(encode(*target, *fields, mission_type=int(mission_type)))
+            self.acknowledge(list_type, Result.OPERATION_CANCELLED)
 
     def _beat(self) -> None:
         if self.now() - self._heartbeat_at >= HEARTBEAT_S:
             self._heartbeat_at = self.now()
             self._mav.heartbeat_send(GROUND_STATION, INVALID_AUTOPILOT, 0, 0, 0)
 
-    # Receiving
-
     def next_message(self, until: float, none_expected: bool = False) -> Any | None:
-        """The next message of the mission protocol from the vehicle to us, or None if none comes in time.
+        """Return the next message of the mission protocol from the vehicle to us; None if none comes in time.
 
         Parameters
         ----------
@@ -151,9 +213,9 @@ class Link:
         """
         while True:
             while self._arrived:
-                found = self._examine(*self._arrived.popleft())
-                if found is not None and not none_expected:
-                    return found
+                message = self._examine(*self._arrived.popleft())
+                if message is not None and not none_expected:
+                    return message
             left = until - self.now()
             if left <= 0:
                 return None
@@ -164,17 +226,17 @@ class Link:
 
     def _parse(self, data: bytes, source: Source) -> None:
         if self._transport.is_datagram:
-            self._parser = _parser()  # no rest of a broken datagram before the next one
+            self._parser = _parser()  # a broken datagram leaves no rest before the next one
         for message in self._parser.parse_buffer(data) or []:
             if message.get_type() in _READ:
                 self._heard += 1
                 self._arrived.append((message, source))
 
     def _examine(self, message: Any, source: Source) -> Any | None:
-        """The message, if it is one of the transfer; notes what else matters."""
+        """Return a message of the transfer, else None; take note of what else matters."""
         name, system = message.get_type(), message.get_srcSystem()
         if name == "HEARTBEAT":
-            if is_vehicle(message):
+            if message.autopilot != INVALID_AUTOPILOT and message.type not in NOT_VEHICLES:
                 self._hear_vehicle(message, source)
             return None
         if self._vehicle is None:
@@ -199,27 +261,33 @@ class Link:
         system, component = heartbeat.get_srcSystem(), heartbeat.get_srcComponent()
         armed = bool(heartbeat.base_mode & ARMED)
         if self._vehicle is None:
-            self._vehicle = Vehicle(system, component, heartbeat.autopilot, armed, source)
+            self._vehicle = LinkedVehicle(
+                system=system,
+                component=component,
+                mav_autopilot=heartbeat.autopilot,
+                is_armed=armed,
+                source=source,
+            )
             self._transport.answer(source)
             return
-        known = self._vehicle
-        if system != known.system:
+        current = self._vehicle
+        if system != current.system:
             raise LinkError(
-                f"two vehicles are on the link, systems {known.system} and {system}; "
+                f"two vehicles are on the link, systems {current.system} and {system}; "
                 "give an address where only one answers"
             )
-        if source != known.source or (
-            component == known.component and heartbeat.autopilot != known.mav_autopilot
+        if source != current.source or (
+            component == current.component and heartbeat.autopilot != current.mav_autopilot
         ):
             raise LinkError(
                 f"two vehicles on the link have the system id {system}; "
                 "give an address where only one answers, or another id to one of them"
             )
-        if component == known.component:  # a gimbal or a camera of the system says nothing of the motors
-            self._vehicle = replace(known, is_armed=armed)
+        if component == current.component:  # a gimbal or a camera of the system says nothing of the motors
+            self._vehicle = replace(current, is_armed=armed)
 
     def _check_other(self, message: Any, system: int) -> None:
-        """Another ground station that writes, or another system that answers us."""
+        """Refuse another ground station that writes, and another system that answers us."""
         name = message.get_type()
         if name in _WRITES and message.target_system in (self.vehicle.system, 0):
             raise LinkError(_conflict(system))
@@ -227,7 +295,7 @@ class Link:
             raise LinkError(f"another system ({system}) answers on the link; give an address of one vehicle")
 
     def _check_other_transfer(self, message: Any) -> None:
-        """The vehicle takes a mission from another ground station."""
+        """Refuse a vehicle that takes a mission from another ground station."""
         name = message.get_type()
         if name in _REQUESTS or (name == "MISSION_ACK" and message.type == Result.ACCEPTED):
             raise LinkError(_conflict(message.target_system))
@@ -256,7 +324,7 @@ def connect(address: str, timeout_s: float = TIMEOUT_S) -> Link:
     Raises
     ------
     ParameterError
-        If the address is none.
+        If the address is not one of these.
     LinkError
         If it cannot be reached, no vehicle answers, or more than one.
     """
@@ -270,8 +338,8 @@ def connect(address: str, timeout_s: float = TIMEOUT_S) -> Link:
     return link
 
 
-class _Sender:
-    """What pymavlink writes to."""
+class _Writer:
+    """File to which pymavlink writes."""
 
     def __init__(self, transport: Transport) -> None:
         self._transport = transport

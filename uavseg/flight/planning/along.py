@@ -27,7 +27,7 @@ from uavseg.flight.mission.items import (
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.track import Track
 from uavseg.flight.params.plan import PlanParams
-from uavseg.flight.terrain.heights import Heights, constant_height
+from uavseg.flight.terrain.follow import WaypointHeights, constant_height
 from uavseg.flight.terrain.leg_speeds import speeds_of
 
 
@@ -62,7 +62,7 @@ def fly_along(
 
 
 def items_along(
-    track: Track, home: HomePosition, params: PlanParams, heights: Heights | None = None
+    track: Track, home: HomePosition, params: PlanParams, heights: WaypointHeights | None = None
 ) -> tuple[MissionItem, ...]:
     """Return the items of a flight along a track: takeoff, speed, waypoints with their actions, return.
 
@@ -72,7 +72,7 @@ def items_along(
         With places as longitude and latitude in degrees.
     home : HomePosition
     params : PlanParams
-    heights : Heights, optional
+    heights : WaypointHeights, optional
         Of the waypoints; by default that of `params`, above home.
     """
     heights = constant_height(track, params) if heights is None else heights

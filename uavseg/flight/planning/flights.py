@@ -18,11 +18,9 @@ from uavseg.flight.params.plan import PlanParams
 from uavseg.flight.planning.along import items_along
 from uavseg.flight.planning.route import RegionRoute
 from uavseg.flight.planning.split import FlightLimits, split_route
-from uavseg.flight.safety.early_return import return_notes
-from uavseg.flight.safety.fence_around import fence_around
-from uavseg.flight.safety.fence_check import rally_of_flights
-from uavseg.flight.safety.keep_out import KeepOut
-from uavseg.flight.terrain.flown import LegPoints, points_of_leg
+from uavseg.flight.safety.fence import fence_around, rally_of_flights
+from uavseg.flight.safety.keep_out import KeepOut, return_notes
+from uavseg.flight.terrain.altitude_profile import LegPoints, points_of_leg
 from uavseg.flight.terrain.follow import follow_ground
 from uavseg.flight.terrain.leg_speeds import fewest_changes, speed_notes, with_speeds
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from uavseg.flight.formats.files import MissionPath, write_mission
 from uavseg.flight.formats.options import FileOptions
 from uavseg.flight.mission.mission import Mission
-from uavseg.flight.safety.paper_check import PaperCheck
+from uavseg.flight.safety.check import SafetyCheck
 from uavseg.output.transaction import transaction
 
 
@@ -26,7 +26,7 @@ def _flight_paths(path: MissionPath, count: int) -> list[Path]:
 def write_flights(
     missions: Sequence[Mission],
     path: MissionPath,
-    check: PaperCheck,
+    check: SafetyCheck,
     overwrite: bool = False,
     options: FileOptions | None = None,
 ) -> list[Path]:
@@ -36,8 +36,8 @@ def write_flights(
     ----------
     missions : sequence of Mission
     path : path
-        Of the file of a single mission; those of several are numbered.
-    check : PaperCheck
+        Of the file of a single mission; see `flight_paths`.
+    check : SafetyCheck
     overwrite : bool
     options : FileOptions, optional
 

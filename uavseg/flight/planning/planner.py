@@ -19,9 +19,8 @@ from uavseg.flight.planning.along import home_notes
 from uavseg.flight.planning.flights import missions_over
 from uavseg.flight.planning.route import check_order, short_route
 from uavseg.flight.planning.targets import clear_parts, plane_of, region_parts
-from uavseg.flight.safety.keep_out import KeepOut
-from uavseg.flight.safety.near_zones import near_zones
-from uavseg.flight.terrain.home import home_on_ground
+from uavseg.flight.safety.keep_out import KeepOut, near_zones
+from uavseg.flight.terrain.follow import home_on_ground
 
 Floats = NDArray[np.float64]
 

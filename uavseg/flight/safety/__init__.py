@@ -1,1 +1,1 @@
-"""What keeps a flight safe: limits, keep-out zones, home, fence, and the check of what was written."""
+"""Safety of flights: keep-out zones, home, fence, and the check of a mission before it is flown."""

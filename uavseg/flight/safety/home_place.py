@@ -1,4 +1,4 @@
-"""A place for home outside of all regions and keep-out zones, near to what is flown."""
+"""Home position: the nearest place outside of all regions and keep-out zones."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -15,12 +15,10 @@ from uavseg.flight.safety.keep_out import KeepOut
 
 IsGround = Callable[[float, float], bool]
 
-CLEARANCE_M = 15.0
-"""Distance from home to regions and to zones with their margin."""
-SIMPLIFIED_M = 0.75
-"""How far outlines of many corners may be moved; GEOS moves the ends of rings by up to twice as much."""
+CLEARANCE_M = 15.0  # from home to regions and to zones with their margin
+SIMPLIFIED_M = 0.75  # tolerance for outlines of many corners; GEOS moves the ends of rings by up to twice it
 STEP_M = 5.0
-MOST_TRIED = 5000
+MAX_TRIES = 5000
 _DECIMALS = 7  # of degrees: a centimetre
 
 
@@ -31,7 +29,7 @@ def home_outside(
     avoid_margin_m: float = 0.0,
     is_ground: IsGround | None = None,
 ) -> tuple[float, float]:
-    """The place nearest to the middle of all regions that lies outside of them and of keep-out zones.
+    """Find the place nearest to the middle of all regions that lies outside of them and of keep-out zones.
 
     A place that a region or zone encloses, such as an island, is not taken: people may not get there.
 
@@ -54,7 +52,7 @@ def home_outside(
     Raises
     ------
     MissionError
-        If there are no regions, or none of the nearest places may be home.
+        If there are no regions, or no place near them may be home.
     """
     if not len(polygons):
         raise MissionError("there is no region to fly to; choose at least one")
@@ -64,7 +62,7 @@ def home_outside(
     outlines = shapely.get_exterior_ring(shapely.get_parts(_around(regions, plane, keep_out.grown)))
     places = shapely.get_coordinates(shapely.segmentize(outlines, STEP_M))
     middle = np.mean(np.column_stack(plane.xy_from_lonlat(*np.array(points).T)), axis=0)
-    nearest = places[np.argsort(np.hypot(*(places - middle).T), kind="stable")[:MOST_TRIED]]
+    nearest = places[np.argsort(np.hypot(*(places - middle).T), kind="stable")[:MAX_TRIES]]
     for lon, lat in np.round(np.column_stack(plane.lonlat_from_xy(*nearest.T)), _DECIMALS).tolist():
         if is_ground is None or is_ground(lat, lon):
             return lat, lon
@@ -74,9 +72,9 @@ def home_outside(
 
 
 def _around(regions: NDArray[np.object_], plane: Plane, zones: Any) -> Any:
-    """Regions in degrees and zones in metres, with the clearance around them and without holes.
+    """Merge regions (degrees) and zones (metres), with the clearance around them and without holes.
 
-    A hole of some of them together lies within all of them, so holes are filled group by group.
+    Groups of neighbours are filled one by one: a hole that several of them enclose lies within their group.
     """
     west, south, east, north = shapely.bounds(regions).T
     bounds = np.column_stack([*plane.xy_from_lonlat(west, south), *plane.xy_from_lonlat(east, north)])
@@ -90,7 +88,7 @@ def _around(regions: NDArray[np.object_], plane: Plane, zones: Any) -> Any:
 
 
 def _grown(areas: NDArray[np.object_]) -> Any:
-    """Areas with the clearance around them and without holes; those of many corners are simplified before."""
+    """Grow areas by the clearance, without holes; those of many corners are simplified first."""
     if shapely.get_num_coordinates(areas).sum() <= MANY_CORNERS:
         grown = shapely.buffer(shapely.union_all(areas), CLEARANCE_M, quad_segs=4)
     else:

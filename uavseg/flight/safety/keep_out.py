@@ -1,7 +1,7 @@
 """Keep-out zones: areas, with a margin around them, that no leg of a flight enters."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -14,24 +14,28 @@ from numpy.typing import NDArray
 from uavseg.errors import MissionError
 from uavseg.flight.avoid.enclosing import enclosing, merged, neighbour_groups
 from uavseg.flight.avoid.free_space import FreeSpace
+from uavseg.flight.mission.plane import Plane
 from uavseg.flight.mission.track import Track
+from uavseg.flight.mission.vehicle import returning_vehicles
+from uavseg.flight.params.plan import PlanParams
 
 Floats = NDArray[np.float64]
 
-LEAST_TOLERANCE_M, MOST_TOLERANCE_M = 0.5, 100.0
-LEAST_REACH_M = 2.0  # of outlines around zones of many corners
-MOST_OUTLINED = 10_000  # corners of such outlines
-LEAST_FENCE_MARGIN_M = 4.0  # below it, the fence is drawn at the edge of zones
-FENCE_TOLERANCES = (
-    1 / 2,
-    2 / 5,
-    1 / 4,
-    1 / 8,
-    0,
-)  # of their distance from zones, by which fences are simplified
-MOST_CORNERS = 800  # of zones with their margins: they are simplified until they have no more
+MIN_TOLERANCE_M, MAX_TOLERANCE_M = 0.5, 100.0
+MIN_REACH_M = 2.0  # of outlines around zones of many corners
+MAX_OUTLINE_CORNERS = 10_000  # corners of such outlines
+MIN_FENCE_MARGIN_M = 4.0  # below it, the fence is drawn at the edge of zones
+FENCE_TOLERANCES = (0.5, 0.4, 0.25, 0.125, 0.0)  # for fences, in their distance from zones
+MAX_CORNERS = 800  # of zones with their margins: they are simplified until they have no more
 ROUND_SEGMENTS = 3  # of a quarter of a circle around a corner
-SHORTEST_LINE_M = 1.0  # what zones leave of a line is not flown where it is shorter
+MIN_LINE_M = 1.0  # what zones leave of a line is not flown where it is shorter
+STEP_M = 5.0
+STARTS = 2000  # maximum number of places from which returns are examined
+NAMES = {
+    "ardupilot": ("ArduPilot", "RTL_ALT"),
+    "px4": ("PX4", "RTL_RETURN_ALT"),
+    "generic": ("the autopilot", "RTL_ALT, RTL_RETURN_ALT"),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +47,7 @@ class KeepOut:
     zones : sequence of shapely Polygon or MultiPolygon
         In metres.
     margin_m : float
-        Least distance to the zones, 0 or more.
+        Minimum distance to the zones, 0 or more.
 
     Examples
     --------
@@ -56,72 +60,72 @@ class KeepOut:
     margin_m: float = 0.0
 
     @cached_property
-    def _whole(self) -> Any:
-        """The zones; of those with many corners an outline around them."""
+    def _merged(self) -> Any:
+        """Zones, or where these have many corners an outline around them."""
         parts = np.array([*self.zones, None], object)[:-1]
         groups = neighbour_groups(parts, shapely.bounds(parts))
         zones = merged([shapely.union_all(shapely.make_valid(parts[group])) for group in groups])
-        reach_m = max(self.margin_m / 8, LEAST_REACH_M)
+        reach_m = max(self.margin_m / 8, MIN_REACH_M)
         around = enclosing(zones, reach_m)
-        while shapely.get_num_coordinates(around) > MOST_OUTLINED and reach_m < MOST_TOLERANCE_M:
+        while shapely.get_num_coordinates(around) > MAX_OUTLINE_CORNERS and reach_m < MAX_TOLERANCE_M:
             reach_m *= 2
             around = enclosing(zones, reach_m)
         return around
 
     @cached_property
     def grown(self) -> Any:
-        """The zones grown by the margin and a little more, with few corners."""
+        """Zones grown by the margin and a little more, with few corners."""
         if not self.zones:
             return shapely.MultiPolygon()
-        tolerance_m = max(self.margin_m / 8, LEAST_TOLERANCE_M)
-        held = _held(self._whole, self.margin_m)
-        grown = _grown(self._whole, held, self.margin_m, tolerance_m)
-        while shapely.get_num_coordinates(grown) > MOST_CORNERS and tolerance_m < MOST_TOLERANCE_M:
-            zones = enclosing(self._whole, tolerance_m)
-            grown = _smoothed(zones, held, self.margin_m, tolerance_m)
+        tolerance_m = max(self.margin_m / 8, MIN_TOLERANCE_M)
+        required = _with_margin(self._merged, self.margin_m)
+        grown = _grown(self._merged, required, self.margin_m, tolerance_m)
+        while shapely.get_num_coordinates(grown) > MAX_CORNERS and tolerance_m < MAX_TOLERANCE_M:
+            zones = enclosing(self._merged, tolerance_m)
+            grown = _smoothed(zones, required, self.margin_m, tolerance_m)
             tolerance_m *= 2
         shapely.prepare(grown)
         return grown
 
     @cached_property
     def fence_zones(self) -> list[Any]:
-        """The zones with at most half of their margin: a flight may pass along it without a breach."""
+        """Zones with at most half of their margin: a flight may pass along it without a breach."""
         return self._fenced(1 / 2)
 
     @cached_property
     def simpler_fence_zones(self) -> list[Any]:
-        """The same with fewer corners, and at most three quarters of their margin."""
+        """Zones with fewer corners, and at most three quarters of their margin."""
         return self._fenced(3 / 4)
 
     def _fenced(self, share: float) -> list[Any]:
-        """Polygons around the zones with few corners and at most a share of their margin."""
+        """Draw polygons around the zones with few corners and at most a share of their margin."""
         if not self.zones:
             return []
-        fenced = [self._whole]
-        if self.margin_m >= LEAST_FENCE_MARGIN_M:
-            around = shapely.get_parts(shapely.buffer(self._whole, self.margin_m * share / 2))
-            fenced = [_simple(part, self._whole, self.margin_m * share) for part in around]
+        fenced = [self._merged]
+        if self.margin_m >= MIN_FENCE_MARGIN_M:
+            around = shapely.get_parts(shapely.buffer(self._merged, self.margin_m * share / 2))
+            fenced = [_simple(part, self._merged, self.margin_m * share) for part in around]
         parts = shapely.get_parts(fenced)
         return [part for part in parts if part.geom_type == "Polygon" and part.area > 0]
 
     @cached_property
     def space(self) -> FreeSpace:
-        """Where legs may lead."""
+        """Free space for legs."""
         return FreeSpace(obstacles=[self.grown] if self.zones else [])
 
     def left_of(self, region: Any) -> Any:
-        """What the zones and their margins leave of a region."""
+        """Subtract the zones and their margins from a region."""
         if not self.zones or not shapely.intersects(self.grown, region):
             return region
         return shapely.difference(region, self.grown)
 
     def clear(self, track: Track) -> Track:
-        """A track without what enters the zones: lines are cut, and other legs lead around.
+        """Clip the lines of a track outside of the zones, and lead other legs around them.
 
         Raises
         ------
         MissionError
-            If there is no way between two of its lines, or nothing is left.
+            If there is no path between two of its lines, or nothing is left.
         """
         if not self.zones or self.space.sees(track.xy[:-1], track.xy[1:]).all():
             return track
@@ -130,11 +134,11 @@ class KeepOut:
             raise MissionError("nothing is left of a flight over a region outside of the keep-out zones")
         tracks = kept[:1]
         for before, after in pairwise(kept):
-            tracks += [self._way(track, before.xy[-1], after.xy[0]), after]
+            tracks += [self._connection(track, before.xy[-1], after.xy[0]), after]
         return Track.joined(tracks)
 
     def _pieces(self, lines: Track) -> list[Track]:
-        """What is left of a run of lines, in the order in which it is flown."""
+        """Clip a run of lines; pieces are in the order in which they are flown."""
         free = self.space.sees(lines.xy[:-1], lines.xy[1:])
         pieces: list[Track] = []
         for k in range(len(free)):
@@ -147,45 +151,44 @@ class KeepOut:
                     pieces.append(piece)
         return pieces
 
-    def _way(self, track: Track, start: Floats, end: Floats) -> Track:
-        """The legs of a track between two of its corners where they are free, else the shortest way."""
+    def _connection(self, track: Track, start: Floats, end: Floats) -> Track:
+        """Return the legs of a track between two corners where they are free, else the shortest path."""
         first, last = (np.flatnonzero((track.xy == place).all(axis=1)) for place in (start, end))
         for k in first.tolist():
             for m in last.tolist():
-                way = track.part(k, m)
-                if k < m and not way.is_line.any() and self.space.sees(way.xy[:-1], way.xy[1:]).all():
-                    return way
+                legs = track.part(k, m)
+                if k < m and not legs.is_line.any() and self.space.sees(legs.xy[:-1], legs.xy[1:]).all():
+                    return legs
         return Track.transit(self.space.path(start.tolist(), end.tolist()))
 
 
-def _held(zones: Any, margin_m: float) -> Any:
-    """Zones with their whole margin."""
+def _with_margin(zones: Any, margin_m: float) -> Any:
     return shapely.buffer(zones, margin_m / math.cos(math.pi / 32), quad_segs=8) if margin_m else zones
 
 
-def _grown(zones: Any, held: Any, margin_m: float, tolerance_m: float) -> Any:
-    """Zones that are simplified, and grown so that they hold the margin all the same."""
+def _grown(zones: Any, required: Any, margin_m: float, tolerance_m: float) -> Any:
+    """Simplify zones, and grow them so that they hold the margin all the same."""
     simple = shapely.simplify(zones, tolerance_m)
     for more in (1, 2, 4):
         reach = (margin_m + more * tolerance_m) / math.cos(math.pi / 4 / ROUND_SEGMENTS)
         grown = shapely.buffer(simple, reach, quad_segs=ROUND_SEGMENTS)
-        if shapely.covers(grown, held):
+        if shapely.covers(grown, required):
             return grown
-    return held
+    return required
 
 
-def _smoothed(zones: Any, held: Any, margin_m: float, tolerance_m: float) -> Any:
-    """Zones that are grown and then simplified: fewer corners where outlines have many small steps."""
+def _smoothed(zones: Any, required: Any, margin_m: float, tolerance_m: float) -> Any:
+    """Grow zones, then simplify them: fewer corners where outlines have many small steps."""
     for more in (1, 1.5, 2, 4):
         grown = shapely.buffer(zones, (margin_m + more * tolerance_m) / math.cos(math.pi / 16), quad_segs=4)
         simple = shapely.simplify(grown, tolerance_m)
-        if shapely.covers(simple, held):
+        if shapely.covers(simple, required):
             return simple
-    return held
+    return required
 
 
 def _simple(around: Any, zones: Any, reach_m: float) -> Any:
-    """A polygon around some zones with fewer corners, which holds them and lies within a reach of them."""
+    """Simplify a polygon around zones, so that it still holds them and lies within a reach of them."""
     inner = shapely.intersection(zones, around)
     outer = shapely.buffer(inner, reach_m)
     for share in FENCE_TOLERANCES:
@@ -200,7 +203,95 @@ def _lies_between(area: Any, inner: Any, outer: Any) -> bool:
 
 
 def _outside(line: Floats, blocked: Any) -> list[Floats]:
-    """The parts of a line outside of an area, from its start to its end."""
+    """Return the parts of a line outside of an area, from its start to its end."""
     left = shapely.get_parts(shapely.difference(shapely.LineString(line), blocked))
-    parts = [shapely.get_coordinates(part)[[0, -1]] for part in left if part.length >= SHORTEST_LINE_M]
+    parts = [shapely.get_coordinates(part)[[0, -1]] for part in left if part.length >= MIN_LINE_M]
     return sorted(parts, key=lambda part: float(np.hypot(*(part[0] - line[0]))))
+
+
+def near_zones(zones: Sequence[Any], places: Sequence[Any], reach_m: float) -> list[Any]:
+    """Select the zones that the shortest paths between places may meet.
+
+    A shortest path among obstacles stays within the convex hull of its ends and of the obstacles that it
+    touches, so a zone outside the hull of all places, and of the zones that are near to it, changes nothing.
+
+    Parameters
+    ----------
+    zones : sequence of shapely Polygon or MultiPolygon
+        In metres.
+    places : sequence of shapely geometries
+        All that is flown over, with home.
+    reach_m : float
+        How far a flight may lead outside these places, and the margin of zones.
+
+    Returns
+    -------
+    list of shapely Polygon or MultiPolygon
+        In the order of `zones`.
+
+    Examples
+    --------
+    >>> boxes = [shapely.box(x, -5, x + 10, 5) for x in (20, 500)]
+    >>> [zone.bounds for zone in near_zones(boxes, shapely.points([[0, 0], [100, 0]]), 50)]
+    [(20.0, -5.0, 30.0, 5.0)]
+    """
+    if not len(zones):
+        return []
+    parts = shapely.make_valid(np.array(zones, object))
+    hull = shapely.convex_hull(shapely.union_all(shapely.convex_hull(np.array(places, object))))
+    near = np.zeros(len(parts), bool)
+    while True:
+        reached = shapely.dwithin(parts, hull, reach_m)
+        if (reached == near).all():
+            return [zone for zone, is_near in zip(zones, near.tolist(), strict=True) if is_near]
+        near = reached
+        hull = shapely.convex_hull(shapely.union_all([hull, *shapely.convex_hull(parts[near])]))
+
+
+def return_notes(path: Floats, keep_out: KeepOut, plane: Plane, params: PlanParams) -> Iterator[str]:
+    """Yield notes on a return that the pilot or a failsafe starts during the flight.
+
+    The vehicle may climb before it and flies straight, while the end of the mission leads around zones.
+
+    Parameters
+    ----------
+    path : (n, 2) float64 array
+        Corners of the flight in metres, home first and last.
+    keep_out : KeepOut
+    plane : Plane
+    params : PlanParams
+    """
+    name, setting = NAMES[params.autopilot]
+    maximum_m, height_m = params.safety.max_altitude_m, _return_height_m(path, params)
+    if height_m > maximum_m:
+        yield (
+            f"for a return, {name} climbs to {height_m:.0f} m above home unless it is set otherwise, above "
+            f"the {maximum_m:g} m of --max-altitude: set {setting} to {maximum_m:g} m at most"
+        )
+    if not keep_out.zones:
+        return
+    starts = _places_along(path)
+    returns = shapely.linestrings(np.stack([np.broadcast_to(path[0], starts.shape), starts], axis=1))
+    crosses = shapely.intersects(keep_out.grown, returns)
+    if crosses.any():
+        x, y = starts[int(crosses.argmax())]
+        lon, lat = plane.lonlat_from_xy(x, y)
+        yield (
+            "a return that starts early is straight: it leads through a keep-out zone or its margin from "
+            f"{max(100 * crosses.mean(), 1):.0f} % of the flight, the first at "
+            f"{float(lat):.6f},{float(lon):.6f}; there, lead the vehicle by hand, or give rally points"
+        )
+
+
+def _return_height_m(path: Floats, params: PlanParams) -> float:
+    """Return the maximum height to which a return climbs; within a cone around home it climbs less."""
+    vehicles = returning_vehicles(params.vehicle, params.autopilot)
+    away_m = float(np.hypot(*(path - path[0]).T).max())
+    return max(min(vehicle.return_height_m, vehicle.return_slope * away_m) for vehicle in vehicles)
+
+
+def _places_along(path: Floats) -> Floats:
+    """Return places along a path at equal distances."""
+    length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
+    at = np.linspace(0, length[-1], min(int(length[-1] / STEP_M) + 2, STARTS))
+    return np.column_stack([np.interp(at, length, path[:, 0]), np.interp(at, length, path[:, 1])])

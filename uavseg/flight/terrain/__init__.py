@@ -1,1 +1,1 @@
-"""Flights over the ground of an elevation model: heights, added points, speeds on slopes, the way home."""
+"""Terrain following: heights above an elevation model, added points, speeds of legs, ground clearance."""

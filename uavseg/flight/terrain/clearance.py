@@ -1,4 +1,4 @@
-"""Clearance: the heights of a complete mission above the ground of a DEM, checked leg by leg."""
+"""Ground clearance: heights of a mission above the ground of a DEM, checked leg by leg."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -9,40 +9,40 @@ from uavseg.errors import MissionError
 from uavseg.flight.mission.items import FRAME_AMSL, FRAME_TERRAIN, RETURN, TAKEOFFS
 from uavseg.flight.mission.mission import CRUISE_M_S, Mission
 from uavseg.flight.params.plan import PlanParams
-from uavseg.flight.terrain.flown import climbs_early, heights_climbed_early, rates_m_s
+from uavseg.flight.terrain.altitude_profile import climbs_early, heights_climbed_early, rates_m_s
 from uavseg.flight.terrain.profile import check_known, profile_along
 from uavseg.raster.elevation.dem import Dem
 
-GAP_M = 0.2  # bounds of the ground may be so far apart
-RALLY_M = 5.0  # least height of a rally point above its ground, where flights are not lower
-SLACK_M = 0.3  # what the decimals of a file may take on steep ground
+GAP_M = 0.2  # between the bounds of the ground
+RALLY_M = 5.0  # minimum height of a rally point above its ground, where flights are not lower
+SLACK_M = 0.3  # for the decimals of a file on steep ground
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Clearance:
-    """The ground, and how far flights keep above it.
+    """Minimum height of flights above the ground.
 
     Parameters
     ----------
     dem : Dem
-    least_m : float
-        Least height above the ground on any leg, from above home on.
-    early : tuple of float, optional
-        Climb and descent rates of a vehicle that approaches the height of the next waypoint at once, as PX4
-        does: the heights between its way and the straight line are checked. By default the straight line.
+    minimum_m : float
+        On any leg, from above home on.
+    early : (climb, descent), optional
+        Rates of a vehicle that approaches the height of the next waypoint at once, as PX4 does: the heights
+        between its path and the straight line are checked. By default the straight line.
     """
 
     dem: Dem
-    least_m: float
+    minimum_m: float
     early: tuple[float, float] | None = None
 
-    def check(self, mission: Mission, most_m: float) -> None:
+    def check(self, mission: Mission, maximum_m: float) -> None:
         """Raise MissionError with the first of the `problems`, if there is one."""
-        for problem in self.problems(mission, most_m):
+        for problem in self.problems(mission, maximum_m):
             raise MissionError(problem)
 
-    def problems(self, mission: Mission, most_m: float) -> Iterator[str]:
-        """Where a leg or rally point comes nearer to the ground than allowed, or is higher above it.
+    def problems(self, mission: Mission, maximum_m: float) -> Iterator[str]:
+        """Yield where a leg or rally point comes nearer to the ground than allowed, or is higher above it.
 
         The return is at the height of the last item. Heights above the terrain that the vehicle itself knows
         are taken for what they say.
@@ -50,19 +50,21 @@ class Clearance:
         Parameters
         ----------
         mission : Mission
-        most_m : float
-            Greatest height above the ground.
+        maximum_m : float
+                Maximum height above the ground.
         """
         try:
-            yield from self._legs(mission, most_m)
-            yield from self._rally(mission, most_m)
+            yield from self._legs(mission, maximum_m)
+            yield from self._rally(mission, maximum_m)
         except MissionError as error:  # the ground is not known
             yield str(error)
 
-    def _legs(self, mission: Mission, most_m: float) -> Iterator[str]:
+    def _legs(self, mission: Mission, maximum_m: float) -> Iterator[str]:
         items = [item for item in mission.items if item.has_position]
         if any(item.frame == FRAME_TERRAIN for item in items):
-            yield from self._wrong(max(item.altitude_m for item in items), self.least_m, most_m, "an item")
+            yield from self._outside(
+                max(item.altitude_m for item in items), self.minimum_m, maximum_m, "an item"
+            )
             return
         home_m = self._ground_m(mission.home.lat, mission.home.lon)
         places = [] if items[0].command in TAKEOFFS else [(*_position(mission), home_m, CRUISE_M_S)]
@@ -82,15 +84,15 @@ class Clearance:
         for above in (lower - profile.upper_m, upper - profile.lower_m):
             for k in (int(above.argmin()), int(above.argmax())):
                 place = f"the position {profile.lat[k]:.6f},{profile.lon[k]:.6f}"
-                yield from self._wrong(float(above[k]), self.least_m, most_m, place)
+                yield from self._outside(float(above[k]), self.minimum_m, maximum_m, place)
 
-    def _rally(self, mission: Mission, most_m: float) -> Iterator[str]:
-        least_m = min(self.least_m, RALLY_M)
+    def _rally(self, mission: Mission, maximum_m: float) -> Iterator[str]:
+        minimum_m = min(self.minimum_m, RALLY_M)
         for number, point in enumerate(mission.rally, start=1):
             home_m = self._ground_m(mission.home.lat, mission.home.lon)
             above_m = home_m + point.altitude_m - self._ground_m(point.lat, point.lon)
             place = f"rally point {number} at {point.lat:.6f},{point.lon:.6f}"
-            yield from self._wrong(above_m, least_m, most_m, place)
+            yield from self._outside(above_m, minimum_m, maximum_m, place)
 
     def _ground_m(self, lat: float, lon: float) -> float:
         lons, lats = np.array([lon]), np.array([lat])
@@ -98,13 +100,13 @@ class Clearance:
         check_known(self.dem, lons, lats, ground_m)
         return float(ground_m[0])
 
-    def _wrong(self, above_m: float, least_m: float, most_m: float, place: str) -> Iterator[str]:
-        if above_m < least_m - SLACK_M:
+    def _outside(self, above_m: float, minimum_m: float, maximum_m: float, place: str) -> Iterator[str]:
+        if above_m < minimum_m - SLACK_M:
             yield (
                 f"{place} is {above_m:.1f} m above the ground of {self.dem.name}, and at least "
-                f"{least_m:.1f} m are kept"
+                f"{minimum_m:.1f} m are kept"
             )
-        if above_m > most_m:
+        if above_m > maximum_m:
             yield (
                 f"{place} is {above_m:.1f} m above the ground of {self.dem.name}, higher than allowed "
                 "(--max-altitude): plan it with a lower --altitude or a smaller --terrain-tolerance"
@@ -112,14 +114,12 @@ class Clearance:
 
 
 def clearance_of(params: PlanParams) -> Clearance | None:
-    """What missions with these parameters are checked against; None without a DEM."""
+    """Return the clearance that missions with these parameters keep; None without a DEM."""
     terrain = params.terrain
     if terrain is None or terrain.dem is None:
         return None
-    least_m = params.altitude_m - terrain.tolerance_for(params.altitude_m)
-    return Clearance(
-        terrain.dem, least_m, rates_m_s(params, terrain) if climbs_early(params.autopilot) else None
-    )
+    minimum_m = params.altitude_m - terrain.tolerance_for(params.altitude_m)
+    return Clearance(terrain.dem, minimum_m, rates_m_s(params) if climbs_early(params.autopilot) else None)
 
 
 def _position(mission: Mission) -> tuple[float, float]:

@@ -25,10 +25,10 @@ SHORT_M = 5.0  # a leg of which less would be left is slow as a whole
 
 
 def with_speeds(track: Track, home: Floats, params: PlanParams) -> Track:
-    """A track with the speed of each leg, and points on ways where the vehicle slows down for a line.
+    """Give a track the speed of each leg, and add points where the vehicle slows down for a line.
 
     The speed is low from the first photograph on: the point lies as far before the line as the vehicle needs
-    to slow down. Where the way is shorter, all of it is slow.
+    to slow down. A shorter leg is slow as a whole.
 
     Parameters
     ----------
@@ -50,9 +50,9 @@ def with_speeds(track: Track, home: Floats, params: PlanParams) -> Track:
     length = np.hypot(*np.diff(whole.xy, axis=0).T)
     limit = np.minimum(np.append(np.inf, limit), params.speed_m_s)
     speed = _fewest_changes(limit, length)
-    cuts = _slow_down(whole, speed, length, params)
+    splits = _slow_down(whole, speed, length, params)
     parts, speeds, first = [], [], 0
-    for leg, share in cuts:
+    for leg, share in splits:
         start, end = whole.xy[leg : leg + 2]
         middle = start + share * (end - start)
         parts += [whole.part(first, leg), whole.leg(leg, np.array([start, middle]))]
@@ -65,51 +65,51 @@ def with_speeds(track: Track, home: Floats, params: PlanParams) -> Track:
 
 
 def fewest_changes(track: Track, params: PlanParams) -> Floats:
-    """The speed of each leg of a track, (n - 1,), before points are added where the vehicle slows down."""
+    """Return the speed of each leg of a track, (n - 1,), before points are added to slow down."""
     length = np.hypot(*np.diff(track.xy, axis=0).T)
     return _fewest_changes(np.minimum(_limits_m_s(track, params), params.speed_m_s), length)
 
 
 def speeds_of(track: Track, params: PlanParams) -> Floats:
-    """The speed on the leg to each corner: that of the mission where the track has none of its own."""
+    """Return the speed on the leg to each corner, (n,): that of the mission where the track sets none."""
     return np.where(np.isnan(track.speed_m_s), params.speed_m_s, track.speed_m_s)
 
 
 def speed_notes(tracks: Sequence[Track], params: PlanParams) -> list[str]:
-    """A note that photographs limit the speed on tracks with speeds, where they do."""
+    """Return a note where photographs limit the speed of tracks."""
     limits = np.concatenate([_limits_m_s(track, params) for track in tracks])
     photos = params.photos
     if photos is None or not (limits < params.speed_m_s).any():
         return []
     flown = np.concatenate([speeds_of(track, params)[1:] for track in tracks])
-    least, most = (f"{bound:.2f}" for bound in (flown[limits < np.inf].min(), flown[limits < np.inf].max()))
+    low, high = (f"{bound:.2f}" for bound in (flown[limits < np.inf].min(), flown[limits < np.inf].max()))
     interval = f"{photos.camera.name} needs {photos.camera.min_interval_s:g} s between photographs, and "
-    ways = f"; ways of some length are flown at {params.speed_m_s:g} m/s"
+    others = f"; ways of some length are flown at {params.speed_m_s:g} m/s"
     return [
         f"the speed of photographed lines is lowered from {params.speed_m_s:g} m/s to "
-        f"{least if least == most else f'{least} to {most}'} m/s: "
+        f"{low if low == high else f'{low} to {high}'} m/s: "
         f"{interval * bool(photos.camera.min_interval_s)}more speed would blur them at "
-        f"1/{1 / photos.shutter_s:.0f} s{ways * bool((flown == params.speed_m_s).any())}"
+        f"1/{1 / photos.shutter_s:.0f} s{others * bool((flown == params.speed_m_s).any())}"
     ]
 
 
 def _limits_m_s(track: Track, params: PlanParams) -> Floats:
-    """The highest speed on each leg at which its photographs are taken and sharp; infinite without any."""
+    """Return the highest speed on each leg at which its photographs are taken and sharp, else infinity."""
     photos, legs = params.photos, len(track.is_line)
     if photos is None or params.pattern == "visit":
         return np.full(legs, np.inf)
     triggers = track.trigger_m
     if photos.trigger == "none":  # the pilot triggers the camera
         triggers = np.where(track.is_line, photos.trigger_m(params.altitude_m), 0.0)
-    known = {
+    limits = {
         trigger: photos.max_speed_m_s(params.altitude_m, trigger) if trigger > 0 else np.inf
         for trigger in set(triggers.tolist())
     }
-    return np.array([known[trigger] for trigger in triggers.tolist()], np.float64)
+    return np.array([limits[trigger] for trigger in triggers.tolist()], np.float64)
 
 
 def _fewest_changes(limit: Floats, length: Floats) -> Floats:
-    """The speeds within their limits that take the least time, with the time of changes."""
+    """Choose the speeds within their limits that take the minimum time, with the time of changes."""
     first = np.flatnonzero(np.append(True, np.diff(limit) != 0))
     limits, lengths = limit[first], np.add.reduceat(length, first)
     count = len(first)
@@ -132,20 +132,20 @@ def _fewest_changes(limit: Floats, length: Floats) -> Floats:
 
 
 def _slow_down(track: Track, speed: Floats, length: Floats, params: PlanParams) -> list[tuple[int, float]]:
-    """Lower the speed of ways before slower legs; which legs are slow at their end only, and from where."""
+    """Lower the speed before slower legs; return the legs that are slow at their end only, and from where."""
     vehicle = params.vehicle or default_vehicle(params.autopilot)
     ramp = Ramp(vehicle.acceleration_m_s2, vehicle.jerk_m_s3, vehicle.jerk_rise_s)
     is_photographed = np.isfinite(_limits_m_s(track, params))
-    cuts = []
+    splits = []
     for slow in (np.flatnonzero(np.diff(speed) < 0) + 1).tolist():
         fast, low = float(speed[slow - 1]), float(speed[slow])
         left = float(ramp.seconds(np.array([fast - low]))[0]) * (fast + low) / 2 + vehicle.radius_m
         leg = slow - 1
         while leg >= 0 and left > 0 and speed[leg] == fast and not is_photographed[leg]:
             if length[leg] - left >= SHORT_M:
-                cuts.append((leg, 1 - left / float(length[leg])))
+                splits.append((leg, 1 - left / float(length[leg])))
                 break
             left -= float(length[leg])
             speed[leg] = low
             leg -= 1
-    return cuts
+    return splits

@@ -1,4 +1,4 @@
-"""Profile of the ground along a path: exact bounds of the bilinear surface on every leg."""
+"""Ground profile along a path: exact bounds of the bilinear surface on every leg."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ SHORT_M = 1e-3  # a shorter leg is a point
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Profile:
+class GroundProfile:
     """Heights of the ground along a path, at n samples.
 
     Parameters
@@ -45,8 +45,8 @@ class Profile:
     corners: Ints
 
 
-def profile_along(dem: Dem, lon: Floats, lat: Floats, gap_m: float) -> Profile:
-    """The profile of the ground along geodesic lines.
+def profile_along(dem: Dem, lon: Floats, lat: Floats, gap_m: float) -> GroundProfile:
+    """Compute the profile of the ground along geodesic lines.
 
     Between the lines of pixel centres that a leg crosses, the bilinear surface is a parabola along it. It
     lies within the triangle of its ends and its control point (that of a Bezier curve), so that a sample in
@@ -75,13 +75,15 @@ def profile_along(dem: Dem, lon: Floats, lat: Floats, gap_m: float) -> Profile:
         total += float(leg[2][-1])
         corners.append(corners[-1] + len(leg[0]))
     lons, lats, along, upper, lower = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return Profile(lons, lats, along, upper, lower, np.array(corners, np.int64))
+    return GroundProfile(
+        lon=lons, lat=lats, along_m=along, upper_m=upper, lower_m=lower, corners=np.array(corners, np.int64)
+    )
 
 
 def _leg(
     dem: Dem, start: tuple[float, float], end: tuple[float, float], gap_m: float
 ) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-    """Longitude, latitude, distance and bounds at the samples of a leg, without its start."""
+    """Return longitude, latitude, distance and bounds at the samples of a leg, without its start."""
     geod = geod_wgs84()
     azimuth, _, length = geod.inv(*start, *end)
     if length < SHORT_M:
@@ -115,7 +117,7 @@ def _leg(
 
 
 def _crossings(dem: Dem, places: Places) -> Floats:
-    """Shares of the way at which a leg begins, ends, or crosses a line of pixel centres."""
+    """Return the shares of a leg at which it begins, ends, or crosses a line of pixel centres."""
     row, col = dem.pixels(*places(np.linspace(0, 1, 9)))
     pixels = float(max(np.abs(np.diff(row)).sum(), np.abs(np.diff(col)).sum()))
     if np.isfinite(pixels) and pixels > MAX_PIXELS:
@@ -125,27 +127,21 @@ def _crossings(dem: Dem, places: Places) -> Floats:
         )
     count = int(pixels / STEP_PIXELS) + 2 if np.isfinite(pixels) else 2
     share = np.linspace(0, 1, count)
-    found = [share[:1], share[-1:]]
+    crossings = [share[:1], share[-1:]]
     for position in dem.pixels(*places(share)):
         line = position - 0.5
         low, high = np.minimum(line[:-1], line[1:]), np.maximum(line[:-1], line[1:])
         crossed = np.ceil(low)
         at = np.flatnonzero((crossed <= high) & (high > low))
         part = (crossed[at] - line[at]) / (line[at + 1] - line[at])
-        found.append(share[at] + part * (share[at + 1] - share[at]))
-    shares = np.unique(np.concatenate(found))
+        crossings.append(share[at] + part * (share[at + 1] - share[at]))
+    shares = np.unique(np.concatenate(crossings))
     shares = shares[np.append(True, np.diff(shares) > MIN_SHARE)]
     return np.append(shares[:-1], 1.0)
 
 
 def check_known(dem: Dem, lon: Floats, lat: Floats, height_m: Floats) -> None:
-    """Check that the ground is known everywhere.
-
-    Raises
-    ------
-    MissionError
-        If it is not; the message names the first place, and what the DEM covers.
-    """
+    """Raise MissionError with the first place of (n,) arrays whose height is NaN, and what the DEM covers."""
     unknown = np.flatnonzero(np.isnan(height_m))
     if not len(unknown):
         return

@@ -12,8 +12,8 @@ from uavseg.errors import MissionError, ParameterError
 from uavseg.execution.phases import decided, phase
 from uavseg.flight.formats import kmz, litchi, wpml
 from uavseg.flight.formats.files import MAX_BYTES, check_mission_format, read_mission
-from uavseg.flight.formats.route import route_of
 from uavseg.flight.formats.station_rules import station_refusals
+from uavseg.flight.formats.wayline import wayline_of
 from uavseg.flight.mission.items import (
     AUTOPILOTS,
     FRAME_AMSL,
@@ -27,9 +27,9 @@ from uavseg.flight.mission.items import (
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.vehicle import default_vehicle
 from uavseg.flight.params.plan import SafetyParams
-from uavseg.flight.safety.paper_check import PaperCheck
+from uavseg.flight.safety.check import SafetyCheck
+from uavseg.flight.terrain.altitude_profile import climbs_early
 from uavseg.flight.terrain.clearance import Clearance
-from uavseg.flight.terrain.flown import climbs_early
 from uavseg.inputs import read_bytes
 from uavseg.jobs.flights.plan_regions import zone_polygons
 from uavseg.options.flights import CheckOptions
@@ -185,8 +185,8 @@ def check(source: str | os.PathLike[str] | Mission, request: CheckRequest) -> Mi
     verdicts = [Verdict(NAMES[key], reason) for key, reason in pilots.items()]
     verdicts += [Verdict(who, reason) for who, reason in refused.items()]
     verdicts += [
-        Verdict("DJI (.kmz)", _reason(lambda: wpml.check_route(route_of(mission, kmz.NAME), kmz.NAME))),
-        Verdict("Litchi (.csv)", _reason(lambda: litchi.check_route(route_of(mission, litchi.NAME)))),
+        Verdict("DJI (.kmz)", _reason(lambda: wpml.check_wayline(wayline_of(mission, kmz.NAME), kmz.NAME))),
+        Verdict("Litchi (.csv)", _reason(lambda: litchi.check_wayline(wayline_of(mission, litchi.NAME)))),
     ]
     needed = list(NAMES) if asked == "generic" else [asked] if asked else []
     problems = [f"{NAMES[key]} refuses it: {pilots[key]}" for key in needed if pilots[key]]
@@ -210,9 +210,9 @@ def check_request(options: CheckOptions) -> CheckRequest:
     return CheckRequest(options.autopilot, safety, zones, None if dem is None else Dem.open(dem))
 
 
-def _paper_check(mission: Mission, request: CheckRequest, autopilot: str | None) -> PaperCheck:
+def _paper_check(mission: Mission, request: CheckRequest, autopilot: str | None) -> SafetyCheck:
     if request.dem is None:
-        return PaperCheck(request.safety, request.zones)
+        return SafetyCheck(request.safety, request.zones)
     above_sea = any(item.has_position and item.frame == FRAME_AMSL for item in mission.items)
     if above_sea and not request.dem.is_above_sea:
         raise ParameterError(
@@ -223,7 +223,7 @@ def _paper_check(mission: Mission, request: CheckRequest, autopilot: str | None)
     if autopilot is not None and climbs_early(autopilot):
         flyer = default_vehicle(autopilot)
         early = (flyer.climb_m_s, flyer.descent_m_s)
-    return PaperCheck(request.safety, request.zones, Clearance(request.dem, CLEARANCE_M, early))
+    return SafetyCheck(request.safety, request.zones, Clearance(request.dem, CLEARANCE_M, early))
 
 
 def _check_items(mission: Mission, autopilot: str) -> None:

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from uavseg.errors import MissionError, ParameterError
 from uavseg.execution.phases import decided, phase
 from uavseg.flight.formats.files import check_mission_format, read_mission
-from uavseg.flight.link.address import parse_address
 from uavseg.flight.link.download import download_mission
 from uavseg.flight.link.link import TIMEOUT_S, Link, connect
+from uavseg.flight.link.transport import parse_address
 from uavseg.flight.link.upload import upload_mission
 from uavseg.flight.mission.mission import Mission
 

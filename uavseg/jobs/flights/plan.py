@@ -15,8 +15,8 @@ from uavseg.flight.mission.mission import Mission
 from uavseg.flight.params.plan import PlanParams
 from uavseg.flight.planning.numbered import write_flights
 from uavseg.flight.planning.planner import check_regions, plan_missions
+from uavseg.flight.safety.check import SafetyCheck
 from uavseg.flight.safety.home_place import IsGround, home_outside
-from uavseg.flight.safety.paper_check import PaperCheck
 from uavseg.flight.terrain.clearance import clearance_of
 from uavseg.regions.select.choose import of_classes, select_regions
 from uavseg.regions.table import Regions
@@ -86,13 +86,13 @@ class MissionPlan:
         One for each flight, in the order in which they are flown.
     regions : int
         How many regions they lead over.
-    check : PaperCheck
+    check : SafetyCheck
         What they are checked against.
     """
 
     missions: tuple[Mission, ...]
     regions: int
-    check: PaperCheck = field(compare=False)
+    check: SafetyCheck = field(compare=False)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -210,7 +210,7 @@ def plan(
     with phase("route and flights"):
         missions = plan_missions(polygons, points, flight, home, zones)
     missions = tuple(replace(mission, notes=(*notes, *mission.notes)) for mission in missions)
-    check = PaperCheck(flight.safety, tuple(zones), clearance_of(flight))
+    check = SafetyCheck(flight.safety, tuple(zones), clearance_of(flight))
     with phase("paper check"):
         for mission in missions:
             check.check(mission)

@@ -12,7 +12,7 @@ from typing import Any
 from uavseg import _version
 from uavseg._jit import object_cache, shipped, warming
 from uavseg.execution.executors import usable_cores
-from uavseg.flight.link.serial_ports import serial_ports
+from uavseg.flight.link.transport import serial_ports
 from uavseg.jobs.install.find_qgis import find_qgis
 from uavseg.plain_text import cause_of, one_line
 

@@ -1,13 +1,14 @@
-"""Mission items as MISSION_ITEM_INT carries them, and back: whole units, frames, home row, jump targets."""
+"""Messages of the mission protocol: items as MISSION_ITEM_INT carries them, types of lists, and results."""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from enum import IntEnum
 from typing import Any
 
 import numpy as np
 
-from uavseg.errors import MissionError
+from uavseg.errors import LinkError, MissionError
 from uavseg.flight.mission.fence import Fence, FenceCircle, FencePolygon, RallyPoint
 from uavseg.flight.mission.items import (
     FRAME_AMSL,
@@ -35,72 +36,140 @@ EQUAL_FRAMES = {
     FRAME_RELATIVE_INT: FRAME_RELATIVE,
     FRAME_TERRAIN_INT: FRAME_TERRAIN,
 }
-
 LOCATED = POSITION_COMMANDS | {SET_HOME, LAND_START, ROI_LOCATION, ROI}  # x and y may be a position
 _DEGREES = 1e7  # units of x and y in a degree
 
 
+class MissionType(IntEnum):
+    """Type of a list that is transferred (MAV_MISSION_TYPE)."""
+
+    MISSION = 0
+    FENCE = 1
+    RALLY = 2
+
+    def __str__(self) -> str:
+        return ("mission", "fence", "rally points")[self]
+
+
+class Result(IntEnum):
+    """Answer of a vehicle to a transfer (MAV_MISSION_RESULT)."""
+
+    ACCEPTED = 0
+    ERROR = 1
+    UNSUPPORTED_FRAME = 2
+    UNSUPPORTED = 3
+    NO_SPACE = 4
+    INVALID = 5
+    INVALID_PARAM1 = 6
+    INVALID_PARAM2 = 7
+    INVALID_PARAM3 = 8
+    INVALID_PARAM4 = 9
+    INVALID_PARAM5_X = 10
+    INVALID_PARAM6_Y = 11
+    INVALID_PARAM7 = 12
+    INVALID_SEQUENCE = 13
+    DENIED = 14
+    OPERATION_CANCELLED = 15
+
+
+_RESULT_TEXTS = {
+    Result.ACCEPTED: "accepted",
+    Result.ERROR: "an error, or busy with another transfer",
+    Result.UNSUPPORTED_FRAME: "the frame is not supported",
+    Result.UNSUPPORTED: "the command is not supported",
+    Result.NO_SPACE: "there is no space for it",
+    Result.INVALID: "a parameter is invalid",
+    **{Result(5 + n): f"parameter {n} is invalid" for n in range(1, 5)},
+    Result.INVALID_PARAM5_X: "the latitude (parameter 5) is invalid",
+    Result.INVALID_PARAM6_Y: "the longitude (parameter 6) is invalid",
+    Result.INVALID_PARAM7: "the altitude (parameter 7) is invalid",
+    Result.INVALID_SEQUENCE: "the item was not expected",
+    Result.DENIED: "denied, perhaps because another ground station transfers",
+    Result.OPERATION_CANCELLED: "the transfer was cancelled",
+}
+
+
+def result_text(number: int) -> str:
+    """Return a result for people, also one that is not known.
+
+    Examples
+    --------
+    >>> result_text(4)
+    'there is no space for it (MAV_MISSION_NO_SPACE)'
+    """
+    if number not in set(Result):
+        return f"result {number}"
+    return f"{_RESULT_TEXTS[Result(number)]} (MAV_MISSION_{Result(number).name})"
+
+
+class TransferLostError(LinkError):
+    """Transfer that stopped before its end; it may be tried again."""
+
+
+class RefusedError(LinkError):
+    """Refusal of a vehicle to send a list."""
+
+
 @dataclass(frozen=True, slots=True)
 class LinkItem:
-    """One item of a mission, a fence or a list of rally points, in the units of the link.
+    """One item of a mission, a fence or a list of rally points, in the units of the link."""
 
-    Parameters
-    ----------
-    command, frame : int
-        MAV_CMD and MAV_FRAME.
-    params : four floats or None
-        None is NaN on the link.
-    x, y : int
-        Latitude and longitude in 1e-7 degrees; as they are in frame 2.
-    z : float
-        Altitude in metres.
-    autocontinue : int
-        1 if the next item of the mission follows by itself.
-    """
-
-    command: int
-    frame: int
-    params: ItemParams = (0.0, 0.0, 0.0, 0.0)
-    x: int = 0
-    y: int = 0
-    z: float = 0.0
-    autocontinue: int = 1
+    command: int  # MAV_CMD
+    frame: int  # MAV_FRAME
+    params: ItemParams = (0.0, 0.0, 0.0, 0.0)  # None is NaN on the link
+    x: int = 0  # latitude in 1e-7 degrees; as it is in frame 2
+    y: int = 0  # longitude likewise
+    z: float = 0.0  # altitude in metres
+    autocontinue: int = 1  # 1 if the next item of the mission follows by itself
 
     def fields(self, number: int, is_current: bool) -> tuple[Any, ...]:
-        """The fields of MISSION_ITEM_INT after its target, for the item with this number."""
+        """Return the fields of MISSION_ITEM_INT after its target, for the item with this number."""
         params = (math.nan if value is None else value for value in self.params)
         start = (number, self.frame, self.command, int(is_current), self.autocontinue)
         return (*start, *params, self.x, self.y, self.z)
 
     @classmethod
     def of_message(cls, message: Any) -> "LinkItem":
-        """The item that MISSION_ITEM_INT carries."""
+        """Return the item that MISSION_ITEM_INT carries."""
         first, second, third, fourth = (
             None if math.isnan(value) else _decimal(value)
             for value in (message.param1, message.param2, message.param3, message.param4)
         )
-        frame = EQUAL_FRAMES.get(message.frame, message.frame)
-        params = (first, second, third, fourth)
-        place = message.x, message.y, _decimal(message.z)
-        return cls(message.command, frame, params, *place, message.autocontinue)
+        return cls(
+            command=message.command,
+            frame=EQUAL_FRAMES.get(message.frame, message.frame),
+            params=(first, second, third, fourth),
+            x=message.x,
+            y=message.y,
+            z=_decimal(message.z),
+            autocontinue=message.autocontinue,
+        )
 
 
 def items_of_mission(mission: Mission, has_home_row: bool) -> list[LinkItem]:
-    """A mission as it is sent: with home as item 0 (ArduPilot), or without."""
+    """Return the items of a mission as they are sent: with home as item 0 (ArduPilot), or without."""
     home = mission.home
-    rows = [LinkItem(WAYPOINT, FRAME_AMSL, (0.0,) * 4, *_units(home.lat, home.lon), home.altitude_m)]
+    x, y = _units(home.lat, home.lon)
+    rows = [LinkItem(command=WAYPOINT, frame=FRAME_AMSL, x=x, y=y, z=home.altitude_m)] if has_home_row else []
     for item in mission.items:
-        x, y = (
-            (round(item.lat), round(item.lon)) if item.frame == FRAME_MISSION else _units(item.lat, item.lon)
+        in_degrees = item.frame != FRAME_MISSION
+        x, y = _units(item.lat, item.lon) if in_degrees else (round(item.lat), round(item.lon))
+        rows.append(
+            LinkItem(
+                command=item.command,
+                frame=item.frame,
+                params=item.params if has_home_row else _shifted(item, -1),
+                x=x,
+                y=y,
+                z=item.altitude_m,
+                autocontinue=int(item.autocontinue),
+            )
         )
-        params = item.params if has_home_row else _shifted(item, -1)
-        place = x, y, item.altitude_m
-        rows.append(LinkItem(item.command, item.frame, params, *place, int(item.autocontinue)))
-    return rows if has_home_row else rows[1:]
+    return rows
 
 
 def mission_items(items: Iterable[LinkItem], has_home_row: bool) -> tuple[MissionItem, ...]:
-    """Items of a mission, without home, from what a vehicle sent.
+    """Return the items of a mission, without home, from those that a vehicle sent.
 
     ArduPilot keeps no headings and no frames of items without position: a heading of 0 is read as not set,
     and such items get frame 2.
@@ -115,26 +184,33 @@ def _mission_item(item: LinkItem, has_home_row: bool) -> MissionItem:
     if has_home_row and item.command in HEADING_COMMANDS and params[3] == 0:
         params = (*params[:3], None)
     lat, lon = (item.x, item.y) if frame == FRAME_MISSION else (item.x / _DEGREES, item.y / _DEGREES)
-    place = float(lat), float(lon), item.z
-    found = MissionItem(item.command, frame, params, *place, bool(item.autocontinue))
-    return found if has_home_row else replace(found, params=_shifted(found, 1))
+    result = MissionItem(
+        command=item.command,
+        frame=frame,
+        params=params,
+        lat=float(lat),
+        lon=float(lon),
+        altitude_m=item.z,
+        autocontinue=bool(item.autocontinue),
+    )
+    return result if has_home_row else replace(result, params=_shifted(result, 1))
 
 
 def _shifted(item: MissionItem, by: int) -> ItemParams:
-    """Parameters with the target of a jump in another count: files count from 1, or from home as 0."""
+    """Renumber the target of a jump: files count from 1, vehicles without a home row from 0."""
     first = item.params[0]
     return (first + by, *item.params[1:]) if item.command == JUMP and first is not None else item.params
 
 
 def home_of_row(item: LinkItem) -> HomePosition | None:
-    """Home from item 0 of ArduPilot; None if it has none yet."""
+    """Return home from item 0 of ArduPilot; None if it has none yet."""
     if item.x == 0 and item.y == 0:
         return None
     return HomePosition(item.x / _DEGREES, item.y / _DEGREES, item.z)
 
 
 def items_of_fence(fence: Iterable[Fence]) -> list[LinkItem]:
-    """A fence as it is sent: an item for each vertex, with their number, or for each circle."""
+    """Return a fence as it is sent: an item for each vertex, with their number, and for each circle."""
     items = []
     for shape in fence:
         if isinstance(shape, FencePolygon):
@@ -151,12 +227,12 @@ def items_of_fence(fence: Iterable[Fence]) -> list[LinkItem]:
 
 
 def fence_of_items(items: Sequence[LinkItem]) -> tuple[Fence, ...]:
-    """The fence that a vehicle sent, without its return point.
+    """Return the fence that a vehicle sent, without its return point.
 
     Raises
     ------
     MissionError
-        If an item is none of a fence, or a polygon has fewer vertices than it says.
+        If an item is not one of a fence, or a polygon has fewer vertices than it says.
     """
     rest = iter(item for item in items if item.command != FENCE_RETURN)
     return tuple(_fence_shape(item, rest) for item in rest)
@@ -179,7 +255,7 @@ def _fence_shape(item: LinkItem, rest: Iterator[LinkItem]) -> Fence:
 
 
 def items_of_rally(rally: Iterable[RallyPoint]) -> list[LinkItem]:
-    """Rally points as they are sent."""
+    """Return rally points as they are sent."""
     return [
         LinkItem(RALLY_POINT, FRAME_RELATIVE, (0.0,) * 4, *_units(point.lat, point.lon), point.altitude_m)
         for point in rally
@@ -187,7 +263,7 @@ def items_of_rally(rally: Iterable[RallyPoint]) -> list[LinkItem]:
 
 
 def rally_of_items(items: Iterable[LinkItem]) -> tuple[RallyPoint, ...]:
-    """The rally points that a vehicle sent."""
+    """Return the rally points that a vehicle sent."""
     return tuple(RallyPoint(item.x / _DEGREES, item.y / _DEGREES, item.z) for item in items)
 
 
@@ -196,5 +272,5 @@ def _units(lat: float, lon: float) -> tuple[int, int]:
 
 
 def _decimal(value: float) -> float:
-    """A 32-bit float as the shortest number that it stands for: 45.1, not 45.099998474."""
+    """Return the shortest number that rounds to a 32-bit float: 45.1, not 45.099998474."""
     return float(str(np.float32(value)))

@@ -1,7 +1,7 @@
-"""Routes: what a mission makes a vehicle do at each waypoint, for formats that are no lists of commands.
+"""Waylines: lists of waypoints, each with all that holds from there on, as DJI's and Litchi's files are.
 
-A mission is a list of commands, in which a speed, a gimbal pitch or a camera trigger holds until another
-command changes it. DJI's and Litchi's files are lists of waypoints, each with all that holds from there on.
+A mission is a list of commands instead, in which a speed, a gimbal pitch or a camera trigger holds until
+another command changes it.
 """
 
 from collections.abc import Generator, Iterator, Sequence
@@ -36,82 +36,47 @@ FINISH_RETURN, FINISH_LAND, FINISH_NONE = "return", "land", "none"
 
 
 @dataclass(frozen=True, slots=True)
-class RoutePoint:
-    """One waypoint, and what holds on the leg from there to the next.
+class WaylinePoint:
+    """Waypoint, with what holds on the leg from there to the next."""
 
-    Parameters
-    ----------
-    lat, lon : float
-        Degrees, WGS 84.
-    altitude_m : float
-        Metres, relative to what `frame` says.
-    frame : int
-        MAV_FRAME: above home or above the terrain.
-    hold_s : float
-        Seconds at the waypoint.
-    heading_deg : float, optional
-        Of the vehicle at the waypoint, clockwise from north; None along the route.
-    photo : bool
-        Whether a photograph is taken there, after the hold.
-    speed_m_s : float, optional
-        From there on; None if the mission does not set it.
-    pitch_deg : float, optional
-        Of the gimbal, from there on.
-    trigger_m, interval_s : float
-        Distance and time between the photographs from there on; 0 for none.
-    """
-
-    lat: float
+    lat: float  # degrees, WGS 84
     lon: float
-    altitude_m: float
-    frame: int = FRAME_RELATIVE
+    altitude_m: float  # above what `frame` says
+    frame: int = FRAME_RELATIVE  # MAV_FRAME: above home or above the terrain
     hold_s: float = 0.0
-    heading_deg: float | None = None
-    photo: bool = False
-    speed_m_s: float | None = None
-    pitch_deg: float | None = None
-    trigger_m: float = 0.0
-    interval_s: float = 0.0
+    heading_deg: float | None = None  # of the vehicle there, clockwise from north; None along the route
+    photo: bool = False  # whether one photograph is taken there, after the hold
+    speed_m_s: float | None = None  # from there on; None if the mission does not set it
+    pitch_deg: float | None = None  # of the gimbal, from there on
+    trigger_m: float = 0.0  # distance between photographs from there on; 0 for none
+    interval_s: float = 0.0  # time between photographs from there on; 0 for none
 
 
 @dataclass(frozen=True, slots=True)
-class Route:
-    """The waypoints of a mission.
+class Wayline:
+    """Waypoints of a mission."""
 
-    Parameters
-    ----------
-    points : tuple of RoutePoint
-    takeoff_m : float, optional
-        Height above home to which the vehicle takes off.
-    approach_m_s : float, optional
-        Speed on the way to the first waypoint.
-    finish : str
-        "return", "land" or "none": what follows the last waypoint.
-    dropped : tuple of str
-        What a route does not hold.
-    """
-
-    points: tuple[RoutePoint, ...]
-    takeoff_m: float | None
-    approach_m_s: float | None
-    finish: str
-    dropped: tuple[str, ...] = ()
+    points: tuple[WaylinePoint, ...]
+    takeoff_m: float | None  # height above home to which the vehicle takes off
+    approach_m_s: float | None  # speed on the leg to the first waypoint
+    finish: str  # "return", "land" or "none": what follows the last waypoint
+    dropped: tuple[str, ...] = ()  # commands of the mission that a wayline cannot hold
 
 
-class _Walk:
-    """The items of a mission, one after another, with what holds at each."""
+class _WaylineBuilder:
+    """Wayline of the items of a mission, added one after another, with what holds at each."""
 
     def __init__(self, home: HomePosition, format_name: str) -> None:
         self.home = home
         self.format_name = format_name
-        self.points: list[RoutePoint] = []
-        self.now = RoutePoint(0.0, 0.0, 0.0)
+        self.points: list[WaylinePoint] = []
+        self.now = WaylinePoint(0.0, 0.0, 0.0)
         self.takeoff_m: float | None = None
         self.approach_m_s: float | None = None
         self.finish = ""
         self.dropped: dict[str, None] = {}
 
-    def step(self, number: int, item: MissionItem) -> None:
+    def add(self, number: int, item: MissionItem) -> None:
         if self.finish:
             raise MissionError(
                 f"{self.format_name} ends with the return or landing, and item {number} follows"
@@ -136,33 +101,21 @@ class _Walk:
             self.dropped[f"command {item.command} (item {number})"] = None
 
     def _landing_height(self, item: MissionItem) -> float:
-        """Where it lands it comes at the height at which it flew before."""
-        before = self.points[-1] if self.points else None
+        """Return the height of the waypoint before: the vehicle flies level to where it lands."""
         sea_m = self.home.altitude_m if item.frame == FRAME_AMSL else 0.0
-        return item.altitude_m if before is None else before.altitude_m + sea_m
+        return self.points[-1].altitude_m + sea_m if self.points else item.altitude_m
 
     def _height(self, item: MissionItem) -> tuple[float, int]:
-        """Height and frame; heights above the sea become heights above home."""
+        """Return height and frame; heights above the sea become heights above home."""
         if item.frame == FRAME_AMSL:
             return item.altitude_m - self.home.altitude_m, FRAME_RELATIVE
         return item.altitude_m, item.frame
 
     def _fly_to(self, item: MissionItem) -> None:
         height, frame = self._height(item)
-        held = item.params[0] or 0.0
+        point = replace(self.now, lat=item.lat, lon=item.lon, altitude_m=height, frame=frame, photo=False)
         heading = item.params[3] if item.command == WAYPOINT else None
-        self.points.append(
-            replace(
-                self.now,
-                lat=item.lat,
-                lon=item.lon,
-                altitude_m=height,
-                frame=frame,
-                hold_s=held,
-                heading_deg=heading,
-                photo=False,
-            )
-        )
+        self.points.append(replace(point, hold_s=item.params[0] or 0.0, heading_deg=heading))
 
     def _set(self, item: MissionItem) -> None:
         """Change what holds from the last waypoint on."""
@@ -197,8 +150,8 @@ class _Walk:
                 self.approach_m_s = self.now.speed_m_s
 
 
-def route_of(mission: Mission, format_name: str) -> Route:
-    """What a mission does at its waypoints.
+def wayline_of(mission: Mission, format_name: str) -> Wayline:
+    """Turn the commands of a mission into a wayline.
 
     Parameters
     ----------
@@ -209,37 +162,44 @@ def route_of(mission: Mission, format_name: str) -> Route:
     Raises
     ------
     MissionError
-        If an item would make the vehicle fly otherwise than along waypoints.
+        If an item is not for a flight along waypoints.
     """
-    walk = _Walk(mission.home, format_name)
+    builder = _WaylineBuilder(mission.home, format_name)
     for number, item in enumerate(mission.items, start=1):
-        walk.step(number, item)
-    if not walk.points:
+        builder.add(number, item)
+    if not builder.points:
         raise MissionError(f"{format_name} needs a waypoint, and the mission has none")
-    finish = walk.finish or FINISH_NONE
-    return Route(tuple(walk.points), walk.takeoff_m, walk.approach_m_s, finish, tuple(walk.dropped))
+    return Wayline(
+        points=tuple(builder.points),
+        takeoff_m=builder.takeoff_m,
+        approach_m_s=builder.approach_m_s,
+        finish=builder.finish or FINISH_NONE,
+        dropped=tuple(builder.dropped),
+    )
 
 
-def items_of_route(route: Route, home: HomePosition) -> Iterator[MissionItem]:
-    """The items of a mission that does what a route says; the inverse of `route_of`."""
-    first = route.points[0]
-    now = RoutePoint(0.0, 0.0, 0.0)
-    if route.takeoff_m is not None:
-        yield MissionItem(TAKEOFF, FRAME_RELATIVE, (0.0, 0.0, 0.0, None), home.lat, home.lon, route.takeoff_m)
-    begin = replace(now, speed_m_s=route.approach_m_s, pitch_deg=first.pitch_deg)
+def items_of_wayline(wayline: Wayline, home: HomePosition) -> Iterator[MissionItem]:
+    """Yield the items of a mission that flies a wayline; the inverse of `wayline_of`."""
+    first = wayline.points[0]
+    now = WaylinePoint(0.0, 0.0, 0.0)
+    if wayline.takeoff_m is not None:
+        yield MissionItem(
+            TAKEOFF, FRAME_RELATIVE, (0.0, 0.0, 0.0, None), home.lat, home.lon, wayline.takeoff_m
+        )
+    begin = replace(now, speed_m_s=wayline.approach_m_s, pitch_deg=first.pitch_deg)
     now = yield from _changes(now, begin)
-    for point in route.points:
+    for point in wayline.points:
         params = (point.hold_s, 0.0, 0.0, point.heading_deg)
         yield MissionItem(WAYPOINT, point.frame, params, point.lat, point.lon, point.altitude_m)
         now = yield from _changes(now, point)
-    if route.finish == FINISH_RETURN:
+    if wayline.finish == FINISH_RETURN:
         yield MissionItem(RETURN, FRAME_MISSION)
-    elif route.finish == FINISH_LAND:
+    elif wayline.finish == FINISH_LAND:
         yield MissionItem(LAND, FRAME_RELATIVE, (0.0, 0.0, 0.0, None))
 
 
-def _changes(before: RoutePoint, after: RoutePoint) -> Generator[MissionItem, None, RoutePoint]:
-    """Items for what differs from before; returns what holds then."""
+def _changes(before: WaylinePoint, after: WaylinePoint) -> Generator[MissionItem, None, WaylinePoint]:
+    """Yield items for what differs from before; return what holds then."""
     if after.speed_m_s is not None and after.speed_m_s != before.speed_m_s:
         yield MissionItem(CHANGE_SPEED, FRAME_MISSION, (1.0, after.speed_m_s, -1.0, 0.0))
     if after.pitch_deg is not None and after.pitch_deg != before.pitch_deg:
@@ -259,31 +219,37 @@ def _changes(before: RoutePoint, after: RoutePoint) -> Generator[MissionItem, No
     return after
 
 
-def mission_of_route(route: Route, name: str, notes: Sequence[str]) -> Mission:
-    """A route whose home is not known as a mission; home is at its first waypoint, at 0 m above the sea.
+def mission_of_wayline(wayline: Wayline, name: str, notes: Sequence[str]) -> Mission:
+    """Turn a wayline into a mission whose home is not known: at its first waypoint, 0 m above the sea.
+
+    Parameters
+    ----------
+    wayline : Wayline
+    name : str
+    notes : sequence of str
 
     Raises
     ------
     MissionError
         If the mission would not be safe.
     """
-    first = route.points[0]
+    first = wayline.points[0]
     home = HomePosition(first.lat, first.lon)
-    items = tuple(items_of_route(route, home))
+    items = tuple(items_of_wayline(wayline, home))
     autopilot = "ardupilot" if any(item.frame == FRAME_TERRAIN for item in items) else "generic"
     where = "the file does not hold home: the position of the first waypoint is taken, at 0 m above the sea"
     return Mission(home, items, autopilot, name, (*notes, where))
 
 
-def route_losses(mission: Mission, route: Route, format_name: str) -> list[str]:
-    """What a list of waypoints does not hold of a mission."""
+def wayline_losses(mission: Mission, wayline: Wayline, format_name: str) -> list[str]:
+    """Return what a list of waypoints cannot hold of a mission, one sentence each."""
     notes = []
     if not all(item.autocontinue for item in mission.items):
         notes.append(f"{format_name} cannot hold where a mission waits (autocontinue 0): it goes on there")
     if mission.fence or mission.rally:
         notes.append(f"{format_name} cannot hold a fence or rally points: they were not written")
-    if route.dropped:
-        notes.append(f"{format_name} cannot hold all items; not written: {', '.join(route.dropped[:5])}")
+    if wayline.dropped:
+        notes.append(f"{format_name} cannot hold all items; not written: {', '.join(wayline.dropped[:5])}")
     if any(item.has_position and item.frame == FRAME_AMSL for item in mission.items):
         notes.append(
             f"heights above the sea were written as heights above home ({mission.home.altitude_m:g} m above "

@@ -1,0 +1,303 @@
+"""Altitude profile of a flight over the ground: waypoints by polyline simplification, speeds on slopes."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.flight.mission.vehicle import default_vehicle
+from uavseg.flight.params.plan import PlanParams
+from uavseg.flight.params.terrain import FRAME
+from uavseg.flight.terrain.profile import GroundProfile, profile_along
+from uavseg.raster.elevation.dem import Dem
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+SLOWEST_M_S = 1.0  # a vehicle is not slowed down further: it is raised before ground that is steeper
+SPEED_STEP_M_S = 0.5  # speeds of slow legs are multiples of it, so that those of neighbours often agree
+FIRST_WINDOW = 128  # samples that are examined first for the end of a line
+GAP = 0.1  # share of the tolerance that the bounds of the ground may be apart
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AltitudeProfile:
+    """Heights of a flight over the ground, from home along a path.
+
+    Parameters
+    ----------
+    ground : GroundProfile
+        With n samples.
+    target_m : (n,) float64 array
+        Height of the flight at each sample, above the zero of the DEM, before it is simplified.
+    chosen : (m,) int64 array
+        The samples between which the flight is straight; home is the first.
+    speed_m_s : (m - 1,) float64 array
+        Between them.
+    """
+
+    ground: GroundProfile
+    target_m: Floats
+    chosen: Ints
+    speed_m_s: Floats
+
+    @property
+    def height_m(self) -> Floats:
+        """Height of the flight at each sample, above the zero of the DEM."""
+        at = self.ground.along_m
+        return np.interp(at, at[self.chosen], self.target_m[self.chosen])
+
+
+def fly_over(dem: Dem, lon: Floats, lat: Floats, params: PlanParams, speeds: Floats) -> AltitudeProfile:
+    """Compute the flight over the ground from the first of these corners to the last.
+
+    Parameters
+    ----------
+    dem : Dem
+    lon, lat : (k,) float64 arrays
+        Corners of the path in degrees, home first.
+    params : PlanParams
+        Height above the ground, tolerance, and how fast the vehicle climbs and descends.
+    speeds : (k - 1,) float64 array
+        Of each leg, where it is not too steep.
+
+    Raises
+    ------
+    MissionError
+        If the DEM does not cover the path.
+    """
+    terrain = params.terrain
+    assert terrain is not None
+    tolerance_m = terrain.tolerance_for(params.altitude_m)
+    ground = profile_along(dem, lon, lat, GAP * tolerance_m)
+    slowest = min(SLOWEST_M_S, float(speeds.min()))
+    climb, descent = rates_m_s(params)
+    early = terrain.mode != FRAME and climbs_early(params.autopilot)
+    limited = limit_slopes(ground.along_m, ground.upper_m, climb / slowest, descent / slowest)
+    target = limited + params.altitude_m
+    chosen, speed_m_s = [np.zeros(1, np.int64)], []
+    corners = ground.corners.tolist()
+    for start, end, speed in zip(corners[:-1], corners[1:], speeds.tolist(), strict=True):
+        rates = Rates(climb, descent, speed)
+        part = slice(start, end + 1)
+        at, height = ground.along_m[part], target[part]
+        points = (
+            points_climbed_early(at, height, (1 - GAP) * tolerance_m, rates)
+            if early
+            else points_within(at, height, (1 - GAP) * tolerance_m)
+        )
+        chosen.append(start + np.array(points[1:], np.int64))
+        speed_m_s.append(rates.speeds(np.diff(at[points]), np.diff(height[points])))
+    return AltitudeProfile(
+        ground=ground,
+        target_m=target,
+        chosen=np.concatenate(chosen),
+        speed_m_s=np.concatenate(speed_m_s),
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LegPoints:
+    """Points of one leg, the last of which is its end."""
+
+    share: Floats  # of the leg, from its start to each point, (n,)
+    height_m: Floats  # at its start and at each point, (n + 1,)
+    speed_m_s: Floats  # on the part before each point, (n,)
+
+
+def points_of_leg(dem: Dem, leg: tuple[float, ...], params: PlanParams) -> LegPoints:
+    """Compute the points of one leg over the ground.
+
+    Parameters
+    ----------
+    dem : Dem
+    leg : (lon, lat, lon, lat, speed_m_s)
+    params : PlanParams
+
+    Raises
+    ------
+    MissionError
+        If the DEM does not cover the leg.
+    """
+    ends = np.array(leg[:4]).reshape(2, 2)
+    flight = fly_over(dem, ends[:, 0], ends[:, 1], params, np.array(leg[4:]))
+    chosen, speed = flight.chosen, flight.speed_m_s
+    assert params.terrain is not None
+    if params.terrain.mode == FRAME:  # the vehicle follows the ground itself
+        kept = np.append(np.diff(speed) != 0, True)
+        chosen, speed = np.append(chosen[0], chosen[1:][kept]), speed[kept]
+    along = flight.ground.along_m[chosen]
+    share = along[1:] / along[-1] if along[-1] > 0 else np.linspace(0, 1, len(along))[1:]
+    return LegPoints(share=share, height_m=flight.target_m[chosen], speed_m_s=speed)
+
+
+def climbs_early(autopilot: str) -> bool:
+    """Return whether a vehicle approaches the height of the next waypoint at once, and not along the leg.
+
+    PX4 computes the velocities over ground and in height independently of each other (PositionSmoothing.cpp,
+    since 2025); ArduCopter follows the straight line.
+    """
+    return autopilot != "ardupilot"
+
+
+@dataclass(frozen=True, slots=True)
+class Rates:
+    """Speeds of a vehicle: climb, descent, and over ground where it is not slowed down."""
+
+    climb_m_s: float
+    descent_m_s: float
+    speed_m_s: float
+
+    def speeds(self, length_m: Floats, rise_m: Floats) -> Floats:
+        """Return the speed on each leg: that of the mission, or a lower one where the ground is too steep."""
+        rate = np.where(rise_m > 0, self.climb_m_s, self.descent_m_s)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            limit = np.where(np.abs(rise_m) > 1e-6, length_m * rate / np.abs(rise_m), np.inf)
+        stepped = np.floor(limit / SPEED_STEP_M_S + 1e-6) * SPEED_STEP_M_S
+        slowest = min(SLOWEST_M_S, self.speed_m_s)
+        return np.where(limit >= self.speed_m_s, self.speed_m_s, np.maximum(stepped, slowest))
+
+
+def points_climbed_early(along_m: Floats, height_m: Floats, tolerance_m: float, rates: Rates) -> list[int]:
+    """Choose samples between which straight and early climbs stay within a tolerance.
+
+    It climbs or descends at the beginning of each leg until the height of its end is reached. Each leg is as
+    long as possible; one between neighbouring samples is always flown.
+
+    Parameters
+    ----------
+    along_m, height_m : (n,) float64 arrays
+        Distance along the path and height of all samples, before they are simplified.
+    tolerance_m : float
+    rates : Rates
+
+    Examples
+    --------
+    >>> at = np.arange(0.0, 101, 10)
+    >>> points_climbed_early(at, 0.1 * at, 4.0, Rates(3, 1.5, 5))
+    [0, 5, 10]
+    """
+    last, chosen = len(along_m) - 1, [0]
+    while chosen[-1] < last:
+        first = end = chosen[-1]
+        while end < last:
+            leg = slice(first, end + 2)
+            if not _is_within(
+                along_m[leg] - along_m[first], height_m[leg] - height_m[first], tolerance_m, rates
+            ):
+                break
+            end += 1
+        chosen.append(max(end, first + 1))
+    return chosen
+
+
+def heights_climbed_early(
+    ground: GroundProfile, height_m: Floats, speeds: Floats, rates_m_s: tuple[float, float]
+) -> Floats:
+    """Compute heights of a vehicle that changes its height at the start of each leg.
+
+    Parameters
+    ----------
+    ground : GroundProfile
+        With n samples, at which heights are returned.
+    height_m : (k,) float64 array
+        At its corners.
+    speeds : (k - 1,) float64 array
+        Over ground, of the legs between them.
+    rates_m_s : (climb, descent)
+    """
+    corners = ground.corners
+    leg = np.clip(np.searchsorted(corners, np.arange(len(ground.along_m))) - 1, 0, len(corners) - 2)
+    rise = np.diff(height_m)[leg]
+    slope = np.where(rise > 0, *rates_m_s) / speeds[leg]
+    flown_m = ground.along_m - ground.along_m[corners[leg]]
+    heights: Floats = height_m[leg] + np.sign(rise) * np.minimum(flown_m * slope, np.abs(rise))
+    return np.where(np.isin(np.arange(len(heights)), corners[1:]), height_m[leg + 1], heights)
+
+
+def _is_within(along_m: Floats, climbed_m: Floats, tolerance_m: float, rates: Rates) -> bool:
+    """Return whether a leg from the first of these samples to the last is within the tolerance of all."""
+    rise, length = float(climbed_m[-1]), float(along_m[-1])
+    speed = rates.speeds(along_m[-1:], climbed_m[-1:])
+    slope = (rates.climb_m_s if rise > 0 else rates.descent_m_s) / speed
+    early = np.minimum(along_m * slope, abs(rise)) * np.sign(rise)
+    straight = along_m / length * rise if length > 0 else early
+    return bool(max(np.abs(early - climbed_m).max(), np.abs(straight - climbed_m).max()) <= tolerance_m)
+
+
+def rates_m_s(params: PlanParams) -> tuple[float, float]:
+    """Return how fast the vehicle climbs and descends on a leg."""
+    assert params.terrain is not None
+    return params.terrain.rates_m_s(params.vehicle or default_vehicle(params.autopilot))
+
+
+def points_within(along_m: Floats, height_m: Floats, tolerance_m: float) -> list[int]:
+    """Choose few samples of a profile whose straight lines stay within a tolerance of all others.
+
+    From each chosen sample, the farthest one that a line reaches which passes all samples between within the
+    tolerance; the slopes that do so are a cone that only narrows (J. Sklansky and V. Gonzalez, Fast polygonal
+    approximation of digitized curves, Pattern Recognition 12, 1980).
+
+    Parameters
+    ----------
+    along_m : (n,) float64 array
+        Increasing; all the same for a leg without length.
+    height_m : (n,) float64 array
+    tolerance_m : float
+        Largest vertical distance.
+
+    Returns
+    -------
+    list of int
+        Indices, the first and the last sample among them.
+
+    Examples
+    --------
+    >>> points_within(np.arange(5.0), np.array([0.0, 1, 2, 1, 0]), 0.1)
+    [0, 2, 4]
+    >>> points_within(np.arange(5.0), np.array([0.0, 1, 2, 1, 0]), 2.0)
+    [0, 4]
+    """
+    chosen, last = [0], len(along_m) - 1
+    if along_m[last] == along_m[0]:
+        return [0, last]
+    while chosen[-1] < last:
+        chosen.append(_farthest(along_m, height_m, tolerance_m, chosen[-1]))
+    return chosen
+
+
+def _farthest(along_m: Floats, height_m: Floats, tolerance_m: float, start: int) -> int:
+    """Find the farthest sample that one line reaches."""
+    window = FIRST_WINDOW
+    while True:
+        end = min(start + 1 + window, len(along_m))
+        step = along_m[start + 1 : end] - along_m[start]
+        rise = height_m[start + 1 : end] - height_m[start]
+        low = np.maximum.accumulate((rise - tolerance_m) / step)
+        high = np.minimum.accumulate((rise + tolerance_m) / step)
+        slope = rise / step
+        reached = np.flatnonzero((slope >= low) & (slope <= high))
+        if low[-1] > high[-1] or end == len(along_m):
+            return start + 1 + int(reached[-1])
+        window *= 2
+
+
+def limit_slopes(along_m: Floats, height_m: Floats, climb: float, descent: float) -> Floats:
+    """Compute the lowest profile above another that climbs and descends no steeper than these slopes.
+
+    Parameters
+    ----------
+    along_m : (n,) float64 array
+        Never decreasing.
+    height_m : (n,) float64 array
+    climb, descent : float
+        Metres per metre, above 0.
+
+    Examples
+    --------
+    >>> limit_slopes(np.arange(5.0), np.array([0.0, 0, 8, 0, 0]), climb=3, descent=5)
+    array([2., 5., 8., 3., 0.])
+    """
+    after = np.maximum.accumulate(height_m + descent * along_m) - descent * along_m
+    before = np.maximum.accumulate((height_m - climb * along_m)[::-1])[::-1] + climb * along_m
+    return np.maximum(after, before)
