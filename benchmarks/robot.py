@@ -72,7 +72,7 @@ def scans(scene: Any, count: int) -> list[Any]:
     import numpy as np
 
     from uavseg.occupancy.mapping.scan import Pose
-    from uavseg.occupancy.simulation.range_finder import RangeFinder
+    from uavseg.occupancy.simulation.simulate import RangeFinder
 
     sensor = RangeFinder(sigma_m=0.03, max_range_m=30.0, fov_deg=360.0, step_deg=0.5)
     poses = [

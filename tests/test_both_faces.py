@@ -34,9 +34,9 @@ from uavseg.jobs.maps.simulate import SimulateRequest
 from uavseg.jobs.maps.simulate import simulate as simulate_job
 from uavseg.jobs.original import original as original_job
 from uavseg.jobs.source.open_source import open_source
+from uavseg.occupancy.map_file import write_states
 from uavseg.occupancy.paths.path_geojson import path_to_geojson
 from uavseg.occupancy.ros.ros_map import write_ros_map
-from uavseg.occupancy.state_file import write_states
 from uavseg.options.option import build
 from uavseg.options.reading import ReadOptions
 from uavseg.options.regions import DivideOptions

@@ -189,7 +189,7 @@ ONLY_IN = {
     "matplotlib": {"plot"},
     "rosbags": {"occupancy.bags"},
     "anywidget": {"api.widget"},
-    "skimage": {"segmentation.sample", "occupancy.paths.closed_way"},
+    "skimage": {"segmentation.sample", "occupancy.paths.diagnosis"},
     "xarray": {"xarray"},
     "apsw": {"occupancy.bags"},
     "lz4": {"occupancy.bags"},

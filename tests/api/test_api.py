@@ -285,8 +285,8 @@ def test_a_map_becomes_states_and_objects(tmp_path: Path) -> None:
 
 
 def test_maps_of_every_kind_are_the_same_map(tmp_path: Path) -> None:
+    from uavseg.occupancy.map_file import write_states
     from uavseg.occupancy.mapping.grid import OccupancyGrid
-    from uavseg.occupancy.state_file import write_states
     from uavseg.raster.grid.geobox import local_geobox
 
     grid = OccupancyGrid.from_probabilities(occupancy(), local_geobox((140, 180), 1.0, (0, 0)))
@@ -321,8 +321,8 @@ def test_a_map_of_something_else_is_stretched_where_that_is_asked_for(tmp_path: 
 
 
 def test_a_ros_map_is_never_stretched(tmp_path: Path) -> None:
+    from uavseg.occupancy.map_file import write_states
     from uavseg.occupancy.mapping.grid import OccupancyGrid
-    from uavseg.occupancy.state_file import write_states
     from uavseg.raster.grid.geobox import local_geobox
 
     grid = OccupancyGrid.from_probabilities(occupancy(), local_geobox((140, 180), 1.0, (0, 0)))

@@ -9,13 +9,13 @@ import pytest
 from click.testing import CliRunner
 
 import uavseg
+from tests.occupancy.paths.sight import is_visible
 from uavseg.cli import main
 from uavseg.errors import IntensityRangeError, MapError, ParameterError, PathError
 from uavseg.jobs.maps.path import PathRequest, free_cells
 from uavseg.jobs.source.open_source import open_probability_map
 from uavseg.jobs.source.source import ProbabilityMap
 from uavseg.occupancy.mapping.grid import OccupancyGrid
-from uavseg.occupancy.paths.any_angle import is_visible
 from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.raster.formats.geotiff import write_geotiff
 from uavseg.raster.grid.geobox import local_geobox

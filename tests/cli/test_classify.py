@@ -15,8 +15,7 @@ from rasterio.errors import NotGeoreferencedWarning
 
 from uavseg.cli import main
 from uavseg.occupancy.probability_map import open_map
-from uavseg.occupancy.ros.pgm import pgm_bytes
-from uavseg.occupancy.ros.ros_map import write_ros_map
+from uavseg.occupancy.ros.ros_map import pgm_bytes, write_ros_map
 from uavseg.raster.formats.png import write_png
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import Window

@@ -13,9 +13,9 @@ from affine import Affine
 from click.testing import CliRunner, Result
 from pyproj import Geod, Transformer
 
+from tests.occupancy.paths.sight import is_visible
 from uavseg.cli import main
 from uavseg.flight.formats import files as missions
-from uavseg.occupancy.paths.any_angle import is_visible
 from uavseg.occupancy.paths.clearance import clearance
 from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.raster.grid.geobox import GeoBox

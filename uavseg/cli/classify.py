@@ -105,8 +105,8 @@ def _write_states(
     creation: CreationOptions,
     reporter: Reporter,
 ) -> None:
+    from uavseg.occupancy.map_file import write_states
     from uavseg.occupancy.ros.ros_map import is_ros_map
-    from uavseg.occupancy.state_file import write_states
 
     write_states(
         target, found.image, found.geobox, options.files.overwrite, options.mode.mode or "trinary", creation

@@ -1,8 +1,9 @@
-"""Files of a map of probabilities: a ROS map, or a GeoTIFF of probabilities."""
+"""Files of maps: probabilities or states of cells, as a ROS map or a GeoTIFF."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +17,58 @@ from uavseg.occupancy.ros.ros_map import (
     write_ros_probabilities,
 )
 from uavseg.output.atomic import check_target
-from uavseg.raster.formats.creation import DEFAULT, CreationOptions
-from uavseg.raster.formats.geotiff import write_geotiff
+from uavseg.raster.formats.creation import DEFAULT, CreationOptions, creation_for
+from uavseg.raster.formats.geotiff import LabelBand, write_geotiff, write_label_geotiff
 from uavseg.raster.grid.geobox import GeoBox
-from uavseg.units import FREE, OCCUPIED, UNKNOWN
+from uavseg.units import FREE, OCCUPIED, STATES, UNKNOWN
 
-FREE_UP_TO, OCCUPIED_FROM = 0.25, 0.65  # probabilities, by default those of Nav2's map_saver
+if TYPE_CHECKING:
+    from uavseg.segmentation.states.state_image import StateImage
+
+FREE_UP_TO, OCCUPIED_FROM = 0.25, 0.65  # probabilities: the defaults of Nav2's map_saver
+
+
+class _HasProbabilities(Protocol):
+    @property
+    def probabilities(self) -> NDArray[np.float32]: ...
+
+    @property
+    def geobox(self) -> GeoBox: ...
+
+
+class WritableMap:
+    """Base of results that hold the probabilities of a map."""
+
+    __slots__ = ()
+
+    def write(
+        self: _HasProbabilities,
+        path: str | os.PathLike[str],
+        overwrite: bool = False,
+        creation_options: Mapping[str, Any] | Sequence[str] | None = None,
+        mode: str | None = None,
+    ) -> None:
+        """Write the map: .yaml with its image, as Nav2's map server reads them, or .tif of probabilities.
+
+        Parameters
+        ----------
+        path : path
+        overwrite : bool
+            Whether to replace existing files.
+        creation_options : mapping or sequence of str, optional
+            Of a .tif, such as {"COMPRESS": "ZSTD", "PREDICTOR": 3}; see `CreationOptions`.
+        mode : {"trinary", "scale", "raw"}, optional
+            Of a .yaml, by default "trinary"; the others keep all levels.
+
+        Raises
+        ------
+        OutputExistsError, OutputError
+            If a file exists, or cannot be written.
+        ParameterError
+            If a creation option is not allowed, or given for a .yaml; if a mode is given for a .tif.
+        """
+        creation = creation_for(creation_options, {os.fspath(path): "float32"})
+        write_map(path, self.probabilities, self.geobox, overwrite, mode, creation=creation)
 
 
 def check_map_path(
@@ -29,12 +76,12 @@ def check_map_path(
 ) -> list[str]:
     """Check that a map may be written to a path, before the work; returns the files that it will have.
 
-    Raises
-    ------
-    OutputExistsError, OutputError
-        If one exists, or the extension is none of a map.
-    ParameterError
-        If a mode is given, which a GeoTIFF has not.
+    Parameters
+    ----------
+    path : path
+    overwrite : bool
+    mode : {"trinary", "scale", "raw"}, optional
+        Of a ROS map only.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in (".tif", ".tiff", ".yaml", ".yml"):
@@ -59,8 +106,7 @@ def write_map(
 ) -> None:
     """Write a ROS map (.yaml and its image), or a GeoTIFF of probabilities (.tif).
 
-    In a trinary ROS map, cells are free up to a probability of 0.25 and occupied from 0.65 on, as Nav2's
-    map_saver writes them.
+    In a trinary ROS map, cells are free up to a probability of 0.25 and occupied from 0.65 on.
 
     Parameters
     ----------
@@ -76,15 +122,6 @@ def write_map(
         Metadata items of a GeoTIFF.
     creation : CreationOptions
         Of a GeoTIFF.
-
-    Raises
-    ------
-    OutputExistsError, OutputError
-        If a file exists, or cannot be written.
-    MapError
-        If a ROS map cannot say where the cells lie.
-    ParameterError
-        If a mode is given for a GeoTIFF.
     """
     check_map_path(path, overwrite, mode)
     if not is_ros_map(path):
@@ -99,7 +136,7 @@ def write_map(
 
 
 def trinary_states(probabilities: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """States of cells by their own probability: 1 free, 2 unknown, 3 occupied.
+    """Threshold probabilities to states: 1 free, 2 unknown, 3 occupied.
 
     Examples
     --------
@@ -113,7 +150,40 @@ def trinary_states(probabilities: NDArray[np.float32]) -> NDArray[np.uint8]:
 
 
 def shares_of(probabilities: NDArray[np.float32]) -> str:
-    """How much of a map is free, unknown and occupied, for people."""
+    """Describe the shares of a map that are free, unknown and occupied."""
     states = trinary_states(probabilities)
     names = {FREE: "free", UNKNOWN: "unknown", OCCUPIED: "occupied"}
     return ", ".join(f"{name} {100 * (states == state).mean():.1f} %" for state, name in names.items())
+
+
+def write_states(
+    path: str | os.PathLike[str],
+    image: "StateImage",
+    geobox: GeoBox,
+    overwrite: bool = False,
+    mode: str = "trinary",
+    creation: CreationOptions = DEFAULT,
+) -> None:
+    """Write the states of a map: a uint8 GeoTIFF with nodata 0, or for a .yaml a ROS map.
+
+    A ROS map has no nodata, so such cells become unknown. It is held whole while it is written, a byte a
+    cell; a GeoTIFF is written row by row.
+
+    Parameters
+    ----------
+    path : path
+        .tif, or .yaml.
+    image : StateImage
+    geobox : GeoBox
+    overwrite : bool
+        Whether to replace existing files.
+    mode : {"trinary", "scale", "raw"}
+        Of the ROS map.
+    creation : CreationOptions
+        Of the GeoTIFF.
+    """
+    if is_ros_map(path):
+        write_ros_map(path, image.read(), geobox, overwrite, mode)
+    else:
+        band = LabelBand(np.uint8, STATES)
+        write_label_geotiff(path, image.strips(), geobox, overwrite, band=band, creation=creation)

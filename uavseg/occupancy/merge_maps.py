@@ -1,8 +1,8 @@
-"""Merging of maps into one: of what each says of a place, the surest counts, and obstacles win.
+"""Merging of maps: each cell takes the most certain of their values, and obstacles win.
 
 Cells of the result lie as those of the first map do, so maps on the same grid are copied as they are. Others
 are resampled: a cell takes the value of the cell in which its centre lies. That may step over an obstacle of
-one cell, so each occupied cell also marks the cell in which its own centre lies; no obstacle is lost.
+one cell, so each occupied cell also marks the cell in which its centre lies; no obstacle is lost.
 """
 
 import math
@@ -14,50 +14,35 @@ from numpy.typing import NDArray
 
 from uavseg.errors import MapError, RasterError
 from uavseg.occupancy.map_file import FREE_UP_TO, OCCUPIED_FROM
-from uavseg.occupancy.mapping.grid_file import check_cells
+from uavseg.occupancy.mapping.grid_io import check_cells
 from uavseg.occupancy.ros.ros_map import placement, transform_of
 from uavseg.raster.grid.geobox import GeoBox
 
 Float32s = NDArray[np.float32]
 
 _CHUNK = 1 << 20  # cells that are resampled at once
-_ROUNDING = 1e-6  # of a cell: less is no difference of place
+_ROUNDING = 1e-6  # of a cell: a smaller shift is a rounding error
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlacedMap:
-    """The probabilities of a map, and where they lie.
-
-    Parameters
-    ----------
-    name : str
-    probabilities : (rows, cols) float32 array
-        Exactly 0.5 where unknown.
-    geobox : GeoBox
-        Square cells in metres.
-    """
+    """The probabilities of a map, and their position."""
 
     name: str
-    probabilities: Float32s
-    geobox: GeoBox
+    probabilities: Float32s  # (rows, cols) float32; exactly 0.5 where unknown
+    geobox: GeoBox  # square cells in metres
 
 
 def common_grid(maps: Sequence[PlacedMap], unrotate: bool, resolution: float | None) -> GeoBox:
-    """The grid of the first map, extended to hold all of them.
+    """Extend the grid of the first map to hold all maps.
 
     Parameters
     ----------
     maps : sequence of PlacedMap
     unrotate : bool
-        Whether its rows run along the x axis (a yaw of 0) instead.
+        Whether its rows run along the x axis, a yaw of 0.
     resolution : float, optional
         Side of a cell in metres; by default the first map's.
-
-    Raises
-    ------
-    MapError
-        If cells are not square or in metres, the maps have different coordinate systems, or the grid would
-        have more than 100 million cells.
     """
     for other in maps:
         if other.geobox.crs != maps[0].geobox.crs:
@@ -84,12 +69,17 @@ def common_grid(maps: Sequence[PlacedMap], unrotate: bool, resolution: float | N
 def merge(maps: Sequence[PlacedMap], geobox: GeoBox) -> tuple[Float32s, int]:
     """Merge maps into the cells of a grid; the order of the maps does not matter.
 
+    Parameters
+    ----------
+    maps : sequence of PlacedMap
+    geobox : GeoBox
+
     Returns
     -------
     probabilities : (rows, cols) float32 array
         Of each cell the value that is farthest from 0.5; the highest where one is occupied (0.65 or more).
     disputed : int
-        Cells that are free (0.25 or less) in one map and occupied in another.
+        Number of cells that are free (0.25 or less) in one map and occupied in another.
     """
     lowest = np.full(geobox.shape, 0.5, np.float32)
     highest = lowest.copy()
@@ -99,26 +89,26 @@ def merge(maps: Sequence[PlacedMap], geobox: GeoBox) -> tuple[Float32s, int]:
         np.maximum(highest, values, out=highest)
     occupied = highest >= OCCUPIED_FROM
     disputed = int((occupied & (lowest <= FREE_UP_TO)).sum())
-    surer = highest - np.float32(0.5) >= np.float32(0.5) - lowest
-    return np.where(occupied | surer, highest, lowest), disputed
+    above = highest - np.float32(0.5) >= np.float32(0.5) - lowest  # the highest is farther from 0.5
+    return np.where(occupied | above, highest, lowest), disputed
 
 
 def cropped(probabilities: Float32s, geobox: GeoBox) -> tuple[Float32s, GeoBox]:
-    """The least part of a map that holds every cell which is not unknown.
+    """Crop a map to its known cells; refuse one without any.
 
-    Raises
-    ------
-    MapError
-        If all of it is unknown.
+    Parameters
+    ----------
+    probabilities : (rows, cols) float32 array
+    geobox : GeoBox
     """
     known = probabilities != 0.5
     rows, cols = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
     if not len(rows):
         raise MapError("every cell of the map is unknown, so nothing is left when it is cropped")
     part = slice(rows[0], rows[-1] + 1), slice(cols[0], cols[-1] + 1)
-    found = np.ascontiguousarray(probabilities[part])
+    inner = np.ascontiguousarray(probabilities[part])
     moved = geobox.transform * geobox.transform.translation(int(cols[0]), int(rows[0]))
-    return found, GeoBox(found.shape, moved, geobox.crs)
+    return inner, GeoBox(inner.shape, moved, geobox.crs)
 
 
 def _corners(geobox: GeoBox) -> NDArray[np.float64]:
@@ -128,22 +118,22 @@ def _corners(geobox: GeoBox) -> NDArray[np.float64]:
 
 
 def _resampled(one: PlacedMap, geobox: GeoBox) -> Float32s:
-    """The values of a map in the cells of a grid, 0.5 beyond its edges."""
-    found = np.full(geobox.shape, 0.5, np.float32)
+    """Resample a map to the cells of a grid, 0.5 outside of the map."""
+    resampled = np.full(geobox.shape, 0.5, np.float32)
     for row, rows, cols, inside in _cells_of(geobox, one.geobox):
-        part = found[row : row + len(inside)]
+        part = resampled[row : row + len(inside)]
         part[inside] = one.probabilities[rows, cols]
     for row, rows, cols, inside in _cells_of(one.geobox, geobox):
         values = one.probabilities[row : row + len(inside)][inside]
-        marks = values > 0.5
-        np.maximum.at(found, (rows[marks], cols[marks]), values[marks])
-    return found
+        occupied = values > 0.5
+        np.maximum.at(resampled, (rows[occupied], cols[occupied]), values[occupied])
+    return resampled
 
 
 def _cells_of(
     inner: GeoBox, outer: GeoBox
 ) -> Iterator[tuple[int, NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]]:
-    """The cells of `outer` in which the centres of those of `inner` lie, some rows at a time.
+    """Find the cells of `outer` in which the centres of those of `inner` lie, some rows at a time.
 
     Yields the first row, the rows and columns for the centres that lie in `outer`, and which these are.
     """

@@ -1,4 +1,4 @@
-"""Maps of probabilities, whatever they are stored as, ready for the phases of segmentation."""
+"""Opening of maps of probabilities, of any format, for the phases of segmentation."""
 
 import os
 from dataclasses import dataclass, replace
@@ -8,7 +8,7 @@ import numpy as np
 from affine import Affine
 
 from uavseg.errors import MapError
-from uavseg.occupancy.mapping.grid_file import LOG_ODDS
+from uavseg.occupancy.mapping.grid_io import LOG_ODDS
 from uavseg.occupancy.ros.ros_map import UNKNOWN_GREY, is_ros_map, read_picture, read_ros_map
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import TilePass
@@ -21,20 +21,20 @@ from uavseg.units import FREE, OCCUPIED, STATES
 
 @dataclass(frozen=True, slots=True)
 class ProbabilityStretch(Stretch):
-    """Floats that are probabilities already: v is what they are, and what leaves 0..1 is refused."""
+    """Stretch of floats that are probabilities already: v is the value; values outside 0..1 are refused."""
 
     @property
     def clips(self) -> bool:
-        """False: nothing lies beyond its ends."""
+        """Return False: no value lies outside of its ends."""
         return False
 
     def apply(self, values: Values, valid: Valid | None = None) -> Grey:
-        """Grey of each pixel, 0 where it is invalid.
+        """Convert values to grey, 0 where invalid; refuse a valid value outside 0..1.
 
-        Raises
-        ------
-        MapError
-            If a valid number lies outside 0..1.
+        Parameters
+        ----------
+        values : (rows, cols) float array
+        valid : (rows, cols) bool array, optional
         """
         outside = (values < 0) | (values > 1)
         if valid is not None:
@@ -50,9 +50,9 @@ class ProbabilityStretch(Stretch):
 def open_map(
     path: str | os.PathLike[str], band: int | None = None, nodata: float | str | None = None
 ) -> tuple[Dataset, Stretch]:
-    """A map of probabilities: a raster, or the YAML file of a ROS map.
+    """Open a map of probabilities: a raster, or the YAML file of a ROS map.
 
-    It is never stretched by what it contains: integers are divided by the largest number of their type,
+    It is never stretched by its content: integers are divided by the largest number of their type,
     floats are taken as they are. Unknown cells of a ROS map are exactly 0.5.
 
     Parameters
@@ -61,40 +61,28 @@ def open_map(
     band : int, optional
         Of a raster: the band to use, counted from 1.
     nodata : float or str, optional
-        Of a raster: a value that counts for nothing, beside its own nodata value; "only:V" takes its place.
+        Of a raster: a value without data, beside the nodata value of the file; "only:V" replaces that.
 
     Returns
     -------
     dataset, stretch
         Together they make the `GreySource` that the phases read by window. The stretch of floats raises
-        `MapError` where it meets a number that is no probability.
-
-    Raises
-    ------
-    RasterReadError
-        If a file cannot be opened.
-    MapError, RasterError
-        If it is of a kind that cannot be answered rightly.
+        `MapError` for a number that is not a probability.
     """
     if is_ros_map(path):
-        found = read_ros_map(path)
-        dataset = Dataset.of_values(found.probabilities, found.geobox, Path(path).name, local_metres=True)
-        dataset = replace(dataset, warnings=found.warnings)
+        ros_map = read_ros_map(path)
+        dataset = Dataset.of_values(ros_map.probabilities, ros_map.geobox, Path(path).name, local_metres=True)
+        dataset = replace(dataset, warnings=ros_map.warnings)
     else:
         dataset = Dataset.open(path, band=band, nodata=nodata)
     return dataset, stretch_of(dataset)
 
 
 def open_white_picture(path: str | os.PathLike[str]) -> tuple[Dataset, Stretch]:
-    """A picture of a map in which free is white, without its YAML file: p = (255 - x) / 255.
+    """Open a picture of a map in which free is white, without its YAML file: p = (255 - x) / 255.
 
     205, which the map savers of ROS write for unknown, becomes exactly 0.5, and so do transparent pixels.
     Coordinates are pixels.
-
-    Raises
-    ------
-    RasterReadError
-        If it cannot be read.
     """
     grey, alpha = read_picture(path)
     values = (np.float32(255) - grey.astype(np.float32)) / np.float32(255)
@@ -106,13 +94,7 @@ def open_white_picture(path: str | os.PathLike[str]) -> tuple[Dataset, Stretch]:
 
 
 def stretch_of(dataset: Dataset) -> Stretch:
-    """How a map's numbers become grey: by their type alone, or by the state where `classify` wrote them.
-
-    Raises
-    ------
-    MapError
-        If they are the log-odds of a grid.
-    """
+    """Choose the stretch of a map by its type, or by states where `classify` wrote it; refuse log-odds."""
     descriptions = dataset.mosaic.files[0].layout.descriptions
     if descriptions == (LOG_ODDS,):
         raise MapError(f"{dataset.source} holds log-odds, of which OccupancyGrid.load makes a map")

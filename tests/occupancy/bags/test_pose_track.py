@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavseg.occupancy.bags.pose_track import MAX_GAP_NS, PoseLog, PoseTrack
+from uavseg.occupancy.bags.frames import MAX_GAP_NS, PoseLog, PoseTrack
 from uavseg.occupancy.mapping.rotation import heading_of
 
 STEP = 100_000_000

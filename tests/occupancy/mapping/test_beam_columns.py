@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.occupancy import plain_beams
-from uavseg.occupancy.mapping.beam_columns import can_step_by_column
+from uavseg.occupancy.mapping.beams import can_step_by_column
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.mapping.scan import Pose, Scan
 

@@ -7,7 +7,7 @@ import pytest
 
 from tests.occupancy.random_scans import random_scan
 from uavseg.errors import MapError, OutputError, OutputExistsError, UavsegError
-from uavseg.occupancy.mapping import grid_file
+from uavseg.occupancy.mapping import grid_io
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.raster.formats.geotiff import write_geotiff
 from uavseg.raster.grid.geobox import GeoBox, local_geobox
@@ -95,14 +95,14 @@ def test_other_rasters_are_refused(tmp_path: Path) -> None:
 def test_log_odds_that_no_scan_makes_are_damage(tmp_path: Path, wrong: float) -> None:
     odds = np.zeros(SHAPE, np.float32)
     odds[3, 4] = wrong
-    grid_file.write_grid_file(tmp_path / "map.tif", odds, local_geobox(SHAPE, 0.1, (0, 0)))
+    grid_io.write_grid_file(tmp_path / "map.tif", odds, local_geobox(SHAPE, 0.1, (0, 0)))
     with pytest.raises(MapError, match=r"map.tif is damaged: log-odds of a grid lie in -6..6"):
         OccupancyGrid.load(tmp_path / "map.tif")
 
 
 def test_too_many_cells_are_neither_saved_nor_loaded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     merged(1).save(tmp_path / "map.tif")
-    monkeypatch.setattr(grid_file, "MAX_CELLS", 1000)
+    monkeypatch.setattr(grid_io, "MAX_CELLS", 1000)
     with pytest.raises(MapError, match=r"map.tif has 90 x 70 cells; at most 1,000"):
         OccupancyGrid.load(tmp_path / "map.tif")
     with pytest.raises(MapError, match="this grid has 90 x 70 cells"):

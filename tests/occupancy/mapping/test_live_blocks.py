@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from uavseg.occupancy.mapping.live_blocks import classify_leaves, required_ratios_at
+from uavseg.occupancy.mapping.live import _classify_leaves, _required_ratios_at
 from uavseg.segmentation import in_memory
 from uavseg.segmentation.blocks.block_map import BlockMap, required_ratios
 from uavseg.segmentation.blocks.leaves import cell_intervals
@@ -37,12 +37,12 @@ def test_some_blocks_are_as_in_the_whole(
 ) -> None:
     blocks, query = blocks_of(seed), LeafQuery(edges, division)
     chosen = np.array(choice).reshape(2, 3)
-    required = required_ratios_at(blocks, query, indices(chosen))
+    required = _required_ratios_at(blocks, query, indices(chosen))
     whole = required_ratios(blocks.sums, blocks.counts, edges, division.step)
     assert (required == whole[chosen]).all()
     scratch = np.zeros(blocks.counts.shape, np.uint8), np.zeros(blocks.counts.shape)
     found = np.full(blocks.counts.shape, 99, np.uint8)
-    classify_leaves(blocks, query, indices(chosen), required, scratch, found)
+    _classify_leaves(blocks, query, indices(chosen), required, scratch, found)
     inside = chosen.repeat(8, 0).repeat(8, 1)
     expected = np.where(blocks.counts > 0, cell_intervals(blocks, edges, division), 0)
     assert (found[inside] == expected[inside]).all()

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from uavseg.occupancy.mapping.log_odds import free_only_values, probabilities_and_grey
-from uavseg.occupancy.mapping.pending import add_one_free
+from uavseg.occupancy.mapping.log_odds import add_one_free, free_only_values, probabilities_and_grey
 
 
 def test_probabilities_are_those_of_the_log_odds() -> None:

@@ -4,10 +4,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from uavseg.occupancy.mapping.log_odds import MAX_LOG_ODDS, add_one_free
 from uavseg.occupancy.mapping.pending import (
     MAX_FREE_COUNT,
-    MAX_LOG_ODDS,
-    add_one_free,
     cell_at_offset,
     col_offset,
     empty_pending,

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavseg.errors import SceneError
-from uavseg.occupancy.mapping.point_cloud import points_of
 from uavseg.occupancy.mapping.scan import Pose, Scan
+from uavseg.occupancy.mapping.sensor_messages import read_points
 
 
 def cloud(
@@ -49,11 +49,11 @@ def test_points_are_read_in_every_layout(big: bool, double: bool, rows: int, pad
     points = np.random.default_rng(1).normal(0, 3, (12, 3)).astype(np.float32)
     points[5, 1], points[7, 2] = math.nan, math.inf
     message = cloud(points, big, double, padding, rows)
-    found = points_of(message)
+    found = read_points(message)
     assert np.array_equal(found, points[np.isfinite(points).all(axis=1)].astype(float))
     for kind in (bytearray, list, lambda data: array("B", data), lambda data: np.frombuffer(data, np.uint8)):
         message.data = kind(bytes(message.data))
-        assert np.array_equal(points_of(message), found)
+        assert np.array_equal(read_points(message), found)
 
 
 @pytest.mark.parametrize(
@@ -69,11 +69,11 @@ def test_points_are_read_in_every_layout(big: bool, double: bool, rows: int, pad
 )
 def test_a_message_that_is_no_cloud_is_refused(how: dict[str, Any], message: str) -> None:
     with pytest.raises(SceneError, match=message):
-        points_of(cloud([[1, 2, 3], [4, 5, 6]], **how))
+        read_points(cloud([[1, 2, 3], [4, 5, 6]], **how))
 
 
 def test_an_empty_cloud_has_no_points() -> None:
-    assert points_of(cloud(np.empty((0, 3)))).shape == (0, 3)
+    assert read_points(cloud(np.empty((0, 3)))).shape == (0, 3)
     scan = Scan.from_point_cloud(cloud(np.empty((0, 3))), Pose(1, 2), heights=(0, 1))
     assert len(scan.ranges) == 0
 

@@ -9,8 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
+from tests.occupancy.paths.sight import is_visible, path_length
 from uavseg.errors import PathError
-from uavseg.occupancy.paths.any_angle import is_visible, path_length, pull_string
+from uavseg.occupancy.paths.any_angle import pull_string
 from uavseg.occupancy.paths.astar import shortest_path
 
 Cell = tuple[int, int]

@@ -13,8 +13,7 @@ from hypothesis.extra.numpy import array_shapes, arrays
 from skimage.graph import MCP, route_through_array
 
 from uavseg.errors import PathError
-from uavseg.occupancy.paths.astar import CellPath, shortest_path
-from uavseg.occupancy.paths.jump_points import DIAGONAL, STRAIGHT
+from uavseg.occupancy.paths.astar import DIAGONAL, STRAIGHT, CellPath, shortest_path
 
 Cell = tuple[int, int]
 STEPS = [(r, c) for r in (-1, 0, 1) for c in (-1, 0, 1) if r or c]

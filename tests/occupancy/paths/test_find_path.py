@@ -8,8 +8,8 @@ from affine import Affine
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.occupancy.paths.sight import is_visible
 from uavseg.errors import ParameterError, PathError
-from uavseg.occupancy.paths.any_angle import is_visible
 from uavseg.occupancy.paths.clearance import clearance
 from uavseg.occupancy.paths.find_path import PathParams, PlannedPath, find_path
 from uavseg.occupancy.paths.free_cells import FreeCells

@@ -4,8 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavseg.occupancy.paths.astar import shortest_path
-from uavseg.occupancy.paths.jump_points import DIAGONAL, STRAIGHT, octile_cost
+from uavseg.occupancy.paths.astar import DIAGONAL, STRAIGHT, octile_cost, shortest_path
 
 CELLS = st.tuples(st.integers(0, 30), st.integers(0, 40))
 OPEN = np.ones((31, 41), bool)

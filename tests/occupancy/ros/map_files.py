@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from uavseg.occupancy.ros.pgm import pgm_bytes
+from uavseg.occupancy.ros.ros_map import pgm_bytes
 
 
 def yaml_text(**keys: Any) -> str:

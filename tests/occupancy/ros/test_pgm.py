@@ -11,8 +11,7 @@ from hypothesis.extra.numpy import array_shapes, arrays
 
 from tests.occupancy.ros.map_files import ALL, put
 from uavseg.errors import RasterReadError
-from uavseg.occupancy.ros.pgm import is_pgm, pgm_bytes, read_pgm
-from uavseg.occupancy.ros.ros_map import read_ros_map
+from uavseg.occupancy.ros.ros_map import is_pgm, pgm_bytes, read_pgm, read_ros_map
 from uavseg.raster.formats.png import to_8_bits
 
 

@@ -7,8 +7,8 @@ import pytest
 
 from uavseg.errors import SceneError
 from uavseg.occupancy.mapping.scan import Pose
-from uavseg.occupancy.simulation.range_finder import RangeFinder
 from uavseg.occupancy.simulation.scene import Scene
+from uavseg.occupancy.simulation.simulate import RangeFinder
 
 
 def test_noise_has_its_standard_deviation_and_a_seed() -> None:

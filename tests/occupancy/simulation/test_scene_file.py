@@ -10,8 +10,8 @@ import pytest
 from tests.occupancy.simulation.json_scene import SCENE
 from uavseg.errors import SceneError
 from uavseg.occupancy.mapping.scan import Pose
-from uavseg.occupancy.simulation.range_finder import RangeFinder
 from uavseg.occupancy.simulation.scene_file import build_simulation, load_scene
+from uavseg.occupancy.simulation.simulate import RangeFinder
 
 
 def test_a_scene_comes_from_a_file(tmp_path: Path) -> None:

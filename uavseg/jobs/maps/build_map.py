@@ -1,32 +1,33 @@
-"""Maps of recorded bags: the scans of a robot, merged at the poses that it had."""
+"""Mapping job: the scans of a recorded bag, merged into a map at the poses of the robot."""
 
 import os
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
 from uavseg.execution.phases import decided, phase
 from uavseg.occupancy.bags.merge_bag import BagTopics, MergeParams, ScanCounts, merge_bag
-from uavseg.occupancy.map_file import write_map
+from uavseg.occupancy.map_file import WritableMap
 from uavseg.occupancy.mapping.grid import OccupancyGrid
-from uavseg.raster.formats.creation import creation_for
+from uavseg.raster.grid.geobox import GeoBox
 
 DEFAULT_ODOM = "/odom"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class BuiltMap:
+class BuiltMap(WritableMap):
     """The map of a bag.
 
     Parameters
     ----------
     grid : OccupancyGrid
-        With its evidence; `grid.save` keeps it.
+        With its log-odds; `grid.save` keeps them.
     frame : str
-        In whose coordinates the map is, such as "odom" or "map".
+        Coordinate frame of the map, such as "odom" or "map".
     scans : ScanCounts
-        How many were merged, and how many left out.
+        Numbers of merged and of omitted scans.
     warnings : tuple of str
     """
 
@@ -35,43 +36,25 @@ class BuiltMap:
     scans: ScanCounts
     warnings: tuple[str, ...]
 
-    def write(
-        self,
-        path: str | os.PathLike[str],
-        overwrite: bool = False,
-        creation_options: Mapping[str, Any] | Sequence[str] | None = None,
-        mode: str | None = None,
-    ) -> None:
-        """Write the map: .yaml with its image, as Nav2's map server reads them, or .tif of probabilities.
+    @property
+    def probabilities(self) -> NDArray[np.float32]:
+        """Return the probabilities of the cells, (rows, cols)."""
+        return self.grid.probabilities
 
-        Parameters
-        ----------
-        path : path
-        overwrite : bool
-            Whether files that are there may be replaced.
-        creation_options : mapping or sequence of str, optional
-            Of a .tif, such as {"COMPRESS": "ZSTD", "PREDICTOR": 3}; see `CreationOptions`.
-        mode : {"trinary", "scale", "raw"}, optional
-            Of a .yaml, by default "trinary"; the others keep all levels.
-
-        Raises
-        ------
-        OutputExistsError, OutputError
-            If a file exists, or cannot be written.
-        ParameterError
-            If a creation option is not allowed, or given for a .yaml; if a mode is given for a .tif.
-        """
-        creation = creation_for(creation_options, {os.fspath(path): "float32"})
-        write_map(path, self.grid.probabilities, self.grid.geobox, overwrite, mode, creation=creation)
+    @property
+    def geobox(self) -> GeoBox:
+        """Return the position of the cells."""
+        return self.grid.geobox
 
 
 def topics_of(scan: str, odom: str | None, tf: bool) -> BagTopics:
-    """The topics that words name: odometry, by default of /odom, or the tree of /tf.
+    """Choose the topics: poses from odometry, by default of /odom, or from the tree of /tf, not from both.
 
-    Raises
-    ------
-    ParameterError
-        If both are asked for.
+    Parameters
+    ----------
+    scan : str
+    odom : str, optional
+    tf : bool
     """
     if tf and odom is not None:
         raise ParameterError("poses come from --odom or from --tf (odom and tf in Python), not from both")
@@ -81,13 +64,15 @@ def topics_of(scan: str, odom: str | None, tf: bool) -> BagTopics:
 def build_map(bag: str | os.PathLike[str], topics: BagTopics, params: MergeParams) -> BuiltMap:
     """Merge the scans of a recorded bag into a map; see `merge_bag`.
 
-    Raises
-    ------
-    BagError
-        If the bag cannot be read, lacks a topic, or no scan has a pose; if the map would be too large.
+    Parameters
+    ----------
+    bag : path
+    topics : BagTopics
+    params : MergeParams
     """
     decided("scans of %s, poses of %s, cells of %g m", topics.scan, topics.odom or "/tf", params.resolution_m)
     with phase("scans"):
-        found = merge_bag(bag, topics, params)
-    decided("%d of %d scans merged in the frame %s", found.counts.merged, found.counts.total, found.frame)
-    return BuiltMap(found.grid, found.frame, found.counts, found.warnings)
+        merged = merge_bag(bag, topics, params)
+    scans = merged.counts
+    decided("%d of %d scans merged in the frame %s", scans.merged, scans.total, merged.frame)
+    return BuiltMap(grid=merged.grid, frame=merged.frame, scans=scans, warnings=merged.warnings)

@@ -1,4 +1,4 @@
-"""Classification of a map of probabilities: free, unknown and occupied cells, and occupied objects."""
+"""Classification job: free, unknown and occupied cells of a map of probabilities, and occupied objects."""
 
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -39,41 +39,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class ClassifyRequest:
-    """Which states, and what becomes of occupied objects.
-
-    Parameters
-    ----------
-    limits : StateLimits
-    segment : SegmentParams
-        Its `refine` is "scan" or "none". With the adaptive method and scans, thin obstacles are restored.
-    objects : bool
-        Whether occupied segments are outlined as objects.
-    drawing : Drawing
-        How their outlines are drawn.
-    min_area : Area, optional
-        Objects of less are dropped; states stay as they are.
-    allow_lost_obstacles : bool
-        Whether obstacles may be left without an occupied cell.
-
-    Raises
-    ------
-    ParameterError
-        If the refinement is another.
-    """
+    """Limits of the states, and options for occupied objects."""
 
     limits: StateLimits = StateLimits()
+    # Its `refine` is "scan" or "none". With the adaptive method and scans, thin obstacles are restored.
     segment: SegmentParams = SegmentParams(refine="scan")
-    objects: bool = True
-    drawing: Drawing = Drawing()
-    min_area: Area | None = None
-    allow_lost_obstacles: bool = False
+    objects: bool = True  # whether occupied segments are outlined as objects
+    drawing: Drawing = Drawing()  # style of their outlines
+    min_area: Area | None = None  # smaller objects are dropped; states do not change
+    allow_lost_obstacles: bool = False  # whether obstacles may be left without an occupied cell
 
     def __post_init__(self) -> None:
         _ = self.refine
 
     @property
     def refine(self) -> StateRefinement:
-        """How states are refined."""
+        """Return the refinement of states; refuse those that only regions have."""
         refine = self.segment.refine
         if refine == "smooth" or refine == "tv" or refine == "pixels":
             raise ParameterError(
@@ -83,94 +64,59 @@ class ClassifyRequest:
 
     @property
     def restores(self) -> bool:
-        """Whether thin obstacles are restored: not with the paper's method, nor at block edges."""
+        """Return whether thin obstacles are restored: not with the paper's method, nor at block edges."""
         return self.segment.method == "adaptive" and self.refine == "scan"
 
 
 @dataclass(frozen=True)
 class Classification:
-    """The states of a map's cells.
+    """The states of a map's cells."""
 
-    Parameters
-    ----------
-    image : StateImage
-        Reads the states window by window.
-    cells : dict of int to int
-        How many cells have each state.
-    occupied_in_free : int
-        Cells that are called free and whose own v lies above the occupied limit. Paths over free cells have
-        to check v as well.
-    occupied_by_value : int
-        All cells whose own v lies above the occupied limit.
-    unknown_in_free : int
-        Cells that are called free and whose own v is unknown.
-    restored : int
-        Cells of thin obstacles that the scans left out and that became occupied.
-    lost_obstacles : int
-        8-connected structures of occupied cells, not explained by noise, of which no cell is called occupied.
-    objects : Extraction or None
-        What is occupied, if it was asked for: connected cells, 1..n with the largest first.
-    source : SourceInfo
-        The map.
-    warnings : tuple of str
-    """
-
-    image: StateImage
-    cells: dict[int, int]
+    image: StateImage  # reads the states window by window
+    cells: dict[int, int]  # number of cells of each state
+    # Cells classified free whose v lies above the occupied limit. Paths over free cells have to check v as
+    # well.
     occupied_in_free: int
-    occupied_by_value: int
-    unknown_in_free: int
-    restored: int
+    occupied_by_value: int  # all cells whose v lies above the occupied limit
+    unknown_in_free: int  # cells classified free whose v is unknown
+    restored: int  # cells of thin obstacles that the scans left out and that became occupied
+    # 8-connected structures of occupied cells, not explained by noise, without a cell classified occupied.
     lost_obstacles: int
+    # Connected components of occupied cells, if requested: 1..n with the largest first.
     objects: Extraction | None
-    source: SourceInfo
+    source: SourceInfo  # the map
     warnings: tuple[str, ...]
 
     @property
     def states(self) -> NDArray[np.uint8]:
-        """The state of each cell: 1 free, 2 unknown, 3 occupied, 0 no data; (rows, cols) uint8."""
+        """Return the state of each cell: 1 free, 2 unknown, 3 occupied, 0 no data; (rows, cols) uint8."""
         return self.image.read()
 
     def frame(self) -> "GeoDataFrame":
-        """The objects as a GeoDataFrame.
-
-        Raises
-        ------
-        ParameterError
-            If no objects were asked for.
-        """
+        """Return the objects as a GeoDataFrame; refuse a result without them."""
         if self.objects is None:
             raise ParameterError("no objects were asked for; classify with objects=True")
         return self.objects.regions.frame()
 
     @property
     def geobox(self) -> GeoBox:
-        """Where the cells lie."""
+        """Return the position of the cells."""
         return self.source.geobox
 
 
 def classify(
     source: ProbabilityMap | Blocks, request: ClassifyRequest = ClassifyRequest(), work: Work = SERIAL
 ) -> Classification:
-    """Free, unknown and occupied cells of a map of probabilities, refined to the cell.
+    """Classify the cells of a map of probabilities as free, unknown or occupied, refined to the cell.
 
-    What is held for each cell, beyond the block map, is half a byte, and that lies in a temporary file where
-    the map is large; see `segmentation.states.classify_strips`.
+    Beside the block map, this takes half a byte per cell, in a temporary file where the map is large; see
+    `segmentation.states.classify_strips`.
 
     Parameters
     ----------
     source : ProbabilityMap
     request : ClassifyRequest
     work : Work
-
-    Raises
-    ------
-    MapError
-        If no cell of the map is valid, or it holds something else than probabilities.
-    LostObstaclesError
-        If obstacles would be lost, which was not allowed.
-    ParameterError
-        If the source is a block map.
     """
     work = work.begun()
     if isinstance(source, Blocks):
@@ -184,26 +130,35 @@ def classify(
     dividing, deciding, *outlining = tile_pass.stages(2 + request.objects)
     leaves = None
     with phase("states"):
-        found = own_states(grey, request.limits, tile_pass.silent) if request.restores else None
-    if found is None:
+        states = own_states(grey, request.limits, tile_pass.silent) if request.restores else None
+    if states is None:
         leaves = _leaf_states(grey, request, dividing)
         with phase("states"):
-            found = classify_states(grey, leaves, request.limits, request.refine, deciding, request.restores)
+            states = classify_states(grey, leaves, request.limits, request.refine, deciding, request.restores)
     elif deciding.progress is not None:
         deciding.progress(1, 1)
-    if not found.codes[1:].any():
+    if not states.codes[1:].any():
         raise MapError(f"{source.name} has no valid cell: all of it is nodata or NaN")
-    hints = _warnings(source.name, found, request)
+    hints = _warnings(source.name, states, request)
     if request.refine != "none":
         leaves = None
-    objects = _objects(grey, found, leaves, request, outlining[0]) if request.objects else None
+    objects = _objects(grey, states, leaves, request, outlining[0]) if request.objects else None
     if objects is not None:
-        objects = with_metadata(objects, source, "classify", _facts(request))
-    hazard = found.occupied_in_free, found.occupied_by_value, found.unknown_in_free
-    thin = sum(found.thin.restored.values()), found.thin.lost
+        objects = with_metadata(objects, source, "classify", _metadata(request))
     info = SourceInfo.of(grey)
-    states = Classification(found.image, found.pixels, *hazard, *thin, objects, info, info.warnings)
-    return work.finished(states, *hints)
+    classification = Classification(
+        image=states.image,
+        cells=states.pixels,
+        occupied_in_free=states.occupied_in_free,
+        occupied_by_value=states.occupied_by_value,
+        unknown_in_free=states.unknown_in_free,
+        restored=sum(states.thin.restored.values()),
+        lost_obstacles=states.thin.lost,
+        objects=objects,
+        source=info,
+        warnings=info.warnings,
+    )
+    return work.finished(classification, *hints)
 
 
 def _leaf_states(grey: GreySource, request: ClassifyRequest, tile_pass: TilePass) -> NDArray[np.uint8]:
@@ -216,10 +171,10 @@ def _leaf_states(grey: GreySource, request: ClassifyRequest, tile_pass: TilePass
     return cells
 
 
-def _warnings(name: str, found: ClassifiedStates, request: ClassifyRequest) -> list[str]:
-    """What a planner should know of the states; lost obstacles are refused unless that is allowed."""
-    said = []
-    lost = found.thin.lost
+def _warnings(name: str, states: ClassifiedStates, request: ClassifyRequest) -> list[str]:
+    """Warn planners that use the states; refuse lost obstacles unless that is allowed."""
+    warnings = []
+    lost = states.thin.lost
     if lost:
         text = "1 obstacle of {} has" if lost == 1 else f"{lost:,} obstacles of {{}} have"
         text = f"{text.format(name)} no occupied cell in these states"
@@ -228,22 +183,22 @@ def _warnings(name: str, found: ClassifiedStates, request: ClassifyRequest) -> l
                 f"{text}; the default method with refine scan restores thin obstacles, or accept the loss "
                 "(--allow-lost-obstacles)"
             )
-        said.append(f"{text}: whatever plans with them does not avoid these")
-    if found.trinary and found.unknown_in_free:
-        one = found.unknown_in_free == 1
-        cells = "1 unknown cell" if one else f"{found.unknown_in_free:,} unknown cells"
-        said.append(f"{cells} of {name} {'is' if one else 'are'} called free")
-    return said
+        warnings.append(f"{text}: whatever plans with them does not avoid these")
+    if states.trinary and states.unknown_in_free:
+        one = states.unknown_in_free == 1
+        cells = "1 unknown cell" if one else f"{states.unknown_in_free:,} unknown cells"
+        warnings.append(f"{cells} of {name} {'is' if one else 'are'} called free")
+    return warnings
 
 
 def _objects(
     grey: GreySource,
-    found: ClassifiedStates,
+    states: ClassifiedStates,
     leaves: NDArray[np.uint8] | None,
     request: ClassifyRequest,
     tile_pass: TilePass,
 ) -> Extraction:
-    outlined = outline_state(grey, found.image, OCCUPIED, tile_pass, leaves)
+    outlined = outline_state(grey, states.image, OCCUPIED, tile_pass, leaves)
     geobox = grey.dataset.geobox
     if request.min_area is not None:
         outlined = drop_small_regions(outlined, geobox, request.min_area)
@@ -252,21 +207,19 @@ def _objects(
     return measured(outlined, SourceInfo.of(grey), interval, request.drawing, bounds)
 
 
-def _facts(request: ClassifyRequest) -> dict[str, Any]:
-    """The parameters, for the metadata of the objects."""
+def _metadata(request: ClassifyRequest) -> dict[str, Any]:
+    """Return the parameters, for the metadata of the objects."""
     limits = {"free_below": request.limits.free_below, "occupied_above": request.limits.occupied_above}
-    facts = limits | segment_facts(request.segment) | {"refine": request.refine}
-    return facts | drawing_facts(request.drawing, None, request.min_area)
+    segment = segment_facts(request.segment) | {"refine": request.refine}
+    return limits | segment | drawing_facts(request.drawing, None, request.min_area)
 
 
 def _bounds(rings: Rings, geobox: GeoBox) -> dict[str, NDArray[np.float64]]:
-    """The bounding box of each region, in the coordinates of the map."""
-    xy = geobox.xy_from_pixel(rings.vertices[:, 0], rings.vertices[:, 1])
-    first_rings = np.flatnonzero(np.diff(rings.labels, prepend=0))
-    starts = rings.starts[first_rings]
-    named = {}
-    for name, coordinates in zip("xy", xy, strict=True):
-        whole = np.asarray(coordinates, np.float64)
-        named[f"{name}_min"] = np.minimum.reduceat(whole, starts) if len(starts) else np.empty(0)
-        named[f"{name}_max"] = np.maximum.reduceat(whole, starts) if len(starts) else np.empty(0)
-    return {name: named[name] for name in ("x_min", "y_min", "x_max", "y_max")}
+    """Compute the bounding box of each region, in the coordinates of the map."""
+    starts = rings.starts[np.flatnonzero(np.diff(rings.labels, prepend=0))]  # of the first ring of each
+    xy = np.asarray(geobox.xy_from_pixel(rings.vertices[:, 0], rings.vertices[:, 1]), np.float64)
+    return {
+        f"{axis}_{end}": extreme.reduceat(values, starts) if len(starts) else np.empty(0)
+        for end, extreme in (("min", np.minimum), ("max", np.maximum))
+        for axis, values in zip("xy", xy, strict=True)
+    }

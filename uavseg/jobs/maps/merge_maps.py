@@ -1,7 +1,7 @@
-"""Maps of robots merged into one, cropped to what is known, and turned so that their rows run along x."""
+"""Map merging job: maps of robots become one, cropped to its known cells and unrotated on request."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,10 +13,9 @@ from uavseg.errors import MapError, ParameterError
 from uavseg.execution.phases import decided, phase
 from uavseg.jobs.source.open_source import open_probability_map
 from uavseg.jobs.source.source import ProbabilityMap
-from uavseg.occupancy.map_file import write_map
-from uavseg.occupancy.mapping.grid_file import check_cells
+from uavseg.occupancy.map_file import WritableMap
+from uavseg.occupancy.mapping.grid_io import check_cells
 from uavseg.occupancy.merge_maps import PlacedMap, common_grid, cropped, merge
-from uavseg.raster.formats.creation import creation_for
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import TilePass, Window
 from uavseg.units import GREY_MAX
@@ -24,26 +23,11 @@ from uavseg.units import GREY_MAX
 
 @dataclass(frozen=True, slots=True)
 class MergeRequest:
-    """What becomes of the grid of the first map.
+    """Options for the grid of the merged map, which extends that of the first."""
 
-    Parameters
-    ----------
-    crop : bool
-        Whether the merged map ends where nothing beyond is known.
-    unrotate : bool
-        Whether its rows run along the x axis, a yaw of 0.
-    resolution : float, optional
-        Side of a cell in metres; by default that of the first map.
-
-    Raises
-    ------
-    ParameterError
-        If the resolution is not a number above 0.
-    """
-
-    crop: bool = False
-    unrotate: bool = False
-    resolution: float | None = None
+    crop: bool = False  # whether the merged map is cropped to its known cells
+    unrotate: bool = False  # whether its rows run along the x axis, a yaw of 0
+    resolution: float | None = None  # side of a cell in metres; by default that of the first map
 
     def __post_init__(self) -> None:
         if self.resolution is not None and not 0 < self.resolution < float("inf"):
@@ -51,8 +35,8 @@ class MergeRequest:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class MergedMap:
-    """A map that was made of others.
+class MergedMap(WritableMap):
+    """A map merged from others.
 
     Parameters
     ----------
@@ -69,17 +53,6 @@ class MergedMap:
     disputed: int
     warnings: tuple[str, ...]
 
-    def write(
-        self,
-        path: str | os.PathLike[str],
-        overwrite: bool = False,
-        creation_options: Mapping[str, Any] | Sequence[str] | None = None,
-        mode: str | None = None,
-    ) -> None:
-        """Write the map; see `BuiltMap.write`."""
-        creation = creation_for(creation_options, {os.fspath(path): "float32"})
-        write_map(path, self.probabilities, self.geobox, overwrite, mode, creation=creation)
-
 
 def merge_maps(sources: Sequence[Any], request: MergeRequest = MergeRequest()) -> MergedMap:
     """Merge maps of probabilities; see `occupancy.merge_maps`.
@@ -88,16 +61,6 @@ def merge_maps(sources: Sequence[Any], request: MergeRequest = MergeRequest()) -
     ----------
     sources : sequence of paths, OccupancyGrids or other sources of `open_probability_map`
     request : MergeRequest
-
-    Raises
-    ------
-    MapError
-        If a map cannot be placed, or lies in another coordinate system than the first; if the merged map
-        would have more than 100 million cells, or nothing of it is known and it is to be cropped.
-    UavsegError
-        If a map cannot be read.
-    ParameterError
-        If there is no map, or a block map among them.
     """
     if not sources:
         raise ParameterError("name at least one map")
@@ -113,7 +76,7 @@ def merge_maps(sources: Sequence[Any], request: MergeRequest = MergeRequest()) -
     if disputed:
         cells = "1 cell is" if disputed == 1 else f"{disputed:,} cells are"
         warnings.append(f"{cells} free in one map and occupied in another; they count as occupied")
-    return MergedMap(probabilities, geobox, disputed, tuple(warnings))
+    return MergedMap(probabilities=probabilities, geobox=geobox, disputed=disputed, warnings=tuple(warnings))
 
 
 def _read_map(source: Any, warnings: list[str]) -> PlacedMap:
@@ -130,4 +93,4 @@ def _read_map(source: Any, warnings: list[str]) -> PlacedMap:
     unknown = tile.grey[:rows, :cols] == GREY_MAX // 2 + 1  # the grey of exactly 0.5
     values[unknown | (tile.valid[:rows, :cols] == 0)] = 0.5
     warnings.extend(opened.warnings)
-    return PlacedMap(opened.name, values, opened.geobox)
+    return PlacedMap(name=opened.name, probabilities=values, geobox=opened.geobox)

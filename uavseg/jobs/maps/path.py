@@ -1,4 +1,4 @@
-"""Search for the shortest path between two places of one region of a map."""
+"""Path planning job: the shortest path between two positions in one region of a map."""
 
 import time
 from dataclasses import dataclass
@@ -16,35 +16,25 @@ from uavseg.segmentation.source import GreySource
 
 @dataclass(frozen=True, slots=True)
 class PathRequest:
-    """From where to where, and over what.
+    """Ends of a path, and the cells that it may pass."""
 
-    Parameters
-    ----------
-    interval : IntensityRange or ValueRange
-        The range of v that is passable; or of values in the map's own units, or of percentiles.
-    start, goal : (float, float)
-        x and y on the map.
-    params : PathParams
-        Clearance, and whether the path is pulled tight.
-    segment : SegmentParams
-        How regions are found: by the own values of cells (refine "pixels"), or as the paper does by those of
-        blocks ("scan"), where a path stays within one region.
-    """
-
+    # The range of v that is passable; or of values in the units of the map, or of percentiles.
     interval: AnyRange
-    start: tuple[float, float]
+    start: tuple[float, float]  # x and y on the map
     goal: tuple[float, float]
-    params: PathParams = PathParams()
+    params: PathParams = PathParams()  # clearance, and whether the path is shortened by string pulling
+    # Segmentation into regions: by the values of cells (refine "pixels"), or as in the paper by those of
+    # blocks ("scan"), where a path stays within one region.
     segment: SegmentParams = SegmentParams(refine="pixels")
 
 
 def path_params(segment: SegmentParams, refine: str | None) -> SegmentParams:
-    """How the regions of a path are found: "pixels" by default, and "scan" with the paper's method.
+    """Set the refinement of a path's regions: "pixels" by default, and "scan" with the paper's method.
 
-    Raises
-    ------
-    ParameterError
-        If it is another refinement.
+    Parameters
+    ----------
+    segment : SegmentParams
+    refine : {"pixels", "scan"}, optional
     """
     if refine is None:
         refine = "scan" if segment.method == "paper" else "pixels"
@@ -55,40 +45,22 @@ def path_params(segment: SegmentParams, refine: str | None) -> SegmentParams:
 
 @dataclass(frozen=True)
 class PathFound:
-    """A path, and how it was found.
-
-    Parameters
-    ----------
-    path : PlannedPath
-    in_metres : bool
-        Whether its length is in metres rather than in units of the map.
-    search_s : float
-        Seconds of the search alone.
-    warnings : tuple of str
-    """
+    """A path, and the time of its search."""
 
     path: PlannedPath
-    in_metres: bool
-    search_s: float
+    in_metres: bool  # whether its length is in metres rather than in units of the map
+    search_s: float  # seconds of the search alone
     warnings: tuple[str, ...]
 
 
 def path(source: ProbabilityMap | Blocks, request: PathRequest, work: Work = SERIAL) -> PathFound:
-    """The shortest path between two places of one region, over cells whose own value is in range.
+    """Find the shortest path between two positions in one region, over cells whose value is in range.
 
     Parameters
     ----------
     source : ProbabilityMap
     request : PathRequest
     work : Work
-
-    Raises
-    ------
-    PathError
-        If a place lies outside of the map or in no region, the two lie in different regions, or no path
-        leads from one to the other.
-    ParameterError
-        If the source is a block map.
     """
     work = work.begun()
     if isinstance(source, Blocks):
@@ -97,13 +69,25 @@ def path(source: ProbabilityMap | Blocks, request: PathRequest, work: Work = SER
         )
     free = free_cells(source, request, work)
     start = time.perf_counter()
-    way = find_path(free, request.start, request.goal, request.params, work.local)
-    return work.finished(PathFound(way, source.in_metres, time.perf_counter() - start, way.warnings))
+    planned = find_path(free, request.start, request.goal, request.params, work.local)
+    search_s = time.perf_counter() - start
+    return work.finished(
+        PathFound(path=planned, in_metres=source.in_metres, search_s=search_s, warnings=planned.warnings)
+    )
 
 
 def free_cells(source: ProbabilityMap, request: PathRequest, work: Work = SERIAL) -> FreeCells:
-    """The cells that a path may enter: in a region as `extract` finds it, and their own value in range."""
-    found = regions_of_pixels(source, ExtractRequest(request.interval, request.segment), work)
-    assert found.wanted is not None, "an extraction holds its range"
-    grey = GreySource(source.dataset, found.stretch)
-    return FreeCells(grey, found.rings, found.wanted.interval, found.warnings)
+    """Find the cells that a path may enter: in a region of `extract`, and their value in range.
+
+    Parameters
+    ----------
+    source : ProbabilityMap
+    request : PathRequest
+    work : Work
+    """
+    regions = regions_of_pixels(source, ExtractRequest(request.interval, request.segment), work)
+    assert regions.wanted is not None, "an extraction holds its range"
+    grey = GreySource(source.dataset, regions.stretch)
+    return FreeCells(
+        source=grey, rings=regions.rings, interval=regions.wanted.interval, warnings=regions.warnings
+    )

@@ -1,4 +1,4 @@
-"""Simulation of a laser range finder: the map that it makes of a scene."""
+"""Simulation job: the map that a laser range finder makes of a scene."""
 
 from dataclasses import dataclass, replace
 
@@ -12,20 +12,11 @@ from uavseg.occupancy.simulation.simulate import Simulation
 
 @dataclass(frozen=True, slots=True)
 class SimulateRequest:
-    """Which noise, and what differs from the scene's own sensor.
+    """Seed of the noise, and changes to the sensor of the scene."""
 
-    Parameters
-    ----------
-    seed : int
-        Of the noise: the same seed gives the same map.
-    poses : int, optional
-        Scan from the first so many poses only.
-    sigma_m, max_range_m, fov_deg, step_deg : float, optional
-        Of the sensor: standard deviation of ranges, reach, field of view and angle between beams.
-    """
-
-    seed: int = 0
-    poses: int | None = None
+    seed: int = 0  # of the noise: the same seed gives the same map
+    poses: int | None = None  # number of poses to scan from, the first of the scene; by default all
+    # Of the sensor: standard deviation of ranges, reach, field of view and angle between beams.
     sigma_m: float | None = None
     max_range_m: float | None = None
     fov_deg: float | None = None
@@ -33,52 +24,35 @@ class SimulateRequest:
 
     @property
     def sensor(self) -> dict[str, float]:
-        """What is given of the sensor."""
-        named = {
-            "sigma_m": self.sigma_m,
-            "max_range_m": self.max_range_m,
-            "fov_deg": self.fov_deg,
-            "step_deg": self.step_deg,
-        }
-        return {name: value for name, value in named.items() if value is not None}
+        """Return the requested changes to the sensor."""
+        names = ("sigma_m", "max_range_m", "fov_deg", "step_deg")
+        return {name: getattr(self, name) for name in names if getattr(self, name) is not None}
 
 
 @dataclass(frozen=True)
 class Simulated:
-    """The map that a simulation made.
+    """The map that a simulation made."""
 
-    Parameters
-    ----------
-    simulation : Simulation
-        Scene, sensor and poses; knows the truth.
-    grid : OccupancyGrid
-    """
-
-    simulation: Simulation
+    simulation: Simulation  # scene, sensor and poses; has the ground truth
     grid: OccupancyGrid
 
 
 def simulate(scene: str, request: SimulateRequest = SimulateRequest()) -> Simulated:
-    """The map that a laser range finder makes of a scene.
+    """Simulate the map that a laser range finder makes of a scene.
 
     Parameters
     ----------
     scene : str
         "lens", "circles", or the path of a scene's JSON file.
     request : SimulateRequest
-
-    Raises
-    ------
-    SceneError
-        If the scene cannot be read or has not so many poses.
     """
-    found = BUILT_IN_SCENES[scene]() if scene in BUILT_IN_SCENES else load_scene(scene)
-    wanted = request.poses or len(found.poses)
-    if wanted > len(found.poses):
-        raise SceneError(f"{scene} has {len(found.poses)} poses, and {wanted} are asked for")
-    simulation = replace(found, sensor=replace(found.sensor, **request.sensor), poses=found.poses[:wanted])
+    whole = BUILT_IN_SCENES[scene]() if scene in BUILT_IN_SCENES else load_scene(scene)
+    count = request.poses or len(whole.poses)
+    if count > len(whole.poses):
+        raise SceneError(f"{scene} has {len(whole.poses)} poses, and {count} are asked for")
+    simulation = replace(whole, sensor=replace(whole.sensor, **request.sensor), poses=whole.poses[:count])
     beams = len(simulation.sensor.angles)
-    decided("%d poses of %d beams, the noise of seed %d", wanted, beams, request.seed)
+    decided("%d poses of %d beams, the noise of seed %d", count, beams, request.seed)
     with phase("scans"):
         grid = simulation.run(request.seed)
     return Simulated(simulation, grid)

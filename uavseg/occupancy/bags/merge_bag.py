@@ -1,83 +1,66 @@
-"""Merging of a recorded bag: each scan at the pose that the sensor had, into a map that covers them all.
+"""Mapping from a recorded bag: each scan is merged at the pose that the sensor had.
 
-The bag is read three times: for the poses, for the extent of the map, and for the evidence. So what is held
-in memory is the map and the poses, however long the bag is.
+The bag is read three times: for the poses, for the extent of the map, and for the log-odds. So memory holds
+the map and the poses, however long the bag is.
 """
 
 import math
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
+
+import numpy as np
 
 from uavseg.errors import BagError, ParameterError, SceneError
 from uavseg.occupancy.bags.bag import LASERSCAN, MULTI_ECHO, POINT_CLOUD, Bag, open_bag
-from uavseg.occupancy.bags.extent import Extent
-from uavseg.occupancy.bags.frames import FrameTree, frame_name, read_odometry, read_transforms, stamp_ns
-from uavseg.occupancy.bags.pose_track import Transform
+from uavseg.occupancy.bags.frames import (
+    FrameTree,
+    Transform,
+    frame_name,
+    read_odometry,
+    read_transforms,
+    stamp_ns,
+)
+from uavseg.occupancy.mapping.beams import REACH_SIGMAS
 from uavseg.occupancy.mapping.grid import OccupancyGrid
-from uavseg.occupancy.mapping.point_cloud import check_heights, points_of, scan_of_points
+from uavseg.occupancy.mapping.grid_io import MAX_CELLS
 from uavseg.occupancy.mapping.rotation import MAX_TILT_DEG, heading_of, tilt_deg
-from uavseg.occupancy.mapping.scan import (
+from uavseg.occupancy.mapping.scan import DEFAULT_SIGMA_M, Pose, Scan, check_distance, scan_of_points
+from uavseg.occupancy.mapping.sensor_messages import (
     BEAM_ORDER,
-    DEFAULT_SIGMA_M,
     NO_RETURN,
-    Pose,
-    Scan,
-    check_distance,
+    check_heights,
+    read_points,
     scan_duration_s,
 )
 from uavseg.plain_text import shown
+from uavseg.raster.grid.geobox import GeoBox, local_geobox
 
 MIN_CELL_M, MAX_CELL_M = 1e-3, 100.0
-_MAX_SCAN_S = 10.0  # where a message says more, the pose at the last beam counts as not known
+_MAX_SCAN_S = 10.0  # of a scan; where a message says more, the pose at the last beam is not known
 
 
 @dataclass(frozen=True, slots=True)
 class BagTopics:
-    """Which topics of a bag are used.
+    """Topics of a bag to use."""
 
-    Parameters
-    ----------
-    scan : str
-        Of sensor_msgs/LaserScan, MultiEchoLaserScan or PointCloud2.
-    odom : str, optional
-        Of nav_msgs/Odometry; None to take poses from the tree of /tf and /tf_static.
-    """
-
-    scan: str = "/scan"
-    odom: str | None = "/odom"
+    scan: str = "/scan"  # of sensor_msgs/LaserScan, MultiEchoLaserScan or PointCloud2
+    odom: str | None = "/odom"  # of nav_msgs/Odometry; None to take poses from the tree of /tf and /tf_static
 
 
 @dataclass(frozen=True, slots=True)
 class MergeParams:
-    """How scans become a map.
+    """Parameters of the map and of the sensor."""
 
-    Parameters
-    ----------
-    resolution_m : float
-        Side of a cell.
-    sigma_m : float
-        Standard deviation of ranges.
-    max_range_m : float, optional
-        Beams are used up to here; by default up to the `range_max` of each scan, or all points of a cloud.
-    heights : (float, float), optional
-        Of point clouds: the lowest and the highest in metres above the origin of the map's frame; what lies
-        between is an obstacle.
-    no_return, beam_order : str
-        As of `Scan.from_laserscan`.
-
-    Raises
-    ------
-    ParameterError, SceneError
-        If a length is out of its domain, or a word is none of its words.
-    """
-
-    resolution_m: float = 0.05
-    sigma_m: float = DEFAULT_SIGMA_M
+    resolution_m: float = 0.05  # side of a cell
+    sigma_m: float = DEFAULT_SIGMA_M  # standard deviation of ranges
+    # Beams are used up to here; by default up to the `range_max` of each scan, or all points of a cloud.
     max_range_m: float | None = None
+    # Of point clouds: the lowest and the highest in metres above the origin of the map's frame; points
+    # between them are obstacles.
     heights: tuple[float, float] | None = None
-    no_return: str = "inf"
+    no_return: str = "inf"  # see `Scan.from_laserscan`
     beam_order: str | None = None
 
     def __post_init__(self) -> None:
@@ -98,52 +81,64 @@ class MergeParams:
 
 @dataclass(slots=True)
 class ScanCounts:
-    """What became of the scans of a bag.
-
-    Parameters
-    ----------
-    merged : int
-    without_pose : int
-        No pose is known at their time.
-    tilted : int
-        The plane of their beams was tilted too far.
-    invalid : int
-        The message is not a scan as REP 117 has it; `reason` says why the first is not.
-    without_end : int
-        Of the merged ones: the times of their beams are known and the pose at the last is not, so all beams
-        are at the pose of the first.
-    """
+    """Numbers of merged and of omitted scans."""
 
     merged: int = 0
-    without_pose: int = 0
-    tilted: int = 0
-    invalid: int = 0
-    reason: str = ""
+    without_pose: int = 0  # no pose is known at their time
+    tilted: int = 0  # the plane of their beams was tilted too far
+    invalid: int = 0  # the message is not a scan by REP 117
+    reason: str = ""  # why the first of these is not
+    # Of the merged ones: the times of their beams are known and the pose at the last is not, so all beams are
+    # at the pose of the first.
     without_end: int = 0
 
     @property
     def total(self) -> int:
-        """Number of messages."""
+        """Return the number of messages."""
         return self.merged + self.without_pose + self.tilted + self.invalid
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MergedBag:
-    """The map of a bag.
-
-    Parameters
-    ----------
-    grid : OccupancyGrid
-    frame : str
-        In whose coordinates the map is, such as "odom" or "map".
-    counts : ScanCounts
-    warnings : tuple of str
-    """
+    """The map of a bag."""
 
     grid: OccupancyGrid
-    frame: str
+    frame: str  # coordinate frame of the map, such as "odom" or "map"
     counts: ScanCounts
     warnings: tuple[str, ...]
+
+
+@dataclass(slots=True)
+class _Extent:
+    """Bounding box of the beams of scans, in metres."""
+
+    low: list[float] = field(default_factory=lambda: [math.inf, math.inf])
+    high: list[float] = field(default_factory=lambda: [-math.inf, -math.inf])
+
+    def add(self, scan: Scan) -> None:
+        """Enlarge the box by the sensor of a scan and the ends of its beams."""
+        known = ~np.isnan(scan.ranges)
+        ranges = scan.ranges[known]
+        reach = np.where(np.isinf(ranges), scan.max_range_m, ranges + REACH_SIGMAS * scan.sigma_m)
+        x, y, angles = scan.beams
+        poses = [scan.pose] if scan.end is None else [scan.pose, scan.end]
+        for axis, (places, along) in enumerate(((x, np.cos), (y, np.sin))):
+            ends = places[known] + reach * along(angles[known])
+            corners = [*ends.tolist(), *((pose.x, pose.y)[axis] for pose in poses)]
+            self.low[axis] = min(self.low[axis], *corners)
+            self.high[axis] = max(self.high[axis], *corners)
+
+    def geobox(self, cell_m: float) -> GeoBox:
+        """Return whole cells around the box, at multiples of their side; refuse too many."""
+        first = [math.floor(low / cell_m) for low in self.low]
+        cols, rows = (math.floor(high / cell_m) - low + 1 for high, low in zip(self.high, first, strict=True))
+        if rows * cols > MAX_CELLS:
+            width, height = (high - low for high, low in zip(self.high, self.low, strict=True))
+            raise BagError(
+                f"the scans cover {width:,.0f} x {height:,.0f} m, {rows * cols:,} cells of {cell_m:g} m; at "
+                f"most {MAX_CELLS:,} are possible: give a larger resolution or a smaller max range"
+            )
+        return local_geobox((rows, cols), cell_m, (first[0] * cell_m, first[1] * cell_m))
 
 
 def merge_bag(
@@ -160,11 +155,6 @@ def merge_bag(
         A .bag of ROS 1; a folder, .mcap or .db3 of ROS 2.
     topics : BagTopics
     params : MergeParams
-
-    Raises
-    ------
-    BagError
-        If the bag cannot be read, lacks a topic, or no scan has a pose; if the map would be too large.
     """
     with open_bag(path) as bag:
         bag.check_topic(topics.scan, LASERSCAN, MULTI_ECHO, POINT_CLOUD)
@@ -174,21 +164,24 @@ def merge_bag(
                 "which points of a PointCloud2 are obstacles, and are for these alone"
             )
         tree = read_transforms(bag) if topics.odom is None else read_odometry(bag, topics.odom)
-        counts, extent, frames = ScanCounts(), Extent(), set[str]()
+        counts, extent, frames = ScanCounts(), _Extent(), set[str]()
         for scan in _scans(bag, topics.scan, tree, params, counts, frames):
             extent.add(scan)
-        _check_merged(bag, topics, tree, counts, frames)
+        if not counts.merged:
+            raise BagError(_why_none(f"{topics.scan} of {bag.name}", topics, tree, counts, frames))
         root = _root(tree, frames)
         grid = OccupancyGrid(extent.geobox(params.resolution_m))
         for scan in _scans(bag, topics.scan, tree, params, ScanCounts(), set()):
             grid.merge(scan)
-        return MergedBag(grid, root, counts, tuple(_warnings(topics, tree, counts, frames)))
+        return MergedBag(
+            grid=grid, frame=root, counts=counts, warnings=tuple(_warnings(topics, tree, counts, frames))
+        )
 
 
 def _scans(
     bag: Bag, topic: str, tree: FrameTree, params: MergeParams, counts: ScanCounts, frames: set[str]
 ) -> Iterator[Scan]:
-    """Scans with their poses, counted; the names of their frames are added to `frames`."""
+    """Read the scans with their poses; updates the counts, and adds the names of their frames to `frames`."""
     is_cloud = bag.types[topic] == POINT_CLOUD
     for message in bag.messages(topic):
         frame = frame_name(message.header.frame_id)
@@ -218,12 +211,12 @@ def _scans(
 
 
 def _frame_of_sensor(tree: FrameTree, frame: str) -> str | None:
-    """The frame whose pose is that of the sensor; the base of the odometry where tf does not place it."""
+    """Return the frame with the pose of the sensor; the base of the odometry where tf does not place it."""
     return frame if tree.reaches(frame) else tree.base
 
 
 def _scan_at(message: Any, place: Transform, end: Transform | None, params: MergeParams) -> Scan:
-    """The scan of a message. A sensor that hangs upside down turns clockwise, seen from above."""
+    """Make the scan of a message. A sensor that hangs upside down turns clockwise, seen from above."""
     scan = Scan.from_laserscan(
         message,
         _pose_of(place),
@@ -237,7 +230,7 @@ def _scan_at(message: Any, place: Transform, end: Transform | None, params: Merg
 
 
 def _scan_of_cloud(message: Any, place: Transform, params: MergeParams) -> Scan:
-    points = points_of(message) @ place.matrix.T
+    points = read_points(message) @ place.matrix.T
     points[:, 2] += place.shift[2]
     limit = math.inf if params.max_range_m is None else params.max_range_m
     assert params.heights is not None, "checked when the bag is opened"
@@ -248,43 +241,27 @@ def _pose_of(place: Transform) -> Pose:
     return Pose(float(place.shift[0]), float(place.shift[1]), heading_rad=heading_of(place.matrix))
 
 
-def _check_merged(bag: Bag, topics: BagTopics, tree: FrameTree, counts: ScanCounts, frames: set[str]) -> None:
-    """Check that there is anything to merge.
-
-    Raises
-    ------
-    BagError
-        If not, with the reason.
-    """
-    if counts.merged:
-        return
-    what = f"{topics.scan} of {bag.name}"
+def _why_none(what: str, topics: BagTopics, tree: FrameTree, counts: ScanCounts, frames: set[str]) -> str:
+    """Explain why no scan was merged."""
     if not counts.total:
-        raise BagError(f"{what} has no messages")
+        return f"{what} has no messages"
     if counts.invalid:
-        raise BagError(f"none of the {counts.total:,} scans of {what} can be merged: {counts.reason}")
+        return f"none of the {counts.total:,} scans of {what} can be merged: {counts.reason}"
     if counts.tilted:
-        raise BagError(
+        return (
             f"the plane of the beams of {what} is tilted by more than {MAX_TILT_DEG:g} degrees; a map is "
             "made from level scans"
         )
-    source = topics.odom or "/tf"
     moving = ", ".join(shown(name) for name in list(tree.tracks)[:5]) or "none"
-    raise BagError(
-        f"no scan of {what} has a pose from {source}: the frame of the scans is "
+    return (
+        f"no scan of {what} has a pose from {topics.odom or '/tf'}: the frame of the scans is "
         f"{', '.join(shown(name) for name in sorted(frames)[:3])}, frames that move are {moving}; no pose is "
         "extrapolated, or interpolated over more than 1 s"
     )
 
 
 def _root(tree: FrameTree, frames: set[str]) -> str:
-    """The frame of the map.
-
-    Raises
-    ------
-    BagError
-        If scans have poses in several.
-    """
+    """Return the frame of the map; refuse scans with poses in several."""
     sensors = [_frame_of_sensor(tree, frame) for frame in frames]
     roots = sorted({tree.root(sensor) for sensor in sensors if sensor is not None and tree.reaches(sensor)})
     if len(roots) > 1:
@@ -296,7 +273,6 @@ def _root(tree: FrameTree, frames: set[str]) -> str:
 
 
 def _warnings(topics: BagTopics, tree: FrameTree, counts: ScanCounts, frames: set[str]) -> Iterator[str]:
-    """What is to be known of the map."""
     source = topics.odom or "/tf"
     if counts.without_pose:
         yield (

@@ -1,7 +1,13 @@
-"""Files of a bag: a .bag of ROS 1, or the .mcap and .db3 files of ROS 2, each a regular file in its place."""
+"""Files of a bag (.bag of ROS 1, .mcap and .db3 of ROS 2), and bounds on what they unpack to.
 
+Each is a regular file in its place. rosbags itself decompresses a chunk to whatever size it has.
+"""
+
+import bz2
 import os
 import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -13,25 +19,20 @@ from uavseg.raster.access.databases import check_database
 
 ROS1, ROS2 = (".bag",), (".mcap", ".db3")
 MAX_METADATA = 1 << 20  # bytes of metadata.yaml
+MAX_CHUNK = 256 << 20  # bytes of a chunk, unpacked; recorders make chunks of up to a few MB
+MAX_TOGETHER = 1 << 30  # bytes of chunks that are unpacked at once, because their times overlap
 
 _METADATA = "metadata.yaml"
 _SQLITE_URI = re.compile(r"[?#%]")  # characters with which SQLite would open another file than the named one
 
 
 def bag_files(path: str | os.PathLike[str]) -> list[Path]:
-    """The files of a bag, in the order in which they were recorded.
+    """List the files of a bag in the order in which they were recorded.
 
     Parameters
     ----------
     path : path
         A file, or a folder of ROS 2 with its metadata.yaml.
-
-    Raises
-    ------
-    BagError
-        If it is no bag, or cannot be read.
-    AccessError
-        If a file of the folder is a link to one outside of it, which the access policy does not allow.
     """
     is_folder = os.path.isdir(path)  # noqa: PTH112 - false for a name that is too long
     files = _files_of_folder(Path(path)) if is_folder else [regular_file(path, BagError)]
@@ -47,11 +48,11 @@ def bag_files(path: str | os.PathLike[str]) -> list[Path]:
 
 
 def _files_of_folder(folder: Path) -> list[Path]:
-    described = _read_metadata(folder)
-    names = described.get("relative_file_paths")
+    metadata = _read_metadata(folder)
+    names = metadata.get("relative_file_paths")
     if not isinstance(names, list) or not names or not all(isinstance(name, str) and name for name in names):
         raise BagError(f"{folder / _METADATA} names no files of a bag; ros2 bag reindex writes it anew")
-    mode = str(described.get("compression_mode") or "none").lower()
+    mode = str(metadata.get("compression_mode") or "none").lower()
     if mode != "none":
         raise BagError(
             f"{folder} is compressed by {shown(mode)}; ros2 bag convert writes it without compression, or "
@@ -64,7 +65,6 @@ def _files_of_folder(folder: Path) -> list[Path]:
 
 
 def _read_metadata(folder: Path) -> dict[str, Any]:
-    """What metadata.yaml says of a bag."""
     import yaml
 
     path = folder / _METADATA
@@ -75,19 +75,18 @@ def _read_metadata(folder: Path) -> dict[str, Any]:
         check_yaml_brackets(content)
         if any(isinstance(token, yaml.AliasToken) for token in yaml.scan(content, Loader=yaml.SafeLoader)):
             raise BagError(f"{path} holds YAML aliases (*name), which the file of a bag does not need")
-        found = yaml.safe_load(content)
-        described = found["rosbag2_bagfile_information"]
+        metadata = yaml.safe_load(content)["rosbag2_bagfile_information"]
     except (yaml.YAMLError, ValueError, RecursionError, TypeError, KeyError) as error:
         if isinstance(error, BagError):
             raise
         raise BagError(f"{path} is not the metadata of a bag ({cause_of(error)})") from error
-    if not isinstance(described, dict):
+    if not isinstance(metadata, dict):
         raise BagError(f"{path} is not the metadata of a bag")
-    return described
+    return metadata
 
 
 def _check_database(file: Path) -> None:
-    """Check that SQLite opens this file, and whole."""
+    """Refuse a database that SQLite would not open as this file, or not whole."""
     if _SQLITE_URI.search(os.fspath(file)):
         raise BagError(f"{file} has ?, # or % in its path, which SQLite does not open safely; rename it")
     for ending in ("-wal", "-journal"):
@@ -98,3 +97,62 @@ def _check_database(file: Path) -> None:
                 "once with sqlite3, or ros2 bag reindex"
             )
     check_database(file, os.fspath(file), BagError)
+
+
+@contextmanager
+def bounded_decompression() -> Iterator[None]:
+    """Limit the chunks that rosbags unpacks within the block to 256 MB, whatever they claim."""
+    from rosbags.rosbag1 import reader as rosbag1
+    from rosbags.rosbag2 import storage_mcap as mcap
+
+    before = dict(rosbag1.decompressors), dict(mcap.DECOMPRESSORS)
+    zstd = _bounded(mcap.zstd.ZstdDecompressor)
+    rosbag1.decompressors.update(bz2=_bounded(bz2.BZ2Decompressor), lz4=_bounded(_lz4))
+    mcap.DECOMPRESSORS.update(
+        lz4=lambda packed, _: _bounded(_lz4)(packed), zstd=lambda packed, _: zstd(packed)
+    )
+    try:
+        yield
+    finally:
+        rosbag1.decompressors.update(before[0])
+        mcap.DECOMPRESSORS.update(before[1])
+
+
+def _lz4() -> Any:
+    import lz4.frame
+
+    return lz4.frame.LZ4FrameDecompressor()
+
+
+def _bounded(make: Callable[[], Any]) -> Callable[[bytes], bytes]:
+    """Make a function that unpacks at most MAX_CHUNK bytes."""
+
+    def unpack(packed: bytes) -> bytes:
+        unpacker = make()
+        unpacked: bytes = unpacker.decompress(packed, MAX_CHUNK)
+        if not unpacker.eof:
+            raise ValueError(f"a chunk is cut off, or has more than {MAX_CHUNK >> 20} MB")
+        return unpacked
+
+    return unpack
+
+
+def check_overlap(chunks: list[Any], path: str) -> None:
+    """Refuse an MCAP file of which too many bytes are unpacked at once: messages are merged by time.
+
+    Parameters
+    ----------
+    chunks : list of ChunkInfo
+        Of rosbags' reader, which checks the unpacked size of each when it unpacks it.
+    path : str
+    """
+    changes = [(chunk.message_start_time, chunk.uncompressed_size) for chunk in chunks]
+    changes += [(chunk.message_end_time + 1, -chunk.uncompressed_size) for chunk in chunks]
+    together = 0
+    for _, size in sorted(changes):
+        together += size
+        if together > MAX_TOGETHER:
+            raise BagError(
+                f"{path} has chunks of more than {MAX_TOGETHER >> 20:,} MB that overlap in time; is it "
+                "damaged? ros2 bag convert writes it anew"
+            )

@@ -2,8 +2,11 @@
 
 The model has the shape of Elfes': a cell at distance d along a beam that returned range r, with standard
 deviation σ, has P(d) = clip(0.5 Φ((d - r)/σ) + (p_peak - 0.25) exp(-(d - r)²/2σ²), p_min, p_max) for d <= r +
-3σ and does not change beyond. A beam without a return observes p_min up to the maximum range. The crossed
+3σ and does not change behind. A beam without a return observes p_min up to the maximum range. The crossed
 cells are found by Amanatides and Woo, "A fast voxel traversal algorithm for ray tracing", Eurographics 1987.
+That goes from cell to cell, and each step waits for the one before. But the row in which a beam enters a
+column follows from the beam's origin; so where a beam observes only free cells, all columns are computed
+together, vectorised. The result is equal to the last bit.
 
 Most observations are p_min. These are only counted here, see `pending`, and added once for each cell. Where a
 beam observes anything else, the counted ones are added first, so updates are applied in beam order.
@@ -15,15 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-from uavseg.occupancy.mapping.beam_columns import can_step_by_column, mark_free_columns
-from uavseg.occupancy.mapping.log_odds import Float32s
+from uavseg.occupancy.mapping.log_odds import MAX_LOG_ODDS, P_MIN, Float32s, add_one_free
 from uavseg.occupancy.mapping.pending import (
     MAX_FREE_COUNT,
-    MAX_LOG_ODDS,
-    P_MIN,
     UP_TO_DATE,
     PendingUpdates,
-    add_one_free,
+    cell_at_offset,
     col_offset,
     row_offset,
 )
@@ -35,16 +35,12 @@ FREE_SIGMAS = -2.5  # nearer than this, the model is p_min: the clip is already 
 
 _MIN_STEP = 1e-100  # the inverse of a smaller number may be infinite
 _NO_STOP = -9  # a row or column that no beam enters
+_MIN_COLUMNS = 4  # fewer columns are not worth a loop of their own
 
 Floats = NDArray[np.float64]
 
 
-def merge_beams(
-    log_odds: Float32s,
-    pending: PendingUpdates,
-    beams: Floats,
-    sigma: float,
-) -> Window:
+def merge_beams(log_odds: Float32s, pending: PendingUpdates, beams: Floats, sigma: float) -> Window:
     """Update cells by beams, in beam order.
 
     Parameters
@@ -76,7 +72,7 @@ def merge_beams(
 
 @inlined
 def _model(x):  # type: ignore[no-untyped-def]
-    """P(d) of the beam model, x = (d - r) / sigma."""
+    """Compute P(d) of the beam model, x = (d - r) / sigma."""
     p = 0.25 * (1.0 + erf(x / sqrt(2.0))) + (P_PEAK - 0.25) * exp(-0.5 * x * x)
     return min(max(p, P_MIN), P_MAX)
 
@@ -90,20 +86,20 @@ def _update_cell(odds, pending, row, col, cols, d, measured, sigma):  # type: ig
         pending[i] = update + np.uint8(update < MAX_FREE_COUNT)
         return
     cell = row * cols + col
-    own = odds[cell]
+    before = odds[cell]
     if d <= measured + FREE_SIGMAS * sigma:
-        odds[cell] = add_one_free(own)
+        odds[cell] = add_one_free(before)
         return
     for _ in range(update & np.uint8(UP_TO_DATE - 1)):
-        own = add_one_free(own)
+        before = add_one_free(before)
     p = _model((d - measured) / sigma)
-    odds[cell] = np.float32(min(max(own + log(p / (1.0 - p)), -MAX_LOG_ODDS), MAX_LOG_ODDS))
+    odds[cell] = np.float32(min(max(before + log(p / (1.0 - p)), -MAX_LOG_ODDS), MAX_LOG_ODDS))
     pending[i] = UP_TO_DATE
 
 
 @inlined
 def _clip_axis(origin, step, length):  # type: ignore[no-untyped-def]
-    """Distances at which a beam enters and leaves a grid along one axis; (inf, -inf) if it misses it."""
+    """Compute where a beam enters and leaves a grid along one axis; (inf, -inf) if it misses it."""
     if step == 0.0:
         return (-inf, inf) if 0.0 <= origin < length else (inf, -inf)
     first, last = -origin / step, (length - origin) / step
@@ -179,7 +175,7 @@ def _merge_each(odds, pending, rows, cols, beams, sigma, offsets, box):  # type:
             state, ends, goes_on = _traverse(cells, beam, sigma, t_end, stop, state, ends)
             if goes_on:
                 t_sure = min(t_end, beams[i, 2] + FREE_SIGMAS * sigma) - 1e-6 / max(abs(du), abs(dv))
-                state, ends = mark_free_columns(cells, beam, steep, t_sure, offsets, state, ends)
+                state, ends = _mark_free_columns(cells, beam, steep, t_sure, offsets, state, ends)
         if goes_on:
             stop = (_NO_STOP, _NO_STOP)
             _, ends, _ = _traverse(cells, beam, sigma, t_end, stop, state, ends)
@@ -187,3 +183,97 @@ def _merge_each(odds, pending, rows, cols, beams, sigma, offsets, box):  # type:
             if end >= 0:
                 box[0], box[1] = min(box[0], end // cols), min(box[1], end % cols)
                 box[2], box[3] = max(box[2], end // cols), max(box[3], end % cols)
+
+
+@inlined
+def can_step_by_column(u0, v0, du, dv):  # type: ignore[no-untyped-def]
+    """Return whether `_mark_free_columns` may follow a beam: two rows per column at most, safely."""
+    along, across = max(abs(du), abs(dv)), min(abs(du), abs(dv))
+    return across > 1e-9 * along and across < (1.0 - 1e-9) * along and abs(u0) + abs(v0) < 1e6
+
+
+@inlined
+def _mark_free_columns(cells, beam, steep, t_sure, offsets, state, ends):  # type: ignore[no-untyped-def]
+    """Count free observations along a beam up to `t_sure`, as the traversal from cell to cell does.
+
+    A column is a line of cells across the major axis of the beam: a row of the map if the beam is steep.
+    """
+    odds, pending, _, cols, u0, v0 = cells
+    du, dv, _, _ = beam
+    col, row, t_in = state
+    first, last = ends
+    if steep:
+        origin, step, major, minor = (v0, u0), (dv, du), row, col
+    else:
+        origin, step, major, minor = (u0, v0), (du, dv), col, row
+    count = _count_whole_columns(origin[0], step[0], major, t_sure)
+    if count < _MIN_COLUMNS:
+        return state, ends
+    if _fill_offsets(origin[0], origin[1], step[0], step[1], major, minor, count, cols, steep, offsets):
+        return state, ends
+    _count_free(odds, pending, cols, offsets, count)
+    direction = np.int64(1 if step[0] > 0.0 else -1)
+    first = cell_at_offset(np.int64(offsets[0, 0] + offsets[1, 0]), cols) if first < 0 else first
+    last = cell_at_offset(np.int64(offsets[0, count - 1] + offsets[1, count]), cols)
+    cell = cell_at_offset(np.int64(offsets[0, count] + offsets[1, count]), cols)
+    t_in = (np.float64(major + direction * count + np.int64(step[0] < 0.0)) - origin[0]) * (1.0 / step[0])
+    return (cell % cols, cell // cols, t_in), (first, last)
+
+
+@inlined
+def _count_whole_columns(u0, du, major, t_sure):  # type: ignore[no-untyped-def]
+    """Count the columns that a beam crosses from `major` on before t_sure."""
+    step = np.int64(1 if du > 0.0 else -1)
+    count = (np.int64(floor(u0 + t_sure * du)) - major) * step
+    while count > 0 and not (np.float64(major + step * count + np.int64(du < 0.0)) - u0) / du < t_sure:
+        count -= 1
+    return count
+
+
+@inlined
+def _fill_offsets(u0, v0, du, dv, major, minor, count, cols, steep, offsets):  # type: ignore[no-untyped-def]
+    """Fill in the rows in which a beam along the major axis enters each of `count` columns after a cell.
+
+    Writes the offsets of the pending updates: those of columns to the first line of `offsets`, those of rows
+    to the second. The rows are exactly those of the traversal from cell to cell, which has crossed the edges
+    whose t is smaller than the column's. Returns True if the beam passes through the corner of a cell, where
+    that traversal decides.
+    """
+    step_u, step_v = np.int64(1 if du > 0.0 else -1), np.int64(1 if dv > 0.0 else -1)
+    per_u, per_v = 1.0 / du, 1.0 / dv
+    ahead = np.int64(dv > 0.0)
+    edge = major + np.int64(du < 0.0)
+    t_first = (np.float64(edge) - u0) * per_u
+    corners = np.int64((np.float64(minor + ahead) - v0) * per_v <= t_first)
+    offsets[1, 0] = col_offset(minor) if steep else row_offset(minor, cols)
+    for k in range(1, count + 1):
+        t = (np.float64(edge + step_u * k) - u0) * per_u
+        near = np.int64(v0 + t * dv + 1.0) - 1
+        t_next, t_last = (np.float64(near + ahead) - v0) * per_v, (np.float64(near + 1 - ahead) - v0) * per_v
+        corners |= np.int64(t_next == t) | np.int64(t_last == t)
+        row = near + step_v * (np.int64(t_next < t) - np.int64(t_last > t))
+        row = max(row, minor) if step_v > 0 else min(row, minor)
+        offsets[1, k] = col_offset(row) if steep else row_offset(row, cols)
+    for k in range(count + 1):
+        column = major + step_u * k
+        offsets[0, k] = row_offset(column, cols) if steep else col_offset(column)
+    return corners != 0
+
+
+@inlined
+def _count_free(odds, pending, cols, offsets, count):  # type: ignore[no-untyped-def]
+    """Count one free observation for each cell in which a column is entered or left."""
+    along, across, visited = offsets[0], offsets[1], offsets[2]
+    visits = np.uintp(0)
+    for k in range(count):  # each cell once: loading right after storing is slow
+        visited[visits] = along[k] + across[k]
+        visited[visits + np.uintp(1)] = along[k] + across[k + 1]
+        visits += np.uintp(1) + np.uintp(across[k] != across[k + 1])
+    for k in range(visits):
+        i = visited[k]
+        update = pending[i]
+        if update < UP_TO_DATE:
+            pending[i] = update + np.uint8(update < MAX_FREE_COUNT)
+        else:
+            cell = cell_at_offset(np.int64(i), cols)
+            odds[cell] = add_one_free(odds[cell])

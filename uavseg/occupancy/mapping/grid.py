@@ -10,14 +10,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from uavseg.arguments import checked
 from uavseg.errors import MapError
-from uavseg.occupancy.mapping.apply_pending import apply_pending
 from uavseg.occupancy.mapping.beams import REACH_SIGMAS, merge_beams
 from uavseg.occupancy.mapping.grey_map import GreyMap
-from uavseg.occupancy.mapping.grid_file import read_grid_file, write_grid_file
-from uavseg.occupancy.mapping.grid_message import fill_grid_message, read_grid_message
+from uavseg.occupancy.mapping.grid_io import (
+    fill_grid_message,
+    read_grid_file,
+    read_grid_message,
+    write_grid_file,
+)
 from uavseg.occupancy.mapping.live import LiveSegmentation
-from uavseg.occupancy.mapping.log_odds import Float32s, probabilities_and_grey
-from uavseg.occupancy.mapping.pending import MAX_LOG_ODDS, empty_pending
+from uavseg.occupancy.mapping.log_odds import MAX_LOG_ODDS, Float32s, probabilities_and_grey
+from uavseg.occupancy.mapping.pending import apply_pending, empty_pending
 from uavseg.occupancy.mapping.scan import Scan
 from uavseg.raster.grid.geobox import GeoBox, check_metres, local_geobox
 from uavseg.raster.grid.tiling import Window
@@ -27,7 +30,7 @@ from uavseg.segmentation.params.segment import Intervals, SegmentParams
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Update:
-    """The changes that a scan made.
+    """Changes that a scan made.
 
     Parameters
     ----------
@@ -89,7 +92,7 @@ class OccupancyGrid:
     def empty(
         cls, shape: tuple[int, int], cell_m: float, origin: tuple[float, float] = (0.0, 0.0)
     ) -> "OccupancyGrid":
-        """A grid of square cells without observations, 0.5 everywhere.
+        """Make a grid of square cells without observations, 0.5 everywhere.
 
         Parameters
         ----------
@@ -105,12 +108,13 @@ class OccupancyGrid:
     @classmethod
     @checked
     def from_probabilities(cls, probabilities: ArrayLike, geobox: GeoBox) -> "OccupancyGrid":
-        """A grid that begins with a given map; log-odds are clamped to -6..6 (0.0025 and 0.9975).
+        """Make a grid that begins with a given map; log-odds are clamped to -6..6 (0.0025 and 0.9975).
 
         Parameters
         ----------
         probabilities : (rows, cols) array
             In 0..1.
+        geobox : GeoBox
 
         Raises
         ------
@@ -132,7 +136,7 @@ class OccupancyGrid:
     @classmethod
     @checked
     def from_message(cls, message: Any) -> "OccupancyGrid":
-        """A grid that begins with a `nav_msgs/OccupancyGrid` message; -1 becomes exactly 0.5.
+        """Make a grid that begins with a `nav_msgs/OccupancyGrid` message; -1 becomes exactly 0.5.
 
         It is of rclpy, rospy or rosbags, or any object with the same fields; its origin may be rotated.
 
@@ -145,7 +149,7 @@ class OccupancyGrid:
 
     @checked
     def to_message(self, message: Any = None) -> Any:
-        """The map as a `nav_msgs/OccupancyGrid` message: 0..100 per cent, -1 where v is exactly 0.5.
+        """Return the map as a `nav_msgs/OccupancyGrid` message: 0..100 per cent, -1 where v is exactly 0.5.
 
         Parameters
         ----------
@@ -163,18 +167,23 @@ class OccupancyGrid:
 
     @checked
     def save(self, path: str | os.PathLike[str], overwrite: bool = False) -> None:
-        """Save the grid with its evidence, the log-odds of all cells, as a GeoTIFF (.tif).
+        """Save the log-odds of all cells as a GeoTIFF, so that merging can continue.
 
-        Raises OutputExistsError or OutputError if the file exists, or cannot be written.
+        Parameters
+        ----------
+        path : path
+            Ends in .tif or .tiff.
+        overwrite : bool
+            Whether to replace an existing file, which is an OutputExistsError otherwise.
         """
         write_grid_file(path, self.log_odds, self.geobox, overwrite)
 
     @classmethod
     @checked
     def load(cls, path: str | os.PathLike[str]) -> "OccupancyGrid":
-        """A grid that `save` saved; later scans continue from its evidence.
+        """Load a grid that `save` saved; later scans continue from its log-odds.
 
-        Raises MapError if the file is of another kind or damaged, RasterReadError if it cannot be read.
+        Raises MapError if the file is another raster or damaged, RasterReadError if it cannot be read.
         """
         log_odds, geobox = read_grid_file(path)
         grid = cls(geobox)
@@ -184,7 +193,7 @@ class OccupancyGrid:
 
     @property
     def probabilities(self) -> Float32s:
-        """1 / (1 + exp(-log_odds)) of each cell: a (rows, cols) float32 array; do not write to it.
+        """Return 1 / (1 + exp(-log_odds)) of each cell: a (rows, cols) float32 array; do not write to it.
 
         It is made on first use; from then on, later scans show in it.
         """
@@ -217,7 +226,7 @@ class OccupancyGrid:
     def segment(
         self, partition: Intervals | None = None, params: SegmentParams | None = None
     ) -> LiveSegmentation:
-        """Segment the map; the segments follow later scans for as long as the caller holds the result.
+        """Segment the map; the segments follow later scans as long as the caller holds the result.
 
         Parameters
         ----------
@@ -237,7 +246,7 @@ class OccupancyGrid:
 
     @property
     def segmentation(self) -> LiveSegmentation:
-        """The segmentation by the paper's states and method, made on first use."""
+        """Return the segmentation by the paper's states and method, made on first use."""
         if self._default_segmentation is None:
             self._default_segmentation = self.segment()
         return self._default_segmentation
@@ -279,7 +288,6 @@ class OccupancyGrid:
         self._recompute()
 
     def _recompute(self) -> None:
-        """Compute probabilities and grey of all cells from their log-odds."""
         p, grey = probabilities_and_grey(self.log_odds)
         if self._probabilities is not None:
             self._probabilities[...] = p
@@ -287,10 +295,10 @@ class OccupancyGrid:
 
     @checked
     def dataset(self, name: str = "occupancy grid") -> Dataset:
-        """The probabilities as a dataset for windowed reads; later scans show in it."""
+        """Return the probabilities as a dataset for windowed reads; later scans show in it."""
         return Dataset.of_values(self.probabilities, self.geobox, name)
 
 
 def grey_picture(probabilities: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Probabilities as 8-bit grey, floor(255 p + 0.5): free black, unknown grey, occupied white."""
+    """Convert probabilities to 8-bit grey, floor(255 p + 0.5): free black, unknown grey, occupied white."""
     return np.floor(255 * probabilities.astype(np.float64) + 0.5).astype(np.uint8)

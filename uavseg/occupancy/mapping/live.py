@@ -1,19 +1,20 @@
 """Incremental segmentation of a map that changes: only blocks that a change affects are divided again.
 
-The result of a block depends on its own cells, on the pixels one beyond its edge, which the texture reads,
+The result of a block depends on its cells, on the pixels next to its edge, which the texture reads,
 and on the contrast bin edges, which are fitted once and stay until `refit`. So after any changes the segments
 are those of the whole map segmented from scratch with the same bin edges.
 """
 
 from collections.abc import Iterator
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg._jit import inlined, kernel
 from uavseg.errors import ParameterError
 from uavseg.occupancy.mapping.grey_map import GreyMap, Mask
-from uavseg.occupancy.mapping.live_blocks import BlockIndices, classify_leaves, required_ratios_at
-from uavseg.segmentation.blocks.block_map import BlockMap
+from uavseg.segmentation.blocks.block_map import BlockMap, leaves_of_block, mean_v, required_ratios_of_block
 from uavseg.segmentation.blocks.division import block_ratios, selected_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
 from uavseg.segmentation.params.segment import IntensityRange, Intervals, SegmentParams, StateLimits
@@ -21,6 +22,8 @@ from uavseg.segmentation.pipeline import LeafQuery
 from uavseg.units import BLOCK, CELL, GREY_MAX
 
 MAX_INTERVALS = 255
+
+BlockIndices = NDArray[np.int64]  # (n, 2): row and column of each block
 
 
 class LiveSegmentation:
@@ -72,10 +75,10 @@ class LiveSegmentation:
 
     @property
     def intervals(self) -> NDArray[np.uint8]:
-        """Interval in which the leaf of each cell of 8 x 8 pixels lies, counted from 1.
+        """Return the interval in which the leaf of each cell of 8 x 8 pixels lies, counted from 1.
 
         For states: 1 free, 2 unknown, 3 occupied; for a range: 1 below, 2 inside, 3 above it. 0 where a cell
-        lies beyond the map.
+        lies outside the map.
 
         Returns
         -------
@@ -89,7 +92,7 @@ class LiveSegmentation:
 
     @property
     def inside(self) -> NDArray[np.bool_]:
-        """Cells of the leaves whose mean lies in the range, an (8 B, 8 C) bool array.
+        """Return the cells of the leaves whose mean lies in the range, an (8 B, 8 C) bool array.
 
         Raises
         ------
@@ -101,7 +104,7 @@ class LiveSegmentation:
         return np.asarray(self.intervals == 2)
 
     def agreeing(self, interval: int) -> Mask:
-        """Pixels whose leaf and whose own v both lie in an interval: the cells that a path may pass.
+        """Return the pixels whose leaf and whose v both lie in an interval: the cells that a path may pass.
 
         Walls thinner than a block lie in leaves whose mean is free; this excludes the pixels of such walls.
 
@@ -132,18 +135,17 @@ class LiveSegmentation:
         return np.asarray(shown & (grey >= low) & (grey <= high))
 
     def block_map(self) -> BlockMap:
-        """The block map with every R, which answers any other question too.
+        """Return the block map with every R, which answers any other question too.
 
         R are measured for the blocks that have changed since the last call.
         """
         self.settle()
-        indices = _block_indices(self._stale)
-        for part, valid in self._by_validity(indices):
+        for part, valid in self._by_validity(self._stale):
             ratios = block_ratios(self._grey_map.grey, valid, self.bin_edges, part * BLOCK)
             self._all_ratios[part[:, 0], part[:, 1]] = ratios
         self._stale[:] = False
-        found = self._blocks
-        return BlockMap(found.shape, found.sums.copy(), found.counts.copy(), self._all_ratios.copy())
+        blocks = self._blocks
+        return BlockMap(blocks.shape, blocks.sums.copy(), blocks.counts.copy(), self._all_ratios.copy())
 
     def refit(self) -> None:
         """Fit the contrast bin edges to the whole map as it is now, and divide every block again."""
@@ -161,31 +163,26 @@ class LiveSegmentation:
             The blocks that were measured or divided again.
         """
         self._grey_map.flush_changes()
-        own, near = self._changes.pop()
-        if near.any():
-            self._update_blocks(own, near)
-        return near
+        changed, affected = self._changes.pop()
+        if affected.any():
+            self._update_blocks(changed, affected)
+        return affected
 
-    def _update_blocks(self, own: Mask, near: Mask) -> None:
-        """Divide the blocks again whose grey (`own`) or whose texture at the edges (`near`) has changed."""
-        self._stale |= near
-        self._find_required(own)
-        divided = near & (self._required > 0)
-        self._measure_ratios(divided)
-        indices = _block_indices(own | divided)
-        required = self._required[tuple(indices.T)]
-        classify_leaves(self._blocks, self._query, indices, required, self._leaves, self._intervals)
-
-    def _find_required(self, changed: Mask) -> None:
-        """Find which R of changed blocks the query requires, and reset their R."""
+    def _update_blocks(self, changed: Mask, affected: Mask) -> None:
+        """Divide blocks again: changed ones by their grey, affected ones by the texture at their edges."""
+        self._stale |= affected
         indices = _block_indices(changed)
         rows, cols = indices.T
-        self._required[rows, cols] = required_ratios_at(self._blocks, self._query, indices)
+        self._required[rows, cols] = _required_ratios_at(self._blocks, self._query, indices)
         self._blocks.ratios[rows, cols] = 0
+        divided = affected & (self._required > 0)
+        self._measure_ratios(divided)
+        indices = _block_indices(changed | divided)
+        required = self._required[tuple(indices.T)]
+        _classify_leaves(self._blocks, self._query, indices, required, self._leaves, self._intervals)
 
     def _measure_ratios(self, divided: Mask) -> None:
-        """Measure the required R of blocks."""
-        for part, valid in self._by_validity(_block_indices(divided)):
+        for part, valid in self._by_validity(divided):
             rows, cols = part.T
             self._blocks.ratios[rows, cols] = selected_ratios(
                 self._grey_map.grey,
@@ -196,8 +193,9 @@ class LiveSegmentation:
                 self.params.threshold,
             )
 
-    def _by_validity(self, indices: BlockIndices) -> Iterator[tuple[BlockIndices, NDArray[np.uint8] | None]]:
-        """Blocks that are valid throughout (with None), and blocks at the edge of the map (with `valid`)."""
+    def _by_validity(self, blocks: Mask) -> Iterator[tuple[BlockIndices, NDArray[np.uint8] | None]]:
+        """Split blocks into those that are valid throughout (with None) and the others (with `valid`)."""
+        indices = _block_indices(blocks)
         inner = self._is_inner[indices[:, 0], indices[:, 1]]
         for part, valid in ((indices[inner], None), (indices[~inner], self._grey_map.valid)):
             if len(part):
@@ -205,13 +203,76 @@ class LiveSegmentation:
 
 
 def _block_indices(blocks: Mask) -> BlockIndices:
-    """Row and column of the blocks that are set, an (n, 2) array."""
     return np.ascontiguousarray(np.argwhere(blocks))
 
 
 def _inner_blocks(shape: tuple[int, int]) -> Mask:
-    """Blocks in which every pixel has eight neighbours in the map."""
+    """Find the blocks in which every pixel has eight neighbours in the map."""
     rows, cols = (np.arange(0, length, BLOCK) for length in shape)
     inner_rows = (rows > 0) & (rows + BLOCK < shape[0])
     inner_cols = (cols > 0) & (cols + BLOCK < shape[1])
     return np.asarray(inner_rows[:, np.newaxis] & inner_cols)
+
+
+def _required_ratios_at(blocks: BlockMap, query: LeafQuery, indices: BlockIndices) -> NDArray[np.uint32]:
+    """Find the R of some blocks that must be known to answer a query, one bit each, see `block_map`."""
+    required = np.empty(len(indices), np.uint32)
+    edges = np.array(query.edges, np.float64)
+    _required(blocks.sums, blocks.counts, edges, query.division.step, indices, required)
+    return required
+
+
+def _classify_leaves(
+    blocks: BlockMap,
+    query: LeafQuery,
+    indices: BlockIndices,
+    required: NDArray[np.uint32],
+    scratch: tuple[NDArray[np.uint8], NDArray[np.float64]],
+    intervals: NDArray[np.uint8],
+) -> None:
+    """Divide some blocks into leaves and write the interval in which the mean of each leaf lies.
+
+    The R are known where `_required_ratios_at` says so. A mean on an edge lies in the interval below it;
+    intervals are counted from 1, 0 where a cell has no valid pixel. `scratch` is side and mean of the leaves.
+    """
+    division = (blocks.sums, blocks.counts, blocks.ratios, query.division.threshold, query.division.step)
+    edges = np.array(query.edges, np.float64)
+    _classify(*division, edges, indices, required, *scratch, intervals)
+
+
+@kernel("void(u4[:,::1], u1[:,::1], f8[::1], f8, i8[:,::1], u4[::1])")
+def _required(sums, counts, edges, step, indices, required):  # type: ignore[no-untyped-def]
+    for k in range(indices.shape[0]):
+        row, col = max(indices[k, 0], 0), max(indices[k, 1], 0)
+        required[k] = required_ratios_of_block(sums, counts, row, col, edges, step)
+
+
+@inlined
+def _index_of_interval(value, edges):  # type: ignore[no-untyped-def]
+    """Return the interval of a mean, counted from 1; 0 for the -1 of a leaf without a valid pixel."""
+    interval = np.uint8(value >= 0.0)
+    for edge in edges:
+        interval += np.uint8(edge < value)
+    return interval
+
+
+@kernel(
+    "void(u4[:,::1], u1[:,::1], f8[:,:,::1], f8, f8, f8[::1], i8[:,::1], u4[::1], "
+    "u1[:,::1], f8[:,::1], u1[:,::1])"
+)
+def _classify(  # type: ignore[no-untyped-def]
+    sums, counts, ratios, threshold, step, edges, indices, required, side, mean, intervals
+):
+    for k in range(indices.shape[0]):
+        row, col = max(indices[k, 0], 0), max(indices[k, 1], 0)  # lets the compiler see that they are not < 0
+        if required[k] == 0 and step == inf:  # all cells lie in one interval, whatever the division
+            one = _index_of_interval(mean_v(sums, counts, 8 * row, 8 * col, 8), edges)
+            for r in range(8):
+                for c in range(8):
+                    is_valid = np.uint8(counts[8 * row + r, 8 * col + c] > 0)
+                    intervals[8 * row + r, 8 * col + c] = one * is_valid
+            continue
+        leaves_of_block(sums, counts, ratios, threshold, step, row, col, side, mean)
+        for r in range(8 * row, 8 * row + 8):
+            for c in range(8 * col, 8 * col + 8):
+                intervals[r, c] = _index_of_interval(mean[r, c], edges) * np.uint8(counts[r, c] > 0)

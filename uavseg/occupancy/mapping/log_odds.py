@@ -1,19 +1,23 @@
 """Log-odds to probability (logistic function) and to 16-bit grey, vectorised and equal on every machine."""
 
 from functools import cache
+from math import log
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-from uavseg.occupancy.mapping.pending import add_one_free
 from uavseg.units import GREY_MAX
 
 Float32s = NDArray[np.float32]
 
+P_MIN = 0.1
+FREE_LOG_ODDS = log(P_MIN / (1 - P_MIN))
+MAX_LOG_ODDS = 6.0
+
 
 def probabilities_and_grey(log_odds: Float32s) -> tuple[Float32s, NDArray[np.uint16]]:
-    """Probability p = 1 / (1 + exp(-log-odds)), and its grey floor(65535 p + 0.5).
+    """Compute the probability p = 1 / (1 + exp(-log-odds)), and its grey floor(65535 p + 0.5).
 
     Parameters
     ----------
@@ -38,13 +42,7 @@ def probabilities_and_grey(log_odds: Float32s) -> tuple[Float32s, NDArray[np.uin
 
 @cache
 def free_only_values() -> tuple[Float32s, Float32s, NDArray[np.uint16]]:
-    """Log-odds, probability and grey of cells with 0, 1, 2 or at least 3 observations, all of them free.
-
-    Returns
-    -------
-    log_odds, probabilities : (4,) float32 arrays
-    grey : (4,) uint16 array
-    """
+    """Compute log-odds, probability and grey, (4,) each, of cells with 0 to 3 free observations only."""
     odds = np.zeros(4, np.float32)
     for k in range(3):
         odds[k + 1 :] = add_one_free(odds[k])
@@ -52,8 +50,14 @@ def free_only_values() -> tuple[Float32s, Float32s, NDArray[np.uint16]]:
 
 
 @inlined
+def add_one_free(odds):  # type: ignore[no-untyped-def]
+    """Return the log-odds of a cell after one more free observation."""
+    return np.float32(max(np.float64(odds) + FREE_LOG_ODDS, -MAX_LOG_ODDS))
+
+
+@inlined
 def logistic(odds):  # type: ignore[no-untyped-def]
-    """1 / (1 + exp(-odds)) for odds in -6..6, the same on every machine.
+    """Compute 1 / (1 + exp(-odds)) for odds in -6..6, the same on every machine.
 
     exp(-odds / 16) is a Taylor polynomial whose next term is below 1e-16, then squared four times. There is
     no call, so the compiler vectorises a loop of it.
@@ -71,7 +75,7 @@ def logistic(odds):  # type: ignore[no-untyped-def]
 
 @inlined
 def grey_of_probability(p):  # type: ignore[no-untyped-def]
-    """16-bit grey of a probability, as in `raster.intensity.grey`."""
+    """Convert a probability to 16-bit grey, as in `raster.intensity.grey`."""
     return np.uint16(np.int32(np.float64(GREY_MAX) * np.float64(p) + 0.5))
 
 

@@ -1,21 +1,26 @@
-"""Pending updates: free observations that are counted per cell before they are added to the log-odds.
+"""Pending updates: free observations are counted per cell before they are added to the log-odds.
 
 Most observations along a beam are that a cell is free. They are counted in one byte per cell, up to the count
 that leads from any log-odds to the minimum. Where a beam observes anything else, the log-odds are updated at
-once and the byte says that they are up to date.
+once and the byte says that they are up to date. `apply_pending` adds the counts, and log-odds, probability
+and grey of each cell change together.
 """
-
-from math import log
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg._jit import inlined
+from uavseg._jit import inlined, kernel
+from uavseg.occupancy.mapping.grey_map import SELF, GreyMap
+from uavseg.occupancy.mapping.log_odds import (
+    Float32s,
+    add_one_free,
+    free_only_values,
+    grey_of_probability,
+    logistic,
+)
+from uavseg.raster.grid.tiling import Window
 from uavseg.units import BLOCK
 
-P_MIN = 0.1
-FREE_LOG_ODDS = log(P_MIN / (1 - P_MIN))
-MAX_LOG_ODDS = 6.0
 MAX_FREE_COUNT = 6  # free observations that lead from any log-odds to -6; more are not counted
 UP_TO_DATE = 128  # the byte of a cell whose log-odds include every observation
 
@@ -25,7 +30,7 @@ _CACHE_LINE = 64  # bytes
 
 
 def empty_pending(shape: tuple[int, int]) -> PendingUpdates:
-    """Pending updates of a map without observations: all zero.
+    """Allocate the pending updates of a map without observations: all zero.
 
     Parameters
     ----------
@@ -45,33 +50,27 @@ def empty_pending(shape: tuple[int, int]) -> PendingUpdates:
 
 
 @inlined
-def add_one_free(odds):  # type: ignore[no-untyped-def]
-    """Log-odds of a cell after one more free observation."""
-    return np.float32(max(np.float64(odds) + FREE_LOG_ODDS, -MAX_LOG_ODDS))
-
-
-@inlined
 def row_offset(row, cols):  # type: ignore[no-untyped-def]
-    """Offset of a row in the flat pending updates, see `empty_pending`; add that of the column."""
+    """Return the offset of a row in the flat pending updates, see `empty_pending`; add that of the column."""
     return (row >> 6) * ((cols + 63) >> 6) * 4096 + ((row & 56) << 6) + ((row & 7) << 3)
 
 
 @inlined
 def col_offset(col):  # type: ignore[no-untyped-def]
-    """Offset of a column in the flat pending updates."""
+    """Return the offset of a column in the flat pending updates."""
     return (col >> 6) * 4096 + ((col & 56) << 3) + (col & 7)
 
 
 @inlined
 def cell_at_offset(i, cols):  # type: ignore[no-untyped-def]
-    """Flat index of the cell (row * cols + col) whose pending update has offset i."""
+    """Return the flat index of the cell (row * cols + col) whose pending update has offset i."""
     blocks = (cols + 63) >> 6
     row = (i >> 12) // blocks * 64 + ((i >> 9) & 7) * 8 + ((i >> 3) & 7)
     return row * cols + (i >> 12) % blocks * 64 + ((i >> 6) & 7) * 8 + (i & 7)
 
 
 @inlined
-def pop_row(words, block, row, line):  # type: ignore[no-untyped-def]
+def _pop_row(words, block, row, line):  # type: ignore[no-untyped-def]
     """Copy the pending updates of one row of a block to `line` and clear them, 8 bytes at a time.
 
     Returns the bitwise or of all of them.
@@ -89,3 +88,184 @@ def pop_row(words, block, row, line):  # type: ignore[no-untyped-def]
     combined |= combined >> np.uint64(16)
     combined |= combined >> np.uint64(8)
     return np.uint8(combined)
+
+
+def apply_pending(
+    pending: PendingUpdates,
+    log_odds: Float32s,
+    probabilities: Float32s | None,
+    grey_map: GreyMap,
+    window: Window,
+) -> None:
+    """Bring all cells with a pending update up to date, in place, and clear the pending updates.
+
+    Parameters
+    ----------
+    pending : (B, C, 8, 8, 8, 8) uint8 array
+        From `empty_pending`; filled by `beams.merge_beams`.
+    log_odds : (rows, cols) float32 array
+    probabilities : (rows, cols) float32 array or None
+        None where they are not kept.
+    grey_map : GreyMap
+        Its grey, sums and changes follow.
+    window : Window
+        Holds all cells with a pending update.
+    """
+    if window.rows:
+        first = (window.row, window.col // BLOCK)
+        end = (window.row + window.rows, -(-(window.col + window.cols) // BLOCK))
+        line, total = np.empty(BLOCK, np.uint8), np.empty(BLOCK, np.uint8)
+        is_kept = probabilities is not None
+        p = probabilities if probabilities is not None else np.empty((0, 0), np.float32)
+        cells = (pending.reshape(-1).view(np.uint64), log_odds, p, is_kept)
+        grey = (grey_map.grey, grey_map.sums, grey_map.changed)
+        scratch = (line, line.view(np.uint64), np.empty(BLOCK, np.uint32), total)
+        _apply(*cells, *grey, *first, *end, *free_only_values(), *scratch)
+
+
+@inlined
+def _add_free_counts(counts, odds, largest):  # type: ignore[no-untyped-def]
+    """Add the counted free observations, `largest` at most, to the log-odds of a line of pixels."""
+    for k in range(largest):
+        for c in range(odds.size):
+            old = odds[c]
+            odds[c] = add_one_free(old) if (counts[c] & np.uint8(UP_TO_DATE - 1)) > np.uint8(k) else old
+
+
+@inlined
+def _count_free_only(odds, counts, free_odds, total, n):  # type: ignore[no-untyped-def]
+    """Count the observations of each of n pixels of a line, at most 3, if all of them are free ones.
+
+    The log-odds of such a pixel are one of four numbers, see `log_odds.free_only_values`; the pending counts
+    are added. Writes the numbers to `total`, and returns whether every pixel is one of these.
+    """
+    others = np.int32(0)
+    for c in range(n):
+        one, two, three = odds[c] == free_odds[1], odds[c] == free_odds[2], odds[c] == free_odds[3]
+        others |= np.int32(not ((odds[c] == free_odds[0]) | one | two | three))
+        known = np.uint8(one) + np.uint8(two) * np.uint8(2) + np.uint8(three) * np.uint8(3)
+        total[c] = min(np.uint8(known + (counts[c] & np.uint8(UP_TO_DATE - 1))), np.uint8(3))
+    return others == 0
+
+
+@inlined
+def _value_of_count(total, values):  # type: ignore[no-untyped-def]
+    """Select the value that belongs to 0, 1, 2 or 3 free observations."""
+    value = values[3]
+    value = values[2] if total == np.uint8(2) else value
+    value = values[1] if total == np.uint8(1) else value
+    return values[0] if total == np.uint8(0) else value
+
+
+@inlined
+def _update_free_only(odds, grey, total, free_odds, free_grey, n):  # type: ignore[no-untyped-def]
+    """Set log-odds and grey of n pixels of a line from their free observations; True if a grey changed."""
+    change = np.uint16(0)
+    for c in range(n):
+        odds[c] = _value_of_count(total[c], free_odds)
+    for c in range(n):
+        after = _value_of_count(total[c], free_grey)
+        change |= grey[c] ^ after
+        grey[c] = after
+    return change != 0
+
+
+@inlined
+def _update_grey(odds, grey):  # type: ignore[no-untyped-def]
+    """Set the grey of a line of pixels from their log-odds; True if it has changed."""
+    change = np.uint16(0)
+    for c in range(odds.size):
+        after = grey_of_probability(logistic(np.float64(odds[c])))
+        change |= grey[c] ^ after
+        grey[c] = after
+    return change != 0
+
+
+@inlined
+def _update_probabilities(odds, probabilities, total, free_p, free_only):  # type: ignore[no-untyped-def]
+    """Set the probabilities of a line of pixels from their free observations, or from their log-odds."""
+    if free_only:
+        for c in range(odds.size):
+            probabilities[c] = _value_of_count(total[c], free_p)
+    else:
+        for c in range(odds.size):
+            probabilities[c] = logistic(np.float64(odds[c]))
+
+
+@inlined
+def _affected_blocks(row, first, last):  # type: ignore[no-untyped-def]
+    """Return bits of the 3 x 3 blocks that a change in one row of the middle block affects, see `GreyMap`.
+
+    `first` and `last` say whether the first and the last column of the row have changed.
+    """
+    across = np.int64(2) | np.int64(first) | np.int64(last) << 2
+    affected = across << 3
+    if row == 0:
+        affected |= across
+    if row == BLOCK - 1:
+        affected |= across << 6
+    return np.uint16(affected)
+
+
+@inlined
+def _sum_cells(grey, row, col, column, sums):  # type: ignore[no-untyped-def]
+    """Sum the grey of the 8 x 8 cells of one block; `column` is scratch."""
+    for cell in range(8):
+        for c in range(BLOCK):
+            column[c] = 0
+        for r in range(8):
+            line = grey[BLOCK * row + 8 * cell + r + 1, BLOCK * col + 1 :]
+            for c in range(BLOCK):
+                column[c] += np.uint32(line[c])
+        for k in range(8):
+            total = np.uint32(0)
+            for c in range(8):
+                total += column[8 * k + c]
+            sums[8 * row + cell, 8 * col + k] = total
+
+
+@kernel(
+    "void(u8[::1], f4[:,::1], f4[:,::1], b1, u2[:,::1], u4[:,::1], u2[:,::1], i8, i8, i8, i8, "
+    "f4[::1], f4[::1], u2[::1], u1[::1], u8[::1], u4[::1], u1[::1])"
+)
+def _apply(  # type: ignore[no-untyped-def]
+    words, log_odds, probabilities, is_kept, grey, sums, changed, top, left, bottom, right,
+    odds, p, greys, counts, line, column, total,
+):  # fmt: skip
+    free_odds = (odds[0], odds[1], odds[2], odds[3])
+    free_p = (p[0], p[1], p[2], p[3])
+    free_grey = (greys[0], greys[1], greys[2], greys[3])
+    for band in range(top // BLOCK, (bottom - 1) // BLOCK + 1):  # one row of blocks stays in the cache
+        for row in range(max(top, BLOCK * band), min(bottom, BLOCK * band + BLOCK)):
+            for block in range(left, right):
+                combined = _pop_row(words, band * changed.shape[1] + block, row % BLOCK, line)
+                if combined == 0:
+                    continue
+                start = BLOCK * block
+                stop = min(start + BLOCK, log_odds.shape[1])
+                row_odds, row_grey = log_odds[row, start:stop], grey[row + 1, start + 1 : stop + 1]
+                full = stop - start == BLOCK  # loops of a length that is known take half the time
+                if full:
+                    free_only = _count_free_only(row_odds, counts, free_odds, total, BLOCK)
+                else:
+                    free_only = _count_free_only(row_odds, counts, free_odds, total, stop - start)
+                first, last = row_grey[0], row_grey[-1]
+                if free_only:
+                    if full:
+                        is_changed = _update_free_only(row_odds, row_grey, total, free_odds, free_grey, BLOCK)
+                    else:
+                        is_changed = _update_free_only(
+                            row_odds, row_grey, total, free_odds, free_grey, stop - start
+                        )
+                else:
+                    _add_free_counts(counts, row_odds, combined & np.uint8(UP_TO_DATE - 1))
+                    is_changed = _update_grey(row_odds, row_grey)
+                if is_changed:
+                    changed[band, block] |= _affected_blocks(
+                        row % BLOCK, row_grey[0] != first, row_grey[-1] != last
+                    )
+                if is_kept:
+                    _update_probabilities(row_odds, probabilities[row, start:stop], total, free_p, free_only)
+        for block in range(left, right):
+            if changed[band, block] >> SELF & 1:
+                _sum_cells(grey, max(band, 0), max(block, 0), column, sums)

@@ -11,19 +11,13 @@ from uavseg.plain_text import shown
 
 Floats = NDArray[np.float64]
 
-MAX_TILT_DEG = 30.0  # a planar sensor that is tilted further measures floor and ceiling, not walls
+MAX_TILT_DEG = 30.0  # a planar sensor that is tilted more measures floor and ceiling, not walls
 
 _NEARLY_PARALLEL = 1 - 1e-9  # cosine above which slerp divides by almost nothing; linear is as exact
 
 
 def as_quaternion(value: Any) -> Floats:
-    """A unit quaternion from four numbers x, y, z, w, or from a message with fields of these names.
-
-    Raises
-    ------
-    SceneError
-        If it is neither, or its length is 0 or not finite: no rotation.
-    """
+    """Normalise a quaternion: four numbers x, y, z, w, or a message with fields of these names."""
     fields = ("x", "y", "z", "w")
     parts = [getattr(value, name) for name in fields] if all(hasattr(value, f) for f in fields) else value
     try:
@@ -41,7 +35,7 @@ def as_quaternion(value: Any) -> Floats:
 
 
 def matrix_of_quaternion(quaternion: Floats) -> Floats:
-    """The (3, 3) rotation matrix of a unit quaternion.
+    """Return the (3, 3) rotation matrix of a unit quaternion.
 
     Examples
     --------
@@ -59,17 +53,17 @@ def matrix_of_quaternion(quaternion: Floats) -> Floats:
 
 
 def heading_of(matrix: Floats) -> float:
-    """Direction in the plane of the x axis of a rotation, in radians, counterclockwise."""
+    """Return the direction in the plane of the x axis of a rotation, in radians, counterclockwise."""
     return math.atan2(matrix[1, 0], matrix[0, 0])
 
 
 def tilt_deg(matrix: Floats) -> float:
-    """Angle between the z axis of a rotation and the vertical: 0 is upright, 180 upside down."""
+    """Return the angle between the z axis of a rotation and the vertical: 0 is upright, 180 upside down."""
     return math.degrees(math.acos(min(max(matrix[2, 2], -1.0), 1.0)))
 
 
 def slerp(first: Floats, second: Floats, share: float) -> Floats:
-    """Spherical linear interpolation between unit quaternions, along the shorter arc.
+    """Interpolate between unit quaternions on the sphere (slerp), along the shorter arc.
 
     K. Shoemake, "Animating rotation with quaternion curves", SIGGRAPH 1985.
 

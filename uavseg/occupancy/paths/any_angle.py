@@ -1,4 +1,4 @@
-"""Any-angle paths by string pulling: a shorter path that stays where a path over cells may go.
+"""Any-angle paths by string pulling: a shorter path over passable cells.
 
 A straight leg between two centres of cells is allowed if every cell that it touches is passable. Where it
 runs through a corner, it touches both cells beside it, as a diagonal step does.
@@ -17,7 +17,7 @@ _MAX_ROUNDS = 64  # each makes the path shorter, by less and less
 
 
 def pull_string(mask: NDArray[np.bool_], cells: Cells) -> Cells:
-    """The corners of a shorter path between the same ends.
+    """Shorten a path between the same ends; returns its corners.
 
     From each corner the path goes straight to the last of its cells that is visible. Then, in turn, corners
     move by one cell at a time as long as that makes the path shorter, and corners are dropped where that
@@ -52,30 +52,12 @@ def pull_string(mask: NDArray[np.bool_], cells: Cells) -> Cells:
 
 
 def _shortest_subsequence(mask: NDArray[np.uint8], corners: Cells) -> Cells:
-    """The corners of the shortest path over some of the given ones, in their order."""
     before, lengths = np.zeros(len(corners), np.int64), np.zeros(len(corners))
     _shortest_over(mask, corners, _MAX_SKIPPED, lengths, before)
     chain = [len(corners) - 1]
     while chain[-1]:
         chain.append(int(before[chain[-1]]))
     return corners[chain[::-1]]
-
-
-def is_visible(mask: NDArray[np.bool_], one: tuple[int, int], other: tuple[int, int]) -> bool:
-    """Line of sight: whether every cell that the leg between two centres touches is passable.
-
-    Examples
-    --------
-    >>> mask = np.array([[1, 1, 1], [1, 0, 1]], bool)
-    >>> is_visible(mask, (0, 0), (0, 2)), is_visible(mask, (1, 0), (0, 1))
-    (True, False)
-    """
-    return bool(_visible(np.ascontiguousarray(mask).view(np.uint8), *one, *other))
-
-
-def path_length(corners: Cells) -> float:
-    """Length of a path in cells, from corner to corner."""
-    return float(np.hypot(*np.diff(corners, axis=0).T).sum())
 
 
 @inlined
@@ -110,11 +92,6 @@ def _leg(row, col, to_row, to_col):  # type: ignore[no-untyped-def]
     rows = np.float64(to_row - row)
     cols = np.float64(to_col - col)
     return np.sqrt(rows * rows + cols * cols)
-
-
-@kernel("b1(u1[:,::1], i8, i8, i8, i8)")
-def _visible(mask, row, col, to_row, to_col):  # type: ignore[no-untyped-def]
-    return has_line_of_sight(mask, row, col, to_row, to_col)
 
 
 @kernel("i8(u1[:,::1], i8[:,::1])")

@@ -13,7 +13,7 @@ Bitmap = NDArray[np.uint64]
 
 
 def pack_mask(mask: NDArray[np.bool_]) -> Bitmap:
-    """The bitmap of a mask.
+    """Pack a mask into a bitmap.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def pack_mask(mask: NDArray[np.bool_]) -> Bitmap:
 
 
 def transpose_bitmap(bits: Bitmap, cols: int) -> Bitmap:
-    """The bitmap of the transposed mask.
+    """Transpose a bitmap.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def transpose_bitmap(bits: Bitmap, cols: int) -> Bitmap:
 
 
 def fill_dead_ends(bits: Bitmap, start: tuple[int, int], goal: tuple[int, int]) -> None:
-    """Dead-end filling, in place: remove every cell with at most one edge neighbour, until none is left.
+    """Fill dead ends, in place: remove every cell with at most one edge neighbour, until none is left.
 
     No diagonal step touches such a cell, because that takes two edge neighbours, so no path between other
     cells leads through it. Start and goal (row and column with the frame) stay.
@@ -63,13 +63,13 @@ def fill_dead_ends(bits: Bitmap, start: tuple[int, int], goal: tuple[int, int]) 
 
 @inlined
 def is_open(bits, line, at):  # type: ignore[no-untyped-def]
-    """1 if a cell is passable, else 0."""
+    """Return 1 if a cell is passable, else 0."""
     return (bits[line, at >> 6] >> np.uint64(at & 63)) & np.uint64(1)
 
 
 @inlined
-def popcount(word):  # type: ignore[no-untyped-def]
-    """Number of bits that are set."""
+def _popcount(word):  # type: ignore[no-untyped-def]
+    """Count the bits that are set."""
     word = word - ((word >> np.uint64(1)) & np.uint64(0x5555555555555555))
     word = (word & np.uint64(0x3333333333333333)) + ((word >> np.uint64(2)) & np.uint64(0x3333333333333333))
     word = (word + (word >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
@@ -77,22 +77,22 @@ def popcount(word):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def lowest_bit(word):  # type: ignore[no-untyped-def]
-    """Index of the lowest bit that is set; the word is not 0."""
-    return popcount(~word & (word - np.uint64(1)))
+def _lowest_bit(word):  # type: ignore[no-untyped-def]
+    """Return the index of the lowest bit that is set; the word is not 0."""
+    return _popcount(~word & (word - np.uint64(1)))
 
 
 @inlined
-def highest_bit(word):  # type: ignore[no-untyped-def]
-    """Index of the highest bit that is set; the word is not 0."""
+def _highest_bit(word):  # type: ignore[no-untyped-def]
+    """Return the index of the highest bit that is set; the word is not 0."""
     for shift in (1, 2, 4, 8, 16, 32):
         word |= word >> np.uint64(shift)
-    return popcount(word) - 1
+    return _popcount(word) - 1
 
 
 @inlined
 def next_stop(bits, line, at):  # type: ignore[no-untyped-def]
-    """First position after `at` where a jump along a line stops.
+    """Find the first position after `at` where a jump along a line stops.
 
     That is an impassable cell (returned negative), or a cell beside which the line above or below opens:
     passable there, impassable one position before.
@@ -110,7 +110,7 @@ def next_stop(bits, line, at):  # type: ignore[no-untyped-def]
         opens |= below & ~(below << np.uint64(1) | below_before >> np.uint64(63))
         stops = (opens | ~own) & selected
         if stops:
-            bit = lowest_bit(stops)
+            bit = _lowest_bit(stops)
             position = (word << 6) + bit
             return position if (own >> np.uint64(bit)) & np.uint64(1) else -position
         above_before = above
@@ -121,7 +121,7 @@ def next_stop(bits, line, at):  # type: ignore[no-untyped-def]
 
 @inlined
 def previous_stop(bits, line, at):  # type: ignore[no-untyped-def]
-    """The same before `at`, towards smaller positions; 0 if the frame stops the jump."""
+    """Find the same before `at`, towards smaller positions; 0 if the frame stops the jump."""
     word = (at - 1) >> 6
     selected = ~np.uint64(0) >> np.uint64(63 - ((at - 1) & 63))
     after = word + 1 if word + 1 < bits.shape[1] else word
@@ -135,7 +135,7 @@ def previous_stop(bits, line, at):  # type: ignore[no-untyped-def]
         opens |= below & ~(below >> np.uint64(1) | below_after << np.uint64(63))
         stops = (opens | ~own) & selected
         if stops:
-            bit = highest_bit(stops)
+            bit = _highest_bit(stops)
             position = (word << 6) + bit
             return position if (own >> np.uint64(bit)) & np.uint64(1) else -position
         above_after = above
@@ -179,7 +179,7 @@ def _fill_dead_ends(bits, start_row, start_col, goal_row, goal_col):  # type: ig
                 west |= bits[row, word - 1] >> np.uint64(63)
             dead = own & ~((north & south) | ((north | south) & (east | west)) | (east & west))
             while dead:
-                col = (word << 6) + lowest_bit(dead)
+                col = (word << 6) + _lowest_bit(dead)
                 dead &= dead - np.uint64(1)
                 _fill_dead_end(bits, row, col, start_row, start_col, goal_row, goal_col)
 

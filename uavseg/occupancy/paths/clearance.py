@@ -17,7 +17,7 @@ _TOLERANCE = 1e-9  # relative, so that rounding does not fail a distance that is
 
 
 def clearance(mask: NDArray[np.bool_], width: float = 1.0, height: float = 1.0) -> NDArray[np.float64]:
-    """Distance from the centre of each cell to the nearest impassable cell or to the edge of the map.
+    """Compute the distance from the centre of each cell to the nearest impassable cell or edge of the map.
 
     Parameters
     ----------
@@ -45,7 +45,14 @@ def clearance(mask: NDArray[np.bool_], width: float = 1.0, height: float = 1.0) 
 
 
 def is_at_least(distance: Any, metres: float) -> Any:
-    """Whether distances are at least so many metres, with a tolerance for rounding."""
+    """Return whether distances reach a number of metres, with a tolerance for rounding.
+
+    Parameters
+    ----------
+    distance : float or float array
+        In metres.
+    metres : float
+    """
     return distance >= metres * (1 - _TOLERANCE)
 
 

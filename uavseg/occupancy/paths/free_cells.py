@@ -1,6 +1,6 @@
-"""Which cells of a map are free: in a region, and their own value in range.
+"""Free cells of a map: in a region, and their value in range.
 
-Where walls are a cell or two thin the mean of a block hides them, so a region alone is no place to drive in.
+The mean of a block hides walls that are a cell or two thin, so a region alone is not passable throughout.
 """
 
 from collections.abc import Collection, Iterator
@@ -22,44 +22,31 @@ from uavseg.segmentation.params.segment import IntensityRange
 from uavseg.segmentation.source import GreySource
 from uavseg.units import GREY_MAX
 
-_STRIPE = 1 << 22  # cells that are looked at together
+_STRIPE = 1 << 22  # cells of a stripe, which are read together
 
 
 @dataclass(frozen=True, slots=True)
 class MapPosition:
-    """A place on the map that somebody named.
+    """The start or the goal, and what the map holds there."""
 
-    Parameters
-    ----------
-    name : str
-        "start" or "goal".
-    cell : (int, int)
-        Row and column.
-    region : int
-        0 where it lies in none.
-    value : float or None
-        v of its cell; None where it is not valid.
-    is_free : bool
-    """
-
-    name: str
-    cell: tuple[int, int]
-    region: int
-    value: float | None
+    name: str  # "start" or "goal"
+    cell: tuple[int, int]  # row and column
+    region: int  # 0 outside of all regions
+    value: float | None  # v of its cell; None where it is not valid
     is_free: bool
 
     @property
     def where(self) -> str:
-        """In words: "region 2", or why it is not free."""
-        own = "no valid value" if self.value is None else f"v = {self.value:.3f}"
+        """Return "region 2", or why the position is not free."""
+        value = "no valid value" if self.value is None else f"v = {self.value:.3f}"
         if not self.region:
-            return f"no region (its cell has {own})"
-        return f"region {self.region}" + ("" if self.is_free else f", on a cell out of the range ({own})")
+            return f"no region (its cell has {value})"
+        return f"region {self.region}" + ("" if self.is_free else f", on a cell out of the range ({value})")
 
 
 @dataclass(frozen=True, slots=True)
 class NearestCell:
-    """A free cell: its region, its centre on the map, and how far it is from some place in metres."""
+    """A free cell: its distance in metres from a position, its region, and its centre on the map."""
 
     metres: float
     region: int
@@ -69,37 +56,26 @@ class NearestCell:
 
 @dataclass(frozen=True)
 class FreeCells:
-    """The free cells of a map whose regions are known.
+    """The free cells of a map whose regions are known."""
 
-    Parameters
-    ----------
-    source : GreySource
-        The map.
-    rings : Rings
-        Outlines of its regions.
-    interval : IntensityRange
-        The range of v that is passable.
-    warnings : tuple of str
-        What is to be told of the map.
-    """
-
-    source: GreySource
-    rings: Rings
-    interval: IntensityRange
+    source: GreySource  # the map
+    rings: Rings  # outlines of its regions
+    interval: IntensityRange  # the range of v that is passable
     warnings: tuple[str, ...] = ()
 
     @property
     def geobox(self) -> GeoBox:
-        """Where the cells lie."""
+        """Return the position of the cells."""
         return self.source.dataset.geobox
 
     def place(self, name: str, xy: tuple[float, float]) -> MapPosition:
-        """What there is at a place.
+        """Look up a position; refuse one outside of the map.
 
-        Raises
-        ------
-        PathError
-            If it does not lie on the map.
+        Parameters
+        ----------
+        name : {"start", "goal"}
+        xy : (float, float)
+            In map coordinates.
         """
         if not all(map(isfinite, xy)):
             raise PathError(f"the {name} is two finite numbers, x and y on the map, not {_pair(*xy)}")
@@ -111,23 +87,29 @@ class FreeCells:
         here = Window(int(row), int(col), 1, 1)
         tile = self.source.read(here, 0)
         value = tile.grey[0, 0] / GREY_MAX if tile.valid[0, 0] else None
-        region = int(self._painter(here)[0, 0])
+        region = int(self._rasteriser(here)[0, 0])
         low, high = self.interval.greys
         free = region > 0 and value is not None and bool(low <= tile.grey[0, 0] <= high)
-        return MapPosition(name, (here.row, here.col), region, value, free)
+        return MapPosition(name=name, cell=(here.row, here.col), region=region, value=value, is_free=free)
 
     def of_regions(
         self, regions: Collection[int], map: Map = serial
     ) -> tuple[Window, NDArray[np.bool_], int]:
-        """The free cells of some regions, and how many of their cells are not.
+        """Return the free cells of some regions.
+
+        Parameters
+        ----------
+        regions : collection of int
+        map : Map
+            Executor that reads the map.
 
         Returns
         -------
         window : Window
-            The least that holds the regions.
+            The smallest that holds the regions.
         mask : (rows, cols) bool array
         walls : int
-            Cells of the regions whose own value is out of the range.
+            Number of cells of the regions whose value is out of the range.
         """
         rings = self.rings.select(np.isin(self.rings.labels, list(regions)))
         top, left = rings.vertices.min(axis=0).tolist()
@@ -135,38 +117,40 @@ class FreeCells:
         window = Window(top, left, bottom - top, right - left)
         mask = np.zeros((window.rows, window.cols), np.bool_)
         walls = 0
-        stripes = list(_stripes(window))
-        for stripe, (labels, free) in zip(
-            stripes, map(partial(self._look, Rasteriser(rings)), stripes), strict=True
-        ):
+        for stripe, labels, free in self._read_stripes(rings, window, map):
             mask[stripe.row - top : stripe.row - top + stripe.rows] = free
             walls += int((labels > 0).sum() - free.sum())
         return window, mask, walls
 
     def nearest(self, place: MapPosition, region: int | None = None, map: Map = serial) -> NearestCell | None:
-        """The free cell nearest to a place, of one region or of any; None if there is none."""
+        """Find the free cell nearest to a position, in one region or in any; None if there is none.
+
+        Parameters
+        ----------
+        place : MapPosition
+        region : int, optional
+        map : Map
+            Executor that reads the map.
+        """
         rings = self.rings if region is None else self.rings.select(self.rings.labels == region)
         row, col = place.cell
         width, height = ground_steps(self.geobox, row + 0.5, col + 0.5)
-        stripes = list(_stripes(Window(0, 0, *self.geobox.shape)))
         best: tuple[float, int, int, int] | None = None
-        for stripe, (labels, free) in zip(
-            stripes, map(partial(self._look, Rasteriser(rings)), stripes), strict=True
-        ):
+        for stripe, labels, free in self._read_stripes(rings, Window(0, 0, *self.geobox.shape), map):
             rows, cols = np.nonzero(free)
             if len(rows):
                 away = np.hypot((rows + stripe.row - row) * height, (cols + stripe.col - col) * width)
                 k = int(np.argmin(away))
-                found = (float(away[k]), int(rows[k]) + stripe.row, int(cols[k]) + stripe.col)
-                if best is None or found < best[:3]:
-                    best = (*found, int(labels[rows[k], cols[k]]))
+                near = (float(away[k]), int(rows[k]) + stripe.row, int(cols[k]) + stripe.col)
+                if best is None or near < best[:3]:
+                    best = (*near, int(labels[rows[k], cols[k]]))
         if best is None:
             return None
         x, y = self.geobox.xy_from_pixel(best[1] + 0.5, best[2] + 0.5)
-        return NearestCell(best[0], best[3], float(x), float(y))
+        return NearestCell(metres=best[0], region=best[3], x=float(x), y=float(y))
 
     def grey_span(self, cells: NDArray[np.int64]) -> tuple[int, int] | None:
-        """The lowest and the highest grey of cells, (n, 2) rows and columns; None where one is not valid."""
+        """Return the lowest and the highest grey of (n, 2) cells; None if one is invalid."""
         (top, left), (bottom, right) = cells.min(axis=0).tolist(), cells.max(axis=0).tolist()
         tile = self.source.read(Window(top, left, bottom - top + 1, right - left + 1), 0)
         rows, cols = (cells - (top, left)).T
@@ -176,12 +160,26 @@ class FreeCells:
         return int(grey.min()), int(grey.max())
 
     @cached_property
-    def _painter(self) -> Rasteriser:
+    def _rasteriser(self) -> Rasteriser:
         return Rasteriser(self.rings)
 
-    def _look(self, painter: Rasteriser, window: Window) -> tuple[NDArray[np.uint32], NDArray[np.bool_]]:
-        """Labels of a window, and which of its cells are free."""
-        labels = painter(window)
+    def _read_stripes(
+        self, rings: Rings, window: Window, map: Map
+    ) -> Iterator[tuple[Window, NDArray[np.uint32], NDArray[np.bool_]]]:
+        """Read a window stripe by stripe: labels of some regions, and the free cells among them."""
+        count = max(_STRIPE // max(window.cols, 1), 1)
+        stripes = [
+            Window(window.row + row, window.col, min(count, window.rows - row), window.cols)
+            for row in range(0, window.rows, count)
+        ]
+        read = map(partial(self._read_window, Rasteriser(rings)), stripes)
+        for stripe, (labels, free) in zip(stripes, read, strict=True):
+            yield stripe, labels, free
+
+    def _read_window(
+        self, rasteriser: Rasteriser, window: Window
+    ) -> tuple[NDArray[np.uint32], NDArray[np.bool_]]:
+        labels = rasteriser(window)
         low, high = self.interval.greys
         if not labels.any():
             return labels, np.zeros(labels.shape, np.bool_)
@@ -189,12 +187,6 @@ class FreeCells:
         here = slice(window.rows), slice(window.cols)
         grey, valid = tile.grey[here], tile.valid[here] > 0
         return labels, np.asarray((labels > 0) & valid & (grey >= low) & (grey <= high))
-
-
-def _stripes(window: Window) -> Iterator[Window]:
-    rows = max(_STRIPE // max(window.cols, 1), 1)
-    for row in range(0, window.rows, rows):
-        yield Window(window.row + row, window.col, min(rows, window.rows - row), window.cols)
 
 
 def _pair(x: float, y: float) -> str:

@@ -19,13 +19,7 @@ _LONGEST_LEG_M = 500.0  # a straight leg on the map bends by less than a centime
 
 
 def check_path_crs(geobox: GeoBox) -> None:
-    """Check that a path over a map can be written as GeoJSON: in degrees, or local without a CRS.
-
-    Raises
-    ------
-    OutputError
-        If the map has a CRS that is not on the Earth.
-    """
+    """Refuse a map whose CRS is not on the Earth: paths are in degrees, or local without a CRS."""
     if geobox.crs is None:
         return
     try:
@@ -38,7 +32,7 @@ def check_path_crs(geobox: GeoBox) -> None:
 
 
 def path_lonlat(path: PlannedPath, corners: Floats | None = None) -> tuple[Floats, Floats]:
-    """Longitude (-180..180) and latitude of the corners of a path, in degrees (WGS 84).
+    """Compute longitude (-180..180) and latitude of the corners of a path, in degrees (WGS 84).
 
     Parameters
     ----------
@@ -49,11 +43,6 @@ def path_lonlat(path: PlannedPath, corners: Floats | None = None) -> tuple[Float
     Returns
     -------
     lon, lat : (n,) float64 arrays
-
-    Raises
-    ------
-    RasterError
-        If the map has no CRS, or the path leaves the area in which its projection is defined.
     """
     rows, cols = (path.corners + 0.5 if corners is None else corners).T
     lon, lat = path.geobox.lonlat_from_xy(*path.geobox.xy_from_pixel(rows, cols))
@@ -63,7 +52,7 @@ def path_lonlat(path: PlannedPath, corners: Floats | None = None) -> tuple[Float
 
 
 def path_to_geojson(path: PlannedPath) -> str:
-    """A FeatureCollection of one line: WGS 84 with decimals as the cells need, or local without a CRS.
+    """Write a FeatureCollection of one line: WGS 84 with decimals as the cells need, or local without a CRS.
 
     A line that crosses the antimeridian is split there. A path of one cell has two equal positions.
     """
@@ -95,7 +84,7 @@ def _line(positions: Floats) -> dict[str, Any]:
 
 
 def _densify(path: PlannedPath) -> Floats:
-    """The corners in pixels, with points added on legs that are long enough to bend on the globe."""
+    """Return the corners in pixels, with points added on legs that are long enough to bend on the globe."""
     corners: Floats = path.corners + np.float64(0.5)
     if len(corners) < 2:
         return corners

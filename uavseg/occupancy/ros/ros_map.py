@@ -2,11 +2,13 @@
 
 The rules are those of ``nav2_map_server/src/map_io.cpp`` in ros-navigation/navigation2: the image becomes
 8-bit grey x; occupancy is 1 - x/255, or x/255 if ``negate`` is set, in single precision; both thresholds are
-inclusive, and where both hold, free wins.
+inclusive, and where both hold, free wins. Most images are PGMs (http://netpbm.sourceforge.net/doc/pgm.html),
+of which GDAL reads only raw ones, and ignores the maximum; so they are read here.
 """
 
 import math
 import os
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,8 +19,8 @@ from affine import Affine
 from numpy.typing import NDArray
 
 from uavseg.access import current_policy
-from uavseg.errors import MapError, RasterError
-from uavseg.occupancy.ros.pgm import is_pgm, pgm_bytes, read_pgm
+from uavseg.errors import MapError, RasterError, RasterReadError
+from uavseg.inputs import read_bytes, read_start
 from uavseg.occupancy.ros.ros_yaml import (
     ROS_MODES,
     MapDescription,
@@ -37,67 +39,53 @@ GREY_OF_STATE = {  # no data, free, unknown, occupied: as Nav2's map saver write
     "scale": np.array([205, 255, 205, 0], np.uint8),  # unknown is also transparent
     "raw": np.array([255, 0, 255, 100], np.uint8),
 }
+MAX_BYTES = 1 << 30  # of a PGM, which is held in memory
+_MAGIC = (b"P2", b"P5")
+_HEADER = re.compile(rb"P[25]" + 3 * rb"(?:\s|#[^\r\n]*[\r\n])+(\d{1,20})" + rb"(?=\s|$)")
 
 
 @dataclass(frozen=True, slots=True)
 class RosMap:
-    """A map of the ROS navigation stack.
+    """A map of the ROS navigation stack."""
 
-    Parameters
-    ----------
-    cells : (rows, cols) int8 array
-        Occupancy in percent, 0 free to 100 occupied; -1 unknown. The first row is the top of the image.
-    geobox : GeoBox
-        In the metres of the map's frame, rotated if the origin has a yaw.
-    warnings : tuple of str
-        Where the map is probably not meant as it is read, or not read so by all of Nav2's releases.
-    """
-
+    # (rows, cols) int8; occupancy in percent, 0 free to 100 occupied; -1 unknown. The first row is the top of
+    # the image.
     cells: RosCells
-    geobox: GeoBox
+    geobox: GeoBox  # in the metres of the map's frame, rotated if the origin has a yaw
+    # Signs of a mistake in the files, and differences from what other releases of Nav2 read.
     warnings: tuple[str, ...] = ()
 
     @property
     def probabilities(self) -> NDArray[np.float32]:
-        """Cells as 0..1, exactly 0.5 where unknown: (rows, cols) float32."""
+        """Return the cells as 0..1, exactly 0.5 where unknown: (rows, cols) float32."""
         table = np.full(256, 0.5, np.float32)
         table[:101] = np.arange(101).astype(np.float32) / np.float32(100)
         return table[self.cells.view(np.uint8)]
 
 
 def is_ros_map(path: str | os.PathLike[str]) -> bool:
-    """Whether a path has the extension of a ROS map's YAML file: .yaml or .yml."""
+    """Return whether a path has the extension of a ROS map's YAML file: .yaml or .yml."""
     return Path(path).suffix.lower() in (".yaml", ".yml")
 
 
 def read_ros_map(path: str | os.PathLike[str]) -> RosMap:
-    """Read a map from its YAML file and the image that it names.
-
-    Raises
-    ------
-    MapError
-        If the YAML file does not describe a ROS map.
-    RasterReadError
-        If a file is missing or damaged.
-    AccessError
-        If the access policy does not allow to open the image.
-    """
-    described = read_ros_yaml(path)
-    current_policy().check_file(path, described.image)
-    grey, alpha = read_picture(described.image)
-    transform = transform_of(described.origin, described.resolution, grey.shape[0])
+    """Read a map from its YAML file and the image that it names."""
+    metadata = read_ros_yaml(path)
+    current_policy().check_file(path, metadata.image)
+    grey, alpha = read_picture(metadata.image)
+    transform = transform_of(metadata.origin, metadata.resolution, grey.shape[0])
     try:
         geobox = GeoBox(grey.shape, transform, None)
     except RasterError as error:
         raise MapError(f"{os.fspath(path)}: {error}") from error
-    cells = described.rules.cells(grey, alpha)
-    return RosMap(cells, geobox, tuple(_map_warnings(described, grey, alpha, cells)))
+    cells = metadata.rules.cells(grey, alpha)
+    return RosMap(cells, geobox, tuple(_map_warnings(metadata, grey, alpha, cells)))
 
 
 def _map_warnings(
-    described: MapDescription, grey: NDArray[np.uint8], alpha: NDArray[np.uint8] | None, cells: RosCells
+    metadata: MapDescription, grey: NDArray[np.uint8], alpha: NDArray[np.uint8] | None, cells: RosCells
 ) -> Iterator[str]:
-    rules, picture = described.rules, described.image.name
+    rules, picture = metadata.rules, metadata.image.name
     scaled = rules.mode == "scale"
     is_free = rules.table()[UNKNOWN_GREY] == 0
     free = int(((grey == UNKNOWN_GREY) & (cells == 0)).sum()) if is_free else 0
@@ -123,12 +111,14 @@ def _cells(count: int) -> str:
 def check_ros_map(
     path: str | os.PathLike[str], geobox: GeoBox, overwrite: bool = False, mode: str = "trinary"
 ) -> None:
-    """Check that a map may be written to a path; call it before the work.
+    """Check that a map may be written to a path, before the work; raises the errors of `write_ros_map`.
 
-    Raises
-    ------
-    MapError, OutputExistsError, OutputError
-        As for `write_ros_map`.
+    Parameters
+    ----------
+    path : path
+    geobox : GeoBox
+    overwrite : bool
+    mode : {"trinary", "scale", "raw"}
     """
     for target in (Path(path), image_path(path, mode)):
         check_target(target, overwrite)
@@ -157,13 +147,6 @@ def write_ros_map(
     mode : {"trinary", "scale", "raw"}
         Mode in which Nav2 reads the image. It is NAME.pgm, and for "scale" NAME.png, where unknown cells are
         transparent.
-
-    Raises
-    ------
-    MapError
-        If ROS cannot express the position of the cells.
-    OutputExistsError, OutputError
-        If a file may not or cannot be written.
     """
     check_target(image_path(path, mode), overwrite)
     grey = GREY_OF_STATE[mode][np.asarray(states)]
@@ -182,21 +165,12 @@ def write_ros_probabilities(
 
     Parameters
     ----------
-    path : path
-        Of the YAML file.
+    path, geobox, overwrite
+        See `write_ros_map`.
     probabilities : (rows, cols) float32 array
         Unknown where exactly 0.5.
-    geobox : GeoBox
-        Square cells in metres.
-    overwrite : bool
-        Whether existing files may be replaced.
     mode : {"scale", "raw"}
         "scale": a PNG of 256 greys, between thresholds of 0 and 1; "raw": a PGM of per cent.
-
-    Raises
-    ------
-    UavsegError
-        As of `write_ros_map`.
     """
     check_target(image_path(path, mode), overwrite)
     unknown = probabilities == 0.5
@@ -221,23 +195,24 @@ def _write(
     resolution, origin, mirrored = placement(geobox)
     down = slice(None, None, -1 if mirrored else 1)
     position = {"resolution": resolution, "origin": origin}
-    described = {"image": image.name, "mode": mode, **position, "negate": 0, **thresholds}
+    metadata = {"image": image.name, "mode": mode, **position, "negate": 0, **thresholds}
     with atomic_file(path, overwrite) as target:
         picture = target.with_name(image.name)
         if mode == "scale":
             write_png(picture, grey[down], opaque=None if opaque is None else opaque[down])
         else:
             picture.write_bytes(pgm_bytes(grey[down]))
-        target.write_text(ros_yaml_text(described), encoding="utf-8")
+        target.write_text(ros_yaml_text(metadata), encoding="utf-8")
 
 
 def image_path(path: str | os.PathLike[str], mode: str) -> Path:
-    """Path of the image that is written beside a YAML file.
+    """Return the path of the image that is written beside a YAML file.
 
-    Raises
-    ------
-    MapError
-        If the mode is unknown.
+    Parameters
+    ----------
+    path : path
+        Of the YAML file.
+    mode : {"trinary", "scale", "raw"}
     """
     if mode not in ROS_MODES:
         raise MapError(f"mode is trinary, scale or raw, not {mode!r}")
@@ -247,13 +222,7 @@ def image_path(path: str | os.PathLike[str], mode: str) -> Path:
 def read_picture(
     image: str | os.PathLike[str],
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint8] | None]:
-    """8-bit grey of the picture of a map, and its alpha; None where it has none.
-
-    Raises
-    ------
-    RasterReadError
-        If it cannot be read.
-    """
+    """Read the 8-bit grey of the image of a map, and its alpha; None where it has none."""
     if is_pgm(image):
         samples, maximum = read_pgm(image)
         return to_8_bits(samples, maximum), None
@@ -261,20 +230,22 @@ def read_picture(
 
 
 def transform_of(origin: tuple[float, float, float], resolution: float, rows: int) -> Affine:
-    """The transform of a map whose lower left corner lies at `origin` (x, y, yaw), rotated around it."""
+    """Make the transform of a map whose lower left corner lies at `origin` (x, y, yaw), rotated around it.
+
+    Parameters
+    ----------
+    origin : (float, float, float)
+    resolution : float
+        Metres per cell.
+    rows : int
+    """
     x, y, yaw = origin
     along, up = resolution * math.cos(yaw), resolution * math.sin(yaw)
     return Affine(along, up, x - rows * up, up, -along, y + rows * along)
 
 
 def placement(geobox: GeoBox) -> tuple[float, list[float], bool]:
-    """Resolution, origin (x, y, yaw), and whether the rows run upwards, so that they are written in reverse.
-
-    Raises
-    ------
-    MapError
-        If cells are not square, or not in metres.
-    """
+    """Compute resolution, origin (x, y, yaw), and whether the rows run upwards, to be written in reverse."""
     check_metres(geobox)
     a, b, c, d, e, f = tuple(geobox.transform)[:6]
     mirrored = a * e - b * d > 0
@@ -285,3 +256,60 @@ def placement(geobox: GeoBox) -> tuple[float, list[float], bool]:
     rows = 0 if mirrored else geobox.shape[0]
     x, y = b * rows + c, e * rows + f
     return side, [x, y, math.atan2(d, a)], mirrored
+
+
+def is_pgm(path: str | os.PathLike[str]) -> bool:
+    """Return whether a file begins with the magic number of a PGM."""
+    return read_start(path, 2) in _MAGIC
+
+
+def read_pgm(path: str | os.PathLike[str]) -> tuple[NDArray[np.integer[Any]], int]:
+    """Read the samples of a PGM, and the sample that stands for white.
+
+    Returns
+    -------
+    samples : (rows, cols) integer array
+        Not negative; those above the maximum are white too.
+    maximum : int
+    """
+    content = read_bytes(path, limit=MAX_BYTES)
+    header = _HEADER.match(content)
+    if header is None:
+        raise RasterReadError(
+            f"{os.fspath(path)} is not a PGM: expected width, height and maximum after P2 or P5"
+        )
+    cols, rows, maximum = (int(number) for number in header.groups())
+    if not (cols and rows and 0 < maximum < 65536):
+        raise RasterReadError(
+            f"the header of {os.fspath(path)} is {cols} x {rows} pixels of up to {maximum}; "
+            "expected at least one pixel, and a maximum of 1 to 65535"
+        )
+    body, count = content[header.end() :], rows * cols
+    plain = content[:2] == b"P2"
+    samples = _plain(body, count, os.fspath(path)) if plain else _raw(body, count, maximum)
+    if len(samples) < count:
+        raise RasterReadError(
+            f"{os.fspath(path)} says {cols} x {rows} pixels and holds {len(samples)}; it is truncated"
+        )
+    return samples[:count].reshape(rows, cols), maximum
+
+
+def _raw(body: bytes, count: int, maximum: int) -> NDArray[np.integer[Any]]:
+    """Decode at most `count` samples after one byte of white space, most significant byte first."""
+    dtype = np.dtype(">u2" if maximum > 255 else "u1")
+    available = max(len(body) - 1, 0) // dtype.itemsize
+    return np.frombuffer(body, dtype, min(available, count), offset=1 if body else 0)
+
+
+def _plain(body: bytes, count: int, path: str) -> NDArray[np.int64]:
+    """Decode at most `count` samples, written as text."""
+    tokens = re.sub(rb"#[^\r\n]*", b"", body).split()[:count]
+    if not all(word.isdigit() and len(word) < 10 for word in tokens):
+        raise RasterReadError(f"{path} is a plain PGM (P2) and holds something other than numbers")
+    return np.array([int(word) for word in tokens], np.int64)
+
+
+def pgm_bytes(grey: NDArray[np.uint8]) -> bytes:
+    """Encode a (rows, cols) uint8 array as a raw 8-bit PGM."""
+    rows, cols = grey.shape
+    return b"P5\n%d %d\n255\n" % (cols, rows) + np.ascontiguousarray(grey).tobytes()

@@ -26,25 +26,11 @@ _REQUIRED = ("image", "resolution", "origin", "negate", "occupied_thresh", "free
 
 @dataclass(frozen=True, slots=True)
 class CellRules:
-    """The rules that turn the grey of an image into cells.
-
-    Parameters
-    ----------
-    mode : {"trinary", "scale", "raw"}
-    negate : bool
-        White is occupied.
-    occupied, free : float
-        Thresholds of occupancy.
-
-    Raises
-    ------
-    MapError
-        If the mode is unknown, or the thresholds overlap, are not finite or above 1.
-    """
+    """The rules that turn the grey of an image into cells."""
 
     mode: str
-    negate: bool
-    occupied: float
+    negate: bool  # white is occupied
+    occupied: float  # thresholds of occupancy
     free: float
 
     def __post_init__(self) -> None:
@@ -63,27 +49,27 @@ class CellRules:
             )
 
     def _as_per_cent(self) -> str:
-        """What per cent would mean, where the thresholds may be that."""
+        """Suggest thresholds as fractions, where they may be per cent."""
         if not (0 <= self.free <= 100 and self.occupied <= 100):
             return ""
         return f"; as per cent they are {self.occupied / 100:g} and {self.free / 100:g}"
 
     def cells(self, grey: NDArray[np.uint8], alpha: NDArray[np.uint8] | None = None) -> RosCells:
-        """Cells of 8-bit grey; pixels that are not fully opaque are unknown, except in the mode raw."""
+        """Convert 8-bit grey to cells; pixels that are not opaque are unknown, except in the mode raw."""
         cells = self.table()[grey]
         if alpha is not None and self.mode != "raw":
             cells[alpha < 255] = UNKNOWN_CELL
         return cells
 
     def cells_before_2025(self, grey: NDArray[np.uint8], alpha: NDArray[np.uint8]) -> RosCells:
-        """Cells of a trinary map with alpha, which Humble, Jazzy and all before average into the colours."""
+        """Convert a trinary map with alpha as Nav2 up to Jazzy does, which averages alpha into the grey."""
         brightness = (3 * grey.astype(np.float64) + alpha) / (4 * 255)
         occupancy = brightness if self.negate else 1 - brightness
         cells = np.where(occupancy > self.occupied, 100, np.where(occupancy < self.free, 0, UNKNOWN_CELL))
         return cells.astype(np.int8)
 
     def table(self) -> RosCells:
-        """Lookup table from grey to cell, a (256,) int8 array."""
+        """Return the lookup table from grey to cell, a (256,) int8 array."""
         grey = np.arange(256)
         if self.mode == "raw":
             return np.where(grey <= 100, grey, UNKNOWN_CELL).astype(np.int8)
@@ -100,53 +86,39 @@ class CellRules:
 
 @dataclass(frozen=True, slots=True)
 class MapDescription:
-    """The contents of the YAML file of a ROS map.
+    """The contents of the YAML file of a ROS map."""
 
-    Parameters
-    ----------
-    image : Path
-        Path of the image; a relative one is relative to the YAML file.
-    resolution : float
-        Metres per cell.
-    origin : (float, float, float)
-        x and y of the lower left corner in metres, and the yaw in radians.
-    rules : CellRules
-    """
-
-    image: Path
-    resolution: float
-    origin: tuple[float, float, float]
+    image: Path  # path of the image; a relative one is relative to the YAML file
+    resolution: float  # metres per cell
+    origin: tuple[float, float, float]  # x and y of the lower left corner in metres, and the yaw in radians
     rules: CellRules
 
 
 def read_ros_yaml(path: str | os.PathLike[str]) -> MapDescription:
-    """Read and check the YAML file of a ROS map.
-
-    Raises
-    ------
-    MapError
-        If it does not describe a ROS map.
-    RasterReadError
-        If it cannot be read.
-    """
-    found = _read_yaml(path)
+    """Read and check the YAML file of a ROS map."""
+    content = _read_yaml(path)
     try:
         rules = CellRules(
-            str(found.get("mode", "trinary")).lower(),
-            _flag(found),
-            _number("occupied_thresh", found["occupied_thresh"]),
-            _number("free_thresh", found["free_thresh"]),
+            mode=str(content.get("mode", "trinary")).lower(),
+            negate=_flag(content["negate"]),
+            occupied=_number("occupied_thresh", content["occupied_thresh"]),
+            free=_number("free_thresh", content["free_thresh"]),
         )
-        return MapDescription(_image(path, found["image"]), _resolution(found), _origin(found), rules)
+        image = _image(path, content["image"])
+        resolution = _number("resolution", content["resolution"])
+        if not (math.isfinite(resolution) and resolution > 0):
+            raise MapError(f"resolution is metres per cell, a number above 0, not {resolution:g}")
+        origin = _origin(content["origin"])
+        return MapDescription(image=image, resolution=resolution, origin=origin, rules=rules)
     except MapError as error:
         raise MapError(f"{os.fspath(path)}: {error}") from error
 
 
-def ros_yaml_text(described: Mapping[str, Any]) -> str:
-    """The text of a YAML file, with lists on one line."""
+def ros_yaml_text(content: Mapping[str, Any]) -> str:
+    """Write the text of a YAML file, with lists on one line."""
     import yaml
 
-    text: str = yaml.safe_dump(dict(described), sort_keys=False, default_flow_style=None)
+    text: str = yaml.safe_dump(dict(content), sort_keys=False, default_flow_style=None)
     return text
 
 
@@ -162,17 +134,17 @@ def _read_yaml(path: str | os.PathLike[str]) -> Mapping[str, Any]:
             raise MapError(f"{name} holds YAML aliases (*name), which the file of a ROS map does not need")
         node = yaml.compose(content, Loader=yaml.SafeLoader)
         _check_unique_keys(node, name)
-        found = yaml.safe_load(content)
+        described = yaml.safe_load(content)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         if isinstance(error, MapError):
             raise
         raise MapError(f"{name} is not valid YAML ({cause_of(error)})") from error
-    if not isinstance(found, dict):
+    if not isinstance(described, dict):
         raise MapError(f"{name} is not the YAML of a ROS map: it needs {', '.join(_REQUIRED)}")
-    missing = [key for key in _REQUIRED if key not in found]
+    missing = [key for key in _REQUIRED if key not in described]
     if missing:
         raise MapError(f"{name}: a ROS map needs {', '.join(_REQUIRED)}; missing here: {', '.join(missing)}")
-    return found
+    return described
 
 
 def _check_unique_keys(node: Any, name: str) -> None:
@@ -186,7 +158,7 @@ def _check_unique_keys(node: Any, name: str) -> None:
 
 
 def _number(name: str, value: Any) -> float:
-    """A number as yaml-cpp reads it: quoted or not, and 5e-2 without a decimal point too."""
+    """Convert a number as yaml-cpp does: quoted or not, and 5e-2 without a decimal point too."""
     try:
         if isinstance(value, bool) or not isinstance(value, int | float | str):
             raise ValueError
@@ -195,8 +167,7 @@ def _number(name: str, value: Any) -> float:
         raise MapError(f"{name} is a number, not {shown(value)}") from error
 
 
-def _flag(described: Mapping[str, Any]) -> bool:
-    value = described["negate"]
+def _flag(value: Any) -> bool:
     if isinstance(value, str) and value.strip().lstrip("+-").isdigit():
         value = int(value)
     if not isinstance(value, int):
@@ -204,15 +175,7 @@ def _flag(described: Mapping[str, Any]) -> bool:
     return bool(value)
 
 
-def _resolution(described: Mapping[str, Any]) -> float:
-    resolution = _number("resolution", described["resolution"])
-    if not (math.isfinite(resolution) and resolution > 0):
-        raise MapError(f"resolution is metres per cell, a number above 0, not {resolution:g}")
-    return resolution
-
-
-def _origin(described: Mapping[str, Any]) -> tuple[float, float, float]:
-    value = described["origin"]
+def _origin(value: Any) -> tuple[float, float, float]:
     if not isinstance(value, list) or len(value) != 3:
         raise MapError(f"origin is a list of three numbers, x, y and yaw, not {shown(value)}")
     x, y, yaw = (_number("origin", part) for part in value)
@@ -221,7 +184,7 @@ def _origin(described: Mapping[str, Any]) -> tuple[float, float, float]:
     return x, y, yaw
 
 
-def _image(path: str | os.PathLike[str], named: Any) -> Path:
-    if not isinstance(named, str) or not named or not named.isprintable():
-        raise MapError(f"image is the file name of an image, not {shown(named)}")
-    return Path(path).parent / named
+def _image(path: str | os.PathLike[str], name: Any) -> Path:
+    if not isinstance(name, str) or not name or not name.isprintable():
+        raise MapError(f"image is the file name of an image, not {shown(name)}")
+    return Path(path).parent / name

@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.occupancy.mapping.scan import Pose
-from uavseg.occupancy.simulation.range_finder import RangeFinder
 from uavseg.occupancy.simulation.scene import Scene
-from uavseg.occupancy.simulation.simulate import Simulation
+from uavseg.occupancy.simulation.simulate import RangeFinder, Simulation
 from uavseg.raster.grid.geobox import local_geobox
 
 _MAP_SHAPE = (320, 320)
@@ -24,13 +23,13 @@ _MIDDLE_M = 1.6
 
 
 def lens() -> Simulation:
-    """A divergent lens, thin in the middle, seen in five views with σ = 5 cm."""
+    """Make the scene of a divergent lens, thin in the middle, seen in five views with σ = 5 cm."""
     scene = Scene(polygons=[lens_outline(_MIDDLE_M, _MIDDLE_M, height=1.1, edge=1.0, waist=0.5)])
     return _views_around(scene, views=5, distance_m=1.5, first_deg=90.0, fov_deg=75.0, sigma_m=0.05)
 
 
 def circles() -> Simulation:
-    """Two circles side by side, seen in eight views with σ = 3 cm."""
+    """Make the scene of two circles side by side, seen in eight views with σ = 3 cm."""
     scene = Scene(circles=[(_MIDDLE_M - 0.4, _MIDDLE_M, 0.35), (_MIDDLE_M + 0.4, _MIDDLE_M, 0.35)])
     return _views_around(scene, views=8, distance_m=1.4, first_deg=22.5, fov_deg=60.0, sigma_m=0.03)
 
@@ -41,7 +40,7 @@ BUILT_IN_SCENES: dict[str, Callable[[], Simulation]] = {"lens": lens, "circles":
 def lens_outline(
     x: float, y: float, height: float, edge: float, waist: float, arc_corners: int = 65
 ) -> NDArray[np.float64]:
-    """Corners of a lens with two concave sides.
+    """Compute the corners of a lens with two concave sides.
 
     Parameters
     ----------
@@ -71,7 +70,7 @@ def lens_outline(
 def _views_around(
     scene: Scene, views: int, distance_m: float, first_deg: float, fov_deg: float, sigma_m: float
 ) -> Simulation:
-    """Poses on a circle around the middle of the map, facing it."""
+    """Place poses on a circle around the middle of the map, facing it."""
     angles = [first_deg + 360.0 * view / views for view in range(views)]
     poses = [
         Pose(
@@ -81,5 +80,6 @@ def _views_around(
         )
         for angle in angles
     ]
-    sensor = RangeFinder(sigma_m, 2.0, fov_deg, 0.5)
-    return Simulation(scene, sensor, poses, local_geobox(_MAP_SHAPE, _CELL_M, (0.0, 0.0)))
+    sensor = RangeFinder(sigma_m=sigma_m, max_range_m=2.0, fov_deg=fov_deg, step_deg=0.5)
+    geobox = local_geobox(_MAP_SHAPE, _CELL_M, (0.0, 0.0))
+    return Simulation(scene=scene, sensor=sensor, poses=poses, geobox=geobox)

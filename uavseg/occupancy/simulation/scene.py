@@ -26,12 +26,6 @@ class Scene:
         Corners (x, y) of simple polygons; the last is connected to the first.
     circles : sequence of (x, y, radius)
 
-    Raises
-    ------
-    SceneError
-        If a polygon crosses itself, has no area or fewer than three corners, a radius is not positive, or
-        a number is not finite or beyond 1e9 m.
-
     Examples
     --------
     >>> scene = Scene(circles=[(5.0, 0.0, 1.0)])
@@ -55,7 +49,7 @@ class Scene:
         object.__setattr__(self, "_shapes", shapely.union_all([shapely.Polygon(ring) for ring in rings]))
 
     def cast(self, x: float, y: float, angles: ArrayLike) -> Floats:
-        """Distance from (x, y) to the first surface at each angle, infinite where there is none.
+        """Cast rays from (x, y): the distance to the first surface at each angle, infinite without one.
 
         Parameters
         ----------
@@ -68,14 +62,14 @@ class Scene:
         distances : (n,) float64 array
             In metres, without limit and without noise.
         """
-        turned = np.asarray(angles, np.float64)
-        distances = np.empty(len(turned))
-        rays = np.column_stack([np.cos(turned), np.sin(turned)])
+        radians = np.asarray(angles, np.float64)
+        distances = np.empty(len(radians))
+        rays = np.column_stack([np.cos(radians), np.sin(radians)])
         _cast(x, y, rays, self._edges, self._discs, distances)
         return distances
 
     def contains(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
-        """Whether points lie inside a polygon or circle.
+        """Test whether points lie inside a polygon or circle.
 
         Parameters
         ----------

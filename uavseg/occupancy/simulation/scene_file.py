@@ -1,4 +1,4 @@
-"""JSON files of scenes to simulate: reading and validation.
+"""JSON files of scenes to simulate.
 
 All lengths are in metres, all angles in degrees counterclockwise from the x axis; y points up. ``map`` and
 ``poses`` are required, the other keys are optional, and unknown keys are refused.
@@ -21,15 +21,14 @@ degrees and beams 0.5 degrees apart.
 import json
 import math
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any, NoReturn
 
 from uavseg.errors import RasterError, SceneError
 from uavseg.inputs import parse_json, read_bytes
 from uavseg.occupancy.mapping.scan import Pose
-from uavseg.occupancy.simulation.range_finder import RangeFinder
 from uavseg.occupancy.simulation.scene import Scene
-from uavseg.occupancy.simulation.simulate import Simulation
+from uavseg.occupancy.simulation.simulate import RangeFinder, Simulation
 from uavseg.plain_text import cause_of, shown
 from uavseg.raster.grid.geobox import GeoBox, local_geobox
 
@@ -38,14 +37,7 @@ _SENSOR = {"sigma": "sigma_m", "range": "max_range_m", "fov": "fov_deg", "step":
 
 
 def load_scene(path: str | os.PathLike[str]) -> Simulation:
-    """Read a simulation from a JSON file; the module's docstring describes the format.
-
-    Raises
-    ------
-    SceneError
-        If the file is missing or not JSON, has unknown keys or invalid values, or describes an impossible
-        scene.
-    """
+    """Read a simulation from a JSON file; the module's docstring describes the format."""
     name = os.fspath(path)
     try:
         return build_simulation(_read(path))
@@ -54,27 +46,21 @@ def load_scene(path: str | os.PathLike[str]) -> Simulation:
 
 
 def build_simulation(content: Any) -> Simulation:
-    """Make a simulation from the contents of a scene file, as `json` reads them.
-
-    Raises
-    ------
-    SceneError
-        If keys are missing or unknown, values are invalid, or the scene is impossible.
-    """
-    found = _object("the scene", content, ("map", "poses"), ("polygons", "circles", "sensor"))
-    polygons = _list("polygons", found.get("polygons", []))
-    circles = _list("circles", found.get("circles", []))
+    """Make a simulation from the contents of a scene file, as `json` reads them."""
+    parts = _object("the scene", content, ("map", "poses"), ("polygons", "circles", "sensor"))
+    polygons = _list("polygons", parts.get("polygons", []))
+    circles = _list("circles", parts.get("circles", []))
     scene = Scene(
-        [
+        polygons=[
             [_pair(f"polygon {n}", xy) for xy in _list(f"polygon {n}", ring)]
-            for n, ring in _numbered(polygons)
+            for n, ring in enumerate(polygons, start=1)
         ],
-        [_circle(f"circle {n}", circle) for n, circle in _numbered(circles)],
+        circles=[_circle(f"circle {n}", circle) for n, circle in enumerate(circles, start=1)],
     )
-    given = _object("sensor", found.get("sensor", {}), (), tuple(_SENSOR))
-    sensor = RangeFinder(**{_SENSOR[key]: _number(f"sensor {key}", value) for key, value in given.items()})
-    poses = [_pose(f"pose {n}", pose) for n, pose in _numbered(_list("poses", found["poses"]))]
-    return Simulation(scene, sensor, poses, _cells(found["map"]))
+    numbers = _object("sensor", parts.get("sensor", {}), (), tuple(_SENSOR))
+    sensor = RangeFinder(**{_SENSOR[key]: _number(f"sensor {key}", value) for key, value in numbers.items()})
+    poses = [_pose(f"pose {n}", pose) for n, pose in enumerate(_list("poses", parts["poses"]), start=1)]
+    return Simulation(scene=scene, sensor=sensor, poses=poses, geobox=_cells(parts["map"]))
 
 
 def _read(path: str | os.PathLike[str]) -> Any:
@@ -92,8 +78,8 @@ def _read(path: str | os.PathLike[str]) -> Any:
         raise SceneError(f"it is not valid JSON ({cause_of(error)})") from error
 
 
-def _reject_constant(word: str) -> NoReturn:
-    raise SceneError(f"{word} is not a number that a scene can have")
+def _reject_constant(text: str) -> NoReturn:
+    raise SceneError(f"{text} is not a number that a scene can have")
 
 
 def _unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -105,16 +91,16 @@ def _unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _cells(content: Any) -> GeoBox:
-    found = _object("map", content, ("rows", "cols", "cell"), ("origin",))
-    rows, cols = (_count(f"map {key}", found[key]) for key in ("rows", "cols"))
-    cell = _number("map cell", found["cell"])
+    numbers = _object("map", content, ("rows", "cols", "cell"), ("origin",))
+    rows, cols = (_count(f"map {key}", numbers[key]) for key in ("rows", "cols"))
+    cell = _number("map cell", numbers["cell"])
     if not cell > 0:
         raise SceneError(f"map cell is the side of a cell in metres, more than 0, not {cell:g}")
     if rows * cols > _MAX_SCENE_CELLS:
         raise SceneError(
             f"a map of {rows} x {cols} cells is too large; at most {_MAX_SCENE_CELLS} can be simulated"
         )
-    origin = _pair("map origin", found.get("origin", [0, 0]))
+    origin = _pair("map origin", numbers.get("origin", [0, 0]))
     try:
         return local_geobox((rows, cols), cell, origin)
     except RasterError as error:
@@ -122,14 +108,14 @@ def _cells(content: Any) -> GeoBox:
 
 
 def _pose(name: str, content: Any) -> Pose:
-    found = _object(name, content, ("at",), ("heading",))
-    heading_deg = _number(f"{name} heading", found.get("heading", 0))
-    return Pose(*_pair(f"{name} at", found["at"]), heading_rad=math.radians(heading_deg))
+    pose = _object(name, content, ("at",), ("heading",))
+    heading_deg = _number(f"{name} heading", pose.get("heading", 0))
+    return Pose(*_pair(f"{name} at", pose["at"]), heading_rad=math.radians(heading_deg))
 
 
 def _circle(name: str, content: Any) -> tuple[float, float, float]:
-    found = _object(name, content, ("center", "radius"), ())
-    return (*_pair(f"{name} center", found["center"]), _number(f"{name} radius", found["radius"]))
+    circle = _object(name, content, ("center", "radius"), ())
+    return (*_pair(f"{name} center", circle["center"]), _number(f"{name} radius", circle["radius"]))
 
 
 def _object(name: str, value: Any, required: Sequence[str], optional: Sequence[str]) -> dict[str, Any]:
@@ -173,12 +159,8 @@ def _count(name: str, value: Any) -> int:
     return value
 
 
-def _numbered(values: Iterable[Any]) -> Iterable[tuple[int, Any]]:
-    return enumerate(values, start=1)
-
-
-def _join_names(words: Sequence[str]) -> str:
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+def _join_names(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 def _as_json(value: Any) -> str:

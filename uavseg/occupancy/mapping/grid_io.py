@@ -1,9 +1,11 @@
-"""`nav_msgs/OccupancyGrid` messages: int8 cells in per cent, -1 unknown, row 0 at the bottom.
+"""Reading and writing of occupancy grids: GeoTIFFs of log-odds, and `nav_msgs/OccupancyGrid` messages.
 
-A message is any object with these fields: of rclpy, rospy, rosbags or none of them. None of them is imported.
+A message has int8 cells in per cent, -1 unknown, row 0 at the bottom. It is any object with its fields: of
+rclpy, rospy, rosbags or none of them.
 """
 
 import math
+import os
 from array import array
 from collections.abc import Callable
 from types import SimpleNamespace
@@ -13,30 +15,81 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import MapError, RasterError, SceneError
-from uavseg.occupancy.mapping.grid_file import check_cells
+from uavseg.occupancy.mapping.log_odds import MAX_LOG_ODDS
 from uavseg.occupancy.mapping.rotation import as_quaternion, heading_of, matrix_of_quaternion, tilt_deg
 from uavseg.occupancy.ros.ros_map import RosMap, placement, transform_of
 from uavseg.plain_text import shown
+from uavseg.raster.formats.geotiff import check_geotiff_name, read_geotiff, write_geotiff
 from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.read.dataset import Dataset
 
 Float32s = NDArray[np.float32]
 
+MAX_CELLS = 100_000_000  # of a grid in a file: 5 km x 5 km of cells of half a metre, about 1 GB in memory
+
+LOG_ODDS = "log-odds of occupancy"  # description of the band
+
+_TAG, _CONTENT = "UAVSEG_OCCUPANCY_GRID", "log-odds"
 _LEVEL_DEG = 0.1  # an origin that is tilted by less lies in the plane
 
 
+def check_cells(shape: tuple[int, int], what: str) -> None:
+    """Refuse a grid of more cells than are kept in a file or made from one.
+
+    Parameters
+    ----------
+    shape : (int, int)
+    what : str
+        Name of the grid, for the message.
+    """
+    rows, cols = shape
+    if rows * cols > MAX_CELLS:
+        raise MapError(f"{what} has {cols:,} x {rows:,} cells; at most {MAX_CELLS:,} are possible")
+
+
+def write_grid_file(
+    path: str | os.PathLike[str], log_odds: Float32s, geobox: GeoBox, overwrite: bool = False
+) -> None:
+    """Write the log-odds of a grid.
+
+    Parameters
+    ----------
+    path : path
+        Ends in .tif or .tiff.
+    log_odds : (rows, cols) float32 array
+    geobox : GeoBox
+    overwrite : bool
+    """
+    check_geotiff_name(path, "a grid")
+    check_cells(log_odds.shape, "this grid")
+    write_geotiff(path, [log_odds], geobox, [LOG_ODDS], {_TAG: _CONTENT}, overwrite)
+
+
+def read_grid_file(path: str | os.PathLike[str]) -> tuple[Float32s, GeoBox]:
+    """Read the log-odds of a grid, and the position of its cells."""
+    name = os.fspath(path)
+    dataset = Dataset.open(name)
+    other = f"{name} is not a grid that OccupancyGrid.save saved, but another raster"
+    if dataset.dtype != np.float32:
+        raise MapError(other)
+    check_cells(dataset.geobox.shape, name)
+    values, geobox, _, tags = read_geotiff(name, shape=dataset.geobox.shape)
+    if tags.get(_TAG) != _CONTENT or len(values) != 1:
+        raise MapError(other)
+    log_odds: Float32s = values[0]
+    if not (np.abs(log_odds) <= MAX_LOG_ODDS).all():
+        raise MapError(f"{name} is damaged: log-odds of a grid lie in -{MAX_LOG_ODDS:g}..{MAX_LOG_ODDS:g}")
+    return log_odds, geobox
+
+
 def read_grid_message(message: Any) -> tuple[Float32s, GeoBox]:
-    """Probabilities of a message, and the position of its cells.
+    """Read the probabilities of a message, and the position of its cells.
 
     Returns
     -------
     probabilities : (rows, cols) float32 array
         In 0..1, exactly 0.5 where unknown; the first row is the highest.
     geobox : GeoBox
-
-    Raises
-    ------
-    MapError
-        If a field is missing, cells are not -1 or 0..100, or the origin is tilted.
     """
     resolution = _number(message, "info.resolution")
     shape = (_count(message, "info.height"), _count(message, "info.width"))
@@ -52,7 +105,7 @@ def read_grid_message(message: Any) -> tuple[Float32s, GeoBox]:
 
 
 def fill_grid_message(probabilities: Float32s, geobox: GeoBox, message: Any = None) -> Any:
-    """Fill `info` and `data` of a message, or of a new plain object; returns it.
+    """Fill `info` and `data` of a message, or of a new plain object, and return it.
 
     Parameters
     ----------
@@ -79,34 +132,30 @@ def fill_grid_message(probabilities: Float32s, geobox: GeoBox, message: Any = No
 
 
 def _plain_message() -> SimpleNamespace:
-    """An object with the fields of the message."""
-    numbers = {"x": 0.0, "y": 0.0, "z": 0.0}
-    origin = SimpleNamespace(
-        position=SimpleNamespace(**numbers), orientation=SimpleNamespace(**numbers, w=1.0)
-    )
-    stamp = SimpleNamespace(sec=0, nanosec=0)
-    info = SimpleNamespace(map_load_time=stamp, resolution=0.0, width=0, height=0, origin=origin)
-    header = SimpleNamespace(stamp=SimpleNamespace(sec=0, nanosec=0), frame_id="map")
-    return SimpleNamespace(header=header, info=info, data=array("b"))
+    new = SimpleNamespace
+    origin = new(position=new(x=0.0, y=0.0, z=0.0), orientation=new(x=0.0, y=0.0, z=0.0, w=1.0))
+    load_time = new(sec=0, nanosec=0)
+    info = new(map_load_time=load_time, resolution=0.0, width=0, height=0, origin=origin)
+    header = new(stamp=new(sec=0, nanosec=0), frame_id="map")
+    return new(header=header, info=info, data=array("b"))
 
 
 def _field(message: Any, path: str) -> Any:
-    """A field by its path, such as info.origin."""
     value = message
     for name in path.split("."):
         if not hasattr(value, name):
-            kind = shown(type(message).__name__)
-            raise MapError(f"message is a nav_msgs/OccupancyGrid; this one, {kind}, has no {path}")
+            held = shown(type(message).__name__)
+            raise MapError(f"message is a nav_msgs/OccupancyGrid; this one, {held}, has no {path}")
         value = getattr(value, name)
     return value
 
 
-def _number(message: Any, path: str, kind: Callable[[Any], Any] = float) -> Any:
+def _number(message: Any, path: str, convert: Callable[[Any], Any] = float) -> Any:
     value = _field(message, path)
     try:
         if isinstance(value, str | bytes | bool):
             raise TypeError
-        return kind(value)
+        return convert(value)
     except (TypeError, ValueError, OverflowError) as error:
         raise MapError(f"{path} of an OccupancyGrid message is a number, not {shown(value)}") from error
 
@@ -119,7 +168,6 @@ def _count(message: Any, path: str) -> int:
 
 
 def _origin(message: Any) -> tuple[float, float, float]:
-    """x and y of the lower left corner, and the yaw."""
     x, y = (_number(message, f"info.origin.position.{name}") for name in "xy")
     try:
         matrix = matrix_of_quaternion(as_quaternion(_field(message, "info.origin.orientation")))
@@ -134,7 +182,7 @@ def _origin(message: Any) -> tuple[float, float, float]:
 
 
 def _cells(message: Any, shape: tuple[int, int]) -> NDArray[np.int8]:
-    """Cells in rows from the top."""
+    """Read the cells in rows from the top."""
     value = _field(message, "data")
     try:
         cells = np.asarray(value)
