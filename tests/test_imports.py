@@ -176,7 +176,7 @@ ONLY_IN = {
         *("raster.geodesy.globe", "raster.geodesy.vertical", "flight.mission.plane", "regions.formats.read"),
         "regions.formats.about_file",  # CRS in other words than WKT
     },
-    "rio_tiler": {"jobs.web_map.map_tile"},
+    "rio_tiler": {"jobs.web_map.tiles"},
     "numba": {"_jit.compiling", "_jit.fallback"},
     "llvmlite": {"_jit.compiling", "_jit.fallback"},
     "geopandas": {"regions", "flight.mission.features"},

@@ -1,8 +1,8 @@
 """Access policy: which files and addresses the content of a file may name.
 
-What the user names is opened, whatever it is. What the content of a file names (sources of a VRT, the image
-of a ROS map, the rasters of a block map) is opened only in the folder of that file or below it, or in folders
-that the user allows; and over the network only if the user allows that. See docs/security.md.
+A file that the user names is opened, whatever it is. One that the content of a file names (sources of a VRT,
+the image of a ROS map, the rasters of a block map) is opened only in the folder of that file or below it, or
+in folders that the user allows; and over the network only if the user allows that. See docs/security.md.
 """
 
 import os
@@ -25,7 +25,7 @@ _LOCAL_SCHEMES = ("file://", "zip://", "tar://", "gzip://", "vrt://")
 
 @dataclass(frozen=True, slots=True)
 class AccessPolicy:
-    """What the content of a file may name, beside what lies in its own folder.
+    """Folders and addresses that the content of a file may name, beside its folder.
 
     Parameters
     ----------
@@ -39,9 +39,13 @@ class AccessPolicy:
     allow_network: bool = False
 
     def check_file(self, owner: str | os.PathLike[str], named: str | os.PathLike[str]) -> Path:
-        """The path of a file that the content of `owner` names, as it was named.
+        """Refuse a file that the content of `owner` may not name, else return its path.
 
         Symbolic links and `..` are resolved before folders are compared.
+
+        Parameters
+        ----------
+        owner, named : path
 
         Raises
         ------
@@ -67,13 +71,7 @@ class AccessPolicy:
         )
 
     def check_address(self, owner: str | os.PathLike[str], named: str) -> None:
-        """Whether the content of `owner` may name an address.
-
-        Raises
-        ------
-        AccessError
-            If requests are not allowed.
-        """
+        """Refuse an address that the content of `owner` names, if requests are not allowed (AccessError)."""
         if not self.allow_network:
             raise AccessError(
                 f"{os.fspath(owner)} names the address {named}; allow requests with --allow-network "
@@ -81,12 +79,19 @@ class AccessPolicy:
             )
 
     def check_name(self, owner: str | os.PathLike[str], named: str, folder: Path) -> Path | None:
-        """A path relative to `folder`, as of `check_file`; or an address, for which None is returned.
+        """Refuse a path or an address that the content of `owner` may not name (AccessError).
 
-        Raises
-        ------
-        AccessError
-            If it may not be opened, or is neither a path nor an address.
+        Parameters
+        ----------
+        owner : path
+        named : str
+            A path relative to `folder`, or an address.
+        folder : Path
+
+        Returns
+        -------
+        path : Path or None
+            As of `check_file`; None for an address.
         """
         if is_address(named):
             self.check_address(owner, named)
@@ -106,7 +111,7 @@ class AccessPolicy:
 
 
 def is_address(name: str) -> bool:
-    """Whether a name is opened over the network: a URL, or a path of GDAL's network file systems.
+    """Return whether a name is opened over the network: a URL, or a path of GDAL's network file systems.
 
     Examples
     --------
@@ -121,7 +126,7 @@ _policy: ContextVar[AccessPolicy] = ContextVar("policy", default=STRICT)
 
 
 def current_policy() -> AccessPolicy:
-    """The policy in effect; the strict one by default."""
+    """Return the policy in effect, by default the strict one."""
     return _policy.get()
 
 
@@ -130,7 +135,12 @@ Folders = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
 
 @contextmanager
 def allowing(allow_path: Folders = (), allow_network: bool = False) -> Iterator[None]:
-    """A block in which files may name others in these folders, and addresses if the network is allowed.
+    """Allow files to name others in these folders, and addresses if the network is allowed.
+
+    Parameters
+    ----------
+    allow_path : path or sequence of path
+    allow_network : bool
 
     Raises
     ------

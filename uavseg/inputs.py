@@ -1,4 +1,4 @@
-"""Input files: regular files only, read whole within bounds, and JSON within bounds.
+"""Input files: regular files only, read whole within bounds, and JSON with bounded depth and numbers.
 
 Opening a named pipe waits for its writer, and a device may never end, so nothing but a regular file is
 opened. The size of a file is known before it is read, and what is parsed cannot grow beyond it.
@@ -11,14 +11,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from uavseg.errors import RasterReadError, UavsegError
-from uavseg.plain_text import cause_of
+from uavseg.errors import ParameterError, RasterReadError, UavsegError
+from uavseg.plain_text import cause_of, shown
 
+_MAX_OBJECT_BYTES = 100_000  # of a JSON file that describes one thing
 MAX_TEXT = 256 << 20  # bytes of a text file that is held in memory
 MAX_DEPTH = 64  # of objects and lists in each other, in JSON
 MAX_DIGITS = 400  # of one number in JSON; a float has up to 309 before its point
 
-_KINDS = (
+_FILE_TYPES = (
     (stat.S_ISDIR, "a folder"),
     (stat.S_ISFIFO, "a named pipe"),
     (stat.S_ISSOCK, "a socket"),
@@ -30,7 +31,7 @@ Error = Callable[[str], UavsegError]
 
 
 def regular_file(path: str | os.PathLike[str], error: Error = RasterReadError) -> Path:
-    """The path of an input, which has to be a regular file; it is not opened.
+    """Refuse an input that is not a regular file, without opening it, else return its path.
 
     Parameters
     ----------
@@ -52,17 +53,19 @@ def regular_file(path: str | os.PathLike[str], error: Error = RasterReadError) -
         raise error(f"{name} cannot be read ({cause_of(cause)})") from cause
     if stat.S_ISREG(mode):
         return Path(path)
-    kind = next((word for is_kind, word in _KINDS if is_kind(mode)), "no regular file")
-    raise error(f"{name} is {kind}; name a regular file")
+    file_type = next((text for is_type, text in _FILE_TYPES if is_type(mode)), "no regular file")
+    raise error(f"{name} is {file_type}; name a regular file")
 
 
 def read_bytes(path: str | os.PathLike[str], error: Error = RasterReadError, limit: int = MAX_TEXT) -> bytes:
-    """The whole content of a regular file of at most `limit` bytes.
+    """Read a regular file of at most `limit` bytes.
 
-    Raises
-    ------
-    UavsegError
-        As of `regular_file`, and if it is larger or cannot be read.
+    Parameters
+    ----------
+    path : path
+    error : callable
+        Makes the exception from its message.
+    limit : int
     """
     name = os.fspath(path)
     try:
@@ -78,13 +81,7 @@ def read_bytes(path: str | os.PathLike[str], error: Error = RasterReadError, lim
 
 
 def read_start(path: str | os.PathLike[str], count: int = 4096, error: Error = RasterReadError) -> bytes:
-    """The first bytes of a regular file.
-
-    Raises
-    ------
-    UavsegError
-        If it cannot be read.
-    """
+    """Read the first `count` bytes of a regular file; an `error` if it cannot be read."""
     try:
         with Path(path).open("rb") as file:
             return file.read(count)
@@ -92,26 +89,21 @@ def read_start(path: str | os.PathLike[str], count: int = 4096, error: Error = R
         raise error(f"{os.fspath(path)} cannot be read ({cause_of(cause)})") from cause
 
 
-def parse_json(text: str, **how: Any) -> Any:
-    """`json.loads` with bounds on the depth and on the length of numbers.
+def parse_json(text: str, **options: Any) -> Any:
+    """Parse JSON as `json.loads`; ValueError where objects are nested too deeply or numbers too long.
 
-    Raises
-    ------
-    ValueError
-        If it is not valid JSON or beyond the bounds.
+    Parameters
+    ----------
+    text : str
+    **options
+        Of `json.loads`.
     """
     _check_depth(text)
-    return json.loads(text, parse_int=_integer, parse_float=_number, **how)
+    return json.loads(text, parse_int=_integer, parse_float=_number, **options)
 
 
 def check_yaml_brackets(content: bytes) -> None:
-    """Refuse YAML with brackets in brackets beyond a depth: scanning takes time that grows with its square.
-
-    Raises
-    ------
-    ValueError
-        If it is nested more than 64 deep.
-    """
+    """Refuse YAML with deeply nested brackets (ValueError): the time to scan it grows with its square."""
     depth = 0
     for letter in content.translate(None, _NO_BRACKETS):
         depth += 1 if letter in b"[{" else -1
@@ -155,3 +147,46 @@ def _number(digits: str) -> float:
 def _check_digits(digits: str) -> None:
     if len(digits) > MAX_DIGITS:
         raise ValueError(f"a number has {len(digits)} digits; at most {MAX_DIGITS} are read")
+
+
+def read_object(path: str | os.PathLike[str], subject: str, expected: str) -> dict[str, Any]:
+    """Read a JSON file that describes one thing, such as a camera; ParameterError where it holds no object.
+
+    Parameters
+    ----------
+    path : path
+    subject : str
+        What the file describes, for the message.
+    expected : str
+        Content of the object, for the message.
+    """
+    try:
+        content = parse_json(read_bytes(path, ParameterError, _MAX_OBJECT_BYTES).decode("utf-8"))
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, ParameterError):
+            raise
+        raise ParameterError(f"{path} cannot be read as a {subject} in JSON ({cause_of(error)})") from error
+    if not isinstance(content, dict) or not content:
+        raise ParameterError(f"{path} is not a {subject}; expected a JSON object with {expected}")
+    return content
+
+
+def number_in(content: dict[str, Any], key: str, path: str | os.PathLike[str], subject: str) -> float:
+    """Return the number of a key of `read_object`, or raise a ParameterError."""
+    value = content[key]
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ParameterError(f"{path}: {key} of a {subject} is a number, not {shown(value)}")
+    try:
+        return float(value)
+    except OverflowError as error:
+        raise ParameterError(f"{path}: {key} of a {subject} is too large") from error
+
+
+def text_in(
+    content: dict[str, Any], key: str, default: str, path: str | os.PathLike[str], subject: str
+) -> str:
+    """Return the text of a key of `read_object`, or the default; ParameterError if it is not text."""
+    value = content.get(key, default)
+    if not isinstance(value, str):
+        raise ParameterError(f"{path}: {key} of a {subject} is a word, not {shown(value)}")
+    return value

@@ -9,14 +9,14 @@ MAX_CAUSE = 200
 _TAIL = 150  # of a message, which often ends with what to do
 
 
-def one_line(text: object, most: int = MAX_MESSAGE) -> str:
-    r"""A text as one printable line: control characters are escaped, what is too long is left out.
+def one_line(text: object, max_length: int = MAX_MESSAGE) -> str:
+    r"""Format a text as one printable line: control characters are escaped, the middle of long ones left out.
 
     Parameters
     ----------
     text : object
         Usually str.
-    most : int
+    max_length : int
         Characters that are kept.
 
     Examples
@@ -27,11 +27,11 @@ def one_line(text: object, most: int = MAX_MESSAGE) -> str:
     'aaaaaaa ... aaaaaaaa'
     """
     line = re.sub(rf"\S{{{MAX_WORD + 1},}}", lambda word: _shortened(word[0], MAX_WORD), printable(str(text)))
-    return _shortened(line, most)
+    return _shortened(line, max_length)
 
 
 def printable(text: str) -> str:
-    r"""A text in which control characters are escaped, and what changes the direction of writing.
+    r"""Escape control characters, and those that change the direction of writing.
 
     Examples
     --------
@@ -40,16 +40,13 @@ def printable(text: str) -> str:
     """
     if text.isprintable():
         return text
-    letters = (
-        letter if letter.isprintable() else letter.encode("unicode_escape").decode() for letter in text
-    )
-    return "".join(letters)
+    return "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in text)
 
 
 def cause_of(error: BaseException) -> str:
-    """The message of the first error in a chain of causes: its first sentence, as one line.
+    """Return the message of the first error in a chain of causes: its first sentence, as one line.
 
-    What Python says of values of a wrong kind is said in words that a user knows.
+    Python's messages about values of a wrong type are replaced by ones for users.
 
     Examples
     --------
@@ -60,19 +57,19 @@ def cause_of(error: BaseException) -> str:
     """
     while error.__cause__ is not None:
         error = error.__cause__
-    for kind, text in _IN_WORDS.items():
-        if isinstance(error, kind):
+    for error_type, text in _MESSAGES.items():
+        if isinstance(error, error_type):
             return text
-    words = " ".join(str(getattr(error, "strerror", None) or error).split())
+    message = " ".join(str(getattr(error, "strerror", None) or error).split())
     if type(error) is KeyError:
         return f"{shown(error.args[0]) if error.args else 'a value'} is missing"
     for pattern, text in _REPHRASED:
-        words = re.sub(pattern, text, words)
-    sentence = re.split(r"(?<=[^.\s])\.(?=\s|$)", words, maxsplit=1)[0]
+        message = re.sub(pattern, text, message)
+    sentence = re.split(r"(?<=[^.\s])\.(?=\s|$)", message, maxsplit=1)[0]
     return one_line(sentence or type(error).__name__, MAX_CAUSE)
 
 
-_IN_WORDS: dict[type[BaseException], str] = {
+_MESSAGES: dict[type[BaseException], str] = {
     UnicodeError: "a text or a name in it is not UTF-8",
     RecursionError: "it is nested too deeply",
     OverflowError: "a number in it is too large",
@@ -95,7 +92,7 @@ _REPHRASED = (
 
 
 def shown(value: object, quoted: bool = True) -> str:
-    """A wrong value in a message: its representation, or the text itself, shortened.
+    """Format a wrong value for a message: its representation, or the text itself, shortened.
 
     Examples
     --------
@@ -109,9 +106,8 @@ def shown(value: object, quoted: bool = True) -> str:
     return one_line(" ".join(text.split()), 40 if len(text) > 60 else 60)
 
 
-def _shortened(text: str, most: int) -> str:
-    """The beginning and the end of a text that is longer than `most`."""
-    if len(text) <= most:
+def _shortened(text: str, max_length: int) -> str:
+    if len(text) <= max_length:
         return text
-    tail = min(_TAIL, most * 2 // 5)
-    return f"{text[: most - tail - 5]} ... {text[-tail:]}"
+    tail = min(_TAIL, max_length * 2 // 5)
+    return f"{text[: max_length - tail - 5]} ... {text[-tail:]}"

@@ -11,7 +11,7 @@ _lock = threading.RLock()
 
 @contextmanager
 def changing_filters(record: bool = False) -> Iterator[list[warnings.WarningMessage]]:
-    """As `warnings.catch_warnings`, while no other thread is in such a context.
+    """Catch warnings as `warnings.catch_warnings`, while no other thread is in such a context.
 
     Two threads that leave `catch_warnings` in the order in which they entered it leave filters of the second
     one behind, and one records what the other ignores.

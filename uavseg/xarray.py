@@ -1,4 +1,4 @@
-"""Accessor of xarray: after `import uavseg.xarray`, DataArrays have `.uavseg` with the jobs for rasters.
+"""xarray accessor: after `import uavseg.xarray`, DataArrays have `.uavseg` with the jobs for rasters.
 
 >>> import rioxarray, uavseg.xarray  # doctest: +SKIP
 >>> raster = rioxarray.open_rasterio("tile.tif")  # doctest: +SKIP
@@ -25,30 +25,30 @@ class UavsegAccessor:
     def __init__(self, array: xarray.DataArray) -> None:
         self._array = array
 
-    def extract(self, *choices: Any, **words: Any) -> Any:
-        """Regions within a range, as `uavseg.extract`."""
-        return uavseg.extract(self._array, *choices, **words)
+    def extract(self, *args: Any, **options: Any) -> Any:
+        """Return the regions within a range, as `uavseg.extract`."""
+        return uavseg.extract(self._array, *args, **options)
 
-    def levels(self, *choices: Any, **words: Any) -> Any:
-        """Levels of equal width, each in segments, as `uavseg.levels`."""
-        return uavseg.levels(self._array, *choices, **words)
+    def levels(self, *args: Any, **options: Any) -> Any:
+        """Return levels of equal width, each in segments, as `uavseg.levels`."""
+        return uavseg.levels(self._array, *args, **options)
 
-    def match(self, *choices: Any, **words: Any) -> Any:
-        """Regions like a sample, as `uavseg.match`."""
-        return uavseg.match(self._array, *choices, **words)
+    def match(self, *args: Any, **options: Any) -> Any:
+        """Return the regions similar to a sample, as `uavseg.match`."""
+        return uavseg.match(self._array, *args, **options)
 
-    def suggest(self, *choices: Any, **words: Any) -> Any:
-        """Ranges of intensity to try, as `uavseg.suggest`."""
-        return uavseg.suggest(self._array, *choices, **words)
+    def suggest(self, *args: Any, **options: Any) -> Any:
+        """Suggest ranges of intensity, as `uavseg.suggest`."""
+        return uavseg.suggest(self._array, *args, **options)
 
-    def classify(self, *choices: Any, **words: Any) -> Any:
-        """States of a map of probabilities, as `uavseg.classify`."""
-        return uavseg.classify(self._array, *choices, **words)
+    def classify(self, *args: Any, **options: Any) -> Any:
+        """Classify a map of probabilities into states, as `uavseg.classify`."""
+        return uavseg.classify(self._array, *args, **options)
 
-    def info(self, *choices: Any, **words: Any) -> Any:
-        """What the raster is, as `uavseg.info`."""
-        return uavseg.info(self._array, *choices, **words)
+    def info(self, *args: Any, **options: Any) -> Any:
+        """Describe the raster, as `uavseg.info`."""
+        return uavseg.info(self._array, *args, **options)
 
-    def divide(self, *choices: Any, **words: Any) -> Any:
-        """The block map, as `uavseg.divide`."""
-        return uavseg.divide(self._array, *choices, **words)
+    def divide(self, *args: Any, **options: Any) -> Any:
+        """Return the block map, as `uavseg.divide`."""
+        return uavseg.divide(self._array, *args, **options)

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavseg.execution.fingerprint import fingerprint
+from uavseg.execution.checkpoint import fingerprint
 from uavseg.raster.grid.tiling import Window, tiles
 from uavseg.raster.intensity.stretch import Stretch
 
@@ -101,7 +101,7 @@ def test_values_without_content_are_refused(value: Any) -> None:
 
 def test_every_process_finds_the_same_hash() -> None:
     program = (
-        "from uavseg.execution.fingerprint import fingerprint\n"
+        "from uavseg.execution.checkpoint import fingerprint\n"
         "from uavseg.raster.grid.tiling import Window, tiles\n"
         "print(fingerprint(tiles, (Window(1, 2, 3, 4), 'a', 0.1)))"
     )

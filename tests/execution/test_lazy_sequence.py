@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavseg.execution.fingerprint import fingerprint
-from uavseg.execution.lazy_sequence import LazySequence, lazy_selection
+from uavseg.execution.checkpoint import fingerprint
+from uavseg.execution.executors import LazySequence, lazy_selection
 
 lengths = st.integers(0, 20)
 ends = st.none() | st.integers(-25, 25)

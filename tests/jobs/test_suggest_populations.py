@@ -15,8 +15,7 @@ import uavseg
 from uavseg.cli import main
 from uavseg.jobs.source.open_source import open_source
 from uavseg.jobs.suggest import suggest
-from uavseg.plot.layers.range_layer import range_colors
-from uavseg.plot.suggestions import draw_suggestions
+from uavseg.plot.suggestions import draw_suggestions, range_colors
 from uavseg.raster.read.dataset import Dataset
 
 SIDE = 192

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uavseg.errors import OutputError
-from uavseg.output.name_template import check_own_names, fill_template, outputs_of
+from uavseg.output.targets import check_distinct_outputs, fill_template, outputs_of
 
 stems = st.text(st.characters(exclude_characters="\0/.", codec="utf-8"), min_size=1)
 
@@ -42,8 +42,8 @@ def test_the_parent_of_a_bare_name_is_the_working_directory(
 
 def test_two_sources_have_two_outputs() -> None:
     sources = ["west/a.tif", "east/a.tif"]
-    check_own_names(sources, [[name] for name in outputs_of("{parent}-{stem}.gpkg", sources)])
+    check_distinct_outputs(sources, [[name] for name in outputs_of("{parent}-{stem}.gpkg", sources)])
     with pytest.raises(OutputError, match=r"west/a.tif and east/a.tif would both be written to \./a.gpkg"):
-        check_own_names(sources, [["a.gpkg"], ["./a.gpkg"]])
+        check_distinct_outputs(sources, [["a.gpkg"], ["./a.gpkg"]])
     with pytest.raises(OutputError, match=r"west/a.tif and west/a.tif would both"):
-        check_own_names(sources, [["a.tif", "a.tif"], ["b.tif"]])
+        check_distinct_outputs(sources, [["a.tif", "a.tif"], ["b.tif"]])

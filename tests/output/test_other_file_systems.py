@@ -11,8 +11,7 @@ import pytest
 
 from uavseg.errors import OutputError, OutputExistsError
 from uavseg.output import disk
-from uavseg.output.atomic import atomic_file
-from uavseg.output.transaction import transaction
+from uavseg.output.atomic import atomic_file, transaction
 
 NO_LINKS = ("EPERM", "EOPNOTSUPP", "ENOSYS", "EMLINK", "EINVAL", "EXDEV")
 NO_SYNC = ("EINVAL", "EOPNOTSUPP", "ENOSYS")

@@ -14,10 +14,9 @@ import pytest
 
 from uavseg.errors import OutputError, OutputExistsError
 from uavseg.output import disk
-from uavseg.output.atomic import atomic_file
+from uavseg.output.atomic import atomic_file, transaction
+from uavseg.output.disk import locked_folder
 from uavseg.output.interrupts import interrupts_held
-from uavseg.output.locks import locked_folder
-from uavseg.output.transaction import transaction
 from uavseg.output.written import note_kept, noted_stream, recording_written
 
 
@@ -111,7 +110,7 @@ def test_journals_are_removed_where_one_cannot_be_written(
             if len(written) == 2:
                 raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("uavseg.output.journal.sync_file", failing)
+    monkeypatch.setattr("uavseg.output.renames.sync_file", failing)
     for folder in ("one", "two"):
         (tmp_path / folder).mkdir()
     with pytest.raises(OutputError, match="No space left on device"), transaction():
@@ -214,7 +213,7 @@ def test_threads_exclude_each_other_too(tmp_path: Path) -> None:
 def test_a_locked_folder_is_waited_for_and_not_for_ever(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("uavseg.output.locks.PATIENCE_S", 0.1)
+    monkeypatch.setattr("uavseg.output.disk.LOCK_TIMEOUT_S", 0.1)
     with locked_folder(tmp_path), pytest.raises(OutputError, match="another program has locked the folder"):
         write(tmp_path / "a.tif")
     assert contents(tmp_path) == {}

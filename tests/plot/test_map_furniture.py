@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavseg.plot.page import map_furniture
+from uavseg.plot.page import page as map_furniture
 
 
 @given(st.floats(1e-3, 1e8))

@@ -10,8 +10,7 @@ from matplotlib.image import imread
 
 from tests.plot.halves import found_in, halves
 from uavseg.errors import OutputError, OutputExistsError
-from uavseg.plot.layers.range_layer import range_colors
-from uavseg.plot.suggestions import draw_suggestions
+from uavseg.plot.suggestions import draw_suggestions, range_colors
 from uavseg.raster.spectral.value_scale import BandScale, ValueAxis
 
 

@@ -246,7 +246,7 @@ def test_bad_blocks_are_returned_with_results_from_another_process(write_raster:
 def test_a_change_of_the_file_or_of_how_it_is_read_changes_its_fingerprint(
     tmp_path: Path, write_raster: Callable
 ) -> None:
-    from uavseg.execution.fingerprint import fingerprint
+    from uavseg.execution.checkpoint import fingerprint
 
     path = write_raster(PIXELS, tmp_path / "a.tif", **TILED)
     other = write_raster(PIXELS, tmp_path / "b.tif", **TILED)

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavseg.server.gate import MAX_BODY, Gate, Refusal
+from uavseg.server.local_server import MAX_BODY, Gate, Refusal
 
 GATE = Gate(8000, "secret-token")
 OWN = {"host": ["127.0.0.1:8000"]}

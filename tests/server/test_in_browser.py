@@ -15,7 +15,7 @@ from click.testing import CliRunner
 import uavseg
 from tests.plot.web.test_in_browser import CHROMIUM, NODE, REQUIRED, has_playwright
 from uavseg.cli import main
-from uavseg.jobs.web_map.map_tile import has_map_tiles
+from uavseg.jobs.web_map.tiles import has_map_tiles
 
 SAMPLE = Path(uavseg.__file__).parents[1] / "samples" / "quarry.tif"
 pytestmark = [

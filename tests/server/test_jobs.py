@@ -26,7 +26,7 @@ from uavseg.api.serve import MapServer
 from uavseg.cli import main
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress
-from uavseg.jobs.web_map.map_tile import has_map_tiles
+from uavseg.jobs.web_map.tiles import has_map_tiles
 from uavseg.plot.web import page
 from uavseg.server.site import FIELDS
 from uavseg.server.tasks import KEPT, BusyError, Tasks

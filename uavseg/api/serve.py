@@ -20,9 +20,8 @@ from uavseg.flight.camera.camera import cameras
 from uavseg.jobs.source.open_source import open_source, raster_of
 from uavseg.jobs.source.source import Source
 from uavseg.jobs.source.work import Work
-from uavseg.jobs.web_map.cell_tiles import CellTiles
 from uavseg.jobs.web_map.content import FieldMapRequest, field_map
-from uavseg.jobs.web_map.map_tile import has_map_tiles
+from uavseg.jobs.web_map.tiles import CellTiles, has_map_tiles
 from uavseg.options.option import build
 from uavseg.options.pages import ServeOptions
 from uavseg.plot.web.field_map import page_of

@@ -20,9 +20,8 @@ from uavseg.jobs.source.work import Work
 from uavseg.jobs.web_map.content import FieldMap, FieldMapRequest, field_map
 from uavseg.options.option import build
 from uavseg.options.pages import MapOptions
-from uavseg.plot.web.field_map import data_of, read_flights, size_notes, title_of
+from uavseg.plot.web.field_map import data_of, read_collection, read_flights, size_notes, title_of
 from uavseg.plot.web.page import asset, render_page
-from uavseg.plot.web.region_features import read_collection
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame

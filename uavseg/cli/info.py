@@ -48,7 +48,7 @@ def _raster(options: InfoOptions) -> tuple[str, dict[str, Any]]:
 def _regions(options: InfoOptions) -> tuple[str, dict[str, Any]]:
     """The same of a file of regions."""
     from uavseg.jobs.info_regions import info_regions
-    from uavseg.plot.region_file_text import region_file_text
+    from uavseg.plot.summary_text import region_file_text
 
     found = info_regions(options.source.rasters, options.read)
     return region_file_text(found), found.as_dict()

@@ -97,7 +97,7 @@ def keep_inputs(outputs: Sequence[str | None], *inputs: Any) -> None:
 
 def transaction() -> AbstractContextManager[None]:
     """Context whose files appear together at its end."""
-    from uavseg.output import transaction as files
+    from uavseg.output import atomic as files
 
     return files.transaction()
 

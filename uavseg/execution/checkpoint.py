@@ -10,15 +10,18 @@ import hashlib
 import os
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing
+from dataclasses import fields, is_dataclass
+from fractions import Fraction
 from functools import lru_cache, partial
 from pathlib import Path
+from types import FunctionType
 from typing import Any
+
+import numpy as np
 
 from uavseg._version import __version__
 from uavseg.errors import OutputError
-from uavseg.execution.executors import Item, Map, Progress, Result
-from uavseg.execution.fingerprint import fingerprint
-from uavseg.execution.lazy_sequence import lazy_selection
+from uavseg.execution.executors import Item, Map, Progress, Result, lazy_selection
 from uavseg.execution.result_file import DamagedResultError, decode_result, encode_result
 from uavseg.output.atomic import atomic_file
 from uavseg.output.renames import recover
@@ -28,17 +31,18 @@ from uavseg.output.written import note_kept
 UNSAVED = ("corner", "is_filled_white")
 """Stages that read a few pixels, which takes less time than their results' files would."""
 
+_PLAIN = (bool, int, float, str, bytes, Fraction, np.dtype, np.generic)
+_Feed = Callable[[bytes], object]
 OnResume = Callable[[str, int, int], object]
 """Called with the name of a stage, how many of its tiles are done already, and how many it has."""
 
 
 def with_checkpoint(map: Map, folder: str | os.PathLike[str], on_resume: OnResume | None = None) -> Map:
-    """An executor that saves every result in a folder, and reads those that are there already.
+    """Return an executor that saves every result in a folder, and reads those that it holds already.
 
     The calling thread reads and writes the files; only missing results are computed by the other executor.
-    Results of the stages in `UNSAVED` are computed each time.
-    A file is written whole or not at all; a damaged one is computed again. The folder remains at the end: it
-    may be used again, or removed.
+    Results of the stages in `UNSAVED` are computed each time. A file is written whole or not at all; a
+    damaged one is computed again. The folder remains at the end.
 
     Parameters
     ----------
@@ -73,7 +77,7 @@ def with_checkpoint(map: Map, folder: str | os.PathLike[str], on_resume: OnResum
         keys = [fingerprint(item) for item in items]
         recover(stage)
         existing = {path.name for path in stage.iterdir()}
-        missing = [k for k, key in enumerate(keys) if _file_name(key) not in existing]
+        missing = [k for k, key in enumerate(keys) if f"{key}.npz" not in existing]
         if on_resume is not None and len(missing) < len(keys):
             on_resume(name, len(keys) - len(missing), len(keys))
         is_missing = set(missing)
@@ -93,7 +97,7 @@ def with_checkpoint(map: Map, folder: str | os.PathLike[str], on_resume: OnResum
 
 
 def stage_name(function: Any) -> str:
-    """Name of a stage for messages: "measure" for `_measure_tile` with any arguments."""
+    """Return the name of a stage for messages: "measure" for `_measure_tile` with any arguments."""
     while not hasattr(function, "__name__"):
         inner = getattr(function, "func", None) or getattr(function, "function", None)
         if inner is None:
@@ -104,15 +108,11 @@ def stage_name(function: Any) -> str:
 
 @lru_cache
 def _code_hash() -> str:
-    """Hash of the package's source: two states of it between two releases have the same version."""
+    """Hash the package's source: two states of it between two releases have the same version."""
     hasher = hashlib.sha256()
     for path in sorted(Path(__file__).parents[1].rglob("*.py")):
         hasher.update(path.read_bytes())
     return hasher.hexdigest()
-
-
-def _file_name(key: str) -> str:
-    return f"{key}.npz"
 
 
 def _make_folder(folder: Path) -> None:
@@ -125,15 +125,87 @@ def _make_folder(folder: Path) -> None:
 
 def _save(stage: Path, key: str, result: Any) -> None:
     """Write a result; not synced, since a file torn by a power cut is detected and computed again."""
-    with atomic_file(stage / _file_name(key), overwrite=True, sync=False) as path:
+    with atomic_file(stage / f"{key}.npz", overwrite=True, sync=False) as path:
         path.write_bytes(encode_result(result, key))
 
 
 def _read_or_compute(stage: Path, key: str, compute: Callable[[], Iterator[Any]]) -> Any:
-    """A result from its file; computed again where that is damaged."""
+    """Read a result from its file; compute it again where that is damaged."""
     try:
-        return decode_result((stage / _file_name(key)).read_bytes(), key)
+        return decode_result((stage / f"{key}.npz").read_bytes(), key)
     except (OSError, DamagedResultError):
         [result] = compute()
         _save(stage, key, result)
         return result
+
+
+def fingerprint(*values: Any) -> str:
+    """Hash values, their types and all their content; 32 hexadecimal digits, identical across processes.
+
+    An object with a method `fingerprint` is hashed by what the method returns. Dataclasses, arrays,
+    sequences, numbers, strings and plain objects are hashed by their content, functions of a module by their
+    name, and partial functions by their arguments too.
+
+    Examples
+    --------
+    >>> fingerprint((1, 2)) == fingerprint((1, 2))
+    True
+    >>> fingerprint((1, 2)) == fingerprint((1, 2.0))
+    False
+    """
+    hasher = hashlib.sha256()
+    for value in values:
+        _feed(hasher.update, value)
+    return hasher.hexdigest()[:32]
+
+
+def _feed(feed: _Feed, value: Any) -> None:
+    _mark(feed, f"{type(value).__module__}.{type(value).__qualname__}")
+    if value is None:
+        return
+    if isinstance(value, _PLAIN):
+        _mark(feed, repr(value))
+    elif isinstance(value, np.ndarray):
+        _feed_array(feed, value)
+    elif isinstance(value, tuple | list):
+        _mark(feed, str(len(value)))
+        for part in value:
+            _feed(feed, part)
+    elif isinstance(value, FunctionType):
+        _mark(feed, _name(value))
+    else:
+        for part in _content(value):
+            _feed(feed, part)
+
+
+def _mark(feed: _Feed, text: str) -> None:
+    """Feed a text with its length in front, so that no two sequences of texts give the same bytes."""
+    feed(f"{len(text)}:{text}".encode())
+
+
+def _feed_array(feed: _Feed, array: np.ndarray[Any, Any]) -> None:
+    if array.dtype.hasobject:
+        raise TypeError("an array of objects has no bytes to hash")
+    _mark(feed, f"{array.dtype.str}{array.shape}")
+    feed(array.tobytes())
+
+
+def _name(function: FunctionType) -> str:
+    if "<" in function.__qualname__:
+        raise TypeError(
+            f"{function.__qualname__} is not a function of a module, so its name does not identify it"
+        )
+    return f"{function.__module__}.{function.__qualname__}"
+
+
+def _content(value: Any) -> list[Any]:
+    """List the content of an object in a fixed order."""
+    if hasattr(value, "fingerprint"):
+        return [value.fingerprint()]
+    if isinstance(value, partial):
+        return [value.func, value.args, sorted(value.keywords.items())]
+    if is_dataclass(value):
+        return [getattr(value, field.name) for field in fields(value)]
+    if not hasattr(value, "__dict__"):
+        raise TypeError(f"a {type(value).__qualname__} has no content to hash")
+    return sorted(vars(value).items())

@@ -41,7 +41,7 @@ RESULT_LIBRARIES = {
 
 
 def dask(address: str) -> "Cluster":
-    """Executor on the workers of a scheduler; a context manager, to be closed at the end.
+    """Connect to the workers of a scheduler; the executor is a context manager, to be closed at the end.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def dask(address: str) -> "Cluster":
         raise ClusterError(
             '--scheduler needs dask.distributed; install it with: pip install "uavseg[cluster]"'
         ) from error
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters is raised as an error
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # errors are raised
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # about versions of packages, which are checked below
         try:
@@ -114,17 +114,11 @@ class Cluster:
         self._client.close()
 
     def check_versions(self) -> None:
-        """Check that all connected workers have the versions of this process.
-
-        Raises
-        ------
-        ClusterError
-            If one has not.
-        """
+        """Refuse connected workers with other versions than this process."""
         ours = versions()
         with self._cluster_errors():
-            found = self._client.run(versions, on_error="return")
-        for worker, theirs in found.items():
+            versions_by_worker = self._client.run(versions, on_error="return")
+        for worker, theirs in versions_by_worker.items():
             if isinstance(theirs, Exception):
                 raise ClusterError(
                     f"the worker {worker} has no uavseg {ours['uavseg']} ({theirs}); install the same there"
@@ -133,7 +127,7 @@ class Cluster:
                 raise ClusterError(f"the worker {worker} has {_differences(theirs, ours)}")
 
     def _send(self, work: "_Work") -> Any:
-        """Future of a function on the workers, which pass it on to each other.
+        """Send a function to the workers, which pass it on to each other; returns its future.
 
         The tasks that make it name only functions of the standard library, so that a worker without uavseg
         fails when it unpickles the function, with an error that says so.
@@ -162,7 +156,7 @@ class Cluster:
                 return unpack_value(future.result())
 
     def _capacity(self) -> int:
-        """How many items may be in flight; the number of workers may change."""
+        """Return how many items may be in flight; the number of workers may change."""
         now = time.monotonic()
         if now - self._last_count >= _POLL_S:
             self._last_count, self._threads = now, sum(self._client.nthreads().values())
@@ -172,7 +166,7 @@ class Cluster:
 
     @contextmanager
     def _cluster_errors(self) -> Iterator[None]:
-        """Failures of the cluster as ClusterError."""
+        """Raise failures of the cluster as ClusterError."""
         from concurrent.futures import CancelledError
 
         from distributed import KilledWorker
@@ -201,11 +195,7 @@ class Cluster:
 class _Work:
     """A function of packed items, whose errors name the worker.
 
-    Parameters
-    ----------
-    function : callable
-    versions : dict
-        Those of the client. A worker may join at any time, so each compares its own with them.
+    A worker may join at any time, so each compares its versions with those of the client.
     """
 
     function: Callable[[Any], Any]
@@ -213,8 +203,8 @@ class _Work:
 
     def __call__(self, item: bytes) -> bytes:
         try:
-            if _own_versions() != self.versions:
-                raise ClusterError(f"a worker has {_differences(_own_versions(), self.versions)}")
+            if _local_versions() != self.versions:
+                raise ClusterError(f"a worker has {_differences(_local_versions(), self.versions)}")
             return pack_value(self.function(unpack_value(item)))
         except UavsegError as error:
             from distributed import get_worker
@@ -225,41 +215,40 @@ class _Work:
 
 
 def pack_value(value: object) -> bytes:
-    """A value pickled and compressed."""
+    """Pickle and compress a value."""
     return zlib.compress(pickle.dumps(value, pickle.HIGHEST_PROTOCOL), 1)
 
 
 def unpack_value(content: bytes) -> Any:
-    """The value that `pack_value` packed."""
+    """Unpack the value that `pack_value` packed."""
     return pickle.loads(zlib.decompress(content))
 
 
 def versions() -> dict[str, str]:
-    """Versions that must agree between client and workers; of Python and distributed major and minor only."""
+    """Return the versions that must agree; of Python and distributed major and minor only."""
     minor = {"distributed": version("distributed"), "Python": python_version()}
-    found = {name: ".".join(text.split(".")[:2]) for name, text in minor.items()}
-    found |= {name: _version_if_installed(name) for name in RESULT_PACKAGES}
+    by_name = {name: ".".join(text.split(".")[:2]) for name, text in minor.items()}
+    by_name |= {name: _version_if_installed(name) for name in RESULT_PACKAGES}
     for name, (module, attribute) in RESULT_LIBRARIES.items():
-        found[name] = str(getattr(import_module(module), attribute))
-    return {"uavseg": import_module("uavseg").__version__} | found
+        by_name[name] = str(getattr(import_module(module), attribute))
+    return {"uavseg": import_module("uavseg").__version__} | by_name
 
 
 def _version_if_installed(name: str) -> str:
-    """Numba and llvmlite are not installed everywhere."""
     try:
         return version(name)
-    except PackageNotFoundError:
+    except PackageNotFoundError:  # numba and llvmlite are not needed everywhere
         return "not installed"
 
 
-_own_versions = cache(versions)  # a worker compares them for each item
+_local_versions = cache(versions)  # a worker compares them for each item
 
 
 def _differences(theirs: dict[str, str], ours: dict[str, str]) -> str:
-    """Every version that differs, and what to do about it."""
-    found = [
+    """Describe every version that differs, and what to do about it."""
+    differing = [
         f"{name} {theirs.get(name)} where this side has {here}"
         for name, here in ours.items()
         if theirs.get(name) != here
     ]
-    return f"{', '.join(found)}; install the same on both"
+    return f"{', '.join(differing)}; install the same on both"

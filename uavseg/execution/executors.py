@@ -1,4 +1,4 @@
-"""Executors: the only module that knows about threads.
+"""Executors: the only module that knows about threads; lazy sequences of items.
 
 An executor (`Map`) takes a function and a sequence of items, and yields the results in the order of the
 items. Functions and items must be picklable, so that the same call can run on a cluster.
@@ -8,8 +8,10 @@ import os
 import sys
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
+from dataclasses import dataclass
 from functools import cache, partial
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from operator import index
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar, overload
 
 from uavseg.errors import ParameterError
 
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
 
 
 Item = TypeVar("Item")
+Element = TypeVar("Element", covariant=True)
 Result = TypeVar("Result")
 Progress = Callable[[int, int], None]
 """Called with the number of items done, and the number of items."""
@@ -40,7 +43,7 @@ class Map(Protocol):
 def serial(
     function: Callable[[Item], Result], items: Sequence[Item], progress: Progress | None = None
 ) -> Generator[Result, None, None]:
-    """Executor that runs one item after the other in the calling thread.
+    """Run one item after the other in the calling thread.
 
     Examples
     --------
@@ -54,14 +57,9 @@ def serial(
 
 
 def threads(count: int | None = None) -> Map:
-    """Executor that runs `count` threads, by default one for each core that the process may use.
+    """Return an executor that runs `count` threads, by default one for each core that the process may use.
 
     At most 2 x `count` items are started and not yet consumed, so memory does not grow with their number.
-
-    Raises
-    ------
-    ParameterError
-        If `count` is below 1.
     """
     count = usable_cores() if count is None else count
     if count < 1:
@@ -94,7 +92,7 @@ def in_order(
     items: Sequence[Item],
     progress: Progress | None,
 ) -> Generator[Result, None, None]:
-    """Results of futures in the order of the items; pending ones are cancelled when the generator is closed.
+    """Yield results of futures in the order of the items; closing the generator cancels pending ones.
 
     Parameters
     ----------
@@ -110,35 +108,74 @@ def in_order(
     pending: deque[Any] = deque()
     done = 0
     try:
-        for item in items:
+        for started, item in enumerate(items, start=1):
             pending.append(submit(item))
-            while len(pending) >= capacity():
+            while pending and (started == len(items) or len(pending) >= capacity()):
                 yield result(pending.popleft())
                 done += 1
                 if progress is not None:
                     progress(done, len(items))
-        while pending:
-            yield result(pending.popleft())
-            done += 1
-            if progress is not None:
-                progress(done, len(items))
     finally:
         for future in pending:
             future.cancel()
 
 
+@dataclass(frozen=True, slots=True)
+class LazySequence(Sequence[Element], Generic[Element]):
+    """A sequence of which each item is made anew whenever it is indexed, so that many are never held at once.
+
+    It pickles, and has a fingerprint, if `make_item` does: a function of a module or a `partial` of one.
+
+    Parameters
+    ----------
+    length : int
+    make_item : callable
+        From a position 0..length - 1 to the item there.
+
+    Examples
+    --------
+    >>> squares = LazySequence(5, lambda k: k * k)
+    >>> squares[-1], list(squares[1:4])
+    (16, [1, 4, 9])
+    """
+
+    length: int
+    make_item: Callable[[int], Element]
+
+    def __len__(self) -> int:
+        return self.length
+
+    @overload
+    def __getitem__(self, which: int) -> Element: ...
+
+    @overload
+    def __getitem__(self, which: slice) -> "LazySequence[Element]": ...
+
+    def __getitem__(self, which: int | slice) -> "Element | LazySequence[Element]":
+        positions = range(self.length)
+        if isinstance(which, slice):
+            return lazy_selection(self, positions[which])
+        return self.make_item(positions[index(which)])
+
+
+def lazy_selection(items: Sequence[Element], positions: Sequence[int]) -> LazySequence[Element]:
+    """Select positions of a sequence; each item is taken when it is indexed."""
+    return LazySequence(len(positions), partial(_selected, items, positions))
+
+
+def _selected(items: Sequence[Element], positions: Sequence[int], k: int) -> Element:
+    return items[positions[k]]
+
+
 def usable_cores() -> int:
-    """Number of cores that this process may use."""
+    """Return the number of cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 def split_progress(progress: Progress, count: int) -> list[Progress]:
-    """One progress callback for each of several stages; together they drive the given one.
-
-    Each stage counts for the same share of the whole.
-    """
+    """Make a progress callback for each of `count` stages, which drive the given one in equal shares."""
 
     def report(k: int, done: int, total: int) -> None:
         progress(k * total + done, count * total)

@@ -14,13 +14,13 @@ _watcher: ContextVar[Watcher | None] = ContextVar("watcher", default=None)
 
 
 def decided(text: str, *values: object) -> None:
-    """Log what a job decided."""
+    """Log a decision of a job."""
     logger.info(text, *values)
 
 
 @contextmanager
 def phase(name: str) -> Iterator[None]:
-    """Context that logs how long a phase took, without the time in which kernels were compiled."""
+    """Log how long a phase takes, without the time in which kernels are compiled."""
     begun = working_seconds()
     watcher = _watcher.get()
     if watcher is not None:
@@ -33,7 +33,7 @@ def phase(name: str) -> Iterator[None]:
 
 @contextmanager
 def watched(watcher: Watcher) -> Iterator[None]:
-    """Context in which a function is called as phases begin, end and go on."""
+    """Call a function as phases begin, end and go on."""
     token = _watcher.set(watcher)
     try:
         yield
@@ -42,14 +42,14 @@ def watched(watcher: Watcher) -> Iterator[None]:
 
 
 def steps_done(done: int, total: int) -> None:
-    """Tell who watches that so many steps of a phase are done."""
+    """Report to the watcher that so many steps of a phase are done."""
     watcher = _watcher.get()
     if watcher is not None:
         watcher("", done, total)
 
 
 def working_seconds() -> float:
-    """Seconds of a clock that stands still while kernels are compiled."""
+    """Return the seconds of a clock that stands still while kernels are compiled."""
     from uavseg._jit import messages
 
     return time.perf_counter() - messages.compiling_seconds()

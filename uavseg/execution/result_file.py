@@ -18,25 +18,15 @@ from numpy.typing import NDArray
 
 _TREE = "tree.json"
 _COMPRESSION_LEVEL = 1  # of deflate: enough to shrink histograms of 65536 bins
-_DAMAGE_ERRORS = (  # what decoding of damaged bytes raises
-    zipfile.BadZipFile,
-    zlib.error,
-    struct.error,
-    EOFError,
-    AttributeError,
-    LookupError,
-    MemoryError,
-    NotImplementedError,
-    OverflowError,
-    RuntimeError,
-    SyntaxError,
-    TypeError,
-    ValueError,
+# What decoding of damaged bytes raises.
+_DAMAGE_ERRORS = (
+    *(zipfile.BadZipFile, zlib.error, struct.error, EOFError, AttributeError, LookupError, MemoryError),
+    *(NotImplementedError, OverflowError, RuntimeError, SyntaxError, TypeError, ValueError),
 )
 
 
 class DamagedResultError(ValueError):
-    """The bytes are damaged, or those of another result."""
+    """Bytes that are damaged, or those of another result."""
 
 
 def encode_result(value: Any, key: str) -> bytes:
@@ -67,7 +57,13 @@ def encode_result(value: Any, key: str) -> bytes:
 
 
 def decode_result(data: bytes, key: str) -> Any:
-    """The result that `encode_result` serialised.
+    """Read a result that `encode_result` serialised.
+
+    Parameters
+    ----------
+    data : bytes
+    key : str
+        Of its item.
 
     Raises
     ------
@@ -89,7 +85,7 @@ def _add(archive: zipfile.ZipFile, name: str, data: bytes) -> None:
 
 
 def _to_tree(value: Any, arrays: list[NDArray[Any]]) -> Any:
-    """A value as JSON with its arrays taken out: plain values stay, others become {kind: content}."""
+    """Convert a value to JSON with its arrays taken out: plain values stay, others become {type: content}."""
     if value is None or type(value) in (bool, int, float, str):
         return value
     if isinstance(value, np.ndarray | np.generic):
@@ -98,33 +94,32 @@ def _to_tree(value: Any, arrays: list[NDArray[Any]]) -> Any:
     if type(value) in (tuple, list):
         return {type(value).__name__: [_to_tree(part, arrays) for part in value]}
     if is_dataclass(value) and not isinstance(value, type):
-        kind = type(value)
-        held = {field.name: _to_tree(getattr(value, field.name), arrays) for field in fields(value)}
-        return {"record": [kind.__module__, kind.__qualname__, held]}
+        parts = {field.name: _to_tree(getattr(value, field.name), arrays) for field in fields(value)}
+        return {"record": [type(value).__module__, type(value).__qualname__, parts]}
     raise TypeError(f"a result that holds a {type(value).__qualname__} cannot be saved")
 
 
 def _from_tree(tree: Any, archive: zipfile.ZipFile) -> Any:
     if not isinstance(tree, dict):
         return tree
-    [(kind, held)] = tree.items()
-    if kind in ("array", "scalar"):
-        npy = io.BytesIO(archive.read(f"{int(held)}.npy"))  # read whole, which checks its checksum
+    [(name, content)] = tree.items()
+    if name in ("array", "scalar"):
+        npy = io.BytesIO(archive.read(f"{int(content)}.npy"))  # read whole, which checks its checksum
         array = np.lib.format.read_array(npy, allow_pickle=False)
-        return array if kind == "array" else array[()]
-    if kind in ("tuple", "list"):
-        parts = [_from_tree(part, archive) for part in held]
-        return tuple(parts) if kind == "tuple" else parts
-    if kind != "record":
-        raise ValueError(f"unknown kind of value: {kind}")
-    module, name, parts_by_name = held
+        return array if name == "array" else array[()]
+    if name in ("tuple", "list"):
+        parts = [_from_tree(part, archive) for part in content]
+        return tuple(parts) if name == "tuple" else parts
+    if name != "record":
+        raise ValueError(f"unknown type of value: {name}")
+    module, class_name, parts_by_name = content
     values = {field: _from_tree(part, archive) for field, part in parts_by_name.items()}
-    return _record(module, name)(**values)
+    return _dataclass(module, class_name)(**values)
 
 
-def _record(module: str, name: str) -> Any:
-    """A dataclass of the project; its module is loaded already, with the function whose result it is."""
-    kind = getattr(sys.modules[module], name) if module.startswith("uavseg.") else None
-    if not (isinstance(kind, type) and is_dataclass(kind)):
+def _dataclass(module: str, name: str) -> Any:
+    """Return a dataclass of the project; its module is loaded with the function that returned the result."""
+    cls = getattr(sys.modules[module], name) if module.startswith("uavseg.") else None
+    if not (isinstance(cls, type) and is_dataclass(cls)):
         raise ValueError(f"{module}.{name} is not a dataclass of the project")
-    return kind
+    return cls

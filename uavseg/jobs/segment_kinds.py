@@ -27,7 +27,7 @@ from uavseg.segmentation.params.partition import Partition
 from uavseg.segmentation.params.segment import SegmentParams
 from uavseg.segmentation.pipeline import measure_block_map, measure_block_map_for
 from uavseg.segmentation.source import GreySource
-from uavseg.units import CELL, MAX_KINDS
+from uavseg.units import CELL, MAX_REFINED
 
 Firsts = NDArray[np.int64]
 ChoosePartition = Callable[[BlockMap], Partition]
@@ -168,9 +168,9 @@ def _divided(
 
 
 def _check_count(partition: Partition, segment: SegmentParams) -> None:
-    if segment.refine != "none" and partition.count > MAX_KINDS:
+    if segment.refine != "none" and partition.count > MAX_REFINED:
         raise ParameterError(
-            f"there are {partition.count} intervals, and up to {MAX_KINDS} are refined to the pixel; give "
+            f"there are {partition.count} intervals, and up to {MAX_REFINED} are refined to the pixel; give "
             "fewer, or --refine none, with which they end at block edges"
         )
 

@@ -1,8 +1,16 @@
-"""File system calls of the outputs: sync to disk, and rename without replacing."""
+"""File system calls of the outputs: sync to disk, rename without replacing, lock files and folders."""
 
 import errno
 import os
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+
+from uavseg.errors import OutputError
+
+LOCK_TIMEOUT_S = 10.0  # how long others may take to rename their files
+_LOCK_RETRY_S = 0.02
 
 _NO_LINKS = {  # of FAT, of shares, of AFS between two folders
     *(errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK, errno.EINVAL, errno.EXDEV)
@@ -17,10 +25,9 @@ def put_new(source: Path, place: Path) -> None:
     A hard link is made, which fails where the name exists, and the old name removed. File systems without
     hard links (FAT) are asked whether the name is free before the file is renamed.
 
-    Raises
-    ------
-    FileExistsError
-        If the name exists.
+    Parameters
+    ----------
+    source, place : Path
     """
     if os.name == "nt":
         source.rename(place)  # does not replace there
@@ -52,8 +59,7 @@ def sync_all_in(folder: Path) -> None:
 
 def sync_file(file: Path) -> None:
     """Sync a file to disk, unless the file system has no such call."""
-    descriptor = os.open(file, os.O_RDWR)  # Windows only syncs what is open for writing
-    _sync(descriptor, _NO_SYNC)
+    _sync(os.open(file, os.O_RDWR), _NO_SYNC)  # Windows only syncs what is open for writing
 
 
 def sync_folder(folder: Path) -> None:
@@ -75,3 +81,52 @@ def _sync(descriptor: int, excused: set[int]) -> None:
             raise
     finally:
         os.close(descriptor)
+
+
+def try_lock(descriptor: int) -> bool | None:
+    """Lock an open file for this process; returns False if another has the lock, None if there are no locks.
+
+    Advisory locks end with the process that holds them, however it ends.
+    """
+    try:
+        _lock(descriptor)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return None  # the file system has no locks
+    return True
+
+
+@contextmanager
+def locked_folder(folder: Path) -> Iterator[None]:
+    """Keep other runs from renaming files in a folder; without effect where folders have no locks."""
+    try:
+        descriptor = os.open(folder, os.O_RDONLY)
+    except OSError:  # Windows does not open folders; or the folder may be written to and not read
+        yield
+        return
+    try:
+        end = time.monotonic() + LOCK_TIMEOUT_S
+        while try_lock(descriptor) is False:
+            if time.monotonic() > end:
+                raise OutputError(f"another program has locked the folder {folder}; try again when it ended")
+            time.sleep(_LOCK_RETRY_S)
+        yield
+    finally:
+        os.close(descriptor)
+
+
+try:
+    import fcntl
+
+    def _lock(descriptor: int) -> None:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+except ImportError:  # Windows
+    import msvcrt
+
+    def _lock(descriptor: int) -> None:
+        try:
+            msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
+        except PermissionError as error:
+            raise BlockingIOError from error

@@ -1,7 +1,7 @@
-"""Signals are held back for a moment, so that what must not stop half way is done first; or end the program.
+"""Signals: held back while renames must not stop half way, or handled by default during long library calls.
 
-Python hears a signal when the main thread runs Python, which it does not while a library works there. A
-program that `ends_by_signals` ends all the same: see `cli._stop`.
+Python handles a signal when the main thread runs Python, which it does not while a library works there. A
+program that `ends_by_signals` ends all the same: see `cli.terminal.stop`.
 """
 
 import os
@@ -13,17 +13,16 @@ from typing import Any
 
 from uavseg.output.staging import has_stages
 
-_SIGNALS = [
-    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
-]  # Windows has no SIGHUP
+# Windows has no SIGHUP.
+_SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 holding = threading.RLock()
-"""Held while what must not stop half way is done."""
+"""Held during what must not stop half way."""
 _ends_by_signals = False
 
 
 @contextmanager
 def interrupts_held() -> Iterator[None]:
-    """Context in which Ctrl-C, SIGTERM and SIGHUP wait; the first that came takes effect at its end.
+    """Delay Ctrl-C, SIGTERM and SIGHUP; the first that came takes effect at the end.
 
     Only the main thread gets signals; in others only the end of the program waits.
     """
@@ -47,7 +46,7 @@ def interrupts_held() -> Iterator[None]:
 
 @contextmanager
 def ends_by_signals() -> Iterator[None]:
-    """Context of a program, which a signal may end at once: see `deaf_call`."""
+    """Mark a program that a signal may end at once, see `default_signals`."""
     global _ends_by_signals
     before, _ends_by_signals = _ends_by_signals, True
     try:
@@ -57,10 +56,10 @@ def ends_by_signals() -> Iterator[None]:
 
 
 @contextmanager
-def deaf_call() -> Iterator[None]:
-    """Context of a call that lets no other thread of Python run: a signal ends the program at once.
+def default_signals() -> Iterator[None]:
+    """Let signals end the program at once during a call that blocks the interpreter.
 
-    Only in the main thread of a program (`ends_by_signals`), and not where an output is being made, which
+    Only in the main thread of a program (`ends_by_signals`), and not while an output is being made, which
     would be left.
     """
     is_main = threading.current_thread() is threading.main_thread()
@@ -75,7 +74,7 @@ def deaf_call() -> Iterator[None]:
 
 
 def _set_handlers(handler: Any) -> dict[int, Any]:
-    """Handle signals otherwise; returns how they were handled. What is ignored stays so."""
+    """Set a handler, and return those before it; ignored signals stay ignored."""
     return {number: signal.signal(number, handler) for number in _SIGNALS if _is_handled(number)}
 
 
@@ -85,5 +84,5 @@ def _put_back(handlers: dict[int, Any]) -> None:
 
 
 def _is_handled(number: signal.Signals) -> bool:
-    """Whether a signal has an effect, and a handler that Python can put back."""
+    """Return whether a signal has an effect, and a handler that Python can put back."""
     return signal.getsignal(number) not in (signal.SIG_IGN, None)

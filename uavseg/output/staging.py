@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from uavseg.errors import OutputError
-from uavseg.output.locks import try_lock
+from uavseg.output.disk import try_lock
 
 PREFIX = ".uavseg-"
 _LOCK = "lock"
@@ -18,31 +18,16 @@ _open_stages: set[str] = set()  # real paths of the staging folders of this proc
 
 @dataclass(slots=True)
 class Stage:
-    """A staging folder of this run, locked as long as the run lives.
-
-    Parameters
-    ----------
-    folder : Path
-    home : Path
-        The folder beside whose files it lies, and into which its files are renamed.
-    lock : int
-        Descriptor of the locked file in it.
-    """
+    """A staging folder of this run, locked as long as the run lives."""
 
     folder: Path
-    home: Path
-    lock: int
+    home: Path  # in which it lies, and into which its files are renamed
+    lock: int  # descriptor of the locked file in it
     parts: int = 0
 
     @classmethod
     def make(cls, home: Path) -> "Stage":
-        """A new staging folder in a folder.
-
-        Raises
-        ------
-        OutputError
-            If the folder cannot be written to.
-        """
+        """Make a staging folder in a folder; raises OutputError where that cannot be written to."""
         try:
             for _ in range(_ATTEMPTS):
                 folder = Path(tempfile.mkdtemp(prefix=PREFIX, dir=home))
@@ -62,7 +47,7 @@ class Stage:
         raise OutputError(f"{home} cannot be written to: another program removes what is made there")
 
     def add_part(self) -> Path:
-        """A new subfolder, for the files of one target."""
+        """Make a subfolder for the files of one target."""
         folder = self.folder / str(self.parts)
         folder.mkdir()
         self.parts += 1
@@ -88,7 +73,7 @@ class Stage:
 
 
 def has_stages() -> bool:
-    """Whether this process makes an output."""
+    """Return whether this process makes an output."""
     return bool(_open_stages)
 
 
@@ -99,7 +84,7 @@ def remove_stages() -> None:
 
 
 def is_staged(path: Path) -> bool:
-    """Whether a path lies inside a staging folder of this process, so that it is renamed with that."""
+    """Return whether a path lies inside a staging folder of this process, so that it is renamed with that."""
     if not _open_stages:
         return False
     folder = os.path.realpath(path.parent)
@@ -107,51 +92,44 @@ def is_staged(path: Path) -> bool:
 
 
 def dead_stages(home: Path) -> list[Stage]:
-    """Staging folders in a folder that runs left which were killed, locked for this process."""
+    """Lock the staging folders that killed runs left in a folder, and return them."""
     try:
         with os.scandir(home) as entries:
             names = [entry.name for entry in entries if entry.name.startswith(PREFIX)]
-    except OSError:  # a folder that may be written to and not be read: what is in it cannot be told
+    except OSError:  # a folder that may be written to and not read
         return []
-    found = []
+    stages = []
     for name in sorted(names):
         folder = home / name
-        if not _is_own(folder):
+        if not _is_private(folder):
             continue
         try:
             lock, locked = _locked(folder)
         except OSError:
             continue  # its run has removed it, or a stranger made it
         if locked:
-            found.append(Stage(folder, home, lock))
+            stages.append(Stage(folder, home, lock))
         else:
             os.close(lock)
-    return found
+    return stages
 
 
-def _is_own(folder: Path) -> bool:
-    """Whether a folder belongs to this user, and only this user may write into it."""
+def _is_private(folder: Path) -> bool:
+    """Return whether a folder belongs to this user, and only this user may write into it."""
     try:
-        about = folder.lstat()
+        status = folder.lstat()
     except FileNotFoundError:
         return False
-    if not stat.S_ISDIR(about.st_mode):
+    if not stat.S_ISDIR(status.st_mode):
         return False
-    return os.name == "nt" or (about.st_uid == os.geteuid() and not about.st_mode & 0o022)
+    return os.name == "nt" or (status.st_uid == os.geteuid() and not status.st_mode & 0o022)
 
 
 def _locked(folder: Path) -> tuple[int, bool | None]:
-    """Lock a staging folder.
+    """Lock a file in a staging folder; returns its descriptor and the result of `try_lock`.
 
-    Another run may lock and remove a new folder before this one locks it, so the lock is of use only if its
-    file is still there afterwards.
-
-    Returns
-    -------
-    lock : int
-        Descriptor of the file in it that is locked.
-    locked : bool or None
-        False if another run holds the lock or has removed the file; None if files cannot be locked there.
+    Another run may lock and remove a new folder before this one locks it, so the lock counts only if its file
+    still exists afterwards.
     """
     name = folder / _LOCK
     lock = os.open(name, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o600)

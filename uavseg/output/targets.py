@@ -1,9 +1,11 @@
-"""Files of a target: the main file and its sidecar files, and whether they may be made."""
+"""Output targets: their files with sidecars, names from templates, and inputs that are never replaced."""
 
 import os
+import re
 import stat
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePath
 
 from uavseg.errors import OutputError, OutputExistsError
 
@@ -31,6 +33,8 @@ _REPLACED: dict[str, tuple[str, ...]] = {  # suffixes in place of its own: t.dbf
 }
 _SHARED = {".tif": (".wld",), ".tiff": (".wld",), ".png": (".wld",)}  # a sidecar of any raster of that stem
 _FOLDERS = {".tiles"}
+_PLACEHOLDER = re.compile(r"\{\{|\}\}|\{([^{}]*)\}|[{}]")
+_PLACEHOLDERS = "{stem}, {name}, {suffix}, {parent} or {number}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,16 +54,12 @@ class Target:
 
     @property
     def home(self) -> Path:
-        """The folder of its files."""
+        """Return the folder of its files."""
         return self.path.parent
-
-    def existing(self) -> list[Path]:
-        """Its files that are there, the main file first."""
-        return existing_files(self.path)
 
 
 def sidecars(path: Path) -> list[Path]:
-    """Names of all files that a reader takes as parts of a file, itself aside."""
+    """Return the names of all files that a reader takes as parts of a file, except for itself."""
     suffix = path.suffix.lower()
     names = [path.name + end for end in _APPENDED.get(suffix, ())]
     for end in _REPLACED.get(suffix, ()):
@@ -68,23 +68,18 @@ def sidecars(path: Path) -> list[Path]:
 
 
 def existing_files(path: Path) -> list[Path]:
-    """The files of a target that are there, itself first; a name that only differs in case counts once."""
-    found: dict[tuple[int, int], Path] = {}
+    """List the existing files of a target, itself first; a name that only differs in case counts once."""
+    files: dict[tuple[int, int], Path] = {}
     for file in (path, *sidecars(path)):
         if os.path.lexists(file):
-            about = file.lstat()
-            found.setdefault((about.st_dev, about.st_ino) if not file.is_symlink() else (0, len(found)), file)
-    return list(found.values())
+            status = file.lstat()
+            key = (0, len(files)) if file.is_symlink() else (status.st_dev, status.st_ino)
+            files.setdefault(key, file)
+    return list(files.values())
 
 
 def check_utf8(path: Path) -> None:
-    """The name of what is written is text in UTF-8.
-
-    Raises
-    ------
-    OutputError
-        If it is not.
-    """
+    """Refuse the name of an output that is not UTF-8."""
     try:
         str(path).encode()
     except UnicodeEncodeError as error:
@@ -92,14 +87,20 @@ def check_utf8(path: Path) -> None:
 
 
 def find_target(path: Path_, overwrite: bool = False) -> Target:
-    """The target of that name, if it may be made.
+    """Return the target of a name, if it may be written.
+
+    Parameters
+    ----------
+    path : path
+    overwrite : bool
+        Whether existing files may be replaced.
 
     Raises
     ------
     OutputExistsError
         If one of its files exists and `overwrite` is false.
     OutputError
-        If its folder does not exist, or what is there cannot be replaced: a folder, a device, a file that
+        If its folder does not exist, or an existing file cannot be replaced: a folder, a device, a file that
         other files may need too.
     """
     given = Path(path)
@@ -110,29 +111,18 @@ def find_target(path: Path_, overwrite: bool = False) -> Target:
         raise OutputError(f"the folder {target.home} does not exist; create it first")
     if given.is_dir():
         raise OutputError(f"{given} is a folder; name a file in it")
-    files = target.existing()
+    files = existing_files(target.path)
     if files and not overwrite:
-        raise OutputExistsError(_exists_text(given, files[0]))
+        part = "" if files[0] == given else f" and is a part of {given.name}"
+        raise OutputExistsError(f"{files[0]} exists{part}; give --overwrite (overwrite=True) to replace it")
     for file in files:
         _check_replaceable(target, file)
     _check_shared(target)
     return target
 
 
-def _exists_text(given: Path, file: Path) -> str:
-    what = f"{file} exists" if file == given else f"{file} exists and is a part of {given.name}"
-    return f"{what}; give --overwrite (overwrite=True) to replace it"
-
-
 def _follow(link: Path) -> Path:
-    """The file to which a link points, which may be absent.
-
-    Raises
-    ------
-    OutputError
-        If the link leads in a circle or to a name of another kind, or if files beside the link would be read
-        as parts of it.
-    """
+    """Return the file to which a link points, which may be absent; refuse one with other sidecars."""
     path = Path(os.path.realpath(link))
     if path.is_symlink():
         raise OutputError(
@@ -140,23 +130,23 @@ def _follow(link: Path) -> Path:
         )
     if path.suffix.lower() != link.suffix.lower():
         raise OutputError(f"{link} is a symbolic link to {path}, which does not end in {link.suffix}")
-    own = {os.path.realpath(file) for file in sidecars(path)}
+    parts = {os.path.realpath(file) for file in sidecars(path)}
     for part in sidecars(link):
-        if os.path.lexists(part) and os.path.realpath(part) not in own:
+        if os.path.lexists(part) and os.path.realpath(part) not in parts:
             raise OutputError(f"{link} is a symbolic link, and {part} is no part of {path}; move it away")
     return path
 
 
 def _check_replaceable(target: Target, file: Path) -> None:
-    """A file of the target is one that may be replaced: a regular file, or the folder of tiles."""
+    """Refuse to replace anything but a regular file or the folder of tiles."""
     mode = file.lstat().st_mode
     if stat.S_ISREG(mode) or (stat.S_ISDIR(mode) and file.suffix.lower() in _FOLDERS):
         return
-    if stat.S_ISLNK(mode):
-        what = "a symbolic link"
-    else:
-        what = "a folder" if stat.S_ISDIR(mode) else "no regular file"
-    raise OutputError(f"{file} belongs to {target.given} and is {what}; move it away, or name another file")
+    file_type = "a folder" if stat.S_ISDIR(mode) else "no regular file"
+    file_type = "a symbolic link" if stat.S_ISLNK(mode) else file_type
+    raise OutputError(
+        f"{file} belongs to {target.given} and is {file_type}; move it away, or name another file"
+    )
 
 
 def _check_shared(target: Target) -> None:
@@ -168,3 +158,113 @@ def _check_shared(target: Target) -> None:
                     f"{file} would be read as a part of {target.given} and may belong to another file; "
                     "move it away, or choose another name"
                 )
+
+
+def check_not_inputs(outputs: Iterable[Path_ | None], inputs: Iterable[Path_]) -> None:
+    """Refuse outputs that would replace an input of the same command, by whatever name.
+
+    Parameters
+    ----------
+    outputs : iterable of path or None
+        None for no output; "-" is standard output.
+    inputs : iterable of path
+        Their sidecar files are inputs too. Whatever is not a local file is left out.
+    """
+    made = {
+        file: path
+        for path in outputs
+        if path is not None and path != "-"
+        for file in _files_of(Path(os.path.realpath(path)))
+    }
+    if not made:
+        return
+    read = {
+        identity: path for path in inputs for file in _files_of(Path(path)) if (identity := _identity(file))
+    }
+    for file, output in made.items():
+        if (identity := _identity(file)) in read:
+            raise OutputError(
+                f"{output} would replace {read[identity]}, which is read for it; name another output"
+            )
+
+
+def _files_of(path: Path) -> list[Path]:
+    """List the existing files of a path, and the content of its folders."""
+    files = existing_files(path)
+    return [*files, *(file for folder in files if folder.is_dir() for file in folder.iterdir())]
+
+
+def _identity(file: Path) -> tuple[int, int] | None:
+    """Return device and inode, which are the same for every name of a file; None if there is none."""
+    try:
+        status = file.stat()
+    except OSError:
+        return None
+    return status.st_dev, status.st_ino
+
+
+def fill_template(template: str, source: str, number: int = 1) -> str:
+    """Fill in the name of the output of a source.
+
+    Parameters
+    ----------
+    template : str
+        ``{stem}`` is the name of the source without folder and extension, ``{name}`` with its extension,
+        ``{suffix}`` the extension without point, ``{parent}`` the name of its folder, and ``{number}`` its
+        place in the list, from 0001; ``{{`` and ``}}`` are braces.
+    source : str
+    number : int
+
+    Examples
+    --------
+    >>> fill_template("out/{parent}-{stem}.gpkg", "sheets/a.tif")
+    'out/sheets-a.gpkg'
+    >>> fill_template("{steam}.gpkg", "a.tif")
+    Traceback (most recent call last):
+    uavseg.errors.OutputError: {steam}.gpkg: {steam} is unknown; write {stem}, {name}, {suffix}, ...
+    """
+    path = PurePath(source)
+    values = {
+        "stem": path.stem,
+        "name": path.name,
+        "suffix": path.suffix.removeprefix("."),
+        "parent": path.parent.name or Path(os.path.abspath(source)).parent.name,  # noqa: PTH100 - keeps links
+        "number": f"{number:04d}",
+    }
+
+    def replaced(match: re.Match[str]) -> str:
+        if match[0] in ("{{", "}}"):
+            return match[0][0]
+        if match[1] not in values:
+            raise OutputError(
+                f"{template}: {match[0]} is unknown; write {_PLACEHOLDERS}, and {{{{ for a brace"
+            )
+        return values[match[1]]
+
+    return _PLACEHOLDER.sub(replaced, template)
+
+
+def outputs_of(template: str, sources: Sequence[str]) -> list[str]:
+    """Fill in the name of the output of each source; as `fill_template`."""
+    return [fill_template(template, source, number) for number, source in enumerate(sources, start=1)]
+
+
+def check_distinct_outputs(sources: Sequence[str], outputs: Iterable[Sequence[str]]) -> None:
+    """Refuse two outputs of the same name.
+
+    Parameters
+    ----------
+    sources : sequence of str
+    outputs : iterable of sequences of str
+        Those of each source.
+    """
+    owners: dict[str, str] = {}
+    for source, names in zip(sources, outputs, strict=True):
+        for name in names:
+            key = os.path.normcase(os.path.realpath(name))
+            if key in owners:
+                raise OutputError(
+                    f"{owners[key]} and {source} would both be written to {name}; give each an output of its "
+                    f"own with {_PLACEHOLDERS} in the name"
+                )
+            owners[key] = source

@@ -1,48 +1,34 @@
-"""Record of what a command has written, for the last line of one that is interrupted."""
+"""Record of what a command has written, for the last line of an interrupted one."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 
-_MOST_NAMED = 8
+_MAX_NAMES = 8
 
 
 @dataclass(slots=True)
 class Written:
-    """What has been written.
+    """Outputs of a command so far."""
 
-    Parameters
-    ----------
-    files : list of str
-        Outputs that are complete.
-    unfinished : list of str
-        Streams of which a part may have been written.
-    kept : list of str
-        Folders of finished tiles.
-    planned : list of str
-        Outputs of a run over many sources.
-    ended : str
-        What the end of a command means that writes no file of the user, if that is all there is to say.
-    """
-
-    files: list[str] = field(default_factory=list)
-    unfinished: list[str] = field(default_factory=list)
-    kept: list[str] = field(default_factory=list)
-    planned: list[str] = field(default_factory=list)
-    ended: str = ""
+    files: list[str] = field(default_factory=list)  # complete outputs
+    unfinished: list[str] = field(default_factory=list)  # streams of which a part may have been written
+    kept: list[str] = field(default_factory=list)  # folders of finished tiles
+    planned: list[str] = field(default_factory=list)  # outputs of a run over many sources
+    ended: str = ""  # the meaning of the end of a command that writes no file
 
     def __str__(self) -> str:
-        """One clause, such as "nothing was written"."""
+        """Return one clause, such as "nothing was written"."""
         nothing = self.ended or "nothing was written"
-        found = [f"{_named(self.files)} {_were(self.files)} written" if self.files else nothing]
+        parts = [f"{_named(self.files)} {_were(self.files)} written" if self.files else nothing]
         if missing := [name for name in self.planned if name not in set(self.files)]:
-            found.append(f"{len(missing):,} of {len(self.planned):,} outputs were not: {_named(missing)}")
+            parts.append(f"{len(missing):,} of {len(self.planned):,} outputs were not: {_named(missing)}")
         if self.unfinished:
-            found = [*(found if self.files else found[1:]), f"{', '.join(self.unfinished)} may be incomplete"]
+            parts = [*(parts if self.files else parts[1:]), f"{', '.join(self.unfinished)} may be incomplete"]
         if self.kept:
-            found.append(f"finished tiles are kept in {', '.join(self.kept)}")
-        return "; ".join(found)
+            parts.append(f"finished tiles are kept in {', '.join(self.kept)}")
+        return "; ".join(parts)
 
 
 _current: ContextVar[Written | None] = ContextVar("written", default=None)
@@ -50,7 +36,7 @@ _current: ContextVar[Written | None] = ContextVar("written", default=None)
 
 @contextmanager
 def recording_written() -> Iterator[Written]:
-    """Context in which what is written is recorded."""
+    """Record what is written."""
     written = Written()
     token = _current.set(written)
     try:
@@ -59,33 +45,33 @@ def recording_written() -> Iterator[Written]:
         _current.reset(token)
 
 
-def note_ended(words: str) -> None:
-    """What the end of this command means, from here on."""
+def note_ended(text: str) -> None:
+    """Note what the end of this command means from now on."""
     if written := _current.get():
-        written.ended = words
+        written.ended = text
 
 
 def note_written(*names: str) -> None:
-    """Outputs are complete."""
+    """Note outputs that are complete."""
     if written := _current.get():
         written.files += names
 
 
 def note_planned(*names: str) -> None:
-    """Outputs are to be written, one after another."""
+    """Note outputs that are to be written, one after another."""
     if written := _current.get():
         written.planned += names
 
 
 def note_kept(folder: str) -> None:
-    """A folder holds finished tiles."""
+    """Note a folder of finished tiles."""
     if (written := _current.get()) and folder not in written.kept:
         written.kept.append(folder)
 
 
 @contextmanager
 def noted_stream(name: str) -> Iterator[None]:
-    """Context in which a stream is written to."""
+    """Note a stream as incomplete while it is written to."""
     written = _current.get()
     if written is None:
         yield
@@ -97,8 +83,8 @@ def noted_stream(name: str) -> Iterator[None]:
 
 
 def _named(names: list[str]) -> str:
-    """Names for people: the first and the last ones of many."""
-    if len(names) <= _MOST_NAMED:
+    """List names; of many, the first ones and the last."""
+    if len(names) <= _MAX_NAMES:
         return ", ".join(names)
     return f"{', '.join(names[:2])} ... {names[-1]} ({len(names):,} files)"
 

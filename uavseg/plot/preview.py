@@ -3,30 +3,39 @@
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from uavseg.errors import ParameterError
 from uavseg.execution.phases import decided, phase
 from uavseg.jobs.source.inputs import keep_inputs
 from uavseg.occupancy.probability_map import open_map, stretch_of
 from uavseg.occupancy.ros.ros_map import is_ros_map
 from uavseg.output.atomic import atomic_file
 from uavseg.plain_text import printable
-from uavseg.plot.layers.mission_layer import MissionLayer, mission_title
+from uavseg.plot.layers.mission_layer import (
+    FenceLayer,
+    MissionLayer,
+    mission_layers,
+    mission_title,
+    read_missions,
+)
+from uavseg.plot.layers.overlays import LabelsLayer, LeavesLayer, StatesLayer
+from uavseg.plot.layers.path_layer import PathLayer
 from uavseg.plot.layers.raster_layer import draw_raster
-from uavseg.plot.layers.stack import File, Layer, LayerSources, make_layers
+from uavseg.plot.layers.region_layer import LevelsLayer, RegionLayer
 from uavseg.plot.page.frame import Frame
-from uavseg.plot.page.map_furniture import TEXT_COLOR, draw_north_arrow, draw_scale_bar
 from uavseg.plot.page.page import (
-    CAPTION_COLOR,
+    View,
     check_png_target,
+    check_width,
+    draw_furniture,
     draw_legend,
     fit_axes,
     new_figure,
     raster_caption,
     save_figure,
+    write_text,
 )
 from uavseg.raster.collar.find import check_collar
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec
@@ -35,6 +44,9 @@ from uavseg.raster.read.dataset import Dataset
 if TYPE_CHECKING:
     from uavseg.flight.mission.mission import Mission
     from uavseg.occupancy.paths.find_path import PlannedPath
+
+File = str | os.PathLike[str]
+AnyStretch = Stretch | StretchSpec | str
 
 _WIDTH_IN, _HEAD_IN, _FOOT_IN, _MARGIN_IN = 9.0, 0.62, 0.34, 0.15  # the page; text keeps its size on it
 _MIN_HEIGHT_IN, _MAX_HEIGHT_IN = 2.6, 13.0
@@ -101,72 +113,120 @@ def preview(
     ParameterError, RasterError, RegionError, PathError, MissionError
         If an input cannot be read or does not belong to the raster.
     """
-    if not 200 <= width_px <= 8000:
-        raise ParameterError(f"a picture is 200 to 8000 pixels wide, not {width_px}")
+    check_width(width_px)
     target = check_png_target(out, overwrite)
-    keep_inputs(
-        [target],
-        [_given(raster), regions, mission, levels, _given(states), leaves, _given(labels), path],
-    )
+    inputs = [regions, mission, levels, _paths_of(states), leaves, _paths_of(labels), path]
+    keep_inputs([target], [_paths_of(raster), *inputs])
     is_map = states is not None or path is not None
     dataset, grey = _open_raster(raster, stretch, is_map)
     collar = "keep" if is_map else check_collar(collar)
     frame = Frame(dataset.geobox, dataset.local_metres)
-    sources = LayerSources(levels, states, leaves, labels, regions, path, mission)
     with phase("layers"):
-        layers = make_layers(sources, frame, max_side=2 * width_px)
+        layers = make_layers(
+            frame,
+            2 * width_px,
+            levels=levels,
+            states=states,
+            leaves=leaves,
+            labels=labels,
+            regions=regions,
+            path=path,
+            mission=mission,
+        )
     with phase("picture"):
-        figure = _figure(dataset, frame, (grey, collar), layers, width_px / _WIDTH_IN)
+        figure = _figure(dataset, frame, grey, collar, layers, width_px / _WIDTH_IN)
         with atomic_file(target, overwrite) as temporary:
             save_figure(figure, temporary)
     return target
 
 
-def _given(raster: Any) -> Any:
-    """The paths of a raster, however it is given."""
+def _paths_of(raster: Any) -> Any:
     return list(raster.paths) if isinstance(raster, Dataset) else raster
 
 
-def _open_raster(
-    raster: Any, stretch: Stretch | StretchSpec | str, is_map: bool
-) -> tuple[Dataset, Stretch | StretchSpec | str]:
-    """The raster and its stretch: that of a map of probabilities, unless another one is given."""
+def _open_raster(raster: Any, stretch: AnyStretch, is_map: bool) -> tuple[Dataset, AnyStretch]:
+    """Open the raster; its stretch is that of a map of probabilities, unless another one is given."""
     if isinstance(raster, str | os.PathLike) and is_ros_map(raster):
-        dataset, own = open_map(raster)
+        dataset, map_stretch = open_map(raster)
     else:
         dataset = raster if isinstance(raster, Dataset) else Dataset.open(raster)
         if not is_map:
             return dataset, stretch
-        own = stretch_of(dataset)
-    return dataset, own if stretch in ("auto", StretchSpec("auto")) else stretch
+        map_stretch = stretch_of(dataset)
+    return dataset, map_stretch if stretch in ("auto", StretchSpec("auto")) else stretch
+
+
+class Layer(Protocol):
+    """A layer over a raster, in plot coordinates."""
+
+    def draw(self, ax: Any, point: float) -> None:
+        """Draw on axes; `point` is the length of one point (1/72 inch) in plot coordinates."""
+
+    def title_parts(self, has_crs: bool) -> list[str]:
+        """Return parts of the title; lengths and areas are in metres if there is a CRS."""
+
+
+def make_layers(
+    frame: Frame,
+    max_side: int,
+    *,
+    levels: Any = None,
+    states: Dataset | File | None = None,
+    leaves: File | None = None,
+    labels: Dataset | File | None = None,
+    regions: Any = None,
+    path: Any = None,
+    mission: Any = None,
+) -> list[Layer]:
+    """Read the layers that have a source, the lowest first; sources are as of `preview`.
+
+    Parameters
+    ----------
+    frame : Frame
+    max_side : int
+        Rasters are read with at most this many rows and columns.
+    """
+    flights = None if mission is None else read_missions(mission)
+    layers: list[Layer | None] = [
+        None if levels is None else LevelsLayer.of(levels, frame),
+        None if states is None else StatesLayer.of(states, frame, max_side),
+        None if leaves is None else LeavesLayer.of(leaves, frame, max_side),
+        None if labels is None else LabelsLayer.of(labels, frame, max_side),
+        None if regions is None else RegionLayer.of(regions, frame),
+        None if path is None else PathLayer.of(path, frame),
+        None if flights is None else FenceLayer.of([flight for _, flight in flights], frame),
+    ]
+    drawn = [layer for layer in layers if layer is not None]
+    return drawn if flights is None else [*drawn, *mission_layers(flights, frame)]
 
 
 def _figure(
-    dataset: Dataset,
-    frame: Frame,
-    reading: tuple[Stretch | StretchSpec | str, str],
-    layers: Sequence[Layer],
-    dpi: float,
+    dataset: Dataset, frame: Frame, stretch: AnyStretch, collar: str, layers: Sequence[Layer], dpi: float
 ) -> Any:
     view = _view(frame, layers)
-    width, height = _WIDTH_IN - 2 * _MARGIN_IN, _height(view)
+    left, right, bottom, top = view
+    width = _WIDTH_IN - 2 * _MARGIN_IN
+    height = min(max(width * (top - bottom) / (right - left), _MIN_HEIGHT_IN), _MAX_HEIGHT_IN)
     page = height + _HEAD_IN + _FOOT_IN
     figure = new_figure(_WIDTH_IN, page, dpi)
     ax = figure.add_axes((_MARGIN_IN / _WIDTH_IN, _FOOT_IN / page, width / _WIDTH_IN, height / page))
     point = fit_axes(ax, view, width, height)
-    grey_name = draw_raster(ax, dataset, frame, *reading)
+    grey_name = draw_raster(ax, dataset, frame, stretch, collar)
     decided("%s, %s", dataset.band_names, grey_name)
     for layer in layers:
         layer.draw(ax, point)
-    draw_scale_bar(ax, frame, point)
-    draw_north_arrow(ax, frame, point)
+    draw_furniture(ax, frame, point)
     draw_legend(ax)
-    _write_title_and_caption(figure, dataset, grey_name, layers)
+    others = len(dataset.paths) - 1
+    title = printable(dataset.source + (f" and {others} more" if others else ""))
+    subtitle = " · ".join(_title_parts(layers, dataset.in_metres))
+    caption = raster_caption(dataset.geobox, dataset.band_names, grey_name, dataset.local_metres)
+    write_text(figure, _MARGIN_IN / _WIDTH_IN, title, subtitle, caption, 0.12)
     return figure
 
 
-def _view(frame: Frame, layers: Sequence[Layer]) -> tuple[float, float, float, float]:
-    """left, right, bottom, top in plot coordinates: the raster, and a mission up to half a raster beyond."""
+def _view(frame: Frame, layers: Sequence[Layer]) -> View:
+    """Return the view of the raster, and of a mission up to half a raster outside."""
     corners = frame.corners
     low, high = corners.min(axis=0), corners.max(axis=0)
     flights = [layer.path for layer in layers if isinstance(layer, MissionLayer)]
@@ -176,36 +236,6 @@ def _view(frame: Frame, layers: Sequence[Layer]) -> tuple[float, float, float, f
         low, high = np.minimum(low, near.min(axis=0)), np.maximum(high, near.max(axis=0))
     margin = 0.02 * float((high - low).max())
     return low[0] - margin, high[0] + margin, low[1] - margin, high[1] + margin
-
-
-def _height(view: tuple[float, float, float, float]) -> float:
-    left, right, bottom, top = view
-    height = (_WIDTH_IN - 2 * _MARGIN_IN) * (top - bottom) / (right - left)
-    return min(max(height, _MIN_HEIGHT_IN), _MAX_HEIGHT_IN)
-
-
-def _write_title_and_caption(figure: Any, dataset: Dataset, grey_name: str, layers: Sequence[Layer]) -> None:
-    """Write the title above the map and the caption below."""
-    page = figure.get_figheight()
-    x, more = _MARGIN_IN / _WIDTH_IN, len(dataset.paths) - 1
-    title = dataset.source + (f" and {more} more" if more else "")
-    figure.text(x, 1 - 0.14 / page, printable(title), size=12, weight="bold", color=TEXT_COLOR, va="top")
-    figure.text(
-        x,
-        1 - 0.37 / page,
-        " · ".join(_title_parts(layers, dataset.in_metres)),
-        size=9,
-        color=TEXT_COLOR,
-        va="top",
-    )
-    figure.text(
-        x,
-        0.12 / page,
-        raster_caption(dataset.geobox, dataset.band_names, grey_name, dataset.local_metres),
-        size=7.5,
-        color=CAPTION_COLOR,
-        va="bottom",
-    )
 
 
 def _title_parts(layers: Sequence[Layer], has_crs: bool) -> list[str]:

@@ -9,27 +9,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.errors import ParameterError
 from uavseg.execution.phases import decided, phase
 from uavseg.jobs.source.inputs import keep_inputs
 from uavseg.output.atomic import atomic_file
 from uavseg.plot.flight_profile import FlightProfile, draw_profiles, flight_profile
-from uavseg.plot.layers.fence_layer import FenceLayer
-from uavseg.plot.layers.mission_layer import (
-    MissionLayer,
-    mission_layers,
-    mission_title,
-    read_missions,
-)
+from uavseg.plot.layers.mission_layer import FenceLayer, mission_layers, mission_title, read_missions
 from uavseg.plot.page.frame import Frame
-from uavseg.plot.page.map_furniture import TEXT_COLOR, draw_north_arrow, draw_scale_bar
 from uavseg.plot.page.page import (
-    CAPTION_COLOR,
+    View,
     check_png_target,
+    check_width,
+    draw_furniture,
     draw_legend,
     fit_axes,
     new_figure,
     save_figure,
+    write_text,
 )
 from uavseg.raster.grid.geobox import azimuthal_geobox
 
@@ -42,7 +37,7 @@ _WIDTH_IN, _MARGIN_IN = 9.0, 0.15  # the page; text keeps its size on it
 _HEAD_IN, _PROFILE_IN, _LEFT_IN, _FOOT_IN = 0.62, 1.7, 0.6, 0.8
 _MIN_MAP_IN, _MAX_MAP_IN = 3.2, 8.5
 _MIN_SIDE_M = 60.0
-_NAMES = 3  # of flights in the title
+_MAX_NAMES = 3  # of flights in the title
 
 
 def preview_missions(
@@ -61,7 +56,7 @@ def preview_missions(
     Parameters
     ----------
     missions : Mission, path or sequence of these
-        What `uavseg.plan` gives, or mission files in any format that is read.
+        A result of `uavseg.plan`, or mission files in any format that is read.
     out : path
         The picture, .png.
     dem : path or sequence of paths, optional
@@ -84,8 +79,7 @@ def preview_missions(
     ParameterError, RasterError
         If the width is out of bounds, or the elevation model is not one.
     """
-    if not 200 <= width_px <= 8000:
-        raise ParameterError(f"a picture is 200 to 8000 pixels wide, not {width_px}")
+    check_width(width_px)
     target = check_png_target(out, overwrite)
     keep_inputs([target], [missions, dem])
     named = read_missions(missions)
@@ -129,29 +123,30 @@ def _figure(
     fence.draw(ax, point)
     for layer in layers:
         layer.draw(ax, point)
-    draw_scale_bar(ax, frame, point)
-    draw_north_arrow(ax, frame, point)
+    draw_furniture(ax, frame, point)
     draw_legend(ax)
     box = (_LEFT_IN, _FOOT_IN - 0.15, _WIDTH_IN - _LEFT_IN - _MARGIN_IN, _PROFILE_IN - 0.05)
     profile = figure.add_axes((box[0] / _WIDTH_IN, box[1] / page, box[2] / _WIDTH_IN, box[3] / page))
     draw_profiles(profile, profiles, [layer.color for layer in layers])
-    _write_text(figure, layers, named, _caption(missions, profiles, dem_name))
+    names = [name for name, _ in named]
+    others = f" and {len(names) - _MAX_NAMES} more" if len(names) > _MAX_NAMES else ""
+    title, subtitle = ", ".join(names[:_MAX_NAMES]) + others, " · ".join(mission_title(layers))
+    caption = _caption(missions, profiles, dem_name)
+    write_text(figure, _MARGIN_IN / _WIDTH_IN, title, subtitle, caption, 0.08)
     return figure
 
 
 def _frame(missions: Sequence["Mission"]) -> Frame:
-    """Plot coordinates around the homes and places of missions, north up."""
+    """Return plot coordinates around the homes and positions of missions, north up."""
     from uavseg.flight.mission.plane import plane_around
 
     lat, lon = (np.concatenate([mission.path[k] for mission in missions]) for k in (0, 1))
-    plane = plane_around(np.column_stack([lon, lat, lon, lat]), float(lon[0]))
-    return Frame(
-        azimuthal_geobox(plane.lat, plane.lon, (-_MIN_SIDE_M, -_MIN_SIDE_M, _MIN_SIDE_M, _MIN_SIDE_M))
-    )
+    plane, side = plane_around(np.column_stack([lon, lat, lon, lat]), float(lon[0])), _MIN_SIDE_M
+    return Frame(azimuthal_geobox(plane.lat, plane.lon, (-side, -side, side, side)))
 
 
-def _view(points: NDArray[np.float64]) -> tuple[float, float, float, float]:
-    """left, right, bottom, top in plot coordinates: all points with a margin."""
+def _view(points: NDArray[np.float64]) -> View:
+    """Return the view of all points with a margin."""
     low, high = points.min(axis=0), points.max(axis=0)
     middle, half = (low + high) / 2, np.maximum((high - low) / 2, _MIN_SIDE_M / 2)
     half = half + 0.06 * half.max()
@@ -168,15 +163,3 @@ def _caption(missions: Sequence["Mission"], profiles: Sequence[FlightProfile], d
         lowest = min(profile.lowest_m for profile in profiles)
         parts.append(f"ground: {dem_name}, at least {lowest:.0f} m below the flight")
     return " · ".join(parts)
-
-
-def _write_text(
-    figure: Any, layers: Sequence[MissionLayer], named: Sequence[tuple[str, "Mission"]], caption: str
-) -> None:
-    page, x = figure.get_figheight(), _MARGIN_IN / _WIDTH_IN
-    names = [name for name, _ in named]
-    title = ", ".join(names[:_NAMES]) + (f" and {len(names) - _NAMES} more" if len(names) > _NAMES else "")
-    about = " · ".join(mission_title(layers))
-    figure.text(x, 1 - 0.14 / page, title, size=12, weight="bold", color=TEXT_COLOR, va="top")
-    figure.text(x, 1 - 0.37 / page, about, size=9, color=TEXT_COLOR, va="top")
-    figure.text(x, 0.08 / page, caption, size=7.5, color=CAPTION_COLOR, va="bottom")

@@ -1,36 +1,41 @@
-"""Picture of suggested ranges: their cells or pixels in colour on the map, beside the histogram."""
+"""Picture of suggested ranges: their cells or pixels in colour over the map, beside the histogram."""
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from affine import Affine
+from numpy.typing import NDArray
 
 from uavseg.jobs.source.inputs import keep_inputs
 from uavseg.jobs.suggestions import Suggestion, Suggestions
 from uavseg.output.atomic import atomic_file
-from uavseg.plot.layers.range_layer import (
-    BRIGHT_PART_COLOR,
-    DARK_PART_COLOR,
-    RangeLayer,
-    draw_cells,
-    range_colors,
-)
-from uavseg.plot.layers.raster_layer import draw_raster
+from uavseg.plot.layers.raster_layer import draw_image, draw_raster
 from uavseg.plot.page.frame import Frame
-from uavseg.plot.page.map_furniture import TEXT_COLOR, draw_north_arrow, draw_scale_bar
 from uavseg.plot.page.page import (
     CAPTION_COLOR,
+    TEXT_COLOR,
+    View,
     check_png_target,
+    draw_furniture,
+    draw_spines,
     fit_axes,
     new_figure,
     raster_caption,
     save_figure,
 )
+from uavseg.raster.grid.geobox import scaled
+from uavseg.raster.grid.tiling import Window
 from uavseg.raster.read.dataset import Dataset
 from uavseg.raster.read.overview import DatasetOverview
 from uavseg.raster.spectral.value_scale import ValueAxis
+from uavseg.units import CELL, GREY_MAX
 
+RANGE_COLORS = ("#3b5bdb", "#19c3f0", "#2fd05f", "#b5e61d", "#ffe119", "#ff8c1a", "#e8362e", "#f032e6")
+_DARK_PART_COLOR, _BRIGHT_PART_COLOR = "#19c3f0", "#f032e6"  # of ranges that are parts of the outermost ones
+_ALPHA = 0.42
 _WIDTH_IN, _MAP_IN, _PLOT_IN = 10.0, 6.3, 2.6  # the page, the raster and the histogram
 _VALUES_IN = 0.55  # the axis of values beside the histogram
 _HEAD_IN, _FOOT_IN, _MARGIN_IN, _LINE_IN = 0.42, 0.34, 0.15, 0.2
@@ -42,62 +47,57 @@ _BINS = 256
 
 
 def draw_suggestions(
-    found: Suggestions, out: str | os.PathLike[str], dataset: Dataset | None = None, overwrite: bool = False
+    suggestions: Suggestions,
+    out: str | os.PathLike[str],
+    dataset: Dataset | None = None,
+    overwrite: bool = False,
 ) -> Path:
     """Draw the ranges in colour over the raster in grey, beside the histogram with their bounds, as PNG.
 
     Parameters
     ----------
-    found : Suggestions
+    suggestions : Suggestions
     out : path
         The picture, .png.
     dataset : Dataset, optional
         The raster; without it, the cells of the block map are drawn instead.
     overwrite : bool
         Whether an existing picture may be replaced.
-
-    Raises
-    ------
-    OutputError
-        If the picture exists, cannot be written there, or does not end in .png.
     """
     target = check_png_target(out, overwrite)
     keep_inputs([target], dataset.paths if dataset is not None else ())
-    figure = _figure(found, dataset)
+    figure = _figure(suggestions, dataset)
     with atomic_file(target, overwrite) as temporary:
         save_figure(figure, temporary)
     return target
 
 
-def _figure(found: Suggestions, dataset: Dataset | None) -> Any:
-    source = found.source
+def _figure(suggestions: Suggestions, dataset: Dataset | None) -> Any:
+    source = suggestions.source
     frame = Frame(source.geobox, source.in_metres and source.geobox.crs is None)
-    view, height = _view(frame, _MIN_PLOT_IN + _legend_height(found))
+    view, height = _view(frame, _MIN_PLOT_IN + _legend_height(suggestions))
     page = height + _HEAD_IN + _FOOT_IN
     figure = new_figure(_WIDTH_IN, page, _WIDTH_PX / _WIDTH_IN)
     ax = figure.add_axes((_MARGIN_IN / _WIDTH_IN, _FOOT_IN / page, _MAP_IN / _WIDTH_IN, height / page))
     point = fit_axes(ax, view, _MAP_IN, height)
-    _draw_map(ax, point, frame, found, dataset)
+    _draw_map(ax, point, frame, suggestions, dataset)
     left = _WIDTH_IN - _MARGIN_IN - _PLOT_IN
+    plot_width = _PLOT_IN - (0 if source.axis is None else _VALUES_IN)
+    plot_height = height - 0.1 - _legend_height(suggestions)
     plot = figure.add_axes(
-        (
-            left / _WIDTH_IN,
-            (_FOOT_IN + 0.1) / page,
-            (_PLOT_IN - (0 if found.source.axis is None else _VALUES_IN)) / _WIDTH_IN,
-            (height - 0.1 - _legend_height(found)) / page,
-        )
+        (left / _WIDTH_IN, (_FOOT_IN + 0.1) / page, plot_width / _WIDTH_IN, plot_height / page)
     )
-    _draw_histogram(plot, found)
-    _write_legend(figure, left / _WIDTH_IN, found)
-    x, about = _MARGIN_IN / _WIDTH_IN, found.source
-    figure.text(x, 1 - 0.12 / page, about.name, size=12, weight="bold", color=TEXT_COLOR, va="top")
-    caption = raster_caption(about.geobox, about.band_names, about.stretch.name)
+    _draw_histogram(plot, suggestions)
+    _write_legend(figure, left / _WIDTH_IN, suggestions)
+    x = _MARGIN_IN / _WIDTH_IN
+    figure.text(x, 1 - 0.12 / page, source.name, size=12, weight="bold", color=TEXT_COLOR, va="top")
+    caption = raster_caption(source.geobox, source.band_names, source.stretch.name)
     figure.text(x, 0.12 / page, caption, size=7.5, color=CAPTION_COLOR, va="bottom")
     return figure
 
 
-def _view(frame: Frame, min_height: float) -> tuple[tuple[float, float, float, float], float]:
-    """left, right, bottom, top in plot coordinates, and the height of the map in inches."""
+def _view(frame: Frame, min_height: float) -> tuple[View, float]:
+    """Return the view of the raster, and the height of the map in inches."""
     margin = 0.02 * float(np.ptp(frame.corners, axis=0).max())
     left, bottom = (float(end) - margin for end in frame.corners.min(axis=0))
     right, top = (float(end) + margin for end in frame.corners.max(axis=0))
@@ -105,40 +105,109 @@ def _view(frame: Frame, min_height: float) -> tuple[tuple[float, float, float, f
     return (left, right, bottom, top), min(max(height, min_height), _MAX_HEIGHT_IN)
 
 
-def _draw_map(ax: Any, point: float, frame: Frame, found: Suggestions, dataset: Dataset | None) -> None:
-    counts = found.blocks.counts
+def _draw_map(ax: Any, point: float, frame: Frame, suggestions: Suggestions, dataset: Dataset | None) -> None:
+    counts = suggestions.blocks.counts
     if dataset is not None:
-        draw_raster(ax, dataset, frame, found.source.stretch)
+        draw_raster(ax, dataset, frame, suggestions.source.stretch)
     else:
-        greys = (found.blocks.sums // np.maximum(counts, 1) >> 8).astype(np.uint8)
-        draw_cells(ax, greys, counts > 0, frame, _MAX_PIXELS)
-    if found.ranges and found.by_pixel and dataset is not None:
-        coarse, ranges = DatasetOverview.of(dataset, _MAX_PIXELS), [one.range for one in found.by_intensity]
-        RangeLayer.of_pixels(coarse, found.source.stretch, ranges, _colors(found), frame).draw(ax)
-    elif found.ranges:
-        seen = found.intervals * (counts > 0)  # a leaf may extend into nodata
-        RangeLayer.of(seen, _colors(found), frame, _MAX_PIXELS).draw(ax)
-    draw_scale_bar(ax, frame, point)
-    draw_north_arrow(ax, frame, point)
+        greys = (suggestions.blocks.sums // np.maximum(counts, 1) >> 8).astype(np.uint8)
+        _draw_cells(ax, greys, counts > 0, frame)
+    if suggestions.ranges and suggestions.by_pixel and dataset is not None:
+        coarse = DatasetOverview.of(dataset, _MAX_PIXELS)
+        intervals = _ranges_of_pixels(coarse, suggestions)
+        _draw_ranges(ax, intervals, frame.plot_from_map * coarse.geobox.transform, _colors(suggestions))
+    elif suggestions.ranges:
+        intervals = suggestions.intervals * (counts > 0)  # a leaf may extend into nodata
+        _draw_ranges(ax, *upsample_cells(intervals, frame, _MAX_PIXELS), _colors(suggestions))
+    draw_furniture(ax, frame, point)
 
 
-def _colors(found: Suggestions) -> list[str]:
-    """Colours of the ranges by intensity, parts last."""
-    ranges = found.by_intensity
-    parts = [DARK_PART_COLOR if one.low == 0 else BRIGHT_PART_COLOR for one in ranges if one.part]
+def _draw_cells(ax: Any, greys: NDArray[np.uint8], valid: NDArray[np.bool_], frame: Frame) -> None:
+    """Draw cells of 8 x 8 pixels in grey, in place of a raster."""
+    grey, plot_from_pixel = upsample_cells(greys, frame, _MAX_PIXELS)
+    alpha, _ = upsample_cells(np.where(valid, np.uint8(255), np.uint8(0)), frame, _MAX_PIXELS)
+    draw_image(ax, np.stack([grey, grey, grey, alpha], axis=-1), plot_from_pixel, zorder=2)
+
+
+def upsample_cells(cells: NDArray[np.uint8], frame: Frame, max_side: int) -> tuple[NDArray[np.uint8], Affine]:
+    """Upsample cells of 8 x 8 pixels to the extent of the raster (nearest neighbour).
+
+    Parameters
+    ----------
+    cells : (m, n) uint8 array
+    frame : Frame
+    max_side : int
+        Largest number of rows and columns of the result.
+
+    Returns
+    -------
+    picture : (rows, cols) uint8 array
+    plot_from_pixel : Affine
+        From its pixel corners (col, row) to plot coordinates.
+    """
+    box = frame.geobox
+    step = max(-(-max(box.shape) // max_side), 1)
+    rows, cols = (max(length // step, 1) for length in box.shape)
+    row, col = (
+        ((np.arange(n) + 0.5) * length / n).astype(np.int64) // CELL
+        for n, length in zip((rows, cols), box.shape, strict=True)
+    )
+    plot_from_pixel = frame.plot_from_map * scaled(box.transform, box.shape[0] / rows, box.shape[1] / cols)
+    return cells[np.ix_(row, col)], plot_from_pixel
+
+
+def _ranges_of_pixels(coarse: Dataset, suggestions: Suggestions) -> NDArray[np.uint8]:
+    """Return the range of each pixel of a downsampled dataset, counted from 1; 0 for none."""
+    values, valid = coarse.read(Window(0, 0, *coarse.geobox.shape))
+    v = suggestions.source.stretch.apply(values, valid) / GREY_MAX
+    intervals = np.zeros(v.shape, np.uint8)
+    for number, one in enumerate(suggestions.by_intensity, 1):
+        low, high = one.range
+        intervals[(v >= low) & (v <= high)] = number
+    return intervals * (np.uint8(1) if valid is None else valid)
+
+
+def _draw_ranges(
+    ax: Any, intervals: NDArray[np.uint8], plot_from_pixel: Affine, colors: Sequence[str]
+) -> None:
+    """Draw each range in its colour, translucent over grey."""
+    from matplotlib.colors import to_rgba
+
+    table = np.zeros((len(colors) + 1, 4), np.uint8)
+    for k, color in enumerate(colors, start=1):
+        table[k] = np.round(255 * np.array(to_rgba(color, _ALPHA)))
+    draw_image(ax, table[intervals], plot_from_pixel, zorder=2.2)
+
+
+def _colors(suggestions: Suggestions) -> list[str]:
+    """Return the colours of the ranges by intensity, parts last."""
+    ranges = suggestions.by_intensity
+    parts = [_DARK_PART_COLOR if one.low == 0 else _BRIGHT_PART_COLOR for one in ranges if one.part]
     return range_colors(len(ranges) - len(parts)) + parts
 
 
-def _draw_histogram(ax: Any, found: Suggestions) -> None:
-    """v upwards, the square root of the area to the right, so that rare values stay visible."""
-    counts = found.histogram.reshape(_BINS, -1).sum(axis=1)
-    held = np.flatnonzero(counts)
+def range_colors(count: int) -> list[str]:
+    """Choose the colours of `count` ranges, the darkest range first.
+
+    Examples
+    --------
+    >>> range_colors(2)
+    ['#3b5bdb', '#e8362e']
+    """
+    last = len(RANGE_COLORS) - 2 if count < len(RANGE_COLORS) else len(RANGE_COLORS) - 1
+    return [RANGE_COLORS[round(k * last / max(count - 1, 1))] for k in range(count)]
+
+
+def _draw_histogram(ax: Any, suggestions: Suggestions) -> None:
+    """Draw v upwards, the square root of the area to the right, so that rare values stay visible."""
+    counts = suggestions.histogram.reshape(_BINS, -1).sum(axis=1)
+    used = np.flatnonzero(counts)
     v = (np.arange(_BINS) + 0.5) / _BINS
-    colors_of = list(zip(found.by_intensity, _colors(found), strict=True))
+    colors_of = list(zip(suggestions.by_intensity, _colors(suggestions), strict=True))
     edges = [one.high for one, _ in colors_of if not one.part][:-1]
     colors = np.array(range_colors(len(edges) + 1))[np.searchsorted(edges, v)]
     ax.barh(v, np.sqrt(counts / counts.max()), 1 / _BINS, color=colors, lw=0)
-    ax.set(xlim=(0, 1.28), ylim=(max(held[0] / _BINS - 0.03, 0), min((held[-1] + 1) / _BINS + 0.03, 1)))
+    ax.set(xlim=(0, 1.28), ylim=(max(used[0] / _BINS - 0.03, 0), min((used[-1] + 1) / _BINS + 0.03, 1)))
     for edge in edges:
         ax.axhline(edge, color=TEXT_COLOR, lw=0.9)
         ax.text(1.27, edge, f"{edge:.7g}", size=8, weight="bold", color=TEXT_COLOR, ha="right", va="bottom")
@@ -149,14 +218,13 @@ def _draw_histogram(ax: Any, found: Suggestions) -> None:
     ax.tick_params(labelsize=7, colors=CAPTION_COLOR, length=2.5)
     ax.set_ylabel("v", size=8, color=CAPTION_COLOR, rotation=0, labelpad=6)
     ax.set_xlabel("area (root)", size=7, color=CAPTION_COLOR)
-    if found.source.axis is not None:
-        _draw_values(ax, found.source.axis)
-    for side in ax.spines.values():
-        side.set(color="#bbbbbb", lw=0.6)
+    if suggestions.source.axis is not None:
+        _draw_values(ax, suggestions.source.axis)
+    draw_spines(ax)
 
 
 def _draw_values(ax: Any, axis: ValueAxis) -> None:
-    """The same axis in values, on the right."""
+    """Draw the same axis in values, on the right."""
     ends = np.asarray(axis.values(ax.get_ylim()))
     if not np.isfinite(ends).all() or ends[0] == ends[1]:  # a damaged file may say anything of its scale
         return
@@ -169,22 +237,24 @@ def _draw_values(ax: Any, axis: ValueAxis) -> None:
         side.set_visible(False)
 
 
-def _legend_height(found: Suggestions) -> float:
-    lines = sum(1 + bool(one.values_text) * _SMALL for one in found.ranges)
-    return _LINE_IN * max(lines, 1) + 0.1 + (0 if found.source.axis is None else _TITLE_IN)
+def _legend_height(suggestions: Suggestions) -> float:
+    lines = sum(1 + bool(one.values_text) * _SMALL for one in suggestions.ranges)
+    return _LINE_IN * max(lines, 1) + 0.1 + (0 if suggestions.source.axis is None else _TITLE_IN)
 
 
-def _write_legend(figure: Any, x: float, found: Suggestions) -> None:
+def _write_legend(figure: Any, x: float, suggestions: Suggestions) -> None:
     """Write the result of each range, the brightest first as in the histogram."""
     page = figure.get_figheight()
     y = 1 - (_HEAD_IN + 0.02) / page
-    if not found.ranges:
+    if not suggestions.ranges:
         figure.text(x, y, "one class: no range to choose", size=8, color=TEXT_COLOR, va="top")
-    colored = sorted(zip(found.by_intensity, _colors(found), strict=True), key=lambda pair: pair[0].range)
-    for chosen, color in reversed(colored):
+    colored = sorted(
+        zip(suggestions.by_intensity, _colors(suggestions), strict=True), key=lambda pair: pair[0].range
+    )
+    for chosen, color in sorted(colored, key=lambda pair: pair[0].range)[::-1]:
         figure.text(x, y, "◆" if chosen.part else "■", size=10, color=color, va="top")
-        for place, text, side in _columns(chosen):
-            figure.text(x + place / _WIDTH_IN, y, text, size=8, color=TEXT_COLOR, va="top", ha=side)
+        for x_in, text, side in _columns(chosen):
+            figure.text(x + x_in / _WIDTH_IN, y, text, size=8, color=TEXT_COLOR, va="top", ha=side)
         y -= _LINE_IN / page
         if chosen.values_text:
             figure.text(x + 0.2 / _WIDTH_IN, y, chosen.values_text, size=7, color=CAPTION_COLOR, va="top")
@@ -192,7 +262,7 @@ def _write_legend(figure: Any, x: float, found: Suggestions) -> None:
 
 
 def _columns(chosen: Suggestion) -> list[tuple[float, str, str]]:
-    """Inches from the left, text, and alignment of each column."""
+    """Return inches from the left, text, and alignment of each column."""
     count = f"{chosen.regions_text} region{'s' if chosen.regions != 1 else ''}"
     return [
         (0.2, str(chosen).replace(",", " to "), "left"),

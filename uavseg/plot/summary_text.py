@@ -1,37 +1,44 @@
-"""Text report of a raster summary, with a bar chart of the histogram."""
+"""Text reports of rasters, with a bar chart of the histogram, and of files of regions."""
 
+import json
 from pathlib import PurePath
+from typing import TYPE_CHECKING, Any
 
 from uavseg.raster.summary import HISTOGRAM_BINS, Summary
 
+if TYPE_CHECKING:
+    from uavseg.regions.formats.about_file import RegionFile
+
 _EIGHTHS = " ▏▎▍▌▋▊▉█"
 _WIDTH = 40  # characters of the longest bar
+_IN_OTHER_LINES = ("range_values", "unit", "stretch_low", "stretch_high")  # metadata in the line of another
 
 
 def summary_text(summary: Summary) -> str:
-    """A summary as text, one fact per line."""
+    """Format a summary, one property per line."""
+    megapixels = summary.rows * summary.cols / 1e6
     rows = [
         ("file", _files(summary)),
-        ("size", f"{summary.cols} x {summary.rows} pixels, {_megapixels(summary)}; {summary.driver}"),
+        ("size", f"{summary.cols} x {summary.rows} pixels, {megapixels:.3g} megapixels; {summary.driver}"),
         ("CRS", _crs(summary)),
         ("ground", _ground(summary)),
-        ("extent", _extent(summary)),
-        ("centre", _center(summary)),
+        ("extent", _extent(summary.bounds)),
+        ("centre", "" if summary.center is None else "lat {1:.6f}, lon {0:.6f}".format(*summary.center)),
         ("bands", _bands(summary)),
         ("intensity", f"{summary.used}, stretched by {summary.stretch}"),
         ("nodata", f"{_percent(summary.nodata_share)} of the pixels ({_counted(summary)})"),
         ("v", _moments(summary)),
         ("values", _values(summary)),
     ]
-    facts = [f"{name:<10} {text}" for name, text in rows if text]
+    lines = [f"{name:<10} {text}" for name, text in rows if text]
     notes = [f"note       {warning}" for warning in summary.warnings]
-    line = ["", f"try        {summary.command}"] if summary.command else []
+    command = ["", f"try        {summary.command}"] if summary.command else []
     bars = ["", *_bars(summary)] if summary.valid else []
-    return "\n".join([*facts, *notes, *bars, *line])
+    return "\n".join([*lines, *notes, *bars, *command])
 
 
 def text_bar(share: float, width: int = _WIDTH) -> str:
-    """A bar of block characters whose length is a share of `width`, to an eighth of a character.
+    """Draw a bar of block characters whose length is a share of `width`, to an eighth of a character.
 
     Examples
     --------
@@ -43,7 +50,7 @@ def text_bar(share: float, width: int = _WIDTH) -> str:
 
 
 def _bars(summary: Summary) -> list[str]:
-    """One line for each bin of v."""
+    """Draw one line for each bin of v."""
     largest, total = max(*summary.histogram, 1), max(summary.valid, 1)
     values = [_bin_values(summary, n) for n in range(HISTOGRAM_BINS)]
     width = max(map(len, values))
@@ -62,10 +69,6 @@ def _files(summary: Summary) -> str:
     return f"{first} and {others} more, one mosaic (the last: {PurePath(summary.paths[-1]).name})"
 
 
-def _megapixels(summary: Summary) -> str:
-    return f"{summary.rows * summary.cols / 1e6:.3g} megapixels"
-
-
 def _crs(summary: Summary) -> str:
     if summary.crs is None:
         local = "none: coordinates are local" + (" and in metres" if summary.in_metres else "")
@@ -80,16 +83,11 @@ def _ground(summary: Summary) -> str:
     return f"{size} {unit} per pixel; {across * summary.cols:.4g} x {along * summary.rows:.4g} {unit} in all"
 
 
-def _extent(summary: Summary) -> str:
-    left, bottom, right, top = (f"{value:.10g}" for value in summary.bounds)
-    return f"x {left} to {right}, y {bottom} to {top}"
-
-
-def _center(summary: Summary) -> str:
-    if summary.center is None:
+def _extent(bounds: tuple[float, float, float, float] | None) -> str:
+    if bounds is None:
         return ""
-    lon, lat = summary.center
-    return f"lat {lat:.6f}, lon {lon:.6f}"
+    left, bottom, right, top = (f"{value:.10g}" for value in bounds)
+    return f"x {left} to {right}, y {bottom} to {top}"
 
 
 def _bands(summary: Summary) -> str:
@@ -101,20 +99,16 @@ def _bands(summary: Summary) -> str:
         + (f" (nodata {_number(nodata)})" if nodata is not None and not shared else "")
         for n, ((dtype, color, nodata), name) in enumerate(named, start=1)
     ]
-    most = 24 if any(summary.names) else 8
-    shown = texts if len(texts) <= most else [*texts[: most - 1], f"... {len(texts)} in all"]
+    limit = 24 if any(summary.names) else 8
+    shown = texts if len(texts) <= limit else [*texts[: limit - 1], f"... {len(texts)} in all"]
     return "; ".join(shown) + shared
 
 
 def _band_name(color: str, name: str) -> str:
-    """The names of a band, with its colour where they do not say it."""
-    return (
-        color
-        if not name
-        else name
-        if color in (*name.split(", "), "undefined", "gray")
-        else f"{name}, {color}"
-    )
+    """Return the names of a band, with its colour where they do not say it."""
+    if not name:
+        return color
+    return name if color in (*name.split(", "), "undefined", "gray") else f"{name}, {color}"
 
 
 def _moments(summary: Summary) -> str:
@@ -124,19 +118,18 @@ def _moments(summary: Summary) -> str:
 
 
 def _values(summary: Summary) -> str:
-    """The values of v = 0 and 1, and how they are stored where that is not as they are."""
+    """Return the values of v = 0 and 1, and how they are stored where that differs."""
     axis = summary.axis
     if axis is None or summary.valid == 0:
         return ""
     low, high = axis.values([0, 1]).tolist()
     unit, scale = f" {axis.unit}" if axis.unit else "", axis.scale
     stored = f" = {scale.scale:.10g} x stored + {scale.offset:.10g}"
-    kept = "" if (scale.scale, scale.offset) == (1, 0) else stored
-    return f"v = 0 is {low:.6g}{unit}, v = 1 is {high:.6g}{unit}, mean {summary.mean_value:.6g}{unit}{kept}"
+    suffix = "" if (scale.scale, scale.offset) == (1, 0) else stored
+    return f"v = 0 is {low:.6g}{unit}, v = 1 is {high:.6g}{unit}, mean {summary.mean_value:.6g}{unit}{suffix}"
 
 
 def _bin_values(summary: Summary, n: int) -> str:
-    """The values of a bin of the histogram."""
     if summary.axis is None or summary.valid == 0:
         return ""
     low, high = summary.axis.values([n / HISTOGRAM_BINS, (n + 1) / HISTOGRAM_BINS]).tolist()
@@ -155,3 +148,54 @@ def _counted(summary: Summary) -> str:
     if summary.exact:
         return f"all {summary.counted} counted"
     return f"from a coarse look: {summary.counted} pixels of {summary.rows * summary.cols}"
+
+
+def region_file_text(file: "RegionFile") -> str:
+    """Format what a file of regions holds, and how they were made."""
+    layer = "" if file.layer is None else f", layer {file.layer}"
+    others = f" and {file.others} more" if file.others else ""
+    rows = [
+        ("file", file.path),
+        ("format", f"{file.format}{layer}{others}"),
+        ("regions", f"{file.regions:,} ({file.geometry})"),
+        ("CRS", file.crs or "none: coordinates are local"),
+        ("extent", _extent(file.bounds)),
+        ("columns", ", ".join(file.columns)),
+    ]
+    lines = [f"{name:<16} {text}" for name, text in rows if text]
+    if not file.metadata:
+        return "\n".join([*lines, "", "The file does not say how its regions were made."])
+    made = [
+        f"{name:<16} {_metadata_text(name, file.metadata)}"
+        for name in file.metadata
+        if name not in _IN_OTHER_LINES
+    ]
+    return "\n".join([*lines, "", *made])
+
+
+def _metadata_text(name: str, metadata: dict[str, Any]) -> str:
+    value = metadata[name]
+    if name == "range":
+        values = metadata.get("range_values") or [None, None]
+        unit = f" {metadata['unit']}" if isinstance(metadata.get("unit"), str) else ""
+        known = "" if values == [None, None] else f"; values {_ends(values)}{unit}"
+        return f"v {_ends(value)}{known}"
+    if isinstance(value, list) and all(isinstance(part, str | int | float) for part in value):
+        return ", ".join(map(_plain, value))
+    return _plain(value)
+
+
+def _ends(pair: Any) -> str:
+    """Format an interval, open where an end is missing."""
+    if not isinstance(pair, list) or len(pair) != 2:
+        return _plain(pair)
+    low, high = pair
+    if low is None or high is None:
+        return f"up to {_plain(high)}" if low is None else f"{_plain(low)} and more"
+    return f"{_plain(low)} to {_plain(high)}"
+
+
+def _plain(value: Any) -> str:
+    if isinstance(value, str):
+        return value
+    return f"{value:.10g}" if isinstance(value, float) else json.dumps(value)

@@ -1,13 +1,18 @@
-"""HTTP server on 127.0.0.1 with a random port and a token in its address."""
+"""HTTP server on 127.0.0.1 with a random port and a token in its address.
 
+Host, origin, token, method and size of a request are checked before anything else.
+"""
+
+import hmac
 import io
 import json
 import logging
+import re
 import secrets
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -15,39 +20,94 @@ from typing import Any
 
 from uavseg.errors import UavsegError
 from uavseg.plain_text import printable
-from uavseg.server.gate import Gate, Refusal
 
-MAX_REQUESTS = 64  # that are open at the same time: a map that is zoomed gives up many, and asks for others
-MAX_ANSWERS = 4  # that are computed at the same time
-MAX_ARRIVING = 64  # requests without a token as yet; one more ends the oldest
+MAX_BODY = 1 << 20
+_MAX_TARGET = 500
+_JSON = "application/json"
+_LENGTH = re.compile(r"[0-9]{1,9}")
+MAX_REQUESTS = 64  # that are open at the same time: a map that is zoomed cancels many, and sends others
+_MAX_ANSWERS = 4  # that are computed at the same time
+MAX_ARRIVING = 64  # requests that have not sent a token yet; one more ends the oldest
 TIMEOUT_S = 20.0  # for a whole request to arrive, and for its answer to leave
-POLICY = "frame-ancestors 'none'"
-
 logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
-    """A response.
+class Refusal:
+    """Status and text of an answer that refuses a request."""
 
-    Parameters
-    ----------
-    content : bytes
-    kind : str
-        Its media type.
-    status : int
-    file_name : str
-        Under which it is saved, if it is a download.
+    status: int
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Gate:
+    """Check of requests: their host, origin, token, method and size.
+
+    A page of another site can make a browser send requests to 127.0.0.1, also under its domain name (DNS
+    rebinding). It does not know the token, and cannot choose the headers Host and Origin.
     """
 
+    port: int
+    token: str
+
+    @property
+    def hosts(self) -> tuple[str, str]:
+        """Return the names of the server."""
+        return f"127.0.0.1:{self.port}", f"localhost:{self.port}"
+
+    def path_of(self, method: str, target: str, headers: Mapping[str, list[str]]) -> str | Refusal:
+        """Return the path behind the token of a request that is allowed, such as "jobs/1".
+
+        Parameters
+        ----------
+        method, target : str
+            Of the first line of the request.
+        headers : mapping of str to list of str
+            All values of each header, by its name in lower case.
+        """
+        if method not in {"GET", "POST"}:
+            return Refusal(405, "only GET and POST are known here")
+        if headers.get("host", []) not in [[host] for host in self.hosts]:
+            return Refusal(421, "this server answers to 127.0.0.1 alone")
+        origins = [[f"http://{host}"] for host in self.hosts]
+        if "origin" in headers and headers["origin"] not in origins:
+            return Refusal(403, "requests of other sites are refused")
+        if headers.get("sec-fetch-site", ["none"]) not in [["none"], ["same-origin"]]:
+            return Refusal(403, "requests of other sites are refused")
+        if len(target) > _MAX_TARGET or not target.isascii():
+            return Refusal(414, "the address is too long, or not plain")
+        parts = target.split("/", 2)
+        token = parts[1] if len(parts) == 3 and not parts[0] else ""
+        if not hmac.compare_digest(token.encode(), self.token.encode()):
+            return Refusal(404, "there is nothing here; open the address that uavseg serve printed")
+        return parts[2]
+
+    @staticmethod
+    def body_length(headers: Mapping[str, list[str]]) -> int | Refusal:
+        """Return the length of the body of a POST."""
+        lengths = headers.get("content-length", [])
+        if "transfer-encoding" in headers or len(lengths) != 1 or not _LENGTH.fullmatch(lengths[0]):
+            return Refusal(411, "a body has a Content-Length")
+        if int(lengths[0]) > MAX_BODY:
+            return Refusal(413, f"a body has at most {MAX_BODY} bytes")
+        if headers.get("content-type") != [_JSON]:
+            return Refusal(415, f"a body is {_JSON}")
+        return int(lengths[0])
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """A response; with a file name it is a download."""
+
     content: bytes
-    kind: str = "application/json"
+    media_type: str = _JSON
     status: int = 200
     file_name: str = ""
 
 
 def json_answer(value: Any, status: int = 200) -> Answer:
-    """A value as JSON."""
+    """Encode a value as JSON, with a status of HTTP."""
     return Answer(json.dumps(value, allow_nan=False).encode(), status=status)
 
 
@@ -56,7 +116,7 @@ Answering = Callable[[str, str, bytes], Answer]
 
 
 class LocalServer(ThreadingHTTPServer):
-    """Answers requests of this computer that know the token.
+    """Server for requests of this computer that know the token.
 
     Parameters
     ----------
@@ -74,18 +134,18 @@ class LocalServer(ThreadingHTTPServer):
         self._slots = threading.BoundedSemaphore(MAX_REQUESTS)
         self._arriving: dict[socket.socket, None] = {}  # the oldest first
         self._lock = threading.Lock()
-        self.computing = threading.BoundedSemaphore(MAX_ANSWERS)
+        self.computing = threading.BoundedSemaphore(_MAX_ANSWERS)
         super().__init__(("127.0.0.1", port), _Handler)
         self.answering = answering
         self.gate = Gate(self.server_address[1], secrets.token_urlsafe(24))
 
     @property
     def url(self) -> str:
-        """The address of the page, with the token."""
+        """Return the address of the page, with the token."""
         return f"http://127.0.0.1:{self.gate.port}/{self.gate.token}/"
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        """Answer in a thread; who has shown no token as yet takes no place of those who have."""
+        """Answer in a thread; requests without a token take no slots of those with one."""
         with self._lock:
             self._arriving[request] = None
             if len(self._arriving) > MAX_ARRIVING:
@@ -100,7 +160,7 @@ class LocalServer(ThreadingHTTPServer):
             raise
 
     def process_request_thread(self, request: Any, client_address: Any) -> None:
-        """Answer, and let the next one in."""
+        """Answer, and forget the connection."""
         try:
             super().process_request_thread(request, client_address)
         finally:
@@ -112,7 +172,7 @@ class LocalServer(ThreadingHTTPServer):
 
     @contextmanager
     def slot(self, request: Any) -> Iterator[bool]:
-        """One of the places of requests that know the token; False if all are taken."""
+        """Take a slot of requests that know the token; yields False if all are taken."""
         self._arrived(request)
         is_free = self._slots.acquire(blocking=False)
         try:
@@ -122,7 +182,7 @@ class LocalServer(ThreadingHTTPServer):
                 self._slots.release()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """A connection that broke off is no error of ours; others are logged."""
+        """Log an error, such as a connection that broke off."""
         logger.debug("a request failed", exc_info=True)
 
 
@@ -144,7 +204,7 @@ class _Handler(BaseHTTPRequestHandler):
         self._answer()
 
     def log_message(self, format: str, *args: Any) -> None:
-        """Addresses hold the token: nothing is logged."""
+        """Log nothing: addresses hold the token."""
 
     def send_error(self, code: int, message: str | None = None, explain: str | None = None) -> None:
         """Refuse without repeating anything of the request."""
@@ -187,17 +247,17 @@ class _Handler(BaseHTTPRequestHandler):
         self._send(answer)
 
     def _refuse(self, refusal: Refusal) -> None:
-        self._send(json_answer({"error": refusal.words}, refusal.status))
+        self._send(json_answer({"error": refusal.text}, refusal.status))
 
     def _send(self, answer: Answer) -> None:
         self.close_connection = True
         self.connection.settimeout(TIMEOUT_S)
         try:
             self.send_response(answer.status)
-            self.send_header("Content-Type", answer.kind)
+            self.send_header("Content-Type", answer.media_type)
             self.send_header("Content-Length", str(len(answer.content)))
             self.send_header("Cache-Control", "no-store")
-            self.send_header("Content-Security-Policy", POLICY)
+            self.send_header("Content-Security-Policy", "frame-ancestors 'none'")
             self.send_header("Cross-Origin-Resource-Policy", "same-origin")
             self.send_header("Referrer-Policy", "no-referrer")
             self.send_header("X-Content-Type-Options", "nosniff")
@@ -211,16 +271,16 @@ class _Handler(BaseHTTPRequestHandler):
 
 
 class _UntilDeadline(io.RawIOBase):
-    """What a connection sends until a moment of the clock."""
+    """Bytes of a connection until a deadline of the monotonic clock."""
 
-    def __init__(self, connection: socket.socket, ends_at: float) -> None:
-        self._connection, self._ends_at = connection, ends_at
+    def __init__(self, connection: socket.socket, deadline: float) -> None:
+        self._connection, self._deadline = connection, deadline
 
     def readable(self) -> bool:
         return True
 
     def readinto(self, buffer: Any) -> int:
-        left_s = self._ends_at - time.monotonic()
+        left_s = self._deadline - time.monotonic()
         if left_s <= 0:
             raise TimeoutError("the request did not arrive in time")
         self._connection.settimeout(left_s)

@@ -1,5 +1,6 @@
-"""Jobs of a local server: one at a time, with progress, stopped on request; the last results are kept."""
+"""Job queue of a local server: one job at a time, with progress and stop; the last results are kept."""
 
+import shutil
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
@@ -14,54 +15,39 @@ from uavseg.output.written import recording_written
 from uavseg.plain_text import printable
 
 KEPT = 20
-STOPPING_S = 5.0  # a job stops at its next step; its files are deleted after it
+_STOPPING_S = 5.0  # a job stops at its next step; its files are deleted after it
 
 
 class BusyError(UavsegError, RuntimeError):
-    """A job is running already."""
+    """Another job is running."""
 
 
 class StoppedError(Exception):
-    """The job was stopped on request."""
+    """Stop of a job on request."""
 
 
 @dataclass
 class Task:
-    """A job, and what came of it.
-
-    Parameters
-    ----------
-    number : int
-    folder : Path
-        Where its files are.
-    state : "running", "done", "failed" or "stopped"
-    done, total : int
-        Progress.
-    error : str
-    answer : Any
-        Values of JSON.
-    files : dict of str to Path
-        By their names.
-    """
+    """A job and its result."""
 
     number: int
-    folder: Path
-    state: str = "running"
+    folder: Path  # of its files
+    state: str = "running"  # or "done", "failed" or "stopped"
     done: int = 0
     total: int = 0
     error: str = ""
-    answer: Any = None
-    files: dict[str, Path] = field(default_factory=dict)
+    answer: Any = None  # values of JSON
+    files: dict[str, Path] = field(default_factory=dict)  # by their names
     stop: threading.Event = field(default_factory=threading.Event)
 
     def progress(self, done: int, total: int) -> None:
-        """Note the progress; raises where the job is to stop."""
+        """Note the progress; raises StoppedError where the job is to stop."""
         if self.stop.is_set():
             raise StoppedError
         self.done, self.total = done, total
 
     def report(self) -> dict[str, Any]:
-        """State, progress and result as values of JSON."""
+        """Return state, progress and result as values of JSON."""
         return {
             "job": self.number,
             "state": self.state,
@@ -78,7 +64,7 @@ Job = Callable[[Path, Progress], tuple[Any, dict[str, Path]]]
 
 
 class Tasks:
-    """Runs one job at a time in a thread of its own.
+    """Queue that runs one job at a time in another thread.
 
     Parameters
     ----------
@@ -94,13 +80,7 @@ class Tasks:
         self._tasks: OrderedDict[int, Task] = OrderedDict()
 
     def begin(self, job: Job) -> Task:
-        """Begin a job.
-
-        Raises
-        ------
-        BusyError
-            If one is running.
-        """
+        """Begin a job; BusyError if one is running."""
         with self._lock:
             if any(task.state == "running" for task in self._tasks.values()):
                 raise BusyError("a job is running; wait for it, or stop it")
@@ -109,30 +89,24 @@ class Tasks:
             folder.mkdir()
             task = self._tasks[self._count] = Task(self._count, folder)
             while len(self._tasks) > KEPT:
-                self._forget(self._tasks.popitem(last=False)[1])
+                shutil.rmtree(self._tasks.popitem(last=False)[1].folder, ignore_errors=True)
             context = copy_context()
             self._running = threading.Thread(target=context.run, args=(_run, task, job), daemon=True)
             self._running.start()
         return task
 
     def find(self, number: int) -> Task | None:
-        """A job that is kept."""
+        """Return a job that is kept."""
         with self._lock:
             return self._tasks.get(number)
 
     def stop_all(self) -> None:
-        """Ask the job that runs to stop, and wait for it, for some seconds at most."""
+        """Stop the running job, and wait for it, for some seconds at most."""
         with self._lock:
             for task in self._tasks.values():
                 task.stop.set()
         if self._running is not None:
-            self._running.join(STOPPING_S)
-
-    @staticmethod
-    def _forget(task: Task) -> None:
-        import shutil
-
-        shutil.rmtree(task.folder, ignore_errors=True)
+            self._running.join(_STOPPING_S)
 
 
 def _run(task: Task, job: Job) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from tests.plot.pictures import NORTH_UP, UTM, a_mission
 from uavseg.flight.mission.fence import FenceCircle, FencePolygon, RallyPoint
-from uavseg.plot.layers.fence_layer import FenceLayer
+from uavseg.plot.layers.mission_layer import FenceLayer
 from uavseg.plot.page.frame import Frame
 from uavseg.raster.grid.geobox import GeoBox
 

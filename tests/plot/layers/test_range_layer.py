@@ -7,8 +7,8 @@ import pytest
 from affine import Affine
 
 from tests.plot.halves import found_in, halves
-from uavseg.plot.layers.range_layer import RANGE_COLORS, RangeLayer, range_colors, upsample_cells
 from uavseg.plot.page.frame import Frame
+from uavseg.plot.suggestions import RANGE_COLORS, range_colors, upsample_cells
 from uavseg.raster.grid.geobox import GeoBox
 
 
@@ -30,6 +30,6 @@ def test_cells_are_spread_over_exactly_the_raster(max_side: int) -> None:
 
 def test_ranges_of_a_large_raster_are_thinned() -> None:
     found, _ = found_in(halves())
-    layer = RangeLayer.of(found.intervals, 2, Frame(replace(found.source.geobox)), 60)
-    assert layer.intervals.shape == (40, 60)
-    assert set(layer.intervals[:, :30].ravel()) == {0, 1} and set(layer.intervals[:, 30:].ravel()) == {2}
+    intervals, _ = upsample_cells(found.intervals, Frame(replace(found.source.geobox)), 60)
+    assert intervals.shape == (40, 60)
+    assert set(intervals[:, :30].ravel()) == {0, 1} and set(intervals[:, 30:].ravel()) == {2}

@@ -9,12 +9,10 @@ import pytest
 import shapely
 
 from tests.plot.layers.maps import BOX, MOST, UTM, write
-from uavseg.plot.layers.levels_layer import LevelsLayer
-from uavseg.plot.layers.region_layer import RegionLayer
-from uavseg.plot.layers.stack import LayerSources, make_layers
-from uavseg.plot.layers.states_layer import StatesLayer
+from uavseg.plot.layers.overlays import StatesLayer
+from uavseg.plot.layers.region_layer import LevelsLayer, RegionLayer
 from uavseg.plot.page.frame import Frame
-from uavseg.plot.preview import preview
+from uavseg.plot.preview import make_layers, preview
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.read.dataset import Dataset
 
@@ -45,9 +43,8 @@ def test_layers_are_drawn_from_the_ground_up_and_only_those_with_a_source(tmp_pa
     box = shapely.box(4e5 + 5, 5e6 - 40, 4e5 + 60, 5e6 - 20)
     table = geopandas.GeoDataFrame({"id": [1], "level": [1]}, geometry=[box], crs=UTM)
     all_states = write(tmp_path / "s.tif", np.ones(BOX.shape, np.uint8), nodata=0)
-    sources = LayerSources(levels=table, states=all_states, regions=table)
-    layers = make_layers(sources, Frame(BOX), MOST)
+    layers = make_layers(Frame(BOX), MOST, levels=table, states=all_states, regions=table)
     assert [type(layer) for layer in layers] == [LevelsLayer, StatesLayer, RegionLayer]
-    assert make_layers(LayerSources(), Frame(BOX), MOST) == []
+    assert make_layers(Frame(BOX), MOST) == []
     for layer in layers:
         assert all(layer.title_parts(True)) and all(layer.title_parts(False))

@@ -239,7 +239,7 @@ def test_an_overview_is_searched_by_itself(tmp_path: Path) -> None:
 
 
 def test_the_fingerprint_knows_the_collar(tmp_path: Path) -> None:
-    from uavseg.execution.fingerprint import fingerprint
+    from uavseg.execution.checkpoint import fingerprint
 
     path = write(tmp_path / "a.tif", framed(texture(SHAPE), PICTURES["turned"], 0))
     assert fingerprint(cleaned(path)) != fingerprint(Dataset.open(path))

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from uavseg.errors import BandError, MosaicError, ParameterError, RasterError, UnchosenBandsError
-from uavseg.execution.fingerprint import fingerprint
+from uavseg.execution.checkpoint import fingerprint
 from uavseg.raster.grid.tiling import TilePass, Window, tiles
 from uavseg.raster.intensity.stretch import fit_stretch
 from uavseg.raster.read.dataset import Dataset

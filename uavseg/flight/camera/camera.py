@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
-from uavseg.json_object import number_in, read_object, word_in
+from uavseg.inputs import number_in, read_object, text_in
 from uavseg.plain_text import shown
 
 NADIR_DEG = -90.0
@@ -252,7 +252,7 @@ def read_camera(path: str | os.PathLike[str]) -> Camera:
     if not set(_KEYS) <= set(given) <= {*_KEYS, "name", "min_interval_s"}:
         raise ParameterError(f"{path} is not a camera; expected a JSON object with {expected}")
     numbers = {key: number_in(given, key, path, "camera") for key in given if key != "name"}
-    return _camera(numbers, word_in(given, "name", Path(path).stem, path, "camera"))
+    return _camera(numbers, text_in(given, "name", Path(path).stem, path, "camera"))
 
 
 def _camera(numbers: Mapping[str, float], name: str) -> Camera:

@@ -20,7 +20,7 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 from uavseg.errors import ParameterError
-from uavseg.json_object import number_in, read_object, word_in
+from uavseg.inputs import number_in, read_object, text_in
 from uavseg.plain_text import shown
 
 TURNS = ("blend", "slow")
@@ -192,6 +192,6 @@ def read_vehicle(path: str | os.PathLike[str], autopilot: str = "ardupilot") -> 
         raise ParameterError(f"{path} has {shown(unknown[0])}; a vehicle has only {', '.join(keys)}")
     default = default_vehicle(autopilot)
     values = {key: number_in(given, key, path, "vehicle") for key in NUMBERS if key in given}
-    name = word_in(given, "name", Path(path).stem, path, "vehicle")
-    turns = word_in(given, "turns", default.turns, path, "vehicle")
+    name = text_in(given, "name", Path(path).stem, path, "vehicle")
+    turns = text_in(given, "turns", default.turns, path, "vehicle")
     return replace(default, name=name, turns=turns, **values)

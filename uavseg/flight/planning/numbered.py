@@ -8,7 +8,7 @@ from uavseg.flight.formats.files import MissionPath, write_mission
 from uavseg.flight.formats.options import FileOptions
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.safety.check import SafetyCheck
-from uavseg.output.transaction import transaction
+from uavseg.output.atomic import transaction
 
 
 def _flight_paths(path: MissionPath, count: int) -> list[Path]:

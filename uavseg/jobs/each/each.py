@@ -20,9 +20,8 @@ from uavseg.jobs.source.inputs import keep_inputs
 from uavseg.jobs.source.open_source import open_source
 from uavseg.jobs.source.source import Blocks, Source
 from uavseg.jobs.source.work import SERIAL, Work
-from uavseg.output.name_template import check_own_names, outputs_of
-from uavseg.output.targets import existing_files
-from uavseg.output.transaction import output_errors, transaction
+from uavseg.output.atomic import output_errors, transaction
+from uavseg.output.targets import check_distinct_outputs, existing_files, outputs_of
 from uavseg.output.written import note_planned
 from uavseg.plain_text import cause_of, one_line
 from uavseg.raster.formats.creation import DEFAULT, CreationOptions
@@ -112,7 +111,7 @@ def plan_tasks(sources: Sequence[Path_], names: OutputNames) -> tuple[list[Task]
     if names.skip_existing:
         tasks = [task for task in tasks if not all(existing_files(Path(name)) for name in task.outputs)]
     _check_outputs(tasks, names.overwrite)
-    check_own_names(rasters, own)
+    check_distinct_outputs(rasters, own)
     outputs = [name for task in tasks for name in task.outputs]
     if names.report is not None:
         check_report(names.report, outputs, names.overwrite)

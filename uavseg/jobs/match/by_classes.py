@@ -33,7 +33,7 @@ from uavseg.segmentation.params.segment import SegmentParams
 from uavseg.segmentation.pipeline import cells_to_refine, measure_block_maps_for
 from uavseg.segmentation.refine.detail import Detail
 from uavseg.segmentation.source import GreySource
-from uavseg.units import MAX_KINDS
+from uavseg.units import MAX_REFINED
 
 _LEAST_PARTING = 0.15  # of the likeness of a class: that of its samples less that of the others
 
@@ -105,8 +105,10 @@ def match_classes(source: Source, request: MatchClassesRequest, work: Work = SER
     raster = raster_of(source, "a block map holds no colors to be compared; name the raster itself")
     places = class_masks(request.classes, raster.geobox)
     detail = detail_of(request.detail, raster.geobox, request.refine)
-    if len(places) > MAX_KINDS:
-        raise SampleError(f"{request.classes} has {len(places)} classes; at most {MAX_KINDS} are told apart")
+    if len(places) > MAX_REFINED:
+        raise SampleError(
+            f"{request.classes} has {len(places)} classes; at most {MAX_REFINED} are told apart"
+        )
     passes = work.over(raster).stages(3)
     grey = raster.grey(passes[0])
     bands = BlurredBands(color_sources(raster, grey, request.bands, passes[0].silent))

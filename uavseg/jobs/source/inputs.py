@@ -7,8 +7,7 @@ from typing import Any
 
 from uavseg.access import current_policy
 from uavseg.errors import UavsegError
-from uavseg.output.inputs import check_not_inputs
-from uavseg.output.targets import existing_files
+from uavseg.output.targets import check_not_inputs, existing_files
 from uavseg.raster.read.file_list import raster_files
 from uavseg.raster.read.source_list import expand_sources
 

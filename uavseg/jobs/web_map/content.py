@@ -1,4 +1,4 @@
-"""What a web map of a raster shows: a picture in Web Mercator, and block means for ranges."""
+"""Content of a web map of a raster: a picture in Web Mercator, and block means for ranges."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -13,7 +13,7 @@ from uavseg.jobs.result.result import SourceInfo
 from uavseg.jobs.source.open_source import raster_of
 from uavseg.jobs.source.source import Source
 from uavseg.jobs.source.work import SERIAL, Work
-from uavseg.jobs.web_map.mercator import MercatorImage, to_mercator, webp_of
+from uavseg.jobs.web_map.mercator import MercatorImage, to_mercator
 from uavseg.raster.geodesy.globe import is_on_earth
 from uavseg.raster.grid.ground_grid import GroundGrid, ground_grid
 from uavseg.raster.grid.tiling import Window
@@ -21,11 +21,10 @@ from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.read.dataset import Dataset
 from uavseg.raster.read.overview import DatasetOverview
 from uavseg.segmentation.blocks.block_map import BlockMap
-from uavseg.segmentation.blocks.leaf_codes import STEPS, leaf_codes
+from uavseg.segmentation.blocks.leaf_codes import STEPS as STEPS  # for plot, which imports no segmentation
+from uavseg.segmentation.blocks.leaf_codes import leaf_codes
 from uavseg.segmentation.params.segment import SegmentParams
 from uavseg.units import CELL
-
-__all__ = ["STEPS", "CellCodes", "FieldMap", "FieldMapRequest", "field_map", "map_tile"]
 
 MIN_SIZE, MAX_SIZE = 64, 8192
 MAX_CELLS = 1 << 22  # about 16384 x 16384 pixels
@@ -33,21 +32,15 @@ MAX_CELLS = 1 << 22  # about 16384 x 16384 pixels
 
 @dataclass(frozen=True, slots=True)
 class FieldMapRequest:
-    """What a web map shows.
+    """Options of a web map.
 
     Parameters
     ----------
     segment : SegmentParams
-        How blocks are divided.
     size : int
         Longest side of the picture in pixels, 64 to 8192.
     all_cells : bool
-        Whether cells are there also where they are too many for a page.
-
-    Raises
-    ------
-    ParameterError
-        If the size is out of bounds.
+        Whether cells are computed even where they are too many for a page.
     """
 
     segment: SegmentParams = SegmentParams()
@@ -62,42 +55,22 @@ class FieldMapRequest:
 
     @classmethod
     def from_words(cls, method: str, threshold: float, intensity_step: float, size: int) -> "FieldMapRequest":
-        """The request of the words of both faces."""
+        """Make a request from options of the command line or of Python."""
         return cls(SegmentParams.from_words(method, threshold, intensity_step, None), size)
 
 
 @dataclass(frozen=True)
 class CellCodes:
-    """Where the mean of each cell's leaf lies among the steps of a slider.
+    """Position of the mean of each cell's leaf among the steps of a slider."""
 
-    Parameters
-    ----------
-    shape : (int, int)
-        Rows and columns of the raster.
-    codes : (m, n) uint16 array
-        See `leaf_codes`.
-    counts : (m, n) uint8 array
-        Number of valid pixels of each cell.
-    """
-
-    shape: tuple[int, int]
-    codes: NDArray[np.uint16]
-    counts: NDArray[np.uint8]
+    shape: tuple[int, int]  # rows and columns of the raster
+    codes: NDArray[np.uint16]  # (m, n), see `leaf_codes`
+    counts: NDArray[np.uint8]  # (m, n) valid pixels
 
 
 @dataclass(frozen=True)
 class FieldMap:
-    """A raster for a web map.
-
-    Parameters
-    ----------
-    image : MercatorImage
-    ground : GroundGrid
-    cells : CellCodes or None
-        None where the raster is too large for a page, unless all were asked for.
-    info : SourceInfo
-    warnings : tuple of str
-    """
+    """A raster for a web map; without cells where it is too large for a page, unless all were requested."""
 
     image: MercatorImage
     ground: GroundGrid
@@ -107,35 +80,12 @@ class FieldMap:
 
     @property
     def fits_page(self) -> bool:
-        """Whether a page can hold the cells."""
+        """Return whether a page can hold the cells."""
         return self.cells is not None and self.cells.codes.size <= MAX_CELLS
 
 
-def map_tile(dataset: Dataset, stretch: Stretch, place: tuple[int, int, int]) -> bytes | None:
-    """A tile of a web map in the colours of its picture, as WebP.
-
-    Parameters
-    ----------
-    dataset : Dataset
-        Without its collar.
-    stretch : Stretch
-        That of the picture.
-    place : (zoom, x, y)
-        In the usual numbering of tiles of Web Mercator.
-
-    Returns
-    -------
-    content : bytes or None
-        None where the raster has nothing.
-    """
-    from uavseg.jobs.web_map.map_tile import read_map_tile
-
-    found = read_map_tile(dataset, place)
-    return None if found is None else webp_of(_colored(*found, stretch, dataset))
-
-
 def field_map(source: Source, request: FieldMapRequest = FieldMapRequest(), work: Work = SERIAL) -> FieldMap:
-    """The picture and the block means of a raster.
+    """Compute the picture and the block means of a raster.
 
     Parameters
     ----------
@@ -162,33 +112,39 @@ def field_map(source: Source, request: FieldMapRequest = FieldMapRequest(), work
     saved, info = block_map_of(raster, tile_pass)
     with phase("picture"), work.reading_here():
         coarse = DatasetOverview.of(raster.cleaned(tile_pass.silent), request.size)
-        image = to_mercator(_colors(coarse, saved.stretch), coarse.geobox, ground, request.size)
+        picture = colored(*coarse.read(Window(0, 0, *coarse.geobox.shape)), saved.stretch, coarse)
+        image = to_mercator(picture, coarse.geobox, ground, request.size)
     cells, notes = None, info.warnings
     rows, cols = raster.geobox.shape
     if request.all_cells or -(-rows // CELL) * -(-cols // CELL) <= MAX_CELLS:
         cells = _cells(saved.blocks, request.segment)
     else:
-        many = f"{cols} x {rows} pixels are too many for the slider of a page"
-        notes = (*notes, f"{many}, so it is left out; uavseg serve has one")
-    return work.finished(FieldMap(image, ground, cells, info, notes))
+        size = f"{cols} x {rows} pixels are too many for the slider of a page"
+        notes = (*notes, f"{size}, so it is left out; uavseg serve has one")
+    return work.finished(FieldMap(image=image, ground=ground, cells=cells, info=info, warnings=notes))
 
 
 def _cells(blocks: BlockMap, segment: SegmentParams) -> CellCodes:
     rows, cols = (-(-length // CELL) for length in blocks.shape)
-    codes = leaf_codes(blocks, segment.division)[:rows, :cols]
+    codes, counts = leaf_codes(blocks, segment.division)[:rows, :cols], blocks.counts[:rows, :cols]
     return CellCodes(
-        blocks.shape, np.ascontiguousarray(codes), np.ascontiguousarray(blocks.counts[:rows, :cols])
+        shape=blocks.shape, codes=np.ascontiguousarray(codes), counts=np.ascontiguousarray(counts)
     )
 
 
-def _colors(coarse: Dataset, stretch: Stretch) -> NDArray[np.uint8]:
-    """Red, green, blue and alpha: colours as they are where they are bytes, else grey through the stretch."""
-    return _colored(*coarse.read(Window(0, 0, *coarse.geobox.shape)), stretch, coarse)
-
-
-def _colored(
+def colored(
     values: NDArray[Any], valid: NDArray[np.bool_] | None, stretch: Stretch, source: Dataset
 ) -> NDArray[np.uint8]:
+    """Return red, green, blue and alpha: bytes as they are in three bands, else grey through the stretch.
+
+    Parameters
+    ----------
+    values : (1 or 3, rows, cols) array
+    valid : (rows, cols) bool array, optional
+    stretch : Stretch
+    source : Dataset
+        Of the values.
+    """
     image = np.full((4, *values.shape[1:]), 255, np.uint8)
     if len(values) == 3 and values.dtype == np.uint8 and source.choice.formula is None:
         image[:3] = values

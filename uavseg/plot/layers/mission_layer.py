@@ -1,21 +1,26 @@
-"""Layer of a mission: home, legs with arrows, lines with photographs, numbered waypoints."""
+"""Layers of missions: legs with arrows, numbered waypoints and home; fences, keep-out zones, rally points."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.errors import MissionError
 from uavseg.plain_text import shown
 from uavseg.plot.page.frame import Frame
 
 if TYPE_CHECKING:
+    from uavseg.flight.mission.fence import Fence
     from uavseg.flight.mission.mission import Mission
 
 FLIGHT_COLORS = ("#c4001a", "#1457c8", "#8a2be2", "#c25700", "#00796b", "#ad1457", "#5d4037", "#37474f")
 _HALO_COLOR = "#ffffff"
+_FENCE_COLOR, _KEEP_OUT_COLOR = "#1b7f3b", "#b00020"
+_CIRCLE_CORNERS = 72
 _MAX_NUMBERS = 60
 _MIN_ARROW_LEG = 26.0  # points: shorter legs have no arrow
 _MIN_NUMBER_DISTANCE = 15.0  # points between two numbers
@@ -25,166 +30,96 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class MissionLayer:
-    """A mission in plot coordinates.
+    """A mission in plot coordinates: home, each position that is flown to, and home again on a return."""
 
-    Parameters
-    ----------
-    path : (n, 2) float64 array
-        Home, then each position that is flown to; home again at the end if the mission returns.
-    numbers : (n,) int64 array
-        Number of each position among the waypoints, from 1; 0 for home and takeoff.
-    is_line : (n - 1,) bool array
-        Whether photographs are taken along a leg.
-    has_shot : (n,) bool array
-        Whether a single photograph is taken at a position.
-    returns : bool
-        Whether the last leg leads home.
-    distance_m, duration_s : float
-    items, photographs : int
-    name : str
-        What the legend calls it, beside others; empty if it is alone.
-    color : str
-    """
-
-    path: Floats
-    numbers: NDArray[np.int64]
-    is_line: NDArray[np.bool_]
-    has_shot: NDArray[np.bool_]
-    returns: bool
-    distance_m: float
-    duration_s: float
-    items: int
-    photographs: int
-    name: str = ""
+    path: Floats  # (n, 2)
+    numbers: NDArray[np.int64]  # (n,): of the waypoints, from 1; 0 for home and takeoff
+    is_line: NDArray[np.bool_]  # (n - 1,): photographs are taken along the leg
+    has_shot: NDArray[np.bool_]  # (n,): a single photograph is taken there
+    returns: bool  # the last leg leads home
+    mission: "Mission"
+    name: str = ""  # for the legend; empty for a mission that is alone
     color: str = FLIGHT_COLORS[0]
 
     @classmethod
     def of(
         cls, mission: "Mission", frame: Frame, name: str = "", color: str = FLIGHT_COLORS[0]
     ) -> "MissionLayer":
-        """A mission as it lies in a picture."""
+        """Place a mission in a picture; parameters as of the class."""
         from uavseg.flight.mission.flown import flown_path
         from uavseg.flight.mission.items import LANDINGS, RETURN, TAKEOFFS
         from uavseg.flight.mission.vehicle import default_vehicle
 
         lat, lon, _ = mission.path
         flown = [item for item in mission.items if item.has_position or item.command == RETURN]
-        aside = {*TAKEOFFS, RETURN, *LANDINGS}
-        counts = np.array([False] + [item.command not in aside for item in flown])
-        estimate = mission.estimate
+        unnumbered = {*TAKEOFFS, RETURN, *LANDINGS}
+        counts = np.array([False] + [item.command not in unnumbered for item in flown])
         legs = flown_path(mission, mission.vehicle or default_vehicle(mission.autopilot))
         return cls(
-            frame.plot_from_lonlat(lon, lat),
-            np.where(counts, np.cumsum(counts), 0),
-            np.r_[legs.is_line, np.zeros(len(lat), bool)][: len(lat) - 1],
-            np.r_[legs.has_shot, np.zeros(len(lat), bool)][: len(lat)],
-            bool(flown) and flown[-1].command == RETURN,
-            estimate.distance_m,
-            estimate.duration_s,
-            len(mission.items),
-            estimate.photographs,
-            name,
-            color,
+            path=frame.plot_from_lonlat(lon, lat),
+            numbers=np.where(counts, np.cumsum(counts), 0),
+            is_line=np.r_[legs.is_line, np.zeros(len(lat), bool)][: len(lat) - 1],
+            has_shot=np.r_[legs.has_shot, np.zeros(len(lat), bool)][: len(lat)],
+            returns=bool(flown) and flown[-1].command == RETURN,
+            mission=mission,
+            name=name,
+            color=color,
         )
 
     def title_parts(self, has_crs: bool) -> list[str]:
-        """Number of items, length, duration and photographs."""
+        """Return the number of items, length, duration and photographs."""
         return mission_title([self])
 
     def draw(self, ax: Any, point: float) -> None:
         """Draw on axes; `point` is the length of one point (1/72 inch) in plot coordinates."""
-        from matplotlib.collections import LineCollection
+        from matplotlib.collections import LineCollection, PolyCollection
 
         legs = np.stack([self.path[:-1], self.path[1:]], axis=1)
         back = np.arange(len(legs)) == len(legs) - 1 if self.returns else np.zeros(len(legs), bool)
-        ways = ~self.is_line & ~back
+        transit = ~self.is_line & ~back
         flight = self.name or "flight"
-        kinds: list[tuple[NDArray[np.bool_], str, float, Any]] = [
+        groups: list[tuple[NDArray[np.bool_], str, float, Any]] = [
             (self.is_line, f"{flight}, with photographs", 2.0, "solid"),
-            (ways, flight, 1.0 if self.is_line.any() else 1.3, "solid"),
+            (transit, flight, 1.0 if self.is_line.any() else 1.3, "solid"),
             (back, "" if self.name else "return", 1.1, (0, (4, 2.5))),
         ]
-        for chosen, label, width, dashes in kinds:
+        for chosen, label, width, dashes in groups:
             if chosen.any():
-                ends = {"capstyle": "round"} if dashes == "solid" else {}
-                halo = LineCollection(
-                    list(legs[chosen]), color=_HALO_COLOR, lw=width + 1.7, alpha=0.8, zorder=5
-                )
-                line = LineCollection(
-                    list(legs[chosen]), color=self.color, lw=width, ls=dashes, zorder=5.2, **ends
-                )
+                lines, ends = list(legs[chosen]), {"capstyle": "round"} if dashes == "solid" else {}
+                halo = LineCollection(lines, color=_HALO_COLOR, lw=width + 1.7, alpha=0.8, zorder=5)
+                line = LineCollection(lines, color=self.color, lw=width, ls=dashes, zorder=5.2, **ends)
                 line.set_label(label or None)
                 ax.add_collection(halo)
                 ax.add_collection(line)
-        self._draw_arrows(ax, point)
-        self._draw_places(ax, point)
+        heads = list(arrow_heads(self.path, _MIN_ARROW_LEG * point, 7.0 * point))
+        ax.add_collection(PolyCollection(heads, fc=self.color, ec=_HALO_COLOR, lw=0.6, zorder=5.4))
+        self._draw_positions(ax)
+        self._draw_numbers(ax, point)
 
-    def _draw_arrows(self, ax: Any, point: float) -> None:
-        from matplotlib.collections import PolyCollection
-
-        heads = arrow_heads(self.path, _MIN_ARROW_LEG * point, 7.0 * point)
-        ax.add_collection(
-            PolyCollection(list(heads), facecolor=self.color, edgecolor=_HALO_COLOR, lw=0.6, zorder=5.4)
-        )
-
-    def _draw_places(self, ax: Any, point: float) -> None:
-        points = self.path[self.numbers > 0]
-        size = 9 if len(points) > _MAX_NUMBERS else 16
-        ax.scatter(
-            *points.T,
-            s=size,
-            color=_HALO_COLOR,
-            edgecolor=self.color,
-            lw=1.0,
-            zorder=5.6,
-            label=None if self.name else "waypoint",
-        )
+    def _draw_positions(self, ax: Any) -> None:
+        waypoints, home = self.path[self.numbers > 0], self.path[0]
+        small = {"s": 9 if len(waypoints) > _MAX_NUMBERS else 16, "edgecolor": self.color, "lw": 1.0}
+        label = None if self.name else "waypoint"
+        ax.scatter(*waypoints.T, color=_HALO_COLOR, zorder=5.6, label=label, **small)
         shots = self.path[self.has_shot & ~np.r_[self.is_line, False]]
         if len(shots):
             ax.scatter(*shots.T, s=8, color=self.color, zorder=5.7, label="photograph")
-        ax.scatter(
-            *self.path[:1].T,
-            s=110,
-            marker="s",
-            color=self.color,
-            edgecolor=_HALO_COLOR,
-            lw=1.2,
-            zorder=6,
-            label=None if self.name else "home",
-        )
-        ax.text(
-            *self.path[0],
-            "H",
-            color=_HALO_COLOR,
-            size=7,
-            weight="bold",
-            ha="center",
-            va="center_baseline",
-            zorder=6.1,
-        )
-        self._draw_numbers(ax, point)
+        square = {"s": 110, "marker": "s", "color": self.color, "edgecolor": _HALO_COLOR, "lw": 1.2}
+        ax.scatter(*self.path[:1].T, zorder=6, label=None if self.name else "home", **square)
+        centred = {"ha": "center", "va": "center_baseline"}
+        ax.text(*home, "H", color=_HALO_COLOR, size=7, weight="bold", zorder=6.1, **centred)
 
     def _draw_numbers(self, ax: Any, point: float) -> None:
         from matplotlib.patheffects import withStroke
 
         halo = [withStroke(linewidth=2.0, foreground=_HALO_COLOR)]
+        look = {"size": 6.5, "color": self.color, "weight": "bold", "zorder": 6.2, "clip_on": True}
         for n in choose_numbered(self.path, self.numbers, _MIN_NUMBER_DISTANCE * point):
-            x, y = self.path[n] + 4.5 * point
-            text = ax.text(
-                x,
-                y,
-                str(self.numbers[n]),
-                size=6.5,
-                color=self.color,
-                weight="bold",
-                zorder=6.2,
-                clip_on=True,
-            )
-            text.set_path_effects(halo)
+            ax.text(*(self.path[n] + 4.5 * point), str(self.numbers[n]), **look).set_path_effects(halo)
 
 
 def mission_layers(missions: Sequence[tuple[str, "Mission"]], frame: Frame) -> list[MissionLayer]:
-    """Layers of missions with their names, each in a colour of its own."""
+    """Place missions with their names, each in another colour."""
     alone = len(missions) == 1
     return [
         MissionLayer.of(mission, frame, "" if alone else name, FLIGHT_COLORS[n % len(FLIGHT_COLORS)])
@@ -192,48 +127,44 @@ def mission_layers(missions: Sequence[tuple[str, "Mission"]], frame: Frame) -> l
     ]
 
 
-def read_missions(given: Any) -> list[tuple[str, "Mission"]]:
-    """Names and missions of a mission or a sequence of them, missions or files.
-
-    Raises
-    ------
-    MissionError
-        If a file cannot be read, or there is none.
-    """
-    from pathlib import Path
-
-    from uavseg.errors import MissionError
+def read_missions(source: Any) -> list[tuple[str, "Mission"]]:
+    """Read missions with their names: of a mission or a sequence of them, missions or files."""
     from uavseg.flight.formats.files import read_mission
     from uavseg.flight.mission.mission import Mission
 
-    listed = given if isinstance(given, Sequence) and not isinstance(given, str) else [given]
-    parts = [one for part in listed for one in getattr(part, "missions", [part])]  # of what uavseg.plan gives
+    listed = source if isinstance(source, Sequence) and not isinstance(source, str) else [source]
+    # A result of uavseg.plan has its missions in an attribute.
+    parts = [one for part in listed for one in getattr(part, "missions", [part])]
     if not parts:
         raise MissionError("there is no mission to draw; give at least one")
-    found = []
+    named = []
     for number, part in enumerate(parts, start=1):
         if isinstance(part, str | os.PathLike):
-            found.append((Path(part).stem, read_mission(part)))
+            named.append((Path(part).stem, read_mission(part)))
         elif not isinstance(part, Mission):
             raise MissionError(f"a mission to draw is a file or a Mission, not {shown(part)}")
         else:
-            found.append((part.name or f"flight {number}", part))
-    return found
+            named.append((part.name or f"flight {number}", part))
+    return named
 
 
 def mission_title(layers: Sequence[MissionLayer]) -> list[str]:
-    """What flights take together: items, length, duration, photographs."""
+    """Return the items, length, duration and photographs of flights together."""
     from uavseg.flight.mission.estimate import estimate_text
 
-    items, shots = sum(one.items for one in layers), sum(one.photographs for one in layers)
-    what = "mission" if len(layers) == 1 else f"{len(layers)} flights"
-    estimate = estimate_text(sum(one.distance_m for one in layers), sum(one.duration_s for one in layers))
+    missions = [layer.mission for layer in layers]
+    estimates = [mission.estimate for mission in missions]
+    items, shots = sum(len(one.items) for one in missions), sum(one.photographs for one in estimates)
+    subject = "mission" if len(layers) == 1 else f"{len(layers)} flights"
+    estimate = estimate_text(
+        sum(one.distance_m for one in estimates), sum(one.duration_s for one in estimates)
+    )
     photographs = [f"{shots:,} photograph{'s' * (shots != 1)}"] if shots else []
-    return [", ".join([f"{what} of {items} items, {estimate}", *photographs])]
+    return [", ".join([f"{subject} of {items} items, {estimate}", *photographs])]
 
 
 def arrow_heads(path: Floats, min_leg: float, size: float) -> Floats:
-    """Arrow heads: triangles in the middle of the legs that are longer than `min_leg`.
+    """Compute arrow heads: triangles in the middle of the legs that are longer than `min_leg`.
 
     Parameters
     ----------
@@ -256,8 +187,16 @@ def arrow_heads(path: Floats, min_leg: float, size: float) -> Floats:
     return np.stack([tip, tail + 0.4 * size * across, tail - 0.4 * size * across], axis=1)
 
 
-def choose_numbered(path: Floats, numbers: NDArray[np.int64], apart: float) -> list[int]:
-    """Positions that get a number: the first, the last, and others that keep a distance of `apart`.
+def choose_numbered(path: Floats, numbers: NDArray[np.int64], min_distance: float) -> list[int]:
+    """Choose the positions that get a number: the first, the last, and others at a distance from these.
+
+    Parameters
+    ----------
+    path : (n, 2) float64 array
+    numbers : (n,) int64 array
+        0 where there is none.
+    min_distance : float
+        In plot coordinates.
 
     Examples
     --------
@@ -271,6 +210,67 @@ def choose_numbered(path: Floats, numbers: NDArray[np.int64], apart: float) -> l
     order = dict.fromkeys([int(positions[0]), int(positions[-1]), *positions[::step].tolist()])
     chosen: list[int] = []
     for n in order:
-        if not chosen or np.hypot(*(path[chosen] - path[n]).T).min() >= apart:
+        if not chosen or np.hypot(*(path[chosen] - path[n]).T).min() >= min_distance:
             chosen.append(n)
     return sorted(chosen)
+
+
+@dataclass(frozen=True)
+class FenceLayer:
+    """The fences of missions in plot coordinates, each shape once."""
+
+    inside: tuple[Floats, ...]  # outlines (n, 2) of inclusions
+    keep_out: tuple[Floats, ...]  # of exclusions
+    rally: Floats  # (n, 2)
+
+    @classmethod
+    def of(cls, missions: Sequence["Mission"], frame: Frame) -> "FenceLayer":
+        """Place the fences and rally points of missions."""
+        shapes = dict.fromkeys(shape for mission in missions for shape in mission.fence)
+        points = dict.fromkeys(point for mission in missions for point in mission.rally)
+        lon, lat = [point.lon for point in points], [point.lat for point in points]
+        return cls(
+            tuple(_outlines((shape for shape in shapes if shape.inclusion), frame)),
+            tuple(_outlines((shape for shape in shapes if not shape.inclusion), frame)),
+            frame.plot_from_lonlat(lon, lat),
+        )
+
+    @property
+    def points(self) -> Floats:
+        """Return all corners and rally points, (n, 2)."""
+        return np.concatenate([*self.inside, *self.keep_out, self.rally])
+
+    def title_parts(self, has_crs: bool) -> list[str]:
+        """Return nothing: the legend names what is drawn."""
+        return []
+
+    def draw(self, ax: Any, point: float) -> None:
+        """Draw on axes; `point` is the length of one point (1/72 inch) in plot coordinates."""
+        from matplotlib.patches import Polygon
+
+        edge: dict[str, Any]
+        for ring in self.inside:
+            ax.add_patch(Polygon(ring, fill=False, ec=_HALO_COLOR, lw=2.6, alpha=0.7, zorder=4.6))
+            edge = {"ec": _FENCE_COLOR, "ls": (0, (7, 3)), "lw": 1.2, "label": "fence"}
+            ax.add_patch(Polygon(ring, fill=False, zorder=4.7, **edge))
+        for ring in self.keep_out:
+            ax.add_patch(Polygon(ring, fc=_KEEP_OUT_COLOR, alpha=0.16, lw=0, zorder=4.6))
+            edge = {"ec": _KEEP_OUT_COLOR, "lw": 1.2, "alpha": 0.75, "hatch": "////"}
+            ax.add_patch(Polygon(ring, fill=False, zorder=4.7, label="keep-out zone", **edge))
+        if len(self.rally):
+            look = {"s": 70, "marker": "^", "color": _FENCE_COLOR, "edgecolor": _HALO_COLOR, "lw": 1.0}
+            ax.scatter(*self.rally.T, zorder=5.9, label="rally point", **look)
+
+
+def _outlines(shapes: Iterable["Fence"], frame: Frame) -> Iterable[Floats]:
+    from uavseg.flight.mission.fence import FenceCircle
+    from uavseg.flight.mission.plane import Plane
+
+    angles = np.linspace(0, 2 * np.pi, _CIRCLE_CORNERS, endpoint=False)
+    for shape in shapes:
+        if isinstance(shape, FenceCircle):
+            east, north = shape.radius_m * np.sin(angles), shape.radius_m * np.cos(angles)
+            lon, lat = Plane(shape.lat, shape.lon).lonlat_from_xy(east, north)
+        else:
+            lat, lon = np.array(shape.vertices).T
+        yield frame.plot_from_lonlat(lon, lat)

@@ -23,27 +23,19 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PathLayer:
-    """A path in plot coordinates.
+    """A path in plot coordinates."""
 
-    Parameters
-    ----------
-    lines : tuple of (n, 2) float64 arrays
-        One, or several if it is split at the antimeridian.
-    length_m : float or None
-        None if the file does not contain it.
-    """
-
-    lines: tuple[Floats, ...]
-    length_m: float | None
+    lines: tuple[Floats, ...]  # one, or several if it is split at the antimeridian
+    length_m: float | None  # None if the file does not contain it
 
     @classmethod
     def of(cls, source: "PlannedPath | str | os.PathLike[str]", frame: Frame) -> "PathLayer":
-        """A path of `uavseg.path`, or a file of `uavseg path`: GeoJSON or a mission.
+        """Place a path of `uavseg.path`, or of a file of `uavseg path`: GeoJSON or a mission.
 
-        Raises
-        ------
-        PathError
-            If the file cannot be read or has no line.
+        Parameters
+        ----------
+        source : PlannedPath or path
+        frame : Frame
         """
         if isinstance(source, PlannedPath):
             return cls((frame.plot_from_xy(source.xy),), source.length_m)
@@ -59,44 +51,32 @@ class PathLayer:
         return cls(tuple(frame.plot_from_lonlat(*line.T) for line in lines), length)
 
     def title_parts(self, has_crs: bool) -> list[str]:
-        """The length of the path."""
-        point = " m" if has_crs else ""
-        return ["path" if self.length_m is None else f"path of {self.length_m:,.5g}{point}"]
+        """Return the length of the path."""
+        unit = " m" if has_crs else ""
+        return ["path" if self.length_m is None else f"path of {self.length_m:,.5g}{unit}"]
 
     def draw(self, ax: Any, point: float) -> None:
         """Draw on axes; `point` is the length of one point (1/72 inch) in plot coordinates."""
         for line in self.lines:
             ax.plot(*line.T, color=_CASING_COLOR, lw=3.2, alpha=0.8, solid_joinstyle="round", zorder=4.8)
             ax.plot(*line.T, color=_LINE_COLOR, lw=1.6, solid_joinstyle="round", zorder=4.9)
-        ends = {
-            "start": (self.lines[0][0], _START_COLOR, "o"),
-            "goal": (self.lines[-1][-1], _GOAL_COLOR, "D"),
-        }
-        for name, (place, color, marker) in ends.items():
-            ax.scatter(
-                *place,
-                s=48,
-                marker=marker,
-                color=color,
-                edgecolor=_LINE_COLOR,
-                lw=1.1,
-                zorder=4.95,
-                label=name,
-            )
+        edge = {"s": 48, "edgecolor": _LINE_COLOR, "lw": 1.1, "zorder": 4.95}
+        ax.scatter(*self.lines[0][0], marker="o", color=_START_COLOR, label="start", **edge)
+        ax.scatter(*self.lines[-1][-1], marker="D", color=_GOAL_COLOR, label="goal", **edge)
 
 
 def _read_mission_path(source: str | os.PathLike[str], frame: Frame) -> Floats:
     from uavseg.flight.formats import files
     from uavseg.flight.mission.items import WAYPOINT
 
-    places = [item for item in files.read_mission(source).items if item.command == WAYPOINT]
-    if not places:
+    waypoints = [item for item in files.read_mission(source).items if item.command == WAYPOINT]
+    if not waypoints:
         raise PathError(f"{source} has no waypoints, so there is no path to draw")
-    return frame.plot_from_lonlat([item.lon for item in places], [item.lat for item in places])
+    return frame.plot_from_lonlat([item.lon for item in waypoints], [item.lat for item in waypoints])
 
 
 def _read_geojson(source: Path) -> tuple[list[Floats], float | None]:
-    """The lines of a GeoJSON file, and the length in its properties."""
+    """Read the lines of a GeoJSON file, and the length in its properties."""
     try:
         [feature] = parse_json(read_bytes(source, PathError).decode())["features"]
         shape = feature["geometry"]

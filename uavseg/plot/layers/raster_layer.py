@@ -1,6 +1,5 @@
-"""Raster layer: the raster of the picture in grey; coarse reads of other rasters over it."""
+"""Raster layer: the raster of the picture in grey, read from overviews; images placed by a transform."""
 
-import os
 import warnings
 from typing import Any
 
@@ -16,15 +15,22 @@ from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch
 from uavseg.raster.read.dataset import Dataset
 from uavseg.raster.read.overview import DatasetOverview
 
-_FINER = 1.5  # pixels of a raster beside one of the picture, from which four are drawn as one
+_MAX_OVERSAMPLING = 1.5  # pixels of a raster beside one of the picture; with more, four become one
 
 
 def draw_raster(
     ax: Any, dataset: Dataset, frame: Frame, stretch: Stretch | StretchSpec | str, collar: str = "keep"
 ) -> str:
-    """Draw a raster in grey, hatched where it is invalid; returns the name of the stretch.
+    """Draw a raster in grey, hatched where it is invalid, and return the name of the stretch.
 
-    With `collar` "auto", its collar is searched for in what is drawn; a warning says what was found.
+    Parameters
+    ----------
+    ax : matplotlib Axes
+    dataset : Dataset
+    frame : Frame
+    stretch : Stretch, StretchSpec or str
+    collar : {"auto", "keep"}
+        With "auto", its collar is searched for in what is drawn and left out, with a warning.
     """
     from matplotlib.patches import Polygon
 
@@ -39,7 +45,7 @@ def draw_raster(
     values, valid = coarse.read(window)
     grey, step = (fitted.apply(values, valid) >> 8).astype(np.uint8), 1
     opaque = None if valid is None else np.where(valid, np.uint8(255), np.uint8(0))
-    if max(grey.shape) > _FINER * _max_side(ax) / 2:
+    if max(grey.shape) > _MAX_OVERSAMPLING * _max_side(ax) / 2:
         (grey, opaque), step = mean_of_four(grey, opaque), 2
     picture = np.full((*grey.shape, 4), 255, np.uint8)
     picture[..., :3] = grey[..., None]
@@ -53,28 +59,28 @@ def draw_raster(
 def mean_of_four(
     grey: NDArray[np.uint8], opaque: NDArray[np.uint8] | None
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint8] | None]:
-    """A picture of half the side: matplotlib takes 90 bytes for each pixel that it is given.
+    """Downsample a picture by two: matplotlib takes 90 bytes for each pixel that it is given.
 
     Parameters
     ----------
     grey : (rows, cols) uint8 array
     opaque : (rows, cols) uint8 array, optional
-        255 where a pixel is there, and 0 elsewhere; None where all are.
+        255 where a pixel is valid, and 0 elsewhere; None where all are.
 
     Returns
     -------
     grey : (rows / 2, cols / 2) uint8 array
-        Rounded up. The mean of the pixels that are there.
+        Rounded up. The mean of the valid pixels.
     opaque : (rows / 2, cols / 2) uint8 array, optional
-        The share of pixels that are there.
+        The share of valid pixels.
 
     Examples
     --------
     >>> mean_of_four(np.array([[2, 4, 9]], np.uint8), np.array([[255, 255, 0]], np.uint8))
     (array([[3, 0]], dtype=uint8), array([[127,   0]], dtype=uint8))
     """
-    there = np.ones(grey.shape, np.uint16) if opaque is None else (opaque > 0).astype(np.uint16)
-    total, count = _sum_of_four(grey * there), _sum_of_four(there)
+    is_valid = np.ones(grey.shape, np.uint16) if opaque is None else (opaque > 0).astype(np.uint16)
+    total, count = _sum_of_four(grey * is_valid), _sum_of_four(is_valid)
     mean = (total // np.maximum(count, 1)).astype(np.uint8)
     return mean, None if opaque is None else (count * 255 // 4).astype(np.uint8)
 
@@ -86,7 +92,7 @@ def _sum_of_four(image: NDArray[np.uint16]) -> NDArray[np.uint16]:
 
 
 def draw_image(ax: Any, picture: NDArray[np.uint8], transform: Affine, zorder: float) -> None:
-    """Draw an image.
+    """Draw an image that an affine transform places.
 
     Parameters
     ----------
@@ -111,21 +117,15 @@ def draw_image(ax: Any, picture: NDArray[np.uint8], transform: Affine, zorder: f
     image.set_clip_path(ax.patch)
 
 
-def open_coarse(
-    path: str | os.PathLike[str], frame: Frame, max_side: int, band: int | None = None
-) -> DatasetOverview:
-    """Open another raster over that of the picture, with at most `max_side` rows and columns.
+def read_overview(dataset: Dataset, frame: Frame, max_side: int) -> DatasetOverview:
+    """Reduce another raster over that of the picture to at most `max_side` rows and columns.
 
-    Raises
-    ------
-    RasterError
-        If its coordinate system differs.
+    Parameters
+    ----------
+    dataset : Dataset
+    frame : Frame
+    max_side : int
     """
-    return read_coarsely(Dataset.open(path, band=band), frame, max_side)
-
-
-def read_coarsely(dataset: Dataset, frame: Frame, max_side: int) -> DatasetOverview:
-    """As `open_coarse`, for an open dataset."""
     if dataset.geobox.crs != frame.geobox.crs:
         raise RasterError(
             f"{dataset.source} has another coordinate system than the raster of the picture; "
@@ -140,6 +140,6 @@ def _max_side(ax: Any) -> int:
 
 
 def is_enlarged(ax: Any, transform: Affine) -> bool:
-    """Whether a pixel of the raster is larger than two pixels of the picture."""
+    """Return whether a pixel of the raster, placed by a transform, is larger than two of the picture."""
     left, right = ax.get_xlim()
     return bool(abs(transform.determinant) ** 0.5 > 2 * (right - left) / ax.get_window_extent().width)

@@ -1,92 +1,74 @@
-"""Layer of regions: translucent, coloured by class or else unlike neighbours, ids on the largest."""
+"""Layers of polygons: regions in colour by class or unlike their neighbours, segments of levels in grey."""
 
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from uavseg.errors import RegionError
 from uavseg.plain_text import shown
-from uavseg.plot.layers.class_colors import ClassColors
 from uavseg.plot.page.frame import Frame
-from uavseg.plot.page.map_furniture import area_text
+from uavseg.plot.page.page import area_text
 from uavseg.plot.page.polygons import PolygonArray, PolygonTable, polygon_paths, simplified
 
-_COLORS = ("#ff8c1a", "#19c3f0", "#f032e6", "#b5e61d", "#ffe119", "#5b7cff", "#2fd05f", "#ff9ec4")
+Columns = dict[str, NDArray[Any]]
+
+PALETTE = ("#ff8c1a", "#19c3f0", "#f032e6", "#b5e61d", "#ffe119", "#5b7cff", "#2fd05f", "#ff9ec4")
+MAX_CLASSES = 24  # in a legend
 _MAX_LABELS = 40
 _MIN_LABEL_RADIUS = 6.0  # radius in points of the largest circle inside a region
+_MIN_SIDE = 0.3  # points: smaller regions are not drawn
+_TOLERANCE = 0.2  # points: by which outlines are simplified
+_LARGEST_LEVEL = 2.0**53
+_HEX = re.compile(r"#[0-9a-fA-F]{6}\Z")
 
 
-def _total(areas: NDArray[Any]) -> float | None:
-    """Sum of the areas that are known; None if the column holds something other than numbers."""
-    return float(np.nansum(areas)) if areas.dtype.kind in "iuf" else None
-
-
-def _is_name(own: Any) -> bool:
-    """Whether an entry of a column is one number or text that is known."""
-    return own is not None and np.ndim(own) == 0 and own == own
-
-
-@dataclass(frozen=True, slots=True)
-class Look:
-    """Fill and line of regions, and what the legend says of them; without a name it has none."""
+class Style(NamedTuple):
+    """Opacity of the fill, line style, and text in the legend, where empty for none."""
 
     alpha: float
     line: str
-    name: str = ""
+    legend: str = ""
 
 
-PLAIN = Look(0.3, "solid")
-_LOOKS = (
-    Look(0.4, "solid", "confidence of 0.8 and more"),
-    Look(0.22, "dashed", "confidence of 0.5 to 0.8"),
-    Look(0.08, "dotted", "confidence below 0.5"),
+PLAIN = Style(0.3, "solid")
+_MIN_CONFIDENCES = (0.8, 0.5)
+_STYLES = (  # the higher the confidence, the stronger the fill and the more solid the line
+    Style(0.4, "solid", "confidence of 0.8 and more"),
+    Style(0.22, "dashed", "confidence of 0.5 to 0.8"),
+    Style(0.08, "dotted", "confidence below 0.5"),
 )
-_BOUNDS = (0.8, 0.5)
 
 
 @dataclass(frozen=True)
 class RegionLayer:
-    """Polygons in plot coordinates, with their ids.
+    """Regions in plot coordinates; translucent, with ids on the largest.
 
-    Parameters
-    ----------
-    ids : (n,) array
-    polygons : (n,) object array of shapely geometries
-    area_m2 : float or None
-        Sum of their column `area_m2`, if they have one.
-    classes : ClassColors, optional
-        Their colours by class, if they have classes.
-    looks : list of (Look, (n,) bool array), optional
-        How those of each confidence are drawn; all alike by default.
+    The columns `class` and `color` give the colours, `confidence` the styles.
     """
 
     ids: NDArray[Any]
     polygons: PolygonArray
-    area_m2: float | None
-    classes: ClassColors | None = None
-    looks: list[tuple[Look, NDArray[np.bool_]]] | None = None
+    area_m2: float | None  # sum of their column, if they have one
+    columns: Columns
 
     @classmethod
     def of(cls, regions: Any, frame: Frame) -> "RegionLayer":
-        """Regions of a file, of `Regions` or of a GeoDataFrame.
-
-        Raises
-        ------
-        RegionError
-            If the file cannot be read.
-        """
-        found = PolygonTable.of(regions)
-        ids, areas = found.columns.get("id"), found.columns.get("area_m2")
-        if ids is None or not all(map(_is_name, ids)):
-            ids = np.arange(1, len(found.polygons) + 1)
-        total = None if areas is None else _total(areas)
-        looks = looks_of(found.columns, len(found.polygons))
-        return cls(ids, found.in_plot(frame), total, ClassColors.of(found.columns, _COLORS), looks)
+        """Read regions from a file, `Regions` or a GeoDataFrame; raises RegionError if it cannot be read."""
+        table = PolygonTable.of(regions)
+        ids, areas = table.columns.get("id"), table.columns.get("area_m2")
+        if ids is None or not all(map(_is_scalar, ids)):
+            ids = np.arange(1, len(table.polygons) + 1)
+        has_areas = areas is not None and areas.dtype.kind in "iuf"
+        total = float(np.nansum(areas)) if has_areas else None  # type: ignore[arg-type]
+        return cls(ids, table.in_plot(frame), total, table.columns)
 
     def title_parts(self, has_crs: bool) -> list[str]:
-        """The number of regions and their total area."""
+        """Return the number of regions and their total area."""
         count = f"{len(self.ids)} region{'s' if len(self.ids) != 1 else ''}"
         return [count, area_text(self.area_m2)] if has_crs and self.area_m2 is not None else [count]
 
@@ -94,34 +76,93 @@ class RegionLayer:
         """Draw on axes; `point` is the length of one point (1/72 inch) in plot coordinates."""
         from matplotlib.collections import PathCollection
 
-        seen = np.sqrt(shapely.area(self.polygons)) > 0.3 * point
-        if not seen.any():
+        visible = np.sqrt(shapely.area(self.polygons)) > _MIN_SIDE * point
+        if not visible.any():
             return
-        shapes = shapely.orient_polygons(simplified(self.polygons[seen], 0.2 * point))
-        if self.classes is None:
-            order: tuple[str, ...] = _COLORS
-            colors = np.array(_COLORS)[assign_colors(shapes, 9 * point, len(_COLORS))]
+        shapes = shapely.orient_polygons(simplified(self.polygons[visible], _TOLERANCE * point))
+        classes = class_colors(self.columns)
+        if classes is None:
+            palette: tuple[str, ...] = PALETTE
+            colors = np.array(PALETTE)[assign_colors(shapes, 9 * point, len(PALETTE))]
         else:
-            colors = self.classes.colors[seen]
-            order = tuple(dict.fromkeys(self.classes.legend.values()))
-            for name, color in self.classes.legend.items():
+            colors, legend = classes[0][visible], classes[1]
+            palette = tuple(dict.fromkeys(legend.values()))
+            for name, color in legend.items():
                 ax.scatter([], [], s=40, marker="s", color=color, label=name.replace("$", r"\$"))
         paths = polygon_paths(shapes)
-        for look, those in self.looks or [(PLAIN, np.ones(len(seen), bool))]:
-            if look.name:
-                ax.plot([], [], color="#555555", lw=1.4, ls=look.line, label=look.name)
-            for color in order:
-                own = (colors == color) & those[seen]
-                group = [paths[k] for k in np.flatnonzero(own)]
-                ax.add_collection(PathCollection(group, facecolor=color, alpha=look.alpha, lw=0, zorder=3))
+        for style, has_style in styles_by_confidence(self.columns, len(visible)):
+            if style.legend:
+                ax.plot([], [], color="#555555", lw=1.4, ls=style.line, label=style.legend)
+            for color in palette:
+                group = [paths[k] for k in np.flatnonzero((colors == color) & has_style[visible])]
+                ax.add_collection(PathCollection(group, facecolor=color, alpha=style.alpha, lw=0, zorder=3))
                 outlines = PathCollection(group, facecolor="none", edgecolor=color, lw=1.1, zorder=4)
-                outlines.set_linestyle(look.line)
+                outlines.set_linestyle(style.line)
                 ax.add_collection(outlines)
-        _draw_labels(ax, self.ids[seen], shapes, point)
+        _draw_labels(ax, self.ids[visible], shapes, point)
+
+
+def _is_scalar(value: Any) -> bool:
+    return value is not None and np.ndim(value) == 0 and value == value
+
+
+def class_colors(
+    columns: Columns, palette: Sequence[str] = PALETTE
+) -> tuple[NDArray[np.object_], dict[str, str]] | None:
+    """Return a colour for each region, and the colours of the legend by class.
+
+    Parameters
+    ----------
+    columns : dict of (n,) arrays
+        With the names of classes in `class`, and colours such as "#ff8c1a" in `color` where they have some.
+    palette : sequence of str
+        For classes without a colour.
+
+    Returns
+    -------
+    colors : (n,) object array of str
+    legend : dict of str to str
+        Or None for both without classes, or with too many for a legend.
+    """
+    if "class" not in columns:
+        return None
+    names = [_text(value) for value in columns["class"]]
+    distinct = list(dict.fromkeys(sorted(names)))
+    if not 1 <= len(distinct) <= MAX_CLASSES:
+        return None
+    chosen: dict[str, str] = {}
+    for name, value in zip(names, columns.get("color", ()), strict=False):
+        if _HEX.match(_text(value)):
+            chosen.setdefault(name, _text(value))
+    free = [color for color in palette if color not in chosen.values()] or list(palette)
+    legend = {name: chosen.get(name) or free[n % len(free)] for n, name in enumerate(distinct)}
+    return np.array([legend[name] for name in names], object), legend
+
+
+def _text(value: Any) -> str:
+    return "" if value is None or value != value else str(value)
+
+
+def styles_by_confidence(columns: Columns, count: int) -> list[tuple[Style, NDArray[np.bool_]]]:
+    """Return styles, each with a mask (n,) of the regions that have it; without a confidence they are plain.
+
+    Parameters
+    ----------
+    columns : dict of (n,) arrays
+    count : int
+        n.
+    """
+    values = columns.get("confidence", np.empty(0))
+    if values.dtype.kind not in "iuf" or not np.isfinite(values).any():
+        return [(PLAIN, np.ones(count, bool))]
+    known = np.isfinite(values)
+    rank = np.sum([values < minimum for minimum in _MIN_CONFIDENCES], axis=0)
+    styles = [*((style, known & (rank == k)) for k, style in enumerate(_STYLES)), (PLAIN, ~known)]
+    return [(style, mask) for style, mask in styles if mask.any()]
 
 
 def assign_colors(shapes: PolygonArray, reach: float, count: int) -> NDArray[np.intp]:
-    """Greedy graph colouring: an index for each shape that differs from its neighbours' if possible.
+    """Colour a graph greedily: each shape gets an index that differs from its neighbours' if possible.
 
     Parameters
     ----------
@@ -140,10 +181,10 @@ def assign_colors(shapes: PolygonArray, reach: float, count: int) -> NDArray[np.
     first, second = shapely.STRtree(shapes).query(around)
     earlier = second < first
     starts = np.searchsorted(first[earlier], np.arange(len(shapes) + 1))
-    others = second[earlier]
+    neighbours = second[earlier]
     chosen = np.zeros(len(shapes), np.intp)
     for n in range(len(shapes)):
-        taken = np.bincount(chosen[others[starts[n] : starts[n + 1]]], minlength=count)
+        taken = np.bincount(chosen[neighbours[starts[n] : starts[n + 1]]], minlength=count)
         taken[: n % count] += 1 if not taken.any() else 0  # shapes without neighbours take turns
         chosen[n] = int(taken.argmin())
     return chosen
@@ -154,7 +195,9 @@ def _draw_labels(ax: Any, ids: NDArray[Any], shapes: PolygonArray, point: float)
 
     halo = [withStroke(linewidth=2.2, foreground="#111111")]
     for n in np.argsort(-shapely.area(shapes), kind="stable")[:_MAX_LABELS]:
-        x, y, radius = _largest_circle(shapes[n], point)
+        part = max(shapely.get_parts(shapes[n]), key=shapely.area)
+        circle = shapely.maximum_inscribed_circle(part, tolerance=point)
+        (x, y), radius = shapely.get_coordinates(circle)[0].tolist(), float(shapely.length(circle))
         if radius < _MIN_LABEL_RADIUS * point and len(shapes) > 12:
             continue
         size = 7.0 if radius < 14 * point else 9.0
@@ -163,27 +206,55 @@ def _draw_labels(ax: Any, ids: NDArray[Any], shapes: PolygonArray, point: float)
         text.set(path_effects=halo, zorder=7, clip_on=True)
 
 
-def _largest_circle(shape: Any, point: float) -> tuple[float, float, float]:
-    """Centre and radius of the largest circle inside a region."""
-    part = max(shapely.get_parts(shape), key=shapely.area)
-    circle = shapely.maximum_inscribed_circle(part, tolerance=point)
-    x, y = shapely.get_coordinates(circle)[0]
-    return float(x), float(y), float(shapely.length(circle))
+@dataclass(frozen=True)
+class LevelsLayer:
+    """Segments in plot coordinates, with the grey of their levels."""
+
+    polygons: PolygonArray
+    levels: NDArray[np.int64]  # the darkest has the smallest number
+    greys: NDArray[np.float64]  # 0 black to 1 white
+
+    @classmethod
+    def of(cls, source: Any, frame: Frame) -> "LevelsLayer":
+        """Read the segments of a file or a GeoDataFrame with a column `level`, as `uavseg levels` writes."""
+        table = PolygonTable.of(source)
+        if "level" not in table.columns:
+            raise RegionError("the segments to draw in grey have no column level; uavseg levels makes them")
+        levels = _numbers("level", table.columns).astype(np.int64)
+        return cls(table.in_plot(frame), levels, _greys(levels, table.columns))
+
+    def title_parts(self, has_crs: bool) -> list[str]:
+        """Return the number of segments and of levels."""
+        count, levels = len(self.levels), len(np.unique(self.levels))
+        return [f"{count:,} segment{'s' if count != 1 else ''} of {levels} level{'s' if levels != 1 else ''}"]
+
+    def draw(self, ax: Any, point: float) -> None:
+        """Draw on axes; `point` is the length of one point (1/72 inch) in plot coordinates."""
+        from matplotlib.collections import PathCollection
+
+        visible = shapely.area(self.polygons) > (_MIN_SIDE * point) ** 2
+        for level in np.unique(self.levels[visible]):
+            chosen = visible & (self.levels == level)
+            color = str(self.greys[chosen][0])
+            paths = polygon_paths(simplified(self.polygons[chosen], _TOLERANCE * point))
+            ax.add_collection(PathCollection(paths, facecolor=color, edgecolor=color, lw=0.3, zorder=2.2))
 
 
-def looks_of(columns: dict[str, NDArray[Any]], count: int) -> list[tuple[Look, NDArray[np.bool_]]]:
-    """Return looks, each with the regions (n,) that have it; what has no known confidence is drawn plainly.
+def _numbers(name: str, columns: Columns) -> NDArray[np.float64]:
+    """Return a column that holds finite numbers, as texts too."""
+    try:
+        numbers = np.array([float(value) for value in columns[name]])
+        if (np.abs(numbers) < _LARGEST_LEVEL).all():
+            return numbers
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise RegionError(f"the column {name} of the segments holds something other than numbers")
 
-    Parameters
-    ----------
-    columns : dict of (n,) arrays
-    count : int
-        n.
-    """
-    values = columns.get("confidence", np.empty(0))
-    if values.dtype.kind not in "iuf" or not np.isfinite(values).any():
-        return [(PLAIN, np.ones(count, bool))]
-    known = np.isfinite(values)
-    rank = np.sum([values < bound for bound in _BOUNDS], axis=0)
-    found = [(look, known & (rank == k)) for k, look in enumerate(_LOOKS)]
-    return [(look, those) for look, those in (*found, (PLAIN, ~known)) if those.any()]
+
+def _greys(levels: NDArray[np.int64], columns: Columns) -> NDArray[np.float64]:
+    """Return the middle of each segment's interval; evenly spaced greys if the intervals are not given."""
+    if "range_low" in columns and "range_high" in columns:
+        low, high = (np.clip(_numbers(name, columns), 0, 1) for name in ("range_low", "range_high"))
+        return (low + high) / 2
+    distinct = np.unique(levels)
+    return np.searchsorted(distinct, levels) / max(len(distinct) - 1, 1)

@@ -35,7 +35,7 @@ class Frame:
 
     @cached_property
     def plot_from_map(self) -> Affine:
-        """From map to plot coordinates."""
+        """Return the transform from map to plot coordinates."""
         rows, cols = self.geobox.shape
         x, y = self.geobox.transform * (cols / 2, rows / 2)
         return Affine.scale(*self._scale(y)) * Affine.translation(-x, -y)
@@ -48,29 +48,32 @@ class Frame:
 
     @property
     def plot_from_pixel(self) -> Affine:
-        """From pixel corners (col, row) to plot coordinates."""
+        """Return the transform from pixel corners (col, row) to plot coordinates."""
         return self.plot_from_map * self.geobox.transform
 
     @property
     def corners(self) -> Floats:
-        """The raster's corners in plot coordinates, a (4, 2) array."""
+        """Return the raster's corners in plot coordinates, a (4, 2) array."""
         rows, cols = self.geobox.shape
         pixels = ((0, 0), (cols, 0), (cols, rows), (0, rows))
         return np.array([self.plot_from_pixel * corner for corner in pixels])
 
     def plot_from_xy(self, xy: ArrayLike) -> Floats:
-        """Plot coordinates of map coordinates, (n, 2) to (n, 2)."""
+        """Convert map coordinates to plot coordinates, (n, 2) to (n, 2)."""
         points, t = np.asarray(xy, np.float64), self.plot_from_map
         placed: Floats = points * (t.a, t.e) + (t.c, t.f)
         return placed
 
     def plot_from_lonlat(self, lon: ArrayLike, lat: ArrayLike) -> Floats:
-        """Plot coordinates of degrees (WGS 84), an (n, 2) array.
+        """Convert degrees (WGS 84) to plot coordinates.
 
-        Raises
-        ------
-        RasterError
-            If the raster has no CRS.
+        Parameters
+        ----------
+        lon, lat : (n,) array
+
+        Returns
+        -------
+        xy : (n, 2) float64 array
         """
         if self.geobox.crs is None:
             raise RasterError(
@@ -86,20 +89,20 @@ class Frame:
 
     @cached_property
     def metres_per_unit(self) -> float | None:
-        """Ground metres of one unit in x at the middle of the plot; None where it is not known."""
+        """Return the ground metres of one unit in x at the middle of the plot; None where it is not known."""
         wkt = self.geobox.wkt
         if wkt is None:
             return 1.0 if self.local_metres else None
-        lon, lat = self._neighbourhood
+        lon, lat = self._around_middle
         _, _, metres = geod_of(wkt).inv(lon[0], lat[0], lon[1], lat[1])
         return float(metres) / self._offset if math.isfinite(metres) and metres > 0 else None
 
     @cached_property
     def north(self) -> tuple[float, float] | None:
-        """Unit vector towards true north in plot coordinates; None without a CRS."""
+        """Return the unit vector towards true north in plot coordinates; None without a CRS."""
         if self.geobox.crs is None:
             return None
-        _, lat = self._neighbourhood
+        _, lat = self._around_middle
         right, up = float(lat[1] - lat[0]), float(lat[2] - lat[0])
         length = math.hypot(right, up)
         return (right / length, up / length) if math.isfinite(length) and length > 0 else None
@@ -109,8 +112,8 @@ class Frame:
         return float(np.abs(self.corners).max()) / 100
 
     @cached_property
-    def _neighbourhood(self) -> tuple[Floats, Floats]:
-        """Longitude and latitude of the middle of the plot, of a point to its right and of one above it."""
+    def _around_middle(self) -> tuple[Floats, Floats]:
+        """Return longitudes and latitudes of the middle of the plot, a point to its right and one above."""
         points = [~self.plot_from_map * point for point in ((0, 0), (self._offset, 0), (0, self._offset))]
         x, y = np.array(points).T
         return self.geobox.lonlat_from_xy(x, y)

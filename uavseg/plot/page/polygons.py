@@ -1,5 +1,6 @@
 """Polygons for pictures: read from a file or from memory, projected, converted to matplotlib paths."""
 
+import json
 import os
 from dataclasses import dataclass
 from itertools import pairwise
@@ -11,7 +12,7 @@ import shapely
 from numpy.typing import NDArray
 
 from uavseg.errors import RegionError
-from uavseg.output.interrupts import deaf_call
+from uavseg.output.interrupts import default_signals
 from uavseg.plain_text import shown
 from uavseg.plot.page.frame import Frame
 from uavseg.raster.access.opening import file_exists
@@ -31,28 +32,12 @@ PolygonArray = NDArray[np.object_]
 
 _AREAS = (shapely.GeometryType.POLYGON, shapely.GeometryType.MULTIPOLYGON)
 _LARGEST = 1e100  # the square of it is a number too
-_DRAWN_COLUMNS = (
-    "id",
-    "confidence",
-    "area_m2",
-    "level",
-    "range_low",
-    "range_high",
-    "class",
-    "color",
-)  # the attributes that pictures use
+_DRAWN_COLUMNS = ("id", "confidence", "area_m2", "level", "range_low", "range_high", "class", "color")
 
 
 @dataclass(frozen=True)
 class PolygonTable:
-    """Polygons with their attributes; none is missing or empty.
-
-    Parameters
-    ----------
-    polygons : (n,) object array of shapely geometries
-    crs : str, CRS or None
-    columns : dict of (n,) arrays
-    """
+    """Polygons (n,) with their CRS and columns (n,), without missing and empty ones."""
 
     polygons: PolygonArray
     crs: Any
@@ -60,27 +45,15 @@ class PolygonTable:
 
     @classmethod
     def of(cls, source: Any) -> "PolygonTable":
-        """Polygons of a file, of `Regions` or of a GeoDataFrame.
-
-        Raises
-        ------
-        RegionError
-            If the file cannot be read.
-        """
+        """Read the polygons of a file, of `Regions` or of a GeoDataFrame; RegionError if unreadable."""
         is_file = isinstance(source, str | os.PathLike)
-        found = _table_of_file(os.fspath(source)) if is_file else _table_of_memory(source)
-        present = ~(shapely.is_missing(found.polygons) | shapely.is_empty(found.polygons))
-        columns = {name: values[present] for name, values in found.columns.items()}
-        return cls(found.polygons[present], found.crs, columns)
+        table = _table_of_file(os.fspath(source)) if is_file else _table_of_memory(source)
+        present = ~(shapely.is_missing(table.polygons) | shapely.is_empty(table.polygons))
+        columns = {name: values[present] for name, values in table.columns.items()}
+        return cls(table.polygons[present], table.crs, columns)
 
     def in_plot(self, frame: Frame) -> PolygonArray:
-        """The polygons in plot coordinates; not reprojected if they or the raster have no CRS.
-
-        Raises
-        ------
-        RegionError
-            If one has no coordinates in the raster's CRS.
-        """
+        """Return the polygons in plot coordinates; not reprojected if they or the raster have no CRS."""
         polygons, wkt = self.polygons, frame.geobox.wkt
         if self.crs is not None and wkt is not None:
             project = transform_between(self.crs, wkt)
@@ -92,14 +65,20 @@ class PolygonTable:
 
 
 def simplified(shapes: PolygonArray, tolerance: float) -> PolygonArray:
-    """Polygons and multipolygons with fewer corners; of collections, the polygons in them.
+    """Simplify polygons; of collections, the polygons in them.
 
-    What is no polygon afterwards stays as it is: an invalid polygon may become a ring.
+    What would not be a polygon afterwards stays as it is: an invalid polygon may become a ring.
+
+    Parameters
+    ----------
+    shapes : (n,) object array of shapely geometries
+    tolerance : float
+        In plot coordinates.
     """
     flat = np.array([_polygonal(shape) for shape in shapes], dtype=object)
-    found = np.asarray(shapely.simplify(flat, tolerance), dtype=object)
-    is_area = np.isin(shapely.get_type_id(found), _AREAS) & ~shapely.is_empty(found)
-    return np.where(is_area, found, flat)
+    simple = np.asarray(shapely.simplify(flat, tolerance), dtype=object)
+    is_area = np.isin(shapely.get_type_id(simple), _AREAS) & ~shapely.is_empty(simple)
+    return np.where(is_area, simple, flat)
 
 
 def _polygonal(shape: Any) -> Any:
@@ -112,7 +91,7 @@ def _polygonal(shape: Any) -> Any:
 
 
 def polygon_paths(shapes: PolygonArray) -> list[Any]:
-    """A matplotlib path for each polygon or multipolygon, with its holes."""
+    """Make a matplotlib path of each polygon or multipolygon, with its holes."""
     from matplotlib.path import Path as DrawnPath
 
     parts, shape_of_part = shapely.get_parts(shapes, return_index=True)
@@ -137,7 +116,7 @@ def _table_of_memory(regions: Any) -> PolygonTable:
 
 
 def _table_of_file(name: str) -> PolygonTable:
-    """Polygons of a file, in its own CRS and without repair, which a picture does not need."""
+    """Read the polygons of a file in its CRS and without repair, which a picture does not need."""
     from pyogrio.raw import read
 
     suffix = Path(name).suffix.lower()
@@ -150,7 +129,7 @@ def _table_of_file(name: str) -> PolygonTable:
         return _table_of_parquet(name)
     with vector_errors(name), reading_vectors():
         features = check_feature_count(name, name)
-        with deaf_call():
+        with default_signals():
             metadata, _, geometry, columns = read(name)
         check_attributes(name, name, len(columns))
         polygons = None if geometry is None else shapely.from_wkb(geometry)
@@ -164,8 +143,6 @@ def _table_of_file(name: str) -> PolygonTable:
 
 
 def _table_of_parquet(name: str) -> PolygonTable:
-    import json
-
     parquet = import_pyarrow().parquet
     with vector_errors(name):
         table = parquet.read_table(name)
@@ -182,7 +159,7 @@ def _table_of_parquet(name: str) -> PolygonTable:
 
 
 def _complete(polygons: PolygonArray, name: str) -> PolygonArray:
-    """The same, unless some could not be read; a file of no regions is drawn."""
+    """Refuse polygons of which some could not be read; a file without regions is drawn."""
     if len(polygons):
         check_geometries(polygons, name)
     return polygons

@@ -1,70 +1,77 @@
-"""Map for the field: a raster with regions and missions as one HTML file that needs no network."""
+"""Data of a web map: a raster, regions as GeoJSON and missions in one HTML page that needs no network."""
 
 import base64
 import json
+import math
+import os
 import zlib
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from uavseg.flight.camera.photos import Photos
+from uavseg.jobs.flights.plan_regions import open_regions
 from uavseg.jobs.flights.request import photos_of
-from uavseg.jobs.web_map.content import FieldMap
+from uavseg.jobs.result.result import SourceInfo
+from uavseg.jobs.web_map.content import STEPS, FieldMap
 from uavseg.options.flights import PhotoOptions
 from uavseg.plain_text import printable
 from uavseg.plot.layers.mission_layer import read_missions
-from uavseg.plot.page.map_furniture import length_text
+from uavseg.plot.page.page import length_text
 from uavseg.plot.web.page import data_url, render_page
-from uavseg.plot.web.region_features import first_range
 from uavseg.raster.geodesy.globe import MAX_DECIMALS, crs_name, decimals_for
+from uavseg.regions.formats.about_file import about_file
+from uavseg.regions.formats.metadata import METADATA_KEY
 
 if TYPE_CHECKING:
     from uavseg.flight.mission.mission import Mission
 
-LARGE_BYTES = 10 << 20
-_DECIMALS = 7  # of degrees: a centimetre
+DEFAULT_RANGE = (550, 1000)  # in steps of the slider
+_LARGE_BYTES = 10 << 20
+_FOOTPRINT_DECIMALS, _REGION_DECIMALS = 7, 9  # of degrees: a centimetre, a tenth of a millimetre
 
 
 def page_of(
-    found: FieldMap,
+    field_map: FieldMap,
     regions: dict[str, Any] | None,
     missions: Sequence[dict[str, Any]],
     server: dict[str, Any] | None = None,
 ) -> bytes:
-    """The content of the HTML file.
+    """Render the HTML file.
 
     Parameters
     ----------
-    found : FieldMap
+    field_map : FieldMap
     regions : dict, optional
-        A GeoJSON FeatureCollection in WGS 84, see `region_features`.
+        A GeoJSON FeatureCollection in WGS 84, see `read_collection`.
     missions : sequence of dict
         See `read_flights`.
     server : dict, optional
-        What a server offers, for a page that asks one.
+        What a server offers, for a page that sends requests to one.
     """
-    data = data_of(found, regions, missions) | {"server": server}
-    return render_page(title_of(found), data, served=server is not None)
+    data = data_of(field_map, regions, missions) | {"server": server}
+    return render_page(title_of(field_map), data, served=server is not None)
 
 
-def title_of(found: FieldMap) -> str:
-    """The title of the page."""
-    return printable(found.info.name)
+def title_of(field_map: FieldMap) -> str:
+    """Return the title of the page."""
+    return printable(field_map.info.name)
 
 
 def data_of(
-    found: FieldMap, regions: dict[str, Any] | None, missions: Sequence[dict[str, Any]]
+    field_map: FieldMap, regions: dict[str, Any] | None, missions: Sequence[dict[str, Any]]
 ) -> dict[str, Any]:
-    """What the page's program reads; parameters as of `page_of`."""
+    """Return the data for the page's program, values of JSON; parameters as of `page_of`."""
     return {
-        "title": title_of(found),
-        "about": _about(found),
-        "notes": [printable(note) for note in found.warnings],
-        "image": {"url": data_url(found.image.webp, "image/webp"), "bounds": found.image.bounds},
-        "cells": _cells(found) if found.fits_page else None,
-        "range": first_range(regions, found.info),
+        "title": title_of(field_map),
+        "about": _about(field_map),
+        "notes": [printable(note) for note in field_map.warnings],
+        "image": {"url": data_url(field_map.image.webp, "image/webp"), "bounds": field_map.image.bounds},
+        "cells": _cells(field_map) if field_map.fits_page else None,
+        "range": first_range(regions, field_map.info),
         "regions": regions,
         "missions": list(missions),
         "server": None,
@@ -72,8 +79,8 @@ def data_of(
 
 
 def size_notes(content: bytes) -> list[str]:
-    """A note where a page is large for a telephone."""
-    if len(content) <= LARGE_BYTES:
+    """Return a warning where a page is large for a telephone."""
+    if len(content) <= _LARGE_BYTES:
         return []
     return [
         f"the page has {len(content) / 1e6:.0f} MB, which is slow on a telephone: a smaller --size, or fewer "
@@ -82,20 +89,13 @@ def size_notes(content: bytes) -> list[str]:
 
 
 def read_flights(missions: Any, camera: Any = None) -> list[dict[str, Any]]:
-    """Missions or mission files as values of JSON: features, path with numbers, estimates and warnings.
+    """Convert missions or mission files to values of JSON: features, path, numbers, estimates, warnings.
 
     Parameters
     ----------
     missions : Mission, path or sequence of these
     camera : str, path or Camera, optional
-        What photographs, for footprints; by default the missions' own, which files do not hold.
-
-    Raises
-    ------
-    MissionError
-        If a file cannot be read.
-    ParameterError
-        If the camera is not known.
+        For footprints; by default that of the missions, which files do not hold.
     """
     photos = photos_of(PhotoOptions(camera=camera))
     return [_flight(printable(name), mission, photos) for name, mission in read_missions(missions)]
@@ -108,10 +108,10 @@ def _flight(name: str, mission: "Mission", photos: Photos | None) -> dict[str, A
     from uavseg.flight.mission.items import LANDINGS, RETURN, TAKEOFFS
 
     lat, lon, _ = mission.path
-    aside, number, numbers = {*TAKEOFFS, RETURN, *LANDINGS}, 0, [0]
+    unnumbered, number, numbers = {*TAKEOFFS, RETURN, *LANDINGS}, 0, [0]
     for item in mission.items:
         if item.has_position or item.command == RETURN:
-            counts = item.command not in aside
+            counts = item.command not in unnumbered
             number += counts
             numbers.append(number if counts else 0)
     estimate, shown = mission.estimate, footprints(mission, photos)
@@ -123,29 +123,29 @@ def _flight(name: str, mission: "Mission", photos: Photos | None) -> dict[str, A
         "notes": [printable(note) for note in mission.warnings],
         "path": [[round(float(y), 8), round(float(x), 8)] for y, x in zip(lat, lon, strict=True)],
         "numbers": numbers,
-        "footprints": np.round(shown.lonlat, _DECIMALS).tolist(),
+        "footprints": np.round(shown.lonlat, _FOOTPRINT_DECIMALS).tolist(),
         "unseen": shown.note,
         "features": json.loads(write_geojson(mission, FileOptions())),
     }
 
 
-def _about(found: FieldMap) -> str:
-    """Size, CRS and stretch of the raster, and what a pixel of the picture shows."""
-    rows, cols = found.info.geobox.shape
-    shown = found.image.shape
-    side = (rows * cols / (shown[0] * shown[1]) * float(found.ground.pixel_m2.mean())) ** 0.5
+def _about(field_map: FieldMap) -> str:
+    """Describe the raster: its size, CRS and stretch, and the size of a pixel of the picture."""
+    rows, cols = field_map.info.geobox.shape
+    shown = field_map.image.shape
+    side = (rows * cols / (shown[0] * shown[1]) * float(field_map.ground.pixel_m2.mean())) ** 0.5
     parts = [
         f"{cols} x {rows} pixels",
-        str(crs_name(found.info.geobox.wkt)),
+        str(crs_name(field_map.info.geobox.wkt)),
         f"picture of {shown[1]} x {shown[0]} pixels of about {length_text(float(f'{side:.3g}'), 'm')}",
-        found.info.band_names,
-        f"v: {found.info.stretch.name}",
+        field_map.info.band_names,
+        f"v: {field_map.info.stretch.name}",
     ]
     return printable(" · ".join(parts))
 
 
-def _cells(found: FieldMap) -> dict[str, Any]:
-    cells, ground = found.cells, found.ground
+def _cells(field_map: FieldMap) -> dict[str, Any]:
+    cells, ground = field_map.cells, field_map.ground
     assert cells is not None
     return {
         "shape": cells.shape,
@@ -164,3 +164,81 @@ def _cells(found: FieldMap) -> dict[str, Any]:
 
 def _packed(values: NDArray[Any]) -> str:
     return base64.b64encode(zlib.compress(values.tobytes(), 9)).decode()
+
+
+def read_collection(regions: Any) -> dict[str, Any]:
+    """Convert regions of a file or a GeoDataFrame to a GeoJSON FeatureCollection in WGS 84.
+
+    Parameters
+    ----------
+    regions : path or GeoDataFrame
+
+    Returns
+    -------
+    collection : dict
+        With the metadata of the regions, where they have some, as in a GeoJSON file.
+    """
+    table = open_regions(regions)
+    columns = {name: _values(column) for name, column in table.columns.items()}
+    rounded = shapely.transform(
+        shapely.orient_polygons(table.polygons), lambda xy: xy.round(_REGION_DECIMALS)
+    )
+    features = [
+        {
+            "type": "Feature",
+            "properties": {name: values[n] for name, values in columns.items()},
+            "geometry": shapely.geometry.mapping(polygon),
+        }
+        for n, polygon in enumerate(rounded)
+    ]
+    is_path = isinstance(regions, str | os.PathLike)
+    made = about_file(regions).metadata if is_path else regions.attrs.get(METADATA_KEY)
+    return {"type": "FeatureCollection", **({METADATA_KEY: made} if made else {}), "features": features}
+
+
+def other_intensity(collection: dict[str, Any] | None, info: SourceInfo) -> str | None:
+    """Return a warning where regions were made from another intensity than a page shows."""
+    made = (collection or {}).get(METADATA_KEY, {})
+    stretch = info.stretch
+    theirs = made.get("band"), made.get("stretch_low"), made.get("stretch_high")
+    if None in theirs or theirs == (info.band_names, stretch.low, stretch.high):
+        return None
+    return (
+        f"the regions were made from {made['band']}, stretch {made.get('stretch')}; the slider shows "
+        f"{info.band_names}, stretch {stretch.name}, where their range means something else"
+    )
+
+
+def first_range(collection: dict[str, Any] | None, info: SourceInfo) -> tuple[int, int]:
+    """Return the range with which the slider begins, in steps: that of all regions, if of the same intensity.
+
+    Parameters
+    ----------
+    collection : dict or None
+        See `read_collection`.
+    info : SourceInfo
+        Of the raster that is shown.
+    """
+    if other_intensity(collection, info):
+        return DEFAULT_RANGE
+    features = [] if collection is None else collection["features"]
+    ranges = {tuple(one["properties"].get(name) for name in ("range_low", "range_high")) for one in features}
+    if len(ranges) != 1:
+        return DEFAULT_RANGE
+    [ends] = ranges
+    if not all(isinstance(end, float | int) and 0 <= end <= 1 for end in ends):
+        return DEFAULT_RANGE
+    low, high = (round(end * STEPS) for end in ends)
+    low = min(low, STEPS - 1)
+    return low, max(high, low + 1)  # the ends of the slider are never the same
+
+
+def _values(column: NDArray[Any]) -> list[Any]:
+    """Convert values to those of JSON: floats with up to twelve significant digits, other types to text."""
+    return [_value(value) for value in np.asarray(column).tolist()]
+
+
+def _value(value: Any) -> Any:
+    if isinstance(value, float):
+        return float(f"{value:.12g}") if math.isfinite(value) else None
+    return value if value is None or isinstance(value, bool | int | str) else str(value)

@@ -19,7 +19,7 @@ _MAPPED = "//# sourceMappingURL"
 
 
 def render_page(title: str, data: dict[str, Any], served: bool = False, embedded: bool = False) -> bytes:
-    """The content of an HTML file.
+    """Render the content of an HTML file.
 
     The page has a Content-Security-Policy that allows nothing but its own script and style, by their hashes,
     workers that this script makes, and images within the file: content of data can neither run nor load
@@ -29,17 +29,17 @@ def render_page(title: str, data: dict[str, Any], served: bool = False, embedded
     ----------
     title : str
     data : dict
-        What the page's program reads; values of JSON.
+        For the page's program; values of JSON.
     served : bool
-        Whether a server sends the page, which may ask that server, and no other.
+        Whether a server sends the page, which may send requests to that server, and no other.
     embedded : bool
         Whether the page exchanges its range with the window that frames it.
     """
     script, style = _script(served, embedded), _style()
-    asked = "img-src data: 'self'; connect-src 'self'" if served else "img-src data:"
+    sources = "img-src data: 'self'; connect-src 'self'" if served else "img-src data:"
     policy = (
         f"default-src 'none'; script-src '{_hash(script)}'; style-src '{_hash(style)}'; "
-        f"worker-src blob:; {asked}; base-uri 'none'; form-action 'none'"
+        f"worker-src blob:; {sources}; base-uri 'none'; form-action 'none'"
     )
     page = Template(asset("page.html")).substitute(
         policy=policy,
@@ -53,13 +53,13 @@ def render_page(title: str, data: dict[str, Any], served: bool = False, embedded
     return page.encode()
 
 
-def data_url(content: bytes, kind: str) -> str:
-    """A file as a URL that holds it."""
-    return f"data:{kind};base64,{base64.b64encode(content).decode()}"
+def data_url(content: bytes, media_type: str) -> str:
+    """Encode a file as a URL that holds it."""
+    return f"data:{media_type};base64,{base64.b64encode(content).decode()}"
 
 
 def _json(data: dict[str, Any]) -> str:
-    """JSON without a character that ends a script element or begins a comment in one."""
+    """Encode as JSON without a character that ends a script element or begins a comment in one."""
     text = json.dumps(data, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
@@ -85,5 +85,5 @@ def _hash(text: str) -> str:
 
 
 def asset(name: str) -> str:
-    """The text of a file of `assets`."""
+    """Read the text of a file of `assets`."""
     return (_ASSETS / name).read_text(encoding="utf-8").replace("\r\n", "\n")

@@ -1,4 +1,4 @@
-"""The file of a web map: checked before the work, written after it, with what its reader should know."""
+"""File of a web map: checked before the work, written after it."""
 
 import os
 from collections.abc import Sequence
@@ -14,32 +14,19 @@ from uavseg.jobs.source.source import Raster, Source
 from uavseg.jobs.web_map.content import FieldMap
 from uavseg.options.reading import ReadOptions
 from uavseg.output.atomic import atomic_file, check_target
-from uavseg.plot.web.field_map import page_of, read_flights, size_notes
-from uavseg.plot.web.region_features import other_intensity, read_collection
+from uavseg.plot.web.field_map import other_intensity, page_of, read_collection, read_flights, size_notes
 from uavseg.regions.formats.metadata import METADATA_KEY
 
 
 @dataclass(frozen=True)
 class PageFile:
-    """A page that may be made, with what is shown over the raster.
-
-    Parameters
-    ----------
-    path : Path
-    overwrite : bool
-    regions : dict, optional
-        A GeoJSON FeatureCollection.
-    flights : list of dict
-        See `read_flights`.
-    camera : Any
-        What was named for footprints, or None.
-    """
+    """Target of a page, with what is shown over the raster."""
 
     path: Path
     overwrite: bool
-    regions: dict[str, Any] | None
-    flights: list[dict[str, Any]]
-    camera: Any = None
+    regions: dict[str, Any] | None  # a GeoJSON FeatureCollection
+    flights: list[dict[str, Any]]  # see `read_flights`
+    camera: Any = None  # for footprints
 
     @classmethod
     def prepared(
@@ -51,80 +38,64 @@ class PageFile:
         missions: Any = None,
         camera: Any = None,
     ) -> "PageFile":
-        """Check that the page may be made, and read what is shown; call it before the work.
+        """Check that the page may be written, and read what is shown; call it before the work.
 
         Parameters
         ----------
         output : path
         overwrite : bool
-            Whether a page that is there may be replaced.
+            Whether an existing page may be replaced.
         source : Any
-            Rasters, which the page does not replace.
+            Rasters, which the page must not replace.
         regions : path or GeoDataFrame, optional
         missions : Mission, path or sequence of these, optional
         camera : str, path or Camera, optional
-
-        Raises
-        ------
-        OutputError
-            If the page may not be made.
-        UavsegError
-            If regions, missions or the camera cannot be read.
         """
-        target = _checked_target(output, overwrite)
+        if Path(output).suffix.lower() not in {".html", ".htm"}:
+            raise OutputError(
+                f"a map is an HTML file: expected a name that ends in .html, got {Path(output).name!r}"
+            )
+        target = check_target(output, overwrite)
         keep_inputs([target], [source, regions, missions, camera])
         collection = None if regions is None else read_collection(regions)
         flights = [] if missions is None else read_flights(missions, camera)
-        return cls(target, overwrite, collection, flights, camera)
+        return cls(path=target, overwrite=overwrite, regions=collection, flights=flights, camera=camera)
 
     def open_source(self, source: Any, options: ReadOptions) -> Source:
-        """Open the raster of the page: as its regions were read, where no other intensity is chosen.
+        """Open the raster of the page, in the intensity of its regions where no other one is chosen.
 
-        Raises
-        ------
-        UavsegError
-            As of `open_source`.
+        Parameters
+        ----------
+        source : Any
+            Rasters.
+        options : ReadOptions
         """
         raster = open_source(source, options)
         made = (self.regions or {}).get(METADATA_KEY, {})
         if options.chooses_pixels or options.stretches("auto") or not isinstance(raster, Raster):
             return raster
-        alike = same_reading(made, raster)
-        if alike is None:
+        options_of_regions = same_reading(made, raster)
+        if options_of_regions is None:
             return raster
         try:
-            found = open_source(source, alike)
-        except UavsegError:  # the raster has changed since; `write` says that its intensity is another one
+            reopened = open_source(source, options_of_regions)
+        except UavsegError:  # the raster has changed since; `write` warns that its intensity differs
             return raster
-        is_theirs = isinstance(found, Raster) and found.dataset.band_names == made["band"]
-        return found if is_theirs else raster
+        is_same = isinstance(reopened, Raster) and reopened.dataset.band_names == made["band"]
+        return reopened if is_same else raster
 
-    def write(self, found: FieldMap) -> tuple[int, tuple[str, ...]]:
-        """Write the page, whole or not at all; returns its size in bytes, and warnings.
-
-        Raises
-        ------
-        OutputError
-            If the file exists, or cannot be written.
-        """
-        content = page_of(found, self.regions, self.flights)
+    def write(self, field_map: FieldMap) -> tuple[int, tuple[str, ...]]:
+        """Write the page, whole or not at all, and return its size in bytes and warnings."""
+        content = page_of(field_map, self.regions, self.flights)
         with atomic_file(self.path, self.overwrite) as temporary:
             temporary.write_bytes(content)
-        other = other_intensity(self.regions, found.info)
+        other = other_intensity(self.regions, field_map.info)
         notes = [*([other] if other else []), *_footprint_notes(self.flights, self.camera)]
-        return len(content), (*found.warnings, *notes, *size_notes(content))
-
-
-def _checked_target(path: str | os.PathLike[str], overwrite: bool) -> Path:
-    if Path(path).suffix.lower() not in {".html", ".htm"}:
-        raise OutputError(
-            f"a map is an HTML file: expected a name that ends in .html, got {Path(path).name!r}"
-        )
-    return check_target(path, overwrite)
+        return len(content), (*field_map.warnings, *notes, *size_notes(content))
 
 
 def _footprint_notes(flights: Sequence[dict[str, Any]], camera: Any) -> list[str]:
-    """Why footprints are not shown, where a camera was named for them."""
+    """Return the reasons why footprints are not shown, where a camera was named for them."""
     if camera is None:
         return []
     if not flights:

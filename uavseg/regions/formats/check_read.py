@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from uavseg.errors import RegionError
 from uavseg.inputs import MAX_TEXT, parse_json, read_bytes
-from uavseg.output.interrupts import deaf_call
+from uavseg.output.interrupts import default_signals
 from uavseg.plain_text import cause_of
 
 _PIECE = 1 << 24  # bytes of a text that are read at once
@@ -121,7 +121,7 @@ def _check_json_count(
         content = source if isinstance(source, bytes) else read_bytes(source, RegionError, MAX_TEXT)
         texts = content.split(_separator(content)) if is_sequence else [content]
         try:
-            with deaf_call():
+            with default_signals():
                 present = sum(
                     _features_of(parse_json(text.decode("utf-8-sig"))) for text in texts if text.strip()
                 )

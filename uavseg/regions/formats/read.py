@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from uavseg.errors import RegionError, UavsegError
 from uavseg.execution.phases import steps_done
-from uavseg.output.interrupts import deaf_call
+from uavseg.output.interrupts import default_signals
 from uavseg.plain_text import cause_of
 from uavseg.raster.access.opening import file_exists
 from uavseg.raster.geodesy.globe import MAX_DECIMALS, WGS84, geod_wgs84, unwrap_lon
@@ -167,7 +167,7 @@ def _layer(source: str | os.PathLike[str] | bytes, name: str, layer: str | None 
     import geopandas
 
     features = check_feature_count(source, name, layer)
-    with deaf_call():
+    with default_signals():
         frame = geopandas.read_file(io.BytesIO(source) if isinstance(source, bytes) else source, layer=layer)
     check_count(len(frame), features, name)
     return frame

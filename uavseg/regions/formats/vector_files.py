@@ -17,7 +17,7 @@ from typing import Any
 from uavseg.access import current_policy
 from uavseg.errors import AccessError, RegionError
 from uavseg.inputs import MAX_TEXT, parse_json, read_bytes, read_start, regular_file
-from uavseg.output.interrupts import deaf_call
+from uavseg.output.interrupts import default_signals
 from uavseg.plain_text import cause_of
 from uavseg.raster.access.databases import check_database
 
@@ -130,7 +130,7 @@ def _check_json(source: str | os.PathLike[str] | bytes, name: str) -> None:
     if not _MAY_LINK.search(content):
         return
     try:
-        with deaf_call():
+        with default_signals():
             parsed = parse_json(content.decode())
     except ValueError as error:
         raise RegionError(f"{name} cannot be read as regions: {cause_of(error)}") from error

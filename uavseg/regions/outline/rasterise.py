@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import kernel
-from uavseg.execution.lazy_sequence import LazySequence
+from uavseg.execution.executors import LazySequence
 from uavseg.raster.grid.tiling import Window
 from uavseg.regions.outline.rings import Rings
 

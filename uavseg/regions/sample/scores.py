@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.execution.lazy_sequence import LazySequence
+from uavseg.execution.executors import LazySequence
 from uavseg.raster.grid.tiling import TilePass, Window, window_cells
 from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
 from uavseg.regions.outline.rings import RegionOutlines, Rings

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import RasterError
-from uavseg.execution.lazy_sequence import LazySequence
+from uavseg.execution.executors import LazySequence
 from uavseg.raster.grid.tiling import (
     TilePass,
     Window,

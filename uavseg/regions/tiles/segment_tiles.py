@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.execution.lazy_sequence import LazySequence
+from uavseg.execution.executors import LazySequence
 from uavseg.raster.grid.tiling import TilePass, Window, cells_around, whole_blocks
 from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.outline.rings import RegionOutlines, renumber_by_size

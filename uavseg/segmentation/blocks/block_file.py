@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import RasterError, RasterReadError, UavsegError
-from uavseg.output.inputs import check_not_inputs
+from uavseg.output.targets import check_not_inputs
 from uavseg.plain_text import cause_of
 from uavseg.raster.access.open_checked import open_checked
 from uavseg.raster.access.opening import GDAL_ERRORS

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from uavseg.arguments import checked
 from uavseg.errors import IntensityRangeError, ParameterError
 from uavseg.segmentation.params.segment import IntensityRange, Levels
-from uavseg.units import GREY_LEVELS, GREY_MAX, MAX_KINDS
+from uavseg.units import GREY_LEVELS, GREY_MAX, MAX_REFINED
 
 _MAX_NAME = 80
 
@@ -168,8 +168,8 @@ class ValueClasses:
     classes: tuple[ValueClass, ...]
 
     def __post_init__(self) -> None:
-        if not 1 <= len(self.classes) <= MAX_KINDS:
-            raise ParameterError(f"expected 1 to {MAX_KINDS} classes, got {len(self.classes)}")
+        if not 1 <= len(self.classes) <= MAX_REFINED:
+            raise ParameterError(f"expected 1 to {MAX_REFINED} classes, got {len(self.classes)}")
         names = [one.name for one in self.classes]
         for name in names:
             if names.count(name) > 1:

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-from uavseg.units import MAX_KINDS
+from uavseg.units import MAX_REFINED
 
 MIN_PIECE = 12  # pixels: smaller thin pieces and thin holes are removed
 _NO_DATA = np.uint8(128)  # not valid, or outside the image; a bit that no kind has
@@ -20,7 +20,7 @@ def drop_specks(inside: NDArray[np.uint8], valid: NDArray[np.uint8], active: NDA
     Parameters
     ----------
     inside : (M, N) uint8 array
-        Kinds 0..`MAX_KINDS`; changed in place.
+        Kinds 0..`MAX_REFINED`; changed in place.
     valid : (M, N) uint8 array
     active : (M / 8, N / 8) uint8 array
         Not 0 for cells whose pixels may change.
@@ -29,7 +29,7 @@ def drop_specks(inside: NDArray[np.uint8], valid: NDArray[np.uint8], active: NDA
     _pad_sides(inside, valid, sides)
     lines = np.ones((8, sides.shape[1]), np.uint8)
     stack, seen = np.empty((MIN_PIECE, 2), np.int64), np.empty(2 * MIN_PIECE + 1, np.uint32)
-    _drop_specks(sides, active, lines, stack, seen, np.zeros(MAX_KINDS + 1, np.uint8), inside)
+    _drop_specks(sides, active, lines, stack, seen, np.zeros(MAX_REFINED + 1, np.uint8), inside)
 
 
 @kernel("void(u1[:,::1], u1[:,::1], u1[:,::1])")

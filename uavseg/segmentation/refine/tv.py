@@ -73,7 +73,7 @@ def refine_kinds_by_tv(
     valid : (M, N) uint8 array
     grey : (M, N) uint16 array, 0 where not valid
     table : (65536,) uint8 array
-        The kind of each grey, at most `MAX_KINDS`.
+        The kind of each grey, at most `MAX_REFINED`.
 
     Returns
     -------

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import kernel
-from uavseg.execution.lazy_sequence import LazySequence
+from uavseg.execution.executors import LazySequence
 from uavseg.raster.grid.tiling import TilePass, Window, tile_side, tiles, whole_blocks, window_cells
 from uavseg.segmentation.blocks.leaves import cells_to_pixels
 from uavseg.segmentation.params.segment import StateLimits

@@ -1,0 +1,249 @@
+"""Layers read from rasters: contours of labels, states of an occupancy map, leaves of the quadtree."""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from affine import Affine
+from numpy.typing import NDArray
+
+from uavseg.errors import MapError, ParameterError, RasterError
+from uavseg.occupancy.ros.ros_map import is_ros_map, read_ros_map
+from uavseg.plain_text import shown
+from uavseg.plot.layers.raster_layer import draw_image, is_enlarged, read_overview
+from uavseg.plot.page.frame import Frame
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.tiling import Window
+from uavseg.raster.read.dataset import Dataset
+from uavseg.regions.outline.trace import trace
+from uavseg.units import CELL, FREE, OCCUPIED, UNKNOWN
+
+_STATE_COLORS = {
+    FREE: ("free", "#2f9e44"),
+    UNKNOWN: ("unknown", "#8a8f98"),
+    OCCUPIED: ("occupied", "#e8590c"),
+}
+_STATE_ALPHA = 0.55
+_LEAF_SIDES = (64, 32, 16, 8)
+_SIDE_BAND = 2  # band of a block map that holds the side of each leaf
+_LEAF_COLOR = "#ffd43b"
+
+File = str | os.PathLike[str]
+Contours = tuple[NDArray[np.float64], ...]
+
+
+@dataclass(frozen=True)
+class LabelsLayer:
+    """Labels in plot coordinates, drawn as contours of their segments."""
+
+    labels: NDArray[np.uint32]  # 0 outside of segments
+    plot_from_pixel: Affine
+    is_whole: bool  # each pixel was read; else small segments may be missing
+
+    @classmethod
+    def of(cls, source: Dataset | File, frame: Frame, max_side: int) -> "LabelsLayer":
+        """Read the labels of a file that `uavseg original` wrote, or another command with `--labels`.
+
+        Parameters
+        ----------
+        source : Dataset or path
+        frame : Frame
+        max_side : int
+            Rows and columns that two pixels of the picture show; half of them are read, since a line is a
+            pixel wide.
+        """
+        dataset = source if isinstance(source, Dataset) else Dataset.open(source, band=1)
+        labels, box = _read_band(dataset, frame, max_side // 2)
+        if labels.dtype.kind not in "iu" or labels.min() < 0 or labels.max() >= 1 << 32:
+            raise RasterError(
+                f"{dataset.source} does not hold labels (whole numbers, 0 outside of segments); "
+                "uavseg original makes such a raster, and --labels of other commands"
+            )
+        is_whole = box.shape == dataset.geobox.shape
+        return cls(labels.astype(np.uint32), frame.plot_from_map * box.transform, is_whole)
+
+    def title_parts(self, has_crs: bool) -> list[str]:
+        """Return the number of segments."""
+        prefix, count = "" if self.is_whole else "at least ", int(np.count_nonzero(np.unique(self.labels)))
+        return [f"{prefix}{count:,} segment{'s' if count != 1 else ''}"]
+
+    def draw(self, ax: Any, point: float) -> None:
+        """Draw on axes, white with a dark edge; `point` is the length of one point (1/72 inch) on them."""
+        from matplotlib.collections import LineCollection
+
+        if is_enlarged(ax, self.plot_from_pixel):
+            contours = contours_of(self.labels, self.plot_from_pixel)
+            for color, width in (("#222222", 1.7), ("white", 0.8)):
+                ax.add_collection(LineCollection(contours, colors=color, lw=width, zorder=2.7))
+        else:  # as many lines as there are pixels would take minutes
+            draw_image(ax, _borders(self.labels), self.plot_from_pixel, zorder=2.7)
+
+
+def _read_band(dataset: Dataset, frame: Frame, max_side: int) -> tuple[NDArray[Any], GeoBox]:
+    """Read the first band coarsely, 0 where it is invalid."""
+    coarse = read_overview(dataset, frame, max_side)
+    values, valid = coarse.read(Window(0, 0, *coarse.geobox.shape))
+    band = values[0] if valid is None else np.where(valid, values[0], 0)
+    return band, coarse.geobox
+
+
+def contours_of(labels: NDArray[np.uint32], plot_from_pixel: Affine) -> Contours:
+    """Trace closed lines around the segments of a label image.
+
+    Parameters
+    ----------
+    labels : (rows, cols) uint32 array
+    plot_from_pixel : Affine
+        From pixel corners (col, row) to plot coordinates.
+
+    Returns
+    -------
+    contours : tuple of (n, 2) float64 arrays
+    """
+    rings = trace(labels)
+    x, y = plot_from_pixel * rings.vertices[:, ::-1].T.astype(np.float64)
+    parts = np.split(np.stack([x, y], axis=1), rings.starts[1:-1])
+    return tuple(np.concatenate([part, part[:1]]) for part in parts if len(part))
+
+
+def _borders(labels: NDArray[np.uint32]) -> NDArray[np.uint8]:
+    """Draw an RGBA picture: white along borders of segments, dark beside them."""
+    border = np.zeros(labels.shape, bool)
+    border[:-1] |= labels[1:] != labels[:-1]
+    border[:, :-1] |= labels[:, 1:] != labels[:, :-1]
+    beside = np.zeros(labels.shape, bool)
+    beside[1:] |= border[:-1]
+    beside[:, 1:] |= border[:, :-1]
+    picture = np.zeros((*labels.shape, 4), np.uint8)
+    picture[beside] = (34, 34, 34, 255)
+    picture[border] = 255
+    return picture
+
+
+@dataclass(frozen=True)
+class StatesLayer:
+    """States in plot coordinates, in colour, with white contours of the segments."""
+
+    states: NDArray[np.uint8]  # 1 free, 2 unknown, 3 occupied; 0 no data
+    plot_from_pixel: Affine
+
+    @classmethod
+    def of(cls, source: Dataset | File, frame: Frame, max_side: int) -> "StatesLayer":
+        """Read the states of a file that `uavseg classify` wrote, a GeoTIFF or a ROS map, or of a dataset."""
+        dataset = source if isinstance(source, Dataset) else _open_states(source)
+        states, box = _read_band(dataset, frame, max_side)
+        if not np.isin(states, (0, *_STATE_COLORS)).all():
+            raise MapError(
+                f"{dataset.source} does not hold states (1 free, 2 unknown, 3 occupied); "
+                "uavseg classify makes such a raster"
+            )
+        return cls(states.astype(np.uint8), frame.plot_from_map * box.transform)
+
+    def title_parts(self, has_crs: bool) -> list[str]:
+        """Return the share of each state."""
+        total = max(int(np.count_nonzero(self.states)), 1)
+        return [
+            f"{name} {np.count_nonzero(self.states == state) / total:.1%}"
+            for state, (name, _) in _STATE_COLORS.items()
+        ]
+
+    def draw(self, ax: Any, point: float) -> None:
+        """Draw on axes; `point` is the length of one point (1/72 inch) in plot coordinates."""
+        from matplotlib.collections import LineCollection
+        from matplotlib.colors import to_rgba
+
+        table = np.zeros((256, 4), np.uint8)
+        for state, (name, color) in _STATE_COLORS.items():
+            table[state] = np.round(255 * np.array(to_rgba(color, _STATE_ALPHA)))
+            ax.scatter([], [], s=40, marker="s", color=color, label=name)
+        draw_image(ax, table[self.states], self.plot_from_pixel, zorder=2.4)
+        contours = contours_of(self.states.astype(np.uint32), self.plot_from_pixel)
+        ax.add_collection(LineCollection(contours, colors="white", lw=1.1, zorder=2.6))
+
+
+def _open_states(source: File) -> Dataset:
+    if not isinstance(source, str | os.PathLike):
+        raise MapError(f"states to draw are a file or a Dataset, not {shown(source)}")
+    if not is_ros_map(source):
+        return Dataset.open(source, band=1)
+    ros_map = read_ros_map(source)
+    cells = ros_map.cells
+    states = np.select([cells < 0, cells == 0, cells == 100], [UNKNOWN, FREE, OCCUPIED], 255)
+    return Dataset.of_values(states.astype(np.uint8), ros_map.geobox, Path(source).name)
+
+
+@dataclass(frozen=True)
+class LeavesLayer:
+    """Leaves of the quadtree in plot coordinates, drawn as outlines."""
+
+    corners: NDArray[np.float64]  # (n, 4, 2), clipped to the raster
+    sides: NDArray[np.int64]  # 64, 32, 16 or 8 pixels
+
+    @classmethod
+    def of(cls, source: File, frame: Frame, max_side: int) -> "LeavesLayer":
+        """Read the leaves of the block map that `uavseg divide` wrote for this raster."""
+        box = frame.geobox
+        cells = box.coarsen(CELL)
+        if max(cells.shape) > max_side:
+            raise ParameterError(
+                f"leaves of a raster of {box.shape[1]:,} x {box.shape[0]:,} pixels are too small to be seen; "
+                "give a larger --width, or draw a part of it (gdal_translate -srcwin)"
+            )
+        dataset = Dataset.open(source, band=_SIDE_BAND)
+        sides, sides_box = _read_band(dataset, frame, max_side)
+        if sides.shape != cells.shape or not sides_box.transform.almost_equals(cells.transform):
+            raise RasterError(
+                f"{dataset.source} is not the block map of this raster; uavseg divide makes one"
+            )
+        if not np.isin(sides, _LEAF_SIDES).all():
+            raise RasterError(f"{dataset.source} is not a block map; uavseg divide makes one")
+        squares, lengths = leaf_squares(sides.astype(np.int64), box.shape)
+        xy = np.stack(box.xy_from_pixel(*squares.reshape(-1, 2).T), axis=1)
+        return cls(frame.plot_from_xy(xy).reshape(-1, 4, 2), lengths)
+
+    def title_parts(self, has_crs: bool) -> list[str]:
+        """Return the number of leaves."""
+        return [f"{len(self.sides):,} {'leaf' if len(self.sides) == 1 else 'leaves'}"]
+
+    def draw(self, ax: Any, point: float) -> None:
+        """Draw on axes; `point` is the length of one point (1/72 inch) in plot coordinates."""
+        from matplotlib.collections import PolyCollection
+
+        outlines = PolyCollection(list(self.corners), facecolor="none", edgecolor=_LEAF_COLOR, label="leaf")
+        outlines.set(lw=0.5, alpha=0.85, zorder=2.8)
+        ax.add_collection(outlines)
+
+
+def leaf_squares(
+    sides: NDArray[np.int64], shape: tuple[int, int]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """List the leaves that cells of 8 x 8 pixels belong to.
+
+    Parameters
+    ----------
+    sides : (m, n) int64 array
+        Side of the leaf of each cell, in pixels.
+    shape : (int, int)
+        Of the raster, to which leaves are clipped.
+
+    Returns
+    -------
+    corners : (k, 4, 2) int64 array
+        Row and column of each leaf's corners in pixels.
+    sides : (k,) int64 array
+
+    Examples
+    --------
+    >>> corners, sides = leaf_squares(np.array([[16, 16, 8], [16, 16, 8]]), (16, 20))
+    >>> corners[:, [0, 2]].tolist(), sides.tolist()
+    ([[[0, 0], [16, 16]], [[0, 16], [8, 20]], [[8, 16], [16, 20]]], [16, 8, 8])
+    """
+    row, col = np.ogrid[: sides.shape[0], : sides.shape[1]]
+    first = (CELL * row % sides == 0) & (CELL * col % sides == 0)
+    top, left = (CELL * cells for cells in np.nonzero(first))
+    side = sides[first]
+    bottom, right = np.minimum(top + side, shape[0]), np.minimum(left + side, shape[1])
+    corners = [(top, left), (top, right), (bottom, right), (bottom, left)]
+    return np.stack([np.stack(corner, axis=-1) for corner in corners], axis=1), side
