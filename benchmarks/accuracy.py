@@ -136,7 +136,7 @@ def by_lbpc(grid: Any) -> Any:
     """The original LBP/C; it has no states, so each segment is classified by its mean v."""
     import numpy as np
 
-    from uavseg.segmentation.baseline.lbpc import segment_lbpc
+    from uavseg.segmentation.lbpc import segment_lbpc
     from uavseg.segmentation.params.segment import StateLimits
 
     labels = segment_lbpc(np.floor(65535 * grid.probabilities.astype(np.float64) + 0.5).astype(np.uint16))

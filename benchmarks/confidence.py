@@ -99,7 +99,7 @@ def matched(source: Raster, disc: Disc) -> tuple[NDArray[np.float64], Rings]:
     place, bands = sample_mask(disc, source.geobox), [source.grey(passes[0])]
     likeness = learn(bands, (place,), [], passes[1])
     outlined, _ = outlines_by_color(likeness, MatchRequest(disc, by="color"), [place], passes[2:])
-    own, share = likeness.table.own, likeness.table.share
+    own, share = likeness.table.sample_mean, likeness.table.raster_mean
     return confidence.match_terms(outlined, similarity_of(outlined, own), own - share), outlined.rings
 
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 import uavseg
-from uavseg.segmentation.refine.discs import PixelDisc
+from uavseg.segmentation.refine.detail import PixelDisc
 
 Mask = NDArray[np.bool_]
 SIDE = 9  # pixels

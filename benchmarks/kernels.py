@@ -74,7 +74,7 @@ def _cases() -> Iterator[_Case]:
     from uavseg.segmentation.components import component_sums, label_components
     from uavseg.segmentation.params.segment import IntensityRange
     from uavseg.segmentation.refine.range_scans import refine_by_scans
-    from uavseg.segmentation.refine.tv import refine_by_tv
+    from uavseg.segmentation.refine.total_variation import refine_by_tv
 
     tile = _tile()
     stretch = Stretch(0.0, 255.0, "dtype")

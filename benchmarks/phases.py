@@ -17,7 +17,7 @@ TIMED_FUNCTIONS = (
     ("raster/read/raster_file.py", "read", "decoding: `raster_file.read`"),
     ("raster/intensity/stretch.py", "apply", "8 to 16 bit: `Stretch.apply`"),
     ("segmentation/blocks/leaves.py", "pixels_in_range", "`leaves.pixels_in_range`"),
-    ("segmentation/refine/tv.py", "refine_by_tv", "total variation: `tv.refine_by_tv`"),
+    ("segmentation/refine/total_variation.py", "refine_by_tv", "total variation: `refine_by_tv`"),
     ("segmentation/components.py", "label_components", "`components.label_components`"),
     ("segmentation/components.py", "component_sums", "`components.component_sums`"),
     ("regions/outline/chains.py", "trace_tile", "`chains.trace_tile`"),

@@ -45,8 +45,8 @@ from uavseg.raster.grid.geobox import local_geobox
 from uavseg.raster.grid.tiling import Window
 from uavseg.regions.formats import export
 from uavseg.regions.table import Regions
-from uavseg.segmentation.baseline.lbpc import LbpcParams
 from uavseg.segmentation.blocks.block_file import read_block_map, write_block_map
+from uavseg.segmentation.lbpc import LbpcParams
 from uavseg.segmentation.params.segment import SegmentParams
 
 UTM = {"crs": "EPSG:32618", "transform": Affine(2, 0, 4e5, 0, -2, 5e6)}

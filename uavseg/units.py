@@ -9,4 +9,4 @@ CELLS = BLOCK // CELL  # cells along the side of a block
 
 FREE, UNKNOWN, OCCUPIED = 1, 2, 3  # states of an occupancy map; 0 is no data
 STATES = "state: 1 free, 2 unknown, 3 occupied"  # description of a band of states
-MAX_REFINED = 127  # classes of pixels that are refined together, in seven bits
+MAX_PIXEL_CLASSES = 127  # kinds of pixels that are refined together, in seven bits

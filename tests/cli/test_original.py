@@ -12,7 +12,7 @@ from click.testing import CliRunner, Result
 from uavseg.cli import main
 from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.raster.grid.geobox import local_geobox
-from uavseg.segmentation.baseline.lbpc import LbpcParams, segment_lbpc
+from uavseg.segmentation.lbpc import LbpcParams, segment_lbpc
 
 UTM = {"crs": "EPSG:32618", "transform": Affine(2, 0, 4e5, 0, -2, 5e6)}
 

@@ -23,8 +23,7 @@ from uavseg.jobs.source.open_source import open_raster
 from uavseg.jobs.source.work import Work
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.length import Length, as_length
-from uavseg.segmentation.refine.detail import Detail
-from uavseg.segmentation.refine.discs import PixelDisc, covered_by_own_discs
+from uavseg.segmentation.refine.detail import Detail, PixelDisc, opening_mask
 
 ALL = (0.5, 1)
 
@@ -161,5 +160,5 @@ def test_of_color_and_texture_together_tiles_and_threads_change_nothing(tmp_path
     assert overlap(painted(whole), truth) > 0.85
     inside = painted(whole).view(np.uint8)
     disc = PixelDisc(side, side)
-    assert covered_by_own_discs(inside, np.ones_like(inside), disc)[inside > 0].all()
+    assert opening_mask(inside, np.ones_like(inside), disc)[inside > 0].all()
     assert same(whole, match(source, request, Work(64, threads(2))))

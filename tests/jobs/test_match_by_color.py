@@ -68,7 +68,7 @@ def overlap(one: NDArray[np.bool_], other: NDArray[np.bool_]) -> float:
 def test_one_small_disc_finds_all_of_its_kind(tile: Path, refine: str) -> None:
     made = match(open_raster(str(tile)), MatchRequest(DISC, by="color", refine=refine))
     assert overlap(painted(made), truth() == 1) > (0.97 if refine == "pixel" else 0.8)
-    assert made.compared == "color" and made.color is not None and made.color.own > 0.8
+    assert made.compared == "color" and made.color is not None and made.color.sample_mean > 0.8
     assert made.warnings == ()
 
 

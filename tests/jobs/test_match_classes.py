@@ -118,9 +118,9 @@ def test_the_confidence_is_of_the_likeness_of_each_region_to_its_class(tile: Pat
     for region, kind in enumerate(kinds.at(outlined.sums.firsts) - 1, 1):
         own, here = alike[kind][: SHAPE[0], : SHAPE[1]], labels == region
         of_region = own[here]
-        assert outlined.sums.alike is not None and outlined.sums.steps is not None
+        assert outlined.sums.similarity is not None and outlined.sums.steps is not None
         plain = [len(of_region), of_region.sum(), (of_region**2).sum()]
-        assert outlined.sums.alike[region - 1].tolist() == plain
+        assert outlined.sums.similarity[region - 1].tolist() == plain
         across = [
             (own[1:], own[:-1], here[1:] != here[:-1]),
             (own[:, 1:], own[:, :-1], here[:, 1:] != here[:, :-1]),

@@ -16,8 +16,7 @@ from uavseg.jobs.match.request import MatchRequest
 from uavseg.jobs.source.open_source import open_raster
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.regions.sample.place import Disc
-from uavseg.segmentation.sample.mixture import fit_mixtures
-from uavseg.segmentation.sample.sample_vote import SampleVote
+from uavseg.segmentation.sample.mixture import SampleVote, fit_mixtures
 
 ROOF, MEADOW, WATER = Disc(1070, 940, 8), Disc(1020, 960, 8), Disc(1240, 900, 8)
 
@@ -40,8 +39,8 @@ def test_samples_of_two_kinds_find_both(tile: Path) -> None:
 def test_what_is_unlike_is_left_out(tile: Path) -> None:
     made = found(tile, ROOF, unlike=(MEADOW, WATER))
     assert overlap(painted(made), truth() == 1) > 0.95
-    assert made.color is not None and made.color.unlike is not None
-    assert made.color.own > 0.8 > 0.2 > made.color.unlike
+    assert made.color is not None and made.color.other_mean is not None
+    assert made.color.sample_mean > 0.8 > 0.2 > made.color.other_mean
 
 
 @pytest.mark.slow
@@ -118,6 +117,8 @@ def test_no_point_is_like_two_kinds_and_what_neither_sample_has_is_like_none(see
     points = rng.normal(kinds, 0.3)
     mixtures = fit_mixtures(points)
     one, other = points[:30], points[100:130]
-    like, unlike = (SampleVote.of(mixtures, *pair).likeness(points) for pair in ((one, other), (other, one)))
+    like, unlike = (
+        SampleVote.of(mixtures, *pair).similarity(points) for pair in ((one, other), (other, one))
+    )
     assert (like + unlike).max() < 1.01
     assert like[:100].mean() > 0.8 > 0.2 > max(like[100:200].mean(), like[200:].mean())

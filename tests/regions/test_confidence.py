@@ -19,8 +19,7 @@ from uavseg.regions.confidence import (
 )
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.outline.trace import trace
-from uavseg.segmentation.border_steps import border_steps
-from uavseg.segmentation.components import component_sums, label_components
+from uavseg.segmentation.components import border_steps, component_sums, label_components
 
 
 def outlined(mask, grey):

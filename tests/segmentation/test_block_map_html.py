@@ -9,8 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from rasterio.io import MemoryFile
 
-from uavseg.segmentation.blocks.block_map import BlockMap
-from uavseg.segmentation.blocks.thumbnail import MAX_SIDE, thumbnail
+from uavseg.segmentation.blocks.block_map import _MAX_SIDE, BlockMap, _thumbnail
 
 
 def picture(address: str) -> NDArray[Any]:
@@ -28,9 +27,9 @@ def test_the_picture_has_the_means_of_squares(shape: tuple[int, int]) -> None:
     counts = rng.integers(0, 65, shape).astype(np.uint8)
     counts[0, 0] = 0
     sums = (counts * rng.integers(0, 65536, shape)).astype(np.uint32)
-    grey, alpha = picture(thumbnail(sums, counts, 65535.0))
-    step = max(1, -(-max(shape) // MAX_SIDE))
-    assert grey.shape == tuple(-(-side // step) for side in shape) and max(grey.shape) <= MAX_SIDE
+    grey, alpha = picture(_thumbnail(sums, counts, 65535.0))
+    step = max(1, -(-max(shape) // _MAX_SIDE))
+    assert grey.shape == tuple(-(-side // step) for side in shape) and max(grey.shape) <= _MAX_SIDE
     for row, col in np.ndindex(*grey.shape):
         square = (slice(row * step, (row + 1) * step), slice(col * step, (col + 1) * step))
         number = int(counts[square].sum(dtype=np.int64))

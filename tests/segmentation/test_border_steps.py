@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavseg.segmentation.border_steps import border_steps
-from uavseg.segmentation.components import label_equal_values
+from uavseg.segmentation.components import border_steps, label_equal_values
 
 
 def plain_steps(image, labels, margin, grey, valid):

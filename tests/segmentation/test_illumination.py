@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 from tests.segmentation.in_memory_dataset import InMemory, field_of, source_of
 from uavseg.execution.executors import threads
 from uavseg.raster.grid.tiling import TilePass, Window, tiles
-from uavseg.segmentation.measure_illumination import measure_illumination
 from uavseg.segmentation.params.illumination import Illumination, fit_illumination, square_side
-from uavseg.segmentation.source import GreySource
+from uavseg.segmentation.source import GreySource, measure_illumination
 
 SEEDS = st.integers(0, 100_000)
 WIDTHS = st.sampled_from([(32, 32), (64, 64), (40, 90), (150, 131), (260, 400)])

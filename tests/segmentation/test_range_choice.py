@@ -10,8 +10,8 @@ from uavseg.segmentation.blocks.cell_pairs import count_cell_pairs
 from uavseg.segmentation.blocks.leaves import histogram_of_means
 from uavseg.segmentation.in_memory import block_map_of_array
 from uavseg.segmentation.params.segment import SegmentParams
-from uavseg.segmentation.range_candidates import edge_near, explained_by
-from uavseg.segmentation.range_choice import LEAST_CONTRAST, RangeChoice, choose_ranges
+from uavseg.segmentation.range_candidates import edge_near, explained_variance
+from uavseg.segmentation.range_choice import MIN_CONTRAST, RangeChoice, choose_ranges
 
 SIDE = 384
 
@@ -53,21 +53,21 @@ def test_small_things_come_first(seed: int, step: float) -> None:
 @pytest.mark.parametrize(("scale", "sigma"), [(0, 0.1), (0, 0.02), (3, 0.1), (10, 0.1), (30, 0.1)])
 def test_noise_and_slow_light_do_not_stand_out(seed: int, scale: float, sigma: float) -> None:
     found = chosen(0.5 + noise(seed, scale, sigma))
-    assert found.contrast is not None and found.contrast < LEAST_CONTRAST
+    assert found.contrast is not None and found.contrast < MIN_CONTRAST
     assert not any(one.is_part for one in found.ranges)
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_slope_does_not_stand_out(seed: int) -> None:
     found = chosen(np.linspace(0.2, 0.8, SIDE)[:, None] + noise(seed, 0, 0.03))
-    assert found.contrast is not None and found.contrast < LEAST_CONTRAST
+    assert found.contrast is not None and found.contrast < MIN_CONTRAST
 
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("level", [0.05, 0.1])
 def test_two_grounds_stand_out(seed: int, level: float) -> None:
     found = chosen(0.4 + 0.25 * (noise(seed, 16, 1) > 0.3) + noise(seed + 50, 0, level))
-    assert found.contrast is not None and found.contrast > LEAST_CONTRAST
+    assert found.contrast is not None and found.contrast > MIN_CONTRAST
     assert any(abs(edge - 0.525) < 0.05 for edge in found.edges)
 
 
@@ -143,5 +143,5 @@ def test_the_explained_variance_is_that_of_a_plain_sum(edges: list[float], seed:
         (kinds == k).sum() * (greys[kinds == k].mean() - greys.mean()) ** 2 for k in np.unique(kinds)
     )
     wanted = between / ((greys - greys.mean()) ** 2).sum()
-    found = explained_by(np.bincount(greys, minlength=65536), sorted(edges))
+    found = explained_variance(np.bincount(greys, minlength=65536), sorted(edges))
     assert found == pytest.approx(wanted, abs=1e-9)

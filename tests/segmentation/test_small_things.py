@@ -13,7 +13,7 @@ from scipy import ndimage
 import uavseg
 from uavseg.segmentation.in_memory import label_regions
 from uavseg.segmentation.params.segment import IntensityRange
-from uavseg.segmentation.refine.tv import refine_kinds_by_tv
+from uavseg.segmentation.refine.total_variation import refine_classes_by_tv
 from uavseg.units import GREY_MAX
 
 Mask = NDArray[np.bool_]
@@ -149,7 +149,7 @@ def test_rows_are_found_among_classes_and_levels(edges: tuple[float, ...]) -> No
     v = np.clip(np.where(truth, 0.65, 0.35) + np.random.default_rng(0).normal(0, 0.02, truth.shape), 0, 1)
     grey = np.floor(v * GREY_MAX + 0.5).astype(np.uint16)
     table = np.searchsorted(edges, np.arange(GREY_MAX + 1) / GREY_MAX).astype(np.uint8)
-    kinds = refine_kinds_by_tv(table[grey], np.ones(grey.shape, np.uint8), grey, table)
+    kinds = refine_classes_by_tv(table[grey], np.ones(grey.shape, np.uint8), grey, table)
     assert overlap(kinds == table[round(0.65 * GREY_MAX)], truth) > 0.97
 
 

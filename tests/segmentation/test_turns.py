@@ -12,7 +12,7 @@ from scipy import ndimage
 
 from uavseg.segmentation.in_memory import label_regions
 from uavseg.segmentation.params.segment import IntensityRange, Method, Refinement, SegmentParams
-from uavseg.segmentation.refine.tv import refine_kinds_by_tv
+from uavseg.segmentation.refine.total_variation import refine_classes_by_tv
 
 Image = NDArray[np.bool_]
 Grey = NDArray[np.uint16]
@@ -97,7 +97,7 @@ def test_mirrored_images_have_the_same_kinds_mirrored(seed: int, squares: tuple[
     def kinds(grey: Grey, valid: Image) -> NDArray[np.uint8]:
         known = np.ascontiguousarray(valid).view(np.uint8)
         masked = np.ascontiguousarray(grey) * known
-        return refine_kinds_by_tv(table[masked] * known, known, masked, table)
+        return refine_classes_by_tv(table[masked] * known, known, masked, table)
 
     for turn in MIRRORED.values():
         assert np.array_equal(kinds(turn(grey), turn(valid)), turn(kinds(grey, valid)))

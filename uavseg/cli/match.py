@@ -105,9 +105,9 @@ def _compared(match: Match) -> dict[str, str]:
     color, texture = match.color, match.texture
     rows = {"compared": match.compared if color is not None else "texture and intensity"}
     if color is not None:
-        rows["likeness"] = f"{color.own:.2f} in the sample, {color.share:.2f} in the raster"
-        if color.unlike is not None:
-            rows["likeness"] += f", {color.unlike:.2f} in what is unlike"
+        rows["likeness"] = f"{color.sample_mean:.2f} in the sample, {color.raster_mean:.2f} in the raster"
+        if color.other_mean is not None:
+            rows["likeness"] += f", {color.other_mean:.2f} in what is unlike"
     if texture is not None:
         sample = texture.sample
         mean, deviation = sample.mean / GREY_MAX, sample.deviation / GREY_MAX

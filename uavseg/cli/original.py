@@ -21,7 +21,7 @@ def command(options: OriginalOptions) -> None:
     from uavseg.output.atomic import check_target
     from uavseg.raster.formats.geotiff import check_geotiff_name, write_label_geotiff
     from uavseg.raster.grid.tiling import Window
-    from uavseg.segmentation.baseline.lbpc import LbpcParams
+    from uavseg.segmentation.lbpc import LbpcParams
 
     reporter = Reporter(options.messages, options.progress)
     output, overwrite, rasters = options.output, options.files.overwrite, options.source.rasters

@@ -19,7 +19,7 @@ from uavseg.regions.edit.small import Area, drop_small_regions
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.params.partition import Breaks, Partition, partition_of_levels
 from uavseg.segmentation.params.segment import Levels, SegmentParams
-from uavseg.units import MAX_REFINED
+from uavseg.units import MAX_PIXEL_CLASSES
 
 Small = Literal["drop", "merge"]
 
@@ -75,7 +75,7 @@ def level_params(
     ParameterError
         If they are to be refined otherwise.
     """
-    if refine is None and not isinstance(levels, BreakChoice) and levels.count > MAX_REFINED:
+    if refine is None and not isinstance(levels, BreakChoice) and levels.count > MAX_PIXEL_CLASSES:
         refine = "none"
     return joint_params(segment, refine)
 
@@ -142,8 +142,10 @@ def _notes(partition: Partition, request: LevelsRequest) -> list[str]:
                 f"the means of leaves differ too little for {choice.count} levels; "
                 f"there are {partition.count}"
             )
-    elif partition.count > MAX_REFINED and request.segment.method == "adaptive":
-        notes.append(f"more than {MAX_REFINED} levels end at block edges; fewer are refined to the pixel")
+    elif partition.count > MAX_PIXEL_CLASSES and request.segment.method == "adaptive":
+        notes.append(
+            f"more than {MAX_PIXEL_CLASSES} levels end at block edges; fewer are refined to the pixel"
+        )
     return notes
 
 

@@ -10,7 +10,7 @@ from uavseg.jobs.source.open_source import pixels_of
 from uavseg.jobs.source.source import Source
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.raster.grid.tiling import Window
-from uavseg.segmentation.baseline.lbpc import LbpcParams, check_lbpc_size, segment_lbpc
+from uavseg.segmentation.lbpc import LbpcParams, check_lbpc_size, segment_lbpc
 
 DEFAULTS = LbpcParams()
 

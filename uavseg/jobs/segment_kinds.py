@@ -22,12 +22,12 @@ from uavseg.raster.grid.tiling import TilePass
 from uavseg.regions.edit.small import Area, fill_small_holes
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.segmentation.blocks.block_map import BlockMap
-from uavseg.segmentation.blocks.leaves import cell_kinds
+from uavseg.segmentation.blocks.leaves import cell_classes
 from uavseg.segmentation.params.partition import Partition
 from uavseg.segmentation.params.segment import SegmentParams
 from uavseg.segmentation.pipeline import measure_block_map, measure_block_map_for
 from uavseg.segmentation.source import GreySource
-from uavseg.units import CELL, MAX_REFINED
+from uavseg.units import CELL, MAX_PIXEL_CLASSES
 
 Firsts = NDArray[np.int64]
 ChoosePartition = Callable[[BlockMap], Partition]
@@ -105,7 +105,7 @@ def joint_params(segment: SegmentParams, refine: str | None) -> SegmentParams:
         raise ParameterError(
             f"intervals of v are refined together by tv, pixels or none; {refine} is for one range"
         )
-    return SegmentParams.from_words(segment.method, segment.threshold, segment.intensity_step, refine)
+    return SegmentParams.from_options(segment.method, segment.threshold, segment.intensity_step, refine)
 
 
 def segment_kinds(source: Source, request: KindsRequest, work: Work) -> Segmented:
@@ -164,14 +164,16 @@ def _divided(
             blocks = measure_block_map(grey, tile_pass)
             partition = partition(blocks)
         decided("%d x %d blocks of 64 x 64 pixels", *blocks.blocks)
-        return partition, None if segment.decides_pixels else cell_kinds(blocks, partition, segment.division)
+        return partition, None if segment.decides_pixels else cell_classes(
+            blocks, partition, segment.division
+        )
 
 
 def _check_count(partition: Partition, segment: SegmentParams) -> None:
-    if segment.refine != "none" and partition.count > MAX_REFINED:
+    if segment.refine != "none" and partition.count > MAX_PIXEL_CLASSES:
         raise ParameterError(
-            f"there are {partition.count} intervals, and up to {MAX_REFINED} are refined to the pixel; give "
-            "fewer, or --refine none, with which they end at block edges"
+            f"there are {partition.count} intervals, and up to {MAX_PIXEL_CLASSES} are refined to the pixel; "
+            "give fewer, or --refine none, with which they end at block edges"
         )
 
 
@@ -228,7 +230,7 @@ def _at_block_edges(
 
     refuse_without_pixels(request.detail, request.segment.refine)
     blocks = source.saved.blocks
-    kinds = cell_kinds(blocks, partition, request.segment.division)
+    kinds = cell_classes(blocks, partition, request.segment.division)
     outlined = outline_block_map(blocks, kinds)
     if request.fill_holes is not None:
         outlined = sum_enclosed_cells(blocks, fill_small_holes(outlined, source.geobox, request.fill_holes))

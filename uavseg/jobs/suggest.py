@@ -21,7 +21,7 @@ from uavseg.raster.spectral.value_scale import ValueAxis
 from uavseg.regions.tiles.range_tiles import count_greys, count_regions, estimate_regions
 from uavseg.regions.tiles.segment_tiles import count_segments
 from uavseg.segmentation.blocks.block_map import BlockMap
-from uavseg.segmentation.blocks.cell_pairs import cells_of_own_mean, count_cell_pairs
+from uavseg.segmentation.blocks.cell_pairs import cells_with_mean_in_range, count_cell_pairs
 from uavseg.segmentation.blocks.leaves import (
     cell_intervals,
     cells_in_range,
@@ -29,9 +29,9 @@ from uavseg.segmentation.blocks.leaves import (
     means_among,
 )
 from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
-from uavseg.segmentation.pipeline import with_purer_cells
+from uavseg.segmentation.pipeline import with_majority_means
 from uavseg.segmentation.range_candidates import MAX_CLASSES, edge_beside_means
-from uavseg.segmentation.range_choice import LEAST_CONTRAST, ChosenRange, RangeChoice, choose_ranges
+from uavseg.segmentation.range_choice import MIN_CONTRAST, ChosenRange, RangeChoice, choose_ranges
 from uavseg.segmentation.source import GreySource
 from uavseg.units import GREY_MAX
 
@@ -111,7 +111,7 @@ def _with_populations(
         greys = count_greys(grey, tile_pass, math.prod(grey.shape) <= EXACT_PIXELS)
         populations = population_edges(greys) if request.classes is None else ()
         if populations:
-            blocks = with_purer_cells(blocks, grey, populations, tile_pass.silent)
+            blocks = with_majority_means(blocks, grey, populations, tile_pass.silent)
     found = _suggestions(blocks, source, request, True, greys, populations)
     shown = bool(populations) and not grey.is_flat
     return replace(found, histogram=greys, by_pixel=True) if shown else found
@@ -153,7 +153,9 @@ def _suggestions(
     for kind, part in enumerate(chosen[len(found) :], len(found) + 1):
         interval = IntensityRange(part.low, part.high)
         inside = (
-            cells_of_own_mean(blocks, interval) if refined else cells_in_range(blocks, interval, how.division)
+            cells_with_mean_in_range(blocks, interval)
+            if refined
+            else cells_in_range(blocks, interval, how.division)
         )
         intervals[inside > 0] = kind
         pixels = int(blocks.counts[inside > 0].sum(dtype=np.int64))
@@ -223,9 +225,9 @@ def _doubts(
     found = []
     if wanted is not None and classes < wanted:
         found.append(f"the means of the leaves fall into {classes} bins, which are no {wanted} classes")
-    if not parted and choice.contrast is not None and choice.contrast < LEAST_CONTRAST:
+    if not parted and choice.contrast is not None and choice.contrast < MIN_CONTRAST:
         found.append(
             f"no range stands out at its borders (contrast {choice.contrast:.1f}; noise and slow light reach "
-            f"{LEAST_CONTRAST}); look where the ranges lie (-o look.png) before you trust them"
+            f"{MIN_CONTRAST}); look where the ranges lie (-o look.png) before you trust them"
         )
     return tuple(found)

@@ -75,7 +75,7 @@ class DivisionOptions:
         """Return how a source is segmented, checked."""
         from uavseg.segmentation.params.segment import SegmentParams
 
-        return SegmentParams.from_words(self.method, self.threshold, self.intensity_step, refine)
+        return SegmentParams.from_options(self.method, self.threshold, self.intensity_step, refine)
 
 
 @dataclass(frozen=True, kw_only=True)

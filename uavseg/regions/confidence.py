@@ -158,8 +158,8 @@ def class_terms(outlined: RegionOutlines, own: Floats, parting: Floats) -> Float
         Difference of that and the mean similarity of the raster to this class.
     """
     sums = outlined.sums
-    assert sums.alike is not None, "regions of classes have it"
-    counts, total, squares = sums.alike.T
+    assert sums.similarity is not None, "regions of classes have it"
+    counts, total, squares = sums.similarity.T
     of_similarity = replace(
         sums, counts=counts, greys=total.astype(np.uint64), squares=squares.astype(np.uint64)
     )

@@ -203,6 +203,6 @@ def _mean_values(columns: dict[str, NDArray[Any]], sums: "Sums", axis: "ValueAxi
 
     So in a block map, which has no standard deviations either, and outside a stretch of one intensity.
     """
-    v = columns["mean"] if sums.beyond is None else columns["mean"] + sums.beyond / sums.counts / GREY_MAX
+    v = columns["mean"] if sums.excess is None else columns["mean"] + sums.excess / sums.counts / GREY_MAX
     unknown = np.isnan(columns["std"]) if axis.low < axis.high else columns["mean"] != _MIDDLE / GREY_MAX
     return np.where(unknown & axis.clips, np.nan, axis.values(v))

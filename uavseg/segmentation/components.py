@@ -1,4 +1,4 @@
-"""Connected components of pixels that share edges, and sums over them.
+"""Connected-component labelling (4-connectivity), and sums over components: zonal statistics.
 
 Not `skimage.measure.label`: the same labels in 3 times the time, as int64.
 """
@@ -38,8 +38,7 @@ def label_components(inside: NDArray[np.uint8], margin: int = 0) -> tuple[NDArra
     """
     labels = np.zeros((inside.shape[0] - 2 * margin, inside.shape[1] - 2 * margin), np.uint32)
     parents = np.empty(labels.size // 2 + 2, np.uint32)
-    words = view_as_words(inside) if margin % WORD == 0 else np.empty((0, 0), np.uint64)
-    return labels, _label_u1(inside, words, margin, labels, parents)
+    return labels, _label_u1(inside, view_as_words(inside, margin), margin, labels, parents)
 
 
 def label_equal_values(image: NDArray[Any], margin: int = 0) -> tuple[NDArray[np.uint32], int]:
@@ -65,14 +64,12 @@ def label_equal_values(image: NDArray[Any], margin: int = 0) -> tuple[NDArray[np
     """
     labels = np.zeros((image.shape[0] - 2 * margin, image.shape[1] - 2 * margin), np.uint32)
     parents = np.empty(labels.size + 1, np.uint32)
-    if image.dtype != np.uint8:
-        return labels, _label_u4(image, np.empty((0, 0), np.uint64), margin, labels, parents)
-    words = view_as_words(image) if margin % WORD == 0 else np.empty((0, 0), np.uint64)
-    return labels, _label_u1(image, words, margin, labels, parents)
+    label = _label_u1 if image.dtype == np.uint8 else _label_u4
+    return labels, label(image, view_as_words(image, margin), margin, labels, parents)
 
 
 def component_values(image: NDArray[np.uint32], labels: NDArray[np.uint32], count: int) -> NDArray[np.int64]:
-    """The value of each component 1..count of an image, (count,) int64.
+    """Return the value of each component 1..count of an image, (count,) int64.
 
     Parameters
     ----------
@@ -85,15 +82,16 @@ def component_values(image: NDArray[np.uint32], labels: NDArray[np.uint32], coun
     return values
 
 
-def view_as_words(image: NDArray[np.uint8]) -> NDArray[np.uint64]:
-    """View eight pixels of a row as one uint64; an empty array if the image is not aligned for it."""
-    if image.shape[1] % WORD or not image.flags.c_contiguous or image.ctypes.data % WORD:
+def view_as_words(image: NDArray[Any], margin: int = 0) -> NDArray[np.uint64]:
+    """View eight pixels of a row as one uint64; an empty array if pixels or margin are not aligned for it."""
+    aligned = image.dtype == np.uint8 and not (image.shape[1] % WORD or margin % WORD)
+    if not aligned or not image.flags.c_contiguous or image.ctypes.data % WORD:
         return np.empty((0, 0), np.uint64)
     return image.view(np.uint64)
 
 
 def union_roots(pairs: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-    """Union-find: the smallest item of the set that each item belongs to.
+    """Return the smallest item of the set that each item belongs to (union-find).
 
     Parameters
     ----------
@@ -118,7 +116,7 @@ def union_roots(pairs: NDArray[np.int64], count: int) -> NDArray[np.int64]:
 
 @inlined
 def root_of(parents, item):  # type: ignore[no-untyped-def]
-    """The root of an item, with path halving."""
+    """Return the root of an item, with path halving."""
     while parents[item] != item:
         parents[item] = parents[parents[item]]
         item = parents[item]
@@ -126,8 +124,21 @@ def root_of(parents, item):  # type: ignore[no-untyped-def]
 
 
 @inlined
+def number_roots(parents, used):  # type: ignore[no-untyped-def]
+    """Replace provisional labels 1..used by the numbers of their roots, in order; return the last number."""
+    count = np.uint32(0)
+    for k in range(1, used + 1):
+        if parents[k] == k:
+            count += np.uint32(1)
+            parents[k] = count
+        else:
+            parents[k] = parents[parents[k]]
+    return count
+
+
+@inlined
 def end_of_run(image, words, margin, r, c, value):  # type: ignore[no-untyped-def]
-    """End of the run of a value that begins at column c of a row; columns count from the margin."""
+    """Return the end of the run of a value from column c of a row; columns count from the margin."""
     cols = image.shape[1] - 2 * margin
     full = np.uint64(value) * np.uint64(0x0101010101010101)
     while c < cols and image[r + margin, c + margin] == value:
@@ -170,13 +181,7 @@ def _label(image, words, margin, labels, parents):  # type: ignore[no-untyped-de
                 for k in range(c, end):
                     labels[r, k] = label
             c = end
-    count = np.uint32(0)
-    for k in range(1, used + 1):
-        if parents[k] == k:
-            count += np.uint32(1)
-            parents[k] = count
-        else:
-            parents[k] = parents[parents[k]]
+    count = number_roots(parents, used)
     for r in range(rows):
         c = 0
         while c < cols:
@@ -194,12 +199,12 @@ _label_u4 = kernel("i8(u4[:,::1], u8[:,::1], i8, u4[:,::1], u4[::1])")(_label)
 
 @kernel("void(u4[:,::1], u4[:,::1], i8[::1])")
 def _component_values(image, labels, values):  # type: ignore[no-untyped-def]
-    known = 0  # labels are in raster order of their first pixels
+    seen = 0  # labels are in raster order of their first pixels
     for r in range(labels.shape[0]):
         for c in range(labels.shape[1]):
-            if labels[r, c] > known:
-                values[known] = image[r, c]
-                known += 1
+            if labels[r, c] > seen:
+                values[seen] = image[r, c]
+                seen += 1
 
 
 @kernel("void(i8[:,::1], i8[::1])")
@@ -226,36 +231,44 @@ class Sums:
         Sum of g * g; does not overflow up to 4e9 pixels.
     firsts : (n, 2) int64 array
         Row and column of the first pixel in raster order; pixels also where components are whole cells.
-    beyond : (n,) int64 array, optional
-        Sum of greys beyond the ends of the stretch, see `greys_beyond`; None if it is 0.
+    excess : (n,) int64 array, optional
+        Sum of the greys outside the ends of the stretch, see `greys_beyond`; None if it is 0.
     steps : (n, 2) int64 array, optional
-        Contrast across the border, see `border_steps`; None where it is not known.
-    alike : (n, 3) int64 array, optional
-        Of regions of classes, the number of pixels and the sums of their likeness and of its squares; `steps`
-        are then of likeness too.
+        Contrast across the border, see `border_steps`; None if it was not measured.
+    similarity : (n, 3) int64 array, optional
+        Of regions of classes, the number of pixels and the sums of their similarity and of its squares;
+        `steps` are then of similarity too.
     """
 
     counts: NDArray[np.int64]
     greys: NDArray[np.uint64]
     squares: NDArray[np.uint64]
     firsts: NDArray[np.int64]
-    beyond: NDArray[np.int64] | None = None
+    excess: NDArray[np.int64] | None = None
     steps: NDArray[np.int64] | None = None
-    alike: NDArray[np.int64] | None = None
+    similarity: NDArray[np.int64] | None = None
 
 
-def with_beyond(sums: Sums, labels: NDArray[np.uint32], beyond: NDArray[np.int32] | None) -> Sums:
-    """Sums with those of greys beyond the ends of the stretch, by an image of the shape of `labels`."""
-    if beyond is None:
+def with_excess(sums: Sums, labels: NDArray[np.uint32], excess: NDArray[np.int32] | None) -> Sums:
+    """Add the sums of the greys outside the ends of the stretch.
+
+    Parameters
+    ----------
+    sums : Sums
+    labels : (M, N) uint32 array
+    excess : (M, N) int32 array or None
+        See `GreyTile.excess`.
+    """
+    if excess is None:
         return sums
-    at = np.flatnonzero(beyond)
-    named = labels.reshape(-1)[at]
-    total = np.bincount(named, beyond.reshape(-1)[at], len(sums.counts) + 1)[1:]  # exact: integers
-    return replace(sums, beyond=total.astype(np.int64))
+    at = np.flatnonzero(excess)
+    owners = labels.reshape(-1)[at]
+    total = np.bincount(owners, excess.reshape(-1)[at], len(sums.counts) + 1)[1:]  # exact: integers
+    return replace(sums, excess=total.astype(np.int64))
 
 
 def component_sums(labels: NDArray[np.uint32], count: int, grey: NDArray[np.uint16], margin: int = 0) -> Sums:
-    """Sums over the components 1..count of a label image.
+    """Sum over the components 1..count of a label image.
 
     Parameters
     ----------
@@ -270,7 +283,24 @@ def component_sums(labels: NDArray[np.uint32], count: int, grey: NDArray[np.uint
     squares = np.zeros(count, np.uint64)
     firsts = np.full((count, 2), -1, np.int64)
     _sum_up(labels, grey, margin, counts, greys, squares, firsts)
-    return Sums(counts, greys, squares, firsts)
+    return Sums(counts=counts, greys=greys, squares=squares, firsts=firsts)
+
+
+def number_by_size(labels: NDArray[np.uint32], count: int, grey: NDArray[np.uint16]) -> NDArray[np.uint32]:
+    """Return the number of each label when labels are ordered by size, largest first; 0 for label 0.
+
+    Parameters
+    ----------
+    labels : (M, N) uint32 array
+    count : int
+        The labels are 1..count; those of equal size are numbered in raster order of their first pixels.
+    grey : (M, N) uint16 array
+    """
+    sums = component_sums(labels, count, grey)
+    order = np.lexsort((sums.firsts[:, 1], sums.firsts[:, 0], -sums.counts))
+    numbers = np.zeros(count + 1, np.uint32)
+    numbers[order + 1] = np.arange(1, count + 1)
+    return numbers
 
 
 @kernel("void(u4[:,::1], u2[:,::1], i8, i8[::1], u8[::1], u8[::1], i8[:,::1])")
@@ -297,3 +327,102 @@ def _sum_up(labels, grey, margin, counts, greys, squares, firsts):  # type: igno
             counts[label - 1] += c - start
             greys[label - 1] += total
             squares[label - 1] += square
+
+
+def border_steps(
+    image: NDArray[Any],
+    labels: NDArray[np.uint32],
+    count: int,
+    grey: NDArray[np.uint16],
+    valid: NDArray[np.uint8],
+) -> NDArray[np.int64]:
+    """Sum the differences of grey across the pixel edges along the borders of components.
+
+    Edges along the border of a tile count where the margin holds a pixel of another value, so the sums of
+    tiles add up to those of the raster.
+
+    Parameters
+    ----------
+    image : (M + 2 m, N + 2 m) uint8 or uint32 array
+        Adjacent pixels of equal value, not 0, belong together.
+    labels : (M, N) uint32 array
+        Their components 1..count, without the margin.
+    count : int
+    grey : (M + 2 m, N + 2 m) uint16 array
+    valid : (M + 2 m, N + 2 m) uint8 array
+        Edges to an invalid pixel do not count.
+
+    Returns
+    -------
+    steps : (count, 2) int64 array
+        Of each component the sum of absolute differences of grey, and the number of edges.
+
+    Examples
+    --------
+    >>> image = np.array([[0, 1, 1, 0]], np.uint8)
+    >>> grey = np.array([[10, 50, 60, 90]], np.uint16)
+    >>> border_steps(image, image.astype(np.uint32), 1, grey, np.ones_like(image)).tolist()
+    [[70, 2]]
+    """
+    steps = np.zeros((count, 2), np.int64)
+    margin = (image.shape[0] - labels.shape[0]) // 2
+    words = view_as_words(image, margin) if margin else np.empty((0, 0), np.uint64)
+    sum_steps = _steps_u1 if image.dtype == np.uint8 else _steps_u4
+    sum_steps(image, words, margin, labels, grey, valid, steps)
+    return steps
+
+
+@inlined
+def _add_step(steps, labels, margin, step, row, col):  # type: ignore[no-untyped-def]
+    """Add a difference to the component of a pixel, if it lies in the tile."""
+    r = row - margin
+    c = col - margin
+    if 0 <= r < labels.shape[0] and 0 <= c < labels.shape[1]:
+        owner = np.int64(labels[r, c]) - 1
+        steps[owner, 0] += step
+        steps[owner, 1] += 1
+
+
+@inlined
+def _add_edge(image, grey, valid, labels, margin, steps, row, col, down):  # type: ignore[no-untyped-def]
+    """Add the difference of a pixel to the one above it, or to its left, across a border."""
+    row_before = row - down
+    col_before = col - (1 - down)
+    value = image[row, col]
+    before = image[row_before, col_before]
+    if value != before and valid[row, col] != 0 and valid[row_before, col_before] != 0:
+        step = abs(np.int64(grey[row, col]) - np.int64(grey[row_before, col_before]))
+        if value != 0:
+            _add_step(steps, labels, margin, step, row, col)
+        if before != 0:
+            _add_step(steps, labels, margin, step, row_before, col_before)
+
+
+def _sum_steps(image, words, margin, labels, grey, valid, steps):  # type: ignore[no-untyped-def]
+    # Where eight pixels equal those before them, there is no border; words is empty if it cannot be used.
+    rows, cols = labels.shape
+    ones = np.uint64(0x0101010101010101)
+    for row in range(margin, margin + rows + 1):
+        if row >= image.shape[0]:
+            break
+        for part in range((cols + 8) >> 3):
+            first = margin + 8 * part
+            across = row < margin + rows
+            down = row > 0
+            if words.shape[0] > 0 and part < cols >> 3:
+                word = words[row, first >> 3]
+                down = down and word != words[row - 1, first >> 3]
+                uniform = word == (word & np.uint64(255)) * ones
+                across = across and not (uniform and word == words[row, (first >> 3) - 1])
+            if not (across or down):
+                continue
+            for col in range(first, min(first + 8, margin + cols + 1, image.shape[1])):
+                if down and col < margin + cols:
+                    _add_edge(image, grey, valid, labels, margin, steps, row, col, 1)
+                if across and col > 0:
+                    _add_edge(image, grey, valid, labels, margin, steps, row, col, 0)
+
+
+_SIGNATURE = "void({}[:,::1], u8[:,::1], i8, u4[:,::1], u2[:,::1], u1[:,::1], i8[:,::1])"
+_steps_u1 = kernel(_SIGNATURE.format("u1"))(_sum_steps)
+_steps_u4 = kernel(_SIGNATURE.format("u4"))(_sum_steps)

@@ -1,4 +1,4 @@
-"""All phases on one image in memory, for callers with an array and no file."""
+"""In-memory segmentation: all phases on one array, without files and tiles."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,16 +8,16 @@ from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums
 from uavseg.segmentation.blocks.division import block_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
 from uavseg.segmentation.blocks.leaves import cells_in_range, cells_to_pixels, pixels_in_range
-from uavseg.segmentation.components import component_sums, label_components
+from uavseg.segmentation.components import label_components, number_by_size
 from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
 from uavseg.segmentation.refine.range_scans import refine_by_local_mean, refine_by_scans
-from uavseg.segmentation.refine.tv import refine_by_tv
+from uavseg.segmentation.refine.total_variation import refine_by_tv
 from uavseg.units import BLOCK
 
 
 @checked
 def block_map_of_array(grey: NDArray[np.uint16], valid: NDArray[np.bool_] | None = None) -> BlockMap:
-    """The block map of an image.
+    """Measure the block map of an image.
 
     Parameters
     ----------
@@ -80,16 +80,26 @@ def label_regions(
         elif params.refine == "smooth":
             inside = refine_by_local_mean(inside, mask, image, interval.low, interval.high)
     labels, count = label_components(inside)
-    order = np.argsort(-component_sums(labels, count, image).counts, kind="stable")
-    number = np.zeros(count + 1, np.uint32)
-    number[order + 1] = np.arange(1, count + 1)
-    return np.asarray(number[labels[: grey.shape[0], : grey.shape[1]]])
+    return number_by_size(labels, count, image)[labels[: grey.shape[0], : grey.shape[1]]]
 
 
 def pad_to_blocks(
     grey: NDArray[np.uint16], valid: NDArray[np.bool_] | None, border: int = 1
 ) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:
-    """Pad an image to whole blocks with a border on every side; return it with its mask of valid pixels."""
+    """Pad an image to whole blocks with a border on every side.
+
+    Parameters
+    ----------
+    grey : (M, N) uint16 array
+    valid : (M, N) bool array, optional
+    border : int
+
+    Returns
+    -------
+    image : (64 B + 2 border, 64 C + 2 border) uint16 array
+    mask : uint8 array of the same shape
+        1 where a pixel is valid.
+    """
     rows, cols = (-(-length // BLOCK) * BLOCK + 2 * border for length in grey.shape)
     image, mask = np.zeros((rows, cols), np.uint16), np.zeros((rows, cols), np.uint8)
     inner = (slice(border, grey.shape[0] + border), slice(border, grey.shape[1] + border))

@@ -6,6 +6,7 @@ cells_to_refine   leaves in range                           (on the block map al
 refine_tile       pixels of a tile in regions               (one pass over all tiles)
 
 Where each pixel is decided, by total variation or by its own value, the last step is the only one.
+`refine_tile_classes` is that step for several intervals at once.
 """
 
 import math
@@ -31,7 +32,7 @@ from uavseg.segmentation.params.segment import (
     SegmentParams,
 )
 from uavseg.segmentation.refine.range_scans import REFINE_HALO, refine_by_local_mean, refine_by_scans
-from uavseg.segmentation.refine.tv import refine_by_tv
+from uavseg.segmentation.refine.total_variation import refine_by_tv, refine_classes_by_tv
 from uavseg.segmentation.source import CACHED_SIDE, CAPACITY, BlockCache, GreySource, GreyTile
 from uavseg.units import BLOCK, CELL, CELLS, GREY_LEVELS, GREY_MAX
 
@@ -40,16 +41,13 @@ IN_RANGE = np.uint8(1)
 
 @dataclass(frozen=True)
 class MeasuredCells:
-    """Result of the first pass: a block map without ratios, and the bin edges of contrast."""
+    """Block map without ratios, and the bin edges of contrast: the result of the first pass."""
 
     blocks: BlockMap
     bin_edges: NDArray[np.int32] = field(repr=False)
 
 
-def measure_block_map(
-    source: GreySource,
-    tile_pass: TilePass,
-) -> BlockMap:
+def measure_block_map(source: GreySource, tile_pass: TilePass) -> BlockMap:
     """Measure the whole block map of a raster: sums and counts of all cells, R of all blocks.
 
     Parameters
@@ -60,16 +58,15 @@ def measure_block_map(
     """
     measuring, dividing = tile_pass.stages(2)
     measured = measure_cells(source, measuring)
-    required = np.where(_any_valid(measured.blocks), ALL_RATIOS, np.uint32(0))
+    rows, cols = measured.blocks.blocks
+    any_valid = measured.blocks.counts.reshape(rows, CELLS, cols, CELLS).any(axis=(1, 3))
+    required = np.where(any_valid, ALL_RATIOS, np.uint32(0))
     fill_ratios(source, measured, required, dividing)
     return measured.blocks
 
 
 def measure_block_map_for(
-    source: GreySource,
-    intervals: Intervals,
-    params: SegmentParams,
-    tile_pass: TilePass,
+    source: GreySource, intervals: Intervals, params: SegmentParams, tile_pass: TilePass
 ) -> BlockMap:
     """Measure a block map that answers one range, states or levels exactly.
 
@@ -86,56 +83,58 @@ def measure_block_map_for(
 
 
 def measure_block_maps_for(
-    sources: Sequence[GreySource],
-    intervals: Intervals,
-    params: SegmentParams,
-    tile_pass: TilePass,
+    sources: Sequence[GreySource], intervals: Intervals, params: SegmentParams, tile_pass: TilePass
 ) -> list[BlockMap]:
-    """As `measure_block_map_for`, of several sources of one shape, which are measured in one pass."""
+    """Measure the block maps of several sources of one shape in one pass; see `measure_block_map_for`.
+
+    Parameters
+    ----------
+    sources : sequence of GreySource
+    intervals, params, tile_pass
+        As of `measure_block_map_for`.
+    """
     measuring, *dividing = tile_pass.stages(1 + len(sources))
     queries = [
         LeafQuery(intervals.edges, params.division, BlockCache(CAPACITY // len(sources))) for _ in sources
     ]
-    found = _measure_several(sources, measuring, queries)
-    for source, measured, query, own in zip(sources, found, queries, dividing, strict=True):
+    several = _measure_several(sources, measuring, queries)
+    for source, measured, query, tiles in zip(sources, several, queries, dividing, strict=True):
         required = query.required_ratios(measured.blocks.sums, measured.blocks.counts)
-        fill_ratios(source, measured, required, own, query)
-    return [measured.blocks for measured in found]
+        fill_ratios(source, measured, required, tiles, query)
+    return [measured.blocks for measured in several]
 
 
 @dataclass(frozen=True)
 class LeafQuery:
-    """Intervals and division parameters, which decide what R is required, and a cache of the blocks read."""
+    """Intervals and division parameters, which decide what R is required, and a cache of blocks."""
 
     edges: tuple[float, ...]
     division: DivisionParams
     cache: BlockCache = field(default_factory=BlockCache, repr=False, compare=False)
 
     def required_ratios(self, sums: NDArray[np.uint32], counts: NDArray[np.uint8]) -> NDArray[np.uint32]:
-        """Bit masks of the required ratios, see `block_map.required_ratios`."""
+        """Return bit masks of the required ratios, see `block_map.required_ratios`."""
         return required_ratios(sums, counts, self.edges, self.division.step)
 
 
 @dataclass(frozen=True)
 class _CacheBlocks:
-    """Caches blocks that a query requires while cells are measured; the cells do not depend on it."""
+    """Cache of the blocks that a query requires, filled while cells are measured."""
 
     query: LeafQuery | None
 
     def fingerprint(self) -> tuple[()]:
-        """Empty, so that a checkpoint of measured cells serves every query."""
-        return ()
+        return ()  # cells do not depend on the query: a checkpoint of them serves every query
 
     def put(
         self, window: Window, tile: GreyTile, sums: NDArray[np.uint32], counts: NDArray[np.uint8]
     ) -> None:
-        """Cache the blocks of a tile that the query requires."""
         if self.query is not None:
             self.query.cache.put(window, tile, _block_corners(self.query.required_ratios(sums, counts)))
 
 
 def measure_cells(source: GreySource, tile_pass: TilePass, query: LeafQuery | None = None) -> MeasuredCells:
-    """First pass: sums and counts of all cells, and the bin edges of contrast over the whole raster.
+    """Measure sums and counts of all cells, and the bin edges of contrast over the whole raster (first pass).
 
     Parameters
     ----------
@@ -163,30 +162,30 @@ def _measure_several(
             blocks.sums[cells], blocks.counts[cells] = sums, counts
             histogram += contrasts
     edges = [contrast_bin_edges(histogram) for histogram in histograms]
-    return [MeasuredCells(blocks, own) for blocks, own in zip(maps, edges, strict=True)]
+    return list(map(MeasuredCells, maps, edges))
 
 
-def with_purer_cells(
+def with_majority_means(
     blocks: BlockMap, source: GreySource, edges: Sequence[float], tile_pass: TilePass
 ) -> BlockMap:
-    """A block map whose cells have the mean of the population that most of their pixels belong to.
+    """Replace the mean of each cell by that of the population that most of its pixels belong to.
 
-    The mean of two populations is a value that neither has: what parts such means parts no pixels.
+    The mean of two populations is a value that neither has, so thresholds of such means separate no pixels.
 
     Parameters
     ----------
     blocks : BlockMap
     source : GreySource
-        The raster that it was made from.
+        The raster that the block map was made from.
     edges : sequence of float
         Between populations, increasing; no pixel has one of them for its v.
     tile_pass : TilePass
     """
     greys = [-1, *(math.floor(edge * GREY_MAX) for edge in edges), GREY_MAX]
     sums = np.zeros_like(blocks.sums)
-    found = tile_pass.run(partial(_purer_sums, source, greys))
-    for window, here in zip(tile_pass.windows, found, strict=True):
-        sums[window_cells(window)] = here
+    results = tile_pass.run(partial(_majority_sums, source, greys))
+    for window, result in zip(tile_pass.windows, results, strict=True):
+        sums[window_cells(window)] = result
     return replace(blocks, sums=sums)
 
 
@@ -197,7 +196,7 @@ def fill_ratios(
     tile_pass: TilePass,
     query: LeafQuery | None = None,
 ) -> None:
-    """Second pass: fill in the required ratios of the block map.
+    """Fill in the required ratios of the block map (second pass).
 
     Parameters
     ----------
@@ -218,7 +217,7 @@ def fill_ratios(
 
 
 def cells_to_refine(blocks: BlockMap, interval: IntensityRange, params: SegmentParams) -> NDArray[np.uint8]:
-    """Cells that are IN_RANGE by the mean of their leaf; all where no leaf decides.
+    """Return the cells that are IN_RANGE by the mean of their leaf; all where no leaf decides.
 
     Parameters
     ----------
@@ -236,18 +235,7 @@ def cells_to_refine(blocks: BlockMap, interval: IntensityRange, params: SegmentP
 
 
 def every_cell(shape: tuple[int, int]) -> NDArray[np.uint8]:
-    """All cells of a raster as IN_RANGE, for refinements that decide each pixel.
-
-    Parameters
-    ----------
-    shape : (int, int)
-        Rows and columns of the raster.
-
-    Returns
-    -------
-    cells : (8 B, 8 C) uint8 array
-        Read-only, and without memory of its own.
-    """
+    """Return all cells of a raster of a shape as IN_RANGE: a read-only view of one value."""
     rows, cols = (whole_blocks(length) // CELL for length in shape)
     return np.broadcast_to(IN_RANGE, (rows, cols))
 
@@ -265,8 +253,8 @@ def refine_tile(
     ----------
     source : GreySource
     cells : (m, n) uint8 array
-        Cells of the window with a halo of REFINE_HALO, from `cells_to_refine`; 0 outside the raster. Not
-        looked at by refinements that decide each pixel.
+        Cells of the window with a halo of REFINE_HALO, from `cells_to_refine`; 0 outside the raster. Ignored
+        by refinements that decide each pixel.
     interval : IntensityRange
     refine : {"tv", "scan", "none", "smooth", "pixels"}
     window : Window
@@ -281,20 +269,49 @@ def refine_tile(
     if refine in PIXELWISE:
         if source.dataset.is_empty(window.grown(REFINE_HALO).clipped(source.shape)):
             return None
-        tile = source.read(window, REFINE_HALO, beyond=True)
+        tile = source.read(window, REFINE_HALO, excess=True)
         pixels = pixels_in_range(tile.grey, tile.valid, *interval.greys)
         if refine == "tv":
             refine_by_tv(pixels, tile.valid, tile.grey, interval.greys, source.is_intensity)
         return pixels, tile
     if not cells.any():
         return None
-    tile = source.read(window, REFINE_HALO, beyond=True)
+    tile = source.read(window, REFINE_HALO, excess=True)
     pixels = cells_to_pixels(cells, tile.valid)
     if refine == "scan" and not cells.all():
         refine_by_scans(pixels, tile.valid, pixels_in_range(tile.grey, tile.valid, *interval.greys))
     elif refine == "smooth" and not cells.all():
         pixels = refine_by_local_mean(pixels, tile.valid, tile.grey, interval.low, interval.high)
     return pixels, tile
+
+
+def refine_tile_classes(
+    source: GreySource, table: NDArray[np.uint8], refine: Refinement, window: Window
+) -> tuple[NDArray[np.uint8], GreyTile] | None:
+    """Decide the classes of the pixels of a tile; see `refine_tile`.
+
+    Parameters
+    ----------
+    source : GreySource
+    table : (65536,) uint8 array
+        The class of each grey.
+    refine : {"tv", "pixels"}
+    window : Window
+
+    Returns
+    -------
+    classes : (M + 2 REFINE_HALO, N + 2 REFINE_HALO) uint8 array
+        The class of each pixel, 0 for none; exact on the window and a border of one pixel.
+    tile : GreyTile
+        Grey of the same pixels; None in place of both where no pixel is valid.
+    """
+    if source.dataset.is_empty(window.grown(REFINE_HALO).clipped(source.shape)):
+        return None
+    tile = source.read(window, REFINE_HALO, excess=True)
+    classes = table[tile.grey] * tile.valid
+    if refine == "tv":
+        refine_classes_by_tv(classes, tile.valid, tile.grey, table)
+    return classes, tile
 
 
 def _measure_tile(
@@ -314,17 +331,17 @@ def _measure_source(
     return sums, counts, contrast_histogram(tile.grey, tile.mask)
 
 
-def _purer_sums(source: GreySource, greys: Sequence[int], window: Window) -> NDArray[np.uint32]:
-    """Sums of the cells of a tile, as if all of their pixels were of the most frequent population."""
+def _majority_sums(source: GreySource, greys: Sequence[int], window: Window) -> NDArray[np.uint32]:
+    """Sum the cells of a tile as if all of their pixels were of the most frequent population."""
     tile = source.read(window, 0)
     _, total = cell_sums(tile.grey, tile.valid)
-    own = np.zeros((2, *total.shape), np.int64)
+    majority = np.zeros((2, *total.shape), np.int64)
     for low, high in pairwise(greys):
         inside = pixels_in_range(tile.grey, tile.valid, low + 1, high)
         sums, counts = cell_sums(tile.grey * inside, inside)
-        own = np.where(counts > own[1], (sums, counts), own)
-    purer: NDArray[np.uint32] = (own[0] * total // np.maximum(own[1], 1)).astype(np.uint32)
-    return purer
+        majority = np.where(counts > majority[1], (sums, counts), majority)
+    scaled: NDArray[np.uint32] = (majority[0] * total // np.maximum(majority[1], 1)).astype(np.uint32)
+    return scaled
 
 
 def _divide_tile(
@@ -337,7 +354,7 @@ def _divide_tile(
     corners = _block_corners(bits)
     cached = None if query is None else query.cache.take(window)
     if cached is not None:
-        grey, valid = cached.grey, cached.valid
+        grey, valid = cached
         corners = np.stack([np.arange(len(corners)) * CACHED_SIDE, np.zeros(len(corners), np.int64)], axis=1)
     else:
         part = _bounding_window(window, corners)
@@ -350,18 +367,12 @@ def _divide_tile(
 
 
 def _block_corners(bits: NDArray[np.uint32]) -> NDArray[np.int64]:
-    """First pixels of the blocks with any bit set, (k, 2)."""
+    """Return the first pixels of the blocks with any bit set, (k, 2)."""
     return np.stack(np.nonzero(bits), axis=1) * BLOCK
 
 
 def _bounding_window(window: Window, corners: NDArray[np.int64]) -> Window:
-    """The smallest part of a window that covers the blocks that begin at `corners`."""
+    """Return the smallest part of a window that covers the blocks that begin at `corners`."""
     row, col = (int(first) for first in corners.min(axis=0))
     end_row, end_col = (int(last) + BLOCK for last in corners.max(axis=0))
     return Window(window.row + row, window.col + col, end_row - row, end_col - col)
-
-
-def _any_valid(blocks: BlockMap) -> NDArray[np.bool_]:
-    """Blocks with a valid pixel, (B, C)."""
-    rows, cols = blocks.blocks
-    return np.asarray(blocks.counts.reshape(rows, CELLS, cols, CELLS).any(axis=(1, 3)))

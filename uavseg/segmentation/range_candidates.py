@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from uavseg.raster.intensity.otsu import are_separated, multi_otsu, select_classes
 from uavseg.units import GREY_MAX
 
-MAX_CLASSES = 8  # that a caller may ask for
-MAX_PROPOSED = 6  # classes, where the caller gives no number
+MAX_CLASSES = 8  # that a caller may request
+_MAX_PROPOSED = 6  # classes, where the caller gives no number
 _BINS = 256
-_BINS_NEAR = 4  # bins: how far an edge may lie from the grey that is asked for
+_BINS_NEAR = 4  # bins: maximum distance of an edge from the requested grey
 
 _DECIMALS = range(2, 7)
 _MIN_DECIMALS = 5  # see `edge_beside_means`
@@ -51,8 +51,8 @@ def propose_ranges(histogram: NDArray[np.int64], n_classes: int | None = None) -
     width = -(-(int(last) - int(first) + 1) // _BINS)
     occupied = histogram[first : last + 1]
     bins = np.add.reduceat(occupied, np.arange(0, occupied.size, width))
-    found = multi_otsu(bins, n_classes or MAX_PROPOSED)
-    classes = select_classes(bins, found) if n_classes is None else found[-1]
+    splits = multi_otsu(bins, n_classes or _MAX_PROPOSED)
+    classes = select_classes(bins, splits) if n_classes is None else splits[-1]
     pairs = zip(classes.ends, classes.starts, strict=True)
     gaps = [
         (int(first) + low, int(first) + high)
@@ -62,7 +62,7 @@ def propose_ranges(histogram: NDArray[np.int64], n_classes: int | None = None) -
 
 
 def edge_near(histogram: NDArray[np.int64], grey: float, low: float = 0.0, high: float = 1.0) -> float | None:
-    """A number of few digits near a grey that splits the range between two edges.
+    """Return a number of few digits near a grey that splits the range between two edges.
 
     Parameters
     ----------
@@ -89,30 +89,35 @@ def edge_near(histogram: NDArray[np.int64], grey: float, low: float = 0.0, high:
     return _edge(below, below[first], gap, last, reach)
 
 
-def explained_by(histogram: NDArray[np.int64], edges: Sequence[float]) -> float:
-    """Share of the variance of a histogram that lies between the ranges of some edges.
+def explained_variance(histogram: NDArray[np.int64], edges: Sequence[float]) -> float:
+    """Compute the share of the variance of a histogram that lies between the ranges of some edges.
+
+    Parameters
+    ----------
+    histogram : (65536,) int64 array
+    edges : sequence of float
 
     Examples
     --------
     >>> histogram = np.zeros(65536, np.int64)
     >>> histogram[[1000, 3000, 60000]] = 1
-    >>> round(explained_by(histogram, [0.5]), 4), explained_by(histogram, [])
+    >>> round(explained_variance(histogram, [0.5]), 4), explained_variance(histogram, [])
     (0.9991, 0.0)
     """
     greys = np.flatnonzero(histogram)
-    kinds = np.searchsorted(np.floor(np.array(edges) * GREY_MAX), greys)
+    classes = np.searchsorted(np.floor(np.array(edges) * GREY_MAX), greys)
     weights = histogram[greys].astype(np.float64)
     total = weights.sum()
     if len(greys) < 2 or not len(edges):
         return float(len(greys) < 2)
     offsets = greys - (weights * greys).sum() / total
-    number = np.bincount(kinds, weights)
-    sums = np.bincount(kinds, weights * offsets)
+    number = np.bincount(classes, weights)
+    sums = np.bincount(classes, weights * offsets)
     return float((sums**2 / np.maximum(number, 1)).sum() / (weights * offsets**2).sum())
 
 
 def _gap(occupied: NDArray[np.int64], width: int, end: int, start: int) -> tuple[int, int]:
-    """The last nonzero element of one bin, and the first nonzero element of a later bin."""
+    """Return the last nonzero element of one bin, and the first nonzero element of a later bin."""
     return (
         end * width + int(np.flatnonzero(occupied[end * width : (end + 1) * width])[-1]),
         start * width + int(np.flatnonzero(occupied[start * width : (start + 1) * width])[0]),
@@ -120,7 +125,7 @@ def _gap(occupied: NDArray[np.int64], width: int, end: int, start: int) -> tuple
 
 
 def edge_beside_means(edge: float) -> float:
-    """A decimal number just above an edge that cannot be the mean of a leaf.
+    """Return a decimal number just above an edge that cannot be the mean of a leaf.
 
     A mean is sum / (65535 n) with n of at most 4096 valid pixels. A number of m decimals that ends with 1 is
     p / 10^m in lowest terms, and to be a mean 2^m 5^(m-1) must divide n: with five decimals or more it
@@ -137,7 +142,7 @@ def edge_beside_means(edge: float) -> float:
 
 
 def _edges(histogram: NDArray[np.int64], gaps: Sequence[tuple[int, int]], width: int) -> tuple[float, ...]:
-    """A number of few digits in each gap between two greys, such that no range is empty."""
+    """Choose a number of few digits in each gap between two greys, such that no range is empty."""
     below = np.concatenate([[0], np.cumsum(histogram)])
     ends = [gap[0] for gap in gaps[1:]] + [GREY_MAX] * bool(gaps)
     edges: list[float] = []
@@ -148,7 +153,7 @@ def _edges(histogram: NDArray[np.int64], gaps: Sequence[tuple[int, int]], width:
 
 
 def _edge(below: NDArray[np.int64], under: int, gap: tuple[int, int], end: int, width: int) -> float:
-    """The number with the fewest digits that lies in a gap, or within half a bin of its middle.
+    """Return the number with the fewest digits that lies in a gap, or within half a bin of its middle.
 
     There are pixels on both sides of it: more than `under` pixels below, and others up to the grey `end`.
     """

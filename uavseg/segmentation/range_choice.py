@@ -1,9 +1,9 @@
-"""Choice of ranges by what lies on both sides of their borders, and their order.
+"""Choice and ranking of ranges by the contrast at their borders (figure-ground separation).
 
-histogram of leaf means -> classes: Otsu's, or two of least cross entropy where no valleys part them
-histogram of pixels -> classes too small or too dense for leaves: populations that valleys part
-joint histograms of cells -> darkest and brightest things: the bound with the largest average contrast
-                          -> order: compact, closed and contrasting ranges first
+histogram of leaf means -> classes: Otsu's, or two of minimum cross entropy where no valleys separate them
+histogram of pixels -> classes too small or too dense for leaves: populations that valleys separate
+co-occurrence histograms -> darkest and brightest objects: the bound with the largest average contrast
+                         -> rank: compact, closed and contrasting ranges first
 """
 
 from collections.abc import Sequence
@@ -16,21 +16,21 @@ from numpy.typing import NDArray
 from uavseg.raster.intensity.cross_entropy import least_cross_entropy
 from uavseg.segmentation.blocks.cell_pairs import BINS, CellPairs, RangeBorder
 from uavseg.segmentation.params.segment import IntensityRange
-from uavseg.segmentation.range_candidates import edge_near, explained_by, propose_ranges
+from uavseg.segmentation.range_candidates import edge_near, explained_variance, propose_ranges
 
-LEAST_CONTRAST = 2.5  # of a border; noise, slow light and fractal surfaces have at most 2.4 at any bound
+MIN_CONTRAST = 2.5  # of a border; noise, uneven light and fractal surfaces have at most 2.4 at any bound
 _PART_CONTRAST = 4.0  # of the border of a part of a class
-_PART_WEIGHT = 0.5  # of its score: it must stand out twice as much to come before a class
-_MOST_OF_CLASS = 0.8  # of its cells: a part that holds more is the class itself
-_PROMINENCE = 1.25  # of a bound's average contrast, over what lies between it and a higher one
-_LEAST_SHARE = 0.25  # of the largest average contrast
-_LEAST_PAIRS = 12  # that a bound parts: the border of a few cells
-_SAME = 0.15  # of the smaller side: cells between two edges that part the same
+_PART_WEIGHT = 0.5  # of its score: it must have twice the score to come before a class
+_MAX_PART = 0.8  # of the cells of its class: a part that holds more is the class itself
+_PROMINENCE = 1.25  # of a bound's average contrast, over the minimum between it and a higher one
+_MIN_SHARE = 0.25  # of the largest average contrast
+_MIN_PAIRS = 12  # across a bound: the border of a few cells
+_SAME = 0.15  # of the smaller side: cells between two edges that separate the same
 
 
 @dataclass(frozen=True, slots=True)
 class ChosenRange:
-    """A range of v, and how it lies in the picture.
+    """A range of v, with the shape and contrast of its cells.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class ChosenRange:
     border : RangeBorder or None
         None where no cell counts.
     pixels : int
-        That lie in it by their own grey; 0 where they were not counted.
+        That lie in it by their grey; 0 if they were not counted.
     """
 
     low: float
@@ -53,7 +53,7 @@ class ChosenRange:
 
     @property
     def score(self) -> float:
-        """By which ranges are ordered."""
+        """Score by which ranges are ranked."""
         if self.border is None:
             return 0.0
         return self.border.score * (_PART_WEIGHT if self.is_part else 1)
@@ -76,7 +76,7 @@ class RangeChoice:
 
     @property
     def edges(self) -> tuple[float, ...]:
-        """Between the classes."""
+        """Edges between the classes."""
         return tuple(one.high for one in self.ranges if not one.is_part and one.high < 1)
 
     @property
@@ -87,13 +87,13 @@ class RangeChoice:
 
     @property
     def ranked(self) -> tuple[int, ...]:
-        """Indices of the ranges, those that look most like things on a ground first, then the rarest."""
+        """Indices of the ranges, those with the best figure-ground score first, then the rarest."""
         ends = [(-one.score, one.pixels, -one.low if one.pixels else 0) for one in self.ranges]
         return tuple(sorted(range(len(self.ranges)), key=lambda k: (ends[k], k)))
 
     @property
     def contrast(self) -> float | None:
-        """The largest of any range; None where no cell counts."""
+        """Largest contrast of any range; None where no cell counts."""
         contrasts = [one.border.contrast for one in self.ranges if one.border is not None]
         return max(contrasts, default=None)
 
@@ -106,7 +106,7 @@ def choose_ranges(
     greys: NDArray[np.int64] | None = None,
     populations: Sequence[float] = (),
 ) -> RangeChoice:
-    """Ranges of a raster.
+    """Choose the ranges of a raster.
 
     Parameters
     ----------
@@ -116,20 +116,20 @@ def choose_ranges(
         Of the same block map.
     n_classes : int, optional
         Number of Otsu's classes, and no parts of them. By default as many as valleys of the histogram
-        separate; where there are no such valleys, two of least cross entropy.
+        separate; where there are no such valleys, two of minimum cross entropy.
     refined : bool
-        Whether regions are refined to the pixel, so that a cell that differs from its leaf is found too.
+        Whether regions are refined to the pixel, so that a cell may differ from its leaf.
     greys : (65536,) int64 array, optional
         Pixels by grey.
     populations : sequence of float
-        Edges between populations of pixels, see `population_edges`. They take the place of edges that part
-        the same cells, and are edges of their own otherwise; not with a number of classes.
+        Edges between populations of pixels, see `population_edges`. They replace edges that separate the same
+        cells, and are added otherwise; not with a number of classes.
     """
-    cuts = propose_ranges(histogram, n_classes)
-    edges, parts = cuts.edges, list[tuple[float, float, bool]]()
+    candidates = propose_ranges(histogram, n_classes)
+    edges, parts = candidates.edges, list[tuple[float, float, bool]]()
     if n_classes is None:
-        if not cuts.clear and len(edges) == 1:
-            edges = tuple(populations) or _two_of_least_entropy(histogram, pairs) or edges
+        if not candidates.clear and len(edges) == 1:
+            edges = tuple(populations) or _minimum_entropy_edge(histogram, pairs) or edges
         if pairs is not None and edges:
             parts = _parts(pairs.histogram() if refined else histogram, pairs, edges)
         if populations:
@@ -141,11 +141,11 @@ def choose_ranges(
         first, last = IntensityRange(low, high).greys
         pixels = 0 if greys is None else int(greys[first : last + 1].sum())
         chosen.append(ChosenRange(low, high, is_part, _border(pairs, low, high), pixels))
-    return RangeChoice(tuple(chosen), explained_by(histogram, edges))
+    return RangeChoice(tuple(chosen), explained_variance(histogram, edges))
 
 
 def _is_new(edge: float, populations: Sequence[float], pairs: CellPairs | None) -> bool:
-    """Whether an edge parts cells within one population, and stands out at its border there."""
+    """Test whether an edge separates cells within one population, with contrast at their border."""
     if pairs is None:
         return False
     place, bounds = pairs.bin_of(edge), [0, *map(pairs.bin_of, populations), BINS]
@@ -158,10 +158,10 @@ def _is_new(edge: float, populations: Sequence[float], pairs: CellPairs | None) 
     end = min((one for one in bounds if one > place), default=BINS)
     if not pairs.cells[begin:place].any() or not pairs.cells[place:end].any():
         return False
-    return pairs.within(begin, end).border(begin, place).contrast >= LEAST_CONTRAST
+    return pairs.within(begin, end).border(begin, place).contrast >= MIN_CONTRAST
 
 
-def _two_of_least_entropy(histogram: NDArray[np.int64], pairs: CellPairs | None) -> tuple[float, ...]:
+def _minimum_entropy_edge(histogram: NDArray[np.int64], pairs: CellPairs | None) -> tuple[float, ...]:
     if pairs is None or np.count_nonzero(pairs.cells) < 2:
         return ()
     end, start = least_cross_entropy(pairs.cells)
@@ -172,8 +172,8 @@ def _two_of_least_entropy(histogram: NDArray[np.int64], pairs: CellPairs | None)
 def _parts(
     histogram: NDArray[np.int64], pairs: CellPairs, edges: Sequence[float]
 ) -> list[tuple[float, float, bool]]:
-    """The part of the darkest class and that of the brightest whose borders stand out most."""
-    found: list[tuple[float, float, bool]] = []
+    """Choose the part of the darkest class and that of the brightest with the best border."""
+    parts: list[tuple[float, float, bool]] = []
     bounds = _contrasting_bounds(pairs)
     for side, outer, inner in (("dark", 0.0, edges[0]), ("bright", 1.0, edges[-1])):
         scores = []
@@ -186,31 +186,31 @@ def _parts(
             border, whole = _border(pairs, *part), _border(pairs, low, high)
             if border is None or whole is None or border.contrast < _PART_CONTRAST:
                 continue
-            if border.share < _MOST_OF_CLASS * whole.share:
+            if border.share < _MAX_PART * whole.share:
                 scores.append((border.score, border.share, part))
         if scores:
-            found.append((*max(scores)[2], True))
-    return found
+            parts.append((*max(scores)[2], True))
+    return parts
 
 
 def _contrasting_bounds(pairs: CellPairs) -> list[int]:
-    """Bounds between bins where the average contrast has a prominent maximum, the highest first."""
-    contrasts, parted = pairs.contrasts()
-    contrasts = np.where(parted >= _LEAST_PAIRS, contrasts, 0.0)
-    least = max(_LEAST_SHARE * contrasts.max(), np.finfo(float).tiny)
+    """List the bounds between bins where the average contrast has a prominent maximum, the highest first."""
+    contrasts, crossing = pairs.contrasts()
+    contrasts = np.where(crossing >= _MIN_PAIRS, contrasts, 0.0)
+    minimum = max(_MIN_SHARE * contrasts.max(), np.finfo(float).tiny)
     tops = 1 + np.flatnonzero((contrasts[1:-1] >= contrasts[:-2]) & (contrasts[1:-1] >= contrasts[2:]))
-    found: list[int] = []
+    bounds: list[int] = []
     for top in tops[np.argsort(-contrasts[tops], kind="stable")].tolist():
-        if contrasts[top] < least:
+        if contrasts[top] < minimum:
             break
-        between = [contrasts[min(top, one) : max(top, one) + 1].min() for one in found]
+        between = [contrasts[min(top, one) : max(top, one) + 1].min() for one in bounds]
         if all(_PROMINENCE * lowest <= contrasts[top] for lowest in between):
-            found.append(top)
-    return found
+            bounds.append(top)
+    return bounds
 
 
 def _border(pairs: CellPairs | None, low: float, high: float) -> RangeBorder | None:
-    """Look of a range; None where no cell lies in it."""
+    """Measure a range; None where no cell lies in it."""
     if pairs is None:
         return None
     first = 0 if low <= 0 else pairs.bin_of(low)

@@ -1,18 +1,20 @@
-"""GreySource: windowed reads of a dataset as 16-bit grey."""
+"""Windowed reads of a dataset as 16-bit grey, and the measurement of the illumination that they subtract."""
 
 import threading
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.raster.grid.tiling import Window, whole_blocks
+from uavseg.raster.grid.tiling import TilePass, Window, whole_blocks
 from uavseg.raster.intensity.beyond import greys_beyond
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.read.dataset import Dataset
-from uavseg.segmentation.params.illumination import Illumination
-from uavseg.units import BLOCK
+from uavseg.segmentation.blocks.block_map import cell_sums
+from uavseg.segmentation.params.illumination import Illumination, fit_illumination, square_side
+from uavseg.units import BLOCK, CELL
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,15 +29,15 @@ class GreyTile:
         1 where a pixel is valid.
     all_valid : bool
         Whether every pixel of the array is valid.
-    beyond : (M + 2 m, N + 2 m) int32 array, optional
-        By how many greys pixels lie beyond the ends of the stretch, see `greys_beyond`; None if none does, or
-        it was not asked for.
+    excess : (M + 2 m, N + 2 m) int32 array, optional
+        By how many greys pixels lie outside the ends of the stretch, see `greys_beyond`; None if none does,
+        or it was not requested.
     """
 
     grey: NDArray[np.uint16]
     valid: NDArray[np.uint8]
     all_valid: bool
-    beyond: NDArray[np.int32] | None = None
+    excess: NDArray[np.int32] | None = None
 
     @property
     def mask(self) -> NDArray[np.uint8] | None:
@@ -43,16 +45,16 @@ class GreyTile:
         return None if self.all_valid else self.valid
 
     def cropped(self, margin: int) -> "GreyTile":
-        """The tile without its outermost `margin` pixels on every side."""
+        """Crop the outermost `margin` pixels on every side."""
         inner = np.s_[margin : self.grey.shape[0] - margin, margin : self.grey.shape[1] - margin]
         grey, valid = np.ascontiguousarray(self.grey[inner]), np.ascontiguousarray(self.valid[inner])
-        beyond = None if self.beyond is None else np.ascontiguousarray(self.beyond[inner])
-        return GreyTile(grey, valid, self.all_valid, beyond)
+        excess = None if self.excess is None else np.ascontiguousarray(self.excess[inner])
+        return GreyTile(grey=grey, valid=valid, all_valid=self.all_valid, excess=excess)
 
 
 @dataclass(frozen=True)
 class GreySource:
-    """A dataset, the stretch that maps its values to grey, and the light that is taken away from grey."""
+    """A dataset, the stretch that maps its values to grey, and the illumination subtracted from grey."""
 
     dataset: Dataset
     stretch: Stretch
@@ -65,61 +67,59 @@ class GreySource:
 
     @property
     def is_intensity(self) -> bool:
-        """Whether grey is intensity, and not a likelihood."""
+        """Whether grey is intensity, and not a similarity."""
         return True
 
     @property
     def is_flat(self) -> bool:
-        """Whether slow light is taken away, so that v no longer stands for values of the dataset."""
+        """Whether illumination is subtracted, so that v no longer stands for values of the dataset."""
         return self.illumination is not None
 
-    def read(self, window: Window, margin: int, beyond: bool = False) -> GreyTile:
-        """Read the grey of a window with `margin` more pixels on every side.
+    def read(self, window: Window, margin: int, excess: bool = False) -> GreyTile:
+        """Read the grey of a window.
 
-        With `beyond`, also by how much pixels lie beyond the ends of the stretch, unless light is taken away.
+        Parameters
+        ----------
+        window : Window
+        margin : int
+            Pixels that are read on every side of it.
+        excess : bool
+            Whether to return by how much pixels lie outside the ends of the stretch too; not with
+            illumination.
         """
         shape = (whole_blocks(window.rows) + 2 * margin, whole_blocks(window.cols) + 2 * margin)
         part = window.grown(margin).clipped(self.shape)
         values, mask = self.dataset.read(part)
         pixels = self.stretch.apply(values, mask)
-        more = greys_beyond(values, mask, pixels, self.stretch) if beyond and not self.is_flat else None
+        outside = greys_beyond(values, mask, pixels, self.stretch) if excess and not self.is_flat else None
         if self.illumination is not None:
             self.illumination.subtract_from(pixels, mask, (part.row, part.col))
         if part.rows == shape[0] and part.cols == shape[1]:
             valid = np.ones(shape, np.uint8) if mask is None else mask.view(np.uint8)
-            return GreyTile(np.ascontiguousarray(pixels), np.ascontiguousarray(valid), mask is None, more)
+            return GreyTile(np.ascontiguousarray(pixels), np.ascontiguousarray(valid), mask is None, outside)
         grey, valid = np.zeros(shape, np.uint16), np.zeros(shape, np.uint8)
         inner = Window(part.row - window.row + margin, part.col - window.col + margin, part.rows, part.cols)
         grey[inner.slices] = pixels
         valid[inner.slices] = 1 if mask is None else mask
-        if more is not None:
-            more, read = np.zeros(shape, np.int32), more
-            more[inner.slices] = read
-        return GreyTile(grey, valid, False, more)
+        if outside is not None:
+            outside, part_outside = np.zeros(shape, np.int32), outside
+            outside[inner.slices] = part_outside
+        return GreyTile(grey, valid, False, outside)
 
 
 CAPACITY = 128 << 20  # bytes: the mixed blocks of a raster of about 16000 x 16000 pixels
 CACHED_SIDE = BLOCK + 2  # a block with a border of one pixel
 
 
-@dataclass(frozen=True, slots=True)
-class CachedBlocks:
-    """Blocks of one tile, stacked vertically.
-
-    Parameters
-    ----------
-    grey : (66 k, 66) uint16 array
-        Each block with a border of one pixel.
-    valid : (66 k, 66) uint8 array or None
-        1 where a pixel is valid; None where all are.
-    """
-
-    grey: NDArray[np.uint16]
-    valid: NDArray[np.uint8] | None
+CachedBlocks = tuple[NDArray[np.uint16], NDArray[np.uint8] | None]
 
 
 class BlockCache:
-    """Cached blocks by tile; thread-safe. A pickled copy is empty and caches nothing."""
+    """Cached blocks by tile; thread-safe. A pickled copy is empty and caches nothing.
+
+    The k blocks of a tile are two (66 k, 66) arrays, stacked vertically with a border of one pixel each:
+    grey, and 1 where a pixel is valid, or None where all are.
+    """
 
     def __init__(self, capacity: int = CAPACITY) -> None:
         self._free = capacity
@@ -130,7 +130,7 @@ class BlockCache:
         return BlockCache, (0,)
 
     def fingerprint(self) -> tuple[()]:
-        """Empty: no result depends on the cache."""
+        """Return nothing: no result depends on the cache."""
         return ()
 
     def put(self, window: Window, tile: GreyTile, corners: NDArray[np.int64]) -> None:
@@ -150,7 +150,7 @@ class BlockCache:
                 return
             self._free -= size
         valid = None if tile.all_valid else _crop_blocks(tile.valid, corners)
-        self._tiles[window] = CachedBlocks(_crop_blocks(tile.grey, corners), valid)
+        self._tiles[window] = _crop_blocks(tile.grey, corners), valid
 
     def take(self, window: Window) -> CachedBlocks | None:
         """Remove and return the cached blocks of a tile; None if there are none."""
@@ -158,8 +158,56 @@ class BlockCache:
 
 
 def _crop_blocks(image: NDArray[Any], corners: NDArray[np.int64]) -> NDArray[Any]:
-    """The blocks that begin at `corners` of an array with a border of one pixel, stacked vertically."""
+    """Stack the blocks that begin at `corners` of an array with a border of one pixel vertically."""
     blocks = np.empty((len(corners), CACHED_SIDE, CACHED_SIDE), image.dtype)
     for block, (row, col) in zip(blocks, corners, strict=True):
         block[:] = image[row : row + CACHED_SIDE, col : col + CACHED_SIDE]
     return blocks.reshape(-1, CACHED_SIDE)
+
+
+def measure_illumination(source: GreySource, width: tuple[int, int], tile_pass: TilePass) -> Illumination:
+    """Measure the illumination of a raster; sums are integers, so tiles and their order change nothing.
+
+    Parameters
+    ----------
+    source : GreySource
+        Not flattened.
+    width : (int, int)
+        Rows and columns of pixels; variation over less than that stays.
+    tile_pass : TilePass
+        Tiles that cover the raster, the executor and the progress.
+    """
+    step = square_side(width)
+    shape = -(-source.shape[0] // step), -(-source.shape[1] // step)
+    sums, counts = np.zeros(shape, np.int64), np.zeros(shape, np.int64)
+    results = tile_pass.run(partial(_tile_sums, source, step))
+    for window, result in zip(tile_pass.windows, results, strict=True):
+        if result is not None:
+            row, col = window.row // step, window.col // step
+            rows, cols = result[0].shape
+            sums[row : row + rows, col : col + cols] += result[0]
+            counts[row : row + rows, col : col + cols] += result[1]
+    return fit_illumination(sums, counts, step, width)
+
+
+def _tile_sums(
+    source: GreySource, step: int, window: Window
+) -> tuple[NDArray[np.int64], NDArray[np.int64]] | None:
+    """Sum and count the valid pixels of a window by the squares that it touches."""
+    if source.dataset.is_empty(window):
+        return None
+    tile = source.read(window, 0)
+    sums, counts = cell_sums(tile.grey, tile.valid)
+    cells = -(-window.rows // CELL), -(-window.cols // CELL)
+    return tuple(_by_squares(array[: cells[0], : cells[1]], step, window) for array in (sums, counts))  # type: ignore[return-value]
+
+
+def _by_squares(
+    cells: NDArray[np.uint32] | NDArray[np.uint8], step: int, window: Window
+) -> NDArray[np.int64]:
+    """Add up the cells of a window by the squares in which they lie."""
+    total = cells.astype(np.int64)
+    for axis, first in enumerate((window.row, window.col)):
+        squares = (first // CELL + np.arange(total.shape[axis])) // (step // CELL)
+        total = np.add.reduceat(total, np.flatnonzero(np.diff(squares, prepend=-1)), axis=axis)
+    return total

@@ -73,7 +73,7 @@ def test_stitched_tiles_are_the_components_of_the_whole(seed: int, side: int) ->
     beyond = np.zeros(int(expected.max()) + 1, np.int64)
     for window in filter(has_beyond, windows):
         np.add.at(beyond, expected[window.slices], beyond_of(grey[window.slices]))
-    known = np.zeros_like(beyond[1:]) if found.sums.beyond is None else found.sums.beyond
+    known = np.zeros_like(beyond[1:]) if found.sums.excess is None else found.sums.excess
     assert np.array_equal(known, beyond[1:])
 
 

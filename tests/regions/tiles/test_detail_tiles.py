@@ -15,4 +15,4 @@ def test_a_tile_is_cropped_by_the_halo() -> None:
     found, tile = with_detail(kinds, GreyTile(grey, np.ones_like(kinds), True), detail)
     inner = np.s_[detail.halo : -detail.halo, detail.halo : -detail.halo]
     assert np.array_equal(found, kinds[inner]) and np.array_equal(tile.grey, grey[inner])
-    assert tile.valid.shape == found.shape and tile.beyond is None
+    assert tile.valid.shape == found.shape and tile.excess is None

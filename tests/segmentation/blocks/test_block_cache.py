@@ -24,14 +24,15 @@ def test_blocks_are_cached_with_the_pixels_around_them(all_valid: bool) -> None:
     cache.put(HERE, full, CORNERS)
     cached = cache.take(HERE)
     assert cached is not None
+    grey, valid = cached
     for k, (row, col) in enumerate(CORNERS):
         around = slice(row, row + 66), slice(col, col + 66)
-        assert np.array_equal(cached.grey[66 * k : 66 * k + 66], full.grey[around])
+        assert np.array_equal(grey[66 * k : 66 * k + 66], full.grey[around])
         if all_valid:
-            assert cached.valid is None
+            assert valid is None
         else:
-            assert cached.valid is not None
-            assert np.array_equal(cached.valid[66 * k : 66 * k + 66], full.valid[around])
+            assert valid is not None
+            assert np.array_equal(valid[66 * k : 66 * k + 66], full.valid[around])
     assert cache.take(HERE) is None  # taken before
 
 

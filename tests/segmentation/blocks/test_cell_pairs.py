@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavseg.segmentation.blocks.block_map import BlockMap
-from uavseg.segmentation.blocks.cell_pairs import BINS, CellPairs, cells_of_own_mean, count_cell_pairs
+from uavseg.segmentation.blocks.cell_pairs import BINS, CellPairs, cells_with_mean_in_range, count_cell_pairs
 from uavseg.segmentation.params.segment import IntensityRange
 
 
@@ -113,7 +113,7 @@ def test_bounds_are_found_again(v: float) -> None:
 @given(maps(), st.lists(st.floats(0, 1), min_size=2, max_size=2, unique=True))
 def test_cells_of_their_own_mean(blocks: BlockMap, ends: list[float]) -> None:
     interval = IntensityRange(*sorted(ends))
-    inside = cells_of_own_mean(blocks, interval)
+    inside = cells_with_mean_in_range(blocks, interval)
     for place, count in np.ndenumerate(blocks.counts):
         wanted = count > 0 and interval.low <= blocks.sums[place] / (65535.0 * int(count)) <= interval.high
         assert inside[place] == wanted

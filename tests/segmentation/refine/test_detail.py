@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from uavseg.segmentation.refine.detail import Detail, apply_detail
-from uavseg.segmentation.refine.discs import PixelDisc, covered_by_own_discs
+from uavseg.segmentation.refine.detail import Detail, PixelDisc, apply_detail, opening_mask
 
 Image = NDArray[np.uint8]
 SEEDS = st.integers(0, 100_000)
@@ -36,7 +35,7 @@ def test_nothing_narrower_than_the_detail_remains(seed: int, detail: Detail) -> 
     found = apply_detail(image, valid, detail)
     if found is image or detail.cover:
         return
-    covered = covered_by_own_discs(found, valid, PixelDisc(detail.rows, detail.cols))
+    covered = opening_mask(found, valid, PixelDisc(detail.rows, detail.cols))
     assert (covered[found > 0] > 0).all()
     assert not found[valid == 0].any()
 
@@ -88,7 +87,7 @@ def test_wide_kinds_with_smooth_borders_stay(seed: int, side: int) -> None:
     image, valid = scene(seed, kinds=2)
     detail = Detail(side, side)
     disc = PixelDisc(side, side)
-    if covered_by_own_discs(image, valid, disc)[valid > 0].all():
+    if opening_mask(image, valid, disc)[valid > 0].all():
         assert np.array_equal(apply_detail(image, valid, detail), image)
 
 
@@ -127,7 +126,7 @@ def test_specks_and_pinholes_neither_break_nor_join() -> None:
     truth[:, :60] = 1
     noisy = truth ^ (rng.random(truth.shape) < 0.04)
     disc = PixelDisc(12, 12)
-    assert covered_by_own_discs(noisy, np.ones_like(noisy), disc).mean() < 0.5
+    assert opening_mask(noisy, np.ones_like(noisy), disc).mean() < 0.5
     assert np.mean(of(noisy, Detail(12, 12)) != truth) < 0.02
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from uavseg.segmentation.refine.discs import PixelDisc, covered_by_own_discs, disc_maximum
+from uavseg.segmentation.refine.detail import PixelDisc, _disc_maxima, opening_mask
 
 SIDES = st.integers(1, 9)
 DISCS = st.builds(PixelDisc, SIDES, SIDES)
@@ -45,7 +45,7 @@ def test_a_large_disc_has_the_area_of_a_circle(side: int) -> None:
 def test_maxima_over_discs_are_those_of_scipy(image: tuple[int, int, int], disc: PixelDisc) -> None:
     seed, *shape = image
     pixels = np.random.default_rng(seed).integers(0, 256, shape, np.uint8)
-    found = disc_maximum(pixels, disc)
+    found = _disc_maxima(pixels, disc)
     expected = ndimage.maximum_filter(pixels, footprint=disc.pixels)
     row, col = disc.rows // 2, disc.cols // 2
     assert np.array_equal(found, expected[row : row + found.shape[0], col : col + found.shape[1]])
@@ -60,7 +60,7 @@ def test_the_opening_of_each_kind_is_that_of_morphology(
     rng = np.random.default_rng(seed)
     own, others = rng.integers(0, 4), rng.integers(0, 4, shape)
     kinds = np.where(rng.random(shape) < share, own, others).astype(np.uint8)
-    covered = covered_by_own_discs(kinds, np.ones_like(kinds), disc)
+    covered = opening_mask(kinds, np.ones_like(kinds), disc)
     border = max(disc.rows, disc.cols)
     expected = np.zeros(shape, bool)
     for kind in range(4):
@@ -76,6 +76,6 @@ def test_what_is_not_valid_fits_every_kind_but_holds_no_centre() -> None:
     valid = np.ones_like(kinds)
     valid[:, 10:] = 0
     valid[:, :6] = 0
-    assert covered_by_own_discs(kinds, valid, PixelDisc(9, 9))[:, 6:10].all()
+    assert opening_mask(kinds, valid, PixelDisc(9, 9))[:, 6:10].all()
     kinds[:, 8] = 0  # two columns of 1, one of 0 and one of 1 between what is not valid
-    assert not covered_by_own_discs(kinds, valid, PixelDisc(9, 9)).any()
+    assert not opening_mask(kinds, valid, PixelDisc(9, 9)).any()

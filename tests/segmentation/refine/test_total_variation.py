@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavseg.segmentation.params.segment import IntensityRange
-from uavseg.segmentation.refine.total_variation import MAX_WEIGHT, classify_tv, threshold_tv
+from uavseg.segmentation.refine.total_variation import MAX_WEIGHT, _classify_panels, _threshold_panels
 
 seeds = st.integers(0, 100_000)
 MIDDLE = IntensityRange(0.35, 0.65)
@@ -45,7 +45,7 @@ def test_thresholds_are_those_of_plain_arrays(plain_variation: ModuleType, seed:
     u, _ = plain_variation.minimise_tv(grey, weights.repeat(8, 0).repeat(8, 1) * valid.astype(np.int64))
     low, high = MIDDLE.greys
     expected = np.where(u != grey // 2, (low <= 2 * u) & (2 * u <= high) & (valid > 0), inside > 0)
-    threshold_tv(grey, valid, weights, MIDDLE.greys, inside)
+    _threshold_panels(grey, valid, weights, MIDDLE.greys, inside)
     assert np.array_equal(inside > 0, expected)
 
 
@@ -56,7 +56,7 @@ def test_without_weights_nothing_changes(seed: int) -> None:
     grey = rng.integers(0, 65536, (16, 24)).astype(np.uint16)
     before = rng.integers(0, 2, grey.shape).astype(np.uint8)
     inside = before.copy()
-    threshold_tv(grey, np.ones_like(inside), np.zeros((2, 3), np.int16), MIDDLE.greys, inside)
+    _threshold_panels(grey, np.ones_like(inside), np.zeros((2, 3), np.int16), MIDDLE.greys, inside)
     assert np.array_equal(inside, before)
 
 
@@ -74,5 +74,5 @@ def test_kinds_are_those_of_the_greys_of_plain_arrays(
     kinds = rng.integers(0, 128, grey.shape).astype(np.uint8) * valid
     u, _ = plain_variation.minimise_tv(grey, weights.repeat(8, 0).repeat(8, 1) * valid.astype(np.int64))
     expected = np.where(u != grey // 2, table[2 * u] * valid, kinds)
-    classify_tv(grey, valid, weights, table, kinds)
+    _classify_panels(grey, valid, weights, table, kinds)
     assert np.array_equal(kinds, expected)

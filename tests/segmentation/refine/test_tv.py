@@ -12,7 +12,7 @@ from scipy import ndimage
 from uavseg.segmentation.params.segment import IntensityRange
 from uavseg.segmentation.refine import total_variation
 from uavseg.segmentation.refine.range_scans import REFINE_HALO
-from uavseg.segmentation.refine.tv import refine_by_tv, refine_kinds_by_tv
+from uavseg.segmentation.refine.total_variation import refine_by_tv, refine_classes_by_tv
 
 Image = NDArray[np.uint8]
 Grey = NDArray[np.uint16]
@@ -142,7 +142,7 @@ def test_one_kind_is_refined_as_its_range(seed: int, squares: tuple[int, int]) -
     low, high = MIDDLE.greys
     table = np.zeros(65536, np.uint8)
     table[low : high + 1] = 1
-    found = refine_kinds_by_tv(table[grey] * valid, valid, grey, table)
+    found = refine_classes_by_tv(table[grey] * valid, valid, grey, table)
     assert np.array_equal(found, refined(valid, grey))
 
 
@@ -151,8 +151,8 @@ def test_one_kind_is_refined_as_its_range(seed: int, squares: tuple[int, int]) -
 def test_a_crop_of_several_kinds_with_a_halo_is_refined_as_the_whole(seed: int) -> None:
     valid, grey = random_case(seed, (30, 30))
     table = np.searchsorted([0.3, 0.45, 0.55, 0.8], np.arange(65536) / 65535).astype(np.uint8)
-    whole = refine_kinds_by_tv(table[grey] * valid, valid, grey, table)
+    whole = refine_classes_by_tv(table[grey] * valid, valid, grey, table)
     part = [np.ascontiguousarray(image[:176, :176]) for image in (valid, grey)]
-    found = refine_kinds_by_tv(table[part[1]] * part[0], *part, table)
+    found = refine_classes_by_tv(table[part[1]] * part[0], *part, table)
     inner = 176 - REFINE_HALO + 1
     assert np.array_equal(found[:inner, :inner], whole[:inner, :inner])

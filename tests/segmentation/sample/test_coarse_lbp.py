@@ -5,8 +5,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from uavseg.segmentation.blocks.lbp import UNCOUNTED, contrast_histogram, lbp_symbols
-from uavseg.segmentation.sample.coarse_lbp import COARSE_HALO, coarse_symbols
+from uavseg.segmentation.blocks.lbp import (
+    COARSE_HALO,
+    UNCOUNTED,
+    coarse_symbols,
+    contrast_histogram,
+    lbp_symbols,
+)
 
 CUTS = np.array([0, 2000, 5000, 9000, 14000, 20000, 30000], np.int32)
 

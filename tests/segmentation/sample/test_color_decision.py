@@ -5,8 +5,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavseg.segmentation.blocks.lbp import SYMBOLS, UNCOUNTED
-from uavseg.segmentation.sample.color_decision import ColorPlane, classify_colored_pixels
-from uavseg.segmentation.sample.pixel_decision import PixelWeights, classify_pixels
+from uavseg.segmentation.sample.pixel_decision import (
+    ColorPlane,
+    PixelWeights,
+    classify_colored_pixels,
+    classify_pixels,
+)
 
 
 def tile(seed: int):

@@ -14,9 +14,9 @@ from uavseg.segmentation.sample.likelihood_weights import (
     WEIGHT_UNITS,
     SampleWeights,
     SymbolPair,
+    _log_ratio_weights,
+    _sample_window_means,
     best_mean_weights,
-    log_ratio_weights,
-    own_window_means,
     symbol_counts,
 )
 
@@ -41,7 +41,7 @@ def plain_weight(sample: np.ndarray, background: np.ndarray, symbol: int) -> flo
 
 def test_weights_are_logarithms_of_ratios() -> None:
     background, sample = symbol_counts(drawn(1, 64, 64)), symbol_counts(drawn(1, 64, 64)) // 3
-    weights = log_ratio_weights(sample, background)
+    weights = _log_ratio_weights(sample, background)
     for scale, symbol in np.ndindex(2, 40):
         expected = plain_weight(sample[scale], background[scale], symbol)
         assert weights[scale, symbol] == pytest.approx(WEIGHT_UNITS * expected, abs=0.5)
@@ -54,13 +54,13 @@ def test_a_missing_symbol_weighs_more_in_a_larger_sample() -> None:
     for pixels, expected in ((1_000, 0.5), (9_000, 0.1)):  # with the pseudo-count of 1000
         sample = np.zeros_like(background)
         sample[:, 0] = pixels
-        assert (log_ratio_weights(sample, background)[:, 1] == round(1024 * log(expected))).all()
+        assert (_log_ratio_weights(sample, background)[:, 1] == round(1024 * log(expected))).all()
 
 
 def test_a_sample_with_the_proportions_of_the_background_has_no_weights() -> None:
     counts = symbol_counts(drawn(2, 64, 64))
-    assert not log_ratio_weights(counts, 7 * counts).any()
-    assert not log_ratio_weights(0 * counts, counts).any()
+    assert not _log_ratio_weights(counts, 7 * counts).any()
+    assert not _log_ratio_weights(0 * counts, counts).any()
 
 
 @given(seed=st.integers(0, 10**6))
@@ -70,7 +70,7 @@ def test_the_mean_weight_of_the_background_is_not_positive(seed: int) -> None:
     rng = np.random.default_rng(seed)
     background = rng.integers(1, 90, (2, 2048))
     sample = rng.binomial(background, rng.random((2, 2048)))
-    weights = log_ratio_weights(sample, background)
+    weights = _log_ratio_weights(sample, background)
     assert (weights * background).sum() <= 2048
     assert (weights * sample).sum() / sample.sum() > (weights * background).sum() / background.sum()
 
@@ -109,13 +109,13 @@ def test_own_windows_are_weighted_by_the_rest_of_the_sample(seed: int, side: int
             )
             if window[0].sum() >= min_count(side):
                 expected.append(total / window[0].sum())
-    assert own_window_means(symbols, background, side) == pytest.approx(expected)
+    assert _sample_window_means(symbols, background, side) == pytest.approx(expected)
 
 
 def test_a_large_sample_has_about_a_thousand_windows() -> None:
     fine, coarse = drawn(3, 1024, 1024, missing=0)
     symbols = (fine, coarse)
-    assert 1000 <= len(own_window_means(symbols, symbol_counts(symbols), 2)) <= 4096
+    assert 1000 <= len(_sample_window_means(symbols, symbol_counts(symbols), 2)) <= 4096
 
 
 def test_windows_of_the_samples_source_pass_and_others_do_not() -> None:

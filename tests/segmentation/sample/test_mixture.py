@@ -6,8 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from uavseg.segmentation.sample.mixture import Mixture, _estimate, fit_mixtures
-from uavseg.segmentation.sample.sample_vote import SampleVote, votes_of
+from uavseg.segmentation.sample.mixture import Mixture, SampleVote, _estimate, fit_mixtures, sample_votes
 
 
 def clouds(seed: int, centres: list[list[float]], each: int = 400) -> NDArray[np.float64]:
@@ -69,7 +68,7 @@ def test_the_order_of_points_changes_nothing_but_rounding() -> None:
 def test_one_kind_of_three_is_likely_where_its_group_lies() -> None:
     points = clouds(1, [[-2.0, 0.0], [2.0, 0.0], [0.0, 2.5]])
     vote = SampleVote.of(fit_mixtures(points), points[400:440])
-    likeness = vote.likeness(points)
+    likeness = vote.similarity(points)
     assert likeness[400:800].mean() > 0.8
     assert np.delete(likeness, np.s_[400:800]).mean() < 0.1
     assert sum(vote.weights) == pytest.approx(1)
@@ -77,13 +76,13 @@ def test_one_kind_of_three_is_likely_where_its_group_lies() -> None:
 
 def test_a_sample_of_everything_finds_everything() -> None:
     points = clouds(2, [[-2.0], [2.0]])
-    assert SampleVote.of(fit_mixtures(points), points[::7]).likeness(points).min() > 0.5
+    assert SampleVote.of(fit_mixtures(points), points[::7]).similarity(points).min() > 0.5
 
 
 def test_a_sample_of_which_a_tenth_is_wrong_still_finds_its_kind() -> None:
     points = clouds(3, [[-2.0, 0.0], [2.0, 0.0], [0.0, 2.5]])
     sample = np.concatenate([points[400:490], points[:10]])
-    likeness = SampleVote.of(fit_mixtures(points), sample).likeness(points)
+    likeness = SampleVote.of(fit_mixtures(points), sample).similarity(points)
     assert likeness[400:800].mean() > 0.8
     assert np.delete(likeness, np.s_[400:800]).mean() < 0.2
 
@@ -95,7 +94,7 @@ def test_a_rare_kind_has_a_component_that_begins_at_its_sample(seed: int) -> Non
     frequent = clouds(seed, [[-2.0, 0.0], [2.0, 0.0], [0.0, 2.5]], 4000)
     rare = rng.normal((0.9, 0.9), 0.1, (60, 2))
     points = np.concatenate([frequent, rare])
-    usual, begun = (vote.likeness(points) for vote in votes_of(points, rare[:30]))
+    usual, begun = (vote.similarity(points) for vote in sample_votes(points, rare[:30]))
     assert begun[-60:].mean() > 0.8
     assert begun[:-60].sum() < 20 < usual[:-60].sum()
 
@@ -103,7 +102,7 @@ def test_a_rare_kind_has_a_component_that_begins_at_its_sample(seed: int) -> Non
 def test_a_kind_that_is_no_cloud_of_its_own_is_not_narrowed_to_its_sample() -> None:
     """Evenly spread points, of which the sample shows a part."""
     points = np.concatenate([np.linspace(-1, 2, 3000), np.linspace(-2, -1.5, 500)])[:, None]
-    assert len(votes_of(points, points[2000:2100])) == 1
+    assert len(sample_votes(points, points[2000:2100])) == 1
 
 
 def test_what_is_found_for_certain_leaves_nothing_undecided() -> None:

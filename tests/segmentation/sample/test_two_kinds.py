@@ -7,8 +7,14 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from skimage.filters import threshold_otsu
 
-from uavseg.segmentation.sample.g_scores import MAX_SCORE, NO_SCORE, NULL_SCORE, SCORE_UNITS
-from uavseg.segmentation.sample.two_kinds import are_two_kinds, separability
+from uavseg.segmentation.sample.g_scores import (
+    MAX_SCORE,
+    NO_SCORE,
+    NULL_SCORE,
+    SCORE_UNITS,
+    is_bimodal,
+    separability,
+)
 
 LIMIT = NULL_SCORE + SCORE_UNITS // 4
 
@@ -23,31 +29,31 @@ def scores(*kinds: tuple[float, float, int], seed: int = 0) -> NDArray[np.uint16
 @given(st.integers(0, 99), st.floats(1, 3), st.integers(100, 900))
 def test_two_distant_kinds_are(seed: int, far: float, count: int) -> None:
     found = scores((0.05, 0.05, 1000 - count), (far, 0.1 * far, count), seed=seed)
-    assert are_two_kinds(found, LIMIT)
+    assert is_bimodal(found, LIMIT)
     rng = np.random.default_rng(seed)
     more = np.concatenate([found, np.full(100, MAX_SCORE, np.uint16), np.full(9, NO_SCORE, np.uint16)])
-    assert are_two_kinds(rng.permutation(more), LIMIT), "neither order nor cells without a score count"
+    assert is_bimodal(rng.permutation(more), LIMIT), "neither order nor cells without a score count"
 
 
 @pytest.mark.slow
 @given(st.integers(0, 99), st.floats(0, 2), st.floats(0.01, 1))
 def test_one_kind_is_not(seed: int, mean: float, deviation: float) -> None:
-    assert not are_two_kinds(scores((mean, deviation, 1000), seed=seed), LIMIT)
+    assert not is_bimodal(scores((mean, deviation, 1000), seed=seed), LIMIT)
 
 
 def test_a_slope_from_like_to_unlike_is_not() -> None:
     slope = np.linspace(NULL_SCORE, NULL_SCORE + 2 * SCORE_UNITS, 1000).astype(np.uint16)
-    assert not are_two_kinds(slope, LIMIT)
+    assert not is_bimodal(slope, LIMIT)
 
 
 def test_a_few_that_are_unlike_are_not_a_kind() -> None:
-    assert not are_two_kinds(scores((0.05, 0.02, 950), (2, 0.1, 50)), LIMIT)
+    assert not is_bimodal(scores((0.05, 0.02, 950), (2, 0.1, 50)), LIMIT)
 
 
 def test_too_few_scores_say_nothing() -> None:
-    assert not are_two_kinds(scores((0.05, 0.02, 16), (2, 0.1, 15)), LIMIT)
-    assert are_two_kinds(scores((0.05, 0.02, 16), (2, 0.1, 16)), LIMIT)
-    assert not are_two_kinds(np.full(100, NULL_SCORE, np.uint16), LIMIT)
+    assert not is_bimodal(scores((0.05, 0.02, 16), (2, 0.1, 15)), LIMIT)
+    assert is_bimodal(scores((0.05, 0.02, 16), (2, 0.1, 16)), LIMIT)
+    assert not is_bimodal(np.full(100, NULL_SCORE, np.uint16), LIMIT)
 
 
 def test_known_distributions_have_the_share_that_the_docstring_gives() -> None:

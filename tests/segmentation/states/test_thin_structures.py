@@ -15,8 +15,12 @@ from uavseg.execution.executors import Map, serial, threads
 from uavseg.raster.grid.tiling import TilePass
 from uavseg.segmentation.params.segment import StateLimits
 from uavseg.segmentation.states import thin_structures
-from uavseg.segmentation.states.classified_states import ClassifiedStates
-from uavseg.segmentation.states.classify_strips import classify_states, own_states, state_strips
+from uavseg.segmentation.states.classify_strips import (
+    ClassifiedStates,
+    classify_states,
+    state_strips,
+    states_by_value,
+)
 from uavseg.segmentation.states.state_scans import encode_states, refine_states
 
 LIMITS = StateLimits(0.45, 0.55)
@@ -57,7 +61,7 @@ def classified(
     shape = dataset.geobox.shape
     windows = [tile for strip in state_strips(shape, shape, tile) for tile in strip]
     source, tile_pass = source_of(dataset), TilePass(windows, run)
-    own = own_states(source, LIMITS, tile_pass) if restore else None
+    own = states_by_value(source, LIMITS, tile_pass) if restore else None
     return own or classify_states(source, cells_of(seed, shape), LIMITS, "scan", tile_pass, restore)
 
 

@@ -23,12 +23,12 @@ from uavseg.segmentation.blocks.leaves import cell_states
 from uavseg.segmentation.params.segment import SegmentParams, StateLimits
 from uavseg.segmentation.pipeline import measure_block_map_for
 from uavseg.segmentation.source import GreySource
-from uavseg.segmentation.states.classified_states import ClassifiedStates
 from uavseg.segmentation.states.classify_strips import (
+    ClassifiedStates,
     StateRefinement,
     classify_states,
-    own_states,
     state_strips,
+    states_by_value,
 )
 from uavseg.segmentation.states.state_image import StateImage
 from uavseg.units import OCCUPIED
@@ -130,7 +130,7 @@ def classify(
     dividing, deciding, *outlining = tile_pass.stages(2 + request.objects)
     leaves = None
     with phase("states"):
-        states = own_states(grey, request.limits, tile_pass.silent) if request.restores else None
+        states = states_by_value(grey, request.limits, tile_pass.silent) if request.restores else None
     if states is None:
         leaves = _leaf_states(grey, request, dividing)
         with phase("states"):

@@ -40,7 +40,7 @@ def path_params(segment: SegmentParams, refine: str | None) -> SegmentParams:
         refine = "scan" if segment.method == "paper" else "pixels"
     if refine not in ("pixels", "scan"):
         raise ParameterError(f"regions of a path are refined by pixels or scan, not {refine}")
-    return SegmentParams.from_words(segment.method, segment.threshold, segment.intensity_step, refine)
+    return SegmentParams.from_options(segment.method, segment.threshold, segment.intensity_step, refine)
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ from uavseg.segmentation.params.segment import SegmentParams
 from uavseg.segmentation.pipeline import cells_to_refine, measure_block_maps_for
 from uavseg.segmentation.refine.detail import Detail
 from uavseg.segmentation.source import GreySource
-from uavseg.units import MAX_REFINED
+from uavseg.units import MAX_PIXEL_CLASSES
 
 _LEAST_PARTING = 0.15  # of the likeness of a class: that of its samples less that of the others
 
@@ -105,9 +105,9 @@ def match_classes(source: Source, request: MatchClassesRequest, work: Work = SER
     raster = raster_of(source, "a block map holds no colors to be compared; name the raster itself")
     places = class_masks(request.classes, raster.geobox)
     detail = detail_of(request.detail, raster.geobox, request.refine)
-    if len(places) > MAX_REFINED:
+    if len(places) > MAX_PIXEL_CLASSES:
         raise SampleError(
-            f"{request.classes} has {len(places)} classes; at most {MAX_REFINED} are told apart"
+            f"{request.classes} has {len(places)} classes; at most {MAX_PIXEL_CLASSES} are told apart"
         )
     passes = work.over(raster).stages(3)
     grey = raster.grey(passes[0])
@@ -117,7 +117,7 @@ def match_classes(source: Source, request: MatchClassesRequest, work: Work = SER
     hints = [
         f"color hardly parts the samples of {name} from the others"
         for name, found in zip(places, likenesses, strict=True)
-        if found.table.parting < _LEAST_PARTING
+        if found.table.separation < _LEAST_PARTING
     ]
     outlined, kinds = outlines_by_classes(grey, likenesses, params, passes[1:], detail)
     outlined = filled(grey, outlined, request.fill_holes, passes[-1])
@@ -155,7 +155,10 @@ def learn_classes(
         with phase(f"colors of {name}"):
             found = fit_similarity(bands, own, tile_pass, others, f"the sample of {name}", spread)
         decided(
-            "%s: likeness %.3f in its samples, %.3f in the others", name, found.table.own, found.table.unlike
+            "%s: likeness %.3f in its samples, %.3f in the others",
+            name,
+            found.table.sample_mean,
+            found.table.other_mean,
         )
         likenesses.append(found)
     return likenesses
@@ -200,6 +203,6 @@ def alike(
     kind : (n,) int64 array
         The class of each region, from 0.
     """
-    own = np.array([found.table.own for found in likenesses])
-    share = np.array([found.table.share for found in likenesses])
+    own = np.array([found.table.sample_mean for found in likenesses])
+    share = np.array([found.table.raster_mean for found in likenesses])
     return own[kind], (own - share)[kind]

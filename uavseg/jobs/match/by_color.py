@@ -40,7 +40,9 @@ def learn(
     """The raster as likeness to samples, and not to others."""
     with phase("colours of the sample"):
         found = fit_similarity(BlurredBands(bands), places, tile_pass, unlike)
-    decided("likeness %.3f in the sample, %.3f in the raster", found.table.own, found.table.share)
+    decided(
+        "likeness %.3f in the sample, %.3f in the raster", found.table.sample_mean, found.table.raster_mean
+    )
     return found
 
 
@@ -95,8 +97,8 @@ def regions_by_color(
     outlined = filled(likeness, outlined, request.fill_holes, tile_pass)
     if request.min_area is not None:
         outlined = drop_small_regions(outlined, grey.dataset.geobox, request.min_area)
-    similarity = similarity_of(outlined, likeness.table.own)
-    alike = similarity, likeness.table.own - likeness.table.share
+    similarity = similarity_of(outlined, likeness.table.sample_mean)
+    alike = similarity, likeness.table.sample_mean - likeness.table.raster_mean
     confidence = Confidence.of(
         outlined, lambda: match_confidence_of(outlined, *alike), request.refine, request.min_confidence
     )

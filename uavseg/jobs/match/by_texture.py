@@ -31,9 +31,8 @@ from uavseg.regions.sample.place import SampleMask
 from uavseg.regions.sample.scores import CellScores, Criterion, mean_scores, reject_unlike, score_cells
 from uavseg.regions.tiles.segment_tiles import outline_segments
 from uavseg.segmentation.pipeline import measure_cells
-from uavseg.segmentation.sample.g_scores import NULL_SCORE, SCORE_UNITS
+from uavseg.segmentation.sample.g_scores import NULL_SCORE, SCORE_UNITS, separability
 from uavseg.segmentation.sample.pixel_decision import PixelWeights, undecided_cells
-from uavseg.segmentation.sample.two_kinds import separability
 from uavseg.segmentation.source import GreySource
 from uavseg.units import CELL, GREY_MAX
 

@@ -27,8 +27,8 @@ from uavseg.regions.confidence import none_confident
 from uavseg.regions.sample.model import fitting_window
 from uavseg.regions.sample.place import Disc, SampleMask, sample_mask
 from uavseg.regions.sample.scores import inner_cells
-from uavseg.segmentation.sample.likeness_table import LikenessTable
-from uavseg.segmentation.sample.two_kinds import are_two_kinds, separability
+from uavseg.segmentation.sample.g_scores import is_bimodal, separability
+from uavseg.segmentation.sample.similarity_table import SimilarityTable
 from uavseg.segmentation.source import GreySource
 
 _LEAST_PARTING = 0.15  # of likeness: that of the sample less that of the raster, where color parts them
@@ -50,7 +50,7 @@ class Match:
     ----------
     found : Extraction
         Its regions have the column `similarity`, 1 where they are as like the sample as it is itself.
-    color : LikenessTable, optional
+    color : SimilarityTable, optional
         The colors, where they were compared.
     texture : TextureSample, optional
         The texture, where it was compared.
@@ -59,7 +59,7 @@ class Match:
     """
 
     found: Extraction
-    color: LikenessTable | None
+    color: SimilarityTable | None
     texture: TextureSample | None
     next_sample: Disc | None = None
 
@@ -156,16 +156,16 @@ def _by_color(
         plain = replace(request, intensity=float("inf"), bands=())
         search = search_texture(grey, (), places[0], plain, passes[3:5])
         inner = inner_cells(outlined.rings, raster.geobox.shape, passes[5].silent)
-        if are_two_kinds(search.scores.best[inner], search.criterion.limit):
+        if is_bimodal(search.scores.best[inner], search.criterion.limit):
             decided("texture clearly parts what has the colors of the sample")
             return Match(regions_by_texture(search, passes[5:7], outlined.rings), likeness.table, search.how)
     found = regions_by_color(grey, likeness, outlined, request, passes[2])
     return Match(found, likeness.table, None, proposed)
 
 
-def _parts(table: LikenessTable) -> bool:
+def _parts(table: SimilarityTable) -> bool:
     """Whether color parts the sample from the rest of the raster."""
-    return table.parting >= _LEAST_PARTING
+    return table.separation >= _LEAST_PARTING
 
 
 def _facts(request: MatchRequest, made: Match) -> dict[str, Any]:

@@ -187,7 +187,7 @@ def ranges_of_sample(raster: Raster, request: SuggestLikeRequest, work: Work = S
     with phase("colors of the sample"):
         colors = sample_colors(sources, places, tile_pass, others)
         table = colors.table()
-    decided("likeness %.3f in the sample, %.3f in the raster", table.own, table.share)
+    decided("likeness %.3f in the sample, %.3f in the raster", table.sample_mean, table.raster_mean)
     likeness = table.of(colors.points) / GREY_MAX
     with phase("ranges"):
         if bands:
@@ -196,7 +196,7 @@ def ranges_of_sample(raster: Raster, request: SuggestLikeRequest, work: Work = S
             ranges = _as_chosen(raster, sources[0], colors, likeness)
     info = SourceInfo.of(sources[0])
     hints = []
-    if table.parting < _LEAST_PARTING:
+    if table.separation < _LEAST_PARTING:
         hints.append(_HARDLY)
     elif not ranges or ranges[0].agreement < _LEAST_AGREEMENT:
         hints.append(_MIXED.format(ranges[0].agreement if ranges else 0))

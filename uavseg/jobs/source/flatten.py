@@ -44,7 +44,7 @@ def flattened(grey: GreySource, length: Length, tile_pass: TilePass) -> GreySour
     ParameterError
         As of `flatten_width`.
     """
-    from uavseg.segmentation.measure_illumination import measure_illumination
+    from uavseg.segmentation.source import measure_illumination
 
     width = flatten_width(length, grey.dataset.geobox)
     with phase("flat field"):

@@ -11,7 +11,7 @@ from uavseg.execution.executors import threads as thread_pool
 from uavseg.execution.phases import decided
 from uavseg.raster.grid.tiling import TilePass, Window
 from uavseg.raster.read.bad_blocks import BadBlock, bad_block_warnings, recording_bad_blocks, with_bad_blocks
-from uavseg.segmentation.blocks.memory import check_memory
+from uavseg.segmentation.blocks.block_map import check_memory
 
 if TYPE_CHECKING:
     from uavseg.jobs.source.source import Pixels

@@ -21,8 +21,8 @@ from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.read.dataset import Dataset
 from uavseg.raster.read.overview import DatasetOverview
 from uavseg.segmentation.blocks.block_map import BlockMap
-from uavseg.segmentation.blocks.leaf_codes import STEPS as STEPS  # for plot, which imports no segmentation
-from uavseg.segmentation.blocks.leaf_codes import leaf_codes
+from uavseg.segmentation.blocks.leaves import STEPS as STEPS  # for plot, which imports no segmentation
+from uavseg.segmentation.blocks.leaves import leaf_codes
 from uavseg.segmentation.params.segment import SegmentParams
 from uavseg.units import CELL
 
@@ -56,7 +56,7 @@ class FieldMapRequest:
     @classmethod
     def from_words(cls, method: str, threshold: float, intensity_step: float, size: int) -> "FieldMapRequest":
         """Make a request from options of the command line or of Python."""
-        return cls(SegmentParams.from_words(method, threshold, intensity_step, None), size)
+        return cls(SegmentParams.from_options(method, threshold, intensity_step, None), size)
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from uavseg.raster.read.part_reader import with_formula
 from uavseg.raster.read.raster_file import RasterFile
 from uavseg.raster.read.tile_pixels import SIDE, tile_pixels
 from uavseg.raster.spectral.bands import BandChoice
-from uavseg.segmentation.blocks.leaf_codes import NO_CODE, STEPS
+from uavseg.segmentation.blocks.leaves import NO_CODE, STEPS
 from uavseg.units import CELL
 from uavseg.warning_filters import changing_filters
 

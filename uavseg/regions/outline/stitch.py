@@ -12,8 +12,14 @@ from uavseg.raster.grid.tiling import Window
 from uavseg.regions.outline.chains import OWNER, Chains, PackedChains, pack_chains, trace_tile
 from uavseg.regions.outline.rings import RegionOutlines, merge_sums, select_sums, size_order
 from uavseg.regions.outline.trace import link_rings
-from uavseg.segmentation.border_steps import border_steps
-from uavseg.segmentation.components import Sums, component_sums, label_equal_values, union_roots, with_beyond
+from uavseg.segmentation.components import (
+    Sums,
+    border_steps,
+    component_sums,
+    label_equal_values,
+    union_roots,
+    with_excess,
+)
 from uavseg.segmentation.source import GreyTile
 from uavseg.units import CELL
 
@@ -69,8 +75,8 @@ def outline_tile(
     halo = (image.shape[0] - labels.shape[0]) // 2
     rows, cols = labels.shape
     inner = slice(halo, halo + rows), slice(halo, halo + cols)
-    beyond = None if tile.beyond is None else tile.beyond[inner]
-    sums = with_beyond(component_sums(labels, count, tile.grey, halo), labels, beyond)
+    beyond = None if tile.excess is None else tile.excess[inner]
+    sums = with_excess(component_sums(labels, count, tile.grey, halo), labels, beyond)
     sums.firsts[:] += (window.row, window.col)
     clipped = labels[: window.rows, : window.cols]
     return TileOutlines(
@@ -180,8 +186,8 @@ def _number_regions(
 
 
 def _concatenate_sums(parts: Sequence[Sums]) -> Sums:
-    if any(part.beyond is not None for part in parts):  # None stands for zeros
-        parts = [replace(p, beyond=np.zeros_like(p.counts)) if p.beyond is None else p for p in parts]
+    if any(part.excess is not None for part in parts):  # None stands for zeros
+        parts = [replace(p, excess=np.zeros_like(p.counts)) if p.excess is None else p for p in parts]
     empty = [np.empty(shape, dtype) for shape, dtype in ((0, "i8"), (0, "u8"), (0, "u8"), ((0, 2), "i8"))]
     known: dict[str, Any] = {}
     for field in fields(Sums):

@@ -14,9 +14,8 @@ from uavseg.errors import SampleError
 from uavseg.raster.grid.tiling import Window
 from uavseg.regions.sample.model import bounds_around
 from uavseg.regions.sample.place import SampleMask
-from uavseg.segmentation.sample.color_decision import ColorPlane
 from uavseg.segmentation.sample.g_scores import MAX_SCORE, NO_SCORE, GreyBounds, min_count
-from uavseg.segmentation.sample.pixel_decision import log_ratio
+from uavseg.segmentation.sample.pixel_decision import ColorPlane, log_ratio
 from uavseg.segmentation.source import GreySource
 from uavseg.units import CELL
 

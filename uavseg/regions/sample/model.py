@@ -13,8 +13,7 @@ from uavseg.errors import SampleError
 from uavseg.execution.executors import Map
 from uavseg.raster.grid.ellipsoid import pixel_on_ground
 from uavseg.regions.sample.place import SampleMask
-from uavseg.segmentation.blocks.lbp import UNCOUNTED, lbp_symbols
-from uavseg.segmentation.sample.coarse_lbp import COARSE_HALO, coarse_symbols
+from uavseg.segmentation.blocks.lbp import COARSE_HALO, UNCOUNTED, coarse_symbols, lbp_symbols
 from uavseg.segmentation.sample.g_scores import (
     MAX_SCORE,
     NO_SCORE,

@@ -19,7 +19,7 @@ from uavseg.raster.grid.tiling import TilePass, Window
 from uavseg.regions.sample.place import Disc, SampleMask, sample_mask
 from uavseg.regions.sample.similarity import MIN_PIXELS, SimilaritySource
 from uavseg.segmentation.blocks.block_map import BlockMap
-from uavseg.segmentation.sample.undecided_cells import half_widths, most_undecided
+from uavseg.segmentation.sample.uncertainty_sampling import half_widths, most_uncertain_cells
 from uavseg.units import CELL, GREY_MAX
 
 _MIN_SHARE = 0.05  # of the raster that is undecided, below which no sample is proposed
@@ -48,7 +48,7 @@ def next_place(
     tile_pass : TilePass
         Its executor reads; the result depends neither on it nor on its tiles.
     """
-    if source.table.undecided < _MIN_SHARE:
+    if source.table.uncertain < _MIN_SHARE:
         return None
     geobox = source.dataset.geobox
     for radius in dict.fromkeys((_mean_radius(samples), _MIN_RADIUS)):
@@ -56,7 +56,7 @@ def next_place(
         if reach > radius * math.sqrt(_MAX_ASPECT):
             return None
         taken = _cells_near(samples, blocks.counts.shape, _GAP * radius)
-        cells = most_undecided(blocks.sums, blocks.counts, taken, reach, _CANDIDATES, _MIN_UNCERTAINTY)
+        cells = most_uncertain_cells(blocks.sums, blocks.counts, taken, reach, _CANDIDATES, _MIN_UNCERTAINTY)
         discs = [_disc(geobox, row, col, reach) for row, col in cells.tolist()]
         best = _most_uncertain(source, discs, samples, tile_pass)
         if best is not None:

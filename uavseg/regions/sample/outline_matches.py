@@ -15,13 +15,16 @@ from uavseg.regions.sample.colors import color_planes
 from uavseg.regions.sample.scores import Criterion
 from uavseg.regions.tiles.range_tiles import with_detail
 from uavseg.regions.tiles.segment_tiles import cell_jobs
-from uavseg.segmentation.blocks.lbp import lbp_symbols
+from uavseg.segmentation.blocks.lbp import coarse_symbols, lbp_symbols
 from uavseg.segmentation.blocks.leaves import cells_to_pixels
 from uavseg.segmentation.components import label_components
 from uavseg.segmentation.refine.detail import Detail
-from uavseg.segmentation.sample.coarse_lbp import coarse_symbols
-from uavseg.segmentation.sample.color_decision import classify_colored_pixels
-from uavseg.segmentation.sample.pixel_decision import DECISION_HALO, PixelWeights, classify_pixels
+from uavseg.segmentation.sample.pixel_decision import (
+    DECISION_HALO,
+    PixelWeights,
+    classify_colored_pixels,
+    classify_pixels,
+)
 from uavseg.segmentation.source import GreySource
 
 # A tile, its cells with those around it, and the edges of the regions that matches are clipped to, if any.
@@ -82,7 +85,7 @@ def _outline_match(
     if not cells.any():
         return None
     decided = window if detail is None else window.grown(detail.halo)
-    tile = source.read(decided, DECISION_HALO, beyond=True)
+    tile = source.read(decided, DECISION_HALO, excess=True)
     if (cells == 2).any():
         known, edges = tile.mask, criterion.bin_edges
         names = lbp_symbols(tile.grey, known, edges), coarse_symbols(tile.grey, known, edges)

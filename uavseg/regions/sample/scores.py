@@ -16,8 +16,7 @@ from uavseg.regions.sample.model import Sample, symbol_pair
 from uavseg.regions.tiles.segment_tiles import cell_jobs
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.dilation import dilate
-from uavseg.segmentation.blocks.lbp import SYMBOLS, lbp_symbols
-from uavseg.segmentation.sample.coarse_lbp import COARSE_HALO, coarse_symbols
+from uavseg.segmentation.blocks.lbp import COARSE_HALO, SYMBOLS, coarse_symbols, lbp_symbols
 from uavseg.segmentation.sample.g_scores import (
     MAX_SCORE,
     NO_SCORE,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from uavseg.errors import SampleError
 from uavseg.raster.grid.tiling import TilePass, Window
 from uavseg.regions.sample.place import SampleMask
-from uavseg.segmentation.sample.likeness_table import BLUR_HALO, LikenessTable, blurred
+from uavseg.segmentation.sample.similarity_table import BLUR_HALO, SimilarityTable, blurred
 from uavseg.segmentation.source import GreySource, GreyTile
 
 MIN_PIXELS = 64  # of a sample
@@ -27,11 +27,11 @@ class SimilaritySource(GreySource):
     Parameters
     ----------
     bands : BlurredBands
-    table : LikenessTable
+    table : SimilarityTable
     """
 
     bands: "BlurredBands"
-    table: LikenessTable
+    table: SimilarityTable
 
     @property
     def is_intensity(self) -> bool:
@@ -101,9 +101,9 @@ class SampledColors:
     sample: NDArray[np.uint16]
     unlike: NDArray[np.uint16] | None
 
-    def table(self) -> LikenessTable:
+    def table(self) -> SimilarityTable:
         """Fit the model of the samples, against the whole raster as background."""
-        return LikenessTable.fit(self.points, self.sample, self.unlike)
+        return SimilarityTable.fit(self.points, self.sample, self.unlike)
 
 
 def sample_colors(

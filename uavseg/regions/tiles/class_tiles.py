@@ -13,12 +13,10 @@ from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.outline.stitch import TileOutlines, TileStitcher, outline_tile
 from uavseg.regions.tiles.range_tiles import TileJob, check_sums, tile_jobs, with_detail
 from uavseg.segmentation.blocks.block_map import BlockMap
-from uavseg.segmentation.border_steps import border_steps
-from uavseg.segmentation.components import Sums, component_sums, label_equal_values
-from uavseg.segmentation.kinds import refine_kinds_of_tile
+from uavseg.segmentation.components import Sums, border_steps, component_sums, label_equal_values
 from uavseg.segmentation.params.partition import Partition
 from uavseg.segmentation.params.segment import IntensityRange, Refinement
-from uavseg.segmentation.pipeline import every_cell, refine_tile
+from uavseg.segmentation.pipeline import every_cell, refine_tile, refine_tile_classes
 from uavseg.segmentation.refine.detail import Detail
 from uavseg.segmentation.refine.range_scans import REFINE_HALO
 from uavseg.segmentation.source import GreySource, GreyTile
@@ -155,7 +153,7 @@ def _stitch_classes(
 def _outline_tile(
     source: GreySource, table: NDArray[np.uint8], refine: Refinement, detail: Detail | None, job: TileJob
 ) -> _ClassOutlines:
-    refined = refine_kinds_of_tile(source, table, refine, job.refined)
+    refined = refine_tile_classes(source, table, refine, job.refined)
     if refined is None:
         return None
     pixels, tile = refined if detail is None else with_detail(*refined, detail)
@@ -184,7 +182,7 @@ def _outline_likely_tile(
     if not any(job.cells.any() for job in jobs):
         return None
     window, refined = jobs[0].window, jobs[0].refined
-    tile = grey.read(refined, REFINE_HALO, beyond=True)
+    tile = grey.read(refined, REFINE_HALO, excess=True)
     pixels, tiles = np.zeros(tile.grey.shape, np.uint8), {}
     best = np.zeros(tile.grey.shape, np.int32)
     for number, (source, job) in enumerate(zip(similarities, jobs, strict=True), 1):
@@ -217,4 +215,4 @@ def _with_similarity(
         steps += border_steps(here.view(np.uint8), labels, len(steps), tile.grey, tile.valid)
     total = component_sums(labels, len(steps), similarity, REFINE_HALO)
     columns = [part.astype(np.int64) for part in (total.counts, total.greys, total.squares)]
-    return replace(sums, steps=steps, alike=np.stack(columns, 1))
+    return replace(sums, steps=steps, similarity=np.stack(columns, 1))

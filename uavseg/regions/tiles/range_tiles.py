@@ -27,7 +27,7 @@ from uavseg.segmentation.components import (
     component_sums,
     label_components,
     label_equal_values,
-    with_beyond,
+    with_excess,
 )
 from uavseg.segmentation.params.segment import IntensityRange, Refinement
 from uavseg.segmentation.pipeline import refine_tile
@@ -152,7 +152,7 @@ def _with_thin_lines(
             return None
         side = 2 * REFINE_HALO
         shape = whole_blocks(window.rows) + side, whole_blocks(window.cols) + side
-        refined = np.zeros(shape, np.uint8), source.read(window, REFINE_HALO, beyond=True)
+        refined = np.zeros(shape, np.uint8), source.read(window, REFINE_HALO, excess=True)
     pixels, tile = refined
     inner = np.s_[REFINE_HALO - MARGIN : MARGIN - REFINE_HALO, REFINE_HALO - MARGIN : MARGIN - REFINE_HALO]
     pixels[inner] |= find_thin_lines(tile.grey, tile.valid, interval.greys, REFINE_HALO)
@@ -195,16 +195,16 @@ def sum_regions(source: GreySource, outlined: RegionOutlines, tile_pass: TilePas
     """
     sums = outlined.sums
     greys, squares = np.zeros_like(sums.greys), np.zeros_like(sums.squares)
-    counts, beyond = np.zeros_like(sums.counts), np.zeros_like(sums.counts)
+    counts, excess = np.zeros_like(sums.counts), np.zeros_like(sums.counts)
     jobs = edge_tables(outlined.rings, tile_pass.windows)
     for labels, parts in tile_pass.silent.run(partial(_sum_tile, source), jobs):
         if parts is not None:
             counts[labels - 1] += parts.counts
             greys[labels - 1] += parts.greys
             squares[labels - 1] += parts.squares
-            if parts.beyond is not None:
-                beyond[labels - 1] += parts.beyond
-    return replace(sums, counts=counts, greys=greys, squares=squares, beyond=beyond if beyond.any() else None)
+            if parts.excess is not None:
+                excess[labels - 1] += parts.excess
+    return replace(sums, counts=counts, greys=greys, squares=squares, excess=excess if excess.any() else None)
 
 
 def _sum_tile(source: GreySource, edges: EdgeTable) -> tuple[NDArray[np.int64], Sums | None]:
@@ -214,13 +214,13 @@ def _sum_tile(source: GreySource, edges: EdgeTable) -> tuple[NDArray[np.int64], 
     labels = labels[labels > 0]
     if len(labels) == 0:
         return labels, None
-    tile = source.read(window, 0, beyond=True)
+    tile = source.read(window, 0, excess=True)
     inner = (slice(window.rows), slice(window.cols))
     numbers = np.searchsorted(labels, image) + 1
     numbers[(image == 0) | (tile.valid[inner] == 0)] = 0
     names = numbers.astype(np.uint32)
     sums = component_sums(names, len(labels), np.ascontiguousarray(tile.grey[inner]))
-    return labels, with_beyond(sums, names, None if tile.beyond is None else tile.beyond[inner])
+    return labels, with_excess(sums, names, None if tile.excess is None else tile.excess[inner])
 
 
 def count_regions(

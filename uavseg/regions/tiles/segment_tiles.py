@@ -106,7 +106,7 @@ def _outline_cells(source: GreySource, job: _Job) -> TileOutlines | None:
     window, cells = job
     if not cells.any():
         return None
-    tile = source.read(window, CELL, beyond=True)
+    tile = source.read(window, CELL, excess=True)
     pixels = cells_to_pixels(cells, tile.valid)
     return outline_tile(pixels, *label_equal_values(pixels, CELL), tile, window, source.shape[1])
 
@@ -115,7 +115,7 @@ def _outline_pixels(source: GreySource, job: _Job) -> TileOutlines | None:
     window, bits = job
     if not bits.any():
         return None
-    tile = source.read(window, CELL, beyond=True)
+    tile = source.read(window, CELL, excess=True)
     pixels = np.unpackbits(bits, axis=1, count=tile.grey.shape[1])
     return outline_tile(pixels, *label_components(pixels, CELL), tile, window, source.shape[1])
 

@@ -16,14 +16,15 @@ from uavseg.raster.formats.creation import DEFAULT, CreationOptions
 from uavseg.raster.formats.geotiff import Page, check_geotiff_name, read_geotiff, write_geotiff_pages
 from uavseg.raster.grid.geobox import GeoBox, scaled
 from uavseg.raster.intensity.stretch import Stretch
-from uavseg.segmentation.blocks.block_header import (
+from uavseg.segmentation.blocks.block_map import BlockMap, find_leaves
+from uavseg.segmentation.blocks.saved_blocks import (
+    Origin,
+    SavedBlocks,
     axis_of_header,
     checked_header,
     header_text,
     origin_of_header,
 )
-from uavseg.segmentation.blocks.block_map import BlockMap, find_leaves
-from uavseg.segmentation.blocks.saved_blocks import Origin, SavedBlocks
 from uavseg.segmentation.params.illumination import Illumination
 from uavseg.segmentation.params.segment import DivisionParams
 from uavseg.units import BLOCK, CELL, CELLS, GREY_MAX
@@ -31,11 +32,11 @@ from uavseg.units import BLOCK, CELL, CELLS, GREY_MAX
 _TAG = "UAVSEG_BLOCK_MAP"
 _BAND_NAMES = ("mean v", "side of the leaf in pixels")
 _RATIO_NAMES = ("R of 64", *(f"R of 32, {k}" for k in range(4)), *(f"R of 16, {k}" for k in range(16)))
-_SUMS, _COUNTS, _RATIOS, _LIGHT = 2, 3, 4, 5  # pages of the file
+_SUMS, _COUNTS, _RATIOS, _ILLUMINATION = 2, 3, 4, 5  # pages of the file
 
 
 def is_block_map(path: str | os.PathLike[str]) -> bool:
-    """Whether a file is a block map rather than a raster of its own."""
+    """Test whether a file is a block map, and not any other raster."""
     try:
         with open_checked(os.fspath(path)) as file:
             return _TAG in file.tags()
@@ -44,7 +45,7 @@ def is_block_map(path: str | os.PathLike[str]) -> bool:
 
 
 def rasters_of(path: str | os.PathLike[str]) -> list[str]:
-    """Paths of the rasters that a block map was made from; none if it is no block map or they are gone."""
+    """Return the paths of the rasters that a block map was made from; none for other files."""
     try:
         with open_checked(os.fspath(path)) as file:
             header = json.loads(file.tags()[_TAG])
@@ -54,7 +55,7 @@ def rasters_of(path: str | os.PathLike[str]) -> list[str]:
 
 
 def check_block_map_name(path: str | os.PathLike[str]) -> None:
-    """Check that a block map may have a name, before the work; OutputError if not."""
+    """Refuse a file name that a block map cannot have, with OutputError, before the work starts."""
     check_geotiff_name(path, "a block map")
 
 
@@ -80,7 +81,7 @@ def write_block_map(
     overwrite : bool
         Whether an existing file is replaced.
     creation : CreationOptions
-        Such as fit integers: most of the file is.
+        Of integers, which most of the file holds.
 
     Raises
     ------
@@ -100,7 +101,7 @@ def write_block_map(
             Page([_crop(blocks.sums, cells)], cells, ["sum of grey"]),
             Page([_crop(blocks.counts, cells)], cells, ["valid pixels"]),
             Page(list(blocks.ratios.transpose(2, 0, 1)), saved.geobox.coarsen(CELL * CELLS), _RATIO_NAMES),
-            *_light_pages(saved),
+            *_illumination_pages(saved),
         ],
         {_TAG: header_text(saved)},
         overwrite,
@@ -108,34 +109,27 @@ def write_block_map(
     )
 
 
-def _light_pages(saved: SavedBlocks) -> list[Page]:
-    """The light that was taken away, with a pixel for each of its squares."""
-    light = saved.illumination
-    if light is None:
+def _illumination_pages(saved: SavedBlocks) -> list[Page]:
+    """Return the page of the illumination that was subtracted, if any, with a pixel for each square."""
+    flat = saved.illumination
+    if flat is None:
         return []
-    return [Page([light.nodes], saved.geobox.coarsen(light.step), ["light that was taken away, in grey"])]
+    return [Page([flat.nodes], saved.geobox.coarsen(flat.step), ["light that was taken away, in grey"])]
 
 
 def _crop(band: NDArray[Any], cells: GeoBox) -> NDArray[Any]:
-    """The part of a band of cells that covers the raster."""
     return band[: cells.shape[0], : cells.shape[1]]
 
 
 def read_block_map(path: str | os.PathLike[str]) -> SavedBlocks:
-    """Read a block map from its GeoTIFF.
-
-    Raises
-    ------
-    RasterReadError, RasterError
-        If the file cannot be read or is not a block map.
-    """
+    """Read a block map from its GeoTIFF; raise RasterReadError or RasterError if it is not one."""
     _, cells, _, tags = read_geotiff(path)
     try:
         header = checked_header(json.loads(tags[_TAG]))
         shape = (header["rows"], header["cols"])
         geobox = GeoBox(shape, scaled(cells.transform, 1 / CELL, 1 / CELL), cells.crs)
-        blocks = _read_blocks(path, shape, _checked_shape(shape, CELL, cells.shape))
-        illumination = _read_light(path, shape, header.get("flatten"))
+        blocks = _read_blocks(path, shape, _checked_cells(shape, cells.shape))
+        illumination = _read_illumination(path, shape, header.get("flatten"))
     except (KeyError, ValueError, RecursionError, RasterReadError) as error:
         raise RasterError(
             f"{path} is not a block map that this version reads ({cause_of(error)}); make it again with "
@@ -147,7 +141,7 @@ def read_block_map(path: str | os.PathLike[str]) -> SavedBlocks:
 
 
 def _read_blocks(path: str | os.PathLike[str], shape: tuple[int, int], cells: tuple[int, int]) -> BlockMap:
-    """The pages of a block map, each of the shape and type that a raster of `shape` has."""
+    """Read the pages of a block map, each of the shape and type that a raster of `shape` has."""
     in_blocks = (-(-shape[0] // BLOCK), -(-shape[1] // BLOCK))
     sums = _read_page(path, _SUMS, cells, 1, np.uint32)[0]
     counts = _read_page(path, _COUNTS, cells, 1, np.uint8)[0]
@@ -161,28 +155,27 @@ def _read_blocks(path: str | os.PathLike[str], shape: tuple[int, int], cells: tu
     return blocks
 
 
-def _read_light(
-    path: str | os.PathLike[str], shape: tuple[int, int], described: dict[str, Any] | None
+def _read_illumination(
+    path: str | os.PathLike[str], shape: tuple[int, int], header: dict[str, Any] | None
 ) -> Illumination | None:
-    """The light that was taken away, as the description of a block map has it."""
-    if described is None:
+    if header is None:
         return None
-    step = described["step"]
+    step = header["step"]
     squares = (-(-shape[0] // step), -(-shape[1] // step))
-    return Illumination(_read_page(path, _LIGHT, squares, 1, np.uint16)[0], step, described["target"])
+    return Illumination(_read_page(path, _ILLUMINATION, squares, 1, np.uint16)[0], step, header["target"])
 
 
 def _read_page(
     path: str | os.PathLike[str], page: int, shape: tuple[int, int], bands: int, dtype: Any
 ) -> NDArray[Any]:
-    found = read_geotiff(path, page, shape, bands)[0]
-    if found.dtype != dtype:
-        raise ValueError(f"page {page} is of {found.dtype}, not of {np.dtype(dtype)}")
-    return found
+    content = read_geotiff(path, page, shape, bands)[0]
+    if content.dtype != dtype:
+        raise ValueError(f"page {page} is of {content.dtype}, not of {np.dtype(dtype)}")
+    return content
 
 
-def _checked_shape(shape: tuple[int, int], unit: int, found: tuple[int, int]) -> tuple[int, int]:
-    """The shape of an array with a value for each `unit` pixels of the raster, which has to be that found."""
-    if min(shape) < 1 or found != tuple(-(-length // unit) for length in shape):
-        raise ValueError(f"{found} cells do not cover {shape} pixels")
-    return found
+def _checked_cells(shape: tuple[int, int], cells: tuple[int, int]) -> tuple[int, int]:
+    """Return the rows and columns of cells if they cover a raster of `shape`; raise ValueError if not."""
+    if min(shape) < 1 or cells != tuple(-(-length // CELL) for length in shape):
+        raise ValueError(f"{cells} cells do not cover {shape} pixels")
+    return cells

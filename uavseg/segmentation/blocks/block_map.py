@@ -1,22 +1,33 @@
-"""Block map: cell sums and texture ratios, from which leaves follow for any threshold.
+"""Block map: cell sums and texture ratios, from which the leaves of the division follow for any threshold.
 
 It holds the sum and the number of the valid pixels of each cell of 8 x 8, and the ratio R of each block of
 64, 32 and 16. Neither depends on a threshold or a range of intensity.
 """
 
+import base64
+import os
+import struct
+import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.errors import RasterError
 from uavseg.segmentation.blocks.division import RATIOS
-from uavseg.segmentation.blocks.memory import check_memory
-from uavseg.segmentation.blocks.thumbnail import thumbnail
 from uavseg.segmentation.params.segment import DivisionParams
 from uavseg.units import CELL, CELLS, GREY_MAX
 
+resource: ModuleType | None
+try:
+    import resource
+except ImportError:  # Windows
+    resource = None
+
+_MAX_SIDE = 360  # pixels of a thumbnail
 _STRIP_BLOCKS = 64  # rows of blocks in a strip of `leaf_means_by_strip`
 
 
@@ -43,13 +54,7 @@ class BlockMap:
 
     @classmethod
     def empty(cls, shape: tuple[int, int]) -> "BlockMap":
-        """A block map of an image without valid pixels.
-
-        Raises
-        ------
-        RasterError
-            If it is larger than the memory of this machine.
-        """
+        """Allocate the block map of an image without valid pixels; see `check_memory`."""
         check_memory(shape)
         rows, cols = (-(-length // (8 * CELLS)) for length in shape)
         cells = (rows * CELLS, cols * CELLS)
@@ -63,23 +68,23 @@ class BlockMap:
         return self.ratios.shape[0], self.ratios.shape[1]
 
     def _repr_html_(self) -> str:
-        """For notebooks: its size, and a picture of the means of its cells."""
+        """Show its size and a picture of the means of its cells in notebooks."""
         rows, cols = self.shape
         valid = int(self.counts.sum(dtype=np.int64))
         share = 100 * valid / max(rows * cols, 1)
         down, across = self.blocks
-        facts = f"block map of {rows:,} x {cols:,} pixels: {down:,} x {across:,} blocks of 64 x 64"
+        size = f"block map of {rows:,} x {cols:,} pixels: {down:,} x {across:,} blocks of 64 x 64"
         cells = (slice(-(-rows // CELL)), slice(-(-cols // CELL)))
         if not valid:
-            return f"<div><p>{facts}, no valid pixel</p></div>"
-        picture = thumbnail(self.sums[cells], self.counts[cells], GREY_MAX)
-        return f'<div><p>{facts}, {share:.1f} % valid</p><img alt="means of the cells" src="{picture}"></div>'
+            return f"<div><p>{size}, no valid pixel</p></div>"
+        picture = _thumbnail(self.sums[cells], self.counts[cells], GREY_MAX)
+        return f'<div><p>{size}, {share:.1f} % valid</p><img alt="means of the cells" src="{picture}"></div>'
 
 
 def find_leaves(
     blocks: BlockMap, division: DivisionParams, rows: slice = slice(None)
 ) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
-    """Hierarchical division: the side and the mean v of the leaf that each cell belongs to.
+    """Divide blocks hierarchically: return the side and the mean v of the leaf that each cell belongs to.
 
     Parameters
     ----------
@@ -106,7 +111,20 @@ def find_leaves(
 def leaf_means_by_strip(
     blocks: BlockMap, division: DivisionParams
 ) -> Iterator[tuple[slice, NDArray[np.float64]]]:
-    """The means of `find_leaves` strip by strip: a slice of rows of cells, and the means of these rows."""
+    """Yield the means of `find_leaves` strip by strip.
+
+    Parameters
+    ----------
+    blocks : BlockMap
+    division : DivisionParams
+
+    Yields
+    ------
+    rows : slice
+        Rows of cells.
+    mean : (m, 8 C) float64 array
+        The means of these rows.
+    """
     for top in range(0, blocks.blocks[0], _STRIP_BLOCKS):
         _, mean = find_leaves(blocks, division, slice(top, top + _STRIP_BLOCKS))
         yield slice(CELLS * top, CELLS * top + len(mean)), mean
@@ -115,7 +133,7 @@ def leaf_means_by_strip(
 def cell_sums(
     grey: NDArray[np.uint16], valid: NDArray[np.uint8], margin: int = 0
 ) -> tuple[NDArray[np.uint32], NDArray[np.uint8]]:
-    """Sum and number of the valid pixels of each cell of 8 x 8 pixels.
+    """Sum and count the valid pixels of each cell of 8 x 8 pixels.
 
     Parameters
     ----------
@@ -140,7 +158,7 @@ def cell_sums(
 def required_ratios(
     sums: NDArray[np.uint32], counts: NDArray[np.uint8], edges: Sequence[float], step: float
 ) -> NDArray[np.uint32]:
-    """Bit masks of the ratios R that decide in which interval the mean of every leaf lies.
+    """Return bit masks of the ratios R that decide in which interval the mean of every leaf lies.
 
     Where the means of all cells of a block lie in one interval, so does the mean of any leaf made of them,
     whatever its R. R is not required either where intensity alone divides the block.
@@ -180,7 +198,7 @@ def _cell_sums(grey, valid, margin, sums, counts):  # type: ignore[no-untyped-de
 
 @inlined
 def mean_v(sums, counts, row, col, size):  # type: ignore[no-untyped-def]
-    """Mean v over size x size cells; -1 where no pixel is valid."""
+    """Compute the mean v over size x size cells; -1 where no pixel is valid."""
     total = np.int64(0)
     number = np.int64(0)
     for r in range(row, row + size):
@@ -194,7 +212,7 @@ def mean_v(sums, counts, row, col, size):  # type: ignore[no-untyped-def]
 
 @inlined
 def range_of_child_means(sums, counts, row, col, size):  # type: ignore[no-untyped-def]
-    """Maximum less minimum of the means of the four children of size x size cells; 0 with fewer than two."""
+    """Compute the range of the means of the four children of size x size cells; 0 with fewer than two."""
     low = 2.0
     high = -1.0
     half = size // 2
@@ -252,7 +270,7 @@ def _leaves(sums, counts, ratios, threshold, step, side, mean):  # type: ignore[
 
 @inlined
 def straddles_edge(sums, counts, row, col, size, edges):  # type: ignore[no-untyped-def]
-    """Whether the means of size x size cells lie in more than one interval."""
+    """Test whether the means of size x size cells lie in more than one interval."""
     low = 2.0
     high = -1.0
     for r in range(row, row + size):
@@ -274,7 +292,7 @@ def straddles_edge(sums, counts, row, col, size, edges):  # type: ignore[no-unty
 
 @inlined
 def required_ratios_of_block(sums, counts, row, col, edges, step):  # type: ignore[no-untyped-def]
-    """The bit mask of `required_ratios` for one block of 64."""
+    """Compute the bit mask of `required_ratios` for one block of 64."""
     bits = np.uint32(0)
     bit = 0  # index of a ratio: side 64, then four of 32, then sixteen of 16
     size = 8
@@ -298,3 +316,57 @@ def _required_ratios(sums, counts, edges, step, required):  # type: ignore[no-un
     for row in range(required.shape[0]):
         for col in range(required.shape[1]):
             required[row, col] = required_ratios_of_block(sums, counts, row, col, edges, step)
+
+
+def check_memory(shape: tuple[int, int]) -> None:
+    """Refuse an image whose block map is larger than the memory of this machine, with RasterError."""
+    rows, cols = shape
+    blocks = -(-rows // (8 * CELLS)) * -(-cols // (8 * CELLS))
+    size, memory = blocks * (CELLS * CELLS * 5 + RATIOS * 8), _physical_memory()
+    if memory is not None and size > memory:
+        raise RasterError(
+            f"a raster of {cols:,} x {rows:,} pixels has a block map of {size / 1e9:,.0f} GB, and this "
+            f"machine has {memory / 1e9:,.0f} GB of memory; cut out the part that holds data "
+            "(gdal_translate -srcwin), or take a coarser copy (gdal_translate -outsize)"
+        )
+
+
+def _physical_memory() -> int | None:
+    """Return the bytes of memory that a process may have; None where the system does not report it."""
+    try:
+        memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, ValueError, OSError):
+        return None
+    if resource is None:
+        return memory
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    return memory if limit == resource.RLIM_INFINITY else min(memory, limit)
+
+
+def _thumbnail(sums: NDArray[np.uint32], counts: NDArray[np.uint8], maximum: float) -> str:
+    """Encode the means of cells as a PNG, a `data:` URL; `maximum` is white, empty cells are transparent."""
+    step = max(1, -(-max(sums.shape) // _MAX_SIDE))
+    total, number = (_sum_squares(band, step) for band in (sums, counts))
+    means = np.divide(total, number, out=np.zeros(total.shape), where=number > 0)
+    grey = np.rint(np.clip(means / maximum, 0, 1) * 255).astype(np.uint8)
+    alpha = np.where(number > 0, 255, 0).astype(np.uint8)
+    return "data:image/png;base64," + base64.b64encode(_png(np.dstack([grey, alpha]))).decode()
+
+
+def _sum_squares(band: NDArray[np.integer], step: int) -> NDArray[np.float64]:
+    """Sum squares of cells; those at the edge may be smaller."""
+    rows, cols = (np.arange(0, length, step) for length in band.shape)
+    summed: NDArray[np.float64] = np.add.reduceat(np.add.reduceat(band.astype(float), rows, 0), cols, 1)
+    return summed
+
+
+def _png(image: NDArray[np.uint8]) -> bytes:
+    """Encode a (M, N, 2) image of grey and alpha as a PNG file (ISO/IEC 15948)."""
+    rows, cols, _ = image.shape
+    lines = b"".join(b"\0" + line.tobytes() for line in image)  # each without a filter
+    header = struct.pack(">IIBBBBB", cols, rows, 8, 4, 0, 0, 0)
+    chunks = ((b"IHDR", header), (b"IDAT", zlib.compress(lines)), (b"IEND", b""))
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+        for name, data in chunks
+    )

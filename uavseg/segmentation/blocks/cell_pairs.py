@@ -1,4 +1,4 @@
-"""Means of neighbouring cells, as joint histograms: what lies on both sides of the border of any range."""
+"""Co-occurrence histograms of the means of neighbouring cells: contrast at the border of any range."""
 
 import math
 from dataclasses import dataclass
@@ -13,24 +13,24 @@ from uavseg.segmentation.params.segment import IntensityRange
 from uavseg.units import CELL, GREY_LEVELS, GREY_MAX
 
 BINS = 512
-_LEAST_PIXELS = CELL * CELL // 2  # valid ones, of a cell that counts
+_MIN_PIXELS = CELL * CELL // 2  # valid ones, of a cell that counts
 _APART = 2  # cells: a border runs through the cell between
-_LEAST_STEP = 0.001  # of v: smaller differences are rounding and noise alike
+_MIN_STEP = 0.001  # of v: smaller differences are rounding or noise
 
 Counts = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
 class RangeBorder:
-    """How a range of means lies in the picture.
+    """Shape and contrast of the cells of a range of means.
 
     Parameters
     ----------
     share : float
         Of the cells.
     frame : float
-        Of the cells beside the edge of the raster or nodata, the share that lies in the range: the ground of
-        a picture holds its frame, things on it do not.
+        Of the cells beside the edge of the raster or nodata, the share that lies in the range: the background
+        touches the frame, objects on it do not.
     compactness : float
         Of the pairs of neighbouring cells with one or both in the range, the share with both; 1 for a range
         without borders.
@@ -46,13 +46,13 @@ class RangeBorder:
 
     @property
     def score(self) -> float:
-        """How much the range looks like things on a ground: compact, closed and contrasting at the border."""
+        """Figure-ground score: large for compact, closed ranges with contrast at their border."""
         return self.contrast * math.sqrt(self.compactness) * (1 - self.frame) * (1 - self.share)
 
 
 @dataclass(frozen=True)
 class CellPairs:
-    """Joint histograms of the means of neighbouring cells, in bins of grey.
+    """Co-occurrence histograms of the means of neighbouring cells, in bins of grey.
 
     Parameters
     ----------
@@ -74,36 +74,36 @@ class CellPairs:
     far: Counts
 
     def bin_of(self, v: float) -> int:
-        """Number of bins that lie below a bound, rounded."""
+        """Return the number of bins below a bound, rounded."""
         return min(max(round((v * GREY_MAX + 0.5 - self.first) / self.width), 0), BINS)
 
     def grey_of(self, bound: int) -> float:
-        """The grey at which so many bins end, halfway between two greys."""
+        """Return the grey at which a number of bins end, halfway between two greys."""
         return self.first + bound * self.width - 0.5
 
     def histogram(self) -> Counts:
-        """Cells by grey, (65536,): those of a bin at its middle."""
-        found = np.zeros(GREY_LEVELS, np.int64)
+        """Return the histogram of cells by grey, (65536,): those of a bin at its middle."""
+        histogram = np.zeros(GREY_LEVELS, np.int64)
         bins = np.flatnonzero(self.cells)
         middles = self.first + bins * self.width + (self.width - 1) // 2
-        found[np.minimum(middles, GREY_MAX)] = self.cells[bins]  # the last bin may reach beyond all greys
-        return found
+        histogram[np.minimum(middles, GREY_MAX)] = self.cells[bins]  # the last bin may exceed all greys
+        return histogram
 
     def within(self, low: int, high: int) -> "CellPairs":
-        """Those of the cells of the bins low..high - 1 alone."""
+        """Restrict the histograms to the cells of the bins low..high - 1."""
         inside = (np.arange(BINS) >= low) & (np.arange(BINS) < high)
         both = np.outer(inside, inside)
-        counts = (self.cells * inside, self.frame * inside, self.near * both, self.far * both)
-        return CellPairs(self.first, self.width, *counts)
+        return CellPairs(
+            first=self.first,
+            width=self.width,
+            cells=self.cells * inside,
+            frame=self.frame * inside,
+            near=self.near * both,
+            far=self.far * both,
+        )
 
     def border(self, low: int, high: int) -> RangeBorder:
-        """Look of the range that holds the bins low..high - 1.
-
-        Raises
-        ------
-        ValueError
-            If no cell lies in it.
-        """
+        """Measure the range of the bins low..high - 1; raise ValueError if it holds no cell."""
         inside = self.cells[low:high].sum()
         if not inside:
             raise ValueError(f"no cell lies in the bins {low} to {high - 1}")
@@ -111,8 +111,8 @@ class CellPairs:
         far_within = _within(self._far_sums, low, high)
         steps_within = _within(self._step_sums, low, high)
         crossing, steps = (_sides(sums, low, high)[1] for sums in (self._far_sums, self._step_sums))
-        least = _LEAST_STEP * GREY_MAX / self.width
-        contrast = (steps / max(crossing, 1)) / (steps_within / max(far_within, 1) + least)
+        min_step = _MIN_STEP * GREY_MAX / self.width
+        contrast = (steps / max(crossing, 1)) / (steps_within / max(far_within, 1) + min_step)
         return RangeBorder(
             share=float(inside / self.cells.sum()),
             frame=float(self.frame[low:high].sum() / max(self.frame.sum(), 1)),
@@ -121,7 +121,7 @@ class CellPairs:
         )
 
     def contrasts(self) -> tuple[NDArray[np.float64], Counts]:
-        """The average contrast of each bound between two bins, and the number of pairs that it parts.
+        """Compute the average contrast of each bound between two bins, and the number of pairs across it.
 
         The contrast that a bound t detects between two means is the smaller of their distances to t; a bound
         in the middle of many steps has the largest average (Kohler, Computer Graphics and Image Processing 15
@@ -130,8 +130,8 @@ class CellPairs:
         Returns
         -------
         contrasts : (513,) float64 array
-            In greys, of the pairs two cells apart; 0 where a bound parts none.
-        parted : (513,) int64 array
+            In greys, of the pairs two cells apart; 0 where none is across a bound.
+        crossing : (513,) int64 array
         """
         darker, brighter = np.nonzero(self.far)
         number = self.far[darker, brighter]
@@ -143,11 +143,11 @@ class CellPairs:
         ends = np.zeros(BINS + 1, np.int64)
         np.add.at(ends, darker + 1, number)
         np.add.at(ends, brighter + 1, -number)
-        parted = np.cumsum(ends)[: BINS + 1]
+        crossing = np.cumsum(ends)[: BINS + 1]
         bounds = np.arange(BINS + 1)
         detected = sums[np.maximum(2 * bounds - 2, 0)] * (bounds > 0)
-        contrasts = np.where(parted > 0, detected / np.maximum(parted, 1), 0.0) * self.width / 2
-        return contrasts, parted
+        contrasts = np.where(crossing > 0, detected / np.maximum(crossing, 1), 0.0) * self.width / 2
+        return contrasts, crossing
 
     @cached_property
     def _near_sums(self) -> Counts:
@@ -164,17 +164,7 @@ class CellPairs:
 
 
 def count_cell_pairs(blocks: BlockMap) -> CellPairs | None:
-    """Joint histograms of the means of the cells of a block map.
-
-    Parameters
-    ----------
-    blocks : BlockMap
-
-    Returns
-    -------
-    pairs : CellPairs or None
-        None where no cell has 32 valid pixels.
-    """
+    """Count the pairs of neighbouring cells of a block map; None where no cell has 32 valid pixels."""
     extent = np.array([GREY_MAX + 1, -1])
     _extent(blocks.sums, blocks.counts, extent)
     first, last = extent.tolist()
@@ -184,11 +174,11 @@ def count_cell_pairs(blocks: BlockMap) -> CellPairs | None:
     cells, frame = np.zeros(BINS, np.int64), np.zeros(BINS, np.int64)
     near, far = np.zeros((BINS, BINS), np.int64), np.zeros((BINS, BINS), np.int64)
     _count_pairs(blocks.sums, blocks.counts, first, width, cells, frame, near, far)
-    return CellPairs(first, width, cells, frame, near, far)
+    return CellPairs(first=first, width=width, cells=cells, frame=frame, near=near, far=far)
 
 
-def cells_of_own_mean(blocks: BlockMap, interval: IntensityRange) -> NDArray[np.uint8]:
-    """Cells whose own mean lies in a range, whatever that of their leaf.
+def cells_with_mean_in_range(blocks: BlockMap, interval: IntensityRange) -> NDArray[np.uint8]:
+    """Return the cells whose mean lies in a range, whatever the mean of their leaf.
 
     Parameters
     ----------
@@ -208,14 +198,13 @@ def cells_of_own_mean(blocks: BlockMap, interval: IntensityRange) -> NDArray[np.
 
 
 def _prefix_sums(counts: Counts) -> Counts:
-    """Sums over all earlier rows and columns."""
     sums = np.zeros((BINS + 1, BINS + 1), np.int64)
     np.cumsum(np.cumsum(counts, axis=0), axis=1, out=sums[1:, 1:])
     return sums
 
 
 def _sides(sums: Counts, low: int, high: int) -> tuple[int, int, int]:
-    """Sums over the pairs with both in a range of bins, with one, and with none."""
+    """Sum over the pairs with both in a range of bins, with one, and with none."""
 
     def block(a: int, b: int, c: int, d: int) -> int:
         return int(sums[b, d] - sums[a, d] - sums[b, c] + sums[a, c])
@@ -226,17 +215,17 @@ def _sides(sums: Counts, low: int, high: int) -> tuple[int, int, int]:
 
 
 def _within(sums: Counts, low: int, high: int) -> int:
-    """Sum over the pairs that no end of a range of bins parts."""
+    """Sum over the pairs on one side of both ends of a range of bins."""
     both, _, none = _sides(sums, low, high)
     return both + none
 
 
 @inlined
 def _grey(sums, counts, row, col):  # type: ignore[no-untyped-def]
-    """Mean grey of a cell, rounded down; -1 where it does not count."""
+    """Return the mean grey of a cell, rounded down; -1 where it does not count."""
     if row < 0 or col < 0 or row >= counts.shape[0] or col >= counts.shape[1]:
         return -1
-    if counts[row, col] < _LEAST_PIXELS:
+    if counts[row, col] < _MIN_PIXELS:
         return -1
     return np.int64(sums[row, col]) // np.int64(counts[row, col])
 
@@ -258,8 +247,8 @@ def _count_pairs(sums, counts, first, width, cells, frame, near, far):  # type: 
             grey = _grey(sums, counts, row, col)
             if grey < 0:
                 continue
-            own = (grey - first) // width
-            cells[own] += 1
+            here = (grey - first) // width
+            cells[here] += 1
             outer = False
             for side in range(4):
                 down = (side == 0) - (side == 1)
@@ -270,9 +259,9 @@ def _count_pairs(sums, counts, first, width, cells, frame, near, far):  # type: 
                     continue
                 if beside >= 0:
                     other = (beside - first) // width
-                    near[min(own, other), max(own, other)] += 1
+                    near[min(here, other), max(here, other)] += 1
                 apart = _grey(sums, counts, row + _APART * down, col + _APART * right)
                 if apart >= 0:
                     other = (apart - first) // width
-                    far[min(own, other), max(own, other)] += 1
-            frame[own] += outer
+                    far[min(here, other), max(here, other)] += 1
+            frame[here] += outer

@@ -25,12 +25,14 @@ def dilate(cells: NDArray[T], reach: int = 1) -> NDArray[T]:
     >>> dilate(np.array([[0, 0, 0, 1]], np.uint8))
     array([[0, 0, 1, 1]], dtype=uint8)
     """
-    rows = cells.copy()
-    for k in range(1, reach + 1):
-        np.maximum(rows[k:], cells[:-k], out=rows[k:])
-        np.maximum(rows[:-k], cells[k:], out=rows[:-k])
-    dilated = rows.copy()
-    for k in range(1, reach + 1):
-        np.maximum(dilated[:, k:], rows[:, :-k], out=dilated[:, k:])
-        np.maximum(dilated[:, :-k], rows[:, k:], out=dilated[:, :-k])
-    return dilated
+    size = 2 * reach + 1
+    for axis in (0, 1):
+        cells = np.pad(cells, [(reach, reach) if k == axis else (0, 0) for k in (0, 1)])
+        width = 1
+        while width < size:  # a window of maxima that doubles
+            step = min(width, size - width)
+            one, other = (slice(None, -step), slice(step, None))
+            pair = (cells[one], cells[other]) if axis == 0 else (cells[:, one], cells[:, other])
+            cells = np.maximum(*pair)
+            width += step
+    return cells

@@ -32,7 +32,7 @@ def block_ratios(
     bin_edges: NDArray[np.int32],
     corners: NDArray[np.int64],
 ) -> NDArray[np.float64]:
-    """R of blocks of 64 x 64 pixels and of the blocks of 32 and 16 within them.
+    """Compute R of blocks of 64 x 64 pixels and of the blocks of 32 and 16 within them.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def selected_ratios(
     selected: NDArray[np.uint32],
     threshold: float,
 ) -> NDArray[np.float64]:
-    """R of selected blocks within blocks of 64 x 64 pixels.
+    """Compute R of selected blocks within blocks of 64 x 64 pixels.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def selected_ratios(
 
 @inlined
 def sum_of_packed(packed, width):  # type: ignore[no-untyped-def]
-    """Sum of the four counts packed into one word with `width` bits each."""
+    """Sum the four counts packed into one word with `width` bits each."""
     mask = (np.uint64(1) << width) - np.uint64(1)
     return (
         (packed & mask)
@@ -104,7 +104,7 @@ def sum_of_packed(packed, width):  # type: ignore[no-untyped-def]
 
 @inlined
 def ratio_of_children(packed, present, n_present, width, n_ln_n):  # type: ignore[no-untyped-def]
-    """R from four histograms packed in a table, over the first `n_present` symbols in `present`.
+    """Compute R from four histograms packed in a table, over the first `n_present` symbols in `present`.
 
     See `g_statistic` for the formula of G. A symbol that only one histogram of a pair has adds nothing, so no
     branch is needed.
@@ -220,7 +220,7 @@ def _ratios(grey, valid, all_valid, bin_edges, corners, n_ln_n, scratch, symbols
 
 @inlined
 def ratio_of_block(symbols, row, col, side, n_ln_n, table, present):  # type: ignore[no-untyped-def]
-    """R of one block within the 4096 symbols of a block of 64; the table is empty before and after."""
+    """Compute R of one block within the symbols of a block of 64; the table is empty before and after."""
     # Blocks of 16 in the order of `ratios_of_block`, so that rounding is the same and R equal to the bit.
     half = side // 2
     n_present = 0
@@ -243,7 +243,7 @@ def ratio_of_block(symbols, row, col, side, n_ln_n, table, present):  # type: ig
 
 @inlined
 def fill_symbols(grey, valid, all_valid, bin_edges, top, left, symbols):  # type: ignore[no-untyped-def]
-    """The symbols of a block of 64 whose first pixel is grey[top, left]."""
+    """Compute the symbols of a block of 64 whose first pixel is grey[top, left]."""
     top, left = max(top, 1), max(left, 1)  # always true; spares the compiler a check for negative indices
     for r in range(BLOCK):
         row = top + r

@@ -13,13 +13,13 @@ from uavseg.units import BLOCK
 
 MIN_G_PER_PIXEL = 1e-9  # a G that is smaller, per pixel of the pair, is rounding error and counts as 0
 
-_MAX_TABLE = 1 << 16  # largest n of a lookup table: beyond it, computing n ln n is no slower
+_MAX_TABLE = 1 << 16  # largest n of a lookup table: above it, computing n ln n is no slower
 _EXACT = 64  # pixels of a symbol up to which the expectation is computed for every number
 _GRID_RATIO = 1.05  # between the numbers of pixels above, for which it is computed
 
 
 def g_statistic(first: NDArray[np.integer], second: NDArray[np.integer]) -> float:
-    """G of two histograms: 0 where they have the same proportions.
+    """Compute G of two histograms: 0 where they have the same proportions.
 
     Parameters
     ----------
@@ -44,17 +44,17 @@ def _j(first: NDArray[np.integer], second: NDArray[np.integer]) -> NDArray[np.fl
 
 
 def expected_g(largest: int, share: float) -> NDArray[np.float64]:
-    """Expected G under the null hypothesis: the contribution of a symbol, by its pixels in both histograms.
+    """Compute what a symbol adds to the expected G under the null hypothesis, by its number of pixels.
 
     If both histograms come from one source, each pixel of a symbol belongs to the window with probability
     `share`, independently of all others. So the expectation of G is a sum over symbols; it is close to 1 for
     each frequent symbol and smaller for the rarest. It is subtracted as a bias correction: otherwise a window
-    of many rare symbols would seem less like its own texture than like one of few symbols.
+    of many rare symbols would seem less similar to its texture than to one of few symbols.
 
     Parameters
     ----------
     largest : int
-        The largest number of pixels.
+        The largest number of pixels, in both histograms together.
     share : float
         The window's share of the pixels of both histograms.
 
@@ -78,7 +78,6 @@ def expected_g(largest: int, share: float) -> NDArray[np.float64]:
 
 
 def _expected_g_of_symbol(n: int, share: float, ln_factorial: NDArray[np.float64]) -> float:
-    """The expected contribution to G of a symbol with n pixels."""
     middle, width = n * share, 12 * np.sqrt(n * share * (1 - share)) + 30
     f = np.arange(max(int(middle - width), 0), min(int(middle + width), n) + 1)
     ln_binomial = ln_factorial[n] - ln_factorial[f] - ln_factorial[n - f]
@@ -89,13 +88,13 @@ def _expected_g_of_symbol(n: int, share: float, ln_factorial: NDArray[np.float64
 
 
 def n_ln_n(n: NDArray[np.integer]) -> NDArray[np.float64]:
-    """n ln n of counts; 0 where n is 0."""
+    """Compute n ln n of counts; 0 where n is 0."""
     product: NDArray[np.float64] = n.astype(np.float64) * np.log(np.maximum(n, 1))
     return product
 
 
 def n_ln_n_table(largest: int) -> NDArray[np.float64]:
-    """Lookup table of n ln n for n from 0 to `largest`, or to 65536 if that is less; see `n_ln_n_of`."""
+    """Tabulate n ln n for n from 0 to `largest`, or to 65536 if that is less; see `n_ln_n_of`."""
     return n_ln_n(np.arange(min(largest, _MAX_TABLE) + 1))
 
 
@@ -104,13 +103,13 @@ N_LN_N = n_ln_n_table(BLOCK * BLOCK)  # for the counts of a block
 
 @inlined
 def n_ln_n_of(table, n):  # type: ignore[no-untyped-def]
-    """n ln n from a lookup table, computed beyond its end."""
+    """Look up n ln n in a table; compute it above the end of the table."""
     return table[n] if n < table.shape[0] else n * np.log(np.float64(n))
 
 
 @inlined
 def g_of_region(histograms, totals, region, counts, present, n_present, table):  # type: ignore[no-untyped-def]
-    """G between a region's histogram and `counts`, whose first `n_present` symbols in `present` are not 0."""
+    """Compute G of a region's histogram and `counts`, with symbols in the first `n_present` of `present`."""
     total = np.int64(0)
     shared = 0.0
     for k in range(n_present):

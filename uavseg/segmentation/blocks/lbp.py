@@ -1,8 +1,12 @@
-"""LBP/C texture: local binary pattern and contrast of each pixel.
+"""LBP/C texture: local binary pattern and contrast of each pixel, at two scales.
 
 Ojala and Pietikäinen, "Unsupervised texture segmentation using feature distributions", Pattern
 Recognition 32 (1999) 477-486. A pixel is *counted* where its whole 3x3 neighbourhood is valid. Everything
 is integer arithmetic on 16-bit grey.
+
+The coarse scale is that of means of 2 x 2 pixels: texture several pixels wide survives them, while the noise
+of single pixels is halved (multiresolution LBP: Ojala, Pietikäinen and Mäenpää, IEEE Transactions on Pattern
+Analysis and Machine Intelligence 24 (2002) 971-987).
 """
 
 import numpy as np
@@ -14,10 +18,11 @@ from uavseg.units import GREY_LEVELS
 CONTRAST_BINS = 8
 SYMBOLS = 256 * CONTRAST_BINS  # pairs of LBP code and contrast bin
 UNCOUNTED = 0xFFFF  # sentinel in place of a symbol
+COARSE_HALO = 3  # pixels: largest distance from a pixel to a pixel of its means
 
 
 def contrast_histogram(grey: NDArray[np.uint16], valid: NDArray[np.uint8] | None = None) -> NDArray[np.int64]:
-    """Histogram of the contrast of the counted pixels of an image.
+    """Count the contrasts of the counted pixels of an image.
 
     Parameters
     ----------
@@ -46,7 +51,7 @@ def contrast_histogram(grey: NDArray[np.uint16], valid: NDArray[np.uint8] | None
 
 
 def contrast_bin_edges(histogram: NDArray[np.int64]) -> NDArray[np.int32]:
-    """Seven edges of eight bins of contrast with equal counts, as far as ties allow.
+    """Return the seven edges of eight bins of contrast with equal counts, as far as ties allow.
 
     Edge k, from 1, is the smallest contrast with at least ceil(k N / 8) of the N counted pixels at or below
     it; a pixel's bin is the number of edges strictly below its contrast.
@@ -67,7 +72,7 @@ def contrast_bin_edges(histogram: NDArray[np.int64]) -> NDArray[np.int32]:
 def lbp_symbols(
     grey: NDArray[np.uint16], valid: NDArray[np.uint8] | None, bin_edges: NDArray[np.int32]
 ) -> NDArray[np.uint16]:
-    """LBP code and contrast bin of every pixel, as ``8 * code + bin``.
+    """Compute the LBP code and contrast bin of every pixel, as ``8 * code + bin``.
 
     Parameters
     ----------
@@ -88,13 +93,13 @@ def lbp_symbols(
 
 
 def or_empty(valid: NDArray[np.uint8] | None) -> NDArray[np.uint8]:
-    """The array, or an empty one in place of None: kernel arguments have one type."""
+    """Return the array, or an empty one in place of None: kernel arguments have one type."""
     return np.empty((0, 0), np.uint8) if valid is None else valid
 
 
 @inlined
 def is_counted(valid, r, c):  # type: ignore[no-untyped-def]
-    """1 where the 3 x 3 pixels around (r, c) are all valid."""
+    """Return 1 where the 3 x 3 pixels around (r, c) are all valid."""
     return (
         valid[r - 1, c - 1]
         & valid[r - 1, c]
@@ -110,10 +115,11 @@ def is_counted(valid, r, c):  # type: ignore[no-untyped-def]
 
 @inlined
 def contrast(grey, r, c):  # type: ignore[no-untyped-def]
-    """Mean of the neighbours >= the centre less mean of the others, rounded down; 0 if either group is empty.
+    """Compute the mean of the neighbours >= the centre less that of the others, rounded down.
 
-    Computed as one fraction, (hi m - lo n) / (n m): both integers are exact in float32, and the quotient
-    rounds to an integer only where it is one, so the floor is exact. The numerator is 0 for an empty group.
+    It is 0 if either group is empty. Computed as one fraction, (hi m - lo n) / (n m): both integers are exact
+    in float32, and the quotient rounds to an integer only where it is one, so the floor is exact. The
+    numerator is 0 for an empty group.
     """
     g = np.int32(grey[r, c])
     n = np.int32(0)
@@ -135,7 +141,7 @@ def contrast(grey, r, c):  # type: ignore[no-untyped-def]
 
 @inlined
 def lbp_code(grey, r, c):  # type: ignore[no-untyped-def]
-    """Local binary pattern: a bit for each of the eight neighbours that is >= the centre."""
+    """Compute the local binary pattern: a bit for each of the eight neighbours that is >= the centre."""
     g = grey[r, c]
     return (
         np.int32(grey[r - 1, c - 1] >= g)
@@ -151,7 +157,7 @@ def lbp_code(grey, r, c):  # type: ignore[no-untyped-def]
 
 @inlined
 def contrast_bin(value, edges):  # type: ignore[no-untyped-def]
-    """Number of edges strictly below a contrast; a tuple of edges lets the compiler unroll the loop."""
+    """Count the edges strictly below a contrast; a tuple of edges lets the compiler unroll the loop."""
     index = np.int32(0)
     for edge in edges:
         index += np.int32(edge < value)
@@ -182,3 +188,44 @@ def _lbp_symbols(grey, valid, all_valid, bin_edges, symbols):  # type: ignore[no
             for c in range(symbols.shape[1]):
                 if not is_counted(valid, r + 1, c + 1):
                     symbols[r, c] = UNCOUNTED
+
+
+def coarse_symbols(
+    grey: NDArray[np.uint16], valid: NDArray[np.uint8] | None, bin_edges: NDArray[np.int32]
+) -> NDArray[np.uint16]:
+    """Compute the LBP code and contrast bin of the mean of each pixel with those above and left of it.
+
+    The neighbours of a mean are the eight means of 2 x 2 pixels that touch it, so a pixel is counted where
+    the 6 x 6 pixels around it are valid.
+
+    Parameters
+    ----------
+    grey : (M + 6, N + 6) uint16 array
+        Image with a border of three pixels.
+    valid : (M + 6, N + 6) uint8 array or None
+        1 where a pixel is valid; None where all are.
+    bin_edges : (7,) int32 array, from `contrast_bin_edges`
+
+    Returns
+    -------
+    symbols : (M, N) uint16 array
+        0 to 2047; 65535 where a pixel is not counted.
+    """
+    rows, cols = (max(length - 2 * COARSE_HALO, 0) for length in grey.shape)
+    symbols = np.empty((rows, cols), np.uint16)
+    means = _means_of_2x2(grey)
+    whole = None if valid is None else valid[:-1, :-1] & valid[:-1, 1:] & valid[1:, :-1] & valid[1:, 1:]
+    for row, col in np.ndindex(2, 2):  # means that touch each other are two pixels apart
+        every_other = symbols[row::2, col::2]
+        if every_other.size:
+            rows, cols = every_other.shape
+            part = np.s_[row : row + 2 * rows + 3 : 2, col : col + 2 * cols + 3 : 2]
+            mask = None if whole is None else np.ascontiguousarray(whole[part])
+            every_other[:] = lbp_symbols(np.ascontiguousarray(means[part]), mask, bin_edges)
+    return symbols
+
+
+def _means_of_2x2(grey: NDArray[np.uint16]) -> NDArray[np.uint16]:
+    pairs = grey[:-1].astype(np.uint32) + grey[1:]
+    means: NDArray[np.uint16] = ((pairs[:, :-1] + pairs[:, 1:]) >> 2).astype(np.uint16)
+    return means

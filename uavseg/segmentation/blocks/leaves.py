@@ -1,4 +1,4 @@
-"""Leaves by interval: cells in a range, state or level; leaf means."""
+"""Thresholding of leaf means: the cells in a range, and the state, level or class of each cell."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -12,9 +12,12 @@ from uavseg.segmentation.params.partition import Breaks, Partition, partition_of
 from uavseg.segmentation.params.segment import DivisionParams, IntensityRange, Levels, StateLimits
 from uavseg.units import GREY_LEVELS, GREY_MAX
 
+STEPS = 1000
+NO_CODE = 65535
+
 
 def cell_states(blocks: BlockMap, limits: StateLimits, division: DivisionParams) -> NDArray[np.uint8]:
-    """The state of each cell: that of the mean of its leaf.
+    """Return the state of each cell: that of the mean of its leaf.
 
     Parameters
     ----------
@@ -33,7 +36,7 @@ def cell_states(blocks: BlockMap, limits: StateLimits, division: DivisionParams)
 def cell_levels(
     blocks: BlockMap, levels: Levels | Breaks, division: DivisionParams
 ) -> NDArray[np.uint8] | NDArray[np.uint32]:
-    """The level of each cell, counted from 1: that of the mean of its leaf.
+    """Return the level of each cell, counted from 1: that of the mean of its leaf.
 
     Parameters
     ----------
@@ -46,13 +49,13 @@ def cell_levels(
     levels : (8 B, 8 C) array
         0 where the leaf has no valid pixel; uint8 up to 255 levels, else uint32.
     """
-    return cell_kinds(blocks, partition_of_levels(levels), division)
+    return cell_classes(blocks, partition_of_levels(levels), division)
 
 
 def cell_intervals(
     blocks: BlockMap, edges: Sequence[float], division: DivisionParams, dtype: Any = np.uint8
 ) -> NDArray[Any]:
-    """The interval of each cell, counted from 1: that of the mean of its leaf.
+    """Return the interval of each cell, counted from 1: that of the mean of its leaf.
 
     Parameters
     ----------
@@ -76,7 +79,7 @@ def cell_intervals(
 
 
 def cells_in_range(blocks: BlockMap, interval: IntensityRange, division: DivisionParams) -> NDArray[np.uint8]:
-    """Cells of the leaves whose mean lies in a range.
+    """Return the cells of the leaves whose mean lies in a range.
 
     Parameters
     ----------
@@ -94,8 +97,8 @@ def cells_in_range(blocks: BlockMap, interval: IntensityRange, division: Divisio
     return inside
 
 
-def cell_kinds(blocks: BlockMap, partition: Partition, division: DivisionParams) -> NDArray[Any]:
-    """The kind of each cell: that of the interval in which the mean of its leaf lies.
+def cell_classes(blocks: BlockMap, partition: Partition, division: DivisionParams) -> NDArray[Any]:
+    """Return the class of each cell: that of the interval in which the mean of its leaf lies.
 
     Parameters
     ----------
@@ -105,11 +108,12 @@ def cell_kinds(blocks: BlockMap, partition: Partition, division: DivisionParams)
 
     Returns
     -------
-    kinds : (8 B, 8 C) array
-        0 for no kind, and where the leaf has no valid pixel; uint8 up to 255 intervals, else uint32.
+    classes : (8 B, 8 C) array
+        0 for no class, and where the leaf has no valid pixel; uint8 up to 255 intervals, else uint32.
     """
-    dtype = np.uint8 if len(partition.kinds) < 256 else np.uint32
-    return partition.of_intervals(cell_intervals(blocks, partition.edges, division, dtype))
+    dtype = np.uint8 if len(partition.classes) < 256 else np.uint32
+    table = np.array([0, *partition.classes], dtype)
+    return np.asarray(table[cell_intervals(blocks, partition.edges, division, dtype)])
 
 
 def cells_to_pixels(cells: NDArray[Any], valid: NDArray[np.uint8]) -> NDArray[Any]:
@@ -134,7 +138,7 @@ def cells_to_pixels(cells: NDArray[Any], valid: NDArray[np.uint8]) -> NDArray[An
 def pixels_in_range(
     grey: NDArray[np.uint16], valid: NDArray[np.uint8], low: int, high: int
 ) -> NDArray[np.uint8]:
-    """The valid pixels whose own grey lies in low..high, both ends included.
+    """Return the valid pixels whose grey lies in low..high, both ends included.
 
     Parameters
     ----------
@@ -156,18 +160,18 @@ def pixels_in_range(
 def _upsample_u1(cells, valid, pixels):  # type: ignore[no-untyped-def]
     for r in range(pixels.shape[0]):
         for cell in range(cells.shape[1]):
-            own = cells[r // 8, cell]
+            value = cells[r // 8, cell]
             for c in range(8 * cell, 8 * cell + 8):
-                pixels[r, c] = own & (np.uint8(0) - valid[r, c])  # faster than a product of bytes
+                pixels[r, c] = value & (np.uint8(0) - valid[r, c])  # faster than a product of bytes
 
 
 @kernel("void(u4[:,::1], u1[:,::1], u4[:,::1])")
 def _upsample_u4(cells, valid, pixels):  # type: ignore[no-untyped-def]
     for r in range(pixels.shape[0]):
         for cell in range(cells.shape[1]):
-            own = cells[r // 8, cell]
+            value = cells[r // 8, cell]
             for c in range(8 * cell, 8 * cell + 8):
-                pixels[r, c] = own * valid[r, c]
+                pixels[r, c] = value * valid[r, c]
 
 
 @kernel("void(u2[::1], u1[::1], i8, i8, u1[::1])")
@@ -179,7 +183,7 @@ def _pixels_in_range(grey, valid, low, high, in_range):  # type: ignore[no-untyp
 
 
 def histogram_of_means(blocks: BlockMap, division: DivisionParams) -> NDArray[np.int64]:
-    """Number of valid pixels by the mean grey of their leaf.
+    """Count the valid pixels by the mean grey of their leaf.
 
     Parameters
     ----------
@@ -200,7 +204,7 @@ def histogram_of_means(blocks: BlockMap, division: DivisionParams) -> NDArray[np
 
 
 def means_among(blocks: BlockMap, values: Sequence[float], division: DivisionParams) -> set[float]:
-    """The values that are exactly equal to the mean of a leaf.
+    """Return the values that are exactly equal to the mean of a leaf.
 
     Parameters
     ----------
@@ -209,7 +213,33 @@ def means_among(blocks: BlockMap, values: Sequence[float], division: DivisionPar
         Values of v.
     division : DivisionParams
     """
-    found: set[float] = set()
+    means: set[float] = set()
     for _, mean in leaf_means_by_strip(blocks, division):
-        found.update(value for value in values if value not in found and (mean == value).any())
-    return found
+        means.update(value for value in values if value not in means and (mean == value).any())
+    return means
+
+
+def leaf_codes(blocks: BlockMap, division: DivisionParams) -> NDArray[np.uint16]:
+    """Quantise the mean of each cell's leaf by the steps k / 1000 of a slider, without loss.
+
+    The mean lies in low / 1000 .. high / 1000, both ends included, exactly where the code lies in
+    2 low .. 2 high.
+
+    Parameters
+    ----------
+    blocks : BlockMap
+    division : DivisionParams
+
+    Returns
+    -------
+    codes : (8 B, 8 C) uint16 array
+        2 k where the mean equals k / 1000, 2 k + 1 where it lies between k / 1000 and (k + 1) / 1000, 65535
+        where the leaf has no valid pixel.
+    """
+    steps = np.arange(STEPS + 1) / STEPS  # the doubles that texts such as "0.553" are read as
+    codes = np.empty(blocks.counts.shape, np.uint16)
+    for rows, mean in leaf_means_by_strip(blocks, division):
+        below = np.searchsorted(steps, mean, side="left")
+        reached = np.searchsorted(steps, mean, side="right")
+        codes[rows] = np.where(mean < 0, NO_CODE, below + reached - 1)
+    return codes

@@ -1,9 +1,9 @@
-"""Flat-field correction: slow light is estimated from sums over squares of pixels, and subtracted from grey.
+"""Flat-field correction: uneven illumination is estimated from sums over squares, and subtracted from grey.
 
-The light at a square is the plane fitted to the squares around it, weighted by a triangle of each axis and by
-their valid pixels (local linear regression: Cleveland, JASA 74 (1979) 829-836), so that light that changes
-linearly is found exactly, also at the edge of the raster. Between the centres of squares it is bilinear, and
-linear outside of them.
+The illumination of a square is the plane fitted to the squares around it, weighted by a triangle along each
+axis and by their valid pixels (local linear regression: Cleveland, JASA 74 (1979) 829-836), so a linear
+gradient is estimated exactly, also at the edge of the raster. Between the centres of squares it is
+interpolated bilinearly, and extrapolated outside of them.
 """
 
 from dataclasses import dataclass
@@ -25,12 +25,12 @@ Moments = dict[tuple[int, int], Floats]
 
 @dataclass(frozen=True)
 class Illumination:
-    """Light of a raster in grey, and the mean grey that takes its place.
+    """Illumination of a raster in grey, and the mean grey that replaces it.
 
     Parameters
     ----------
     nodes : (m, n) uint16 array
-        Light at the centres of squares that cover the raster from its top-left corner.
+        Illumination at the centres of squares that cover the raster from its top-left corner.
     step : int
         Side of a square in pixels, a power of two.
     target : int
@@ -44,7 +44,7 @@ class Illumination:
     def subtract_from(
         self, grey: NDArray[np.uint16], valid: NDArray[np.bool_] | None, corner: tuple[int, int]
     ) -> None:
-        """Replace grey by clip(grey − light + target, 0, 65535), in place; invalid pixels stay 0.
+        """Replace grey by clip(grey − illumination + target, 0, 65535), in place; invalid pixels stay 0.
 
         Parameters
         ----------
@@ -58,7 +58,7 @@ class Illumination:
 
 
 def square_side(width: tuple[int, int]) -> int:
-    """Side of the squares for a width in rows and columns of pixels: a power of two, at least 8."""
+    """Return the side of the squares for a width in rows and columns of pixels: a power of two from 8 on."""
     side = CELL
     while 2 * side * _SQUARES <= min(width):
         side *= 2
@@ -68,10 +68,10 @@ def square_side(width: tuple[int, int]) -> int:
 def fit_illumination(
     sums: NDArray[np.int64], counts: NDArray[np.int64], step: int, width: tuple[int, int]
 ) -> Illumination:
-    """Illumination from the sums of grey in squares.
+    """Estimate the illumination from the sums of grey in squares.
 
-    The value of the plane at a square is taken where it is well determined; where valid pixels lie so much
-    to one side that its variance is more than 6 times that of the mean, it moves to the mean.
+    Where valid pixels lie so much to one side that the variance of the plane at a square is more than 6 times
+    that of the mean, the estimate moves from the plane to the mean.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def fit_illumination(
 
 
 def _moments(array: NDArray[np.int64], rows: slice, reach: tuple[int, int], order: int) -> Moments:
-    """Triangle-weighted moments of an array around each of its elements in some rows, up to an order.
+    """Compute the triangle-weighted moments around each element of some rows, up to an order.
 
     Key (i, j) is the sum of weight · (row offset)^i · (column offset)^j · element.
     """
@@ -106,16 +106,16 @@ def _moments(array: NDArray[np.int64], rows: slice, reach: tuple[int, int], orde
     part = array[rows.start - above : rows.stop + below].astype(np.float64)
     padding = ((reach[0] - 1 - above, reach[0] - 1 - below), (reach[1] - 1, reach[1] - 1))
     part = np.pad(part, padding)
-    found: Moments = {}
+    moments: Moments = {}
     for j in range(order + 1):
         across = _weighted(part, reach[1], j)
         for i in range(order + 1 - j):
-            found[i, j] = _weighted(across.T, reach[0], i).T
-    return found
+            moments[i, j] = _weighted(across.T, reach[0], i).T
+    return moments
 
 
 def _weighted(padded: Floats, reach: int, power: int) -> Floats:
-    """Sums along rows with the weights (reach − |t|) · t^power, in the order of t."""
+    """Sum along rows with the weights (reach − |t|) · t^power, in the order of t."""
     length = padded.shape[1] - 2 * (reach - 1)
     total = np.zeros((padded.shape[0], length))
     for t in range(1 - reach, reach):
@@ -126,20 +126,20 @@ def _weighted(padded: Floats, reach: int, power: int) -> Floats:
 
 
 def _plane_values(w: Moments, g: Moments, empty: int) -> NDArray[np.uint16]:
-    """The fitted planes at their own squares, by Cramer's rule; `empty` where there is nothing near."""
+    """Evaluate the fitted planes at their squares by Cramer's rule; `empty` where no valid pixel is near."""
     count = np.where(w[0, 0] > 0, w[0, 0], 1.0)
     rr, cc, rc = w[2, 0] + _RIDGE * count, w[0, 2] + _RIDGE * count, w[1, 1]
-    own = rr * cc - rc * rc
+    minor = rr * cc - rc * rc
     by_row, by_col = w[0, 1] * rc - w[1, 0] * cc, w[1, 0] * rc - w[0, 1] * rr
-    determinant = count * own + w[1, 0] * by_row + w[0, 1] * by_col
-    sound = determinant * _REFUSED > count * own
+    determinant = count * minor + w[1, 0] * by_row + w[0, 1] * by_col
+    sound = determinant * _REFUSED > count * minor
     divisor = np.where(sound, determinant, 1.0)
-    spread = np.where(sound, count * own / divisor, _REFUSED)
+    spread = np.where(sound, count * minor / divisor, _REFUSED)
     mean = g[0, 0] / count
-    plane = (g[0, 0] * own + g[1, 0] * by_row + g[0, 1] * by_col) / divisor
+    plane = (g[0, 0] * minor + g[1, 0] * by_row + g[0, 1] * by_col) / divisor
     trust = np.clip((_REFUSED - spread) / (_REFUSED - _TRUSTED), 0.0, 1.0)
-    light = np.where(w[0, 0] > 0, mean + trust * (np.where(sound, plane, mean) - mean), empty)
-    return np.clip(np.floor(light + 0.5), 0, GREY_MAX).astype(np.uint16)
+    illumination = np.where(w[0, 0] > 0, mean + trust * (np.where(sound, plane, mean) - mean), empty)
+    return np.clip(np.floor(illumination + 0.5), 0, GREY_MAX).astype(np.uint16)
 
 
 @kernel("void(u2[:,::1], u1[:,::1], u2[:,::1], i8, i8, i8, i8)")
@@ -166,6 +166,6 @@ def _subtract(grey, valid, nodes, row, col, power, target):  # type: ignore[no-u
             )
             there = np.int64(nodes[below, before]) * (2 * side - across)
             there += np.int64(nodes[below, after]) * across
-            light = (here * (2 * side - down) + there * down + half) >> (2 * shift)
-            flat = np.int64(grey[r, c]) - light + target
+            illumination = (here * (2 * side - down) + there * down + half) >> (2 * shift)
+            flat = np.int64(grey[r, c]) - illumination + target
             grey[r, c] = min(max(flat, 0), 65535)

@@ -1,10 +1,8 @@
-"""Partitions of v into intervals: classes with names, and levels between breaks."""
+"""Reclassification: partitions of v into intervals, as named classes or as levels between breaks."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,50 +10,39 @@ from numpy.typing import NDArray
 from uavseg.arguments import checked
 from uavseg.errors import IntensityRangeError, ParameterError
 from uavseg.segmentation.params.segment import IntensityRange, Levels
-from uavseg.units import GREY_LEVELS, GREY_MAX, MAX_REFINED
+from uavseg.units import GREY_LEVELS, GREY_MAX, MAX_PIXEL_CLASSES
 
 _MAX_NAME = 80
 
 
 @dataclass(frozen=True, slots=True)
 class Partition:
-    """The intervals between increasing edges in 0..1, each with a kind.
+    """Intervals between increasing edges in 0..1, each with the number of a class.
 
     Parameters
     ----------
     edges : tuple of float
         Increasing; a value on an edge belongs to the interval below it.
-    kinds : tuple of int
-        The kind of each interval, one more than there are edges: 1, 2, ..., or 0 for nothing.
+    classes : tuple of int
+        The class of each interval, one more than there are edges: 1, 2, ..., or 0 for none.
     bounds : tuple of float
-        The ends of the intervals as they were asked for.
+        The requested ends of the intervals.
     """
 
     edges: tuple[float, ...]
-    kinds: tuple[int, ...]
+    classes: tuple[int, ...]
     bounds: tuple[float, ...]
 
     @property
     def count(self) -> int:
-        """The number of kinds."""
-        return max(self.kinds)
+        """Number of classes."""
+        return max(self.classes)
 
     @property
     def grey_table(self) -> NDArray[np.uint8]:
-        """The kind of every grey g, whose v = g / 65535: a (65536,) uint8 array; at most 255 kinds."""
+        """Class of every grey g, whose v = g / 65535: a (65536,) uint8 lookup table; at most 255 classes."""
         v = np.arange(GREY_LEVELS) / GREY_MAX
-        return np.array(self.kinds, np.uint8)[np.searchsorted(np.array(self.edges, np.float64), v)]
-
-    def of_intervals(self, intervals: NDArray[Any]) -> NDArray[Any]:
-        """Kinds of cells from their intervals, counted from 1; 0 stays 0.
-
-        Parameters
-        ----------
-        intervals : uint8 or uint32 array
-            From `leaves.cell_intervals`.
-        """
-        table = np.array([0, *self.kinds], intervals.dtype)
-        return np.asarray(table[intervals])
+        return np.array(self.classes, np.uint8)[np.searchsorted(np.array(self.edges, np.float64), v)]
 
 
 @checked
@@ -98,25 +85,18 @@ class Breaks:
 
     @property
     def bounds(self) -> tuple[float, ...]:
-        """The edges with 0 and 1 at the ends: level k lies between bounds k and k + 1."""
+        """Edges with 0 and 1 at the ends: level k lies between bounds k and k + 1."""
         return (0.0, *self.edges, 1.0)
 
 
 def partition_of_levels(levels: Levels | Breaks) -> Partition:
-    """The partition whose kinds are the levels, counted from 1."""
+    """Return the partition whose classes are the levels, counted from 1."""
     return Partition(levels.edges, tuple(range(1, levels.count + 1)), levels.edges)
 
 
 @dataclass(frozen=True, slots=True)
 class ValueClass:
-    """A class of ground: its name, the range of v that belongs to it, and the colour it is drawn in.
-
-    Parameters
-    ----------
-    name : str
-    interval : IntensityRange
-    color : str, optional
-        As "#rrggbb".
+    """Class of ground: its name, its range of v, and the colour it is drawn in ("#rrggbb").
 
     Raises
     ------
@@ -145,7 +125,7 @@ class ValueClass:
 
 @dataclass(frozen=True, slots=True)
 class ValueClasses:
-    """Classes whose ranges do not overlap; kind k is the k-th of them, from 1.
+    """Classes whose ranges do not overlap, numbered from 1.
 
     A range includes both its ends. Where two ranges share an end, it belongs to the lower of them.
 
@@ -161,20 +141,20 @@ class ValueClasses:
     Examples
     --------
     >>> low, high = ValueClass("water", IntensityRange(0, 0.2)), ValueClass("sand", IntensityRange(0.2, 0.6))
-    >>> ValueClasses((high, low)).partition.kinds
+    >>> ValueClasses((high, low)).partition.classes
     (0, 2, 1, 0)
     """
 
     classes: tuple[ValueClass, ...]
 
     def __post_init__(self) -> None:
-        if not 1 <= len(self.classes) <= MAX_REFINED:
-            raise ParameterError(f"expected 1 to {MAX_REFINED} classes, got {len(self.classes)}")
+        if not 1 <= len(self.classes) <= MAX_PIXEL_CLASSES:
+            raise ParameterError(f"expected 1 to {MAX_PIXEL_CLASSES} classes, got {len(self.classes)}")
         names = [one.name for one in self.classes]
         for name in names:
             if names.count(name) > 1:
                 raise ParameterError(f"{names.count(name)} classes have the name {name}; give each its own")
-        for one, other in pairwise(_sorted(self.classes)):
+        for one, other in pairwise(self._by_value()):
             if other.interval.low < one.interval.high:
                 raise IntensityRangeError(
                     f"the classes {one} and {other} overlap; ranges of classes may share an end and no more"
@@ -182,22 +162,21 @@ class ValueClasses:
 
     @property
     def partition(self) -> Partition:
-        """The partition whose kinds are the classes, counted from 1."""
+        """Partition whose classes are these, counted from 1."""
         edges: list[float] = []
-        kinds = [0]
-        for one in _sorted(self.classes):
-            kind = self.classes.index(one) + 1
+        numbers = [0]
+        for one in self._by_value():
+            number = self.classes.index(one) + 1
             low, high = one.interval.low, one.interval.high
             if edges and edges[-1] == low:
-                kinds[-1] = kind
+                numbers[-1] = number
             else:
                 edges.append(math.nextafter(low, -1.0))
-                kinds.append(kind)
+                numbers.append(number)
             edges.append(high)
-            kinds.append(0)
+            numbers.append(0)
         bounds = sorted({end for one in self.classes for end in (one.interval.low, one.interval.high)})
-        return Partition(tuple(edges), tuple(kinds), tuple(bounds))
+        return Partition(tuple(edges), tuple(numbers), tuple(bounds))
 
-
-def _sorted(classes: Sequence[ValueClass]) -> list[ValueClass]:
-    return sorted(classes, key=lambda one: one.interval.low)
+    def _by_value(self) -> list[ValueClass]:
+        return sorted(self.classes, key=lambda one: one.interval.low)

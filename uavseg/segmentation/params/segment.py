@@ -1,4 +1,4 @@
-"""Parameters of the segmentation: intervals of v, and how blocks are divided."""
+"""Parameters of the segmentation: intervals of v, and the thresholds of the hierarchical division."""
 
 import math
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ PIXELWISE = ("pixels", "tv")  # refinements that decide each pixel, whatever the
 
 @dataclass(frozen=True, slots=True)
 class DivisionParams:
-    """When a block is divided into its four children.
+    """Thresholds above which a block is divided into its four children.
 
     Parameters
     ----------
@@ -76,30 +76,21 @@ class SegmentParams:
             raise ParameterError(f"an intensity step lies in 0..1, not {self.intensity_step:g}")
 
     @classmethod
-    def from_words(
+    def from_options(
         cls, method: str, threshold: float, intensity_step: float, refine: str | None = None
     ) -> "SegmentParams":
-        """Parameters from words, which are checked.
-
-        Raises
-        ------
-        ParameterError
-            If a parameter is out of bounds.
-        """
+        """Return the parameters that options of any text give, or refuse them with ParameterError."""
         return cls(method, threshold, intensity_step, refine)  # type: ignore[arg-type]
 
     @property
     def decides_pixels(self) -> bool:
-        """Whether each pixel is decided by grey, denoised or its own, and no leaf is."""
+        """Whether grey, denoised or not, decides each pixel, and no leaf does."""
         return self.refine in PIXELWISE
 
     @property
     def division(self) -> DivisionParams:
-        """X, and tau as the method applies it: the paper's method has no intensity test."""
+        """X and tau; the paper's method has no intensity test."""
         return DivisionParams(self.threshold, self.intensity_step if self.method == "adaptive" else inf)
-
-
-_MAX_LEVELS = GREY_MAX  # v has 65536 values
 
 
 class Intervals(Protocol):
@@ -137,7 +128,7 @@ class IntensityRange:
 
     @property
     def greys(self) -> tuple[int, int]:
-        """The smallest and the largest grey g whose v = g / 65535 lies in the range."""
+        """Smallest and largest grey g whose v = g / 65535 lies in the range."""
         low = max(math.ceil(self.low * GREY_MAX) - 1, 0)
         high = min(math.floor(self.high * GREY_MAX) + 1, GREY_MAX)
         while low / GREY_MAX < self.low:
@@ -184,18 +175,18 @@ class StateLimits:
 
     @property
     def edges(self) -> tuple[float, float]:
-        """The two limits."""
+        """Both limits."""
         return self.free_below, self.occupied_above
 
     @checked
     def of(self, v: ArrayLike) -> NDArray[np.uint8]:
-        """The state of each probability: 1 free, 2 unknown, 3 occupied."""
+        """Return the state of each probability: 1 free, 2 unknown, 3 occupied."""
         states: NDArray[np.uint8] = (np.searchsorted(self.edges, v) + FREE).astype(np.uint8)
         return states
 
     @property
     def table(self) -> NDArray[np.uint8]:
-        """The state of every grey g, whose v = g / 65535: a (65536,) uint8 array."""
+        """State of every grey g, whose v = g / 65535: a (65536,) uint8 array."""
         return self.of(np.arange(GREY_LEVELS) / GREY_MAX)
 
 
@@ -225,9 +216,9 @@ class Levels:
     def __post_init__(self) -> None:
         if not 0 < self.width <= 1:
             raise ParameterError(f"the width of a level is above 0 and at most 1, not {self.width:g}")
-        if 1 / self.width > _MAX_LEVELS:
+        if 1 / self.width > GREY_MAX:
             raise ParameterError(
-                f"levels of {self.width:g} are finer than the {_MAX_LEVELS + 1} greys; give a larger width"
+                f"levels of {self.width:g} are finer than the {GREY_LEVELS} greys; give a larger width"
             )
 
     @property
@@ -237,10 +228,10 @@ class Levels:
 
     @property
     def edges(self) -> tuple[float, ...]:
-        """The edges between levels."""
+        """Edges between levels."""
         return tuple(round(k * self.width, 12) for k in range(1, self.count))
 
     @property
     def bounds(self) -> tuple[float, ...]:
-        """The edges with 0 and 1 at the ends: level k lies between bounds k and k + 1."""
+        """Edges with 0 and 1 at the ends: level k lies between bounds k and k + 1."""
         return (0.0, *self.edges, 1.0)

@@ -1,17 +1,19 @@
-"""The wanted scale: structures, necks and gaps narrower than a disc vanish from a label image.
+"""Generalisation by a minimum width: alternating sequential filter of class images with growing discs.
 
-A sequential filter of partitions, from small discs to the wanted one: what no disc of its own kind covers
-takes the kind of the nearest pixel that one covers. In the end each kind is opened by the wanted disc.
+From small discs to one of the target size, pixels that no disc of their class covers take the class of the
+nearest pixel that one covers; structures, necks and gaps narrower than the disc vanish. In the end each class
+is opened by the target disc. An ellipse of pixels stands for a disc on the ground, since pixels need not be
+square. Maxima over it are built up from runs of a row: each row of the disc is a chord.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-from uavseg.segmentation.refine.discs import PixelDisc, covered_by_own_discs
 from uavseg.units import BLOCK
 
 MAX_DETAIL = 128  # pixels
@@ -21,15 +23,67 @@ Image = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True)
+class PixelDisc:
+    """Pixels whose centres lie within an ellipse that is `rows` high and `cols` wide.
+
+    Its centre is a pixel's, or lies between pixels where a side is even, so a disc is exactly that wide. The
+    rows and columns at the centre belong to it.
+
+    Examples
+    --------
+    >>> PixelDisc(4, 4).pixels.astype(int)
+    array([[0, 1, 1, 0],
+           [1, 1, 1, 1],
+           [1, 1, 1, 1],
+           [0, 1, 1, 0]])
+    """
+
+    rows: int
+    cols: int
+
+    @property
+    def pixels(self) -> NDArray[np.bool_]:
+        """Mask of the disc, (rows, cols)."""
+        row = 2 * np.arange(self.rows, dtype=np.int64)[:, None] - (self.rows - 1)
+        col = 2 * np.arange(self.cols, dtype=np.int64) - (self.cols - 1)
+        squares = row**2 * self.cols**2 + col**2 * self.rows**2
+        middle = (abs(row) <= 1) | (abs(col) <= 1)  # as wide as its sides also where one of them is small
+        return np.asarray(middle | (squares < (self.rows * self.cols) ** 2))
+
+
+@dataclass(frozen=True, slots=True)
+class _Chords:
+    """Rows of a disc: first column and index of the length of each, and how lengths are built up.
+
+    Length k + 1 of `shifts` is the maximum of length k and of the same one shifted by `shifts[k]`.
+    """
+
+    rows: NDArray[np.int64]
+    shifts: NDArray[np.int64]
+
+
+@lru_cache(maxsize=64)
+def _chords(disc: PixelDisc) -> _Chords:
+    lengths = disc.pixels.sum(axis=1)
+    built, shifts = [1], []
+    for length in np.unique(lengths).tolist():
+        while built[-1] < length:
+            shifts.append(min(built[-1], length - built[-1]))
+            built.append(built[-1] + shifts[-1])
+    rows = np.stack([(disc.cols - lengths) // 2, np.searchsorted(built, lengths)], axis=1)
+    return _Chords(rows.astype(np.int64), np.array(shifts, np.int64))
+
+
+@dataclass(frozen=True, slots=True)
 class Detail:
-    """The smallest structure that remains.
+    """Smallest structure that remains.
 
     Parameters
     ----------
     rows, cols : int
         Its size along a column and along a row, 1..128 pixels.
     cover : bool
-        What is narrow takes the kind of something near or keeps its own, and nothing is left out: for kinds
+        Narrow structures take the class of a pixel nearby or keep theirs, and none is dropped: for classes
         that cover a raster, as levels do.
     """
 
@@ -39,59 +93,59 @@ class Detail:
 
     @property
     def discs(self) -> Iterator[PixelDisc]:
-        """Discs of growing size, each about twice as large as the one before; the last is the wanted one."""
+        """Discs of growing size, each about twice as large as the last; the last one of the target size."""
         count = max(self.rows, self.cols).bit_length() - 1
         for k in range(count - 1, -1, -1):
             yield PixelDisc(max(self.rows >> k, 1), max(self.cols >> k, 1))
 
     @property
     def halo(self) -> int:
-        """How far the result at a pixel may depend on others, in whole blocks.
+        """Pixels around one that its result depends on, in whole blocks.
 
-        A disc of n pixels reaches n - 1, and the nearest covered pixel is looked for within n: less than 2 n
+        A disc of n pixels reaches n - 1, and the nearest covered pixel is searched within n: less than 2 n
         for each disc, 4 n for all of them, and n for the opening.
         """
         return -(-(5 * max(self.rows, self.cols) + 1) // BLOCK) * BLOCK
 
 
-def apply_detail(kinds: Image, valid: Image, detail: Detail) -> Image:
+def apply_detail(classes: Image, valid: Image, detail: Detail) -> Image:
     """Drop structures and cut necks that are narrower than a detail, and close gaps that are.
 
-    Discs grow to the wanted size. At each size, pixels that lie in no disc of their own kind (see
-    `covered_by_own_discs`) take the kind of the nearest pixel that does, if it is no farther than the disc is
-    wide; of several the own kind, then the smallest number. Small discs come first, so that specks neither
-    break large structures nor join small ones. In the end, what lies in no disc of its kind becomes 0, so
-    that the opening of each kind by the disc changes nothing; with `detail.cover` it keeps its kind instead.
+    Discs grow to the target size. At each size, pixels that lie in no disc of their class (see
+    `opening_mask`) take the class of the nearest pixel that does, if it is no farther than the disc is
+    wide; of several at one distance their class, then the smallest number. Small discs come first, so that
+    specks neither break large structures nor join small ones. In the end, pixels in no disc of their class
+    become 0, so that another opening changes nothing; with `detail.cover` they keep their class instead.
 
     Parameters
     ----------
-    kinds : (M, N) uint8 array
-        0 for none, which counts as a kind while discs grow.
+    classes : (M, N) uint8 array
+        0 for none, which counts as a class while discs grow.
     valid : (M, N) uint8 array
-        Pixels that are not valid stay 0 and fit every kind.
+        Pixels that are not valid stay 0 and fit every class.
     detail : Detail
 
     Returns
     -------
-    kinds : (M, N) uint8 array
+    classes : (M, N) uint8 array
     """
-    own = kinds[valid > 0]
-    if len(own) == 0 or own.min() == own.max():
-        return kinds
+    present = classes[valid > 0]
+    if len(present) == 0 or present.min() == present.max():
+        return classes
     for disc in detail.discs:
-        kinds = _take_nearest(kinds, covered_by_own_discs(kinds, valid, disc), valid, disc)
+        classes = _take_nearest(classes, opening_mask(classes, valid, disc), valid, disc)
     if not detail.cover:
-        kinds = kinds * covered_by_own_discs(kinds, valid, PixelDisc(detail.rows, detail.cols))
-    return kinds
+        classes = classes * opening_mask(classes, valid, PixelDisc(detail.rows, detail.cols))
+    return classes
 
 
-def _take_nearest(kinds: Image, covered: Image, valid: Image, disc: PixelDisc) -> Image:
-    """The kind of the nearest covered pixel within the disc's width; the own one where there is none."""
-    up, down = np.empty_like(kinds), np.empty_like(kinds)
-    found = kinds.copy()
+def _take_nearest(classes: Image, covered: Image, valid: Image, disc: PixelDisc) -> Image:
+    """Take the class of the nearest covered pixel within the disc's width; keep the class without one."""
+    up, down = np.empty_like(classes), np.empty_like(classes)
+    nearest = classes.copy()
     _measure_columns(covered, np.int64(disc.rows), up, down)
-    _take(kinds, covered, valid, up, down, np.array([disc.rows, disc.cols], np.int64), found)
-    return found
+    _take(classes, covered, valid, up, down, np.array([disc.rows, disc.cols], np.int64), nearest)
+    return nearest
 
 
 @kernel("void(u1[:,::1], i8, u1[:,::1], u1[:,::1])")
@@ -117,22 +171,22 @@ def _measure_columns(covered, limit, up, down):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def is_preferred(kind, found, own):  # type: ignore[no-untyped-def]
-    """Whether a kind is preferred to another at the same distance."""
-    return found != own and (kind == own or kind < found)
+def is_preferred(label, nearest, here):  # type: ignore[no-untyped-def]
+    """Test whether a class is preferred to another at the same distance."""
+    return nearest != here and (label == here or label < nearest)
 
 
 @kernel("void(u1[:,::1], u1[:,::1], u1[:,::1], u1[:,::1], u1[:,::1], i8[::1], u1[:,::1])")
-def _take(kinds, covered, valid, up, down, sides, found):  # type: ignore[no-untyped-def]
+def _take(classes, covered, valid, up, down, sides, result):  # type: ignore[no-untyped-def]
     # Squared distances are in units in which the disc's width is rows * cols along both axes.
     along_col, along_row = sides[1] * sides[1], sides[0] * sides[0]
     limit = along_col * along_row
-    for row in range(kinds.shape[0]):
-        for col in range(kinds.shape[1]):
+    for row in range(classes.shape[0]):
+        for col in range(classes.shape[1]):
             if covered[row, col] or not valid[row, col]:
                 continue
-            own = kinds[row, col]
-            nearest = own
+            here = classes[row, col]
+            nearest = here
             best = limit + 1
             for step in range(sides[1] + 1):
                 aside = step * step * along_row
@@ -140,15 +194,90 @@ def _take(kinds, covered, valid, up, down, sides, found):  # type: ignore[no-unt
                     break
                 for side in range(2):
                     other = col - step if side == 0 else col + step
-                    if other < 0 or other >= kinds.shape[1]:
+                    if other < 0 or other >= classes.shape[1]:
                         continue
                     for direction in range(2):
                         rows = np.int64(up[row, other] if direction == 0 else down[row, other])
                         if rows == 255:
                             continue
-                        kind = kinds[row - rows if direction == 0 else row + rows, other]
+                        label = classes[row - rows if direction == 0 else row + rows, other]
                         distance = aside + rows * rows * along_col
-                        if distance < best or (distance == best and is_preferred(kind, nearest, own)):
+                        if distance < best or (distance == best and is_preferred(label, nearest, here)):
                             best = distance
-                            nearest = kind
-            found[row, col] = nearest
+                            nearest = label
+            result[row, col] = nearest
+
+
+def _disc_maxima(image: Image, disc: PixelDisc) -> Image:
+    """Return the maximum of each disc within an image, at the first pixel of its bounding box."""
+    chords = _chords(disc)
+    maxima = np.empty((image.shape[0] - disc.rows + 1, image.shape[1] - disc.cols + 1), np.uint8)
+    lines = np.zeros((disc.rows, len(chords.shifts) + 1, image.shape[1]), np.uint8)
+    _disc_maximum(image, chords.rows, chords.shifts, lines, maxima)
+    return maxima
+
+
+def opening_mask(classes: Image, valid: Image, disc: PixelDisc) -> Image:
+    """Open each class by a disc: mark pixels that lie in a disc whose valid pixels are all of their class.
+
+    The centre of such a disc, or a pixel beside it, is valid. Pixels that are not valid, and those outside
+    the image, fit every class.
+
+    Parameters
+    ----------
+    classes : (M, N) uint8 array
+    valid : (M, N) uint8 array
+    disc : PixelDisc
+
+    Returns
+    -------
+    covered : (M, N) uint8 array
+        1 where it is so; 0 where not valid.
+    """
+    above, left = disc.rows - 1, disc.cols - 1
+    known = np.pad(valid > 0, ((above, above), (left, left)))
+    padded = np.pad(classes, ((above, above), (left, left)))
+    smallest = 255 - _disc_maxima(np.where(known, 255 - padded, 0).astype(np.uint8), disc)
+    uniform = _disc_maxima(np.where(known, padded, 0).astype(np.uint8), disc) == smallest
+    rows, cols = uniform.shape
+    centre = np.zeros_like(uniform)
+    for row in {above // 2, (above + 1) // 2}:
+        for col in {left // 2, (left + 1) // 2}:
+            centre |= known[row : row + rows, col : col + cols]
+    covered = _disc_maxima((uniform & centre).view(np.uint8), disc)
+    return covered & (valid > 0).view(np.uint8)
+
+
+@inlined
+def larger_of(first, shift, result):  # type: ignore[no-untyped-def]
+    """Store the larger of each value and the one `shift` columns on."""
+    for c in range(np.uintp(result.shape[0]) - np.uintp(shift)):
+        one = first[c]
+        other = first[c + np.uintp(shift)]
+        result[c] = one if one > other else other
+
+
+@inlined
+def raise_to(line, shift, result):  # type: ignore[no-untyped-def]
+    """Raise a row to the values of another one that begins `shift` columns on."""
+    for c in range(np.uintp(result.shape[0])):
+        one = result[c]
+        other = line[c + np.uintp(shift)]
+        result[c] = one if one > other else other
+
+
+@kernel("void(u1[:,::1], i8[:,::1], i8[::1], u1[:,:,::1], u1[:,::1])")
+def _disc_maximum(image, chords, shifts, lines, maxima):  # type: ignore[no-untyped-def]
+    # `lines` holds the runs of the last rows, a rolling one for each row of the disc.
+    height = chords.shape[0]
+    for row in range(image.shape[0]):
+        runs = lines[row % height]
+        larger_of(image[row], 0, runs[0])
+        for k in range(shifts.shape[0]):
+            larger_of(runs[k], shifts[k], runs[k + 1])
+        first = row - height + 1
+        if first < 0:
+            continue
+        larger_of(lines[first % height, chords[0, 1]][chords[0, 0] :], 0, maxima[first])
+        for j in range(1, height):
+            raise_to(lines[(first + j) % height, chords[j, 1]], chords[j, 0], maxima[first])

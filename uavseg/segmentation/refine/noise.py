@@ -24,11 +24,11 @@ def estimate_noise(
     active: NDArray[np.uint8],
     bounds: NDArray[np.int64],
 ) -> NDArray[np.float64]:
-    """Standard deviation of the noise around each square with active cells, in grey; 0 elsewhere.
+    """Estimate the standard deviation of the noise around each square with active cells; 0 elsewhere.
 
-    The larger of two estimates: the noise of pixels, and that of means of 4 x 4 pixels, scaled to independent
-    pixels. Only the second detects grain and crowns of trees. The median over 3 x 3 squares makes it robust
-    against edges.
+    It is in grey, the larger of two estimates: the noise of pixels, and that of means of 4 x 4 pixels, scaled
+    to independent pixels. Only the second detects grain and crowns of trees. The median over 3 x 3 squares
+    makes it robust against edges.
 
     Structure is not noise: where the pixels below a bound and those from it on form two separate groups,
     the estimates are those of the residuals from the means of the groups. Groups are separate where their
@@ -60,18 +60,18 @@ def estimate_noise(
     return math.sqrt(math.pi / 2) / 6 * medians_around(estimates.max(axis=0), squares)
 
 
-def medians_around(found: NDArray[np.float64], squares: NDArray[np.uint8]) -> NDArray[np.float64]:
-    """Upper median of the known values in the 3 x 3 squares around each wanted one; 0 elsewhere.
+def medians_around(values: NDArray[np.float64], squares: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """Compute the upper median of the known values in the 3 x 3 squares around some squares; 0 elsewhere.
 
     Parameters
     ----------
-    found : (m, n) float64 array
+    values : (m, n) float64 array
         Negative where not known.
     squares : (m, n) uint8 array
-        1 where a median is wanted.
+        1 where to compute a median.
     """
-    medians = np.zeros(found.shape)
-    _take_medians(found, squares, np.empty(9), np.empty((2, found.shape[1])), medians)
+    medians = np.zeros(values.shape)
+    _take_medians(values, squares, np.empty(9), np.empty((2, values.shape[1])), medians)
     return medians
 
 
@@ -94,7 +94,7 @@ def add_responses(grey, valid, row, begin, end, second, all_valid, sums, number)
 
 
 @inlined
-def store_mean_responses(sums, number, side, scale, needed, found):  # type: ignore[no-untyped-def]
+def store_mean_responses(sums, number, side, scale, needed, means):  # type: ignore[no-untyped-def]
     """Store the mean |response| of each square, from responses within it; reset the sums."""
     for col in range(np.uintp(needed.shape[0])):
         size = np.int32(0)
@@ -103,14 +103,14 @@ def store_mean_responses(sums, number, side, scale, needed, found):  # type: ign
             size += sums[c]
             count += number[c]
         if needed[col] and count > 0:
-            found[col] = scale * (size / count)
+            means[col] = scale * (size / count)
     sums[:] = 0
     number[:] = 0
 
 
 @inlined
 def mean_of_4x4(grey, valid, row, begin, end, sums, column_valid, means, all_valid):  # type: ignore[no-untyped-def]
-    """Means of 4 x 4 pixels, and whether all their pixels are valid."""
+    """Compute the means of 4 x 4 pixels, and whether all their pixels are valid."""
     a, b, c, d = row, row + np.uintp(1), row + np.uintp(2), row + np.uintp(3)
     for x in range(begin, end):
         sums[x] = np.int32(grey[a, x]) + np.int32(grey[b, x]) + np.int32(grey[c, x]) + np.int32(grey[d, x])
@@ -129,7 +129,7 @@ def mean_of_4x4(grey, valid, row, begin, end, sums, column_valid, means, all_val
 
 @inlined
 def extent_of_nonzero(needed):  # type: ignore[no-untyped-def]
-    """Index of the first nonzero element, and the index after the last; the latter 0 if there is none."""
+    """Find the first nonzero element and the index after the last; the latter is 0 if there is none."""
     first = needed.shape[0]
     last = 0
     for k in range(needed.shape[0]):
@@ -141,7 +141,7 @@ def extent_of_nonzero(needed):  # type: ignore[no-untyped-def]
 
 @inlined
 def extremes(grey, valid, row, col):  # type: ignore[no-untyped-def]
-    """The least and the largest grey of the valid pixels of a square."""
+    """Return the minimum and maximum grey of the valid pixels of a square."""
     minimum = np.uint16(65535)
     maximum = np.uint16(0)
     for r in range(row, row + np.uintp(NOISE_SIDE)):
@@ -153,30 +153,30 @@ def extremes(grey, valid, row, col):  # type: ignore[no-untyped-def]
 
 @inlined
 def sums_from(grey, valid, row, col, bound):  # type: ignore[no-untyped-def]
-    """Number, sum and sum of squares of the valid pixels of a square whose grey is at least the bound."""
+    """Count, sum and square-sum the valid pixels of a square whose grey is at least the bound."""
     count = np.int64(0)
     total = np.int64(0)
     squares = np.int64(0)
     for r in range(row, row + np.uintp(NOISE_SIDE)):
         for c in range(col, col + np.uintp(NOISE_SIDE)):
             is_upper = valid[r, c] & np.uint8(grey[r, c] >= bound)
-            own = np.int64(grey[r, c]) * np.int64(is_upper)
+            value = np.int64(grey[r, c]) * np.int64(is_upper)
             count += np.int64(is_upper)
-            total += own
-            squares += own * own
+            total += value
+            squares += value * value
     return count, total, squares
 
 
 @inlined
 def separating_bound(grey, valid, row, col, bounds):  # type: ignore[no-untyped-def]
-    """Find the bound that parts a square into the most separate groups, and the difference of their means.
+    """Find the bound that splits a square into the most separate groups, and the difference of their means.
 
     Both are 0 where no groups are separate.
     """
-    found = np.int64(0)
+    best = np.int64(0)
     difference = 0.0
     minimum, maximum = extremes(grey, valid, row, col)
-    most = _SEPARATION * _SEPARATION
+    largest = _SEPARATION * _SEPARATION
     for k in range(bounds.shape[0]):
         if bounds[k] <= minimum or bounds[k] > maximum:
             continue
@@ -186,10 +186,10 @@ def separating_bound(grey, valid, row, col, bounds):  # type: ignore[no-untyped-
         gap = upper_total / upper - lower_total / lower
         spread = squares - lower_total * lower_total / lower - upper_total * upper_total / upper
         within = max(spread / count, 0.0)
-        if gap * gap > most * within:
-            most = gap * gap / max(within, 1e-9)
-            found, difference = bounds[k], gap
-    return found, difference
+        if gap * gap > largest * within:
+            largest = gap * gap / max(within, 1e-9)
+            best, difference = bounds[k], gap
+    return best, difference
 
 
 @inlined
@@ -199,8 +199,8 @@ def store_residuals(grey, valid, row, col, bounds, residuals):  # type: ignore[n
     shift = np.int32(difference + 0.5)
     for r in range(np.uintp(NOISE_SIDE)):
         for c in range(col, col + np.uintp(NOISE_SIDE)):
-            own = np.int32(grey[row + r, c])
-            residuals[r, c] = own - (shift if own >= np.int32(bound) else np.int32(0))
+            value = np.int32(grey[row + r, c])
+            residuals[r, c] = value - (shift if value >= np.int32(bound) else np.int32(0))
 
 
 @kernel(
@@ -235,7 +235,7 @@ def _measure_squares(  # type: ignore[no-untyped-def]
 
 @inlined
 def median_of_known(values, row, col, known):  # type: ignore[no-untyped-def]
-    """Upper median of the known values in the 3 x 3 squares around; 0 if none is known."""
+    """Compute the upper median of the known values in the 3 x 3 squares around; 0 if none is known."""
     count = 0
     for r in range(max(row - 1, 0), min(row + 2, values.shape[0])):
         for c in range(max(col - 1, 0), min(col + 2, values.shape[1])):
@@ -252,13 +252,13 @@ def median_of_known(values, row, col, known):  # type: ignore[no-untyped-def]
 
 @inlined
 def median_of_three(a, b, c):  # type: ignore[no-untyped-def]
-    """Median of three values."""
+    """Compute the median of three values."""
     return max(min(a, b), min(max(a, b), c))
 
 
 @inlined
 def medians_of_nine(above, line, below, minimum, median):  # type: ignore[no-untyped-def]
-    """Median and minimum of 3 x 3 values: columns of three are sorted first."""
+    """Compute median and minimum of 3 x 3 values: columns of three are sorted first."""
     cols = np.uintp(line.shape[0])
     one = np.uintp(1)
     for c in range(one, cols - one):
@@ -281,16 +281,16 @@ def medians_of_nine(above, line, below, minimum, median):  # type: ignore[no-unt
 
 
 @kernel("void(f8[:,::1], u1[:,::1], f8[::1], f8[:,::1], f8[:,::1])")
-def _take_medians(found, needed, known, lines, noise):  # type: ignore[no-untyped-def]
+def _take_medians(values, needed, known, lines, medians):  # type: ignore[no-untyped-def]
     # Where all nine values are known, whole rows are computed at once.
     rows, cols = needed.shape
     minimum, median = lines[0], lines[1]
     for row in range(rows):
         minimum[:] = -1.0
         if 0 < row < rows - 1:
-            medians_of_nine(found[row - 1], found[row], found[row + 1], minimum, median)
+            medians_of_nine(values[row - 1], values[row], values[row + 1], minimum, median)
         for col in range(cols):
             if needed[row, col]:
-                noise[row, col] = (
-                    median[col] if minimum[col] >= 0.0 else median_of_known(found, row, col, known)
+                medians[row, col] = (
+                    median[col] if minimum[col] >= 0.0 else median_of_known(values, row, col, known)
                 )

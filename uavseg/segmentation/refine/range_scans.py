@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.segmentation.blocks.dilation import dilate
 
 REFINE_HALO = 80  # pixels: a tile with this halo is refined exactly as the whole image
 _MAX_RUN = 8  # pixels: a run of changes stops here
@@ -64,7 +65,7 @@ def refine_by_local_mean(
     -------
     refined : (M, N) uint8 array, a new array
     """
-    near = _dilate_pixels(inside) & _dilate_pixels(valid & (1 - inside)) & valid
+    near = dilate(inside, _MAX_RUN) & dilate(valid & (1 - inside), _MAX_RUN) & valid
     refined = inside.copy()
     sums = np.empty(inside.shape, np.int64)
     weights = np.empty(inside.shape, np.int64)
@@ -73,35 +74,22 @@ def refine_by_local_mean(
     return refined
 
 
-def _dilate_pixels(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Dilation by a square of 17 x 17 pixels, along rows and then along columns."""
-    spread = image
-    for axis in (0, 1):
-        padded = np.pad(spread, [(_MAX_RUN, _MAX_RUN) if k == axis else (0, 0) for k in (0, 1)])
-        for step in (1, 2, 4, 8, 1):  # windows of 2, 4, 8, 16 and 17
-            length = padded.shape[axis] - step
-            padded = np.maximum(
-                padded.take(range(length), axis), padded.take(range(step, length + step), axis)
-            )
-        spread = padded
-    return spread
+@inlined
+def can_change(inside, in_range, grow):  # type: ignore[no-untyped-def]
+    """Return 1 where a pixel may change side: inside and out of range, or (grow) outside and in range."""
+    return (inside ^ grow) & (in_range ^ grow ^ np.uint8(1))
 
 
 @inlined
-def can_change(own, in_range, grow):  # type: ignore[no-untyped-def]
-    """1 where a pixel may change side: it is inside and out of range, or (grow) outside and in range."""
-    return (own ^ grow) & (in_range ^ grow ^ np.uint8(1))
-
-
-@inlined
-def is_source(own, valid, grow):  # type: ignore[no-untyped-def]
-    """1 where the next pixel may change to the side of this one: valid and outside, or (grow) inside."""
-    return (own ^ grow ^ np.uint8(1)) & (valid | grow)
+def is_source(inside, valid, grow):  # type: ignore[no-untyped-def]
+    """Return 1 where the next pixel may take the side of this one: valid and outside, or (grow) inside."""
+    return (inside ^ grow ^ np.uint8(1)) & (valid | grow)
 
 
 @inlined
 def and_shifted(first, second, ahead, result):  # type: ignore[no-untyped-def]
-    """first & second, the latter shifted by `ahead`. Unsigned indices and one result a loop vectorise."""
+    """Store first & second, the latter shifted by `ahead`."""
+    # Unsigned indices and one result a loop vectorise.
     margin = np.uintp(_MAX_RUN)
     moved = np.uintp(_MAX_RUN + ahead)
     for c in range(np.uintp(result.shape[0] - 2 * _MAX_RUN)):
@@ -110,7 +98,7 @@ def and_shifted(first, second, ahead, result):  # type: ignore[no-untyped-def]
 
 @inlined
 def or_and_shifted(change, eligible, ahead, result):  # type: ignore[no-untyped-def]
-    """change | eligible & change, the last shifted by `ahead`."""
+    """Store change | eligible & change, the last shifted by `ahead`."""
     margin = np.uintp(_MAX_RUN)
     moved = np.uintp(_MAX_RUN + ahead)
     for c in range(np.uintp(result.shape[0] - 2 * _MAX_RUN)):

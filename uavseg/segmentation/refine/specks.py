@@ -1,26 +1,26 @@
-"""Small thin pieces and holes of a labelled image: they take the kind of what is around them."""
+"""Sieve filter: small thin pieces and holes of a class image take the class of what is around them."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-from uavseg.units import MAX_REFINED
+from uavseg.units import MAX_PIXEL_CLASSES
 
 MIN_PIECE = 12  # pixels: smaller thin pieces and thin holes are removed
-_NO_DATA = np.uint8(128)  # not valid, or outside the image; a bit that no kind has
+_NO_DATA = np.uint8(128)  # not valid, or outside the image; a bit that no class has
 
 
 def drop_specks(inside: NDArray[np.uint8], valid: NDArray[np.uint8], active: NDArray[np.uint8]) -> None:
-    """Change the kind of components of fewer than 12 pixels that touch another kind, all at once.
+    """Change the class of components of fewer than 12 pixels that touch another class, all at once.
 
-    They get the kind that most neighbours of their pixels have, of several the smallest: with one kind, they
-    change side. Components inside are 4-connected, as regions are; those outside (0) are 8-connected, as
-    holes are. A square of 3 x 3 pixels of one kind is kept.
+    They get the class that most neighbours of their pixels have, of several the smallest: with one class,
+    they change side. Components inside are 4-connected, as regions are; those outside (0) are 8-connected, as
+    holes are. A square of 3 x 3 pixels of one class is kept.
 
     Parameters
     ----------
     inside : (M, N) uint8 array
-        Kinds 0..`MAX_REFINED`; changed in place.
+        Kinds 0..`MAX_PIXEL_CLASSES`; changed in place.
     valid : (M, N) uint8 array
     active : (M / 8, N / 8) uint8 array
         Not 0 for cells whose pixels may change.
@@ -29,7 +29,7 @@ def drop_specks(inside: NDArray[np.uint8], valid: NDArray[np.uint8], active: NDA
     _pad_sides(inside, valid, sides)
     lines = np.ones((8, sides.shape[1]), np.uint8)
     stack, seen = np.empty((MIN_PIECE, 2), np.int64), np.empty(2 * MIN_PIECE + 1, np.uint32)
-    _drop_specks(sides, active, lines, stack, seen, np.zeros(MAX_REFINED + 1, np.uint8), inside)
+    _drop_specks(sides, active, lines, stack, seen, np.zeros(MAX_PIXEL_CLASSES + 1, np.uint8), inside)
 
 
 @kernel("void(u1[:,::1], u1[:,::1], u1[:,::1])")
@@ -45,7 +45,7 @@ def _pad_sides(inside, valid, sides):  # type: ignore[no-untyped-def]
 
 @inlined
 def changes_across(line, result):  # type: ignore[no-untyped-def]
-    """Not 0 where a pixel has no data or differs from its left or right neighbour."""
+    """Mark pixels that have no data or differ from their left or right neighbour (not 0)."""
     for c in range(np.uintp(result.shape[0] - 2)):
         here = line[c + np.uintp(1)]
         result[c + np.uintp(1)] = (line[c] ^ here) | (here ^ line[c + np.uintp(2)]) | (here & _NO_DATA)
@@ -53,7 +53,7 @@ def changes_across(line, result):  # type: ignore[no-untyped-def]
 
 @inlined
 def changes_around(above, line, below, across_above, across, across_below, result):  # type: ignore[no-untyped-def]
-    """1 where the 3 x 3 pixels around a pixel are not all on one side."""
+    """Mark pixels around which the 3 x 3 pixels are not all of one class."""
     for c in range(np.uintp(1), np.uintp(result.shape[0] - 1)):
         result[c] = across_above[c] | across[c] | across_below[c]
     for c in range(np.uintp(1), np.uintp(result.shape[0] - 1)):
@@ -62,7 +62,7 @@ def changes_around(above, line, below, across_above, across, across_below, resul
 
 @inlined
 def mark_thin(above, line, below, narrow, result):  # type: ignore[no-untyped-def]
-    """1 where a pixel belongs to no 3 x 3 square of one side (its piece is thin here)."""
+    """Mark pixels that belong to no 3 x 3 square of one class (their piece is thin here)."""
     for c in range(np.uintp(narrow.shape[0])):
         narrow[c] = above[c] & line[c] & below[c]
     for c in range(np.uintp(narrow.shape[0] - 2)):
@@ -70,16 +70,17 @@ def mark_thin(above, line, below, narrow, result):  # type: ignore[no-untyped-de
 
 
 @inlined
-def kind_around(sides, r, c, stack, seen, contacts):  # type: ignore[no-untyped-def]
-    """The kind around a pixel's component if it is smaller than MIN_PIECE, else its own (flood fill)."""
+def label_around(sides, r, c, stack, seen, contacts):  # type: ignore[no-untyped-def]
+    """Return the class around a pixel's component if that is smaller than MIN_PIECE, else the pixel's."""
+    # Flood fill, which stops at MIN_PIECE pixels.
     one = np.uint32(1)
-    own = sides[r, c]
+    here = sides[r, c]
     seen[:] = 0
     seen[MIN_PIECE] = one << np.uint32(MIN_PIECE)  # a bit for each visited pixel
     stack[0, 0] = r
     stack[0, 1] = c
     count = 1
-    minimum = _NO_DATA  # of the kinds around
+    minimum = _NO_DATA  # of the classes around
     maximum = np.uint8(0)
     k = 0
     while k < count:
@@ -89,39 +90,39 @@ def kind_around(sides, r, c, stack, seen, contacts):  # type: ignore[no-untyped-
             for x in range(col - 1, col + 2):
                 bit = one << np.uint32(x - c + MIN_PIECE)
                 other = sides[y, x]
-                if other != own:
+                if other != here:
                     if other != _NO_DATA:
                         minimum = min(minimum, other)
                         maximum = max(maximum, other)
-                elif (own == 0 or y == row or x == col) and not seen[y - r + MIN_PIECE] & bit:
+                elif (here == 0 or y == row or x == col) and not seen[y - r + MIN_PIECE] & bit:
                     if count == MIN_PIECE - 1:
-                        return own
+                        return here
                     seen[y - r + MIN_PIECE] |= bit
                     stack[count, 0] = y
                     stack[count, 1] = x
                     count += 1
         k += 1
     if minimum == _NO_DATA:
-        return own
+        return here
     if minimum == maximum:
         return minimum
-    return most_contacts(sides, own, stack, count, contacts, minimum, maximum)
+    return most_contacts(sides, here, stack, count, contacts, minimum, maximum)
 
 
 @inlined
-def most_contacts(sides, own, stack, count, contacts, minimum, maximum):  # type: ignore[no-untyped-def]
-    """The kind that most neighbours of a component's pixels have, of several the smallest."""
+def most_contacts(sides, here, stack, count, contacts, minimum, maximum):  # type: ignore[no-untyped-def]
+    """Return the class that most neighbours of a component's pixels have, of several the smallest."""
     contacts[:] = 0
     for k in range(count):
         for y in range(stack[k, 0] - 1, stack[k, 0] + 2):
             for x in range(stack[k, 1] - 1, stack[k, 1] + 2):
-                if sides[y, x] != own and sides[y, x] != _NO_DATA:
+                if sides[y, x] != here and sides[y, x] != _NO_DATA:
                     contacts[sides[y, x]] += np.uint8(1)
-    found = minimum
-    for kind in range(minimum, np.int64(maximum) + 1):
-        if contacts[kind] > contacts[found]:
-            found = np.uint8(kind)
-    return found
+    best = minimum
+    for label in range(minimum, np.int64(maximum) + 1):
+        if contacts[label] > contacts[best]:
+            best = np.uint8(label)
+    return best
 
 
 @kernel("void(u1[:,::1], u1[:,::1], u1[:,::1], i8[:,::1], u4[::1], u1[::1], u1[:,::1])")
@@ -153,4 +154,4 @@ def _drop_specks(sides, active, lines, stack, seen, contacts, inside):  # type: 
             if active[(row - 1) // 8, cell]:
                 for c in range(8 * cell + 1, 8 * cell + 9):
                     if result[c] and sides[row, c] != _NO_DATA:
-                        inside[row - 1, c - 1] = kind_around(sides, row, c, stack, seen, contacts)
+                        inside[row - 1, c - 1] = label_around(sides, row, c, stack, seen, contacts)

@@ -22,7 +22,7 @@ _DIRECTIONS = 16
 _SIDES = (3, 4)  # pixels from the middle of a line to what it is compared with
 _STRONG, _WEAK = 4.5, 2.5  # standard deviations of the difference
 _REACH = 8  # pixels that weak evidence continues strong evidence
-_LEAST_NOISE = 74.0  # grey: standard deviation of rounding to 8 bits
+_MIN_NOISE = 74.0  # grey: standard deviation of rounding to 8 bits
 _MEASURED = range(0, 16, 4)  # directions in which noise is measured
 _INVALID = 1 << 24  # grey of invalid pixels, more than any sum of valid ones
 MARGIN = 48  # pixels around a window that count: two squares, a line and a side
@@ -32,7 +32,7 @@ Offsets = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class ThinLines:
-    """Thin lines are added to what was refined; they need no more pixels around a tile than refinement."""
+    """Addition of thin lines to refined regions; it needs no more pixels around a tile than refinement."""
 
     halo: int = 0
 
@@ -40,7 +40,7 @@ class ThinLines:
 def find_thin_lines(
     grey: NDArray[np.uint16], valid: NDArray[np.uint8], greys: tuple[int, int], margin: int
 ) -> NDArray[np.uint8]:
-    """Pixels on thin lines in a range.
+    """Detect the pixels on thin lines in a range.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def find_thin_lines(
     greys : (int, int)
         The smallest and the largest grey in the range.
     margin : int
-        Pixels on every side that are read alone, a multiple of 16 and at least 48.
+        Pixels on every side that are context alone, a multiple of 16 and at least 48.
 
     Returns
     -------
@@ -61,23 +61,23 @@ def find_thin_lines(
     inner = slice(skipped, -skipped or None)
     values = grey[inner, inner].astype(np.int32)
     values[valid[inner, inner] == 0] = _INVALID
-    found, sums = np.zeros(values.shape, np.uint8), np.zeros(values.shape, np.int32)
+    evidence, sums = np.zeros(values.shape, np.uint8), np.zeros(values.shape, np.int32)
     spread = _spread(values, sums)
     weak, strong = (np.floor(z * spread).astype(np.int32) for z in (_WEAK, _STRONG))
     for k in range(_DIRECTIONS):
         along, sides = _offsets(math.pi * k / _DIRECTIONS)
         _sum_lines(values, along, sums)
-        _add_evidence(sums, sides, greys[0], greys[1], weak, strong, found)
-    lines: NDArray[np.uint8] = found >> np.uint8(1)
+        _add_evidence(sums, sides, greys[0], greys[1], weak, strong, evidence)
+    lines: NDArray[np.uint8] = evidence >> np.uint8(1)
     for _ in range(_REACH):
-        lines = dilate(lines) & (found & np.uint8(1))
+        lines = dilate(lines) & (evidence & np.uint8(1))
     return _joined(lines, values, greys)
 
 
 def _spread(values: NDArray[np.int32], sums: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Standard deviation of twice the sum of a line less that of a side, for each square of 16 pixels.
+    """Estimate the standard deviation of twice the sum of a line less that of a side, for each square.
 
-    It is the median over 3 x 3 squares of its mean size, which few lines do not change.
+    It follows from the median over 3 x 3 squares of the mean |difference|, which few lines do not change.
     """
     shape = values.shape[0] // NOISE_SIDE, values.shape[1] // NOISE_SIDE
     totals, counts = np.zeros(shape, np.int64), np.zeros(shape, np.int64)
@@ -87,11 +87,11 @@ def _spread(values: NDArray[np.int32], sums: NDArray[np.int32]) -> NDArray[np.fl
         _add_differences(sums, sides, totals, counts)
     means = np.where(counts > 0, totals / np.maximum(counts, 1), -1.0)
     spread = math.sqrt(math.pi / 2) * medians_around(means, np.ones(shape, np.uint8))
-    return np.maximum(spread, _LEAST_NOISE * math.sqrt(4 * LENGTH + 2 * LENGTH))
+    return np.maximum(spread, _MIN_NOISE * math.sqrt(4 * LENGTH + 2 * LENGTH))
 
 
 def _joined(lines: NDArray[np.uint8], values: NDArray[np.int32], greys: tuple[int, int]) -> NDArray[np.uint8]:
-    """Lines with a pixel at each diagonal step, so that their pixels share edges: the nearer to the range."""
+    """Add a pixel at each diagonal step, the nearer to the range, so that the pixels of lines share edges."""
     distance = np.maximum(np.maximum(greys[0] - values, values - greys[1]), 0)
     joined = lines.copy()
     first, last = slice(None, -1), slice(1, None)
@@ -108,7 +108,7 @@ def _joined(lines: NDArray[np.uint8], values: NDArray[np.int32], greys: tuple[in
 
 
 def _offsets(angle: float) -> tuple[Offsets, Offsets]:
-    """Row and column offsets of the pixels of a line in a direction, and of its two sides, two each."""
+    """Return row and column offsets of the pixels of a line in a direction, and of two on each side of it."""
     down, across = math.sin(angle), math.cos(angle)
     half = range(-(LENGTH // 2), LENGTH // 2 + 1)
     if abs(across) >= abs(down):
@@ -153,17 +153,17 @@ def _add_differences(sums, sides, totals, counts):  # type: ignore[no-untyped-de
 
 
 @kernel("void(i4[:,::1], i8[:,::1], i8, i8, i4[:,::1], i4[:,::1], u1[:,::1])")
-def _add_evidence(sums, sides, low, high, weak, strong, found):  # type: ignore[no-untyped-def]
+def _add_evidence(sums, sides, low, high, weak, strong, evidence):  # type: ignore[no-untyped-def]
     reach = 13
-    least = np.int32(15 * low)
-    most = np.int32(15 * high)
+    minimum = np.int32(15 * low)
+    maximum = np.int32(15 * high)
     for row in range(reach, sums.shape[0] - reach):
         for square in range(weak.shape[1]):
-            some = weak[row // 16, square]
-            much = strong[row // 16, square]
+            weak_limit = weak[row // 16, square]
+            strong_limit = strong[row // 16, square]
             for col in range(max(16 * square, reach), min(16 * square + 16, sums.shape[1] - reach)):
                 line = sums[row, col]
-                if least <= line <= most:
+                if minimum <= line <= maximum:
                     one = sums[row + sides[0, 0], col + sides[0, 1]]
                     one += sums[row + sides[1, 0], col + sides[1, 1]]
                     two = sums[row + sides[2, 0], col + sides[2, 1]]
@@ -172,9 +172,9 @@ def _add_evidence(sums, sides, low, high, weak, strong, found):  # type: ignore[
                     farther = max(one, two)
                     if farther < 16777216:
                         contrast = np.int32(-1)
-                        if nearer > 2 * most:
+                        if nearer > 2 * maximum:
                             contrast = nearer - 2 * line
-                        elif farther < 2 * least:
+                        elif farther < 2 * minimum:
                             contrast = 2 * line - farther
-                        if contrast > some:
-                            found[row, col] |= np.uint8(3) if contrast > much else np.uint8(1)
+                        if contrast > weak_limit:
+                            evidence[row, col] |= np.uint8(3) if contrast > strong_limit else np.uint8(1)

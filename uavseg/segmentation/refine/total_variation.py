@@ -11,12 +11,16 @@ grey, fits 16 bits.
 """
 
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.segmentation.blocks.dilation import dilate
+from uavseg.segmentation.refine.noise import NOISE_SIDE, estimate_noise
+from uavseg.segmentation.refine.specks import drop_specks
+from uavseg.units import CELL, GREY_LEVELS
 
 SWEEPS = 5
 TV_HALO = 32  # columns, whole cells: a sweep reaches six columns, two along rows, two in each pair of rows
@@ -27,95 +31,63 @@ _LINES = 2 * SWEEPS + 2  # active lines
 _VECTOR = 64  # pixels: loops over a multiple of it need no remainder loop
 _GROUPS = 8  # groups of pairs of neighbours: two within a line, two vertical, four diagonal
 _GAP = 16  # pixels of weight 0 behind those of the even and of the odd columns
+_WEIGHT_PER_NOISE = 0.34  # weight of a pair of neighbours / standard deviation of the noise
 
 
-def threshold_tv(
+def _threshold_panels(
     grey: NDArray[np.uint16],
     valid: NDArray[np.uint8],
     weights: NDArray[np.int16],
     greys: tuple[int, int],
     inside: NDArray[np.uint8],
 ) -> None:
-    """Classify pixels by whether denoised grey lies in a range; unchanged pixels keep their side.
+    """Classify pixels by whether denoised grey lies in a range, in place; unchanged pixels keep their side.
 
-    Parameters
-    ----------
-    grey : (M, N) uint16 array
-        M is even, N a multiple of 8.
-    valid : (M, N) uint8 array
-    weights : (M / 8, N / 8) int16 array
-        Weight of the pixel pairs of each cell, in units of half a grey, 0 to `MAX_WEIGHT`; between cells the
-        smaller one holds.
-    greys : (int, int)
-        The range.
-    inside : (M, N) uint8 array
-        1 where in range; changed in place.
+    M is even, N a multiple of 8. A cell has one weight, in units of half a grey, 0 to `MAX_WEIGHT`; between
+    cells the smaller one holds.
     """
     low, high = (greys[0] + 1) // 2, greys[1] // 2  # in units of half a grey
-    for begin, end in _panels(grey.shape[1]):
-        found = _Panel.of(weights, begin, end, grey.shape[1])
-        if found is not None:
-            _threshold_tv(grey, valid, *found, low, high, *_line_buffers(found.half), inside)
+    for panel, buffers in _panels(weights, grey.shape[1]):
+        _threshold_tv(grey, valid, *panel, low, high, *buffers, inside)
 
 
-def classify_tv(
+def _classify_panels(
     grey: NDArray[np.uint16],
     valid: NDArray[np.uint8],
     weights: NDArray[np.int16],
     table: NDArray[np.uint8],
-    kinds: NDArray[np.uint8],
+    classes: NDArray[np.uint8],
 ) -> None:
-    """Classify pixels by the kind of their denoised grey; unchanged pixels keep their kind.
-
-    Parameters
-    ----------
-    grey, valid, weights
-        As of `threshold_tv`.
-    table : (65536,) uint8 array
-        The kind of each grey.
-    kinds : (M, N) uint8 array
-        Changed in place.
-    """
+    """Classify pixels by the class of their denoised grey, in place; unchanged pixels keep their class."""
     half_greys = np.ascontiguousarray(table[::2])
-    for begin, end in _panels(grey.shape[1]):
-        found = _Panel.of(weights, begin, end, grey.shape[1])
-        if found is not None:
-            _classify_tv(grey, valid, *found, half_greys, *_line_buffers(found.half), kinds)
+    for panel, buffers in _panels(weights, grey.shape[1]):
+        _classify_tv(grey, valid, *panel, half_greys, *buffers, classes)
 
 
-def _panels(cols: int) -> Iterator[tuple[int, int]]:
-    """First column of each panel, and the column after its last."""
+def _panels(
+    weights: NDArray[np.int16], cols: int
+) -> Iterator[tuple[tuple[NDArray[Any], ...], tuple[NDArray[Any], ...]]]:
+    """Yield the panels with active cells, each with its line buffers.
+
+    A panel is the weights of its even columns with its halo, which are those of the odd ones too; its active
+    rows of cells; its first column in the halo, its first column, and the column after its last.
+    """
     for begin in range(0, cols, _PANEL):
-        yield begin, min(begin + _PANEL, cols)
-
-
-class _Panel(NamedTuple):
-    """Weights of the even columns of a panel with its halo, and of the odd; active rows of cells; columns."""
-
-    weights: NDArray[np.int16]
-    active: NDArray[np.uint8]
-    columns: NDArray[np.int64]
-
-    @classmethod
-    def of(cls, weights: NDArray[np.int16], begin: int, end: int, cols: int) -> "_Panel | None":
-        """The panel of some columns; None where no cell is active."""
+        end = min(begin + _PANEL, cols)
         first, last = max(begin - TV_HALO, 0), min(end + TV_HALO, cols)
         column_weights = weights[:, first // 8 : last // 8].repeat(4, axis=1)
         active = np.asarray(column_weights.any(axis=1)).view(np.uint8)
-        return cls(column_weights, active, np.array([first, begin, end])) if active.any() else None
-
-    @property
-    def half(self) -> int:
-        """Number of the even columns."""
-        return int(self.weights.shape[1])
+        if active.any():
+            columns = np.array([first, begin, end])
+            yield (column_weights, active, columns), _line_buffers(column_weights.shape[1])
 
 
 def _line_buffers(half: int) -> tuple[NDArray[Any], ...]:
-    """Buffers of the active lines: u, weights, diagonal weights, and flows of the eight groups of pairs.
+    """Allocate the active lines: u, weights, diagonal weights, and flows of the eight groups of pairs.
 
     In a line, the pixels of even columns come first. A group touches no pixel twice. The last array, (8, 2),
     holds the first pixel of each group in the upper and in the lower line. The two diagonals of a square of
-    2 x 2 pixels follow each other: they share no pixel, so a mirrored image is denoised alike.
+    2 x 2 pixels follow each other: they share no pixel, so mirroring commutes with denoising.
     """
     length = -(-half // _VECTOR) * _VECTOR
     even, odd, right = 0, length + _GAP, 1
@@ -168,9 +140,9 @@ def relax_groups(begin, end, groups, u, weights, flows, upper, lower, length):  
 
 @inlined
 def threshold_pixel(value, grey, valid, low, high, inside):  # type: ignore[no-untyped-def]
-    """1 where the denoised grey of a pixel is in range; an unchanged pixel keeps its side."""
-    found = np.uint8(low <= value) & np.uint8(value <= high) & valid
-    return found if value != np.int16(grey >> 1) else inside
+    """Return 1 where the denoised grey of a pixel is in range; an unchanged pixel keeps its side."""
+    in_range = np.uint8(low <= value) & np.uint8(value <= high) & valid
+    return in_range if value != np.int16(grey >> 1) else inside
 
 
 @inlined
@@ -184,15 +156,15 @@ def threshold_row(u, even, odd, grey, valid, low, high, begin, half, inside):  #
 
 
 @inlined
-def classify_row(u, even, odd, grey, valid, table, begin, half, kinds):  # type: ignore[no-untyped-def]
-    """The kinds of a row of pixels by their denoised grey; an unchanged pixel keeps its kind."""
+def classify_row(u, even, odd, grey, valid, table, begin, half, classes):  # type: ignore[no-untyped-def]
+    """Classify a row of pixels by their denoised grey; an unchanged pixel keeps its class."""
     for k in range(half):
         c = begin + np.uintp(2) * k
         d = c + np.uintp(1)
         if u[even + k] != np.int16(grey[c] >> 1):
-            kinds[c] = table[u[even + k]] * valid[c]
+            classes[c] = table[u[even + k]] * valid[c]
         if u[odd + k] != np.int16(grey[d] >> 1):
-            kinds[d] = table[u[odd + k]] * valid[d]
+            classes[d] = table[u[odd + k]] * valid[d]
 
 
 @inlined
@@ -250,9 +222,9 @@ def _threshold_tv(  # type: ignore[no-untyped-def]
     " i8[:,::1], u1[:,::1])"
 )
 def _classify_tv(  # type: ignore[no-untyped-def]
-    grey, valid, cell_weights, active, panel, table, u, weights, diagonals, flows, groups, kinds
+    grey, valid, cell_weights, active, panel, table, u, weights, diagonals, flows, groups, classes
 ):
-    # As _threshold_tv, with a table of kinds in place of a range.
+    # As _threshold_tv, with a table of classes in place of a range.
     rows = grey.shape[0]
     length = flows.shape[0] // (_LINES * _GROUPS)
     width = length + _GAP
@@ -266,4 +238,122 @@ def _classify_tv(  # type: ignore[no-untyped-def]
             if active[row // 8]:
                 even = np.uintp(2 * (row % _LINES) * width) + (begin - first) // np.uintp(2)
                 odd = even + np.uintp(width)
-                classify_row(u, even, odd, grey[row], valid[row], table, begin, half, kinds[row])
+                classify_row(u, even, odd, grey[row], valid[row], table, begin, half, classes[row])
+
+
+def refine_by_tv(
+    inside: NDArray[np.uint8],
+    valid: NDArray[np.uint8],
+    grey: NDArray[np.uint16],
+    greys: tuple[int, int],
+    separate: bool = True,
+) -> NDArray[np.uint8]:
+    """Classify the pixels around a bound of a range by denoised v; the weights follow the local noise.
+
+    Cells with pixels on both sides and the cells around them are denoised; all other pixels are decided by
+    their own value, as `inside` has them. Then, where there is noise, thin pieces and holes of fewer than
+    `specks.MIN_PIECE` pixels change side.
+
+    Parameters
+    ----------
+    inside : (M, N) uint8 array
+        1 where a valid pixel's own grey lies in the range; refined in place. M and N are multiples of 16.
+    valid : (M, N) uint8 array
+    grey : (M, N) uint16 array, 0 where not valid
+    greys : (int, int)
+        The range of grey.
+    separate : bool
+        Whether a step between two separate groups of greys is structure, and not noise; see `noise`.
+
+    Returns
+    -------
+    inside : (M, N) uint8 array, the same array
+    """
+    two_sided = np.empty((inside.shape[0] // CELL, inside.shape[1] // CELL), np.uint8)
+    _two_sided_cells(inside, valid, np.empty((2, inside.shape[1]), np.uint8), two_sided)
+    if two_sided.any():
+        active = dilate(two_sided)
+        bounds = [bound for bound in (greys[0], greys[1] + 1) if separate and 0 < bound < GREY_LEVELS]
+        weights = _weights(estimate_noise(grey, valid, active, np.array(bounds, np.int64)), active)
+        _threshold_panels(grey, valid, weights, greys, inside)
+        drop_specks(inside, valid, (weights > 0).view(np.uint8))
+    return inside
+
+
+def refine_classes_by_tv(
+    classes: NDArray[np.uint8],
+    valid: NDArray[np.uint8],
+    grey: NDArray[np.uint16],
+    table: NDArray[np.uint8],
+) -> NDArray[np.uint8]:
+    """Classify the pixels around the bounds of several classes by denoised v.
+
+    Each pixel gets the class of its denoised grey, so classes share their borders. With one class the result
+    is that of `refine_by_tv`. A small thin piece gets the class of most pixels around it.
+
+    Parameters
+    ----------
+    classes : (M, N) uint8 array
+        The class of each pixel's own grey, 0 where not valid; refined in place. M and N are multiples of 16.
+    valid : (M, N) uint8 array
+    grey : (M, N) uint16 array, 0 where not valid
+    table : (65536,) uint8 array
+        The class of each grey, at most `MAX_PIXEL_CLASSES`.
+
+    Returns
+    -------
+    classes : (M, N) uint8 array, the same array
+    """
+    two_sided = np.empty((classes.shape[0] // CELL, classes.shape[1] // CELL), np.uint8)
+    _cells_of_two_classes(classes, valid, two_sided)
+    if two_sided.any():
+        active = dilate(two_sided)
+        bounds = 1 + np.flatnonzero(table[1:] != table[:-1])
+        weights = _weights(estimate_noise(grey, valid, active, bounds), active)
+        _classify_panels(grey, valid, weights, table, classes)
+        drop_specks(classes, valid, (weights > 0).view(np.uint8))
+    return classes
+
+
+def _weights(noise: NDArray[np.float64], active: NDArray[np.uint8]) -> NDArray[np.int16]:
+    """Return the weights of the pixels of each cell, in units of half a grey; 0 in inactive cells."""
+    weights = np.minimum(np.rint(_WEIGHT_PER_NOISE / 2 * noise), MAX_WEIGHT).astype(np.int16)
+    return weights.repeat(NOISE_SIDE // 8, axis=0).repeat(NOISE_SIDE // 8, axis=1) * active
+
+
+@inlined
+def add_row(inside, valid, any_in, any_out):  # type: ignore[no-untyped-def]
+    """Accumulate which sides occur in each column."""
+    for c in range(np.uintp(inside.shape[0])):
+        any_in[c] |= inside[c]
+    for c in range(np.uintp(inside.shape[0])):
+        any_out[c] |= valid[c] ^ inside[c]  # a pixel inside is valid
+
+
+@kernel("void(u1[:,::1], u1[:,::1], u1[:,::1], u1[:,::1])")
+def _two_sided_cells(inside, valid, lines, two_sided):  # type: ignore[no-untyped-def]
+    any_in, any_out = lines[0], lines[1]
+    for row in range(two_sided.shape[0]):
+        any_in[:] = 0
+        any_out[:] = 0
+        for r in range(8 * row, 8 * row + 8):
+            add_row(inside[r], valid[r], any_in, any_out)
+        for cell in range(two_sided.shape[1]):
+            sides = np.uint8(0)
+            for c in range(8 * cell, 8 * cell + 8):
+                sides |= any_in[c] | (any_out[c] << np.uint8(1))
+            two_sided[row, cell] = np.uint8(sides == 3)
+
+
+@kernel("void(u1[:,::1], u1[:,::1], u1[:,::1])")
+def _cells_of_two_classes(classes, valid, two_sided):  # type: ignore[no-untyped-def]
+    for row in range(two_sided.shape[0]):
+        for cell in range(np.uintp(two_sided.shape[1])):
+            minimum = np.uint8(255)
+            maximum = np.uint8(0)
+            for r in range(8 * row, 8 * row + 8):
+                for c in range(np.uintp(8) * cell, np.uintp(8) * cell + np.uintp(8)):
+                    if valid[r, c]:
+                        minimum = min(minimum, classes[r, c])
+                        maximum = max(maximum, classes[r, c])
+            two_sided[row, cell] = np.uint8(minimum < maximum)

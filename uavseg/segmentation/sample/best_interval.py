@@ -1,4 +1,4 @@
-"""The interval of one number per pixel that parts a sample's kind best from the rest of a raster."""
+"""Optimal threshold interval: the one that separates a sample's class best from the rest of a raster."""
 
 import math
 from dataclasses import dataclass
@@ -9,20 +9,20 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 _BINS = 256
-_TAILS = (0.001, 0.999)  # quantiles between which bins lie; what is beyond belongs to the outer ones
-_WRONG = 0.1  # share of the sample that may be of another kind
+_TAILS = (0.001, 0.999)  # quantiles between which bins lie; values outside belong to the outer ones
+_WRONG = 0.1  # share of the sample that may be of another class
 _OPEN = 0.005  # agreement that an end may cost to be open
 
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """An interval, open where an end is infinite, and how well it is expected to fit.
+    """Interval, open where an end is infinite, with its expected fit.
 
     Parameters
     ----------
     low, high : float
     agreement : float
-        Expected pixels that are of the kind and in the interval, as a share of those that are either.
+        Expected pixels that are of the class and in the interval, as a share of those that are either.
     share : float
         Of the raster's pixels in it.
     step : float
@@ -36,38 +36,38 @@ class Interval:
     step: float
 
 
-def best_interval(values: Floats, likeness: Floats, own: Floats) -> Interval | None:
-    """The interval with the largest expected intersection over union with what is of a sample's kind.
+def best_interval(values: Floats, similarity: Floats, sample: Floats) -> Interval | None:
+    """Choose the interval with the largest expected intersection over union with a sample's class.
 
     Parameters
     ----------
     values : (n,) float64 array
         Of pixels all over the raster.
-    likeness : (n,) float64 array
-        Probability that each is of the kind.
-    own : (m,) float64 array
+    similarity : (n,) float64 array
+        Probability that each is of the class.
+    sample : (m,) float64 array
         Values of the sample's pixels. An interval that lacks more than a tenth of them counts for less.
 
     Returns
     -------
     interval : Interval or None
-        Open at an end where that costs next to nothing; None where all values are one, or none is finite.
+        Open at an end where that costs almost no agreement; None where all values are one, or none is finite.
     """
     finite = np.isfinite(values)
-    values, likeness, own = values[finite], likeness[finite], own[np.isfinite(own)]
-    if len(values) == 0 or len(own) == 0:
+    values, similarity, sample = values[finite], similarity[finite], sample[np.isfinite(sample)]
+    if len(values) == 0 or len(sample) == 0:
         return None
-    low, high = np.quantile(np.concatenate([values, own]), _TAILS)
+    low, high = np.quantile(np.concatenate([values, sample]), _TAILS)
     if not low < high:
         return None
     edges = np.linspace(low, high, _BINS + 1)
     places = np.searchsorted(edges[1:-1], values, side="right")
-    of_own = np.bincount(np.searchsorted(edges[1:-1], own, side="right"), minlength=_BINS) / len(own)
-    found = _between(np.bincount(places, likeness, _BINS).astype(np.float64))
+    of_sample = np.bincount(np.searchsorted(edges[1:-1], sample, side="right"), minlength=_BINS) / len(sample)
+    expected = _between(np.bincount(places, similarity, _BINS).astype(np.float64))
     pixels = _between(np.bincount(places, minlength=_BINS).astype(np.float64))
-    in_own = np.minimum(_between(of_own) / (1 - _WRONG), 1)
-    agreement = np.triu(found / np.maximum(found[0, -1] + pixels - found, 1e-9), 1) * in_own
-    agreement[0, -1] = 0  # all values are no choice
+    in_sample = np.minimum(_between(of_sample) / (1 - _WRONG), 1)
+    agreement = np.triu(expected / np.maximum(expected[0, -1] + pixels - expected, 1e-9), 1) * in_sample
+    agreement[0, -1] = 0  # not the interval of all values
     first, last = (int(place) for place in np.unravel_index(agreement.argmax(), agreement.shape))
     best = float(agreement[first, last])
     if agreement[0, last] >= best - _OPEN:
@@ -84,35 +84,35 @@ def best_interval(values: Floats, likeness: Floats, own: Floats) -> Interval | N
 
 
 def _between(counts: Floats) -> Floats:
-    """Sums of counts from each edge of bins to each other one."""
+    """Sum counts from each edge of bins to each other one."""
     sums = np.concatenate([[0.0], np.cumsum(counts)])
-    found: Floats = sums[None, :] - sums[:, None]
-    return found
+    between: Floats = sums[None, :] - sums[:, None]
+    return between
 
 
-def linear_weights(colors: Floats, likeness: Floats, digits: int = 2) -> Floats:
-    """Weights of bands whose sum parts a kind from the rest best: Fisher's linear discriminant.
+def linear_weights(colors: Floats, similarity: Floats, digits: int = 2) -> Floats:
+    """Return the weights of bands whose sum separates a class best: Fisher's linear discriminant.
 
     R. A. Fisher, Annals of Eugenics 7 (1936) 179-188, with probabilities in place of two classes.
 
     Parameters
     ----------
     colors : (n, bands) float64 array
-    likeness : (n,) float64 array
-        Probability that each pixel is of the kind.
+    similarity : (n,) float64 array
+        Probability that each pixel is of the class.
     digits : int
         Decimals to which the weights are rounded; their absolute values have a sum of about 1.
     """
-    of_kind, of_rest = (share / max(float(share.sum()), 1e-9) for share in (likeness, 1 - likeness))
+    of_kind, of_rest = (share / max(float(share.sum()), 1e-9) for share in (similarity, 1 - similarity))
     middle, other = ((share[:, None] * colors).sum(0) for share in (of_kind, of_rest))
     scale = np.maximum(colors.std(0), 1e-12)
     scatter = _scatter((colors - middle) / scale, of_kind) + _scatter((colors - other) / scale, of_rest)
     weights = np.linalg.solve(scatter + 0.01 * np.eye(len(scale)), (middle - other) / scale) / scale
-    found: Floats = np.round(weights / max(float(abs(weights).sum()), 1e-12), digits)
-    return found
+    rounded: Floats = np.round(weights / max(float(abs(weights).sum()), 1e-12), digits)
+    return rounded
 
 
 def _scatter(away: Floats, shares: Floats) -> Floats:
     bands = range(away.shape[1])
-    found: Floats = np.array([[(shares * away[:, a] * away[:, b]).sum() for b in bands] for a in bands])
-    return found
+    scatter: Floats = np.array([[(shares * away[:, a] * away[:, b]).sum() for b in bands] for a in bands])
+    return scatter

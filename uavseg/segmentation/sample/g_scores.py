@@ -4,6 +4,10 @@ A model is the joint histogram of LBP codes and contrast bins of a sample's coun
 moves over the image in steps of one cell of 8 pixels. Its score is G of the two histograms less the expected
 G under the null hypothesis (see `g_statistic`), per counted pixel. Logarithms are in fixed point, so a score
 is a sum of integers and does not depend on where the window started.
+
+Scores of cells are bimodal where Otsu's criterion separates those of the sample from others with a gap
+between them: N. Otsu, "A threshold selection method from gray-level histograms", IEEE Transactions on
+Systems, Man, and Cybernetics 9 (1979) 62-66.
 """
 
 from dataclasses import dataclass, field
@@ -27,6 +31,14 @@ _LOG_SCALE = 1 << 20  # fixed point of n ln n
 _MIN_COVERAGE = (7, 8)  # share of a window's pixels that must be counted
 
 T = TypeVar("T", bound=np.integer[Any])
+_FEW = 32  # cells
+_SEPARABLE = 0.8  # minimum share of the variance between the two classes
+_GAP = SCORE_UNITS // 4  # width of the gap above the limit
+_MIN_SHARE = 0.1  # of cells above the gap
+_BETWEEN = 0.4  # cells within the gap, as a share of those above it
+_OUTLIERS = 0.99  # quantile to which larger scores are reduced
+_OTSU_BINS = 256
+_PART = 1 << 20  # scores that are counted at a time
 
 
 @dataclass(frozen=True)
@@ -73,7 +85,7 @@ def texture_model(
     margin: int = 0,
     coarse: NDArray[np.uint16] | None = None,
 ) -> TextureModel:
-    """Histograms of selected cells of an image.
+    """Count the textures and greys of selected cells of an image.
 
     Parameters
     ----------
@@ -95,7 +107,7 @@ def texture_model(
 
 
 def min_count(side: int) -> int:
-    """Smallest number of counted pixels with which a window of `side` cells has a score: seven eighths."""
+    """Return the minimum of counted pixels with which a window of `side` cells has a score: seven eighths."""
     return (side * CELL) ** 2 * _MIN_COVERAGE[0] // _MIN_COVERAGE[1]
 
 
@@ -107,16 +119,16 @@ def window_scores(
     bounds: GreyBounds = GreyBounds(),
     leave_one_out: bool = False,
 ) -> NDArray[np.uint16]:
-    """Score of every window: G against a model less its expectation, per counted pixel.
+    """Score every window: G against a model less its expectation, per counted pixel.
 
     Parameters
     ----------
     symbols, grey : (M, N) uint16 arrays
         From `lbp_symbols`, and the grey of the same pixels; M and N are multiples of 8.
-    model : Model
+    model : TextureModel
     side : int
         Side of a window, in cells.
-    bounds : Bounds
+    bounds : GreyBounds
         Bounds of the mean grey of a window's counted pixels.
     leave_one_out : bool
         Whether each window, a part of the model, is compared with the rest of the model.
@@ -132,28 +144,17 @@ def window_scores(
     scores = np.full((max(rows, 0), max(cols, 0)), NO_SCORE, np.uint16)
     if scores.size and model.count:
         above, below, whole = _tables(model, (CELL * side) ** 2, leave_one_out)
-        _slide_window(
-            symbols,
-            grey,
-            side,
-            model.texture,
-            above,
-            below,
-            whole,
-            leave_one_out,
-            min_count(side),
-            bounds.low,
-            bounds.high,
-            np.zeros(SYMBOLS, np.int64),
-            scores,
-        )
+        limits = min_count(side), bounds.low, bounds.high
+        counts = np.zeros(SYMBOLS, np.int64)
+        tables = model.texture, above, below, whole
+        _slide_window(symbols, grey, side, *tables, leave_one_out, *limits, counts, scores)
     return scores
 
 
 def best_scores(scores: NDArray[T], side: int) -> NDArray[T]:
-    """Minimum filter: for each cell the lowest score of the windows that contain it.
+    """Return for each cell the lowest score of the windows that contain it (minimum filter).
 
-    Near a boundary, most windows around a cell straddle it, but some lie on the cell's own side only (as in
+    Near a boundary, most windows around a cell straddle it, but some lie on the cell's side only (as in
     Kuwahara's filter). A cell on the sample's side therefore gets the score of a window on that side.
 
     Parameters
@@ -176,14 +177,10 @@ def best_scores(scores: NDArray[T], side: int) -> NDArray[T]:
 def _tables(
     model: TextureModel, largest: int, leave_one_out: bool
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Lookup tables for windows of up to `largest` pixels, in fixed point; all values are half of G.
+    """Tabulate halves of G for windows of up to `largest` pixels, in fixed point.
 
-    Returns
-    -------
-    above, below : int64 arrays
-        Terms of `added_g`: by the pixels of a symbol in both histograms, and in the window.
-    whole : (largest + 1,) int64 array
-        J(N, n) of windows of n counted pixels, less the expectation for an empty window.
+    The first two are the terms of `added_g`, by the pixels of a symbol in both histograms and in the window.
+    The third is J(N, n) of windows of n counted pixels, less the expectation for an empty window.
     """
     total = model.count
     n = np.arange(largest + 1)
@@ -200,14 +197,13 @@ def _tables(
 
 
 def _fixed(values: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Fixed point, rounded."""
     fixed: NDArray[np.int64] = np.rint(values * _LOG_SCALE).astype(np.int64)
     return fixed
 
 
 @inlined
 def added_g(frequency, count, above, below, leave_one_out):  # type: ignore[no-untyped-def]
-    """What one more pixel of a symbol adds to J(f, n) and its expectation, see `g_statistic`.
+    """Compute what one more pixel of a symbol adds to J(f, n) and its expectation, see `g_statistic`.
 
     The window has `count` pixels of the symbol; the model has `frequency`, which include those of the window
     if leave_one_out.
@@ -277,3 +273,66 @@ def _count_coarse(coarse, cells, histogram):  # type: ignore[no-untyped-def]
                 for c in range(8 * cell, 8 * cell + 8):
                     if coarse[r, c] != UNCOUNTED:
                         histogram[coarse[r, c]] += 1
+
+
+def separability(scores: NDArray[np.uint16]) -> float:
+    """Compute Otsu's eta, the share of the variance of scores that lies between the two best classes.
+
+    Scores of `best_scores`, an (n,) uint16 array, are ignored from MAX_SCORE on. Eta is 0.64 for a normal
+    distribution, 0.75 for a uniform one; 0 for fewer than 32 scores, or where all are equal.
+    """
+    from skimage.filters import threshold_otsu
+
+    counts = _histogram(scores)[:MAX_SCORE]
+    values = np.flatnonzero(counts).astype(np.float64)
+    counts = counts[counts > 0]
+    total = int(counts.sum())
+    if total < _FEW:
+        return 0.0
+    values = np.minimum(values, _quantile(values, counts, _OUTLIERS))
+    if values[0] == values[-1]:
+        return 0.0
+    bins, edges = np.histogram(values, _OTSU_BINS, weights=counts)
+    low = values <= threshold_otsu(hist=(bins, (edges[1:] + edges[:-1]) / 2))
+    share = float(counts[low].sum() / total)
+    if not 0 < share < 1:
+        return 0.0
+    means = [float(values[side] @ counts[side] / counts[side].sum()) for side in (low, ~low)]
+    mean = float(values @ counts / total)
+    variance = float((values - mean) ** 2 @ counts / total)
+    return share * (1 - share) * (means[0] - means[1]) ** 2 / variance
+
+
+def is_bimodal(scores: NDArray[np.uint16], limit: int) -> bool:
+    """Test whether scores split into those similar to the sample and others that are clearly not.
+
+    Two classes explain most of their variance, a tenth at least lies well above the limit, and few lie just
+    above it.
+
+    Parameters
+    ----------
+    scores : (n,) uint16 array
+        See `best_scores`; from MAX_SCORE on they are ignored.
+    limit : int
+        The largest score of a cell that is similar to the sample.
+    """
+    known = scores[scores < MAX_SCORE]
+    above = int((known > limit + _GAP).sum())
+    between = int((known > limit).sum()) - above
+    has_gap = above >= _MIN_SHARE * len(known) and between <= _BETWEEN * above
+    return has_gap and separability(scores) >= _SEPARABLE
+
+
+def _histogram(scores: NDArray[np.uint16]) -> NDArray[np.int64]:
+    counts = np.zeros(1 << 16, np.int64)
+    for begin in range(0, len(scores), _PART):
+        counts += np.bincount(scores[begin : begin + _PART], minlength=len(counts))
+    return counts
+
+
+def _quantile(values: NDArray[np.float64], counts: NDArray[np.int64], share: float) -> float:
+    """Interpolate the quantile of sorted values with counts, as `numpy.quantile` does."""
+    until = np.cumsum(counts)
+    place = share * (int(until[-1]) - 1)
+    low, high = (values[np.searchsorted(until, np.floor(place) + k, "right")] for k in (0, 1))
+    return float(low + (high - low) * (place - np.floor(place)))

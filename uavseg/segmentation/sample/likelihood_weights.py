@@ -1,9 +1,9 @@
 """Log-likelihood-ratio weights of symbols, sample against background.
 
 G tests whether a window and a sample may have the same texture, without an alternative; where noise makes
-textures similar, nearly all windows pass. The alternative is known, though: the raster is the background
-model. The log-likelihood ratio of two known sources is a sum of one weight per pixel, and it is the most
-powerful test between them (Neyman and Pearson, 1933). Two scales are used: pixels, and means of 2 x 2.
+textures similar, nearly all windows pass. The alternative is known: the raster is the background model. The
+log-likelihood ratio of two known sources is a sum of one weight per pixel, and it is the most powerful test
+between them (Neyman and Pearson, 1933). Two scales are used: pixels, and means of 2 x 2.
 """
 
 import math
@@ -22,7 +22,7 @@ WEIGHT_UNITS = 1024  # units of a weight for a natural logarithm of 1
 
 _NO_WINDOW = -(1 << 31)  # sentinel: no window has enough counted pixels
 _MAX_WINDOWS = 1024  # of a sample, approximately
-_OWN_QUANTILE = (1, 20)  # of the mean weights of the sample's own windows: the threshold at similarity 1
+_SAMPLE_QUANTILE = (1, 20)  # of the mean weights of the sample's windows: the threshold at similarity 1
 _SIMILARITY_DIVISOR = 2  # the threshold is lowered by ln(similarity) over this
 
 SymbolPair = tuple[NDArray[np.uint16], NDArray[np.uint16]]  # of the same pixels: fine and coarse scale
@@ -30,23 +30,23 @@ SymbolPair = tuple[NDArray[np.uint16], NDArray[np.uint16]]  # of the same pixels
 
 @dataclass(frozen=True)
 class SampleWeights:
-    """Weights of symbols for a sample, and the mean weight that its own windows reach.
+    """Weights of symbols for a sample, and the mean weight that its windows reach.
 
     Parameters
     ----------
     weights : (2, 2048) int64 array
         Log-likelihood ratio of each symbol, sample against background, in units of 1 / 1024, at both scales.
-    own : int
+    sample_level : int
         Mean weight that nineteen of twenty of the sample's windows reach, each against the rest of the
         sample; at most 0.
     """
 
     weights: NDArray[np.int64]
-    own: int
+    sample_level: int
 
     @classmethod
     def of(cls, sample: SymbolPair, background: NDArray[np.int64], side: int) -> "SampleWeights":
-        """The weights for a sample.
+        """Compute the weights for a sample.
 
         Parameters
         ----------
@@ -57,37 +57,31 @@ class SampleWeights:
         side : int
             Side of a window, in cells.
         """
-        own = np.sort(own_window_means(sample, background, side))
-        lowest = own[len(own) * _OWN_QUANTILE[0] // _OWN_QUANTILE[1]] if len(own) else 0.0
+        means = np.sort(_sample_window_means(sample, background, side))
+        lowest = means[len(means) * _SAMPLE_QUANTILE[0] // _SAMPLE_QUANTILE[1]] if len(means) else 0.0
         return cls(
-            log_ratio_weights(symbol_counts(sample), background), min(math.floor(lowest * WEIGHT_UNITS), 0)
+            _log_ratio_weights(symbol_counts(sample), background), min(math.floor(lowest * WEIGHT_UNITS), 0)
         )
 
     def threshold(self, similarity: float) -> int:
-        """Smallest mean weight of a window with at least this similarity to the sample."""
-        return self.own + math.floor(WEIGHT_UNITS * math.log(similarity) / _SIMILARITY_DIVISOR)
+        """Return the smallest mean weight of a window with at least this similarity to the sample."""
+        return self.sample_level + math.floor(WEIGHT_UNITS * math.log(similarity) / _SIMILARITY_DIVISOR)
 
 
 def symbol_counts(symbols: SymbolPair) -> NDArray[np.int64]:
-    """Histograms of symbols at both scales, a (2, 2048) array; those of parts merge by adding."""
+    """Count symbols at both scales, a (2, 2048) array; those of parts merge by adding."""
     counts = [np.bincount(each.ravel(), minlength=SYMBOLS)[:SYMBOLS] for each in symbols]
     return np.stack(counts).astype(np.int64)
 
 
-def log_ratio_weights(sample: NDArray[np.int64], background: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Log-likelihood ratio of each symbol, in units of 1 / 1024; 0 where the background has none of it.
-
-    Parameters
-    ----------
-    sample, background : (2, 2048) int64 arrays
-        Histograms; that of the background includes the sample.
-    """
+def _log_ratio_weights(sample: NDArray[np.int64], background: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Round the log-likelihood ratio of each symbol to units of 1 / 1024; 0 if the background lacks it."""
     weights: NDArray[np.int64] = np.rint(WEIGHT_UNITS * _log_ratio(sample, background)).astype(np.int64)
     return weights
 
 
 def _log_ratio(sample: NDArray[np.int64], background: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Log-likelihood ratio with `PRIOR_PIXELS` pixels of the background added to the sample."""
+    """Compute the log-likelihood ratio with `PRIOR_PIXELS` pixels of the background added to the sample."""
     share = background / np.maximum(background.sum(axis=-1, keepdims=True), 1)
     expected = (sample.sum(axis=-1, keepdims=True) + PRIOR_PIXELS) * share
     ratio = np.divide(sample + PRIOR_PIXELS * share, expected, out=np.ones_like(share), where=background > 0)
@@ -95,19 +89,11 @@ def _log_ratio(sample: NDArray[np.int64], background: NDArray[np.int64]) -> NDAr
     return logarithm
 
 
-def own_window_means(sample: SymbolPair, background: NDArray[np.int64], side: int) -> NDArray[np.float64]:
-    """Mean weight of windows of a sample, each by the weights of the rest of the sample (leave one out).
+def _sample_window_means(sample: SymbolPair, background: NDArray[np.int64], side: int) -> NDArray[np.float64]:
+    """Average the weights of windows of a sample, each by the rest of the sample (leave one out).
 
-    Parameters
-    ----------
-    sample, background, side
-        As for `SampleWeights.of`.
-
-    Returns
-    -------
-    means : (n,) float64 array
-        Of windows with at least seven eighths of their pixels counted; in a large sample, about 1024 of them,
-        evenly spaced.
+    Windows have at least seven eighths of their pixels counted; in a large sample about 1024 are evenly
+    spaced.
     """
     rows, cols = (max(length // CELL - side + 1, 0) for length in sample[0].shape)
     step = max(math.isqrt(rows * cols // _MAX_WINDOWS), 1)
@@ -123,7 +109,7 @@ def own_window_means(sample: SymbolPair, background: NDArray[np.int64], side: in
 
 
 def best_mean_weights(symbols: SymbolPair, weights: NDArray[np.int64], side: int) -> NDArray[np.int64]:
-    """For each cell the largest mean weight of the windows that contain it, see `g_scores.best_scores`.
+    """Return for each cell the largest mean weight of the windows that contain it, see `best_scores`.
 
     Parameters
     ----------
@@ -148,7 +134,7 @@ def best_mean_weights(symbols: SymbolPair, weights: NDArray[np.int64], side: int
 
 
 def _window_sums(sums: NDArray[np.int64], side: int) -> NDArray[np.int64]:
-    """Sums over the window of cells that begins at each cell."""
+    """Sum over the window of cells that begins at each cell."""
     for axis in (0, 1):
         length = sums.shape[axis] - side + 1
         sums = np.sum([sums.take(range(k, k + length), axis) for k in range(side)], axis=0)

@@ -1,12 +1,18 @@
-"""Gaussian mixtures of few components.
+"""Gaussian mixture models of several sizes, and their vote on a sample (positive-unlabelled learning).
 
-A picture of few kinds of ground has a mixture of few components. How many there are is not known, so there
-are mixtures of several sizes. Each begins with the one before, whose longest component is split. A kind that
-is rare, or that lies between others, has no component of its own in any of them; a mixture may be fitted
-again with one that begins at points of that kind.
+A picture of few classes of ground has a mixture of few components. Their number is unknown, so mixtures of
+several sizes vote, each by the share of the sample that it assigns to the sample's class: the components that
+are far more frequent in the sample than in the raster. Each mixture begins with the one before, whose longest
+component is split.
 
-Expectation maximisation: Dempster, Laird and Rubin, Journal of the Royal Statistical Society B 39 (1977),
-1-38. Sums are in a fixed order, not those of a linear algebra library whose threads change them.
+A class that is rare, or lies between others, has no component in any of them, so each mixture is fitted once
+more with a component seeded at the sample. In a picture a class is seldom one Gaussian, and only the part of
+it that the sample shows would be found; so only those mixtures count that leave half as much undecided, which
+is where the class is a separate cloud.
+
+Learning from a sample and unlabelled points: Elkan and Noto, Knowledge Discovery and Data Mining 2008,
+213-220. Expectation maximisation: Dempster, Laird and Rubin, Journal of the Royal Statistical Society B 39
+(1977), 1-38. Sums are in a fixed order, not those of a linear algebra library whose threads change them.
 """
 
 from collections.abc import Sequence
@@ -21,19 +27,24 @@ SIZES = (2, 3, 4, 5, 6, 8)
 """Numbers of components of the mixtures that vote."""
 
 _SWEEPS = 30
-_BEGUN_SWEEPS = 15  # of a mixture with one component more
+_SEED_SWEEPS = 15  # of a mixture with one component more
 _FLOOR = 1e-2  # added to variances, of features whose variance in the raster is 1
 _STRETCH = 0.8  # how far from the middle the halves of a component begin, in its deviations
 _SHRINK = 0.6  # share of the variance along the longest axis that the split takes away
 RARE = 1e-3  # share of the raster below which a component counts as this share
-_BEGUN_SHARE = 0.01  # of the points, of a component that begins at the sample
+_SEED_SHARE = 0.01  # of the points, of a component that begins at the sample
 
 Points = NDArray[np.float64]
+_IN_SAMPLE = 0.1  # share of the sample from which a component is compared at all
+_WRONG = 0.1  # share of the sample that may be of another class
+_ELSEWHERE = 0.1  # weight of the raster where a sample of other classes lacks what the raster has
+_VOTE = 20.0  # exponent of the weight of a mixture by its share of the sample
+_CLEARER = 0.5  # maximum of the undecided share with a seeded component, over that without it
 
 
 @dataclass(frozen=True)
 class Mixture:
-    """A mixture of k Gaussians in d dimensions.
+    """Mixture of k Gaussians in d dimensions.
 
     Parameters
     ----------
@@ -51,20 +62,20 @@ class Mixture:
         return len(self.shares)
 
     def memberships(self, points: Points) -> Points:
-        """Probability that each point is of each component: (k, n)."""
-        found = np.empty((len(self), len(points)))
+        """Compute the probability that each point is of each component: (k, n)."""
+        result = np.empty((len(self), len(points)))
         roots = np.linalg.cholesky(self.covariances)
         logs = np.log(np.maximum(self.shares, 1e-12))
         logs -= np.log(np.diagonal(roots, axis1=1, axis2=2)).sum(1)
-        _log_densities(np.ascontiguousarray(points), self.means, np.linalg.inv(roots), logs, found)
-        found -= found.max(0)
-        np.exp(found, out=found)
-        found /= found.sum(0)
-        return found
+        _log_densities(np.ascontiguousarray(points), self.means, np.linalg.inv(roots), logs, result)
+        result -= result.max(0)
+        np.exp(result, out=result)
+        result /= result.sum(0)
+        return result
 
 
 def fit_mixtures(points: Points, sizes: Sequence[int] = SIZES) -> list[Mixture]:
-    """Mixtures of several sizes, each begun by splitting the longest component of the one before.
+    """Fit mixtures of several sizes, each from the one before with its longest component split.
 
     Parameters
     ----------
@@ -73,47 +84,40 @@ def fit_mixtures(points: Points, sizes: Sequence[int] = SIZES) -> list[Mixture]:
     sizes : sequence of int
         Numbers of components, ascending.
     """
-    found = []
+    mixtures = []
     mixture = _estimate(points, np.ones((1, len(points))))
     for _ in range(1, max(sizes)):
         mixture = _split(mixture)
         for _ in range(_SWEEPS):
             mixture = _estimate(points, mixture.memberships(points))
         if len(mixture) in sizes:
-            found.append(mixture)
-    return found
+            mixtures.append(mixture)
+    return mixtures
 
 
-def begun_at(sample: Points, mixture: Mixture, points: Points) -> Mixture:
-    """A mixture with one component more, which begins at a sample and is then fitted like the others.
+def _fit_seeded(sample: Points, mixture: Mixture, points: Points) -> Mixture:
+    """Fit a mixture with one component more, which is seeded at a sample.
 
-    The sample counts among the points as if it were a thousandth of them: a kind may be so rare that few of
+    The sample counts among the points as if it were a thousandth of them: a class may be so rare that few of
     them show it.
-
-    Parameters
-    ----------
-    sample : (m, d) float64 array
-    mixture : Mixture
-        Of the points.
-    points : (n, d) float64 array
     """
-    own = _estimate(sample, np.ones((1, len(sample))))
-    shares = np.append(mixture.shares * (1 - _BEGUN_SHARE), _BEGUN_SHARE)
-    found = Mixture(
-        np.concatenate([mixture.means, own.means]),
-        np.concatenate([mixture.covariances, own.covariances]),
+    seed = _estimate(sample, np.ones((1, len(sample))))
+    shares = np.append(mixture.shares * (1 - _SEED_SHARE), _SEED_SHARE)
+    seeded = Mixture(
+        np.concatenate([mixture.means, seed.means]),
+        np.concatenate([mixture.covariances, seed.covariances]),
         shares,
     )
     everything = np.concatenate([points, sample])
     counts = np.ones(len(everything))
     counts[len(points) :] = RARE * len(points) / len(sample)
-    for _ in range(_BEGUN_SWEEPS):
-        found = _estimate(everything, counts * found.memberships(everything))
-    return found
+    for _ in range(_SEED_SWEEPS):
+        seeded = _estimate(everything, counts * seeded.memberships(everything))
+    return seeded
 
 
 def _estimate(points: Points, memberships: Points) -> Mixture:
-    """The mixture of components with these members: a step of maximisation."""
+    """Estimate the mixture of components with these members (M step)."""
     size, dims = len(memberships), points.shape[1]
     counts, sums, products = np.zeros(size), np.zeros((size, dims)), np.zeros((size, dims, dims))
     _add_moments(np.ascontiguousarray(points), np.ascontiguousarray(memberships), counts, sums, products)
@@ -124,7 +128,7 @@ def _estimate(points: Points, memberships: Points) -> Mixture:
 
 
 def _split(mixture: Mixture) -> Mixture:
-    """The mixture with the component of most spread divided across its longest axis."""
+    """Split the component of most spread across its longest axis."""
     axes = [_longest_axis(covariance) for covariance in mixture.covariances]
     k = int(np.argmax([share * variance for share, (variance, _) in zip(mixture.shares, axes, strict=True)]))
     variance, axis = axes[k]
@@ -140,18 +144,16 @@ def _split(mixture: Mixture) -> Mixture:
 
 
 def _longest_axis(covariance: Points) -> tuple[float, Points]:
-    """Largest eigenvalue and its eigenvector, whose largest entry is positive."""
+    """Return the largest eigenvalue and its eigenvector, whose largest entry is positive."""
     values, vectors = np.linalg.eigh(covariance)
     axis: Points = vectors[:, -1]
     return float(values[-1]), axis if axis[np.argmax(np.abs(axis))] > 0 else -axis
 
 
 @kernel("void(f8[:,::1], f8[:,::1], f8[:,:,::1], f8[::1], f8[:,::1])")
-def _log_densities(points, means, inverses, logs, found):  # type: ignore[no-untyped-def]
-    """Logarithm of share times density of components, but for the constant that all have.
-
-    `inverses` are those of the Cholesky factors of the covariances.
-    """
+def _log_densities(points, means, inverses, logs, result):  # type: ignore[no-untyped-def]
+    # Logarithm of share times density of components, but for the constant that all have. `inverses` are those
+    # of the Cholesky factors of the covariances.
     count, dims = points.shape
     for k in range(len(logs)):
         for i in range(count):
@@ -161,12 +163,11 @@ def _log_densities(points, means, inverses, logs, found):  # type: ignore[no-unt
                 for col in range(row + 1):
                     part += inverses[k, row, col] * (points[i, col] - means[k, col])
                 squares += part * part
-            found[k, i] = logs[k] - 0.5 * squares
+            result[k, i] = logs[k] - 0.5 * squares
 
 
 @kernel("void(f8[:,::1], f8[:,::1], f8[::1], f8[:,::1], f8[:,:,::1])")
 def _add_moments(points, memberships, counts, sums, products):  # type: ignore[no-untyped-def]
-    """Add up the members of each component, their coordinates, and products of two of these."""
     count, dims = points.shape
     for k in range(len(memberships)):
         for i in range(count):
@@ -180,3 +181,117 @@ def _add_moments(points, memberships, counts, sums, products):  # type: ignore[n
         for a in range(dims):
             for b in range(a):
                 products[k, b, a] = products[k, a, b]
+
+
+def sample_votes(points: Points, sample: Points, unlike: Points | None = None) -> list["SampleVote"]:
+    """Return the vote of mixtures of points on a sample, and that of mixtures seeded at the sample.
+
+    Of the latter only those vote that leave half as much undecided; where none does, there is one vote.
+
+    Parameters
+    ----------
+    points : (n, d) float64 array
+        All over the raster, with a variance of about 1 in each dimension.
+    sample, unlike
+        As of `SampleVote.of`.
+    """
+    mixtures = fit_mixtures(points)
+    usual = SampleVote.of(mixtures, sample, unlike)
+    limit = _CLEARER * usual.undecided(points)
+    seeded = [_fit_seeded(sample, mixture, points) for mixture in mixtures]
+    clear = [
+        mixture
+        for mixture in seeded
+        if mixture.memberships(sample)[-1].mean() > 0.5
+        and SampleVote.of([mixture], sample, unlike).undecided(points) < limit
+    ]
+    return [usual, SampleVote.of(clear, sample, unlike)] if clear else [usual]
+
+
+@dataclass(frozen=True)
+class SampleVote:
+    """Mixtures, the share of each component that is of the sample's class, and the weight of each mixture.
+
+    Parameters
+    ----------
+    mixtures : tuple of Mixture
+    purities : tuple of (k,) float64 arrays
+        For each mixture, the share of each component that is of the sample's class.
+    weights : tuple of float
+        Of the mixtures, with a sum of 1.
+    """
+
+    mixtures: tuple[Mixture, ...]
+    purities: tuple[Points, ...]
+    weights: tuple[float, ...]
+
+    @classmethod
+    def of(cls, mixtures: Sequence[Mixture], sample: Points, unlike: Points | None = None) -> "SampleVote":
+        """Let mixtures vote.
+
+        Parameters
+        ----------
+        mixtures : sequence of Mixture
+        sample : (m, d) float64 array
+            Points of the class.
+        unlike : (n, d) float64 array, optional
+            Points of other classes. The share of a component then follows from both, and a mixture counts
+            by how well it separates them.
+        """
+        memberships = [mixture.memberships(sample) for mixture in mixtures]
+        pairs = list(zip(mixtures, memberships, strict=True))
+        if unlike is None:
+            purities = [_purities(*pair) for pair in pairs]
+            recall = np.array([_trimmed(_weighted(p, m)) for p, m in zip(purities, memberships, strict=True)])
+        else:
+            others = [mixture.memberships(unlike) for mixture in mixtures]
+            purities = list(map(_purities_of_two, mixtures, memberships, others))
+            parts = zip(purities, memberships, others, strict=True)
+            recall = np.array(
+                [_trimmed(_weighted(p, m)) + _trimmed(1 - _weighted(p, o)) for p, m, o in parts]
+            )
+        weights = np.exp(_VOTE * (recall - recall.max()))
+        return cls(tuple(mixtures), tuple(purities), tuple((weights / weights.sum()).tolist()))
+
+    def similarity(self, points: Points) -> Points:
+        """Compute the probability that each of (n, d) points is of the sample's class."""
+        parts = zip(self.mixtures, self.purities, self.weights, strict=True)
+        votes = (weight * _weighted(pure, mixture.memberships(points)) for mixture, pure, weight in parts)
+        return sum(votes, np.zeros(len(points)))
+
+    def undecided(self, points: Points) -> float:
+        """Compute the expected error of the points of the class: 0 if all are certain."""
+        similarity = self.similarity(points)
+        return float(np.minimum(similarity, 1 - similarity).sum() / max(float(similarity.sum()), 1e-9))
+
+
+def _trimmed(similarity: Points) -> float:
+    """Average the similarity of points of which some may be of another class."""
+    return float(np.sort(similarity)[int(_WRONG * len(similarity)) :].mean())
+
+
+def _purities_of_two(mixture: Mixture, memberships: Points, others: Points) -> Points:
+    """Return the share of each component that is of the class of one sample and not of another one.
+
+    Components that neither has, and the raster has, are of a third class.
+    """
+    one, other = memberships.mean(1), others.mean(1)
+    result: Points = one / (one + np.maximum(other, _ELSEWHERE * mixture.shares) + RARE)
+    return result
+
+
+def _purities(mixture: Mixture, memberships: Points) -> Points:
+    """Return the share of each component that is of the class of a sample with these memberships.
+
+    By Bayes' rule it is in proportion to how much more frequent the component is in the sample than in the
+    raster. The component with the largest ratio is taken to be of the class as a whole.
+    """
+    in_sample = memberships.mean(1)
+    ratio = in_sample / np.maximum(mixture.shares, RARE)
+    largest = ratio[in_sample > _IN_SAMPLE].max()
+    result: Points = np.minimum(ratio / largest, 1)
+    return result
+
+
+def _weighted(weights: Points, rows: Points) -> Points:
+    return sum((weight * row for weight, row in zip(weights, rows, strict=True)), np.zeros(rows.shape[1]))

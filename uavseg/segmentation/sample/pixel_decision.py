@@ -1,10 +1,12 @@
-"""Per-pixel two-class likelihood-ratio classification by texture and grey.
+"""Per-pixel two-class likelihood-ratio classification by texture, grey and further bands.
 
 After the pixelwise step of Ojala and Pietikäinen (1999), who compare the histogram around a pixel with a
 model of either side by G. Where the models are much larger than the window around a pixel, the difference of
-the two G is twice the log-likelihood ratio, which is a sum of one weight per pixel.
+the two G is twice the log-likelihood ratio, which is a sum of one weight per pixel. Further bands are taken
+for independent, given the side that a pixel is on (naive Bayes).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -41,11 +43,11 @@ class PixelWeights:
 
     @classmethod
     def between(cls, one: TextureModel, other: TextureModel, by_grey: bool = True) -> "PixelWeights":
-        """Weights of two models: positive where `one` is more likely.
+        """Compute the weights of two models: positive where `one` is more likely.
 
         Parameters
         ----------
-        one, other : Model
+        one, other : TextureModel
         by_grey : bool
             Whether grey is used in addition to texture.
         """
@@ -55,9 +57,14 @@ class PixelWeights:
 
 
 def log_ratio(one: NDArray[np.int64], other: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Log ratio of two probabilities in units of 1 / 1024.
+    """Compute the log ratio of two probabilities in units of 1 / 1024.
 
     Each is the Krichevsky-Trofimov estimate from counts: half a count is added.
+
+    Parameters
+    ----------
+    one, other : (n,) int64 arrays
+        Counts.
     """
     first, second = ((counts + 0.5) / (counts.sum() + 0.5 * len(counts)) for counts in (one, other))
     weights: NDArray[np.int64] = np.rint(np.log(first / second) * _WEIGHT_UNITS).astype(np.int64)
@@ -72,7 +79,7 @@ def classify_pixels(
     coarse: NDArray[np.uint16],
     weights: PixelWeights,
 ) -> NDArray[np.uint8]:
-    """Pixels of cells that are inside, and of undecided cells where the 13 x 13 window has a positive weight.
+    """Classify pixels as their cell, in undecided cells by the sign of the weight of a 13 x 13 window.
 
     Parameters
     ----------
@@ -84,7 +91,7 @@ def classify_pixels(
         From `lbp_symbols`: without a border of one pixel, which has no weight.
     coarse : (M - 6, N - 6) uint16 array
         From `coarse_symbols`: without a border of three pixels.
-    weights : Weights
+    weights : PixelWeights
 
     Returns
     -------
@@ -99,7 +106,7 @@ def classify_pixels(
 
 
 def undecided_cells(matched: NDArray[np.bool_], others: NDArray[np.bool_], reach: int) -> NDArray[np.uint8]:
-    """Classes of cells, with those near a boundary undecided.
+    """Mark the cells near a boundary as undecided.
 
     Parameters
     ----------
@@ -120,7 +127,7 @@ def undecided_cells(matched: NDArray[np.bool_], others: NDArray[np.bool_], reach
 
 @inlined
 def pixel_weight(symbols, coarse_symbols, grey, valid, r, c, texture, greys, coarse):  # type: ignore[no-untyped-def]
-    """Weight of a pixel; 0 where it is not valid."""
+    """Return the weight of a pixel; 0 where it is not valid."""
     if valid[r, c] == 0:
         return np.int64(0)
     symbol = symbols[r - 1, c - 1]
@@ -163,3 +170,71 @@ def _classify_pixels(  # type: ignore[no-untyped-def]
             side = cells[r // 8, c // 8]
             if valid[r, c] and (side == 1 or (side == 2 and total > 0)):
                 inside[r, c] = 1
+
+
+@dataclass(frozen=True)
+class ColorPlane:
+    """Grey and validity of one band, and the weight of each of its 64 bins of grey.
+
+    Parameters
+    ----------
+    grey : (M, N) uint16 array
+    valid : (M, N) uint8 array
+    weights : (64,) int64 array
+        Log-likelihood ratio of one side to the other, in units of 1 / 1024.
+    """
+
+    grey: NDArray[np.uint16]
+    valid: NDArray[np.uint8]
+    weights: NDArray[np.int64]
+
+
+def classify_colored_pixels(
+    cells: NDArray[np.uint8],
+    valid: NDArray[np.uint8],
+    grey: NDArray[np.uint16],
+    symbols: tuple[NDArray[np.uint16], NDArray[np.uint16]],
+    weights: PixelWeights,
+    colors: Sequence[ColorPlane],
+) -> NDArray[np.uint8]:
+    """Classify pixels as `classify_pixels` does, with the weights of further bands added.
+
+    Parameters
+    ----------
+    cells, valid, grey, weights
+        As of `classify_pixels`.
+    symbols : pair of uint16 arrays
+        The symbols and the coarse symbols of `classify_pixels`.
+    colors : sequence of ColorPlane
+
+    Returns
+    -------
+    inside : (M, N) uint8 array
+    """
+    total = np.zeros(valid.shape, np.int64)
+    inner = total[1:-1, 1:-1]
+    inner += weights.greys[grey[1:-1, 1:-1] >> 10]
+    for table, image in zip((weights.texture, weights.coarse), symbols, strict=True):
+        margin = (inner.shape[0] - image.shape[0]) // 2
+        around = np.pad(image, margin, constant_values=UNCOUNTED)
+        counted = around != UNCOUNTED
+        inner += np.where(counted, table[np.where(counted, around, 0)], 0)
+    for color in colors:
+        inner += np.where(color.valid, color.weights[color.grey >> 10], 0)[1:-1, 1:-1]
+    inner *= valid[1:-1, 1:-1]
+    sides = cells.repeat(8, 0).repeat(8, 1)
+    inside: NDArray[np.uint8] = (
+        (valid != 0) & ((sides == 1) | ((sides == 2) & (_box_sums(total) > 0)))
+    ).view(np.uint8)
+    return inside
+
+
+def _box_sums(values: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Sum over the window of each pixel, as far as it lies within the array."""
+    for axis in (0, 1):
+        length = values.shape[axis]
+        sums = np.concatenate([np.zeros_like(values.take([0], axis)), values.cumsum(axis)], axis)
+        ends = np.arange(length)
+        low, high = np.maximum(ends - WINDOW_RADIUS, 0), np.minimum(ends + WINDOW_RADIUS + 1, length)
+        values = sums.take(high, axis) - sums.take(low, axis)
+    return values

@@ -1,4 +1,4 @@
-"""Out-of-core classification of pixels into states, by passes over strips of whole rows.
+"""Out-of-core classification of pixels into free, unknown and occupied, by passes over strips of rows.
 
 The scans of `state_scans` run along whole lines. So the raster is processed in strips of whole rows, and the
 eight scans are four passes over the strips, upwards and downwards in turn:
@@ -9,7 +9,7 @@ up    free against occupied from bottom to top
 down  free against occupied from top to bottom
 
 Then thin obstacles are restored in two more passes, see `thin_structures`. In a trinary map a value is a
-decision: there one pass gives each pixel the state of its own value, see `own_states`.
+decision: there one pass gives each pixel the state of its value, see `states_by_value`.
 
 Between passes a pixel takes 4 bits, see `StateImage`.
 """
@@ -30,8 +30,13 @@ from uavseg.raster.grid.tiling import TilePass, Window, tile_side, tiles, whole_
 from uavseg.segmentation.blocks.leaves import cells_to_pixels
 from uavseg.segmentation.params.segment import StateLimits
 from uavseg.segmentation.source import GreySource
-from uavseg.segmentation.states.classified_states import ClassifiedStates
-from uavseg.segmentation.states.obstacle_evidence import STRONG_ABOVE, evidence_rule
+from uavseg.segmentation.states.obstacle_evidence import (
+    STRONG_ABOVE,
+    ValueStatistics,
+    evidence_rule,
+    value_levels,
+    value_statistics,
+)
 from uavseg.segmentation.states.state_image import StateImage, pack_codes, unpack_codes
 from uavseg.segmentation.states.state_scans import (
     LOOKAHEAD,
@@ -44,21 +49,61 @@ from uavseg.segmentation.states.state_scans import (
     resolve_rows,
 )
 from uavseg.segmentation.states.thin_structures import (
+    BY_VALUE_ALONE,
     ThinObstacles,
-    count_left_out,
     find_thin_obstacles,
-    with_restored,
 )
-from uavseg.segmentation.states.value_statistics import (
-    ValueStatistics,
-    value_levels,
-    value_statistics,
-)
-from uavseg.units import BLOCK, CELL, FREE, GREY_MAX, UNKNOWN
+from uavseg.units import BLOCK, CELL, FREE, GREY_MAX, OCCUPIED, UNKNOWN
 
 StateRefinement = Literal["none", "scan"]
 
 _MAX_STRIP_PIXELS = 1 << 25  # pixels of a strip, unless 64 rows have more
+
+
+@dataclass(frozen=True)
+class ClassifiedStates:
+    """States of a raster's pixels, with counts by state and by the state of their value.
+
+    Parameters
+    ----------
+    image : StateImage
+    codes : (16,) int64 array
+        Number of pixels by code, see `state_scans`.
+    thin : ThinObstacles
+        Thin obstacles that were restored, or lost.
+    noise : float
+        Standard deviation of the noise of v.
+    trinary : bool
+        Whether free, unknown and occupied pixels have one value each.
+    """
+
+    image: StateImage
+    codes: NDArray[np.int64]
+    thin: ThinObstacles
+    noise: float
+    trinary: bool
+
+    @property
+    def pixels(self) -> dict[int, int]:
+        """Number of pixels by state: 1 free, 2 unknown, 3 occupied, 0 for all others."""
+        counts = {state: int(self.codes[state::4].sum()) for state in (FREE, UNKNOWN, OCCUPIED)}
+        rows, cols = self.image.shape
+        return {0: rows * cols - sum(counts.values())} | counts
+
+    @property
+    def occupied_in_free(self) -> int:
+        """Number of pixels in state free whose v is occupied: possibly thin walls."""
+        return int(self.codes[FREE | OCCUPIED << 2])
+
+    @property
+    def unknown_in_free(self) -> int:
+        """Number of pixels in state free whose v is unknown."""
+        return int(self.codes[FREE | UNKNOWN << 2])
+
+    @property
+    def occupied_by_value(self) -> int:
+        """Number of pixels whose v is occupied, in any state."""
+        return int(self.codes[OCCUPIED << 2 :].sum())
 
 
 def classify_states(
@@ -87,11 +132,11 @@ def classify_states(
     """
     image = StateImage(source.shape)
     strips = [list(strip) for _, strip in groupby(tile_pass.windows, key=lambda window: window.row)]
-    passes = _Passes(image, [_strip_rows(strip) for strip in strips])
     upwards = [tile for strip in reversed(strips) for tile in strip]
     encoding, finding = tile_pass.stages(2)
     encode_tile = partial(_encode_tile, source, limits, restore)
-    results = zip(upwards, encoding.run(encode_tile, _jobs(cells, upwards)), strict=True)
+    jobs = LazySequence(len(upwards), partial(_job, cells, upwards))
+    results = zip(upwards, encoding.run(encode_tile, jobs), strict=True)
     codes, statistics = np.zeros(16, np.int64), ValueStatistics.empty()
     previous = np.zeros(image.cols, np.uint8)
     for strip in reversed(strips):
@@ -107,14 +152,19 @@ def classify_states(
         image.write_codes(strip[0].row, part)
     next(results, None)  # lets the executor finish and report it
     if refine == "scan":
-        codes = passes.scan()
-    thin = ThinObstacles({FREE: 0, UNKNOWN: 0}, 0)
-    found = ClassifiedStates(image, codes, thin, statistics.noise, statistics.trinary)
-    return _with_thin_obstacles(source, found, limits, restore, finding)
+        codes = _scan(image, [(strip[0].row, whole_blocks(strip[0].rows)) for strip in strips])
+    states = ClassifiedStates(
+        image=image,
+        codes=codes,
+        thin=ThinObstacles({FREE: 0, UNKNOWN: 0}, 0),
+        noise=statistics.noise,
+        trinary=statistics.trinary,
+    )
+    return _with_thin_obstacles(source, states, limits, restore, finding)
 
 
-def own_states(source: GreySource, limits: StateLimits, tile_pass: TilePass) -> ClassifiedStates | None:
-    """Each pixel's own state, where free, unknown and occupied pixels have one value each; else None.
+def states_by_value(source: GreySource, limits: StateLimits, tile_pass: TilePass) -> ClassifiedStates | None:
+    """Classify each pixel by its value if free, unknown and occupied pixels have one value each; else None.
 
     A map of probabilities is recognised in its first tiles.
 
@@ -127,7 +177,7 @@ def own_states(source: GreySource, limits: StateLimits, tile_pass: TilePass) -> 
     """
     image = StateImage(source.shape)
     statistics, codes = ValueStatistics.empty(), np.zeros(16, np.int64)
-    with closing(tile_pass.run(partial(_encode_own, source, limits))) as tiles_in_turn:
+    with closing(tile_pass.run(partial(_encode_by_value, source, limits))) as tiles_in_turn:
         results = zip(tile_pass.windows, tiles_in_turn, strict=True)
         for row, of_strip in groupby(results, key=lambda result: result[0].row):
             strip, parts = [], []
@@ -140,31 +190,31 @@ def own_states(source: GreySource, limits: StateLimits, tile_pass: TilePass) -> 
             part = _assemble_strip(strip, parts, image.cols)
             image.write_codes(row, part)
             codes += count_codes(part)
-    return ClassifiedStates(image, codes, ThinObstacles({FREE: 0, UNKNOWN: 0}, 0), 0.0, True)
+    thin = ThinObstacles({FREE: 0, UNKNOWN: 0}, 0)
+    return ClassifiedStates(image=image, codes=codes, thin=thin, noise=0.0, trinary=True)
 
 
 def _with_thin_obstacles(
-    source: GreySource,
-    found: ClassifiedStates,
-    limits: StateLimits,
-    restore: bool,
-    tile_pass: TilePass,
+    source: GreySource, states: ClassifiedStates, limits: StateLimits, restore: bool, tile_pass: TilePass
 ) -> ClassifiedStates:
-    """The states with thin obstacles, if any pixel is occupied by its own value alone."""
-    if not any(count_left_out(found.codes).values()):
+    """Restore or count thin obstacles, if any pixel is occupied by its value alone."""
+    if not any(states.codes[list(BY_VALUE_ALONE)]):
         if tile_pass.progress is not None:
             tile_pass.progress(1, 1)
-        return found
-    rule = evidence_rule(limits, int(found.codes.sum() - found.codes[0]), found.noise, found.trinary)
-    thin = find_thin_obstacles(source, found.image, rule, tile_pass, restore)
-    codes = with_restored(found.codes, thin.restored)
-    return replace(found, codes=codes, thin=thin)
+        return states
+    rule = evidence_rule(limits, int(states.codes.sum() - states.codes[0]), states.noise, states.trinary)
+    thin = find_thin_obstacles(source, states.image, rule, tile_pass, restore)
+    codes = states.codes.copy()
+    for state, number in thin.restored.items():
+        codes[state | OCCUPIED << 2] -= number
+        codes[OCCUPIED | OCCUPIED << 2] += number
+    return replace(states, codes=codes, thin=thin)
 
 
 def state_strips(
     shape: tuple[int, int], file_block: tuple[int, int], tile: int | None = None
 ) -> list[list[Window]]:
-    """Tiles that cover a raster in strips of whole rows, from the top.
+    """Split a raster into strips of tiles in whole rows, from the top.
 
     Parameters
     ----------
@@ -185,107 +235,74 @@ def state_strips(
     return [windows[k : k + across] for k in range(0, len(windows), across)]
 
 
-class _Passes:
-    """The passes after the first."""
-
-    def __init__(self, image: StateImage, rows: Sequence[tuple[int, int]]) -> None:
-        self._image = image
-        self._rows = rows  # first row and number of rows of each strip
-
-    def scan(self) -> NDArray[np.int64]:
-        """Run all passes; return the number of pixels by code."""
-        self._compact_down()
-        self._resolve_up()
-        return self._resolve_down()
-
-    def _compact_down(self) -> None:
-        previous = np.zeros(self._image.cols, np.uint8)
-        for row, rows in self._rows:
-            codes = self._image.read_codes(row, rows)
-            compact_columns(codes, previous, False)
-            resolve_rows(codes)
-            self._image.write_codes(row, codes)
-
-    def _resolve_up(self) -> None:
-        previous = np.zeros(self._image.cols, np.uint8)
-        for row, rows in reversed(self._rows):
-            codes = self._image.read_codes(row - LOOKAHEAD, rows + LOOKAHEAD)
-            resolve_columns(codes, previous, True)
-            self._image.write_codes(row, codes[LOOKAHEAD:])
-
-    def _resolve_down(self) -> NDArray[np.int64]:
-        previous = np.zeros(self._image.cols, np.uint8)
-        counts = np.zeros(16, np.int64)
-        for row, rows in self._rows:
-            codes = self._image.read_codes(row, rows + LOOKAHEAD)
-            resolve_columns(codes, previous, False)
-            part = codes[:-LOOKAHEAD]
-            self._image.write_codes(row, part)
-            counts += count_codes(part)
-        return counts
+def _scan(image: StateImage, strips: Sequence[tuple[int, int]]) -> NDArray[np.int64]:
+    """Run the passes after the first over strips (first row, rows); return the number of pixels by code."""
+    previous = np.zeros(image.cols, np.uint8)
+    for row, rows in strips:
+        codes = image.read_codes(row, rows)
+        compact_columns(codes, previous, False)
+        resolve_rows(codes)
+        image.write_codes(row, codes)
+    previous[:] = 0
+    for row, rows in reversed(strips):
+        codes = image.read_codes(row - LOOKAHEAD, rows + LOOKAHEAD)
+        resolve_columns(codes, previous, True)
+        image.write_codes(row, codes[LOOKAHEAD:])
+    previous[:] = 0
+    counts = np.zeros(16, np.int64)
+    for row, rows in strips:
+        codes = image.read_codes(row, rows + LOOKAHEAD)
+        resolve_columns(codes, previous, False)
+        image.write_codes(row, codes[:-LOOKAHEAD])
+        counts += count_codes(codes[:-LOOKAHEAD])
+    return counts
 
 
-def _strip_rows(strip: Sequence[Window]) -> tuple[int, int]:
-    """First row and number of rows, rounded up to whole blocks."""
-    return strip[0].row, whole_blocks(strip[0].rows)
-
-
-@dataclass(frozen=True, slots=True)
-class _Job:
-    """A tile and the states of its cells."""
-
-    window: Window
-    cells: NDArray[np.uint8]
-
-
-def _jobs(cells: NDArray[np.uint8], windows: Sequence[Window]) -> LazySequence[_Job]:
-    """The jobs of all tiles, each made when it is indexed."""
-    return LazySequence(len(windows), partial(_job, cells, windows))
+_Job = tuple[Window, NDArray[np.uint8]]  # a tile and the states of its cells
 
 
 def _job(cells: NDArray[np.uint8], windows: Sequence[Window], k: int) -> _Job:
-    window = windows[k]
-    return _Job(window, np.ascontiguousarray(cells[window_cells(window)]))
+    return windows[k], np.ascontiguousarray(cells[window_cells(windows[k])])
 
 
 @dataclass(frozen=True, slots=True)
 class _EncodedTile:
-    """The codes of a tile's whole blocks, packed, and the statistics of its values."""
+    """Codes of a tile's whole blocks, packed, and the statistics of its values."""
 
     pairs: NDArray[np.uint8]
     statistics: ValueStatistics
 
 
-def _encode_tile(source: GreySource, limits: StateLimits, part: bool, job: _Job) -> _EncodedTile | None:
+def _encode_tile(source: GreySource, limits: StateLimits, restore: bool, job: _Job) -> _EncodedTile | None:
     """Encode a tile; None where no pixel is valid.
 
-    With `part`, free pixels of unknown leaves that mix free and occupied ones are free; their occupied ones
-    are thin obstacles.
+    With `restore`, free pixels of unknown leaves that mix free and occupied ones are free; their occupied
+    ones are thin obstacles.
     """
-    if not job.cells.any():
+    window, cells = job
+    if not cells.any():
         return None
-    tile = source.read(job.window, 0)
-    own = _own_states(limits)[tile.grey]
-    states = cells_to_pixels(job.cells, tile.valid)
-    if part:
+    tile = source.read(window, 0)
+    by_value = _state_table(limits)[tile.grey]
+    states = cells_to_pixels(cells, tile.valid)
+    if restore:
         surely_free = min(1 - STRONG_ABOVE, limits.free_below)
         surely_occupied = max(STRONG_ABOVE, limits.occupied_above)
         _free_mixed(tile.grey, states, GREY_MAX * surely_free, GREY_MAX * surely_occupied)
-    pairs = pack_codes(encode_states(states, own))
-    return _EncodedTile(pairs, value_statistics(tile.grey, tile.valid, own))
+    pairs = pack_codes(encode_states(states, by_value))
+    return _EncodedTile(pairs, value_statistics(tile.grey, tile.valid, by_value))
 
 
-def _encode_own(source: GreySource, limits: StateLimits, window: Window) -> _EncodedTile:
-    """Encode a tile by the own values of its pixels."""
+def _encode_by_value(source: GreySource, limits: StateLimits, window: Window) -> _EncodedTile:
+    """Encode a tile by the values of its pixels."""
     tile = source.read(window, 0)
-    own = _own_states(limits)[tile.grey] * tile.valid
-    pairs = pack_codes(own | own << np.uint8(2))
-    return _EncodedTile(pairs, value_levels(tile.grey, tile.valid, own))
+    by_value = _state_table(limits)[tile.grey] * tile.valid
+    pairs = pack_codes(by_value | by_value << np.uint8(2))
+    return _EncodedTile(pairs, value_levels(tile.grey, tile.valid, by_value))
 
 
 @lru_cache(maxsize=8)
-def _own_states(limits: StateLimits) -> NDArray[np.uint8]:
-    """Lookup table from grey to state."""
+def _state_table(limits: StateLimits) -> NDArray[np.uint8]:
     return limits.table
 
 

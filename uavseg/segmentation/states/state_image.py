@@ -1,4 +1,4 @@
-"""StateImage: the states of a whole raster in 4 bits per pixel, read by window."""
+"""Image of the states of a whole raster in 4 bits per pixel, in memory or in a temporary file."""
 
 import io
 import tempfile
@@ -78,7 +78,7 @@ class StateImage:
         return np.ascontiguousarray(decode_states(codes[:, part.col : part.col + part.cols]))
 
     def strips(self, rows: int = 256) -> Iterator[tuple[Window, NDArray[np.uint8]]]:
-        """Windows of whole rows from the top, with their states."""
+        """Yield windows of whole rows from the top, with their states."""
         for row in range(0, self.shape[0], rows):
             window = Window(row, 0, rows, self.shape[1]).clipped(self.shape)
             yield window, self.read(window)
@@ -91,7 +91,13 @@ def pack_codes(codes: Codes) -> NDArray[np.uint8]:
 
 
 def unpack_codes(pairs: NDArray[np.uint8], codes: Codes) -> None:
-    """The inverse of `pack_codes`, into an array."""
+    """Unpack codes into an array, the inverse of `pack_codes`.
+
+    Parameters
+    ----------
+    pairs : (rows, cols / 2) uint8 array
+    codes : (rows, cols) uint8 array
+    """
     half = pairs.shape[1]
     np.bitwise_and(pairs, _LOW_BITS, out=codes[:, :half])
     np.right_shift(pairs, _HALF_BYTE, out=codes[:, half:])

@@ -4,9 +4,9 @@ Abou Merhy, Payeur and Petriu (2008, section II C). A change may propagate along
 never split: a scan along rows takes whole rows; a scan along columns takes strips of rows in order and
 carries the previous row from strip to strip.
 
-A pixel is one code: its state in bits 0 and 1, the state of its own v in bits 2 and 3; 0 where it is invalid.
-States are 1 free, 2 unknown, 3 occupied, so free and occupied differ in bit 1 only. A pixel is called half
-where its own state is unknown.
+A pixel is one code: its state in bits 0 and 1, the state of its value v in bits 2 and 3; 0 where it is
+invalid. States are 1 free, 2 unknown, 3 occupied, so free and occupied differ in bit 1 only. A pixel is
+called half where the state of its value is unknown.
 """
 
 import numpy as np
@@ -14,27 +14,27 @@ from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
 
-LOOKAHEAD = 2  # rows beyond a strip that the resolution of free against occupied reads
+LOOKAHEAD = 2  # rows after a strip that the resolution of free against occupied reads
 
 Codes = NDArray[np.uint8]
 
 
-def encode_states(states: NDArray[np.uint8], own: NDArray[np.uint8]) -> Codes:
+def encode_states(states: NDArray[np.uint8], by_value: NDArray[np.uint8]) -> Codes:
     """Encode the states of pixels.
 
     Parameters
     ----------
     states : (M, N) uint8 array
         0 invalid, 1 free, 2 unknown, 3 occupied.
-    own : (M, N) uint8 array
-        The state of each pixel's own v; ignored where a pixel is invalid.
+    by_value : (M, N) uint8 array
+        The state of each pixel's value; ignored where a pixel is invalid.
 
     Examples
     --------
     >>> encode_states(np.array([1, 3, 0], np.uint8), np.array([3, 3, 1], np.uint8))
     array([13, 15,  0], dtype=uint8)
     """
-    return np.where(states > 0, states | own << np.uint8(2), np.uint8(0))
+    return np.where(states > 0, states | by_value << np.uint8(2), np.uint8(0))
 
 
 def decode_states(codes: Codes) -> NDArray[np.uint8]:
@@ -43,7 +43,7 @@ def decode_states(codes: Codes) -> NDArray[np.uint8]:
 
 
 def compact_rows(codes: Codes) -> None:
-    """Compaction along rows, right to left, then left to right, in place.
+    """Compact along rows, right to left, then left to right, in place.
 
     Half pixels after an unknown one become unknown.
     """
@@ -51,17 +51,17 @@ def compact_rows(codes: Codes) -> None:
 
 
 def resolve_rows(codes: Codes) -> None:
-    """Resolution of free against occupied along rows, right to left, then left to right, in place.
+    """Resolve free against occupied along rows, right to left, then left to right, in place.
 
     Where the previous pixel is A and this one is B, {A, B} = {free, occupied}, the first pixel that is not
-    half decides, of this one and at most two more that are B. If its own state is A, all pixels from this
-    one through it become A.
+    half decides, of this one and at most two more that are B. If the state of its value is A, all pixels from
+    this one through it become A.
     """
     _resolve_rows(codes)
 
 
 def compact_columns(codes: Codes, previous: NDArray[np.uint8], upwards: bool) -> None:
-    """Compaction along columns, in place.
+    """Compact along columns, in place; see `compact_rows`.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def compact_columns(codes: Codes, previous: NDArray[np.uint8], upwards: bool) ->
 
 
 def resolve_columns(codes: Codes, previous: NDArray[np.uint8], upwards: bool) -> None:
-    """Resolution of free against occupied along columns, in place; see `resolve_rows`.
+    """Resolve free against occupied along columns, in place; see `resolve_rows`.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def refine_states(codes: Codes) -> NDArray[np.uint8]:
 
 
 def count_codes(codes: Codes) -> NDArray[np.int64]:
-    """Histogram of codes, a (16,) int64 array."""
+    """Count the pixels by code, a (16,) int64 array."""
     counts = np.zeros(16, np.int64)
     _count_codes(codes, counts)
     return counts
@@ -129,16 +129,16 @@ def count_codes(codes: Codes) -> NDArray[np.int64]:
 
 @inlined
 def compact_pixel(code, previous):  # type: ignore[no-untyped-def]
-    """A code after compaction: unknown where the previous pixel is, and this one is valid and half."""
+    """Compact a code: unknown where the previous pixel is, and this one is valid and half."""
     return np.uint8(10) if previous == np.uint8(2) and code >> np.uint8(2) == np.uint8(2) else code
 
 
 @inlined
 def resolve_pixel(code, after, second, previous):  # type: ignore[no-untyped-def]
-    """A code after resolution, from the next two codes and the state of the previous pixel.
+    """Resolve a code from the next two codes and the state of the previous pixel.
 
-    The next pixels are as before the scan: those that change together with this one change in their own turn,
-    for the same reason.
+    The next pixels are as before the scan: those that change together with this one change in their turn, for
+    the same reason.
     """
     two = np.uint8(2)
     three = np.uint8(3)

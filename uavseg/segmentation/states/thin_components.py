@@ -1,7 +1,7 @@
-"""8-connected components of thin structures, row by row through an image that is never held whole.
+"""Streaming connected-component labelling (8-connectivity) of thin structures, chunk by chunk of rows.
 
 Chunks of whole rows are labelled one after the other by union-find; components that run into the next chunk
-are united there. What is kept is a few numbers for each component.
+are united there. Only a few sums for each component are kept.
 """
 
 from dataclasses import dataclass, field
@@ -10,16 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import kernel
-from uavseg.segmentation.components import WORD, root_of, union_roots
+from uavseg.segmentation.components import WORD, number_roots, root_of, union_roots
 
-_CERTAIN = 1 << 20  # evidence of a cell with v = 1: more than any rule asks for
+_CERTAIN = 1 << 20  # evidence of a cell with v = 1: more than any rule requires
 
 Mask = NDArray[np.uint8]
 
 
 @dataclass
 class ThinComponents:
-    """The components of a mask, chunk by chunk from the top.
+    """Components of a mask, chunk by chunk from the top.
 
     Parameters
     ----------
@@ -37,20 +37,13 @@ class ThinComponents:
         self._above = np.zeros(self.cols, np.int64)
 
     def add(self, mask: Mask, evidence: Mask, attached: Mask) -> tuple[NDArray[np.uint32], int]:
-        """Add a chunk.
+        """Add a chunk; return its labels, and the number of components in chunks before.
 
         Parameters
         ----------
         mask, evidence, attached : (M, N) uint8 arrays
             1 where a cell belongs to a component; its evidence; 1 where it touches an occupied cell. N is a
             multiple of 8.
-
-        Returns
-        -------
-        labels : (M, N) uint32 array
-            Components of the chunk, from 1; 0 outside.
-        before : int
-            Number of components in chunks before.
         """
         labels, count = label_8_connected(mask)
         sums = np.zeros((3, count), np.int64)
@@ -64,7 +57,7 @@ class ThinComponents:
         return labels, before
 
     def totals(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """The component that each chunk's component belongs to, and the sums of all of them.
+        """Return the structure that each chunk's component belongs to, and the sums of all structures.
 
         Returns
         -------
@@ -82,7 +75,7 @@ class ThinComponents:
         return roots, sums
 
     def _ids(self, labels: NDArray[np.uint32]) -> NDArray[np.int64]:
-        """Components of a row of the next chunk, from 1 through all chunks."""
+        """Number the components of a row of the next chunk from 1 through all chunks."""
         return np.where(labels > 0, labels + np.int64(self._count), 0)
 
     def _unite(self, first: NDArray[np.int64]) -> None:
@@ -99,18 +92,9 @@ class ThinComponents:
 
 
 def label_8_connected(mask: Mask) -> tuple[NDArray[np.uint32], int]:
-    """Label the 8-connected components of a mask in raster order of their first pixels.
+    """Label the 8-connected components of a mask in raster order of their first pixels, and count them.
 
-    Parameters
-    ----------
-    mask : (M, N) uint8 array, 0 or 1
-        N is a multiple of 8.
-
-    Returns
-    -------
-    labels : (M, N) uint32 array
-        1..n; 0 outside.
-    n : int
+    N, the number of columns, is a multiple of 8.
 
     Examples
     --------
@@ -122,8 +106,8 @@ def label_8_connected(mask: Mask) -> tuple[NDArray[np.uint32], int]:
     labels = np.zeros(mask.shape, np.uint32)
     if not mask.any():
         return labels, 0
-    most = (mask.shape[0] + 1) // 2 * ((mask.shape[1] + 1) // 2)
-    return labels, _label(mask, mask.view(np.uint64), labels, np.empty(most + 1, np.uint32))
+    max_count = (mask.shape[0] + 1) // 2 * ((mask.shape[1] + 1) // 2)
+    return labels, _label(mask, mask.view(np.uint64), labels, np.empty(max_count + 1, np.uint32))
 
 
 @kernel("i8(u1[:,::1], u8[:,::1], u4[:,::1], u4[::1])")
@@ -154,13 +138,7 @@ def _label(mask, words, labels, parents):  # type: ignore[no-untyped-def]
                     parents[used] = used
                     label = used
                 labels[r, c] = label
-    count = np.uint32(0)
-    for k in range(1, used + 1):
-        if parents[k] == k:
-            count += np.uint32(1)
-            parents[k] = count
-        else:
-            parents[k] = parents[parents[k]]
+    count = number_roots(parents, used)
     for r in range(rows):
         for word in range(words.shape[1]):
             if words[r, word]:

@@ -1,7 +1,7 @@
 """Recovery of thin obstacles after the scans: walls, poles and furniture of one or two cells.
 
 A wall of one or two cells lies in blocks whose mean is free, and no scan reaches it. So the cells that are
-occupied by their own value, but not by their segment (candidates), are grouped into 8-connected structures;
+occupied by their value, but not by their segment (candidates), are grouped into 8-connected structures;
 see `obstacle_evidence` for the tests:
 
 - one of three cells or more with no occupied cell beside it is an obstacle, which would be lost;
@@ -10,7 +10,7 @@ see `obstacle_evidence` for the tests:
 - one of strong cells whose likelihood ratio is large enough is an obstacle, or part of the one beside it.
 
 The rest is explained by the noise of the map, and stays as it is. In a trinary map every cell that is
-occupied by its own value is part of an obstacle; those that are lost are counted there, and the default
+occupied by its value is part of an obstacle; those that are lost are counted there, and the default
 method loses none.
 """
 
@@ -33,7 +33,10 @@ from uavseg.units import BLOCK, FREE, OCCUPIED, UNKNOWN
 
 _CHUNK_PIXELS = 1 << 22  # pixels of the rows that are labelled at once, unless 64 rows have more
 
-_LEFT_OUT = FREE | OCCUPIED << 2, UNKNOWN | OCCUPIED << 2  # occupied by the own value, not by the segment
+BY_VALUE_ALONE = (
+    FREE | OCCUPIED << 2,
+    UNKNOWN | OCCUPIED << 2,
+)  # codes: the value is occupied, the state is not
 _KEPT = OCCUPIED | OCCUPIED << 2
 # A candidate has a code that no other pixel has: its state, shifted left twice where its evidence is strong.
 _STRONG_SHIFT = 2
@@ -41,7 +44,7 @@ _STRONG_SHIFT = 2
 
 @dataclass(frozen=True, slots=True)
 class ThinObstacles:
-    """What was found of thin obstacles.
+    """Counts of thin obstacles.
 
     Parameters
     ----------
@@ -55,24 +58,10 @@ class ThinObstacles:
     lost: int
 
 
-def count_left_out(codes: NDArray[np.int64]) -> dict[int, int]:
-    """Pixels that are occupied by their own value alone, by their state, from the histogram of codes."""
-    return {FREE: int(codes[_LEFT_OUT[0]]), UNKNOWN: int(codes[_LEFT_OUT[1]])}
-
-
-def with_restored(codes: NDArray[np.int64], restored: dict[int, int]) -> NDArray[np.int64]:
-    """The histogram of codes after so many pixels of each state became occupied."""
-    counts = codes.copy()
-    for state, number in restored.items():
-        counts[state | OCCUPIED << 2] -= number
-        counts[_KEPT] += number
-    return counts
-
-
 def find_thin_obstacles(
     source: GreySource, image: StateImage, rule: EvidenceRule, tile_pass: TilePass, restore: bool
 ) -> ThinObstacles:
-    """Find thin obstacles, and make them occupied if they are to be restored.
+    """Detect thin obstacles, and make them occupied if they are to be restored.
 
     Parameters
     ----------
@@ -116,7 +105,7 @@ def _restore(
     obstacles: NDArray[np.bool_],
     parts: NDArray[np.bool_],
 ) -> dict[int, int]:
-    """Candidates of the chosen components become occupied, the others what they were; counts by state."""
+    """Make candidates of the chosen components occupied, reset the others; return counts by state."""
     restored = np.zeros(4, np.int64)
     for row, rows in chunks:
         codes = image.read_codes(row, rows)
@@ -132,7 +121,7 @@ def _restore(
 def _chosen(
     mask: NDArray[np.uint8], chosen: NDArray[np.bool_]
 ) -> tuple[tuple[NDArray[np.uint32], NDArray[np.bool_]], NDArray[np.bool_]]:
-    """Labels of a chunk and whether each label is chosen, and the choices of later chunks."""
+    """Label a chunk; return labels with whether each is chosen, and the choices of later chunks."""
     labels, count = label_8_connected(mask)
     return (labels, np.concatenate([[False], chosen[:count]])), chosen[count:]
 
@@ -140,7 +129,7 @@ def _chosen(
 def _read_chunks(
     source: GreySource, image: StateImage, rule: EvidenceRule, tile_pass: TilePass
 ) -> Iterator[tuple[int, Codes, NDArray[np.uint8]]]:
-    """First row of each chunk, its codes and the evidence of its pixels, with a row above and below."""
+    """Yield the first row of each chunk, its codes and its evidence, with one more row above and below."""
     at_once = max(_CHUNK_PIXELS // image.cols // BLOCK, 1) * BLOCK
     border = np.zeros((1, image.cols), np.uint8)
     above, here, top = border, border[:0], 0
@@ -155,7 +144,7 @@ def _read_chunks(
 def _read_evidence(
     source: GreySource, image: StateImage, rule: EvidenceRule, tile_pass: TilePass
 ) -> Iterator[tuple[int, NDArray[np.uint8]]]:
-    """First row of each strip and the evidence of its pixels; 0 in tiles where nobody asks for it."""
+    """Yield the first row of each strip and the evidence of its pixels; 0 in tiles without candidates."""
     strips = [list(strip) for _, strip in groupby(tile_pass.windows, key=lambda window: window.row)]
     trinary = rule.min_cells == 1  # evidence is the same everywhere
     needed = [] if trinary else [tile for strip in strips for tile in _tiles_with_candidates(image, strip)]
@@ -172,29 +161,29 @@ def _read_evidence(
 
 
 def _tiles_with_candidates(image: StateImage, strip: Sequence[Window]) -> list[Window]:
-    """The tiles of a strip that hold or touch pixels occupied by their own value alone."""
-    found = np.zeros(image.cols, np.uint8)
-    _find_columns(image.read_codes(strip[0].row - 1, strip[0].rows + 2), found)
-    return [tile for tile in strip if found[max(tile.col - 1, 0) : tile.col + tile.cols + 1].any()]
+    """List the tiles of a strip that hold or touch pixels occupied by their value alone."""
+    columns = np.zeros(image.cols, np.uint8)
+    _find_columns(image.read_codes(strip[0].row - 1, strip[0].rows + 2), columns)
+    return [tile for tile in strip if columns[max(tile.col - 1, 0) : tile.col + tile.cols + 1].any()]
 
 
 def _evidence_of_tile(source: GreySource, rule: EvidenceRule, window: Window) -> NDArray[np.uint8]:
-    """The evidence of a tile's pixels; 0 where they are invalid, as their grey is."""
+    """Return the evidence of a tile's pixels; 0 where they are invalid, as their grey is."""
     evidence: NDArray[np.uint8] = rule.codes[source.read(window, 0).grey]
     return evidence
 
 
 @inlined
-def left_out(code):  # type: ignore[no-untyped-def]
-    """Whether a pixel is occupied by its own value alone."""
+def by_value_alone(code):  # type: ignore[no-untyped-def]
+    """Test whether the value of a pixel is occupied, and its state is not."""
     return code == np.uint8(13) or code == np.uint8(14)
 
 
 @kernel("void(u1[:,::1], u1[::1])")
-def _find_columns(codes, found):  # type: ignore[no-untyped-def]
+def _find_columns(codes, columns):  # type: ignore[no-untyped-def]
     for r in range(codes.shape[0]):
         for c in range(codes.shape[1]):
-            found[c] |= left_out(codes[r, c])
+            columns[c] |= by_value_alone(codes[r, c])
 
 
 @kernel("void(u1[:,::1], u1[:,::1], u1[:,::1], u1[:,::1], u1[:,::1], u1[:,::1])")
@@ -203,7 +192,7 @@ def _mark_candidates(codes, evidence, weak, strong, attached, strongly):  # type
     rows, cols = weak.shape
     for r in range(rows):
         for c in range(cols):
-            if evidence[r + 1, c] == 0 or not left_out(codes[r + 1, c]):
+            if evidence[r + 1, c] == 0 or not by_value_alone(codes[r + 1, c]):
                 continue
             weak[r, c] = 1
             strong[r, c] = evidence[r + 1, c] >> np.uint8(7)

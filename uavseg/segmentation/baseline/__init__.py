@@ -1,1 +1,0 @@
-"""The original LBP/C of Ojala and Pietikäinen, for comparison."""

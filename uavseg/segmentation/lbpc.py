@@ -1,0 +1,370 @@
+"""LBP/C, the original unsupervised texture segmentation, in full: the baseline for comparison.
+
+Ojala and Pietikäinen, "Unsupervised texture segmentation using feature distributions", Pattern Recognition 32
+(1999) 477-486: hierarchical division by texture, agglomerative merging of the most similar adjacent regions
+until the next pair is much less similar than all before, then pixelwise classification of the boundaries by
+the texture around each pixel. The merging importance MI of two regions is p G, where p is the number of
+counted pixels of the smaller one. The whole image is held in memory.
+"""
+
+import heapq
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg._jit import inlined, kernel
+from uavseg.errors import ParameterError, RasterError
+from uavseg.segmentation.blocks.block_map import find_leaves
+from uavseg.segmentation.blocks.g_statistic import g_of_region, n_ln_n_table
+from uavseg.segmentation.blocks.lbp import (
+    SYMBOLS,
+    UNCOUNTED,
+    contrast_bin_edges,
+    contrast_histogram,
+    lbp_symbols,
+)
+from uavseg.segmentation.components import number_by_size, union_roots
+from uavseg.segmentation.in_memory import block_map_of_array, pad_to_blocks
+from uavseg.segmentation.params.segment import DivisionParams
+from uavseg.units import CELL
+
+Labels = NDArray[np.uint32]
+
+MAX_PIXELS = 4096 * 4096
+MIN_LEAF = 16  # pixels: side of the smallest leaf
+
+
+@dataclass(frozen=True, slots=True)
+class LbpcParams:
+    """Parameters of LBP/C; the defaults are the usual values of the literature.
+
+    Parameters
+    ----------
+    threshold : float
+        X, at least 0: a block is divided where R = G_max / G_min is larger.
+    stop : float
+        Y, at least 1: merging stops where MI / (largest MI so far) is larger.
+    untested : float
+        Share of all possible merges, 0 to 1, during which the stop is not tested.
+    radius : int
+        Radius of the disc around a pixel, 1 to 128 pixels.
+    sweeps : int
+        Largest number of sweeps over the boundary pixels; 0 keeps the merged blocks.
+
+    Raises
+    ------
+    ParameterError
+        If a parameter is out of bounds.
+    """
+
+    threshold: float = 1.2
+    stop: float = 2.0
+    untested: float = 0.1
+    radius: int = 11
+    sweeps: int = 32
+
+    def __post_init__(self) -> None:
+        if not self.threshold >= 0:
+            raise ParameterError(f"the threshold X of the division is at least 0, not {self.threshold:g}")
+        if not self.stop >= 1:
+            raise ParameterError(f"the stop Y of merging is at least 1, not {self.stop:g}")
+        if not 0 <= self.untested <= 1:
+            raise ParameterError(f"the share of untested merges lies in 0..1, not {self.untested:g}")
+        if not 1 <= self.radius <= 128:
+            raise ParameterError(f"the radius of the disc is 1 to 128 pixels, not {self.radius}")
+        if not self.sweeps >= 0:
+            raise ParameterError(f"the number of sweeps is at least 0, not {self.sweeps}")
+
+
+def check_lbpc_size(shape: tuple[int, int]) -> None:
+    """Refuse an image of more than 4096 x 4096 pixels with RasterError: it is held in memory."""
+    rows, cols = shape
+    if rows * cols > MAX_PIXELS:
+        raise RasterError(
+            f"the original algorithm holds the whole image, at most {MAX_PIXELS:,} pixels, and this one has "
+            f"{rows:,} x {cols:,}: cut a part out (gdal_translate -srcwin) or make it coarser (-outsize)"
+        )
+
+
+def segment_lbpc(
+    grey: NDArray[np.uint16],
+    valid: NDArray[np.bool_] | None = None,
+    params: LbpcParams = LbpcParams(),
+) -> Labels:
+    """Label the segments of an image by LBP/C.
+
+    Parameters
+    ----------
+    grey : (M, N) uint16 array
+    valid : (M, N) bool array, optional
+        Valid pixels; all, if left out.
+    params : LbpcParams
+
+    Returns
+    -------
+    labels : (M, N) uint32 array
+        1..n, most pixels first, ties in raster order of the first pixel; 0 where invalid.
+
+    Raises
+    ------
+    RasterError
+        If the image has more than 4096 x 4096 pixels.
+
+    Examples
+    --------
+    >>> segment_lbpc(np.tile(np.array([[0, 9]], np.uint16), (32, 32)))[:2, :3]
+    array([[1, 1, 1],
+           [1, 1, 1]], dtype=uint32)
+    """
+    check_lbpc_size(grey.shape)
+    mask = np.ones(grey.shape, np.bool_) if valid is None else valid
+    image, padded_mask = pad_to_blocks(grey, mask)
+    symbols = lbp_symbols(image, padded_mask, contrast_bin_edges(contrast_histogram(image, padded_mask)))
+    symbols = np.ascontiguousarray(symbols[: grey.shape[0], : grey.shape[1]])
+    labels, models = _merge_regions(
+        _leaf_labels(grey, mask, params.threshold), symbols, params.stop, params.untested
+    )
+    _classify_boundaries(labels, symbols, models, params)
+    return number_by_size(labels, len(models) - 1, np.ascontiguousarray(grey))[labels]
+
+
+def _leaf_labels(grey: NDArray[np.uint16], mask: NDArray[np.bool_], threshold: float) -> Labels:
+    """Label the leaf of each valid pixel, 1..n in raster order of the leaves' corners; 0 where invalid."""
+    sides, _ = find_leaves(block_map_of_array(grey, mask), DivisionParams(threshold, np.inf))
+    side = np.maximum(sides, MIN_LEAF).astype(np.int64)
+    rows, cols = np.indices(side.shape) * CELL
+    corners = 1 + rows // side * side * grey.shape[1] + cols // side * side
+    on_pixels = corners.repeat(CELL, 0).repeat(CELL, 1)[: grey.shape[0], : grey.shape[1]] * mask
+    leaf_ids, labels = np.unique(on_pixels, return_inverse=True)
+    return (labels.reshape(grey.shape) + int(leaf_ids.size > 0 and leaf_ids[0] > 0)).astype(np.uint32)
+
+
+def _classify_boundaries(
+    labels: Labels, symbols: NDArray[np.uint16], models: NDArray[np.uint32], params: LbpcParams
+) -> None:
+    """Assign each boundary pixel to the adjacent region with the most similar model, in place.
+
+    Models stay as merging left them, and a sweep reads the labels of the sweep before, so the result does not
+    depend on the order of pixels. After the first sweep, only pixels near a change are active.
+    """
+    offsets = np.arange(-params.radius, params.radius + 1)
+    half_widths = np.sqrt(params.radius**2 - offsets**2).astype(np.int64)  # of the rows of the disc
+    totals = models.sum(axis=1, dtype=np.int64)
+    table = n_ln_n_table(int(totals.max(initial=0)) + len(offsets) ** 2)
+    counts, present = np.zeros((2, models.shape[1]), np.int64)
+    constant = symbols, models, totals, half_widths, table, counts, present
+    active = np.ones(labels.shape, np.uint8)
+    for _ in range(params.sweeps):
+        before, active_before = labels.copy(), active.copy()
+        active[:] = 0
+        if not _sweep(before, *constant, active_before, labels, active):
+            break
+
+
+@inlined
+def disc_histogram(symbols, half_widths, row, col, counts, present):  # type: ignore[no-untyped-def]
+    """Count the symbols in a disc and list those present; return the number of the latter."""
+    rows, cols = symbols.shape
+    radius = half_widths.shape[0] // 2
+    n_present = 0
+    for k in range(half_widths.shape[0]):
+        r = row + k - radius
+        if r < 0 or r >= rows:
+            continue
+        for c in range(max(col - half_widths[k], 0), min(col + half_widths[k] + 1, cols)):
+            symbol = symbols[r, c]
+            if symbol != UNCOUNTED:
+                if counts[symbol] == 0:
+                    present[n_present] = symbol
+                    n_present += 1
+                counts[symbol] += 1
+    return n_present
+
+
+@kernel(
+    "i8(u4[:,::1], u2[:,::1], u4[:,::1], i8[::1], i8[::1], f8[::1], i8[::1], i8[::1], u1[:,::1],"
+    " u4[:,::1], u1[:,::1])"
+)
+def _sweep(  # type: ignore[no-untyped-def]
+    before, symbols, models, totals, half_widths, table, counts, present, active_before, labels, active
+):
+    # Returns the number of changed pixels; `active` is set at them and at their neighbours.
+    rows, cols = before.shape
+    changes = 0
+    for row in range(rows):
+        for col in range(cols):
+            here = before[row, col]
+            if here == 0 or not active_before[row, col]:
+                continue
+            north = before[row - 1, col] if row > 0 else here
+            south = before[row + 1, col] if row + 1 < rows else here
+            west = before[row, col - 1] if col > 0 else here
+            east = before[row, col + 1] if col + 1 < cols else here
+            around = (north, south, west, east)
+            if max(around) == here and min(around) == here:
+                continue
+            n_present = disc_histogram(symbols, half_widths, row, col, counts, present)
+            best = here
+            smallest_g = g_of_region(models, totals, here, counts, present, n_present, table)
+            for label in around:
+                if n_present and label != 0 and label != here:
+                    g = g_of_region(models, totals, label, counts, present, n_present, table)
+                    if g < smallest_g or (g == smallest_g and best != here and label < best):
+                        smallest_g = g
+                        best = label
+            for k in range(n_present):
+                counts[present[k]] = 0
+            if best != here:
+                changes += 1
+                labels[row, col] = best
+                active[row, col] = 1
+                active[max(row - 1, 0), col] = 1
+                active[min(row + 1, rows - 1), col] = 1
+                active[row, max(col - 1, 0)] = 1
+                active[row, min(col + 1, cols - 1)] = 1
+    return changes
+
+
+def _merge_regions(
+    labels: NDArray[np.uint32], symbols: NDArray[np.uint16], stop: float, untested: float
+) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
+    """Merge adjacent regions by texture, the most similar pair first, until MI exceeds Y times the largest.
+
+    Of two pairs with the same MI, the one with the smaller lower label comes first, then the one with the
+    smaller upper label. The stop is not tested during the share `untested` of all possible merges.
+
+    Returns
+    -------
+    labels : (M, N) uint32 array
+        1..k in the order of the smallest label merged into each.
+    models : (k + 1, 2048) uint32 array
+        The histogram of each region; row 0 is empty.
+    """
+    count = int(labels.max(initial=0))
+    regions = _Regions.of(labels, symbols, count)
+    pairs = _adjacent_pairs(labels)
+    possible = count - len(np.unique(union_roots(pairs, count + 1)[1:]))
+    parents = _merge(regions, pairs, stop, untested * possible)
+    roots, numbers = np.unique(parents, return_inverse=True)
+    return numbers.astype(np.uint32)[labels], np.ascontiguousarray(regions.histograms[roots])
+
+
+@dataclass(frozen=True)
+class _Regions:
+    """Histograms of regions; region 0 is empty.
+
+    Parameters
+    ----------
+    histograms : (n + 1, 2048) uint32 array
+    totals : (n + 1,) int64 array
+        Counted pixels.
+    table : float64 array
+        n ln n, see `n_ln_n_table`.
+    """
+
+    histograms: NDArray[np.uint32]
+    totals: NDArray[np.int64]
+    table: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, labels: NDArray[np.uint32], symbols: NDArray[np.uint16], count: int) -> "_Regions":
+        histograms = np.zeros((count + 1, SYMBOLS), np.uint32)
+        _count_symbols(labels, symbols, histograms)
+        histograms[0] = 0
+        totals = histograms.sum(axis=1, dtype=np.int64)
+        return cls(histograms, totals, n_ln_n_table(int(totals.sum())))
+
+    def importance(self, region: int, others: NDArray[np.int64]) -> list[float]:
+        """Compute MI of a region with each of some others."""
+        g = np.empty(len(others))
+        present = np.flatnonzero(self.histograms[region])
+        counts = self.histograms[region].astype(np.int64)
+        _g_of_regions(self.histograms, self.totals, others, counts, present, self.table, g)
+        scaled: list[float] = (g * np.minimum(self.totals[others], self.totals[region])).tolist()
+        return scaled
+
+    def join(self, one: int, other: int) -> None:
+        """Add a region's histogram to another's."""
+        self.histograms[one] += self.histograms[other]
+        self.totals[one] += self.totals[other]
+
+
+def _merge(regions: _Regions, pairs: NDArray[np.int64], stop: float, untested: float) -> NDArray[np.int64]:
+    """Return the region that each region was merged into."""
+    count = len(regions.totals)
+    parents, versions = list(range(count)), [0] * count
+    neighbours: list[set[int]] = [set() for _ in range(count)]
+    for one, other in pairs.tolist():
+        neighbours[one].add(other)
+        neighbours[other].add(one)
+    queue = [entry for one in range(count) for entry in _entries(regions, one, neighbours, versions, one)]
+    heapq.heapify(queue)
+    largest, merges = 0.0, 0
+    while queue:
+        smallest, one, other, *entry_versions = heapq.heappop(queue)
+        if entry_versions != [versions[one], versions[other]]:
+            continue
+        if merges >= untested and smallest > stop * largest:
+            break
+        largest, merges = max(largest, smallest), merges + 1
+        _merge_pair(regions, one, other, neighbours, versions)
+        parents[other] = one
+        for entry in _entries(regions, one, neighbours, versions):
+            heapq.heappush(queue, entry)
+    for k in range(count):  # a parent is smaller than its child, so that of the parent is final
+        parents[k] = parents[parents[k]]
+    return np.array(parents, np.int64)
+
+
+def _entries(
+    regions: _Regions, region: int, neighbours: list[set[int]], versions: list[int], above: int = 0
+) -> list[tuple[Any, ...]]:
+    """List the queue entries of a region's pairs: MI, the two labels, and the versions of the two regions."""
+    others = sorted(other for other in neighbours[region] if other > above)
+    entries = []
+    for other, value in zip(others, regions.importance(region, np.array(others, np.int64)), strict=True):
+        one, two = min(region, other), max(region, other)
+        entries.append((value, one, two, versions[one], versions[two]))
+    return entries
+
+
+def _merge_pair(
+    regions: _Regions, one: int, other: int, neighbours: list[set[int]], versions: list[int]
+) -> None:
+    """Merge region `other` into `one`; queue entries of either become out of date."""
+    regions.join(one, other)
+    for third in neighbours[other]:
+        neighbours[third].discard(other)
+        if third != one:
+            neighbours[third].add(one)
+            neighbours[one].add(third)
+    neighbours[other].clear()
+    versions[one] += 1
+    versions[other] = -1
+
+
+def _adjacent_pairs(labels: NDArray[np.uint32]) -> NDArray[np.int64]:
+    """List the pairs of adjacent labels, the smaller first; (k, 2)."""
+    size = int(labels.max(initial=0)) + 1
+    keys = []
+    for one, other in ((labels[:, 1:], labels[:, :-1]), (labels[1:], labels[:-1])):
+        apart = (one != other) & (one > 0) & (other > 0)
+        low, high = np.minimum(one[apart], other[apart]), np.maximum(one[apart], other[apart])
+        keys.append(np.unique(low.astype(np.int64) * size + high))
+    return np.stack(np.divmod(np.unique(np.concatenate(keys)), size), axis=1)
+
+
+@kernel("void(u4[:,::1], i8[::1], i8[::1], i8[::1], i8[::1], f8[::1], f8[::1])")
+def _g_of_regions(histograms, totals, regions, counts, present, table, result):  # type: ignore[no-untyped-def]
+    for k in range(regions.shape[0]):
+        result[k] = g_of_region(histograms, totals, regions[k], counts, present, present.shape[0], table)
+
+
+@kernel("void(u4[:,::1], u2[:,::1], u4[:,::1])")
+def _count_symbols(labels, symbols, histograms):  # type: ignore[no-untyped-def]
+    for r in range(labels.shape[0]):
+        for c in range(labels.shape[1]):
+            if symbols[r, c] < SYMBOLS:
+                histograms[labels[r, c], symbols[r, c]] += 1

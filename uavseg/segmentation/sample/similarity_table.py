@@ -1,0 +1,260 @@
+"""Colour classifier as a lookup table: the probability that a pixel is of a sample's class.
+
+Bands are blurred by a binomial filter of 5 x 5 pixels (a Gaussian of one pixel), which halves the noise of
+single pixels and leaves edges where they are. Of more than three bands, three linear combinations are used.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg._jit import kernel
+from uavseg.segmentation.sample.mixture import Points, SampleVote, sample_votes
+from uavseg.units import GREY_MAX
+
+BLUR_HALO = 2  # pixels
+_BINS = {1: 4096, 2: 512, 3: 64}  # along each of so many axes
+_TAILS = (0.001, 0.999)  # quantiles between which bins lie; values outside belong to the outer ones
+_AXES = 3
+_MIN_LIMIT = 0.25  # of the way in similarity from pixels that are certainly of other classes to the sample
+_UNCERTAIN = 0.5  # twice the distance from 0.5 below which a similarity is uncertain: 0.25 to 0.75
+_AGREED = 0.8  # intersection over union from which two votes agree
+_OTHERS = 0.05  # share of the raster that is certainly of other classes
+
+
+@dataclass(frozen=True)
+class SimilarityTable:
+    """Lookup table of the probability that a colour is of the sample's class.
+
+    Parameters
+    ----------
+    weights : (axes, bands) float64 array
+        Of the bands in each axis.
+    lows, scales : (axes,) float64 arrays
+        Start of the first bin of each axis, and bins per unit.
+    similarity : (bins ** axes,) uint16 array
+        Probability of each bin, 65535 for 1; the last axis runs fastest.
+    sample_mean : float
+        Mean probability of the sample's pixels.
+    raster_mean : float
+        Mean probability of the raster's pixels.
+    other_mean : float, optional
+        Mean probability of the pixels of samples of other classes.
+    uncertain : float
+        Share of the raster's pixels with a probability of 0.25 to 0.75.
+    """
+
+    weights: NDArray[np.float64]
+    lows: NDArray[np.float64]
+    scales: NDArray[np.float64]
+    similarity: NDArray[np.uint16]
+    sample_mean: float
+    raster_mean: float
+    other_mean: float | None = None
+    uncertain: float = 0.0
+
+    @classmethod
+    def fit(
+        cls,
+        points: NDArray[np.uint16],
+        sample: NDArray[np.uint16],
+        unlike: NDArray[np.uint16] | None = None,
+    ) -> "SimilarityTable":
+        """Fit a table to colours.
+
+        One half lies at least in the middle between the similarity of the sample and that of the least
+        similar twentieth of the raster; with a sample of other classes, in the middle between the two. From
+        there it is lowered to the limit above which the expected intersection over union is largest.
+
+        Parameters
+        ----------
+        points : (n, bands) uint16 array
+            Blurred colours of pixels all over the raster.
+        sample : (m, bands) uint16 array
+            Those of the sample's pixels.
+        unlike : (k, bands) uint16 array, optional
+            Those of pixels of other classes.
+        """
+        weights = _axes(points.astype(np.float64), sample.astype(np.float64))
+        raster, of_sample = (_project(values, weights) for values in (points, sample))
+        mean = raster.mean(0)
+        deviation = np.maximum(raster.std(0), 1)
+        other = None if unlike is None else (_project(unlike, weights) - mean) / deviation
+        decision = _decide((raster - mean) / deviation, (of_sample - mean) / deviation, other)
+        bins = _BINS[len(weights)]
+        lows, highs = np.quantile(np.concatenate([raster, of_sample]), _TAILS, axis=0)
+        scales = bins / np.maximum(highs - lows, 1)
+        middles = [low + (np.arange(bins) + 0.5) / scale for low, scale in zip(lows, scales, strict=True)]
+        grid = np.stack(np.meshgrid(*middles, indexing="ij"), -1).reshape(-1, len(weights))
+        of_grid = decision.similarity((grid - mean) / deviation)
+        similarity = np.rint(of_grid * GREY_MAX).astype(np.uint16)
+        table = cls(weights, lows, scales, similarity, sample_mean=0.0, raster_mean=0.0)
+        of_points = table.of(points)
+        return replace(
+            table,
+            sample_mean=float(table.of(sample).mean()) / GREY_MAX,
+            raster_mean=float(of_points.mean()) / GREY_MAX,
+            other_mean=None if unlike is None else float(table.of(unlike).mean()) / GREY_MAX,
+            uncertain=float((np.abs(2 * (of_points / GREY_MAX) - 1) < _UNCERTAIN).mean()),
+        )
+
+    @property
+    def separation(self) -> float:
+        """Mean similarity of the sample less that of the other samples, or else of the raster."""
+        return self.sample_mean - (self.raster_mean if self.other_mean is None else self.other_mean)
+
+    def of(self, colors: NDArray[np.uint16]) -> NDArray[np.uint16]:
+        """Look up the similarity of (n, bands) colours, 65535 for certain."""
+        result: NDArray[np.uint16] = self.apply([column[None] for column in colors.T])[0]
+        return result
+
+    def apply(self, planes: Sequence[NDArray[np.uint16]]) -> NDArray[np.uint16]:
+        """Look up the similarity of the pixels of blurred bands, each (M, N)."""
+        stacked = np.stack(planes)
+        result = np.empty(stacked.shape[1:], np.uint16)
+        bins = _BINS[len(self.weights)]
+        _look_up(stacked, self.weights, self.lows, self.scales, bins, self.similarity, result)
+        return result
+
+
+@dataclass(frozen=True)
+class _Decision:
+    """A vote, and the similarity that becomes one half: first the middle, then the limit."""
+
+    vote: SampleVote
+    middle: float
+    limit: float
+
+    @classmethod
+    def of(cls, vote: SampleVote, points: Points, sample: Points, unlike: Points | None) -> "_Decision":
+        """Fit middle and limit to the similarity of the sample, and of the points or of other classes."""
+        of_points, of_sample = vote.similarity(points), vote.similarity(sample)
+        mean = float(of_sample.mean())
+        if unlike is None:
+            middle = max(0.5, (float(np.quantile(of_points, _OTHERS)) + mean) / 2)
+        else:
+            middle = min(max((float(vote.similarity(unlike).mean()) + mean) / 2, 0.01), 0.99)
+        return cls(vote, middle, _best_limit(_moved(of_points, middle), _moved(of_sample, middle)))
+
+    def similarity(self, points: Points) -> Points:
+        """Compute the similarity of points; those of one half and more are of the class."""
+        return _moved(_moved(self.vote.similarity(points), self.middle), self.limit)
+
+
+def _decide(points: Points, sample: Points, unlike: Points | None) -> _Decision:
+    """Return the usual vote, or the one with seeded components if the two differ much.
+
+    The usual one is better at the rim, where pixels of two classes are mixed.
+    """
+    usual, *seeded = (
+        _Decision.of(vote, points, sample, unlike) for vote in sample_votes(points, sample, unlike)
+    )
+    for other in seeded:
+        first, second = (decision.similarity(points) >= 0.5 for decision in (usual, other))
+        if (first & second).sum() < _AGREED * (first | second).sum():
+            return other
+    return usual
+
+
+def blurred(grey: NDArray[np.uint16], valid: NDArray[np.uint8]) -> NDArray[np.uint16]:
+    """Blur by the binomial mean of 5 x 5 pixels, of those that are valid.
+
+    Parameters
+    ----------
+    grey : (M + 4, N + 4) uint16 array
+    valid : (M + 4, N + 4) uint8 array
+
+    Returns
+    -------
+    means : (M, N) uint16 array, rounded down; 0 where no pixel is valid
+    """
+    rows, cols = (max(length - 2 * BLUR_HALO, 0) for length in grey.shape)
+    means = np.empty((rows, cols), np.uint16)
+    sums, counts = np.empty((2, grey.shape[1]), np.int64)
+    _blur(grey, valid, sums, counts, means)
+    return means
+
+
+def _moved(similarity: Points, middle: float) -> Points:
+    """Stretch similarity so that `middle` becomes one half."""
+    result: Points = np.interp(similarity, [0, middle, 1], [0, 0.5, 1])
+    return result
+
+
+def _best_limit(similarity: Points, sample: Points) -> float:
+    """Return the limit, at most one half, with the largest expected intersection over union with the class.
+
+    It lies at least a quarter of the way from the least similar twentieth of the raster to the sample.
+
+    The expected intersection over union of the k likeliest pixels is that of the sums of probabilities:
+    S. Nowozin, Optimal Decisions from Probabilistic Models: the Intersection-over-Union Case, CVPR 2014.
+    """
+    falling = np.sort(similarity)[::-1]
+    result = np.cumsum(falling)
+    overlap = result / np.maximum(result[-1] + np.arange(1, len(result) + 1) - result, 1e-9)
+    rest = float(np.quantile(similarity, _OTHERS))
+    minimum = rest + _MIN_LIMIT * (float(sample.mean()) - rest)
+    return float(min(max(falling[int(overlap.argmax())], minimum, 1e-3), 0.5))
+
+
+def _axes(points: Points, sample: Points) -> Points:
+    """Return weights of bands: the bands themselves, or of more than three a projection to three axes.
+
+    The first axis is Fisher's discriminant of sample and raster, with the scatter of the sample; the others
+    are the principal components of the rest.
+    """
+    bands = points.shape[1]
+    if bands <= _AXES:
+        return np.eye(bands)
+    scale = 1 / np.maximum(points.std(0), 1)
+    values, scaled = points * scale, sample * scale
+    scatter = np.cov(scaled.T) + 0.05 * np.eye(bands)
+    first = np.linalg.solve(scatter, scaled.mean(0) - values.mean(0))
+    first /= max(float(np.sqrt((first * first).sum())), 1e-12)
+    rest = np.cov(values.T)
+    keep = np.eye(bands) - np.outer(first, first)
+    _, vectors = np.linalg.eigh(keep @ rest @ keep)
+    weights: Points = np.stack([first, vectors[:, -1], vectors[:, -2]]) * scale
+    return weights
+
+
+def _project(colors: NDArray[np.uint16], weights: Points) -> Points:
+    parts = [sum(weight * colors[:, k] for k, weight in enumerate(row)) for row in weights]
+    return np.stack(parts, 1)
+
+
+@kernel("void(u2[:,::1], u1[:,::1], i8[::1], i8[::1], u2[:,::1])")
+def _blur(grey, valid, sums, counts, means):  # type: ignore[no-untyped-def]
+    rows, cols = means.shape
+    for r in range(rows):
+        for c in range(cols + 4):
+            total = np.int64(0)
+            count = np.int64(0)
+            for k in range(5):
+                weight = np.int64(6 if k == 2 else (4 if k == 1 or k == 3 else 1))
+                if valid[r + k, c]:
+                    total += weight * np.int64(grey[r + k, c])
+                    count += weight
+            sums[c] = total
+            counts[c] = count
+        for c in range(cols):
+            total = sums[c] + sums[c + 4] + 4 * (sums[c + 1] + sums[c + 3]) + 6 * sums[c + 2]
+            count = counts[c] + counts[c + 4] + 4 * (counts[c + 1] + counts[c + 3]) + 6 * counts[c + 2]
+            means[r, c] = total // count if count else 0
+
+
+@kernel("void(u2[:,:,::1], f8[:,::1], f8[::1], f8[::1], i8, u2[::1], u2[:,::1])")
+def _look_up(planes, weights, lows, scales, bins, similarity, result):  # type: ignore[no-untyped-def]
+    bands, rows, cols = planes.shape
+    for r in range(rows):
+        for c in range(cols):
+            index = np.int64(0)
+            for axis in range(weights.shape[0]):
+                value = 0.0
+                for band in range(bands):
+                    value += weights[axis, band] * planes[band, r, c]
+                place = np.int64(min(max((value - lows[axis]) * scales[axis], 0.0), bins - 1.0))
+                index = index * bins + place
+            result[r, c] = similarity[index]
