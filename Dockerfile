@@ -1,8 +1,10 @@
 # The wheel is built in the first stage; the second one has the tool and its libraries alone.
 FROM python:3.13-slim AS build
 WORKDIR /source
-COPY pyproject.toml README.md CHANGELOG.md CITATION.cff LICENSE MANIFEST.in ./
+COPY pyproject.toml README.md CHANGELOG.md CITATION.cff LICENSE MANIFEST.in build_backend.py ./
 COPY uavseg uavseg
+# The image may run on another processor than this one.
+ENV UAVSEG_BUILD_KERNELS=all
 RUN pip wheel --no-cache-dir --no-deps --wheel-dir /wheels .
 
 FROM python:3.13-slim

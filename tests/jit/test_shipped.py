@@ -1,8 +1,8 @@
 """Kernels that come with the package: current, whole, and with the results of compiled ones."""
 
+import ctypes
 import importlib.util
 import os
-import platform
 import re
 import shutil
 import subprocess
@@ -11,25 +11,32 @@ from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
+import llvmlite.binding as llvm
 import numpy as np
 import pytest
 
 import uavseg
-from uavseg._jit import build, compiling, shipped, warming
+from uavseg._jit import build, compiling, elf, shipped, warming
 from uavseg._jit.kernels import Kernel
 
 Load = Callable[[str], ModuleType]
 ROOT = Path(uavseg.__file__).resolve().parents[1]
-here = pytest.mark.skipif(
-    f"{sys.platform}-{platform.machine()}" != "linux-x86_64" or shutil.which("ld") is None,
-    reason="kernels are shipped for x86-64 Linux, and made with its linker",
-)
+here = pytest.mark.skipif(not shipped.runs_here(), reason="kernels are shipped for x86-64 Linux")
 
 
 @pytest.fixture(autouse=True)
 def best(monkeypatch: pytest.MonkeyPatch) -> None:
     """What fits best, as without UAVSEG_JIT."""
     monkeypatch.delenv("UAVSEG_JIT", raising=False)
+
+
+@pytest.fixture(params=shipped.LEVELS)
+def library(request: pytest.FixtureRequest) -> Path:
+    """The library of a level that was made; UAVSEG_BUILD_KERNELS=all asks for all."""
+    path = shipped.library_path(request.param)
+    if not path.exists() and os.environ.get("UAVSEG_BUILD_KERNELS") != "all":
+        pytest.skip(f"not made: python -m uavseg._jit.build {request.param}")
+    return path
 
 
 @pytest.fixture
@@ -64,27 +71,62 @@ def twice_module(module_of: Load) -> ModuleType:
     )
 
 
+def object_file(kernel: Kernel, level: str = shipped.BASELINE) -> bytes:
+    """The object file of a kernel of a test."""
+    return compiling.object_code(compiling.intermediate_code(kernel, {}), level, "", for_library=True)
+
+
 def ship(kernel: Kernel, folder: Path, level: str = shipped.BASELINE) -> Path:
     """Make the library of a kernel of a test."""
-    path = folder / level / shipped.library_name(kernel)
+    path = folder / f"{level}.so"
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(shipped.sealed(path.name, build._link(compiling.compile_for(kernel, level, ""))))
+    symbol = shipped.symbol_of(kernel)
+    library = elf.shared_library({symbol: object_file(kernel, level)}, compiling.ENTRY)
+    build._write(path, shipped.sealed(path.name, [symbol], library))
     return path
 
 
-@pytest.mark.parametrize("level", shipped.LEVELS)
-def test_every_kernel_is_shipped_as_it_is_now(level: str) -> None:
+@here
+def test_the_library_of_this_processor_is_made() -> None:
     """Where this fails: `nox -s kernels`, or `python -m uavseg._jit.build`."""
-    names = {shipped.library_name(kernel) for kernel in warming.all_kernels().values()}
-    assert len(names) == len(warming.all_kernels()) > 80
-    assert names == {path.name for path in (shipped.FOLDER / level).iterdir()}
-    assert all(shipped._intact(shipped.FOLDER / level / name) for name in names)
+    assert shipped.library_path(shipped.levels_here()[0]).exists()
 
 
-@pytest.mark.parametrize("level", shipped.LEVELS)
-def test_no_shipped_kernel_names_a_file_of_the_machine_that_made_it(level: str) -> None:
-    paths = (shipped.FOLDER / level).iterdir()
-    assert [path.name for path in paths if re.search(rb"/[\w./+-]*\.py", path.read_bytes())] == []
+@here
+def test_every_kernel_is_shipped_as_it_is_now(library: Path) -> None:
+    symbols = {shipped.symbol_of(kernel) for kernel in warming.all_kernels().values()}
+    assert len(symbols) == len(warming.all_kernels()) > 80
+    assert shipped.is_current(library, build.made_of(symbols))
+    loaded = ctypes.CDLL(str(library))
+    assert all(loaded[symbol] for symbol in symbols)
+
+
+def test_a_library_with_other_kernels_is_not_current(tmp_path: Path) -> None:
+    path = tmp_path / "x86-64.so"
+    assert not shipped.is_current(path, ["a", "b"])
+    path.write_bytes(shipped.sealed(path.name, ["a", "b"], b"code"))
+    assert shipped.is_current(path, ["b", "a"])
+    assert not shipped.is_current(path, ["a"]) and not shipped.is_current(path, ["a", "b", "c"])
+    path.write_bytes(path.read_bytes().replace(b"code", b"coda"))
+    assert not shipped.is_current(path, ["a", "b"])
+
+
+@here
+def test_no_shipped_kernel_names_a_file_of_the_machine_that_made_it(library: Path) -> None:
+    assert re.search(rb"/[\w./+-]*\.py", library.read_bytes()) is None
+
+
+def test_no_library_is_in_the_repository() -> None:
+    """Kernels are compiled when the package is built."""
+    if not (ROOT / ".git").exists() or shutil.which("git") is None:
+        pytest.skip("no clone of the repository")
+    listed = subprocess.run(
+        ["git", "ls-files", "-z", "uavseg"], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    tracked = [ROOT / name for name in listed.stdout.split("\0") if name and (ROOT / name).is_file()]
+    assert len(tracked) > 100
+    magic = (b"\x7fELF", b"MZ", b"\xcf\xfa\xed\xfe", b"!<arch>", b"BC\xc0\xde")
+    assert [path for path in tracked if path.read_bytes().startswith(magic)] == []
 
 
 @pytest.mark.slow
@@ -128,6 +170,7 @@ def test_all_ways_give_the_same_results(
         total = module_of(source).total
         for level in shipped.LEVELS:
             ship(total, libraries, level)
+        shipped._library.cache_clear()
         halves = np.arange(1001, dtype=np.float32)
         found = total(values, halves), halves.tobytes()
         assert total.is_shipped == (way in ("", "baseline"))
@@ -149,7 +192,7 @@ def test_a_kernel_that_was_changed_is_compiled(
     ship(first, libraries)
     assert first(21) == 42 and first.is_shipped and compiled == []
     again = module_of(source.replace("    # a comment\n", "\n")).scaled  # moves nothing but lines
-    assert shipped.library_name(again) == shipped.library_name(first)
+    assert shipped.symbol_of(again) == shipped.symbol_of(first)
     for old, new, value in (
         ("TIMES = 2", "TIMES = 3", 63),
         ("value * TIMES", "value + TIMES", 23),
@@ -172,10 +215,10 @@ def test_a_damaged_library_is_not_loaded(
     if damage == "folder":
         path.unlink()
         path.mkdir()
-    elif damage == "renamed":  # the whole library of another kernel
-        path.write_bytes(shipped.sealed("other.so", content[:-64]))
+    elif damage == "renamed":  # the whole library of another level
+        path.write_bytes(shipped.sealed("x86-64-v3.so", [], content[:-128]))
     elif damage == "no function":
-        path.write_bytes(shipped.sealed(path.name, content[:-64].replace(b"kernel\0", b"kernal\0")))
+        path.write_bytes(shipped.sealed(path.name, [], content[:-128].replace(b".twice-", b".twigs-")))
     else:
         middle = len(content) // 2
         flipped = content[:middle] + bytes([content[middle] ^ 1]) + content[middle + 1 :]
@@ -205,23 +248,21 @@ def test_a_processor_gets_the_best_level_whose_features_it_has(
         monkeypatch.setattr(shipped, "_CPUINFO", cpuinfo)
         shipped.levels_here.cache_clear()
         found = shipped.load(twice_module.twice)
-        assert found is not None and Path(found[0]._name).parent.name == level
+        assert found is not None and Path(found[0]._name).name == f"{level}.so"
     shipped.levels_here.cache_clear()
 
 
-@pytest.mark.slow
 @here
-def test_libraries_need_nothing_but_functions_of_the_c_library() -> None:
-    known = {"exp", "log", "erf", "sqrt", "floor", "ceil", "memset", "memcpy", "memmove", "kernel"}
-    paths = sorted(shipped.FOLDER.rglob("*.so"))
+@pytest.mark.skipif(shutil.which("nm") is None, reason="reads the table of symbols")
+def test_libraries_need_nothing_but_functions_of_the_c_library(library: Path) -> None:
+    known = {"exp", "log", "erf", "sqrt", "floor", "ceil", "memset", "memcpy", "memmove"}
     listed = subprocess.run(
-        ["nm", "-D", "--with-symbol-versions", *paths], capture_output=True, text=True, check=True
+        ["nm", "-D", "--with-symbol-versions", library], capture_output=True, text=True, check=True
     )
-    tables = dict(part.split(":\n", 1) for part in listed.stdout.strip("\n").split("\n\n"))
-    assert sorted(map(Path, tables)) == paths
-    for path, table in tables.items():
-        symbols = {line.split()[-1] for line in table.splitlines()}
-        assert "kernel" in symbols and symbols <= known, path  # without versions: with any glibc
+    symbols = [line.split() for line in listed.stdout.splitlines()]
+    assert {name for kind, name in (words[-2:] for words in symbols) if kind == "U"} <= known  # any glibc
+    own = {shipped.symbol_of(kernel) for kernel in warming.all_kernels().values()}
+    assert {words[-1] for words in symbols if words[-2] != "U"} == own
 
 
 @here
@@ -231,12 +272,59 @@ def test_building_is_repeatable(tmp_path: Path, twice_module: ModuleType) -> Non
 
 
 @here
+def test_a_library_is_verified_and_loaded_once(
+    twice_module: ModuleType, libraries: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ship(twice_module.twice, libraries)
+    read: list[Path] = []
+    content = Path.read_bytes
+    monkeypatch.setattr(Path, "read_bytes", lambda path: read.append(path) or content(path))
+    found = [shipped.load(twice_module.twice, baseline=True) for _ in range(3)]
+    assert found[0] is not None and found == [found[0]] * 3
+    assert read == [libraries / "x86-64.so"]
+
+
+@here
+def test_building_makes_what_is_not_current_and_nothing_else(
+    libraries: Path, twice_module: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name = "flight.avoid.visibility._relax"
+    monkeypatch.setattr(build, "all_kernels", lambda: {name: warming.all_kernels()[name]})
+    paths = build.build(shipped.LEVELS[1:])
+    assert [path.name for path in paths] == ["x86-64-v3.so", "x86-64.so"]
+    made = [path.read_bytes() for path in paths]
+    assert build.build(shipped.LEVELS[1:]) == []
+    paths[0].write_bytes(made[0][:-1])
+    assert build.build(shipped.LEVELS[1:]) == paths[:1]
+    assert [path.read_bytes() for path in paths] == made
+    monkeypatch.setattr(build, "all_kernels", dict)
+    assert build.build([shipped.BASELINE]) == paths[1:]
+
+
+@here
+def test_what_is_not_a_loop_nest_is_not_linked() -> None:
+    """A variable, a thread's variable, an address of a function of another library."""
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    machine = llvm.Target.from_default_triple().create_target_machine(reloc="pic", codemodel="small")
+    for text in (
+        "@count = internal global i32 0\n"
+        "define i32 @f() {\n%a = load i32, ptr @count\n%b = add i32 %a, 1\nstore i32 %b, ptr @count\n"
+        "ret i32 %b\n}",
+        "declare i32 @other()\ndefine ptr @f() {\nret ptr @other\n}",
+    ):
+        code = machine.emit_object(llvm.parse_assembly(text))
+        with pytest.raises(ValueError, match=r"section of type 8|relocation of type"):
+            elf.shared_library({"one": code}, "f")
+
+
+@here
 def test_no_file_name_gets_into_machine_code(module_of: Load) -> None:
     unpacking = module_of(  # arrays of another length are an error of numba, which names the file
         'from uavseg._jit import kernel\n\n\n@kernel("i8(i8[::1])")\n'
         "def unpacking(pair):\n    first, second = pair\n    return first - second\n"
     ).unpacking
-    assert b"changing.py" not in compiling.compile_for(unpacking, shipped.BASELINE, "")
+    assert b"changing.py" not in object_file(unpacking)
 
 
 @pytest.mark.parametrize(

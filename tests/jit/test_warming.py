@@ -54,7 +54,7 @@ def test_processes_compile_what_is_not_there_and_later_ones_find_it(way: str, tm
     ]
 
 
-@pytest.mark.skipif(not shipped.FOLDER.exists() or sys.platform != "linux", reason="nothing is shipped")
+@pytest.mark.skipif(not shipped.runs_here(), reason="nothing is shipped")
 def test_what_is_shipped_is_not_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("UAVSEG_JIT")
     found = {

@@ -17,9 +17,11 @@ _NUMBA_NAMES = {"b1": "boolean", "void": "void"}
 _LIBRARY_CALLS = {"log", "exp", "erf", "sqrt", "floor", "ceil", "floorf", "memset", "memcpy", "memmove"}
 # Counting references to the given arrays is compiled in, but they are borrowed: nothing is ever destroyed.
 _DESTRUCTOR = r"declare void @NRT_MemInfo_call_dtor\([^)]*\)[^\n]*"
+ENTRY = "uavseg.kernel"
+"""Name of the function of an object file."""
 SEMANTICS = {"nogil": True, "error_model": "numpy"}
-_OPTIONS = SEMANTICS | {"forceinline": True}  # a call costs as much as 200 pixels
-_BARE = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+# A call costs as much as 200 pixels; nothing calls the functions from Python.
+_OPTIONS = SEMANTICS | {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 
 def machine_code(kernel: LoopNest) -> tuple[Any, int]:
@@ -91,73 +93,115 @@ def _compile(kernel: LoopNest) -> bytes:
     """Name and object code of a kernel, for this processor."""
     import llvmlite.binding as llvm
 
-    return compile_for(kernel, llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())
+    processor, features = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
+    code = object_code(intermediate_code(kernel, {}), processor, features)
+    return b"\n".join([ENTRY.encode(), code])
 
 
-def compile_for(kernel: LoopNest, processor: str, features: str) -> bytes:
-    """Name and object code of a kernel for a processor that LLVM has a name for, such as x86-64-v3.
+def intermediate_code(kernel: LoopNest, helpers: dict[Any, Any]) -> str:
+    """Translate a kernel to LLVM's intermediate code, with a function `ENTRY` of addresses and lengths.
 
-    For another processor than this one, NUMBA_CPU_NAME and NUMBA_CPU_FEATURES name it too, from before numba
-    is imported.
+    Parameters
+    ----------
+    kernel : LoopNest
+    helpers : dict
+        Helpers as numba has them, which are compiled once for all kernels that are given the same.
     """
-    import llvmlite.binding as llvm
     import numba
+    from numba import types as nb
 
-    entry = numba.njit(_entry_types(kernel), nogil=True, error_model="numpy", **_BARE)(_entry(kernel))
-    signature = entry.signatures[0]
-    name = entry.overloads[signature].fndesc.llvm_func_name
+    given = [
+        nb.Array(numba_type(argument.scalar), argument.ndim, "C")
+        if argument.ndim
+        else numba_type(argument.scalar)
+        for argument in kernel.arguments
+    ]
+    loops = numba.njit(numba_type(kernel.result)(*given), **_OPTIONS)(
+        with_helpers(kernel.function, _OPTIONS, helpers)
+    )
+    signature = loops.signatures[0]
+    name = loops.overloads[signature].fndesc.llvm_func_name
     text = re.sub(
         _DESTRUCTOR,
         r"define internal void @NRT_MemInfo_call_dtor(ptr %0) { ret void }",
-        entry.inspect_llvm(signature),
+        loops.inspect_llvm(signature),
     )
+    return f"{text}\n{_entry(kernel, name, text)}"
+
+
+def _entry(kernel: LoopNest, name: str, text: str) -> str:
+    """Return the function of addresses and lengths in LLVM's words.
+
+    Numba takes an array as two references (to what owns its memory), the number of items, the size of one,
+    the address, the lengths and the steps along the axes.
+    """
+    import llvmlite.binding as llvm
+
+    loops = llvm.parse_assembly(text).get_function(name)
+    types = [str(argument.type) for argument in loops.arguments]
+    own, given, lines = ["ptr %a", "ptr %b"], ["ptr %a", "ptr %b"], []
+    for k, argument in enumerate(kernel.arguments):
+        if not argument.ndim:
+            own.append(f"{types[len(given)]} %v{k}")
+            given.append(own[-1])
+            continue
+        lengths = [f"%n{k}_{axis}" for axis in range(argument.ndim)]
+        steps = [str(argument.dtype.itemsize)]
+        for axis, length in reversed(list(enumerate(lengths))):
+            steps.insert(0, f"%s{k}_{axis}")
+            lines.append(f"{steps[0]} = mul i64 {steps[1]}, {length}")
+        lines.append(f"%c{k} = sdiv i64 {steps[0]}, {steps[-1]}")
+        own += [f"ptr %v{k}", *(f"i64 {length}" for length in lengths)]
+        given += ["ptr null", "ptr null", f"i64 %c{k}", f"i64 {steps[-1]}", f"ptr %v{k}"]
+        given += [f"i64 {word}" for word in (*lengths, *steps[1:])]
+    if [word.split()[0] for word in given] != types:
+        raise RuntimeError(f"numba takes {types} for {kernel.signature}")
+    call = f'%status = call i32 @"{name}"({", ".join(given)})'
+    body = "\n".join([*lines, call, "ret i32 %status"])
+    return f"define i32 @{ENTRY}({', '.join(own)}) {{\n{body}\n}}\n"
+
+
+def object_code(text: str, processor: str, features: str, for_library: bool = False) -> bytes:
+    """Compile intermediate code to an object file.
+
+    Parameters
+    ----------
+    text : str
+        As of `intermediate_code`.
+    processor, features : str
+        As LLVM calls them, such as x86-64-v3.
+    for_library : bool
+        Whether the code will be part of a library, where all of it lies together.
+    """
+    import llvmlite.binding as llvm
+
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
     module = llvm.parse_assembly(text)
     for function in module.functions:
-        if not function.is_declaration and function.name != name:
+        if not function.is_declaration and function.name != ENTRY:
             function.linkage = "internal"
     machine = llvm.Target.from_default_triple().create_target_machine(
         cpu=processor,
         features=features,
         opt=3,
         reloc="pic",
-        codemodel="jitdefault",
-        jit=True,
+        codemodel="small" if for_library else "jitdefault",
+        jit=not for_library,
     )
-    passes = llvm.create_new_module_pass_manager()
-    passes.add_global_dead_code_eliminate_pass()
-    passes.run(module, llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options()))
+    options = llvm.create_pipeline_tuning_options(speed_level=3)
+    options.loop_vectorization = True
+    for _ in range(2):  # the second time, loops are vectorised that were not in their final form before
+        builder = llvm.create_pass_builder(machine, options)
+        passes = builder.getModulePassManager()
+        passes.add_global_dead_code_eliminate_pass()
+        passes.run(module, builder)
     outside = {function.name for function in module.functions if function.is_declaration}
     outside = {call for call in outside if not call.startswith("llvm.")} - _LIBRARY_CALLS
     if outside:
-        raise RuntimeError(f"kernel {kernel.__name__} calls {sorted(outside)}: it may not allocate or raise")
+        raise RuntimeError(f"it calls {sorted(outside)}, and a kernel may not allocate or raise")
     code: bytes = machine.emit_object(module)
-    return b"\n".join([name.encode(), code])
-
-
-def _entry(kernel: LoopNest) -> Callable[..., Any]:
-    """A function of addresses and lengths that calls the kernel with arrays."""
-    import numba
-
-    names, calls = [], []
-    for k, argument in enumerate(kernel.arguments):
-        lengths = [f"n{k}_{axis}" for axis in range(argument.ndim)]
-        names += [f"a{k}", *lengths]
-        calls.append(f"carray(a{k}, ({', '.join(lengths)},))" if lengths else f"a{k}")
-    source = f"def {kernel.__name__}({', '.join(names)}):\n    return loops({', '.join(calls)})\n"
-    scope: dict[str, Any] = {"carray": numba.carray, "loops": _jitted(kernel.function, _OPTIONS)}
-    exec(source, scope)
-    entry: Callable[..., Any] = scope[kernel.__name__]
-    return entry
-
-
-def _entry_types(kernel: LoopNest) -> Any:
-    from numba import types as nb
-
-    flat: list[Any] = []
-    for argument in kernel.arguments:
-        scalar = numba_type(argument.scalar)
-        flat += [nb.CPointer(scalar), *[nb.int64] * argument.ndim] if argument.ndim else [scalar]
-    return numba_type(kernel.result)(*flat)
+    return code
 
 
 def numba_type(name: str) -> Any:
@@ -165,13 +209,6 @@ def numba_type(name: str) -> Any:
     from numba import types as nb
 
     return getattr(nb, _NUMBA_NAMES.get(name) or np.dtype(name).name)
-
-
-def _jitted(function: Callable[..., Any], options: dict[str, Any]) -> Any:
-    """The function as numba compiles it, with the helpers that it calls."""
-    import numba
-
-    return numba.njit(**options)(with_helpers(function, options, {}))
 
 
 def with_helpers(

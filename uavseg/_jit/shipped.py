@@ -1,16 +1,17 @@
 """Kernels that come with the package: a shared library for each level of x86-64 processors on Linux.
 
-A library has the name of its kernel with a hash of the kernel's source text, so one that was made of another
-text is not found. It ends with a checksum. Who may change it may change the Python files beside it, so its
-owner and mode are not looked at. `build` makes the libraries.
+A library has a function for each kernel, named for it with a hash of the kernel's source text, so one that
+was made of another text is not found. It ends with a checksum. Who may change it may change the Python files
+beside it, so its owner and mode are not looked at. `build` makes the libraries when the package is built.
 """
 
+import contextlib
 import ctypes
 import hashlib
 import linecache
 import platform
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache
 from itertools import takewhile
 from pathlib import Path
@@ -22,9 +23,8 @@ from uavseg._jit.object_cache import checksum
 FOLDER = Path(__file__).with_name("libraries")
 BASELINE = "x86-64"
 LEVELS = ("x86-64-v4", "x86-64-v3", BASELINE)
-"""The best level first; names of processors in LLVM and folders of libraries."""
-ENTRY = "kernel"
-_FORMAT = "uavseg shipped kernel, version 1"
+"""The best level first; names of processors in LLVM and of libraries."""
+_FORMAT = "uavseg shipped kernel, version 2"
 _CPUINFO = Path("/proc/cpuinfo")
 # fmt: off
 _V3 = frozenset({
@@ -36,9 +36,9 @@ _NEEDED = dict(zip(LEVELS, (_V4, _V3, frozenset[str]()), strict=True))
 
 
 def load(kernel: LoopNest, baseline: bool = False) -> tuple[Any, int] | None:
-    """The library of a kernel for this processor, and the address of its function.
+    """Return the library that has a kernel for this processor, and the address of its function.
 
-    None where the package has none for the kernel as it is now, or it is damaged or cannot be loaded.
+    None where no library has the kernel as it is now, or it is damaged or cannot be loaded.
 
     Parameters
     ----------
@@ -46,29 +46,45 @@ def load(kernel: LoopNest, baseline: bool = False) -> tuple[Any, int] | None:
     baseline : bool
         Whether to load what runs on every x86-64 processor.
     """
-    if sys.platform != "linux" or platform.machine() != "x86_64":
+    symbol = symbol_of(kernel)
+    if not runs_here() or not symbol:
         return None
-    name = library_name(kernel)
     for level in (BASELINE,) if baseline else levels_here():
-        path = FOLDER / level / name
-        if name and _intact(path):
-            try:
-                library = ctypes.CDLL(str(path))
-                return library, ctypes.cast(library[ENTRY], ctypes.c_void_p).value or 0
-            except (OSError, AttributeError):  # of another kind of process, or without the function
-                continue
+        library = _library(library_path(level))
+        if library is not None:
+            with contextlib.suppress(AttributeError):  # it was made without the kernel
+                return library, ctypes.cast(library[symbol], ctypes.c_void_p).value or 0
     return None
 
 
-def library_name(kernel: LoopNest) -> str:
-    """File name of the library of a kernel; empty where its source text cannot be read."""
+def runs_here() -> bool:
+    """Whether libraries are made for this platform."""
+    return sys.platform == "linux" and platform.machine() == "x86_64"
+
+
+def library_path(level: str) -> Path:
+    """Return the path of the library of a level."""
+    return FOLDER / f"{level}.so"
+
+
+@cache
+def _library(path: Path) -> ctypes.CDLL | None:
+    """Load a library once in a process; None where there is none, or it is damaged or of another platform."""
+    try:
+        return ctypes.CDLL(str(path)) if _intact(path.name, path.read_bytes()) else None
+    except OSError:
+        return None
+
+
+def symbol_of(kernel: LoopNest) -> str:
+    """Return the name of a kernel's function in a library; empty where its source text cannot be read."""
     parts = [_FORMAT, kernel.signature]
     try:
         _describe(kernel.function, parts)
     except (LookupError, OSError, SyntaxError):
         return ""
     digest = hashlib.sha256("\n".join(parts).encode()).hexdigest()[:16]
-    return f"{kernel.function.__module__.removeprefix('uavseg.')}.{kernel.__name__}-{digest}.so"
+    return f"{kernel.function.__module__.removeprefix('uavseg.')}.{kernel.__name__}-{digest}"
 
 
 def _describe(function: Callable[..., Any], parts: list[str]) -> None:
@@ -98,17 +114,30 @@ def _source(function: Callable[..., Any]) -> str:
     return "\n".join(line for line in said if line)
 
 
-def _intact(path: Path) -> bool:
+def is_current(path: Path, made_of: Iterable[str]) -> bool:
+    """Whether a library is whole and made of these parts and no others."""
     try:
         content = path.read_bytes()
     except OSError:
         return False
-    return content == sealed(path.name, content[: -len(checksum("", b""))])
+    return _intact(path.name, content) and content[-2 * _SEAL : -_SEAL] == _checksum_of(made_of)
 
 
-def sealed(name: str, library: bytes) -> bytes:
-    """A library with its checksum at the end, where loaders do not look."""
-    return library + checksum(name, library)
+def _intact(name: str, content: bytes) -> bool:
+    return content[-_SEAL:] == checksum(name, content[:-_SEAL])
+
+
+def sealed(name: str, made_of: Iterable[str], library: bytes) -> bytes:
+    """Append to a library the checksums of what it is made of and of all, where loaders do not look."""
+    content = library + _checksum_of(made_of)
+    return content + checksum(name, content)
+
+
+def _checksum_of(parts: Iterable[str]) -> bytes:
+    return checksum("parts", "\n".join(sorted(parts)).encode())
+
+
+_SEAL = len(checksum("", b""))
 
 
 @cache

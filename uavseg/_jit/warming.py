@@ -3,7 +3,7 @@
 import contextlib
 import importlib
 import os
-import pkgutil
+import re
 import subprocess
 import sys
 from collections import Counter
@@ -14,18 +14,24 @@ from uavseg._jit import compiling, messages
 from uavseg._jit.kernels import Kernel
 
 PACKAGES = ("raster", "segmentation", "regions", "occupancy", "flight")
+_DEFINES_KERNELS = re.compile(r"^from uavseg\._jit import .*\bkernel\b", re.MULTILINE)
 _CHILD = "import sys; from uavseg._jit.warming import prepare; prepare(sys.argv[1:])"
 
 
 def all_kernels() -> dict[str, Kernel]:
-    """All kernels of the package by module and name, such as "segmentation.components._label_u1"."""
+    """Return all kernels of the package by module and name, such as "segmentation.components._label_u1".
+
+    Modules that define none are not imported: the others need numpy and shapely alone.
+    """
+    root = Path(__file__).parents[1]
     found = {}
-    for package in PACKAGES:
-        path = importlib.import_module(f"uavseg.{package}").__path__
-        for module in pkgutil.walk_packages(path, f"uavseg.{package}."):
-            for name, value in vars(importlib.import_module(module.name)).items():
-                if isinstance(value, Kernel) and value.function.__module__ == module.name:
-                    found[f"{module.name.removeprefix('uavseg.')}.{name}"] = value
+    for path in sorted(path for package in PACKAGES for path in (root / package).rglob("*.py")):
+        if _DEFINES_KERNELS.search(path.read_text(encoding="utf-8")):
+            name = ".".join(path.relative_to(root).with_suffix("").parts)
+            module = importlib.import_module(f"uavseg.{name}")
+            for attribute, value in vars(module).items():
+                if isinstance(value, Kernel) and value.function.__module__ == module.__name__:
+                    found[f"{name}.{attribute}"] = value
     return found
 
 
