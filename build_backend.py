@@ -33,7 +33,7 @@ __all__ = [
 ]
 
 # What compiles, and what the modules that define kernels import.
-_COMPILER = ["numba>=0.62", "llvmlite>=0.45", "numpy>=2.1", "shapely>=2.1.1"]
+_COMPILER = ["numba>=0.62", "llvmlite>=0.45", "numpy>=2.1", "rasterio>=1.4.4", "shapely>=2.1.1"]
 
 
 def get_requires_for_build_wheel(config_settings: Any = None) -> list[str]:

@@ -337,7 +337,7 @@ def test_public_words_are_there_when_they_are_used() -> None:
         uavseg.nothing  # noqa: B018
 
 
-FEW_USERS = ("uavseg.segmentation.baseline", "uavseg.occupancy.simulation", "uavseg.occupancy.bags")
+FEW_USERS = ("uavseg.segmentation.lbpc", "uavseg.occupancy.simulation", "uavseg.occupancy.bags")
 
 
 @pytest.mark.slow

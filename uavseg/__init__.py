@@ -10,24 +10,24 @@ from typing import TYPE_CHECKING, Any
 from uavseg._version import __version__
 
 if TYPE_CHECKING:
-    from uavseg.api.block_maps import divide as divide
-    from uavseg.api.check import check as check
     from uavseg.api.each import each as each
-    from uavseg.api.link import download as download
-    from uavseg.api.link import upload as upload
-    from uavseg.api.look import info as info
-    from uavseg.api.map_page import map_page as map_page
     from uavseg.api.maps import build_map as build_map
     from uavseg.api.maps import classify as classify
     from uavseg.api.maps import merge_maps as merge_maps
     from uavseg.api.maps import path as path
+    from uavseg.api.missions import check as check
+    from uavseg.api.missions import download as download
     from uavseg.api.missions import plan as plan
+    from uavseg.api.missions import upload as upload
+    from uavseg.api.pages import map_page as map_page
+    from uavseg.api.pages import serve as serve
     from uavseg.api.preview import preview as preview
+    from uavseg.api.questions import info as info
     from uavseg.api.questions import match as match
     from uavseg.api.questions import suggest as suggest
+    from uavseg.api.rasters import divide as divide
     from uavseg.api.rasters import extract as extract
     from uavseg.api.rasters import levels as levels
-    from uavseg.api.serve import serve as serve
     from uavseg.api.widget import RangeWidget as RangeWidget
     from uavseg.errors import UavsegError as UavsegError
     from uavseg.flight.params.plan import PlanParams as PlanParams
@@ -44,24 +44,24 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "extract": "uavseg.api.rasters",
-    "divide": "uavseg.api.block_maps",
+    "divide": "uavseg.api.rasters",
     "build_map": "uavseg.api.maps",
     "merge_maps": "uavseg.api.maps",
     "classify": "uavseg.api.maps",
     "levels": "uavseg.api.rasters",
     "each": "uavseg.api.each",
     "RangeWidget": "uavseg.api.widget",
-    "info": "uavseg.api.look",
+    "info": "uavseg.api.questions",
     "match": "uavseg.api.questions",
     "path": "uavseg.api.maps",
     "suggest": "uavseg.api.questions",
     "plan": "uavseg.api.missions",
     "preview": "uavseg.api.preview",
-    "map_page": "uavseg.api.map_page",
-    "serve": "uavseg.api.serve",
-    "check": "uavseg.api.check",
-    "upload": "uavseg.api.link",
-    "download": "uavseg.api.link",
+    "map_page": "uavseg.api.pages",
+    "serve": "uavseg.api.pages",
+    "check": "uavseg.api.missions",
+    "upload": "uavseg.api.missions",
+    "download": "uavseg.api.missions",
     "warm_up": "uavseg.jobs.install.warm_up",
     "doctor": "uavseg.jobs.install.doctor",
     "PlanParams": "uavseg.flight.params.plan",

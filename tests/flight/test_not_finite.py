@@ -95,7 +95,7 @@ OPTIONS = {  # of a command: lines in which # is the number
 }
 NO_NUMBERS = {  # options that are texts without numbers in them
     *("output", "camera", "vehicle", "dem", "dji_model", "ids", "classes", "avoid_classes", "raster"),
-    *("layer", "connect", "mission_classes"),
+    *("layer", "connect", "mission_classes", "allow_path"),
 }
 FIXED = {
     "plan": "--overwrite -o out.plan regions.geojson",

@@ -56,7 +56,7 @@ MODULES = (
         "uavseg.plot.preview",
         "uavseg.regions.formats.export",
     ),
-    "uavseg.api.serve",
+    "uavseg.api.pages",
 )
 BATCH = 200
 BATCHES_A_PROCESS = 20  # then a fresh one; max_tasks_per_child of the pool itself was seen to wait for ever

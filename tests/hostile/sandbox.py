@@ -294,7 +294,7 @@ def _command(arguments: tuple[str, ...]) -> None:
 
     if "serve" in arguments[:1]:
         from tests.hostile.serving import visit
-        from uavseg.api.serve import MapServer
+        from uavseg.api.pages import MapServer
 
         MapServer.wait = visit  # type: ignore[method-assign]
     sys.argv = ["uavseg", *arguments]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from tests.server.asking import fetch, run_job
 
 if TYPE_CHECKING:
-    from uavseg.api.serve import MapServer
+    from uavseg.api.pages import MapServer
 
 ANSWERS = {200, 204, 404}
 

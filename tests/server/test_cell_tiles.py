@@ -17,7 +17,7 @@ from rasterio.features import rasterize
 import uavseg
 from tests.plot.web.test_slider import RANGES, run, speckled
 from tests.server.asking import fetch
-from uavseg.api.serve import MapServer
+from uavseg.api.pages import MapServer
 from uavseg.jobs.web_map import content as field_map
 
 SAMPLES = Path(uavseg.__file__).parents[1] / "samples"

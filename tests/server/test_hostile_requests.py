@@ -17,7 +17,7 @@ import pytest
 
 import uavseg
 from tests.server.asking import fetch
-from uavseg.api.serve import MapServer
+from uavseg.api.pages import MapServer
 from uavseg.cli.terminal.say import library_messages
 from uavseg.server import local_server
 from uavseg.server.local_server import MAX_ARRIVING, MAX_REQUESTS, Answer, LocalServer, json_answer

@@ -22,7 +22,7 @@ from rasterio.warp import transform_bounds
 
 import uavseg
 from tests.server.asking import fetch, run_job
-from uavseg.api.serve import MapServer
+from uavseg.api.pages import MapServer
 from uavseg.cli import main
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress

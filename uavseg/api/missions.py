@@ -1,4 +1,4 @@
-"""Planning of missions over regions."""
+"""Missions: plan over regions, check a file, upload to a vehicle and download from it."""
 
 from __future__ import annotations
 
@@ -7,16 +7,22 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 from uavseg.access import Folders, allowing
-from uavseg.api._values import listed_zones, warn
+from uavseg.api._values import listed_zones, progress_of, warn
 from uavseg.arguments import checked
 from uavseg.flight.camera.camera import Camera
+from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.vehicle import Vehicle
+from uavseg.jobs.flights.check import MissionCheck, check_request
+from uavseg.jobs.flights.check import check as run_check
+from uavseg.jobs.flights.link import LinkRequest, Progress
+from uavseg.jobs.flights.link import download as run_download
+from uavseg.jobs.flights.link import upload as run_upload
 from uavseg.jobs.flights.plan import MissionPlan
 from uavseg.jobs.flights.plan import plan as run_plan
 from uavseg.jobs.flights.plan_regions import open_regions, zone_polygons
 from uavseg.jobs.flights.request import plan_request
 from uavseg.jobs.source.open_source import open_source
-from uavseg.options.flights import PlanOptions
+from uavseg.options.flights import CheckOptions, PlanOptions
 from uavseg.options.option import build
 
 if TYPE_CHECKING:
@@ -220,3 +226,138 @@ def plan(
         planned = run_plan(found, request, zone_polygons(listed_zones(avoid), source), source)
     warn(planned.warnings)
     return planned
+
+
+@checked
+def check(
+    mission: str | os.PathLike[str] | Mission,
+    *,
+    autopilot: str | None = None,
+    avoid: Any = (),
+    avoid_margin: float = 10.0,
+    max_altitude: float | None = None,
+    max_distance: float | None = None,
+    dem: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | None = None,
+    allow_path: Folders = (),
+    allow_network: bool = False,
+) -> MissionCheck:
+    """Read a mission file back, and say what it holds, who would refuse it and whether it is safe.
+
+    Parameters
+    ----------
+    mission : path or Mission
+        A .plan, .waypoints, .kml, .geojson, .kmz or .csv file, or what `plan` gives.
+    autopilot : {"ardupilot", "px4", "generic"}, optional
+        What it is checked for; by default what the file is for, if its format says so.
+    avoid : path, GeoDataFrame, or a sequence of these
+        Keep-out zones, which no leg and no rally point may come near to.
+    avoid_margin : float
+        Least distance to them in metres.
+    max_altitude, max_distance : float, optional
+        Metres that the mission must not exceed, above home or with `dem` above the ground, and from home.
+    dem : path or sequence of paths, optional
+        Elevation model: no leg comes nearer to the ground than 5 m. Several files are one mosaic.
+    allow_path, allow_network
+        As of `extract`.
+
+    Returns
+    -------
+    found : MissionCheck
+        Its `problems` are why the mission must not be flown, its `verdicts` who takes it; `as_dict()` is what
+        `uavseg check --json` prints. Its `warnings` are warnings too.
+
+    Raises
+    ------
+    MissionError
+        If the file cannot be read, or holds a mission that would not be safe: which item, and why.
+    UavsegError
+        If zones or an elevation model cannot be read, or a parameter is wrong.
+
+    Examples
+    --------
+    >>> import uavseg
+    >>> uavseg.check("fly.plan", autopilot="px4").problems  # doctest: +SKIP
+    ()
+    """
+    options = build(CheckOptions, locals() | {"avoid": listed_zones(avoid)})
+    with allowing(allow_path, allow_network):
+        found = run_check(mission, check_request(options))
+    warn(found.warnings)
+    return found
+
+
+@checked
+def upload(
+    mission: str | os.PathLike[str] | Mission,
+    *,
+    connect: str,
+    timeout: float = 10.0,
+    while_armed: bool = False,
+    progress: Progress | bool | None = None,
+) -> None:
+    """Send a mission to a vehicle with its fence and rally points, read them back and compare.
+
+    What a vehicle is sent are heartbeats of a ground station and the MAVLink mission protocol: nothing arms
+    or starts it. A fence and rally points that the mission does not have are left as they are.
+
+    Parameters
+    ----------
+    mission : path or Mission
+        A .plan or .waypoints file, or what `plan` gives.
+    connect : str
+        Where the vehicle is: udpout:HOST:PORT, udpin:HOST:PORT, tcp:HOST:PORT or serial:DEVICE[:BAUD].
+    timeout : float
+        Seconds to wait for an answer, and without progress.
+    while_armed : bool
+        Whether the mission of a vehicle whose motors are armed may be replaced: it may be flying, and
+        ArduPilot replaces the items one by one. Otherwise nothing is sent to it.
+    progress : callable, optional
+        Called with (done, total) for each item that is sent or read back.
+
+    Raises
+    ------
+    MissionError
+        If the file cannot be read, or the mission is for another autopilot.
+    UnverifiedError
+        If the vehicle accepted the mission, which could then not be read back.
+    LinkError
+        If the vehicle is armed, cannot be reached, refuses, falls silent, is not alone on the link, or holds
+        something else afterwards.
+
+    Examples
+    --------
+    >>> import uavseg
+    >>> uavseg.upload("fly.plan", connect="udpout:192.168.4.1:14550")  # doctest: +SKIP
+    """
+    request = LinkRequest(connect, timeout)
+    warn(run_upload(mission, request, progress_of(progress), while_armed).warnings)
+
+
+@checked
+def download(*, connect: str, timeout: float = 10.0, progress: Progress | bool | None = None) -> Mission:
+    """The mission that a vehicle holds, with its fence and rally points.
+
+    Parameters
+    ----------
+    connect : str
+        Where the vehicle is: udpout:HOST:PORT, udpin:HOST:PORT, tcp:HOST:PORT or serial:DEVICE[:BAUD].
+    timeout : float
+        Seconds to wait for an answer, and without progress.
+    progress : callable, optional
+        Called with (done, total) for each item of a list.
+
+    Returns
+    -------
+    mission : Mission
+        Its `warnings` are warnings too.
+
+    Raises
+    ------
+    MissionError
+        If the vehicle holds no mission, or one that would not be safe.
+    LinkError
+        If the vehicle cannot be reached, refuses, falls silent, or is not alone on the link.
+    """
+    found = run_download(LinkRequest(connect, timeout), progress_of(progress))
+    warn(found.warnings)
+    return found.mission

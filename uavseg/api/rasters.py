@@ -1,4 +1,4 @@
-"""Segmentation of rasters: regions of a range, levels, and the block map that answers later requests."""
+"""Segmentation of rasters: regions of a range, levels, and the block map that answers later ranges."""
 
 from __future__ import annotations
 
@@ -6,17 +6,21 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from uavseg.access import Folders
-from uavseg.api._values import regions_of
+from uavseg.access import Folders, allowing
+from uavseg.api._values import regions_of, warn, work
 from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress
+from uavseg.jobs.divide import divide as run_divide
 from uavseg.jobs.levels import Small
+from uavseg.jobs.source.open_source import open_source
 from uavseg.options.option import build
-from uavseg.options.regions import ExtractOptions, LevelsOptions
+from uavseg.options.regions import DivideOptions, ExtractOptions, LevelsOptions
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
+
+    from uavseg.segmentation.blocks.block_map import BlockMap
 
 
 @checked
@@ -222,3 +226,44 @@ def levels(
     if (width is None) == (breaks is None):
         raise ParameterError("levels takes a width, such as width=0.1, or breaks; give one of them")
     return regions_of(source, build(LevelsOptions, locals()), progress)
+
+
+@checked
+def divide(
+    source: Any,
+    *,
+    band: int | str | None = None,
+    rgb: tuple[int | str, int | str, int | str] | None = None,
+    index: str | None = None,
+    expr: str | None = None,
+    band_names: str | None = None,
+    nodata: float | str | None = None,
+    stretch: str = "auto",
+    flatten: float | str | None = None,
+    tile: int | None = None,
+    threads: int | None = None,
+    resume: str | os.PathLike[str] | None = None,
+    skip_bad_tiles: bool = False,
+    collar: str = "auto",
+    allow_path: Folders = (),
+    allow_network: bool = False,
+) -> BlockMap:
+    """The block map of a raster, from which `uavseg.segmentation` answers any range.
+
+    Parameters
+    ----------
+    source : path, sequence of paths, array, DataArray, open raster of rasterio, Dataset or OccupancyGrid
+        The YAML file of a ROS map too.
+    band, rgb, index, expr, band_names, nodata, stretch, flatten
+    tile, threads : int, optional
+    resume : path, optional
+    skip_bad_tiles, allow_network : bool
+    collar : {"auto", "keep"}
+    allow_path : path or sequence of paths
+        As of `extract`.
+    """
+    options = build(DivideOptions, locals())
+    with allowing(allow_path, allow_network):
+        found = run_divide(open_source(source, options.read), work=work(options.run))
+    warn(found.warnings)
+    return found.saved.blocks

@@ -17,7 +17,7 @@ def command(options: ServeOptions) -> None:
     write. They are in a folder of its own, which is deleted at the end; no other is written. Only programs
     of this computer that know the printed address are answered.
     """
-    from uavseg.api.serve import MapServer
+    from uavseg.api.pages import MapServer
     from uavseg.jobs.source.open_source import open_source
     from uavseg.jobs.web_map.content import FieldMapRequest
     from uavseg.output.written import note_ended

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 from uavseg.options import texts
-from uavseg.options.option import argument, group, option
+from uavseg.options.option import Options, argument, group, option
 from uavseg.options.reading import AccessOptions
 from uavseg.options.running import OverwriteOptions, ProgressOptions, VerbosityOptions
 
@@ -21,8 +20,7 @@ Paths = str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | None
 AUTOPILOTS = ("ardupilot", "px4", "generic")
 
 
-@dataclass(frozen=True, kw_only=True)
-class FlightOptions:
+class FlightOptions(Options):
     """Flight."""
 
     altitude: float | None = option(
@@ -71,8 +69,7 @@ class FlightOptions:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class PhotoOptions:
+class PhotoOptions(Options):
     """Photographs."""
 
     camera: str | os.PathLike[str] | Camera | None = option(
@@ -127,8 +124,7 @@ class PhotoOptions:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class PatternOptions:
+class PatternOptions(Options):
     """Patterns."""
 
     margin: float | None = option(
@@ -157,8 +153,7 @@ class PatternOptions:
     hold: float | None = option("Visit: seconds over each region.  [default: 0]", type=float, metavar="S")
 
 
-@dataclass(frozen=True, kw_only=True)
-class TerrainOptions:
+class TerrainOptions(Options):
     """Terrain."""
 
     dem: Paths = option(
@@ -187,8 +182,7 @@ class TerrainOptions:
     descent: float | None = option("How fast it descends.  [default: 1.5]", type=float, metavar="M_S")
 
 
-@dataclass(frozen=True, kw_only=True)
-class SafetyOptions:
+class SafetyOptions(Options):
     """Safety."""
 
     avoid: Any = option(
@@ -231,8 +225,7 @@ class SafetyOptions:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class LimitOptions:
+class LimitOptions(Options):
     """Batteries."""
 
     endurance: float | None = option(
@@ -253,8 +246,7 @@ class LimitOptions:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class MissionFileOptions:
+class MissionFileOptions(Options):
     """Mission files."""
 
     editable: bool = option(
@@ -270,8 +262,7 @@ class MissionFileOptions:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class MissionOptions:
+class MissionOptions(Options):
     """Mission."""
 
     flight: FlightOptions = group(FlightOptions)
@@ -283,8 +274,7 @@ class MissionOptions:
     files: MissionFileOptions = group(MissionFileOptions)
 
 
-@dataclass(frozen=True, kw_only=True)
-class PlanOptions:
+class PlanOptions(Options):
     """Regions."""
 
     regions: str = argument("REGIONS", required=True)
@@ -340,8 +330,7 @@ class PlanOptions:
     access: AccessOptions = group(AccessOptions)
 
 
-@dataclass(frozen=True, kw_only=True)
-class CheckOptions:
+class CheckOptions(Options):
     """Check."""
 
     file: str = argument("FILE", required=True)
@@ -380,8 +369,7 @@ class CheckOptions:
     access: AccessOptions = group(AccessOptions)
 
 
-@dataclass(frozen=True, kw_only=True)
-class LinkOptions:
+class LinkOptions(Options):
     """Vehicle."""
 
     connect: str = option(
@@ -399,8 +387,7 @@ class LinkOptions:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class UploadOptions:
+class UploadOptions(Options):
     """Upload."""
 
     file: str = argument("FILE", required=True)
@@ -415,8 +402,7 @@ class UploadOptions:
     messages: VerbosityOptions = group(VerbosityOptions)
 
 
-@dataclass(frozen=True, kw_only=True)
-class DownloadOptions:
+class DownloadOptions(Options):
     """Download."""
 
     link: LinkOptions = group(LinkOptions)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from uavseg.options import texts
 from uavseg.options.flights import AUTOPILOTS, Home
-from uavseg.options.option import argument, group, option
+from uavseg.options.option import Options, argument, group, option
 from uavseg.options.outputs import CreationOptions
 from uavseg.options.reading import MAP_STRETCH, ONLY_RASTERS, AccessOptions, ReadOptions
 from uavseg.options.regions import DivisionOptions, RangeOptions
@@ -16,8 +14,7 @@ MODES = ("trinary", "scale", "raw")
 Ends = tuple[float, float]
 
 
-@dataclass(frozen=True, kw_only=True)
-class ModeOptions:
+class ModeOptions(Options):
     """ROS maps."""
 
     mode: str | None = option(
@@ -29,8 +26,7 @@ class ModeOptions:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class ClassifyOptions:
+class ClassifyOptions(Options):
     """States."""
 
     path: str = argument("MAP", required=True)
@@ -90,8 +86,7 @@ class ClassifyOptions:
     access: AccessOptions = group(AccessOptions)
 
 
-@dataclass(frozen=True, kw_only=True)
-class PathOptions:
+class PathOptions(Options):
     """Path."""
 
     map_: str = argument("MAP", required=True)
@@ -160,8 +155,7 @@ class PathOptions:
     access: AccessOptions = group(AccessOptions)
 
 
-@dataclass(frozen=True, kw_only=True)
-class BuildMapOptions:
+class BuildMapOptions(Options):
     """Bag."""
 
     bag: str = argument("BAG", required=True)
@@ -208,8 +202,7 @@ class BuildMapOptions:
     messages: VerbosityOptions = group(VerbosityOptions)
 
 
-@dataclass(frozen=True, kw_only=True)
-class MergeMapsOptions:
+class MergeMapsOptions(Options):
     """Merging."""
 
     maps: tuple[str, ...] = argument("MAP...", multiple=True, required=True)
@@ -233,8 +226,7 @@ class MergeMapsOptions:
     access: AccessOptions = group(AccessOptions)
 
 
-@dataclass(frozen=True, kw_only=True)
-class SimulateOptions:
+class SimulateOptions(Options):
     """Sensor."""
 
     scene: str = argument("lens|circles|SCENE.json", required=True)

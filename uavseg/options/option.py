@@ -8,9 +8,9 @@ the reference; the signatures of Python are tested against it.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import MISSING, FrozenInstanceError, dataclass, field, fields, replace
 from functools import cache
-from typing import Any, TypeVar
+from typing import Any, TypeVar, dataclass_transform
 
 T = TypeVar("T")
 
@@ -106,6 +106,42 @@ def group(of: type, *without: str, python: bool = True, **changed: Any) -> Any:
     return field(
         default_factory=lambda: of(**defaults), metadata={"group": Group(of, without, python, changed)}
     )
+
+
+@dataclass_transform(kw_only_default=True, frozen_default=True)
+class Options:
+    """Frozen dataclass of options.
+
+    What `dataclass` compiles for each class at each start, in Python before 3.13, all of them have from here.
+    """
+
+    def __init_subclass__(cls) -> None:
+        dataclass(init=False, repr=False, eq=False)(cls)
+
+    def __init__(self, **values: Any) -> None:
+        for one in fields(self):  # type: ignore[arg-type]
+            default = one.default if one.default_factory is MISSING else one.default_factory()
+            object.__setattr__(self, one.name, values.pop(one.name, default))
+        if values:
+            raise TypeError(f"{type(self).__name__} has no option {next(iter(values))}")
+        self._check()
+
+    def _check(self) -> None:
+        """Refuse values that do not go together, and convert those that can be given in several forms."""
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise FrozenInstanceError(f"cannot assign to {name}")
+
+    def __eq__(self, other: object) -> bool:
+        return type(self) is type(other) and vars(self) == vars(other)
+
+    def __hash__(self) -> int:
+        return hash(tuple(vars(self).items()))
+
+    def __repr__(self) -> str:
+        return (
+            f"{type(self).__name__}({', '.join(f'{name}={value!r}' for name, value in vars(self).items())})"
+        )
 
 
 @cache

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-from uavseg.options.option import option
+from uavseg.options.option import Options, option
 
 
-@dataclass(frozen=True, kw_only=True)
-class CreationOptions:
+class CreationOptions(Options):
     """Storage."""
 
     creation_options: tuple[str, ...] = option(
@@ -23,8 +20,7 @@ class CreationOptions:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class RegionOutputs:
+class RegionOutputs(Options):
     """Output."""
 
     output: str | None = option(
@@ -63,8 +59,7 @@ class RegionOutputs:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class EachOptions:
+class EachOptions(Options):
     """Each of many rasters."""
 
     each: bool = option(

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 from uavseg.options import texts
-from uavseg.options.option import argument, group, option
+from uavseg.options.option import Options, argument, group, option
 from uavseg.options.reading import (
     ONLY_MAPS,
     RASTER_STRETCH,
@@ -18,11 +17,12 @@ from uavseg.options.regions import DivisionOptions
 from uavseg.options.running import OverwriteOptions, ProgressOptions, RunOptions, VerbosityOptions
 
 
-@dataclass(frozen=True, kw_only=True)
-class PreviewOptions:
+class PreviewOptions(Options):
     """Picture."""
 
-    rasters: tuple[str, ...] = argument("[RASTER...]", multiple=True, parse=texts.names_from_standard_input)
+    rasters: tuple[str, ...] = argument(
+        "[RASTER...]", default=(), multiple=True, parse=texts.names_from_standard_input
+    )
     regions: Any = option("Regions to outline: a file that extract wrote.", metavar="PATH", basic=True)
     mission: Any = option(
         "Mission to draw, in any format of uavseg plan. May be given several times.",
@@ -60,8 +60,7 @@ class PreviewOptions:
     access: AccessOptions = group(AccessOptions)
 
 
-@dataclass(frozen=True, kw_only=True)
-class SizeOptions:
+class SizeOptions(Options):
     """Page."""
 
     size: int = option(
@@ -69,8 +68,7 @@ class SizeOptions:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class MapOptions:
+class MapOptions(Options):
     """Page."""
 
     source: RasterArguments = group(RasterArguments)
@@ -100,8 +98,7 @@ class MapOptions:
     access: AccessOptions = group(AccessOptions)
 
 
-@dataclass(frozen=True, kw_only=True)
-class ServeOptions:
+class ServeOptions(Options):
     """Server."""
 
     source: RasterArguments = group(RasterArguments)
@@ -117,22 +114,19 @@ class ServeOptions:
     access: AccessOptions = group(AccessOptions)
 
 
-@dataclass(frozen=True, kw_only=True)
-class CamerasOptions:
+class CamerasOptions(Options):
     """Cameras."""
 
-    words: tuple[str, ...] = argument("[WORDS]...", multiple=True)
+    words: tuple[str, ...] = argument("[WORDS]...", default=(), multiple=True)
 
 
-@dataclass(frozen=True, kw_only=True)
-class DoctorOptions:
+class DoctorOptions(Options):
     """Installation."""
 
     as_json: bool = option("The same as JSON.", "--json", default=False, python=False, basic=True)
 
 
-@dataclass(frozen=True, kw_only=True)
-class WarmUpOptions:
+class WarmUpOptions(Options):
     """Warm-up."""
 
     processes: int | None = option(

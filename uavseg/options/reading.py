@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from uavseg.options import texts
-from uavseg.options.option import argument, option
+from uavseg.options.option import Options, argument, option
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -31,8 +30,7 @@ ONLY_RASTERS = ("rgb", "collar", "skip_bad_tiles", "flatten")
 ONLY_MAPS = ("free_is_white",)
 
 
-@dataclass(frozen=True, kw_only=True)
-class RasterArguments:
+class RasterArguments(Options):
     """Rasters."""
 
     rasters: tuple[str, ...] = argument(
@@ -40,8 +38,7 @@ class RasterArguments:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class ReadOptions:
+class ReadOptions(Options):
     """Reading."""
 
     band: int | str | None = option(
@@ -90,7 +87,7 @@ class ReadOptions:
         type=bool,
     )
 
-    def __post_init__(self) -> None:
+    def _check(self) -> None:
         from uavseg.raster.collar.find import check_collar
         from uavseg.raster.grid.length import Length, as_length
         from uavseg.raster.intensity.stretch import parse_stretch
@@ -145,8 +142,7 @@ class ReadOptions:
         return not (isinstance(self.spec, StretchSpec) and self.spec.form in harmless)
 
 
-@dataclass(frozen=True, kw_only=True)
-class AccessOptions:
+class AccessOptions(Options):
     """Access."""
 
     allow_path: str | PathLike[str] | Sequence[str | PathLike[str]] = option(

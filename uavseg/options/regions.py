@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from uavseg.options import texts
 from uavseg.options.flights import MissionOptions
-from uavseg.options.option import group, option
+from uavseg.options.option import Options, group, option
 from uavseg.options.outputs import CreationOptions, EachOptions, RegionOutputs
 from uavseg.options.reading import (
     ONLY_MAPS,
@@ -28,8 +27,7 @@ Sample = str | os.PathLike[str] | tuple[float, float, float]
 Ends = Sequence[float | None] | str | None
 
 
-@dataclass(frozen=True, kw_only=True)
-class RangeOptions:
+class RangeOptions(Options):
     """Range."""
 
     range: Any = option(
@@ -54,8 +52,7 @@ class RangeOptions:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class DivisionOptions:
+class DivisionOptions(Options):
     """Segmentation."""
 
     method: str = option(
@@ -78,8 +75,7 @@ class DivisionOptions:
         return SegmentParams.from_options(self.method, self.threshold, self.intensity_step, refine)
 
 
-@dataclass(frozen=True, kw_only=True)
-class SizeOptions:
+class SizeOptions(Options):
     """Small things."""
 
     detail: float | str | None = option(
@@ -100,8 +96,7 @@ class SizeOptions:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class DrawingOptions:
+class DrawingOptions(Options):
     """Outlines."""
 
     smooth_outline: float | None = option(
@@ -117,8 +112,7 @@ class DrawingOptions:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class ExtractOptions:
+class ExtractOptions(Options):
     """Segmentation."""
 
     source: RasterArguments = group(RasterArguments)
@@ -189,8 +183,7 @@ class ExtractOptions:
     access: AccessOptions = group(AccessOptions)
 
 
-@dataclass(frozen=True, kw_only=True)
-class LevelsOptions:
+class LevelsOptions(Options):
     """Levels."""
 
     source: RasterArguments = group(RasterArguments)
@@ -242,8 +235,7 @@ class LevelsOptions:
     access: AccessOptions = group(AccessOptions)
 
 
-@dataclass(frozen=True, kw_only=True)
-class MatchOptions:
+class MatchOptions(Options):
     """Comparison."""
 
     source: RasterArguments = group(RasterArguments)
@@ -329,8 +321,7 @@ class MatchOptions:
     access: AccessOptions = group(AccessOptions)
 
 
-@dataclass(frozen=True, kw_only=True)
-class SuggestOptions:
+class SuggestOptions(Options):
     """Ranges."""
 
     source: RasterArguments = group(RasterArguments)
@@ -382,8 +373,7 @@ class SuggestOptions:
     access: AccessOptions = group(AccessOptions)
 
 
-@dataclass(frozen=True, kw_only=True)
-class DivideOptions:
+class DivideOptions(Options):
     """Block map."""
 
     source: RasterArguments = group(RasterArguments)
@@ -405,8 +395,7 @@ class DivideOptions:
     access: AccessOptions = group(AccessOptions)
 
 
-@dataclass(frozen=True, kw_only=True)
-class OriginalOptions:
+class OriginalOptions(Options):
     """LBP/C of Ojala and Pietikäinen."""
 
     source: RasterArguments = group(RasterArguments)
@@ -445,8 +434,7 @@ class OriginalOptions:
     access: AccessOptions = group(AccessOptions)
 
 
-@dataclass(frozen=True, kw_only=True)
-class InfoOptions:
+class InfoOptions(Options):
     """Information."""
 
     source: RasterArguments = group(RasterArguments)

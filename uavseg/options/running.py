@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
 
-from uavseg.options.option import option
+from uavseg.options.option import Options, option
 
 
-@dataclass(frozen=True, kw_only=True)
-class RunOptions:
+class RunOptions(Options):
     """Running; changes no result."""
 
     tile: int | None = option("Side of a tile, a multiple of 64.", type=int, metavar="PIXELS")
@@ -26,8 +24,7 @@ class RunOptions:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class VerbosityOptions:
+class VerbosityOptions(Options):
     """Messages."""
 
     quiet: bool = option("Say nothing but errors.", "-q", "--quiet", default=False, python=False)
@@ -36,8 +33,7 @@ class VerbosityOptions:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class ProgressOptions:
+class ProgressOptions(Options):
     """Progress."""
 
     progress: str = option(
@@ -48,8 +44,7 @@ class ProgressOptions:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class OverwriteOptions:
+class OverwriteOptions(Options):
     """Files."""
 
     overwrite: bool = option("Replace files that are there.", default=False, python=False, basic=True)

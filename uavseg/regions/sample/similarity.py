@@ -38,7 +38,7 @@ class SimilaritySource(GreySource):
         """False: where colors overlap, similarity is bimodal, and small structures are noise."""
         return False
 
-    def read(self, window: Window, margin: int, beyond: bool = False) -> GreyTile:
+    def read(self, window: Window, margin: int, excess: bool = False) -> GreyTile:
         """Read a window; parameters as of `GreySource.read`."""
         planes, valid = self.bands.read(window, margin)
         grey = self.table.apply(planes)
