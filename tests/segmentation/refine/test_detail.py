@@ -78,7 +78,7 @@ def test_a_second_time_changes_hardly_anything(seed: int, side: int) -> None:
     image, valid = scene(seed, (90, 90), 2)
     once = apply_detail(image, valid, Detail(side, side))
     twice = apply_detail(once, valid, Detail(side, side))
-    assert np.mean(twice != once) < 0.04  # 0.002 on average, and 0.024 at most in all scenes that were tried
+    assert np.mean(twice != once) < 0.02
 
 
 @given(SEEDS, st.integers(2, 12))
