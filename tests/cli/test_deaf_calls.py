@@ -18,9 +18,10 @@ pytestmark = [
 ]
 PATIENCE_S = 100
 # What stands in for a library never ends. `holding` lets no other thread of Python run, as pyogrio reads
-# features; the others do, as GDAL opens files and rasterio reads pixels, and as GEOS and SQLite work.
+# features; the others do, as GDAL opens files and rasterio reads pixels, and as GEOS and SQLite work. With
+# `beside` the main thread hears the signal at once, and another goes on, for which Python waits at its end.
 SCRIPT = """
-import collections, ctypes, hashlib, itertools, os, sqlite3, sys
+import collections, ctypes, hashlib, itertools, os, sqlite3, sys, threading, time
 from importlib import import_module
 
 def begun():
@@ -38,6 +39,10 @@ def query(*args, **kwargs):
     begun()
     endless = "WITH RECURSIVE n(k) AS (SELECT 1 UNION ALL SELECT k + 1 FROM n) SELECT count(*) FROM n"
     sqlite3.connect(":memory:").execute(endless).fetchall()
+
+def beside(*args, **kwargs):
+    threading.Thread(target=working).start()
+    time.sleep(1000)
 
 module, name, how = {where!r}
 owner = import_module(module)
@@ -71,6 +76,12 @@ CALLS = {
         "uavseg.raster.read.raster_file",
         "RasterFile.read",
         "working",
+    ),
+    "a thread that is left": (
+        f"{EXTRACT} --threads 1",
+        "uavseg.raster.read.raster_file",
+        "RasterFile.read",
+        "beside",
     ),
     "simplifying": (f"{EXTRACT} --simplify 2", "shapely", "coverage_simplify", "working"),
     "writing a layer": (EXTRACT, "pyogrio.raw", "write_arrow", "working"),
