@@ -10,6 +10,7 @@ import os
 import platform
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -32,8 +33,7 @@ __all__ = [
     "prepare_metadata_for_build_wheel",
 ]
 
-# What compiles, and what the modules that define kernels import.
-_COMPILER = ["numba>=0.62", "llvmlite>=0.45", "numpy>=2.1", "rasterio>=1.4.4", "shapely>=2.1.1"]
+_IMPORTED = ("numpy", "rasterio", "shapely")  # by the modules that define kernels
 
 
 def get_requires_for_build_wheel(config_settings: Any = None) -> list[str]:
@@ -55,7 +55,12 @@ def build_editable(folder: str, config_settings: Any = None, metadata_folder: st
 
 
 def _compiler() -> list[str]:
-    return _COMPILER if _choice() != "none" else []
+    """Return the requirements of compiling, with the versions of pyproject.toml."""
+    if _choice() == "none":
+        return []
+    project = tomllib.loads((Path(__file__).parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    imported = [text for text in project["dependencies"] if text.startswith(_IMPORTED)]
+    return [*project["optional-dependencies"]["compile"], *imported]
 
 
 def _choice() -> str:

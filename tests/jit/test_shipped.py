@@ -116,19 +116,6 @@ def test_no_shipped_kernel_names_a_file_of_the_machine_that_made_it(library: Pat
     assert re.search(rb"/[\w./+-]*\.py", library.read_bytes()) is None
 
 
-def test_no_library_is_in_the_repository() -> None:
-    """Kernels are compiled when the package is built."""
-    if not (ROOT / ".git").exists() or shutil.which("git") is None:
-        pytest.skip("no clone of the repository")
-    listed = subprocess.run(
-        ["git", "ls-files", "-z", "uavseg"], cwd=ROOT, capture_output=True, text=True, check=True
-    )
-    tracked = [ROOT / name for name in listed.stdout.split("\0") if name and (ROOT / name).is_file()]
-    assert len(tracked) > 100
-    magic = (b"\x7fELF", b"MZ", b"\xcf\xfa\xed\xfe", b"!<arch>", b"BC\xc0\xde")
-    assert [path for path in tracked if path.read_bytes().startswith(magic)] == []
-
-
 @pytest.mark.slow
 @here
 def test_no_kernel_is_compiled_and_neither_numba_nor_llvmlite_is_loaded(tmp_path: Path) -> None:
