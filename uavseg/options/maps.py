@@ -8,7 +8,11 @@ from uavseg.options.option import Options, argument, group, option
 from uavseg.options.outputs import CreationOptions
 from uavseg.options.reading import MAP_STRETCH, ONLY_RASTERS, AccessOptions, ReadOptions
 from uavseg.options.regions import DivisionOptions, RangeOptions
-from uavseg.options.running import OverwriteOptions, ProgressOptions, RunOptions, VerbosityOptions
+from uavseg.options.running import (
+    OverwriteOptions,
+    TiledJobOptions,
+    VerbosityOptions,
+)
 
 MODES = ("trinary", "scale", "raw")
 Ends = tuple[float, float]
@@ -26,7 +30,7 @@ class ModeOptions(Options):
     )
 
 
-class ClassifyOptions(Options):
+class ClassifyOptions(TiledJobOptions):
     """States."""
 
     path: str = argument("MAP", required=True)
@@ -79,14 +83,9 @@ class ClassifyOptions(Options):
     read: ReadOptions = group(ReadOptions, *ONLY_RASTERS, **MAP_STRETCH)
     division: DivisionOptions = group(DivisionOptions, method={"basic": True})
     creation: CreationOptions = group(CreationOptions)
-    run: RunOptions = group(RunOptions)
-    files: OverwriteOptions = group(OverwriteOptions)
-    messages: VerbosityOptions = group(VerbosityOptions)
-    progress: ProgressOptions = group(ProgressOptions)
-    access: AccessOptions = group(AccessOptions)
 
 
-class PathOptions(Options):
+class PathOptions(TiledJobOptions):
     """Path."""
 
     map_: str = argument("MAP", required=True)
@@ -148,11 +147,6 @@ class PathOptions(Options):
     autopilot: str = option("For a mission.", default="ardupilot", choices=AUTOPILOTS, python=False)
     read: ReadOptions = group(ReadOptions, *ONLY_RASTERS, **MAP_STRETCH)
     division: DivisionOptions = group(DivisionOptions)
-    run: RunOptions = group(RunOptions)
-    files: OverwriteOptions = group(OverwriteOptions)
-    messages: VerbosityOptions = group(VerbosityOptions)
-    progress: ProgressOptions = group(ProgressOptions)
-    access: AccessOptions = group(AccessOptions)
 
 
 class BuildMapOptions(Options):

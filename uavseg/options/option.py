@@ -152,7 +152,9 @@ def options_of(job: type) -> dict[str, Option]:
 
 def _options(job: type) -> Iterator[tuple[str, Option]]:
     heading = (job.__doc__ or "").partition("\n")[0].rstrip(".")
-    for one in fields(job):
+    for one in sorted(
+        fields(job), key=lambda one: one.name not in job.__annotations__
+    ):  # inherited ones last
         if "option" in one.metadata:
             yield one.name, replace(one.metadata["option"], group=heading)
         elif "group" in one.metadata:

@@ -17,7 +17,9 @@ from uavseg.options.reading import (
     RasterArguments,
     ReadOptions,
 )
-from uavseg.options.running import OverwriteOptions, ProgressOptions, RunOptions, VerbosityOptions
+from uavseg.options.running import (
+    TiledJobOptions,
+)
 
 if TYPE_CHECKING:
     from uavseg.segmentation.params.segment import SegmentParams
@@ -112,7 +114,7 @@ class DrawingOptions(Options):
     )
 
 
-class ExtractOptions(Options):
+class ExtractOptions(TiledJobOptions):
     """Segmentation."""
 
     source: RasterArguments = group(RasterArguments)
@@ -176,14 +178,9 @@ class ExtractOptions(Options):
     flight: MissionOptions = group(
         MissionOptions, python=False, **{name: {"basic": False} for name in ADVANCED_FLIGHT}
     )
-    run: RunOptions = group(RunOptions)
-    files: OverwriteOptions = group(OverwriteOptions)
-    messages: VerbosityOptions = group(VerbosityOptions)
-    progress: ProgressOptions = group(ProgressOptions)
-    access: AccessOptions = group(AccessOptions)
 
 
-class LevelsOptions(Options):
+class LevelsOptions(TiledJobOptions):
     """Levels."""
 
     source: RasterArguments = group(RasterArguments)
@@ -228,14 +225,9 @@ class LevelsOptions(Options):
     )
     drawing: DrawingOptions = group(DrawingOptions)
     each: EachOptions = group(EachOptions)
-    run: RunOptions = group(RunOptions)
-    files: OverwriteOptions = group(OverwriteOptions)
-    messages: VerbosityOptions = group(VerbosityOptions)
-    progress: ProgressOptions = group(ProgressOptions)
-    access: AccessOptions = group(AccessOptions)
 
 
-class MatchOptions(Options):
+class MatchOptions(TiledJobOptions):
     """Comparison."""
 
     source: RasterArguments = group(RasterArguments)
@@ -314,14 +306,9 @@ class MatchOptions(Options):
         simplify={"help": "Simplify outlines; shared borders stay shared."},
     )
     each: EachOptions = group(EachOptions)
-    run: RunOptions = group(RunOptions)
-    files: OverwriteOptions = group(OverwriteOptions)
-    messages: VerbosityOptions = group(VerbosityOptions)
-    progress: ProgressOptions = group(ProgressOptions)
-    access: AccessOptions = group(AccessOptions)
 
 
-class SuggestOptions(Options):
+class SuggestOptions(TiledJobOptions):
     """Ranges."""
 
     source: RasterArguments = group(RasterArguments)
@@ -366,14 +353,9 @@ class SuggestOptions(Options):
     as_json: bool = option("Write JSON, for programs.", "--json", default=False, python=False, basic=True)
     read: ReadOptions = group(ReadOptions, *ONLY_MAPS, **RASTER_STRETCH)
     division: DivisionOptions = group(DivisionOptions)
-    run: RunOptions = group(RunOptions)
-    files: OverwriteOptions = group(OverwriteOptions)
-    messages: VerbosityOptions = group(VerbosityOptions)
-    progress: ProgressOptions = group(ProgressOptions)
-    access: AccessOptions = group(AccessOptions)
 
 
-class DivideOptions(Options):
+class DivideOptions(TiledJobOptions):
     """Block map."""
 
     source: RasterArguments = group(RasterArguments)
@@ -388,14 +370,9 @@ class DivideOptions(Options):
     creation: CreationOptions = group(CreationOptions)
     read: ReadOptions = group(ReadOptions, *ONLY_MAPS, **RASTER_STRETCH)
     division: DivisionOptions = group(DivisionOptions, python=False)
-    run: RunOptions = group(RunOptions)
-    files: OverwriteOptions = group(OverwriteOptions)
-    messages: VerbosityOptions = group(VerbosityOptions)
-    progress: ProgressOptions = group(ProgressOptions)
-    access: AccessOptions = group(AccessOptions)
 
 
-class OriginalOptions(Options):
+class OriginalOptions(TiledJobOptions):
     """LBP/C of Ojala and Pietikäinen."""
 
     source: RasterArguments = group(RasterArguments)
@@ -427,11 +404,6 @@ class OriginalOptions(Options):
     radius: int = option("Of the disc around a pixel.", default=11, type=int, metavar="PIXELS")
     sweeps: int = option("Over the pixels along boundaries.", default=32, type=int, metavar="N")
     read: ReadOptions = group(ReadOptions, *ONLY_MAPS, "flatten", **RASTER_STRETCH)
-    run: RunOptions = group(RunOptions)
-    files: OverwriteOptions = group(OverwriteOptions)
-    messages: VerbosityOptions = group(VerbosityOptions)
-    progress: ProgressOptions = group(ProgressOptions)
-    access: AccessOptions = group(AccessOptions)
 
 
 class InfoOptions(Options):

@@ -1,10 +1,11 @@
-"""Options that say how a job is run, and how much it reports."""
+"""Options that say how a job is run, how much it reports, and what it may open."""
 
 from __future__ import annotations
 
 import os
 
-from uavseg.options.option import Options, option
+from uavseg.options.option import Options, group, option
+from uavseg.options.reading import AccessOptions
 
 
 class RunOptions(Options):
@@ -48,3 +49,13 @@ class OverwriteOptions(Options):
     """Files."""
 
     overwrite: bool = option("Replace files that are there.", default=False, python=False, basic=True)
+
+
+class TiledJobOptions(Options):
+    """What jobs that work tile by tile have in common, listed after their own options."""
+
+    run: RunOptions = group(RunOptions)
+    files: OverwriteOptions = group(OverwriteOptions)
+    messages: VerbosityOptions = group(VerbosityOptions)
+    progress: ProgressOptions = group(ProgressOptions)
+    access: AccessOptions = group(AccessOptions)
