@@ -99,8 +99,8 @@ def matched(source: Raster, disc: Disc) -> tuple[NDArray[np.float64], Rings]:
     place, bands = sample_mask(disc, source.geobox), [source.grey(passes[0])]
     likeness = learn(bands, (place,), [], passes[1])
     outlined, _ = outlines_by_color(likeness, MatchRequest(disc, by="color"), [place], passes[2:])
-    own, share = likeness.table.sample_mean, likeness.table.raster_mean
-    return confidence.match_terms(outlined, similarity_of(outlined, own), own - share), outlined.rings
+    sample, raster = likeness.table.sample_mean, likeness.table.raster_mean
+    return confidence.match_terms(outlined, similarity_of(outlined, sample), sample - raster), outlined.rings
 
 
 def class_maps(seeds: Sequence[int], families: Sequence[str] = tuple(FAMILIES)) -> Iterator[Found]:
