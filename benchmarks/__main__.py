@@ -55,7 +55,7 @@ def _processes(options: argparse.Namespace) -> str:
 
 
 def _startup(options: argparse.Namespace) -> str:
-    return table.starting(starts())
+    return table.starting(*starts())
 
 
 def _kernels(options: argparse.Namespace) -> str:

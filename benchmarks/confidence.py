@@ -97,9 +97,9 @@ def matched(source: Raster, disc: Disc) -> tuple[NDArray[np.float64], Rings]:
     """Terms and outlines of `uavseg match --by color`."""
     passes = SERIAL.begun().over(source).stages(4)
     place, bands = sample_mask(disc, source.geobox), [source.grey(passes[0])]
-    likeness = learn(bands, (place,), [], passes[1])
-    outlined, _ = outlines_by_color(likeness, MatchRequest(disc, by="color"), [place], passes[2:])
-    sample, raster = likeness.table.sample_mean, likeness.table.raster_mean
+    similarity = learn(bands, (place,), [], passes[1])
+    outlined, _ = outlines_by_color(similarity, MatchRequest(disc, by="color"), [place], passes[2:])
+    sample, raster = similarity.table.sample_mean, similarity.table.raster_mean
     return confidence.match_terms(outlined, similarity_of(outlined, sample), sample - raster), outlined.rings
 
 
@@ -126,8 +126,8 @@ def mapped(source: Raster, discs: Sequence[Disc]) -> tuple[NDArray[np.float64], 
     grey = source.grey(passes[0])
     places = {str(k): [sample_mask(disc, source.geobox)] for k, disc in enumerate(discs)}
     likenesses = learn_classes(BlurredBands([grey]), places, passes[1])
-    outlined, kinds = outlines_by_classes(grey, likenesses, SegmentParams(), passes[2:])
-    kind = kinds.at(outlined.sums.firsts) - 1
+    outlined, classes = outlines_by_classes(grey, likenesses, SegmentParams(), passes[2:])
+    kind = classes.at(outlined.sums.firsts) - 1
     return confidence.class_terms(outlined, *alike(likenesses, kind)), outlined.rings, kind
 
 
@@ -235,13 +235,13 @@ def families_table(found: Sequence[Found], weights: Weights) -> str:
 
 def main() -> None:
     """Print weights if they are to be fitted, and the tables."""
-    asked = (
+    requested = (
         (regions, confidence.OF_RANGES),
         (matches, confidence.OF_MATCHES),
         (class_maps, confidence.OF_CLASSES),
         (textures, confidence.OF_TEXTURES),
     )
-    for draw_regions, weights in asked:
+    for draw_regions, weights in requested:
         if "--fit" in sys.argv[1:]:
             weights = fitted(list(draw_regions(FIT_SEEDS)))
             print(f"{draw_regions.__name__}: {weights}\n")

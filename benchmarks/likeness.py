@@ -210,9 +210,9 @@ def main() -> None:
     found: dict[str, list[list[float]]] = {}
     with TemporaryDirectory() as made:
         folder = Path(sys.argv[1]) if len(sys.argv) > 1 else None
-        for asked in drawn(Path(made)) if folder is None else queries(folder):
-            values = [overlap(find(asked), asked.truth) for find in METHODS.values()]
-            stem, radius = asked.path.stem, f"radius {asked.disc[2]}"
+        for requested in drawn(Path(made)) if folder is None else queries(folder):
+            values = [overlap(find(requested), requested.truth) for find in METHODS.values()]
+            stem, radius = requested.path.stem, f"radius {requested.disc[2]}"
             for name in (stem.rstrip(" 0123456789"), "all") if folder is None else (stem, radius, "all"):
                 found.setdefault(name, []).append(values)
     print(table.mean_rows(found, ["", "discs", *METHODS]))

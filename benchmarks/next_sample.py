@@ -111,8 +111,8 @@ def _random_places(query: Query, rng: np.random.Generator, radius: float, of_one
     """Places for a disc of this radius, apart from the first one by as much as a proposed one."""
     from scipy.ndimage import distance_transform_edt
 
-    kinds = [query.truth, ~query.truth] if of_one_kind else [np.ones_like(query.truth)]
-    rooms = [distance_transform_edt(np.pad(kind, 1))[1:-1, 1:-1] for kind in kinds]
+    classes = [query.truth, ~query.truth] if of_one_kind else [np.ones_like(query.truth)]
+    rooms = [distance_transform_edt(np.pad(kind, 1))[1:-1, 1:-1] for kind in classes]
     row, col = np.indices(query.truth.shape) + 0.5
     apart = np.hypot(row - query.disc[0], col - query.disc[1]) > query.disc[2] + 3 * radius
     places = np.argwhere((np.max(rooms, 0) > radius + 1) & apart)

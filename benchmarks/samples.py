@@ -59,17 +59,17 @@ def places(mask: Any, radius: int, rng: np.random.Generator, count: int) -> list
     return [(row + 0.5, col + 0.5, radius) for row, col in rng.permutation(room)[:count]]
 
 
-def by_match(asked: Samples) -> Any:
+def by_match(requested: Samples) -> Any:
     """`uavseg match` with all discs."""
-    return _matched(asked, asked.unlike)
+    return _matched(requested, requested.unlike)
 
 
-def by_match_without(asked: Samples) -> Any:
+def by_match_without(requested: Samples) -> Any:
     """`uavseg match` with the discs of what is wanted."""
-    return _matched(asked, [])
+    return _matched(requested, [])
 
 
-def _matched(asked: Samples, against: list[Place]) -> Any:
+def _matched(requested: Samples, against: list[Place]) -> Any:
     from uavseg.jobs.match.match import match
     from uavseg.jobs.match.request import MatchRequest
     from uavseg.jobs.source.open_source import open_raster
@@ -77,32 +77,32 @@ def _matched(asked: Samples, against: list[Place]) -> Any:
     from uavseg.regions.outline.rasterise import rasterise
     from uavseg.regions.sample.place import Disc
 
-    source = open_raster(str(asked.path))
+    source = open_raster(str(requested.path))
     transform = source.geobox.transform
 
     def disc(place: Place) -> Disc:
         x, y = transform * (place[1], place[0])
         return Disc(x, y, place[2] * abs(transform.a))
 
-    like, unlike = (tuple(map(disc, within)) for within in (asked.like, against))
+    like, unlike = (tuple(map(disc, within)) for within in (requested.like, against))
     found = match(source, MatchRequest(like, by="color", unlike=unlike)).found
-    return rasterise(found.rings, Window(0, 0, *asked.truth.shape)) > 0
+    return rasterise(found.rings, Window(0, 0, *requested.truth.shape)) > 0
 
 
-def by_forest(asked: Samples) -> Any:
+def by_forest(requested: Samples) -> Any:
     """scikit-image's example of trainable segmentation: features at several scales, and a random forest."""
     from skimage.feature import multiscale_basic_features
     from sklearn.ensemble import RandomForestClassifier
 
-    planes = np.moveaxis(asked.image.astype(float), 0, -1)
+    planes = np.moveaxis(requested.image.astype(float), 0, -1)
     features = multiscale_basic_features(planes, sigma_min=1, sigma_max=16, channel_axis=-1)
-    inside, outside = (_within(discs, asked.truth.shape) for discs in (asked.like, asked.unlike))
+    inside, outside = (_within(discs, requested.truth.shape) for discs in (requested.like, requested.unlike))
     forest = RandomForestClassifier(n_estimators=50, max_depth=10, max_samples=0.05, random_state=0)
     forest.fit(
         np.concatenate([features[inside], features[outside]]),
         np.arange(inside.sum() + outside.sum()) < inside.sum(),
     )
-    return forest.predict(features.reshape(-1, features.shape[-1])).reshape(asked.truth.shape)
+    return forest.predict(features.reshape(-1, features.shape[-1])).reshape(requested.truth.shape)
 
 
 def _within(discs: list[Place], shape: tuple[int, int]) -> Any:
@@ -120,9 +120,9 @@ METHODS: dict[str, Callable[[Samples], Any]] = {
 def main() -> None:
     """Print a row for each picture and radius, and the means."""
     found: dict[str, list[list[float]]] = {}
-    for asked in samples(Path(sys.argv[1])):
-        values = [overlap(find(asked), asked.truth) for find in METHODS.values()]
-        for name in (asked.path.stem, f"radius {asked.like[0][2]}", "all"):
+    for requested in samples(Path(sys.argv[1])):
+        values = [overlap(find(requested), requested.truth) for find in METHODS.values()]
+        for name in (requested.path.stem, f"radius {requested.like[0][2]}", "all"):
             found.setdefault(name, []).append(values)
     print(table.mean_rows(found, ["", "draws", *METHODS]))
 

@@ -1,9 +1,10 @@
-"""Start-up time: the interpreter, `uavseg --help`, and one small tile."""
+"""Start-up time: the interpreter, the libraries that every run needs, `uavseg --help`, and one small tile."""
 
 import os
 import statistics
 import sys
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +13,8 @@ from benchmarks.measure import Cost, cost
 from benchmarks.scenes import Scene, ensure_raster
 
 TILE = Scene(512)
-RUNS = 5
+RUNS = 9
+LIBRARIES = "import rasterio, shapely"
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,75 +25,101 @@ class Start:
     ----------
     title : str
     wall_s, cpu_s : float
+    ratio : float
+        Wall time as a multiple of importing rasterio and shapely, in the same round.
     imports_s : float
-        Sum of the self times of all modules in ``-X importtime``, from separate runs.
+        Sum of the self times of all modules in ``-X importtime``, from a separate run.
     """
 
     title: str
     wall_s: float
     cpu_s: float
+    ratio: float
     imports_s: float
 
 
-def starts(runs: int = RUNS) -> list[Start]:
-    """Start-up of `python -c pass`, `uavseg --help` and `uavseg extract` on a tile of 512 x 512.
+@dataclass(frozen=True, slots=True)
+class Imported:
+    """Modules that a command imports from one package, and the sum of their self times."""
+
+    package: str
+    modules: int
+    seconds: float
+
+
+def starts(runs: int = RUNS) -> tuple[list[Start], list[Imported]]:
+    """Start-up of several commands, and the packages that `uavseg extract` imports for GeoJSON.
 
     Parameters
     ----------
     runs : int
-        Number of runs of each.
+        Number of rounds; each runs every command once.
     """
-    tile = str(ensure_raster(TILE))
     extract = [
         "-m",
         "uavseg",
         "extract",
-        tile,
+        str(ensure_raster(TILE)),
         "--range",
         f"{LOW},1",
         "-q",
         "--overwrite",
-        "-o",
-        "regions.gpkg",
     ]
+    commands = {
+        "`python -c pass`": ["-c", "pass"],
+        f'`python -c "{LIBRARIES}"`': ["-c", LIBRARIES],
+        "`uavseg --help`": ["-m", "uavseg", "--help"],
+        f"`uavseg extract` to GeoJSON, {TILE.side} x {TILE.side}": [*extract, "-o", "regions.geojson"],
+        f"`uavseg extract` to GeoPackage, {TILE.side} x {TILE.side}": [*extract, "-o", "regions.gpkg"],
+    }
     with tempfile.TemporaryDirectory(prefix="uavseg-benchmark-") as folder:
         work = Path(folder)
-        _once(extract, work)  # compiles the kernels
-        return [
-            _start("`python -c pass`", ["-c", "pass"], work, runs),
-            _start("`uavseg --help`", ["-m", "uavseg", "--help"], work, runs),
-            _start(f"`uavseg extract`, {TILE.side} x {TILE.side}", extract, work, runs),
-        ]
+        rounds = [[_once(command, work) for command in commands.values()] for _ in range(runs + 1)]
+        logs = [_import_log(command, work) for command in commands.values()]
+    measured = zip(commands, zip(*rounds[1:], strict=True), logs, strict=True)  # the first round compiles
+    libraries = [taken[1].wall_s for taken in rounds[1:]]
+    return [_start(title, costs, libraries, log) for title, costs, log in measured], imported(logs[3])
 
 
-def _start(title: str, arguments: list[str], folder: Path, runs: int) -> Start:
-    costs = [_once(arguments, folder) for _ in range(runs)]
-    imports = statistics.median(_importing(arguments, folder) for _ in range(runs))
-    wall = statistics.median(taken.wall_s for taken in costs)
-    return Start(title, wall, statistics.median(taken.cpu_s for taken in costs), imports)
+def _start(title: str, costs: Sequence[Cost], libraries: Sequence[float], log: str) -> Start:
+    return Start(
+        title,
+        wall_s=statistics.median(taken.wall_s for taken in costs),
+        cpu_s=statistics.median(taken.cpu_s for taken in costs),
+        ratio=statistics.median(taken.wall_s / other for taken, other in zip(costs, libraries, strict=True)),
+        imports_s=sum(one.seconds for one in imported(log)),
+    )
 
 
 def _once(arguments: list[str], folder: Path) -> Cost:
-    return cost([sys.executable, *arguments], with_project(os.environ), folder)
+    return cost([sys.executable, *arguments], _environment(), folder)
 
 
-def _importing(arguments: list[str], folder: Path) -> float:
+def _import_log(arguments: list[str], folder: Path) -> str:
     log = folder / "importtime.txt"
-    cost([sys.executable, "-X", "importtime", *arguments], with_project(os.environ), folder, log)
-    return imports_s(log.read_text())
+    cost([sys.executable, "-X", "importtime", *arguments], _environment(), folder, log)
+    return log.read_text()
 
 
-def imports_s(log: str) -> float:
-    """Seconds spent in imports, from the output of ``-X importtime``.
+def _environment() -> dict[str, str]:
+    """Return the environment with the project, and with bytecode that is kept, as an installation has it."""
+    return {
+        name: value for name, value in with_project(os.environ).items() if name != "PYTHONDONTWRITEBYTECODE"
+    }
+
+
+def imported(log: str) -> list[Imported]:
+    """Imports by package, the slowest first, from the output of ``-X importtime``.
 
     Examples
     --------
-    >>> imports_s("import time: self [us] | cumulative | imported\\nimport time:  1500 |  1500 | os")
-    0.0015
+    >>> imported("import time: self [us] | cumulative | imported\\nimport time:  1500 |  1500 |   os.path")
+    [Imported(package='os', modules=1, seconds=0.0015)]
     """
-    total = 0
+    times: dict[str, list[float]] = {}
     for line in log.splitlines():
         words = line.replace("|", " ").split()
         if line.startswith("import time:") and words[2].isdigit():
-            total += int(words[2])
-    return total / 1e6
+            times.setdefault(words[4].partition(".")[0], []).append(int(words[2]) / 1e6)
+    found = [Imported(package, len(spent), sum(spent)) for package, spent in times.items()]
+    return sorted(found, key=lambda one: -one.seconds)

@@ -15,7 +15,7 @@ from benchmarks.robot import Step
 from benchmarks.scale import Reuse, Run
 from benchmarks.scenes import Scene
 from benchmarks.smallmap import Task
-from benchmarks.startup import Start
+from benchmarks.startup import Imported, Start
 from benchmarks.vectors import Vectorised
 
 README = Path(__file__).resolve().with_name("README.md")
@@ -71,14 +71,21 @@ def _scene_row(outcome: Outcome, uavseg_s: float | None) -> list[str]:
     return [outcome.competitor.title, *_cost(cost), str(polygons), f"{area / 1e6:.3f}", str(invalid), ratio]
 
 
-def starting(starts: Sequence[Start]) -> str:
-    """Start-up times."""
-    heads = ["", "wall s", "CPU s", "imports s", "imports / CPU"]
+def starting(starts: Sequence[Start], imports: Sequence[Imported], most: int = 10) -> str:
+    """Start-up times, and the packages whose import takes longest."""
+    heads = ["", "wall s", "CPU s", "of rasterio, shapely", "imports s"]
     cells = [
-        [s.title, f"{s.wall_s:.3f}", f"{s.cpu_s:.3f}", f"{s.imports_s:.3f}", f"{s.imports_s / s.cpu_s:.0%}"]
-        for s in starts
+        [s.title, f"{s.wall_s:.3f}", f"{s.cpu_s:.3f}", f"{s.ratio:.2f}", f"{s.imports_s:.3f}"] for s in starts
     ]
-    return with_provenance(rows(heads, cells))
+    others = imports[most:]
+    shown = [
+        *imports[:most],
+        Imported("others", sum(one.modules for one in others), sum(one.seconds for one in others)),
+    ]
+    packages = [[one.package, f"{one.modules}", f"{one.seconds * 1000:.1f}"] for one in shown]
+    return with_provenance(
+        rows(heads, cells) + "\n" + rows(["imported for GeoJSON", "modules", "ms"], packages)
+    )
 
 
 def kernels(speeds: Sequence[Speed]) -> str:

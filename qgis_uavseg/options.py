@@ -1,13 +1,15 @@
-"""Options of the command line as parameters of Processing: one definition, one rule for its words.
+"""Options of the command line as parameters of Processing, from the table that the program's options are in.
 
 A parameter that is left empty gives no words, so that the defaults are those of the program.
 """
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, Callable
 
 from qgis.core import (
@@ -108,37 +110,72 @@ def plain(value: float) -> str:
     return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(value)
 
 
-def number(
-    name: str, label: str, flag: str, help: str, least: float | None = None, integer: bool = False
-) -> Option:
-    """An optional number."""
-    kind = QgsProcessingParameterNumber.Integer if integer else QgsProcessingParameterNumber.Double
-
-    def make() -> QgsProcessingParameterDefinition:
-        definition = QgsProcessingParameterNumber(name, label, kind, None, True)
-        if least is not None:
-            definition.setMinimum(least)
-        return definition
-
-    return Option(make, lambda v: [f"{flag}={plain(v.number(name))}"] if v.given(name) else [], help)
+TABLE = json.loads(Path(__file__).with_name("options.json").read_text(encoding="utf-8"))
+LAYERS = {"RASTER": "raster", "DEM": "raster", "AVOID": "polygons", "UNLIKE": "polygons"}  # in place of text
+FILTERS = {"CLASSES_FILE": "Classes (*.csv *.yaml *.yml)", "VEHICLE": "Vehicle (*.json)"}
+SMALLEST = {"THRESHOLD": 1, "THREADS": 1, "LARGEST": 1, "HOME_ALTITUDE": -500}  # of numbers; of others 0
+DEFAULTS = {"ALTITUDE": 60}
 
 
-def metres(
-    name: str, label: str, flag: str, help: str, default: float | None = None, least: float = 0.0
-) -> Option:
-    """An optional distance in metres; the dialog takes other units and converts them."""
+def listed(command: str, *names: str) -> list[Option]:
+    """Return options of a command as the table of options describes them.
 
-    def make() -> QgsProcessingParameterDefinition:
-        definition = QgsProcessingParameterDistance(name, label, default, "", True, least)
+    Parameters
+    ----------
+    command : str
+    *names : str
+        Of parameters, in the order of the dialog.
+    """
+    return [_listed(name, TABLE[command][name]) for name in names]
+
+
+def _listed(name: str, one: dict[str, Any]) -> Option:
+    kind, flag, label = LAYERS.get(name, one["kind"]), one["flag"], one["label"]
+
+    def words(values: Values) -> list[str]:
+        if kind == "switch":
+            return [flag] * values.algorithm.parameterAsBool(values.parameters, name, values.context)
+        if not values.given(name):
+            return []
+        if kind == "polygons":
+            layers = values.algorithm.parameterAsLayerList(values.parameters, name, values.context)
+            return [f"{flag}={polygon_file(layer, label, values.context)}" for layer in layers]
+        if kind == "choice":
+            text = values.algorithm.parameterAsEnumString(values.parameters, name, values.context)
+        elif kind == "raster":
+            text = values.raster(name)
+        else:
+            text = values.text(name) if kind in ("text", "file") else plain(values.number(name))
+        return [f"{flag}={text}"] if text else []
+
+    return Option(lambda: definition(name, kind, one), words, one["help"], not one["basic"])
+
+
+def definition(name: str, kind: str, one: Mapping[str, Any]) -> QgsProcessingParameterDefinition:
+    """Return the parameter, which may be left empty."""
+    label, default, smallest = one["label"], DEFAULTS.get(name), SMALLEST.get(name, 0)
+    if kind == "switch":
+        return QgsProcessingParameterBoolean(name, label, False, True)
+    if kind == "polygons":
+        polygon = QgsProcessing.TypeVectorPolygon
+        return QgsProcessingParameterMultipleLayers(name, label, polygon, None, True)
+    if kind == "raster":
+        return QgsProcessingParameterRasterLayer(name, label, None, True)
+    if kind == "choice":
+        return QgsProcessingParameterEnum(name, label, one["choices"], False, None, True, True)
+    if kind == "text":
+        return QgsProcessingParameterString(name, label, None, False, True)
+    if kind == "file":
+        file = QgsProcessingParameterFile.File
+        return QgsProcessingParameterFile(name, label, file, "", None, True, FILTERS[name])
+    if kind == "metres":  # the dialog takes other units and converts them
+        definition = QgsProcessingParameterDistance(name, label, default, "", True, smallest)
         definition.setDefaultUnit(QgsUnitTypes.DistanceMeters)
         return definition
-
-    return Option(make, lambda v: [f"{flag}={plain(v.number(name))}"] if v.given(name) else [], help)
-
-
-def shown(option: Option) -> Option:
-    """An option that stands above the fold of the dialog."""
-    return replace(option, advanced=False)
+    number = (
+        QgsProcessingParameterNumber.Integer if kind == "integer" else QgsProcessingParameterNumber.Double
+    )
+    return QgsProcessingParameterNumber(name, label, number, None, True, smallest)
 
 
 def unless(option: Option, others: Sequence[str]) -> Option:
@@ -164,82 +201,6 @@ def plain_or_text(definition: QgsProcessingParameterDefinition) -> str:
     """The default of a parameter, as one types it."""
     default = definition.defaultValue()
     return plain(default) if isinstance(default, (int, float)) else str(default)
-
-
-def text(name: str, label: str, flag: str, help: str, advanced: bool = True) -> Option:
-    """An optional text that is passed as it is."""
-    return Option(
-        lambda: QgsProcessingParameterString(name, label, None, False, True),
-        lambda v: [f"{flag}={v.text(name)}"] if v.given(name) and v.text(name) else [],
-        help,
-        advanced,
-    )
-
-
-def switch(name: str, label: str, flag: str, help: str) -> Option:
-    """A tick box, empty by default."""
-
-    def words(values: Values) -> list[str]:
-        ticked = values.algorithm.parameterAsBool(values.parameters, name, values.context)
-        return [flag] if ticked else []
-
-    return Option(lambda: QgsProcessingParameterBoolean(name, label, False, True), words, help)
-
-
-def choice(
-    name: str, label: str, flag: str, help: str, values: Sequence[str], default: str | None = None
-) -> Option:
-    """One of the words of an option; empty: the default of the program."""
-
-    def words(entered: Values) -> list[str]:
-        if not entered.given(name):
-            return []
-        chosen = entered.algorithm.parameterAsEnumString(entered.parameters, name, entered.context)
-        return [f"{flag}={chosen}"] if chosen else []
-
-    def make() -> QgsProcessingParameterDefinition:
-        return QgsProcessingParameterEnum(name, label, list(values), False, default, default is None, True)
-
-    return Option(make, words, help, advanced=default is None)
-
-
-def file(name: str, label: str, flag: str, help: str, pattern: str) -> Option:
-    """An optional file."""
-    return Option(
-        lambda: QgsProcessingParameterFile(
-            name, label, QgsProcessingParameterFile.File, "", None, True, pattern
-        ),
-        lambda v: [f"{flag}={v.text(name)}"] if v.given(name) else [],
-        help,
-    )
-
-
-def raster(name: str, label: str, flag: str, help: str) -> Option:
-    """An optional raster layer."""
-    return Option(
-        lambda: QgsProcessingParameterRasterLayer(name, label, None, True),
-        lambda v: [f"{flag}={v.raster(name)}"] if v.given(name) else [],
-        help,
-    )
-
-
-def polygons(name: str, label: str, flag: str, help: str, advanced: bool = False) -> Option:
-    """Optional layers of polygons, each an option of its own."""
-
-    def words(values: Values) -> list[str]:
-        if not values.given(name):
-            return []
-        layers = values.algorithm.parameterAsLayerList(values.parameters, name, values.context)
-        return [f"{flag}={polygon_file(layer, label, values.context)}" for layer in layers]
-
-    return Option(
-        lambda: QgsProcessingParameterMultipleLayers(
-            name, label, QgsProcessing.TypeVectorPolygon, None, True
-        ),
-        words,
-        help,
-        advanced,
-    )
 
 
 def band(name: str = "BAND", of: str = "INPUT") -> Option:

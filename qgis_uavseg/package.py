@@ -20,7 +20,7 @@ LINKS = ("homepage", "repository", "tracker", "email")
 REQUIRED = ("name", "description", "about", "version", "qgisMinimumVersion", "author", *LINKS)
 SWITCHES = ("experimental", "deprecated")
 LARGEST = 25_000_000
-SUFFIXES = frozenset((".py", ".svg", ".txt", ".qml"))
+SUFFIXES = frozenset((".py", ".json", ".svg", ".txt", ".qml"))
 _OLDEST = (1980, 1, 1, 0, 0, 0)  # that a zip can say
 
 

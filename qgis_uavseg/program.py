@@ -12,10 +12,10 @@ from qgis.core import QgsApplication, QgsSettings
 
 from .process import ProcessError, quick_output
 
-VERSIONS = ((0, 1), (0, 2))
+VERSIONS = ((1, 0), (2, 0))
 """First version that the plugin works with, and the first that it does not."""
 
-REQUIREMENT = "uavseg>=0.1,<0.2"
+REQUIREMENT = "uavseg>=1.0,<2.0"
 SETTING = "uavseg/program"
 REQUIREMENT_SETTING = "uavseg/requirement"
 VARIABLE = "UAVSEG_PROGRAM"
@@ -70,7 +70,7 @@ def find_program() -> Path:
 
 
 def version_of(program: Path) -> str:
-    """What `uavseg --version` says, such as 0.1.0; asked once for each state of the file.
+    """What `uavseg --version` says, such as 1.0.0; asked once for each state of the file.
 
     Raises
     ------

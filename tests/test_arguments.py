@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
+from uavseg import dataclass as shared_methods
 from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 
@@ -115,7 +116,21 @@ class Value:
     high: float = 1.0
 
 
-def test_a_class_is_checked_when_it_is_made_and_not_when_it_is_unpickled() -> None:
-    assert pickle.loads(pickle.dumps(Value(0.5))) == Value(0.5, 1.0)
+@checked
+@shared_methods.dataclass(frozen=True, slots=True)
+class Shared:
+    """A value of two numbers, with the methods of all frozen dataclasses."""
+
+    low: float
+    high: float = 1.0
+
+
+@pytest.mark.parametrize("cls", [Value, Shared])
+def test_a_class_is_checked_when_it_is_made_and_not_when_it_is_unpickled(cls: Any) -> None:
+    assert pickle.loads(pickle.dumps(cls(0.5))) == cls(0.5, 1.0) == cls(low=0.5)
     with pytest.raises(ParameterError, match="low is a number, not None"):
-        Value(None)  # type: ignore[arg-type]
+        cls(None)
+    with pytest.raises(ParameterError, match="high is a number, not 'a'"):
+        cls(0.5, high="a")
+    with pytest.raises(TypeError, match="low"):
+        cls()

@@ -137,8 +137,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         far = shapely.Point(-76.2708, 45.1511).buffer(8e-5)
         geopandas.GeoDataFrame({"id": [1]}, geometry=[far], crs=4326).to_file("zone.geojson")
         discs = [shapely.Point(4e5 + x, 5e6 - y).buffer(20) for x, y in ((170, 140), (60, 60), (60, 200))]
-        kinds = {"class": ["a", "b", "b"]}
-        geopandas.GeoDataFrame(kinds, geometry=discs, crs=UTM["crs"]).to_file("samples.gpkg")
+        classes = {"class": ["a", "b", "b"]}
+        geopandas.GeoDataFrame(classes, geometry=discs, crs=UTM["crs"]).to_file("samples.gpkg")
         yield Path()
 
 

@@ -25,8 +25,8 @@ def test_what_is_no_regular_file_is_refused_without_opening_it(tmp_path: Path) -
     (tmp_path / "folder").mkdir()
     with socket.socket(socket.AF_UNIX) as listening, chdir(tmp_path):
         listening.bind("socket")  # the whole path may be too long for one
-        kinds = {"pipe": "named pipe", "folder": "folder", "socket": "socket"}
-        for name, kind in kinds.items():
+        classes = {"pipe": "named pipe", "folder": "folder", "socket": "socket"}
+        for name, kind in classes.items():
             for reading in (regular_file, read_bytes):
                 with pytest.raises(RasterReadError, match=f"is a {kind}; name a regular file"):
                     reading(tmp_path / name)

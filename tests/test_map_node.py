@@ -101,8 +101,8 @@ def test_the_shell_publishes_both_and_logs_what_cannot_be_answered(monkeypatch: 
     module("rclpy.qos", QoSProfile=SimpleNamespace, DurabilityPolicy=SimpleNamespace(TRANSIENT_LOCAL=1))
     module("geometry_msgs")
     module("geometry_msgs.msg", PoseStamped=empty_pose)
-    kinds = {"OccupancyGrid": TYPES["nav_msgs/msg/OccupancyGrid"], "Path": TYPES["nav_msgs/msg/Path"]}
-    module("nav_msgs", msg=SimpleNamespace(**kinds))
+    classes = {"OccupancyGrid": TYPES["nav_msgs/msg/OccupancyGrid"], "Path": TYPES["nav_msgs/msg/Path"]}
+    module("nav_msgs", msg=SimpleNamespace(**classes))
     runpy.run_path(str(NODE), run_name="__main__")
     assert len(node.published["states"]) == len(node.published["path"]) == len(node.errors) == 1
     assert len(node.published["path"][0].poses) >= 2

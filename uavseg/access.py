@@ -10,9 +10,9 @@ import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
 from pathlib import Path
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import AccessError, RasterReadError
 from uavseg.inputs import regular_file
 

@@ -45,13 +45,18 @@ def checked(target: F) -> F:
     uavseg.errors.ParameterError: width is a number, not '3'
     """
     if isinstance(target, type):
-        target.__init__ = checked(target.__init__)  # type: ignore[misc]
+        this = inspect.Parameter("self", inspect.Parameter.POSITIONAL_ONLY)
+        signature = inspect.signature(target)
+        signature = signature.replace(parameters=[this, *signature.parameters.values()])
+        target.__init__ = _checked(target.__init__, signature, target.__module__)  # type: ignore[misc]
         return target
-    signature = inspect.signature(target)
+    return _checked(target, inspect.signature(target), target.__module__)
 
+
+def _checked(target: F, signature: inspect.Signature, module: str) -> F:
     @functools.cache
     def checks() -> dict[str, tuple[Check, str]]:
-        named = [(name, _resolved(found.annotation, target)) for name, found in signature.parameters.items()]
+        named = [(name, _resolved(found.annotation, module)) for name, found in signature.parameters.items()]
         return {name: (_check(kind), _description(kind)) for name, kind in named if kind is not Any}
 
     @functools.wraps(target)
@@ -66,26 +71,26 @@ def checked(target: F) -> F:
     return call  # type: ignore[return-value]
 
 
-def _resolved(annotation: Any, function: Callable[..., Any]) -> Any:
-    """An annotation as a type; Any where there is none, or one that is known to type checkers only."""
+def _resolved(annotation: Any, module: str) -> Any:
+    """Return an annotation as a type; Any where there is none, or one that is known to type checkers only."""
     if annotation is inspect.Parameter.empty:
         return Any
     if not isinstance(annotation, str):
         return annotation
     try:
-        return eval(annotation, vars(sys.modules[function.__module__]))
+        return eval(annotation, vars(sys.modules[module]))
     except NameError:
         return Any
 
 
 def _parts(kind: Any) -> tuple[Any, ...]:
-    """The members of a union, or the type itself; what numpy makes an array of is one."""
+    """Return the members of a union, or the type itself; what numpy makes an array of is one."""
     is_union = get_origin(kind) in (Union, types.UnionType) and not _is_array_like(kind)
     return get_args(kind) if is_union else (kind,)
 
 
 def _check(kind: Any) -> Check:
-    """Whether a value fits a type."""
+    """Return whether a value fits a type."""
     parts = [_check_one(part) for part in _parts(kind)]
     return lambda value: any(fits(value) for fits in parts)
 
@@ -135,7 +140,7 @@ def _is_whole(value: Any) -> bool:
 
 
 def _is_of(value: object, kind: type) -> bool:
-    """Whether a value is a number of a kind; True and False are none."""
+    """Return whether a value is a number of a kind; True and False are none."""
     return isinstance(value, kind) and not isinstance(value, bool)
 
 
@@ -154,7 +159,7 @@ def _is_sequence(value: Any) -> bool:
 
 
 def _is_array(kind: Any) -> bool:
-    """Whether a type is numpy's array."""
+    """Return whether a type is numpy's array."""
     return getattr(get_origin(kind), "__module__", "") == "numpy"
 
 
@@ -174,7 +179,7 @@ def _holds_numbers(value: Any) -> bool:
 
 
 def _description(kind: Any) -> str:
-    """A type in words."""
+    """Return a type in words."""
     words = list(dict.fromkeys(_description_of_one(part) for part in _parts(kind)))
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} or {words[-1]}"
 

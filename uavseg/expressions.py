@@ -8,10 +8,11 @@ number is unknown, `not` leaves it unknown, and `and` and `or` decide it only wh
 import ast
 import operator
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
+
+from uavseg.dataclass import dataclass
 
 ARITHMETIC: dict[type, Callable[..., Any]] = {
     ast.Add: np.add,
@@ -35,23 +36,23 @@ LOGIC: dict[type, Callable[..., Any]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Truth:
+class Tristate:
     """Three-valued truth of each element: masks of true and of false; unknown elsewhere."""
 
     true: Any
     false: Any
 
-    def __and__(self, other: "Truth") -> "Truth":
-        return Truth(self.true & other.true, self.false | other.false)
+    def __and__(self, other: "Tristate") -> "Tristate":
+        return Tristate(self.true & other.true, self.false | other.false)
 
-    def __or__(self, other: "Truth") -> "Truth":
-        return Truth(self.true | other.true, self.false & other.false)
+    def __or__(self, other: "Tristate") -> "Tristate":
+        return Tristate(self.true | other.true, self.false & other.false)
 
-    def __invert__(self) -> "Truth":
-        return Truth(self.false, self.true)
+    def __invert__(self) -> "Tristate":
+        return Tristate(self.false, self.true)
 
 
-ALWAYS = Truth(np.True_, np.False_)
+ALWAYS = Tristate(np.True_, np.False_)
 
 
 class Evaluator:
@@ -76,11 +77,11 @@ class Evaluator:
     _depth = 0
 
     def look_up(self, part: ast.Name) -> Any:
-        """The value of a name: an array, or a Truth."""
+        """Return the value of a name: an array, or a Tristate."""
         raise NotImplementedError
 
     def constant(self, part: ast.Constant) -> Any:
-        """The value of a constant: a number or a text of numpy, or a Truth."""
+        """Return the value of a constant: a number or a text of numpy, or a Tristate."""
         raise NotImplementedError
 
     def refused(self, part: ast.expr, why: str = "") -> Exception:
@@ -88,11 +89,11 @@ class Evaluator:
         raise NotImplementedError
 
     def mistaken(self, why: str) -> Exception:
-        """The error for values that do not fit each other; `why` goes on after the text."""
+        """Return the error for values that do not fit each other; `why` goes on after the text."""
         raise NotImplementedError
 
     def evaluate(self, part: ast.expr) -> Any:
-        """The value of a node: an array or a number of numpy, or a Truth."""
+        """Return the value of a node: an array or a number of numpy, or a Tristate."""
         if self.max_depth is not None and self._depth >= self.max_depth:
             raise self.refused(part, f"it is nested more than {self.max_depth} deep")
         if type(part) not in self.nodes:
@@ -110,13 +111,13 @@ class Evaluator:
     def _unary(self, part: ast.UnaryOp) -> Any:
         operate = self._operator(part.op, part)
         is_logic = isinstance(part.op, ast.Not)
-        return operate(self._truth(part.operand) if is_logic else self._number(part.operand))
+        return operate(self._truth(part.operand) if is_logic else self._operand(part.operand))
 
     def _binary(self, part: ast.BinOp) -> Any:
         if isinstance(part.op, ast.BitXor) and ast.Pow in self.operators:
             raise self.refused(part.right, "a power is written **, not ^")
         operate = self._operator(part.op, part)
-        return operate(self._number(part.left), self._number(part.right))
+        return operate(self._operand(part.left), self._operand(part.right))
 
     def _call(self, part: ast.Call) -> Any:
         name = part.func.id.lower() if isinstance(part.func, ast.Name) else ""
@@ -125,23 +126,23 @@ class Evaluator:
         function, count = self.functions[name]
         if part.keywords or len(part.args) != count:
             raise self.refused(part, f"{name} takes {'one value' if count == 1 else 'two values'}")
-        return function(*map(self._number, part.args))
+        return function(*map(self._operand, part.args))
 
-    def _logic(self, part: ast.BoolOp) -> Truth:
+    def _logic(self, part: ast.BoolOp) -> Tristate:
         operate = self._operator(part.op, part)
         answer = self._truth(part.values[0])
         for value in part.values[1:]:
             answer = operate(answer, self._truth(value))
         return answer
 
-    def _comparison(self, part: ast.Compare) -> Truth:
+    def _comparison(self, part: ast.Compare) -> Tristate:
         answer, left = ALWAYS, part.left
         for operation, right in zip(part.ops, part.comparators, strict=True):
             answer = answer & self._compared(left, operation, right)
             left = right
         return answer
 
-    def _compared(self, left: ast.expr, operation: ast.cmpop, right: ast.expr) -> Truth:
+    def _compared(self, left: ast.expr, operation: ast.cmpop, right: ast.expr) -> Tristate:
         if isinstance(operation, ast.In | ast.NotIn):
             if not isinstance(right, ast.List | ast.Tuple):
                 raise self.mistaken(": in needs a list, as in [1, 4, 7]")
@@ -155,17 +156,17 @@ class Evaluator:
             raise self.mistaken(" compares a number with a text")
         known = _known(first) & _known(second)
         found = operate(_values(first), _values(second))
-        return Truth(found & known, ~found & known)
+        return Tristate(found & known, ~found & known)
 
-    def _truth(self, part: ast.expr) -> Truth:
+    def _truth(self, part: ast.expr) -> Tristate:
         value = self.evaluate(part)
-        if not isinstance(value, Truth):
+        if not isinstance(value, Tristate):
             raise self.mistaken(f": {ast.unparse(part)} is not a condition")
         return value
 
-    def _number(self, part: ast.expr) -> Any:
+    def _operand(self, part: ast.expr) -> Any:
         value = self.evaluate(part)
-        if isinstance(value, Truth) or _is_text(value):
+        if isinstance(value, Tristate) or _is_text(value):
             raise self.mistaken(f": {ast.unparse(part)} is not a number")
         return value
 
@@ -182,15 +183,15 @@ _NODES: dict[type, Callable[[Any, Any], Any]] = {
 
 
 def _is_text(value: Any) -> bool:
-    return not isinstance(value, Truth) and bool(value.dtype.kind == "U")
+    return not isinstance(value, Tristate) and bool(value.dtype.kind == "U")
 
 
 def _known(value: Any) -> Any:
-    """Where a value is not missing."""
-    if isinstance(value, Truth):
+    """Return where a value is not missing."""
+    if isinstance(value, Tristate):
         return value.true | value.false
     return np.True_ if _is_text(value) else ~np.isnan(value)
 
 
 def _values(value: Any) -> Any:
-    return value.true if isinstance(value, Truth) else value
+    return value.true if isinstance(value, Tristate) else value

@@ -99,7 +99,7 @@ def parse_json(text: str, **options: Any) -> Any:
         Of `json.loads`.
     """
     _check_depth(text)
-    return json.loads(text, parse_int=_integer, parse_float=_number, **options)
+    return json.loads(text, parse_int=_integer, parse_float=_float, **options)
 
 
 def check_yaml_brackets(content: bytes) -> None:
@@ -139,7 +139,7 @@ def _integer(digits: str) -> int:
     return int(digits)
 
 
-def _number(digits: str) -> float:
+def _float(digits: str) -> float:
     _check_digits(digits)
     return float(digits)
 
@@ -169,6 +169,26 @@ def read_object(path: str | os.PathLike[str], subject: str, expected: str) -> di
     if not isinstance(content, dict) or not content:
         raise ParameterError(f"{path} is not a {subject}; expected a JSON object with {expected}")
     return content
+
+
+def as_number(value: Any, name: str, error: Error, convert: Callable[[Any], Any] = float) -> Any:
+    """Convert a number that is neither text nor a truth value.
+
+    Parameters
+    ----------
+    value : object
+    name : str
+        What it is, for the message.
+    error : callable
+        Makes the exception from its message.
+    convert : callable
+    """
+    try:
+        if isinstance(value, str | bytes | bool):
+            raise TypeError
+        return convert(value)
+    except (TypeError, ValueError, OverflowError) as cause:
+        raise error(f"{name} is a number, not {shown(value)}") from cause
 
 
 def number_in(content: dict[str, Any], key: str, path: str | os.PathLike[str], subject: str) -> float:

@@ -35,17 +35,19 @@ def report(seeds: int, side: int = SIDE, families: Sequence[str] = tuple(FAMILIE
     """
     absent = skipped()
     methods = [name for name in METHODS if name not in absent]
-    asked = [(family, seed) for family in families for seed in range(seeds)]
+    requested = [(family, seed) for family in families for seed in range(seeds)]
     with ProcessPoolExecutor() as pool:
-        measured = list(pool.map(partial(measure, methods, side), *zip(*asked, strict=True)))
+        measured = list(pool.map(partial(measure, methods, side), *zip(*requested, strict=True)))
     found: dict[str, list[list[float]]] = {}
-    for (family, _), (values, _) in zip(asked, measured, strict=True):
+    for (family, _), (values, _) in zip(requested, measured, strict=True):
         for row in (family, "all"):
             found.setdefault(row, []).append(values)
     failed = [sum(value < FAILED for value in column) for column in zip(*found["all"], strict=True)]
-    spent = [sum(column) / len(asked) for column in zip(*(seconds for _, seconds in measured), strict=True)]
+    spent = [
+        sum(column) / len(requested) for column in zip(*(seconds for _, seconds in measured), strict=True)
+    ]
     last = [
-        ["below 0.5", str(len(asked)), *map(str, failed)],
+        ["below 0.5", str(len(requested)), *map(str, failed)],
         ["CPU s", "", *(f"{mean:.1f}" for mean in spent)],
     ]
     lines = [
@@ -62,10 +64,10 @@ def measure(methods: Sequence[str], side: int, family: str, seed: int) -> tuple[
     """Intersection over union, and seconds of the processor, of each method on one scene."""
     values, seconds = [], []
     with TemporaryDirectory() as folder, warnings.catch_warnings(action="ignore"):
-        asked = scene(family, seed, Path(folder), side)
+        requested = scene(family, seed, Path(folder), side)
         for name in methods:
             begun = time.process_time()
-            values.append(overlap(METHODS[name](asked), asked.truth))
+            values.append(overlap(METHODS[name](requested), requested.truth))
             seconds.append(time.process_time() - begun)
     print(f"{family} {seed}:", *(f"{value:.3f}" for value in values), file=sys.stderr, flush=True)
     return values, seconds

@@ -49,9 +49,9 @@ def scene(family: str, seed: int, folder: Path, side: int = SIDE) -> Samples:
     """
     rng = np.random.default_rng([seed, list(FAMILIES).index(family), 3])
     drawn = FAMILIES[family](rng, seed, side)
-    asked = query(folder / f"{family} {seed}.tif", drawn.planes, drawn.truth, drawn.radius)
-    against = places(~drawn.truth, asked.disc[2], rng, GROUND_DISCS)
-    return Samples(asked.path, asked.image, asked.truth, [asked.disc], against)
+    requested = query(folder / f"{family} {seed}.tif", drawn.planes, drawn.truth, drawn.radius)
+    against = places(~drawn.truth, requested.disc[2], rng, GROUND_DISCS)
+    return Samples(requested.path, requested.image, requested.truth, [requested.disc], against)
 
 
 def small_sample(rng: np.random.Generator, seed: int, side: int) -> Drawn:
@@ -152,10 +152,10 @@ FAMILIES: dict[str, Callable[[np.random.Generator, int, int], Drawn]] = {
 
 
 def _patches(
-    rng: np.random.Generator, side: int, kinds: int, sigma: float | None = None
+    rng: np.random.Generator, side: int, classes: int, sigma: float | None = None
 ) -> NDArray[np.int64]:
     sigma = side / 14 if sigma is None else sigma
-    return np.asarray(gaussian_filter(rng.normal(size=(kinds, side, side)), (0, sigma, sigma)).argmax(0))
+    return np.asarray(gaussian_filter(rng.normal(size=(classes, side, side)), (0, sigma, sigma)).argmax(0))
 
 
 def _textured(rng: np.random.Generator, seed: int, kind: NDArray[np.int64]) -> Drawn:
@@ -172,11 +172,11 @@ def _direction(rng: np.random.Generator) -> NDArray[np.float64]:
     return np.asarray(drawn / np.linalg.norm(drawn))
 
 
-def _colors(rng: np.random.Generator, kinds: int) -> NDArray[np.float64]:
+def _colors(rng: np.random.Generator, classes: int) -> NDArray[np.float64]:
     """Colors of kinds of ground, at least 0.1 apart; the nearest to the first is 0.1 to 0.16 from it."""
     colors = [rng.uniform(0.35, 0.65, 3)]
     colors.append(colors[0] + _direction(rng) * rng.uniform(0.1, 0.16))
-    while len(colors) < kinds:
+    while len(colors) < classes:
         other = rng.uniform(0.2, 0.8, 3)
         if min(np.linalg.norm(other - color) for color in colors) > 0.1:
             colors.append(other)

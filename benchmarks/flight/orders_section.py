@@ -25,7 +25,7 @@ def orders_table(tours: Sequence[Tour], plans: Sequence[Plan]) -> str:
         for t in tours
     ]
     first = rows(["home and", "order by", "metres", "longer than the best", "CPU, s"], cells)
-    kinds = [
+    classes = [
         [
             *(p.field, p.pattern, str(p.flights), f"{p.items:,}", f"{p.length_m / 1000:.1f}", f"{p.turns:,}"),
             *(
@@ -49,4 +49,4 @@ def orders_table(tours: Sequence[Tour], plans: Sequence[Plan]) -> str:
         "CPU to plan, s",
         "clock, s",
     ]
-    return with_provenance(f"{first}\n\n{rows(heads, kinds)}")
+    return with_provenance(f"{first}\n\n{rows(heads, classes)}")

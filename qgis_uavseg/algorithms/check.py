@@ -15,10 +15,9 @@ from qgis.core import (
     QgsProcessingParameterFileDestination,
 )
 
-from ..options import Option, Values, choice, metres, polygons, raster, shown, words_of
+from ..options import Option, Values, listed, words_of
 from .base import ProgramAlgorithm
 from .plan import GROUP, MISSION_FILTER
-from .plan_options import AUTOPILOTS
 
 
 class CheckMission(ProgramAlgorithm):
@@ -44,25 +43,7 @@ class CheckMission(ProgramAlgorithm):
                 "A mission file: .plan, .waypoints, .kmz, .csv, .kml or .geojson.",
                 advanced=False,
             ),
-            choice(
-                "AUTOPILOT",
-                "Autopilot",
-                "--autopilot",
-                "What it is checked for. Empty: what the file is for.",
-                AUTOPILOTS,
-            ),
-            polygons("AVOID", "Keep-out zones", "--avoid", "Polygons that no leg may enter."),
-            metres("AVOID_MARGIN", "Least distance to keep-out zones", "--avoid-margin", "Empty: 10 m."),
-            shown(
-                metres(
-                    "MAX_ALTITUDE",
-                    "Highest above home",
-                    "--max-altitude",
-                    "Refuse more; with an elevation model, above the ground.",
-                )
-            ),
-            shown(metres("MAX_DISTANCE", "Farthest from home", "--max-distance", "Refuse more.")),
-            raster("DEM", "Elevation model", "--dem", "Refuse to fly nearer than 5 m to this ground."),
+            *listed("check", "AUTOPILOT", "AVOID", "AVOID_MARGIN", "MAX_ALTITUDE", "MAX_DISTANCE", "DEM"),
         )
 
     def add_outputs(self) -> None:

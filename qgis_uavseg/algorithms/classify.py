@@ -9,6 +9,7 @@ from qgis.core import (
     QgsProcessing,
     QgsProcessingException,
     QgsProcessingOutputNumber,
+    QgsProcessingParameterEnum,
     QgsProcessingParameterFile,
     QgsProcessingParameterRasterDestination,
     QgsProcessingParameterRasterLayer,
@@ -16,14 +17,14 @@ from qgis.core import (
     QgsVectorLayer,
 )
 
-from ..options import Option, Values, choice, metres, number, switch, text, words_of
-from ..reading import BAND_CHOICE, DIVISION, NODATA, STRETCH, THREADS
+from ..options import Option, Values, listed, words_of
+from ..reading import DIVISION, MAP
 from ..styles import style_on_load
 from ..targets import VECTOR_EXTENSIONS
 from .base import ProgramAlgorithm
 
 GROUP = ("occupancy", "Occupancy maps")
-MAP = (
+MAP_FILE = (
     Option(
         lambda: QgsProcessingParameterRasterLayer("INPUT", "Map", None, True),
         lambda _: [],
@@ -39,14 +40,23 @@ MAP = (
         advanced=False,
     ),
 )
-WHITE = choice(
-    "FREE_IS",
-    "Free cells are",
-    "--free-is",
+
+
+def _free_is(values: Values) -> list[str]:
+    if not values.given("FREE_IS"):
+        return []
+    return [
+        f"--free-is-{values.algorithm.parameterAsEnumString(values.parameters, 'FREE_IS', values.context)}"
+    ]
+
+
+FREE_IS = Option(
+    lambda: QgsProcessingParameterEnum(
+        "FREE_IS", "Free cells are", ["white", "black"], False, None, True, True
+    ),
+    _free_is,
     "Of a picture without its YAML file.",
-    ("white", "black"),
 )
-FREE_IS = Option(WHITE.make, lambda v: [word.replace("=", "-") for word in WHITE.words(v)], WHITE.help)
 
 
 def map_file(values: Values) -> str:
@@ -78,37 +88,13 @@ class ClassifyMap(ProgramAlgorithm):
 
     def options(self) -> Sequence[Option]:
         return (
+            *MAP_FILE,
+            *listed("classify", "FREE_BELOW", "OCCUPIED_ABOVE"),
             *MAP,
-            number("FREE_BELOW", "Free up to v", "--free-below", "Empty: 0.498.", 0),
-            number("OCCUPIED_ABOVE", "Occupied above v", "--occupied-above", "Empty: 0.502.", 0),
-            *BAND_CHOICE,
-            NODATA,
-            STRETCH,
             FREE_IS,
-            choice(
-                "REFINE",
-                "Borders of states",
-                "--refine",
-                "To the cell (scan), or those of blocks (none).",
-                ("scan", "none"),
-            ),
-            text(
-                "MIN_AREA",
-                "Smallest object (m², or cells as 5px)",
-                "--min-area",
-                "Smaller objects are left out; states stay as they are.",
-            ),
-            metres(
-                "SIMPLIFY", "Simplify outlines of objects within", "--simplify", "Shared borders stay shared."
-            ),
-            switch(
-                "ALLOW_LOST",
-                "Write states in which obstacles are lost",
-                "--allow-lost-obstacles",
-                "In place of refusing.",
-            ),
+            *listed("classify", "REFINE", "MIN_AREA", "SIMPLIFY", "ALLOW_LOST"),
             *DIVISION,
-            THREADS,
+            *listed("classify", "THREADS"),
         )
 
     def add_outputs(self) -> None:

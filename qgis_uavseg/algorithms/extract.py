@@ -6,18 +6,8 @@ from collections.abc import Sequence
 
 from qgis.core import QgsProcessingException, QgsProcessingParameterMatrix
 
-from ..options import Option, Values, choice, file, filled, interval, metres, unless
-from ..reading import (
-    DETAIL,
-    DIVISION,
-    FILL_HOLES,
-    FLATTEN,
-    MIN_AREA,
-    MIN_CONFIDENCE,
-    RASTER,
-    THIN_LINES,
-    THREADS,
-)
+from ..options import Option, Values, filled, interval, listed, unless
+from ..reading import DIVISION, RASTER
 from .regions import RegionAlgorithm, with_input
 
 
@@ -61,38 +51,14 @@ class ExtractRegions(RegionAlgorithm):
 
     def options(self) -> Sequence[Option]:
         return with_input(
-            (unless(RANGE, ("CLASSES", "CLASSES_FILE")), RANGE_IN, MIN_AREA),
-            RASTER,
             (
-                CLASSES,
-                file(
-                    "CLASSES_FILE",
-                    "File of classes",
-                    "--classes",
-                    "In place of a range: a table with name, range and color.",
-                    "Classes (*.csv *.yaml *.yml)",
-                ),
-                choice(
-                    "REFINE",
-                    "Refinement",
-                    "--refine",
-                    "How boundaries are found to the pixel; pixels: every pixel by its own value. Empty: by "
-                    "total variation.",
-                    ("tv", "scan", "none", "smooth", "pixels"),
-                ),
-                FILL_HOLES,
-                DETAIL,
-                THIN_LINES,
-                FLATTEN,
-                MIN_CONFIDENCE,
-                metres(
-                    "SMOOTH_OUTLINE",
-                    "Smooth outlines within",
-                    "--smooth-outline",
-                    "Draw outlines without stairs.",
-                ),
-                metres("SIMPLIFY", "Simplify outlines within", "--simplify", "Shared borders stay shared."),
+                unless(RANGE, ("CLASSES", "CLASSES_FILE")),
+                RANGE_IN,
+                *listed("extract", "MIN_AREA", "FILL_HOLES"),
             ),
+            RASTER,
+            (CLASSES, *listed("extract", "CLASSES_FILE", "REFINE", "DETAIL", "THIN_LINES", "FLATTEN")),
+            listed("extract", "MIN_CONFIDENCE", "SMOOTH_OUTLINE", "SIMPLIFY"),
             DIVISION,
-            (THREADS,),
+            listed("extract", "THREADS"),
         )

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..options import Option, choice, metres, number, shown, text
-from ..reading import DETAIL, DIVISION, FLATTEN, MIN_AREA, MIN_CONFIDENCE, RASTER, THREADS
+from ..options import Option, listed
+from ..reading import DIVISION, RASTER
 from .regions import RegionAlgorithm, with_input
 
 
@@ -24,50 +24,11 @@ class SegmentByLevels(RegionAlgorithm):
     TAGS = ("segmentation", "contour", "otsu", "quantile", "classes")
 
     def options(self) -> Sequence[Option]:
-        width = number(
-            "WIDTH", "Width of a level in v", "--width", "Such as 0.1: levels 0..0.1, 0.1..0.2 and so on.", 0
-        )
         return with_input(
-            (
-                shown(width),
-                text(
-                    "BREAKS",
-                    "Breaks",
-                    "--breaks",
-                    "In place of a width: values of v between levels, such as 0.2,0.5; or otsu, otsu:4, "
-                    "quantile, "
-                    "quantile:5.",
-                    advanced=False,
-                ),
-                MIN_AREA,
-            ),
+            listed("levels", "WIDTH", "BREAKS", "MIN_AREA"),
             RASTER,
-            (
-                choice(
-                    "REFINE",
-                    "Refinement",
-                    "--refine",
-                    "By total variation to the pixel (tv), every pixel by its own value (pixels), or none.",
-                    ("tv", "none", "pixels"),
-                ),
-                choice(
-                    "SMALL",
-                    "Small segments",
-                    "--small",
-                    "Become part of a neighbour (merge), or are left out (drop). Empty: merge.",
-                    ("merge", "drop"),
-                ),
-                DETAIL,
-                FLATTEN,
-                MIN_CONFIDENCE,
-                metres(
-                    "SMOOTH_OUTLINE",
-                    "Smooth outlines within",
-                    "--smooth-outline",
-                    "Draw outlines without stairs.",
-                ),
-                metres("SIMPLIFY", "Simplify outlines within", "--simplify", "Shared borders stay shared."),
-            ),
+            listed("levels", "REFINE", "SMALL", "DETAIL", "FLATTEN", "MIN_CONFIDENCE"),
+            listed("levels", "SMOOTH_OUTLINE", "SIMPLIFY"),
             DIVISION,
-            (THREADS,),
+            listed("levels", "THREADS"),
         )

@@ -17,13 +17,13 @@ from qgis.core import (
     QgsVectorLayer,
 )
 
-from ..options import Option, Values, choice, interval, metres, shown, switch, words_of
+from ..options import Option, Values, interval, listed, words_of
 from ..places import place
-from ..reading import BAND_CHOICE, DIVISION, NODATA, STRETCH, THREADS
+from ..reading import DIVISION, MAP
 from ..styles import style_on_load
 from ..targets import VECTOR_EXTENSIONS, checked_target, write_layer
 from .base import ProgramAlgorithm
-from .classify import FREE_IS, GROUP, MAP, map_file
+from .classify import FREE_IS, GROUP, MAP_FILE, map_file
 
 
 def _end(name: str, label: str) -> Option:
@@ -53,35 +53,15 @@ class FindPath(ProgramAlgorithm):
 
     def options(self) -> Sequence[Option]:
         return (
-            *MAP,
+            *MAP_FILE,
             *interval("0,0.45", "What is passable."),
             _end("START", "Start"),
             _end("GOAL", "Goal"),
-            shown(
-                metres(
-                    "CLEARANCE", "Clearance", "--clearance", "From the centre of a cell to everything else."
-                )
-            ),
-            switch(
-                "SMOOTH",
-                "Pull the path tight, at any angle",
-                "--smooth",
-                "Otherwise it goes from cell to cell.",
-            ),
-            *BAND_CHOICE,
-            NODATA,
-            STRETCH,
+            *listed("path", "CLEARANCE", "SMOOTH"),
+            *MAP,
             FREE_IS,
             *DIVISION,
-            choice(
-                "REFINE",
-                "Regions",
-                "--refine",
-                "What makes a region: cells by their own value, or by the mean of their block too (scan). "
-                "Empty: by their own value, and by both with the paper's method.",
-                ("pixels", "scan"),
-            ),
-            THREADS,
+            *listed("path", "REFINE", "THREADS"),
         )
 
     def add_outputs(self) -> None:

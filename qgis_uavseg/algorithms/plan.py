@@ -12,22 +12,19 @@ from qgis.core import (
     QgsProcessingException,
     QgsProcessingOutputNumber,
     QgsProcessingParameterFeatureSink,
+    QgsProcessingParameterFeatureSource,
     QgsProcessingParameterFileDestination,
     QgsProcessingUtils,
 )
 
 from ..legs import LEG_FIELDS, WGS84, leg_features
-from ..options import (
-    Option,
-    Values,
-    words_of,
-)
+from ..options import TABLE, Option, Values, definition, listed, plain, unless, words_of
+from ..places import latlon, place
 from ..process import run
 from ..program import ready_program
 from ..styles import style_on_load
 from ..targets import refuse_unsaved
 from .base import ProgramAlgorithm
-from .plan_options import PLAN_OPTIONS
 
 GROUP = ("missions", "Missions")
 MISSION_EXTENSIONS = ("plan", "waypoints", "kmz", "csv", "kml", "geojson")
@@ -35,6 +32,47 @@ MISSION_FILTER = "Missions (*.plan *.waypoints *.kmz *.csv *.kml *.geojson)"
 TARGET_FILTER = (
     "QGroundControl (*.plan);;Mission Planner (*.waypoints);;DJI Pilot 2 (*.kmz);;Litchi (*.csv);;"
     "KML (*.kml);;GeoJSON (*.geojson)"
+)
+
+AUTOPILOTS = TABLE["plan"]["AUTOPILOT"]["choices"]
+PATTERNS = TABLE["plan"]["PATTERN"]["choices"]
+
+
+def _home(values: Values) -> list[str]:
+    if not values.given("HOME"):
+        if values.given("HOME_ALTITUDE"):
+            raise QgsProcessingException("Height of home: give Home as well, or leave both empty")
+        return ["--home=auto"]
+    height = f",{plain(values.number('HOME_ALTITUDE'))}" if values.given("HOME_ALTITUDE") else ""
+    return [f"--home={latlon(values, 'HOME')}{height}"]
+
+
+PLAN_OPTIONS = (
+    Option(
+        lambda: QgsProcessingParameterFeatureSource("REGIONS", "Regions", [QgsProcessing.TypeVectorPolygon]),
+        lambda _: [],
+        "Polygons to fly over; those that are selected, if you tick that.",
+        advanced=False,
+    ),
+    *(unless(option, ("GSD",)) for option in listed("plan", "ALTITUDE")),
+    place(
+        "HOME",
+        "Home",
+        "Where the vehicle takes off. Empty: a place outside of the regions, which you must look at.",
+        True,
+        _home,
+    ),
+    Option(
+        lambda: definition("HOME_ALTITUDE", "metres", {"label": "Height of home above the sea"}),
+        lambda _: [],
+        "Of home above the sea. Empty: written as 0, which formats that need it cannot use.",
+    ),
+    *listed(
+        "plan",
+        *("PATTERN", "SPACING", "CAMERA", "GSD", "OVERLAP", "AVOID", "AVOID_MARGIN", "AUTOPILOT", "SPEED"),
+        *("ANGLE", "RASTER", "ALLOW_EDGE", "DEM", "TERRAIN", "ENDURANCE", "RESERVE", "MAX_ALTITUDE"),
+        *("MAX_DISTANCE", "FENCE", "WHERE", "LARGEST", "VEHICLE", "TRIGGER", "CROSSHATCH", "EDITABLE"),
+    ),
 )
 
 
@@ -55,10 +93,6 @@ class PlanMission(ProgramAlgorithm):
 
     def options(self) -> Sequence[Option]:
         return PLAN_OPTIONS
-
-    def initAlgorithm(self, configuration: Any = None) -> None:
-        super().initAlgorithm(configuration)
-        self.parameterDefinition("HOME_ALTITUDE").setDescription("Height of home above the sea")
 
     def add_outputs(self) -> None:
         self.addParameter(QgsProcessingParameterFileDestination("OUTPUT", "Mission", TARGET_FILTER))

@@ -14,8 +14,8 @@ from qgis.core import (
     QgsProcessingParameterFileDestination,
 )
 
-from ..options import Option, Values, choice, shown, words_of
-from ..reading import DIVISION, FLATTEN, RASTER, THREADS
+from ..options import Option, Values, listed, words_of
+from ..reading import DIVISION, RASTER
 from .base import ProgramAlgorithm
 from .regions import GROUP, with_input
 
@@ -34,14 +34,13 @@ class SuggestRanges(ProgramAlgorithm):
     TAGS = ("histogram", "otsu", "threshold")
 
     def options(self) -> Sequence[Option]:
-        classes = choice(
-            "CLASSES",
-            "How many ranges",
-            "--classes",
-            "Empty: as many as the raster has by itself.",
-            tuple("2345678"),
+        return with_input(
+            listed("suggest", "CLASSES"),
+            RASTER,
+            listed("suggest", "FLATTEN"),
+            DIVISION,
+            listed("suggest", "THREADS"),
         )
-        return with_input((shown(classes),), RASTER, (FLATTEN,), DIVISION, (THREADS,))
 
     def add_outputs(self) -> None:
         add = self.addParameter

@@ -14,8 +14,7 @@ from qgis.core import (
     QgsProcessingParameterFileDestination,
 )
 
-from ..options import Option, Values, polygons, text, words_of
-from ..reading import BAND_NAMES, NODATA, THREADS
+from ..options import Option, Values, listed, words_of
 from .base import ProgramAlgorithm
 from .regions import GROUP, with_input
 from .sample import SAMPLE, sample_word
@@ -37,16 +36,7 @@ class SuggestForSample(ProgramAlgorithm):
     TAGS = ("index", "threshold", "sample", "bands")
 
     def options(self) -> Sequence[Option]:
-        return with_input(
-            SAMPLE,
-            (
-                polygons("UNLIKE", "Samples of what is not wanted", "--unlike", "Layers of polygons."),
-                text("BANDS", "Bands to look at", "--bands", "Such as 1,2,3; all, if left empty."),
-                BAND_NAMES,
-                NODATA,
-                THREADS,
-            ),
-        )
+        return with_input(SAMPLE, listed("suggest", "UNLIKE", "BANDS", "BAND_NAMES", "NODATA", "THREADS"))
 
     def add_outputs(self) -> None:
         add = self.addParameter

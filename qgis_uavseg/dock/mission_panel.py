@@ -20,7 +20,7 @@ from qgis.PyQt.QtWidgets import (
     QWidget,
 )
 
-from ..algorithms.plan_options import AUTOPILOTS, PATTERNS
+from ..algorithms.plan import AUTOPILOTS, PATTERNS
 from ..options import plain
 from .draw_tools import PlaceTool, PolygonTool
 from .home_and_zones import HomeAndZones, PlaceError

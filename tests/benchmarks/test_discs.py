@@ -27,8 +27,8 @@ def test_scenes_are_reproducible_and_discs_lie_where_they_should(family: str, tm
 
 
 def test_shares_and_radii_are_those_of_the_names(tmp_path: Path) -> None:
-    asked = [scene("rare, 1 to 3 %", seed, tmp_path, SIDE) for seed in (0, SEEDS - 1)]
-    assert [round(one.truth.mean(), 3) for one in asked] == [0.01, 0.03]
+    requested = [scene("rare, 1 to 3 %", seed, tmp_path, SIDE) for seed in (0, SEEDS - 1)]
+    assert [round(one.truth.mean(), 3) for one in requested] == [0.01, 0.03]
     assert scene("frequent, half", 0, tmp_path, SIDE).truth.mean() == pytest.approx(0.5, abs=0.01)
     radii = [scene("small sample, radius 4 to 8", seed, tmp_path, SIDE).like[0][2] for seed in range(5)]
     assert radii == [4, 5, 6, 7, 8]
@@ -46,9 +46,9 @@ def easy(tmp_path: Path) -> Samples:
         truth, np.array([0.2, 0.2, 0.4])[:, None, None], np.array([0.8, 0.8, 0.5])[:, None, None]
     )
     planes = colors + rng.normal(0, np.where(truth, 0.02, 0.08), (3, SIDE, SIDE))
-    asked = query(tmp_path / "easy.tif", planes, truth, 12)
+    requested = query(tmp_path / "easy.tif", planes, truth, 12)
     against = [(40.5, 130.5, 12), (80.5, 120.5, 12), (120.5, 130.5, 12)]
-    return Samples(asked.path, asked.image, truth, [asked.disc], against)
+    return Samples(requested.path, requested.image, truth, [requested.disc], against)
 
 
 @pytest.mark.slow

@@ -30,13 +30,13 @@ def test_discs_lie_for_and_against(tmp_path: Path) -> None:
         place = {"crs": "EPSG:32633", "transform": rasterio.Affine(1, 0, 0, 0, -1, 90)}
         with rasterio.open(tmp_path / name, "w", **size, **place) as file:
             file.write(values.astype(np.uint8), 1)
-    asked = list(samples.samples(tmp_path))
-    assert len(asked) == len(samples.RADII) * samples.DRAWS
-    for one in asked:
+    requested = list(samples.samples(tmp_path))
+    assert len(requested) == len(samples.RADII) * samples.DRAWS
+    for one in requested:
         assert all(one.truth[int(row), int(col)] for row, col, _ in one.like)
         assert not any(one.truth[int(row), int(col)] for row, col, _ in one.unlike)
     for find in samples.METHODS.values():
-        assert overlap(find(asked[0]), asked[0].truth) > 0.9
+        assert overlap(find(requested[0]), requested[0].truth) > 0.9
 
 
 def test_a_proposed_disc_is_compared_with_random_ones_of_its_size(tmp_path: Path) -> None:

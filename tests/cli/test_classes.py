@@ -296,9 +296,18 @@ def test_no_leg_enters_a_class_that_is_kept_out_of() -> None:
 
 def test_a_mission_over_classes_is_over_the_class_that_is_named() -> None:
     how = ("--min-area", "2000px", "--altitude", 40, "--home", "auto", "--allow-edge", "--overwrite")
-    asked = ("--class", "dark=0,0.3", "--class", "mid=0.3,0.55")
+    requested = ("--class", "dark=0,0.3", "--class", "mid=0.3,0.55")
     report = done(
-        "extract", "a.tif", *asked, *how, "-o", "a.gpkg", "--mission", "m.geojson", "--mission-class", "mid"
+        "extract",
+        "a.tif",
+        *requested,
+        *how,
+        "-o",
+        "a.gpkg",
+        "--mission",
+        "m.geojson",
+        "--mission-class",
+        "mid",
     )
     count = (places("a.gpkg")["class"] == "mid").sum()
     assert f"m.geojson: {count} region" in report.stderr
@@ -308,7 +317,7 @@ def test_a_mission_over_classes_is_over_the_class_that_is_named() -> None:
         *(
             "extract",
             "a.tif",
-            *asked,
+            *requested,
             *how,
             "-o",
             "a.gpkg",

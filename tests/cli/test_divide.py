@@ -251,9 +251,9 @@ def test_a_ros_map_is_divided_and_its_block_map_answers_as_the_map_does() -> Non
     Path("maps").mkdir()
     write_map("maps/hall.yaml")
     done("divide", "maps/hall.yaml", "-o", "blocks.tif")
-    asked = ("--range", "0,0.45", "--overwrite", "-q", "-o")
+    requested = ("--range", "0,0.45", "--overwrite", "-q", "-o")
     for name, source in (("own.geojson", "maps/hall.yaml"), ("saved.geojson", "blocks.tif")):
-        done("extract", source, *asked, name)
+        done("extract", source, *requested, name)
     own, saved = geopandas.read_file("own.geojson"), geopandas.read_file("saved.geojson")
     assert len(own) == 1 and own.pixels[0] == 70 * 90 - 100
     same(own, saved)
@@ -265,7 +265,7 @@ def test_a_ros_map_is_divided_and_its_block_map_answers_as_the_map_does() -> Non
     assert np.array_equal(blocks.sums, read_block_map("blocks.tif").blocks.sums)
     shifted = Path("maps/hall.yaml").read_text().replace("origin: [3", "origin: [9")
     Path("maps/hall.yaml").write_text(shifted)
-    assert "does not lie where it lay" in run("extract", "blocks.tif", *asked, "no.geojson").stderr
+    assert "does not lie where it lay" in run("extract", "blocks.tif", *requested, "no.geojson").stderr
     Path("maps/hall.yaml").unlink()
     gone = done("extract", "blocks.tif", "--range", "0,0.45", "-o", "gone.geojson")
     assert "maps/hall.yaml is not where it was" in gone.stderr

@@ -40,11 +40,11 @@ LAYERS = ["--regions", "--mission", "--states", "--leaves", "--labels", "--level
 @pytest.fixture
 def requests() -> Iterator[tuple[str, list[str]]]:
     """Address of a server on this machine, and the paths that it was asked for."""
-    asked: list[str] = []
+    requested: list[str] = []
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
-            asked.append(self.path)
+            requested.append(self.path)
             self.send_response(404)
             self.end_headers()
 
@@ -56,7 +56,7 @@ def requests() -> Iterator[tuple[str, list[str]]]:
     with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
-        yield f"http://127.0.0.1:{server.server_port}", asked
+        yield f"http://127.0.0.1:{server.server_port}", requested
         server.shutdown()
         thread.join()
 
@@ -121,21 +121,21 @@ def test_no_layer_of_a_preview_waits_for_a_named_pipe(tmp_path: Path, layer: str
 def test_no_command_makes_a_request_for_what_a_file_names(
     tmp_path: Path, requests: Any, command: str
 ) -> None:
-    address, asked = requests
+    address, requested = requests
     (tmp_path / "a.vrt").write_text(vrt(f"/vsicurl/{address}/a.tif"))
     assert_refused(tmp_path, [word.format("a.vrt") for word in READING[command]], "--allow-network")
-    assert asked == []
+    assert requested == []
 
 
 @pytest.mark.slow
 def test_requests_are_made_where_they_are_allowed_or_named_by_the_user(tmp_path: Path, requests: Any) -> None:
-    address, asked = requests
+    address, requested = requests
     (tmp_path / "a.vrt").write_text(vrt(f"/vsicurl/{address}/a.tif"))
     run(tmp_path, ["info", "a.vrt", "--allow-network"])
-    assert "/a.tif" in asked
-    asked.clear()
+    assert "/a.tif" in requested
+    requested.clear()
     run(tmp_path, ["info", f"/vsicurl/{address}/b.tif"])
-    assert "/b.tif" in asked
+    assert "/b.tif" in requested
 
 
 @pytest.mark.slow

@@ -46,9 +46,9 @@ def test_people_read_what_matters(raster: Path) -> None:
 
 
 def test_programs_read_json(raster: Path) -> None:
-    facts = json.loads(run(raster, "--json", "--threads", 1))
-    assert facts["mean"] == pytest.approx(0.2126 + 0.7152 * 0.2, abs=1e-5)
-    assert facts["valid"] == 2000 and sum(facts["histogram"]) == 2000
+    metadata = json.loads(run(raster, "--json", "--threads", 1))
+    assert metadata["mean"] == pytest.approx(0.2126 + 0.7152 * 0.2, abs=1e-5)
+    assert metadata["valid"] == 2000 and sum(metadata["histogram"]) == 2000
 
 
 def test_options_choose_bands_and_what_counts(raster: Path) -> None:

@@ -82,7 +82,7 @@ def program(*arguments: object, script: str = "", **how: Any) -> subprocess.Pope
 SLOW = """
 import time
 from uavseg.cli import main
-from uavseg.cli.terminal.reporter import Reporter
+from uavseg.cli.terminal.say import Reporter
 tell = Reporter.progress
 def tell_slowly(self, done, total):
     tell(self, done, total)
@@ -251,7 +251,7 @@ IGNORING = """
 import os, signal, sys
 signal.signal(signal.SIGHUP, signal.SIG_IGN)
 from uavseg.cli import main
-from uavseg.cli.terminal.reporter import Reporter
+from uavseg.cli.terminal.say import Reporter
 Reporter.begin = lambda *_: os.kill(os.getpid(), signal.SIGHUP)
 main(prog_name="uavseg")
 """

@@ -14,8 +14,8 @@ from affine import Affine
 from click.testing import CliRunner
 
 from uavseg.cli import main
-from uavseg.cli.terminal import reporter as _run
-from uavseg.cli.terminal.reporter import Reporter
+from uavseg.cli.terminal import say as _run
+from uavseg.cli.terminal.say import Reporter
 from uavseg.execution.progress_bar import Amount, bar
 from uavseg.options.running import ProgressOptions, VerbosityOptions
 from uavseg.raster.read.dataset import Dataset

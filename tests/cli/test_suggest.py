@@ -48,7 +48,7 @@ def fields(seed: int = 1, shape: tuple[int, int] = (200, 192), kind: str = "uint
     return np.clip(image, 1, 255).astype(kind)
 
 
-def facts(*words: object) -> list[dict[str, object]]:
+def metadata(*words: object) -> list[dict[str, object]]:
     ranges: list[dict[str, object]] = json.loads(done("suggest", *words, "--json").stdout)["ranges"]
     return ranges
 
@@ -69,7 +69,7 @@ def test_people_read_a_table_and_the_line_to_type_next() -> None:
 def test_the_lines_run_and_give_what_was_said() -> None:
     write("a b.tif", fields(2, kind="uint16"), nodata=None)
     how = ("--stretch", "0,255", "--nodata", 7, "--method", "paper", "--threshold", 1.5, "--band", 1)
-    ranges = facts("a b.tif", *how, "--tile", 128, "--threads", 1)
+    ranges = metadata("a b.tif", *how, "--tile", 128, "--threads", 1)
     assert len(ranges) >= 2
     for found in ranges:
         words = shlex.split(str(found["command"]))
@@ -104,11 +104,11 @@ def test_the_picture_is_the_same_for_any_tiles_and_threads() -> None:
 
 @pytest.mark.slow
 def test_a_block_map_answers_without_its_raster() -> None:
-    wanted = facts(write("a.tif", fields(4)))
+    wanted = metadata(write("a.tif", fields(4)))
     done("divide", "a.tif", "-o", "blocks.tif", "-q")
-    there = facts("blocks.tif")
+    there = metadata("blocks.tif")
     Path("a.tif").unlink()
-    found = facts("blocks.tif", "-o", "look.png")
+    found = metadata("blocks.tif", "-o", "look.png")
     assert Path("look.png").stat().st_size > 10_000
     for one, two, other in zip(wanted, there, found, strict=True):
         assert one | {"command": ""} == two | {"command": ""}
@@ -123,22 +123,22 @@ def test_a_block_map_answers_without_its_raster() -> None:
 @pytest.mark.slow
 def test_many_rasters_are_one_mosaic() -> None:
     image = fields(5)
-    wanted = facts(write("a.tif", image))
+    wanted = metadata(write("a.tif", image))
     parts = [write(f"{k}.tif", image[:, 16 * k : 16 * k + 16], 16 * k) for k in range(12)]
-    found = facts(*parts)
+    found = metadata(*parts)
     assert [one | {"command": ""} for one in found] == [one | {"command": ""} for one in wanted]
     assert "0.tif 1.tif 2.tif 3.tif 4.tif 5.tif 6.tif 7.tif 8.tif 9.tif 10.tif" in str(found[0]["command"])
     for part in parts:
         Path(part).rename(f"{int(part[:-4]):02}.tif")
-    beside = facts(*sorted(map(str, Path().glob("[01]?.tif"))))  # *.tif would be a.tif too
+    beside = metadata(*sorted(map(str, Path().glob("[01]?.tif"))))  # *.tif would be a.tif too
     assert str(beside[0]["command"]).startswith("uavseg extract 00.tif 01.tif 02.tif")
     Path("a.tif").unlink()
-    tiles = facts(*sorted(map(str, Path().glob("*.tif"))))
+    tiles = metadata(*sorted(map(str, Path().glob("*.tif"))))
     assert str(tiles[0]["command"]).startswith("uavseg extract '*.tif' --range")
     done(*shlex.split(str(tiles[0]["command"]))[1:], "-q")
     for part in Path().glob("[01]?.tif"):
         part.rename(f"{int(part.stem)}.tif")
-    assert "0.tif 1.tif 2.tif --range" in str(facts(*parts[:3])[0]["command"])
+    assert "0.tif 1.tif 2.tif --range" in str(metadata(*parts[:3])[0]["command"])
 
 
 def test_a_run_goes_on_where_it_stopped() -> None:
@@ -157,7 +157,7 @@ def test_one_class_is_an_answer() -> None:
     result = done("suggest", write("a.tif", np.full((70, 80), 51, np.uint8)), "-o", "look.png")
     assert result.stdout == "one class: there is no range to choose\n"
     assert "uavseg: warning: all leaves have the mean v = 0.2" in result.stderr and Path("look.png").exists()
-    assert facts("a.tif") == []
+    assert metadata("a.tif") == []
     [told] = json.loads(done("suggest", "a.tif", "--json", "-q").stdout)["warnings"]
     assert "no range to choose" in told
 

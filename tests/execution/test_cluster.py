@@ -167,18 +167,18 @@ def test_results_come_in_the_order_of_the_items(work: cluster.Cluster) -> None:
 
 def test_a_consumer_that_stops_stops_the_work(work: cluster.Cluster) -> None:
     class Items(list[int]):
-        asked = 0
+        requested = 0
 
         def __iter__(self) -> Iterator[int]:
             for item in list.__iter__(self):
-                self.asked += 1
+                self.requested += 1
                 yield item
 
     items = Items(range(1000))
     results = work(abs, items)
     assert [next(results), next(results)] == [0, 1]
     results.close()  # type: ignore[attr-defined]
-    assert items.asked <= 2 + 5 * cluster.IN_FLIGHT
+    assert items.requested <= 2 + 5 * cluster.IN_FLIGHT
     assert list(work(abs, [-1])) == [1]
 
 
@@ -263,7 +263,7 @@ def test_threads_and_a_scheduler_exclude_each_other(tmp_path: Path) -> None:
 
 def test_workers_of_another_version_are_refused(processes: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("uavseg.__version__", "7.0.0")
-    with pytest.raises(ClusterError, match=r"worker tcp://\S+ has uavseg 0\.\S+ where this side has 7\.0\.0"):
+    with pytest.raises(ClusterError, match=r"worker tcp://\S+ has uavseg \d\S+ where this side has 7\.0\.0"):
         cluster.dask(processes.address)
 
 
@@ -284,7 +284,9 @@ def test_any_version_that_may_change_bytes_is_compared(
     """One package has another version here, so all workers differ."""
     if name in PACKAGES:
         true = cluster.version
-        monkeypatch.setattr(cluster, "version", lambda asked: "7.0.0" if asked == name else true(asked))
+        monkeypatch.setattr(
+            cluster, "version", lambda requested: "7.0.0" if requested == name else true(requested)
+        )
     else:
         monkeypatch.setattr(LIBRARIES[name], (lambda: "7.0.0") if name == "Python" else "7.0.0")
     with pytest.raises(ClusterError, match=rf"^the worker tcp://\S+ has {name} \S+ where this side has 7\.0"):

@@ -22,7 +22,7 @@ class Items(Sequence[int]):
 
     def __init__(self, count: int) -> None:
         self.count = count
-        self.asked: list[int] = []
+        self.requested: list[int] = []
 
     def __len__(self) -> int:
         return self.count
@@ -30,7 +30,7 @@ class Items(Sequence[int]):
     def __getitem__(self, k: Any) -> Any:
         if not 0 <= k < self.count:
             raise IndexError
-        self.asked.append(k)
+        self.requested.append(k)
         return k
 
 
@@ -134,7 +134,7 @@ def test_only_a_few_results_are_pending(count: int) -> None:
         return item
 
     for k, _ in enumerate(threads(count)(work, items)):
-        assert len(items.asked) <= k + 1 + 2 * count  # items are made lazily too
+        assert len(items.requested) <= k + 1 + 2 * count  # items are made lazily too
         with lock:
             pending -= 1
     assert maximum <= 2 * count

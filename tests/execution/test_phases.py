@@ -13,8 +13,8 @@ import uavseg
 from tests.occupancy.bags.write_bags import Drive, write_ros1
 from uavseg._jit import messages
 from uavseg.cli import main
-from uavseg.cli.terminal.reporter import Reporter
-from uavseg.execution.phases import phase, steps_done, watched, working_seconds
+from uavseg.cli.terminal.say import Reporter
+from uavseg.execution.executors import phase, steps_done, watched, working_seconds
 from uavseg.execution.progress_bar import PhaseLine, ProgressLine
 from uavseg.options.running import VerbosityOptions
 

@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from uavseg.execution.result_file import DamagedResultError, decode_result, encode_result
+from uavseg.execution.checkpoint import DamagedResultError, decode_result, encode_result
 from uavseg.raster.grid.tiling import Window
 from uavseg.regions.outline.chains import Chains
 from uavseg.segmentation.components import Sums

@@ -99,8 +99,8 @@ def test_an_orbit_looks_at_the_region_and_then_ahead_again() -> None:
     assert math.isclose(east, centre.x, abs_tol=1e-6) and math.isclose(north, centre.y, abs_tol=1e-6)
     assert all(item.frame == 3 and item.altitude_m == 0 for item in looks if item.command == ROI_LOCATION)
     assert MOUNT_CONTROL not in {item.command for item in mission.items}
-    kinds = [item.command for item in mission.items if item.command != WAYPOINT][2:-1]
-    assert kinds == [ROI_LOCATION, CAMERA_DISTANCE, ROI_NONE, CAMERA_DISTANCE] * 2
+    classes = [item.command for item in mission.items if item.command != WAYPOINT][2:-1]
+    assert classes == [ROI_LOCATION, CAMERA_DISTANCE, ROI_NONE, CAMERA_DISTANCE] * 2
 
 
 def test_a_visit_holds_and_takes_one_photograph() -> None:

@@ -66,9 +66,12 @@ def test_no_other_changes_of_speed_save_more(legs: list[tuple[float, float]]) ->
 def test_speeds_keep_the_path_and_are_low_before_a_line(
     legs: list[tuple[float, float]], autopilot: str
 ) -> None:
-    track, asked = track_of(legs), params(autopilot=autopilot)
-    flown = with_speeds(track, np.zeros(2), asked)
-    speeds, length = speeds_of(flown, asked), np.hypot(*np.diff(flown.xy, axis=0, prepend=np.zeros((1, 2))).T)
+    track, requested = track_of(legs), params(autopilot=autopilot)
+    flown = with_speeds(track, np.zeros(2), requested)
+    speeds, length = (
+        speeds_of(flown, requested),
+        np.hypot(*np.diff(flown.xy, axis=0, prepend=np.zeros((1, 2))).T),
+    )
     if not np.isfinite(flown.speed_m_s).any():
         assert flown is track
     assert flown.length_m + length[0] == pytest.approx(track.length_m + 100)

@@ -151,6 +151,7 @@ def test_lines_of_the_map_are_not_filled_areas(mission: Mission) -> None:
         assert styles[name]["fill"] is False
 
 
+@pytest.mark.slow
 def test_flights_of_a_plan_share_a_map(mission: Mission) -> None:
     folium = pytest.importorskip("folium")
     pytest.importorskip("mapclassify")

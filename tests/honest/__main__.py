@@ -28,8 +28,8 @@ def main() -> int:
         findings = campaign.one(kind, given.seed, int(number), Path(given.case[1]).resolve())
         print(*(f"{finding.kind} {finding.signature}\n{finding.detail}" for finding in findings), sep="\n")
         return int(bool(findings))
-    kinds = {kind: known[kind] for kind in given.kinds}
-    count, found = campaign.run(given.cases, given.seed, given.processes, kinds, given.seconds)
+    classes = {kind: known[kind] for kind in given.kinds}
+    count, found = campaign.run(given.cases, given.seed, given.processes, classes, given.seconds)
     print(report(count, found, time.monotonic() - start))
     return int(bool(found))
 

@@ -55,10 +55,10 @@ def case(rng: Random, folder: Path) -> Iterator[Finding]:
         ]
         for number, n in enumerate(order, start=1):
             file.set_band_description(number, NAMES[n])
-    yield from asked(rng, folder / "x.tif", values.astype(np.float64), valid, transform, order, span)
+    yield from requested(rng, folder / "x.tif", values.astype(np.float64), valid, transform, order, span)
 
 
-def asked(
+def requested(
     rng: Random,
     path: Path,
     values: Any,

@@ -38,11 +38,11 @@ def run(
     cases: int,
     seed: int = 0,
     processes: int = 1,
-    kinds: dict[str, int] = KINDS,
+    classes: dict[str, int] = KINDS,
     seconds: float = float("inf"),
 ) -> tuple[Counter[str], hostile.Found]:
     """Run cases as the hostile campaign does."""
-    return hostile.run(cases, seed, processes, kinds, seconds, batch=batch, started=started)
+    return hostile.run(cases, seed, processes, classes, seconds, batch=batch, started=started)
 
 
 def run_here(cases: int, seed: int) -> tuple[Counter[str], hostile.Found]:
@@ -57,10 +57,10 @@ def started(processes: int = 1) -> ProcessPoolExecutor:
 
 
 def batch(
-    first: int, end: int, seed: int, kinds: dict[str, int], until: float
+    first: int, end: int, seed: int, classes: dict[str, int], until: float
 ) -> tuple[Counter[str], list[tuple[Finding, str]]]:
     """Some cases in a row, in this process."""
-    turns, count, found = hostile.plan_kinds(kinds), Counter[str](), []
+    turns, count, found = hostile.plan_kinds(classes), Counter[str](), []
     folder = Path(tempfile.mkdtemp(prefix="honest.", dir="/dev/shm" if Path("/dev/shm").is_dir() else None))
     try:
         for number in range(first, end):

@@ -49,10 +49,10 @@ def same_regions(
         refine = "tv"  # a block map does not know which pixels of a cell are valid
     how: dict[str, Any] = {"range": (low, high), "refine": refine, "collar": "keep"}
     how |= {"stretch": f"{span[0]!r},{span[1]!r}", "threads": 1}
-    asked = dict(how)
+    requested = dict(how)
     if form_of(source) == "b.tif":
-        asked.pop("stretch"), asked.pop("collar")
-    expected, found = uavseg.extract(file, **how), uavseg.extract(source, **asked)
+        requested.pop("stretch"), requested.pop("collar")
+    expected, found = uavseg.extract(file, **how), uavseg.extract(source, **requested)
     about = f"{about} {how['refine']}"
     at = truth.valid.shape, truth.transform
     yield from unlike(

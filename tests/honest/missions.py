@@ -67,26 +67,28 @@ def _moved(xy: Any, source: str, target: str) -> Any:
 
 def case(rng: Random, folder: Path) -> Iterator[Finding]:
     """A few fields, flown by some pattern, from two formats of regions and to two formats of missions."""
-    asked = any_asked(rng)
+    requested = any_asked(rng)
     first, second = rng.sample(SUFFIXES, 2)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # pyogrio, of what a format does not hold
-        write_regions(asked.shapes, asked, folder / f"r.{first}")
-        write_regions(asked.shapes, asked, folder / f"s.{second}")
-        if asked.zones:
-            write_regions(asked.zones, asked, folder / "zones.geojson")
-    words = words_of(rng, asked)
+        write_regions(requested.shapes, requested, folder / f"r.{first}")
+        write_regions(requested.shapes, requested, folder / f"s.{second}")
+        if requested.zones:
+            write_regions(requested.zones, requested, folder / "zones.geojson")
+    words = words_of(rng, requested)
     command("plan", f"r.{first}", "-o", "a.plan", *words)
     if not (folder / "a.plan").exists():
         return  # it is flown in several flights
-    about = asked.pattern
+    about = requested.pattern
     plan = json.loads((folder / "a.plan").read_text())
     flown = positions(plan)
-    yield from as_asked(plan, flown, asked, words, about)
+    yield from as_asked(plan, flown, requested, words, about)
     suffix = rng.choice(sorted(READERS))
     try:
         command("plan", f"r.{first}", "-o", f"a.{suffix}", *words)
-        yield from same_places(READERS[suffix](folder / f"a.{suffix}", asked), flown, f"{suffix} of {about}")
+        yield from same_places(
+            READERS[suffix](folder / f"a.{suffix}", requested), flown, f"{suffix} of {about}"
+        )
     except RefusedError as error:
         if not re.search("Litchi flies|of DJI holds 2 to", str(error)):  # 2 waypoints, 0.6 m apart
             raise
@@ -94,7 +96,7 @@ def case(rng: Random, folder: Path) -> Iterator[Finding]:
     other = positions(json.loads((folder / "b.plan").read_text()))
     names = f"regions as {' and '.join(sorted((first, second)))}, {about}"
     if list(same_places(other, flown, names, 2e-7)):  # of two routes of about one length either may be taken
-        yield from far("SAME FLIGHT", names, asked.length_m(other), asked.length_m(flown), 0.02)
+        yield from far("SAME FLIGHT", names, requested.length_m(other), requested.length_m(flown), 0.02)
 
 
 def any_asked(rng: Random) -> Asked:
@@ -115,7 +117,7 @@ def any_asked(rng: Random) -> Asked:
         shapes.append(
             shapely.transform(shape, lambda xy, n=n: xy + np.array([60 + 260 * (n % 2), 40 + 260 * (n // 2)]))
         )
-    asked = Asked(
+    requested = Asked(
         origin=origin,
         shapes=shapes,
         home=origin,
@@ -124,28 +126,37 @@ def any_asked(rng: Random) -> Asked:
         pattern=rng.choice(["visit", "survey", "survey", "perimeter", "corridor"]),
     )
     if rng.random() < 0.3:
-        asked.zones.append(shapely.box(235, 30, 285, 500))
-        asked.zones = [zone for zone in asked.zones if not any(zone.distance(one) < 25 for one in shapes)]
-    return asked
+        requested.zones.append(shapely.box(235, 30, 285, 500))
+        requested.zones = [
+            zone for zone in requested.zones if not any(zone.distance(one) < 25 for one in shapes)
+        ]
+    return requested
 
 
-def words_of(rng: Random, asked: Asked) -> list[str]:
+def words_of(rng: Random, requested: Asked) -> list[str]:
     """The options."""
-    lon, lat = asked.home
-    words = ["--home", f"{lat},{lon},200", "--altitude", str(asked.altitude), "--speed", str(asked.speed)]
-    words += ["--pattern", asked.pattern, "-q", "--fence", "80", "--max-items", "99", "--tolerance", "1"]
-    if asked.pattern in ("survey", "corridor"):
+    lon, lat = requested.home
+    words = [
+        "--home",
+        f"{lat},{lon},200",
+        "--altitude",
+        str(requested.altitude),
+        "--speed",
+        str(requested.speed),
+    ]
+    words += ["--pattern", requested.pattern, "-q", "--fence", "80", "--max-items", "99", "--tolerance", "1"]
+    if requested.pattern in ("survey", "corridor"):
         words += ["--spacing", str(rng.choice([9, 15, 25]))]
-    if asked.pattern == "survey" and rng.random() < 0.5:
+    if requested.pattern == "survey" and rng.random() < 0.5:
         words += ["--angle", str(rng.choice([0, 30, 90, 135]))]
-    if asked.pattern == "visit" and rng.random() < 0.5:
+    if requested.pattern == "visit" and rng.random() < 0.5:
         words += ["--hold", "7"]
-    if asked.zones:
+    if requested.zones:
         words += ["--avoid", "zones.geojson"]
     return words
 
 
-def write_regions(shapes: list[Any], asked: Asked, path: Path) -> None:
+def write_regions(shapes: list[Any], requested: Asked, path: Path) -> None:
     """Regions by GDAL; those at the antimeridian as RFC 7946 has them, cut in two."""
     drivers = {
         "geojson": "GeoJSON",
@@ -154,7 +165,7 @@ def write_regions(shapes: list[Any], asked: Asked, path: Path) -> None:
         "shp": "ESRI Shapefile",
         "kml": "KML",
     }
-    geometry = [_cut(asked.degrees(shapely.segmentize(shape, 20))) for shape in shapes]
+    geometry = [_cut(requested.degrees(shapely.segmentize(shape, 20))) for shape in shapes]
     frame = geopandas.GeoDataFrame({"id": range(1, len(shapes) + 1)}, geometry=geometry, crs="EPSG:4326")
     frame.to_file(path, driver=drivers[path.suffix[1:]], engine="pyogrio")
 
@@ -180,48 +191,48 @@ def positions(plan: dict[str, Any]) -> Places:
 
 
 def as_asked(
-    plan: dict[str, Any], flown: Places, asked: Asked, words: list[str], about: str
+    plan: dict[str, Any], flown: Places, requested: Asked, words: list[str], about: str
 ) -> Iterator[Finding]:
     """Home, heights, speed, fence, zones and regions."""
     mission = plan["mission"]
-    lon, lat = asked.home
+    lon, lat = requested.home
     yield from differ("HOME", about, mission["plannedHomePosition"], [lat, lon, 200.0])
-    yield from differ("HEIGHT", about, {height for _, _, height in flown}, {asked.altitude})
+    yield from differ("HEIGHT", about, {height for _, _, height in flown}, {requested.altitude})
     speeds = [item["params"][1] for item in mission["items"] if item["command"] == 178]
-    yield from differ("SPEED", about, set(speeds), {asked.speed})
+    yield from differ("SPEED", about, set(speeds), {requested.speed})
     yield from differ(
         "START", about, [mission["items"][0]["command"], mission["items"][-1]["command"]], [22, 20]
     )
-    path = asked.metres([place[:2] for place in flown])
-    line = shapely.LineString(np.vstack([path, asked.metres([asked.home])]))
+    path = requested.metres([place[:2] for place in flown])
+    line = shapely.LineString(np.vstack([path, requested.metres([requested.home])]))
     fences = [polygon for polygon in plan["geoFence"]["polygons"] if polygon["inclusion"]]
     yield from differ("FENCE", about, len(fences), 1)
     if fences:
-        fence = shapely.Polygon(asked.metres([corner[::-1] for corner in fences[0]["polygon"]]))
+        fence = shapely.Polygon(requested.metres([corner[::-1] for corner in fences[0]["polygon"]]))
         if not fence.buffer(0.2).contains(line.buffer(77.5)):
             least = fence.exterior.distance(line)
             yield Finding("FENCE", about, f"the fence is {least:.1f} m from the flight, not 80")
-    for zone in asked.zones:
+    for zone in requested.zones:
         if zone.distance(line) < 10 - 0.1:
             yield Finding("ZONE", about, f"a leg is {zone.distance(line):.2f} m from a zone")
-    for number, shape in enumerate(asked.shapes, start=1):
-        yield from covered(shape, path, asked, words, f"{about}", number)
+    for number, shape in enumerate(requested.shapes, start=1):
+        yield from covered(shape, path, requested, words, f"{about}", number)
 
 
 def covered(
-    shape: Any, path: Any, asked: Asked, words: list[str], about: str, number: int
+    shape: Any, path: Any, requested: Asked, words: list[str], about: str, number: int
 ) -> Iterator[Finding]:
     """Whether a region is flown as its pattern says."""
     points = shapely.MultiPoint(path[1:])
     line = shapely.LineString(path)
-    if asked.pattern == "visit":
+    if requested.pattern == "visit":
         if not shape.buffer(0.05).intersects(points):
             yield Finding("COVER", about, f"no waypoint in region {number}")
-    elif asked.pattern == "perimeter":
+    elif requested.pattern == "perimeter":
         far_off = shapely.hausdorff_distance(shape.exterior, line.intersection(shape.exterior.buffer(2.5)))
         if far_off > 3.5:
             yield Finding("COVER", about, f"an outline of region {number} is {far_off:.1f} m from the flight")
-    elif asked.pattern == "survey":
+    elif requested.pattern == "survey":
         spacing = float(words[words.index("--spacing") + 1])
         left = shape.difference(line.buffer(spacing / 2 + 1.1))
         if left.area > 0.002 * shape.area:
@@ -240,7 +251,7 @@ def same_places(found: Places, expected: Places, about: str, off: float = 1.1e-8
         yield Finding("SAME FLIGHT", about, f"positions differ by up to {apart.max(axis=0)}")
 
 
-def read_waypoints(path: Path, asked: Asked) -> Places:
+def read_waypoints(path: Path, requested: Asked) -> Places:
     """By mavwp."""
     loader = mavwp.MAVWPLoader()
     loader.load(str(path))
@@ -248,7 +259,7 @@ def read_waypoints(path: Path, asked: Asked) -> Places:
     return [(row.y, row.x, row.z) for row in rows if row.command in (16, 22, 19)]
 
 
-def read_kml(path: Path, asked: Asked) -> Places:
+def read_kml(path: Path, requested: Asked) -> Places:
     """The line of flight, which ends at home."""
     text = ElementTree.parse(path).find(".//k:LineString/k:coordinates", NAMESPACE)
     assert text is not None and text.text
@@ -256,19 +267,19 @@ def read_kml(path: Path, asked: Asked) -> Places:
     return [(lon, lat, height - 200) for lon, lat, height in places[1:-1]]
 
 
-def read_csv(path: Path, asked: Asked) -> Places:
+def read_csv(path: Path, requested: Asked) -> Places:
     """Litchi's table, without the takeoff."""
     with path.open() as file:
         rows = list(csv.DictReader(file))
     places = [(float(r["longitude"]), float(r["latitude"]), float(r["altitude(m)"])) for r in rows]
-    return [(*asked.home, float(asked.altitude)), *places]
+    return [(*requested.home, float(requested.altitude)), *places]
 
 
-def read_kmz(path: Path, asked: Asked) -> Places:
+def read_kmz(path: Path, requested: Asked) -> Places:
     """The waylines of DJI, without the takeoff."""
     with zipfile.ZipFile(path) as archive:
         root = ElementTree.fromstring(archive.read("wpmz/waylines.wpml"))
-    places: Places = [(*asked.home, float(asked.altitude))]
+    places: Places = [(*requested.home, float(requested.altitude))]
     for mark in root.iterfind(".//k:Placemark", NAMESPACE):
         lon, lat = map(float, (mark.findtext("k:Point/k:coordinates", "", NAMESPACE)).strip().split(","))
         places.append((lon, lat, float(mark.findtext("w:executeHeight", "nan", NAMESPACE))))

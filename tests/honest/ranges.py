@@ -65,10 +65,10 @@ def case(rng: Random, folder: Path) -> Iterator[Finding]:
     if (scale, offset) != (1.0, 0.0):
         with quiet(), rasterio.open(folder / "x.tif", "r+") as file:
             file.scales, file.offsets = (scale,), (offset,)
-    yield from asked(rng, folder / "x.tif", values, span, scale, offset)
+    yield from requested(rng, folder / "x.tif", values, span, scale, offset)
 
 
-def asked(
+def requested(
     rng: Random, path: Path, values: Any, span: tuple[float, float], scale: float, offset: float
 ) -> Iterator[Finding]:
     """A range in v or in values."""

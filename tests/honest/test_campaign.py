@@ -91,6 +91,7 @@ def test_every_form_of_an_array_is_another_answer_or_the_same_array() -> None:
             assert truth is None or truth.valid.all(), name
 
 
+@pytest.mark.slow
 def test_a_hundred_cases_find_nothing() -> None:
     count, found = campaign.run_here(100, seed=1)
     assert count.total() == 100 and set(count) == set(campaign.KINDS)

@@ -24,8 +24,8 @@ def main() -> int:
     if given.case is not None:
         return one(given.case[0], Path(given.case[1]), given.seed)
     start = time.monotonic()
-    kinds = {kind: campaign.KINDS[kind] for kind in given.kinds}
-    count, found = campaign.run(given.cases, given.seed, given.processes, kinds, given.seconds)
+    classes = {kind: campaign.KINDS[kind] for kind in given.kinds}
+    count, found = campaign.run(given.cases, given.seed, given.processes, classes, given.seconds)
     print(campaign.report(count, found, time.monotonic() - start))
     return int(bool(found))
 

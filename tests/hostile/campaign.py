@@ -73,9 +73,9 @@ def make(kind: str, seed: int, number: int, address: str = "127.0.0.1:9") -> Cas
     return made
 
 
-def plan_kinds(kinds: dict[str, int]) -> list[str]:
+def plan_kinds(classes: dict[str, int]) -> list[str]:
     """The kinds in the order in which they take turns."""
-    turns = [((n + 0.5) / share, kind) for kind, share in kinds.items() for n in range(share)]
+    turns = [((n + 0.5) / share, kind) for kind, share in classes.items() for n in range(share)]
     return [kind for _, kind in sorted(turns)]
 
 
@@ -83,7 +83,7 @@ def run(
     cases: int,
     seed: int = 0,
     processes: int = 1,
-    kinds: dict[str, int] = KINDS,
+    classes: dict[str, int] = KINDS,
     seconds: float = float("inf"),
     batch: Callable[..., Batch] | None = None,
     started: Callable[[int], ProcessPoolExecutor] | None = None,
@@ -95,7 +95,7 @@ def run(
     cases : int
     seed : int
     processes : int
-    kinds : dict of str to int
+    classes : dict of str to int
     seconds : float
         After which no new batch is begun.
     batch, started : callable, optional
@@ -107,7 +107,7 @@ def run(
     for turn in range(0, len(batches), BATCHES_A_PROCESS * processes):
         with started(processes) as pool:
             these = batches[turn : turn + BATCHES_A_PROCESS * processes]
-            waiting = {pool.submit(batch, *part, seed, kinds, start + seconds) for part in these}
+            waiting = {pool.submit(batch, *part, seed, classes, start + seconds) for part in these}
             for done in as_completed(waiting):
                 counted, findings = done.result()
                 count += counted
@@ -140,11 +140,11 @@ def outcomes_of(case: Case) -> list[Outcome]:
         sandbox.close()
 
 
-def _batch(first: int, end: int, seed: int, kinds: dict[str, int], until: float) -> Batch:
+def _batch(first: int, end: int, seed: int, classes: dict[str, int], until: float) -> Batch:
     if time.monotonic() > until:
         return Counter(), []
     prepare()
-    turns, count, found = plan_kinds(kinds), Counter[str](), []
+    turns, count, found = plan_kinds(classes), Counter[str](), []
     sandbox = Sandbox()
     try:
         for number in range(first, end):
@@ -191,8 +191,8 @@ def report(count: Counter[str], found: Found, seconds: float) -> str:
     ):
         lines.append(f"{kind:<10} {times:>5} x  {name:<20} {signature}")
         lines += [f"      | {line}" for line in ascii(finding.detail).replace("\\n", "\n").splitlines()[-8:]]
-    kinds = ", ".join(f"{kind} {number}" for kind, number in sorted(count.items()))
-    total = f"{count.total()} cases in {seconds:.0f} s ({kinds}); {len(found)} findings"
+    classes = ", ".join(f"{kind} {number}" for kind, number in sorted(count.items()))
+    total = f"{count.total()} cases in {seconds:.0f} s ({classes}); {len(found)} findings"
     return "\n".join([*lines, total])
 
 

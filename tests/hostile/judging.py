@@ -99,8 +99,8 @@ def _without_separators(text: str) -> str:
 def _judge_text(err: str, code: int, words: Arguments) -> list[Finding]:
     """Each line is one of ours; with --each, one source that fails has an error of its own."""
     found = []
-    asked = [_DETAIL] * bool({"-v", "--verbose"} & set(words)) + [_PROGRESS] * ("plain" in words)
-    known = (_SAID, _ESTIMATE, *asked)
+    requested = [_DETAIL] * bool({"-v", "--verbose"} & set(words)) + [_PROGRESS] * ("plain" in words)
+    known = (_SAID, _ESTIMATE, *requested)
     lines = err.split("\n")
     lines = lines[:-1] if lines[-1] == "" else lines
     if code == 2 and any(line.startswith("Error: ") for line in lines):

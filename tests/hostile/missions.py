@@ -50,12 +50,12 @@ def _checked(known: dict[str, bytes], rng: Random) -> Case:
         content = _kmz_mutated(content, rng)
     else:
         content = rng.choice((words_mutated, bytes_mutated))(content, rng)
-    asked = rng.choice(((), ("--autopilot", "px4"), ("--autopilot", "generic"), ("--json",)))
+    requested = rng.choice(((), ("--autopilot", "px4"), ("--autopilot", "generic"), ("--json",)))
     command = rng.choice(
         (
             ("preview", name, "-o", "out.png", "--width", "300"),
             ("upload", name, "--connect", "tcp:127.0.0.1:9", "--timeout", "1"),
-            *[("check", name, *asked)] * 4,
+            *[("check", name, *requested)] * 4,
         )
     )
     return Case({name: content}, (command,))

@@ -170,8 +170,8 @@ def test_a_changed_source_is_compiled_anew(
 
 def test_an_array_of_another_kind_is_refused(engine: str, cache: Path, module_of: Load) -> None:
     doubled = module_of(DOUBLED).doubled
-    kinds = [np.arange(4, dtype=np.int32), np.arange(4, dtype=np.uint64), np.arange(4.0)]
-    for wrong in (*kinds, np.arange(8)[::2], np.arange(4)[::-1], np.arange(4).reshape(2, 2)):
+    classes = [np.arange(4, dtype=np.int32), np.arange(4, dtype=np.uint64), np.arange(4.0)]
+    for wrong in (*classes, np.arange(8)[::2], np.arange(4)[::-1], np.arange(4).reshape(2, 2)):
         before = wrong.copy()
         with pytest.raises(TypeError, match="C-contiguous 1-D array of int64"):
             doubled(wrong, np.ones((2, 3), np.int64), 1.0, False)

@@ -271,6 +271,7 @@ def test_a_library_is_verified_and_loaded_once(
     assert read == [libraries / "x86-64.so"]
 
 
+@pytest.mark.slow
 @here
 def test_building_makes_what_is_not_current_and_nothing_else(
     libraries: Path, twice_module: ModuleType, monkeypatch: pytest.MonkeyPatch

@@ -18,11 +18,10 @@ from uavseg.errors import ParameterError
 from uavseg.execution.executors import threads
 from uavseg.jobs.match.match import match
 from uavseg.jobs.match.request import MatchRequest
-from uavseg.jobs.source.detail import detail_of
 from uavseg.jobs.source.open_source import open_raster
+from uavseg.jobs.source.source import detail_of
 from uavseg.jobs.source.work import Work
-from uavseg.raster.grid.geobox import GeoBox
-from uavseg.raster.grid.length import Length, as_length
+from uavseg.raster.grid.geobox import GeoBox, Length, as_length
 from uavseg.segmentation.refine.detail import Detail, PixelDisc, opening_mask
 
 ALL = (0.5, 1)

@@ -16,7 +16,7 @@ from rasterio.errors import NotGeoreferencedWarning
 
 from uavseg.errors import OutputError, OutputExistsError, ParameterError, RasterReadError
 from uavseg.jobs.each import each
-from uavseg.jobs.each.each import OutputNames, Task, grouped_warnings, plan_tasks, run_each
+from uavseg.jobs.each.each import OutputNames, SourceTask, grouped_warnings, plan_tasks, run_each
 from uavseg.jobs.each.each_report import Outcome
 from uavseg.jobs.extract import ExtractRequest, extract
 from uavseg.jobs.requests import RegionJob
@@ -24,7 +24,7 @@ from uavseg.jobs.result.result import Extraction
 from uavseg.jobs.source.source import Source
 from uavseg.jobs.source.work import Work
 from uavseg.options.reading import ReadOptions
-from uavseg.output.written import recording_written
+from uavseg.output.disk import recording_written
 from uavseg.segmentation.params.segment import IntensityRange
 
 REQUEST = ExtractRequest(IntensityRange(0.5, 1))
@@ -199,5 +199,5 @@ def test_equal_warnings_are_one() -> None:
 
 
 def test_tasks_are_their_outputs() -> None:
-    assert Task("a.tif", "a.gpkg").outputs == ("a.gpkg",)
-    assert Task("a.tif", "a.gpkg", "l.tif").outputs == ("a.gpkg", "l.tif")
+    assert SourceTask("a.tif", "a.gpkg").outputs == ("a.gpkg",)
+    assert SourceTask("a.tif", "a.gpkg", "l.tif").outputs == ("a.gpkg", "l.tif")

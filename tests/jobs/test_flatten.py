@@ -18,7 +18,7 @@ from uavseg.cli import main
 from uavseg.errors import ParameterError, UavsegError
 from uavseg.jobs.source.open_source import open_source
 from uavseg.options.reading import ReadOptions
-from uavseg.raster.grid.length import Length, parse_length
+from uavseg.raster.grid.geobox import Length, parse_length
 from uavseg.segmentation.blocks.block_file import read_block_map
 
 DARK = (0, 0.395)
@@ -99,9 +99,9 @@ def test_a_block_map_keeps_the_light_that_was_taken_away(tmp_path: Path, refine:
     raster, blocks = write(tmp_path / "a.tif", lit()[0]), str(tmp_path / "b.tif")
     said = run("divide", raster, "--flatten", "40", "-o", blocks)
     assert "slow light" in said and "taken away over 40 m" in said
-    asked = (0, 0.405) if refine else DARK
-    direct = uavseg.extract(raster, asked, flatten=40, refine=refine)
-    again = uavseg.extract(blocks, asked, refine=refine)
+    requested = (0, 0.405) if refine else DARK
+    direct = uavseg.extract(raster, requested, flatten=40, refine=refine)
+    again = uavseg.extract(blocks, requested, refine=refine)
     assert len(direct) > 1
     columns = ["pixels", "mean", "geometry", "range_low"]
     assert again[columns].equals(direct[columns])

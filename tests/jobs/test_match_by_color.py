@@ -31,10 +31,10 @@ KINDS = np.array([[60, 80, 60], [120, 70, 60], [60, 80, 130]], float)  # meadow,
 def truth() -> NDArray[np.intp]:
     """Which kind lies where: roofs in a meadow beside water."""
     row, col = np.indices(SHAPE)
-    kinds = np.where(col > 190, 2, 0)
+    classes = np.where(col > 190, 2, 0)
     for r, c in ((60, 70), (150, 60), (100, 150)):
-        kinds[(np.abs(row - r) < 22) & (np.abs(col - c) < 26)] = 1
-    return kinds
+        classes[(np.abs(row - r) < 22) & (np.abs(col - c) < 26)] = 1
+    return classes
 
 
 def picture(seed: int = 0) -> NDArray[np.uint8]:

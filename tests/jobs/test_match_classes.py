@@ -49,8 +49,8 @@ def samples(path: Path, *names: str, crs: str = "EPSG:32618", **more: object) ->
 def painted(found: Extraction) -> NDArray[np.intp]:
     """The number of the class of each pixel, from 1; 0 for none."""
     labels = rasterise(found.rings, Window(0, 0, *SHAPE))
-    kinds = [NAMES.index(name) + 1 for name in found.regions.columns["class"]]
-    return np.array([0, *kinds])[labels]
+    classes = [NAMES.index(name) + 1 for name in found.regions.columns["class"]]
+    return np.array([0, *classes])[labels]
 
 
 def found(tile: Path, file: Path, refine: str = "pixel", work: Work = SERIAL) -> Extraction:
@@ -112,10 +112,10 @@ def test_the_confidence_is_of_the_likeness_of_each_region_to_its_class(tile: Pat
     bands = BlurredBands(color_sources(source, grey, (), passes[0].silent))
     places = class_masks(str(samples(tmp_path / "s.gpkg", *NAMES)), source.geobox)
     likenesses = learn_classes(bands, places, passes[0])
-    outlined, kinds = outlines_by_classes(grey, likenesses, SegmentParams(), passes[1:])
+    outlined, classes = outlines_by_classes(grey, likenesses, SegmentParams(), passes[1:])
     labels = rasterise(outlined.rings, Window(0, 0, *SHAPE)).astype(int)
-    alike = [likeness.read(Window(0, 0, *SHAPE), 0).grey.astype(int) for likeness in likenesses]
-    for region, kind in enumerate(kinds.at(outlined.sums.firsts) - 1, 1):
+    alike = [similarity.read(Window(0, 0, *SHAPE), 0).grey.astype(int) for similarity in likenesses]
+    for region, kind in enumerate(classes.at(outlined.sums.firsts) - 1, 1):
         own, here = alike[kind][: SHAPE[0], : SHAPE[1]], labels == region
         of_region = own[here]
         assert outlined.sums.similarity is not None and outlined.sums.steps is not None

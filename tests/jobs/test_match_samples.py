@@ -113,8 +113,8 @@ def test_one_in_a_list_is_one(tile: Path) -> None:
 @settings(max_examples=20)
 def test_no_point_is_like_two_kinds_and_what_neither_sample_has_is_like_none(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    kinds = np.repeat([[-2.0, 0.0], [2.0, 0.0], [0.0, 2.5]], 100, 0)
-    points = rng.normal(kinds, 0.3)
+    classes = np.repeat([[-2.0, 0.0], [2.0, 0.0], [0.0, 2.5]], 100, 0)
+    points = rng.normal(classes, 0.3)
     mixtures = fit_mixtures(points)
     one, other = points[:30], points[100:130]
     like, unlike = (

@@ -27,8 +27,15 @@ from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import TilePass, Window
 from uavseg.raster.intensity.stretch import Stretch, fit_stretch
 from uavseg.raster.read.dataset import Dataset
-from uavseg.segmentation.params.partition import ValueClass, ValueClasses
-from uavseg.segmentation.params.segment import IntensityRange, Levels, Refinement, SegmentParams, StateLimits
+from uavseg.segmentation.params.segment import (
+    IntensityRange,
+    Levels,
+    Refinement,
+    SegmentParams,
+    StateLimits,
+    ValueClass,
+    ValueClasses,
+)
 from uavseg.segmentation.source import GreySource
 
 UTM = CRS.from_epsg(32633)

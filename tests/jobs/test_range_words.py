@@ -7,7 +7,7 @@ import pytest
 
 import uavseg
 from uavseg.errors import IntensityRangeError, ParameterError
-from uavseg.options.ranges import AnyRange, parse_range, requested_range
+from uavseg.options.classes import AnyRange, parse_range, requested_range
 from uavseg.options.regions import RangeOptions
 from uavseg.raster.intensity.value_range import ValueRange
 from uavseg.segmentation.params.segment import IntensityRange

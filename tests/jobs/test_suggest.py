@@ -148,13 +148,13 @@ def test_small_things_are_a_part_that_comes_first(step: float) -> None:
 
 def test_a_part_has_the_cells_whose_own_mean_lies_in_it() -> None:
     found = suggested(discs(0.01, 0.3, 2, 0.08), segment=SegmentParams())
-    kinds = found.by_intensity
-    [part] = [one for one in kinds if one.part]
-    assert kinds[-1] is part and part.high == 1
+    classes = found.by_intensity
+    [part] = [one for one in classes if one.part]
+    assert classes[-1] is part and part.high == 1
     blocks = found.blocks
     mean = blocks.sums / (65535.0 * np.maximum(blocks.counts, 1))
     inside = (blocks.counts > 0) & (mean >= part.low)
-    assert np.array_equal(found.intervals == len(kinds), inside)
+    assert np.array_equal(found.intervals == len(classes), inside)
 
 
 def test_a_number_of_classes_is_without_parts() -> None:

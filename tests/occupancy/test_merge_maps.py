@@ -105,8 +105,9 @@ def test_what_is_not_occupied_is_where_another_warper_puts_it(
         resampling=rasterio.warp.Resampling.nearest,
         init_dest_nodata=False,
     )
-    differ = (found != expected) & (found <= 0.5)
-    assert differ.mean() < 0.02  # centres on an edge between cells, which rounding decides
+    places = np.stack(~one.geobox.transform * centres(PlacedMap("merged", found, box)))
+    on_edge = (np.abs(places - np.round(places)) < 1e-6).any(axis=0)  # rounding decides there
+    assert np.array_equal(found[~on_edge & (found <= 0.5)], expected[~on_edge & (found <= 0.5)])
 
 
 @settings(max_examples=40)

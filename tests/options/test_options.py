@@ -1,9 +1,11 @@
 """The description of each option is the only one: signatures, docstrings, help and defaults agree with it."""
 
+import importlib.util
 import inspect
 import re
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
+from pathlib import Path
 from typing import Any
 
 import click
@@ -149,3 +151,13 @@ def test_values_reach_their_groups() -> None:
 def test_no_name_is_described_twice(name: str) -> None:
     names = [str(one.name) for one in command(name).params]
     assert len(names) == len(set(names))
+
+
+def test_the_dialogs_of_qgis_have_the_options_of_the_table() -> None:
+    """The plugin reads a file, since it cannot import uavseg; `python docs/qgis_options.py` writes it."""
+    path = Path(__file__).parents[2] / "docs" / "qgis_options.py"
+    specification = importlib.util.spec_from_file_location("qgis_options", path)
+    assert specification is not None and specification.loader is not None
+    exporter = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(exporter)
+    assert exporter.TARGET.read_text(encoding="utf-8") == exporter.text()

@@ -15,9 +15,8 @@ import pytest
 from uavseg.errors import OutputError, OutputExistsError
 from uavseg.output import disk
 from uavseg.output.atomic import atomic_file, transaction
-from uavseg.output.disk import locked_folder
-from uavseg.output.interrupts import interrupts_held
-from uavseg.output.written import note_kept, noted_stream, recording_written
+from uavseg.output.disk import locked_folder, note_kept, noted_stream, recording_written
+from uavseg.output.staging import interrupts_held
 
 
 def contents(folder: Path) -> dict[str, str]:

@@ -15,7 +15,7 @@ from uavseg.flight.mission.mission import Mission
 from uavseg.flight.params.plan import PlanParams
 from uavseg.flight.params.terrain import terrain_params
 from uavseg.flight.planning.planner import plan_missions
-from uavseg.plot.flight_profile import flight_profile
+from uavseg.plot.preview_missions import flight_profile
 from uavseg.raster.elevation.dem import Dem
 
 HOME = (44.2005, -76.5005)

@@ -11,7 +11,7 @@ from matplotlib.image import imread
 from tests.plot.halves import found_in, halves
 from uavseg.errors import OutputError, OutputExistsError
 from uavseg.plot.suggestions import draw_suggestions, range_colors
-from uavseg.raster.spectral.value_scale import BandScale, ValueAxis
+from uavseg.raster.spectral.bands import BandScale, ValueAxis
 
 
 def has(picture: np.ndarray, color: tuple[float, ...]) -> bool:

@@ -2,6 +2,7 @@
 
 import ast
 import configparser
+import json
 import re
 import sys
 import zipfile
@@ -106,10 +107,5 @@ def _imported(paths: list[Path]) -> set[str]:
 
 
 def test_the_indices_are_those_of_uavseg() -> None:
-    tree = ast.parse((FOLDER / "reading.py").read_text(encoding="utf-8"))
-    assigned = {
-        node.targets[0].id: node.value
-        for node in tree.body
-        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name)
-    }
-    assert set(ast.literal_eval(assigned["INDICES"])) == set(INDICES)
+    table = json.loads((FOLDER / "options.json").read_text(encoding="utf-8"))
+    assert set(table["extract"]["INDEX"]["choices"]) == set(INDICES)

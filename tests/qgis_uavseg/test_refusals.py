@@ -74,7 +74,7 @@ def _program(path: Path, text: str) -> Path:
     ("script", "words"),
     [
         (None, "is not a file"),
-        ("echo uavseg 9.0.1", "is uavseg 9.0.1; this plugin works with 0.1 or later, before 0.2"),
+        ("echo uavseg 9.0.1", "is uavseg 9.0.1; this plugin works with 1.0 or later, before 2.0"),
         ("echo something else", "is not uavseg"),
         ("echo broken >&2; exit 3", "does not run: broken"),
     ],
@@ -99,7 +99,7 @@ def test_a_program_that_is_missing_or_another_is_named_with_what_to_type(
 def test_the_program_sees_nothing_of_the_libraries_of_qgis(qgis: Any, tmp_path: Path) -> None:
     seen = tmp_path / "seen.txt"
     program = _program(
-        tmp_path / "uavseg", f'[ "$1" = --version ] && echo uavseg 0.1.0 && exit\nenv > {seen}\nexit 1'
+        tmp_path / "uavseg", f'[ "$1" = --version ] && echo uavseg 1.0.0 && exit\nenv > {seen}\nexit 1'
     )
     leaked = dict.fromkeys(
         ("PROJ_LIB", "PROJ_DATA", "GDAL_DATA", "LD_LIBRARY_PATH", "VIRTUAL_ENV"), "/nowhere"

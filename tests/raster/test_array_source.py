@@ -52,18 +52,18 @@ def test_bands_come_first_and_make_luminance():
 
 
 def test_only_the_window_is_read_from_the_array():
-    asked = []
+    requested = []
 
     class Lazy:
         dims, name, ndim, shape, dtype = ("y", "x"), None, 2, (40, 50), np.dtype("float32")
         rio = data_array(RAMP).rio
 
         def __getitem__(self, place):
-            asked.append(place)
+            requested.append(place)
             return data_array(RAMP[place].astype(np.float32))
 
     values, _ = Dataset.open(Lazy()).read(Window(5, 6, 7, 8))
-    assert asked == [(slice(5, 12), slice(6, 14))]
+    assert requested == [(slice(5, 12), slice(6, 14))]
     assert np.array_equal(values[0], RAMP[5:12, 6:14])
 
 

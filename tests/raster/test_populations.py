@@ -32,14 +32,14 @@ def test_materials_six_deviations_apart_are_parted(
 ) -> None:
     """Each pixel lies on the side of its own material, but for a tenth of the rarer of two at most."""
     rng = np.random.default_rng(3)
-    kinds = np.searchsorted(np.cumsum(shares), rng.random(SHAPE))
-    v = 0.15 + noise * apart * kinds + rng.normal(0, noise, SHAPE)
+    classes = np.searchsorted(np.cumsum(shares), rng.random(SHAPE))
+    v = 0.15 + noise * apart * classes + rng.normal(0, noise, SHAPE)
     if is_8_bit:
         v = np.rint(v * 255) / 255
     edges = population_edges(greys_of(v))
     assert len(edges) == len(shares)
     for kind, edge in enumerate(edges, 1):
-        true, above = kinds >= kind, v > edge
+        true, above = classes >= kind, v > edge
         one, other = (true, above) if true.mean() <= 0.5 else (~true, ~above)
         assert (one & other).sum() >= 0.9 * (one | other).sum()
 

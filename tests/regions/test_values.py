@@ -20,7 +20,7 @@ from uavseg.jobs.source.work import Work
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.intensity.stretch import parse_stretch
 from uavseg.raster.intensity.value_range import ValueRange
-from uavseg.raster.spectral.value_scale import BandScale
+from uavseg.raster.spectral.bands import BandScale
 from uavseg.regions.edit.small import as_area
 from uavseg.regions.outline.rasterise import rasterise
 from uavseg.segmentation.params.segment import IntensityRange, Levels, SegmentParams
@@ -85,9 +85,9 @@ def test_a_block_map_answers_values_inside_its_stretch() -> None:
     image = (stored() // 5).astype(np.uint8)
     source = Raster(dataset_of(image), parse_stretch("auto"))
     refine = SegmentParams(refine="none")
-    asked = ExtractRequest(ValueRange(170, None), refine)
-    found = extract(Blocks(divide(source).saved, "blocks.tif"), asked).regions.columns
-    expected = extract(source, asked).regions.columns
+    requested = ExtractRequest(ValueRange(170, None), refine)
+    found = extract(Blocks(divide(source).saved, "blocks.tif"), requested).regions.columns
+    expected = extract(source, requested).regions.columns
     assert found["pixels"].tolist() == expected["pixels"].tolist() and len(found["pixels"])
     assert found["value_low"].tolist() == expected["value_low"].tolist()
 

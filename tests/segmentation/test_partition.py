@@ -8,8 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavseg.errors import IntensityRangeError, ParameterError
-from uavseg.segmentation.params.partition import Breaks, ValueClass, ValueClasses, partition_of_levels
-from uavseg.segmentation.params.segment import IntensityRange, Levels
+from uavseg.segmentation.params.segment import (
+    Breaks,
+    IntensityRange,
+    Levels,
+    ValueClass,
+    ValueClasses,
+    partition_of_levels,
+)
 
 V = np.arange(65536) / 65535
 

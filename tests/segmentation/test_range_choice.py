@@ -138,9 +138,9 @@ def test_a_number_of_few_digits_is_the_edge() -> None:
 @given(st.lists(st.floats(0.001, 0.999), min_size=1, max_size=4, unique=True), st.integers(0, 2**31))
 def test_the_explained_variance_is_that_of_a_plain_sum(edges: list[float], seed: int) -> None:
     greys = np.random.default_rng(seed).integers(0, 65536, 50)
-    kinds = np.searchsorted(sorted(edges), greys / 65535)
+    classes = np.searchsorted(sorted(edges), greys / 65535)
     between = sum(
-        (kinds == k).sum() * (greys[kinds == k].mean() - greys.mean()) ** 2 for k in np.unique(kinds)
+        (classes == k).sum() * (greys[classes == k].mean() - greys.mean()) ** 2 for k in np.unique(classes)
     )
     wanted = between / ((greys - greys.mean()) ** 2).sum()
     found = explained_variance(np.bincount(greys, minlength=65536), sorted(edges))

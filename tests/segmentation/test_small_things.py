@@ -149,8 +149,8 @@ def test_rows_are_found_among_classes_and_levels(edges: tuple[float, ...]) -> No
     v = np.clip(np.where(truth, 0.65, 0.35) + np.random.default_rng(0).normal(0, 0.02, truth.shape), 0, 1)
     grey = np.floor(v * GREY_MAX + 0.5).astype(np.uint16)
     table = np.searchsorted(edges, np.arange(GREY_MAX + 1) / GREY_MAX).astype(np.uint8)
-    kinds = refine_classes_by_tv(table[grey], np.ones(grey.shape, np.uint8), grey, table)
-    assert overlap(kinds == table[round(0.65 * GREY_MAX)], truth) > 0.97
+    classes = refine_classes_by_tv(table[grey], np.ones(grey.shape, np.uint8), grey, table)
+    assert overlap(classes == table[round(0.65 * GREY_MAX)], truth) > 0.97
 
 
 @pytest.mark.parametrize("looks", [1, 2, 4])

@@ -94,13 +94,13 @@ def test_mirrored_images_have_the_same_kinds_mirrored(seed: int, squares: tuple[
     grey, valid = drawn(seed, (16 * squares[0], 16 * squares[1]))
     table = np.searchsorted([0.3, 0.45, 0.55, 0.8], np.arange(65536) / 65535).astype(np.uint8)
 
-    def kinds(grey: Grey, valid: Image) -> NDArray[np.uint8]:
+    def classes(grey: Grey, valid: Image) -> NDArray[np.uint8]:
         known = np.ascontiguousarray(valid).view(np.uint8)
         masked = np.ascontiguousarray(grey) * known
         return refine_classes_by_tv(table[masked] * known, known, masked, table)
 
     for turn in MIRRORED.values():
-        assert np.array_equal(kinds(turn(grey), turn(valid)), turn(kinds(grey, valid)))
+        assert np.array_equal(classes(turn(grey), turn(valid)), turn(classes(grey, valid)))
 
 
 @settings(max_examples=30)

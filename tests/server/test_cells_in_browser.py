@@ -31,14 +31,14 @@ pytestmark = [
 def seen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     assert has_playwright(), "chromium, node and playwright-core (through NODE_PATH) are not there"
     folder = Path(os.environ.get("UAVSEG_SCREENSHOTS") or tmp_path_factory.mktemp("cells"))
-    asked = tmp_path_factory.mktemp("asked") / "ranges.json"
-    asked.write_text(json.dumps(RANGES))
+    requested = tmp_path_factory.mktemp("asked") / "ranges.json"
+    requested.write_text(json.dumps(RANGES))
     with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings(action="ignore"):
         patch.setattr(field_map, "MAX_CELLS", 100)
         server = uavseg.serve(SAMPLE)
     with server:
         program = Path(__file__).with_name("drive_cells.js")
-        words = [str(NODE), str(program), server.url, str(folder), str(CHROMIUM), str(asked)]
+        words = [str(NODE), str(program), server.url, str(folder), str(CHROMIUM), str(requested)]
         found = subprocess.run(words, capture_output=True, text=True, timeout=200)
     assert found.returncode == 0, found.stderr
     answer: dict[str, Any] = json.loads(found.stdout)

@@ -193,6 +193,7 @@ def test_numbers_beyond_those_of_a_float_are_refused(
     assert re.fullmatch(rf"{name} (is a|are whole) numbers?", json.loads(content)["error"])
 
 
+@pytest.mark.slow
 def test_connections_that_show_no_token_keep_nobody_out(server: MapServer) -> None:
     port = int(server.url.split(":")[2].split("/")[0])
     held = [socket.create_connection(("127.0.0.1", port)) for _ in range(150)]

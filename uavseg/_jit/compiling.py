@@ -40,13 +40,13 @@ def machine_code(kernel: LoopNest) -> tuple[Any, int]:
 
 
 def is_cached(kernel: LoopNest) -> bool:
-    """Whether the cache has the object file of a kernel, whole and trusted."""
+    """Return whether the cache has the object file of a kernel, whole and trusted."""
     folder = object_cache.cache_folder()
     return folder is not None and object_cache.read(folder, _cached_name(kernel)) is not None
 
 
 def _cached_name(kernel: LoopNest) -> str:
-    """Name of the object file of a kernel in the cache, for this compiler and processor."""
+    """Return name of the object file of a kernel in the cache, for this compiler and processor."""
     import llvmlite
     import llvmlite.binding as llvm
 
@@ -214,7 +214,7 @@ def numba_type(name: str) -> Any:
 def with_helpers(
     function: Callable[..., Any], options: dict[str, Any], done: dict[Any, Any]
 ) -> types.FunctionType:
-    """A copy of a function that calls numba's versions of its helpers.
+    """Return a copy of a function that calls numba's versions of its helpers.
 
     It has no file name: numba may write that of the machine on which it compiles into the machine code.
     """

@@ -9,7 +9,8 @@ version of glibc fits. See the System V ABI and its AMD64 supplement.
 
 import struct
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+
+from uavseg.dataclass import dataclass
 
 _PAGE = 4096
 _LIBRARY = "libm.so.6"  # which brings the C library

@@ -15,7 +15,7 @@ from uavseg._jit.loop_nest import LoopNest
 
 
 def dispatcher(kernel: LoopNest) -> Callable[..., Any]:
-    """The fallback: the kernel through ``numba.njit``, from numba's cache where there is one."""
+    """Return the fallback: the kernel through ``numba.njit``, from numba's cache where there is one."""
     folder = object_cache.cache_folder()
     if folder is not None:
         with contextlib.suppress(Exception):  # of a cache that fails, nothing is needed
@@ -25,7 +25,7 @@ def dispatcher(kernel: LoopNest) -> Callable[..., Any]:
 
 
 def _cached_dispatcher(kernel: LoopNest, caches: Path) -> Callable[..., Any]:
-    """The kernel from numba's cache in a folder of its own, whose files have a checksum in common."""
+    """Return the kernel from numba's cache in a folder of its own, whose files have a checksum in common."""
     import numba
 
     name = f"{kernel.__name__}-{fingerprint(kernel, [numba.__version__, _processor()])}"
@@ -65,7 +65,7 @@ def _folder_checksum(folder: Path, name: str) -> bytes:
 
 
 def _processor() -> str:
-    """The processor's name and features, where llvmlite gives them."""
+    """Return the processor's name and features, where llvmlite gives them."""
     with contextlib.suppress(Exception):
         import llvmlite.binding as llvm
 

@@ -121,7 +121,7 @@ def _require_compiler(name: str) -> None:
 
 
 def _choice() -> str:
-    """How the user asks for kernels to run; empty for what fits best."""
+    """Return how the user asks for kernels to run; empty for what fits best."""
     choice = os.environ.get("UAVSEG_JIT", "")
     if choice not in ("", "objects", "numba", "baseline"):
         messages.note(f"UAVSEG_JIT={choice} is ignored; expected objects, numba or baseline")

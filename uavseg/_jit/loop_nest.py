@@ -4,6 +4,7 @@ import ctypes
 import re
 import types
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -47,9 +48,17 @@ class LoopNest:
         self.__doc__ = function.__doc__
         self.__name__ = function.__name__
         self.signature = signature
-        result, arguments = re.fullmatch(r"(\w+)\((.*)\)", signature).groups()  # type: ignore[union-attr]
-        self.result = result
-        self.arguments = [Argument(text) for text in re.findall(r"\w+(?:\[[^\]]*\])?", arguments)]
+
+    @cached_property
+    def result(self) -> str:
+        """Return the type of the result, or void."""
+        return self.signature.partition("(")[0]
+
+    @cached_property
+    def arguments(self) -> "list[Argument]":
+        """Return the arguments in their order."""
+        texts = self.signature.partition("(")[2]
+        return [Argument(text) for text in re.findall(r"\w+(?:\[[^\]]*\])?", texts)]
 
 
 class Argument:

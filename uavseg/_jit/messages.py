@@ -17,7 +17,7 @@ _compiled_s = [0.0]
 
 @contextmanager
 def timing_compilation() -> Iterator[None]:
-    """Context in which a kernel is compiled; kernels are compiled one after the other."""
+    """Enter a context in which a kernel is compiled; kernels are compiled one after the other."""
     begun = time.perf_counter()
     try:
         yield
@@ -26,7 +26,7 @@ def timing_compilation() -> Iterator[None]:
 
 
 def compiling_seconds() -> float:
-    """How long this process has compiled kernels, loading of the compiler included."""
+    """Return how long this process has compiled kernels, loading of the compiler included."""
     return _compiled_s[0]
 
 

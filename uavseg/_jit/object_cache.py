@@ -16,7 +16,7 @@ _FORMAT = b"uavseg object cache, version 1"
 
 
 def cache_folder() -> Path | None:
-    """The folder of the caches: $UAVSEG_CACHE, the user's cache folder, or else a temporary one.
+    """Return the folder of the caches: $UAVSEG_CACHE, the user's cache folder, or else a temporary one.
 
     It belongs to the user or to root, and nobody else can write to it. None where no folder can be made:
     then kernels are compiled again in each process.
@@ -48,7 +48,7 @@ def _user_folder() -> Path:
 
 
 def _temporary_folder() -> Path:
-    """A folder under the system's temporary folder that nobody else can enter."""
+    """Return a folder under the system's temporary folder that nobody else can enter."""
     if hasattr(os, "geteuid"):
         folder = Path(tempfile.gettempdir()) / f"uavseg-{os.geteuid()}"
         with contextlib.suppress(OSError):
@@ -64,7 +64,7 @@ def _temporary_folder() -> Path:
 
 
 def is_temporary(folder: Path | None) -> bool:
-    """Whether what is kept in the folder of the caches ends with the process."""
+    """Return whether what is kept in the folder of the caches ends with the process."""
     return folder is None or (_process_folder is not None and folder == Path(_process_folder.name))
 
 
@@ -78,14 +78,14 @@ def _owned(status: os.stat_result) -> bool:
 
 
 def trusted(status: os.stat_result) -> bool:
-    """Whether a file or folder is the user's or root's, and nobody else can write to it."""
+    """Return whether a file or folder is the user's or root's, and nobody else can write to it."""
     if not hasattr(os, "geteuid"):
         return True
     return (_owned(status) or status.st_uid == 0) and not status.st_mode & _WRITABLE_BY_OTHERS
 
 
 def read(folder: Path, name: str) -> bytes | None:
-    """The content of a cached object file; None where it is missing, damaged or not to be trusted."""
+    """Return the content of a cached object file; None where it is missing, damaged or not to be trusted."""
     try:
         with open(folder / f"{name}.o", "rb", opener=_open_itself) as file:
             status = os.fstat(file.fileno())

@@ -58,7 +58,7 @@ def load(kernel: LoopNest, baseline: bool = False) -> tuple[Any, int] | None:
 
 
 def runs_here() -> bool:
-    """Whether libraries are made for this platform."""
+    """Return whether libraries are made for this platform."""
     return sys.platform == "linux" and platform.machine() == "x86_64"
 
 
@@ -102,7 +102,7 @@ def _describe(function: Callable[..., Any], parts: list[str]) -> None:
 
 
 def _source(function: Callable[..., Any]) -> str:
-    """The lines of a function of a module, without decorators, comments and empty lines."""
+    """Return the lines of a function of a module, without decorators, comments and empty lines."""
     code = function.__code__
     linecache.checkcache(code.co_filename)
     lines = linecache.getlines(code.co_filename, function.__globals__)[code.co_firstlineno - 1 :]
@@ -115,7 +115,7 @@ def _source(function: Callable[..., Any]) -> str:
 
 
 def is_current(path: Path, made_of: Iterable[str]) -> bool:
-    """Whether a library is whole and made of these parts and no others."""
+    """Return whether a library is whole and made of these parts and no others."""
     try:
         content = path.read_bytes()
     except OSError:
@@ -142,7 +142,7 @@ _SEAL = len(checksum("", b""))
 
 @cache
 def levels_here() -> tuple[str, ...]:
-    """The levels whose features this processor has by the system's list of them, the best first."""
+    """Return the levels whose features this processor has by the system's list of them, the best first."""
     try:
         with _CPUINFO.open(encoding="ascii", errors="replace") as lines:
             flags = next((line for line in lines if line.startswith("flags")), "")

@@ -24,15 +24,15 @@ def all_kernels() -> dict[str, Kernel]:
     Modules that define none are not imported: the others need numpy and shapely alone.
     """
     root = Path(__file__).parents[1]
-    found = {}
+    result = {}
     for path in sorted(path for package in PACKAGES for path in (root / package).rglob("*.py")):
         if _DEFINES_KERNELS.search(path.read_text(encoding="utf-8")):
             name = ".".join(path.relative_to(root).with_suffix("").parts)
             module = importlib.import_module(f"uavseg.{name}")
             for attribute, value in vars(module).items():
                 if isinstance(value, Kernel) and value.function.__module__ == module.__name__:
-                    found[f"{name}.{attribute}"] = value
-    return found
+                    result[f"{name}.{attribute}"] = value
+    return result
 
 
 def warm(kernels: dict[str, Kernel], processes: int, progress: Callable[[int], None]) -> Counter[str]:
@@ -74,13 +74,13 @@ def warm(kernels: dict[str, Kernel], processes: int, progress: Callable[[int], N
 
 def states(kernels: dict[str, Kernel]) -> Counter[str]:
     """How many kernels are "shipped" with the package, "kept" in the cache or "missing"; none is compiled."""
-    found = Counter({"shipped": 0, "kept": 0, "missing": 0})
+    result = Counter({"shipped": 0, "kept": 0, "missing": 0})
     for kernel in kernels.values():
         if kernel.load_shipped():
-            found["shipped"] += 1
+            result["shipped"] += 1
         else:
-            found["kept" if _is_cached(kernel) else "missing"] += 1
-    return found
+            result["kept" if _is_cached(kernel) else "missing"] += 1
+    return result
 
 
 def _is_cached(kernel: Kernel) -> bool:
@@ -111,7 +111,7 @@ def _load(kernel: Kernel) -> bool:
 
 
 def _lines_of(shares: Sequence[Sequence[str]]) -> Iterator[str]:
-    """Lines that processes print, each of which prepares its share, in the order in which they come."""
+    """Yield lines that processes print, each of which prepares its share, in the order in which they come."""
     root = str(Path(__file__).parents[2])
     here = {
         **os.environ,

@@ -6,10 +6,10 @@ import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from uavseg.access import allowing
+from uavseg.dataclass import dataclass
 from uavseg.execution.executors import Progress
 from uavseg.execution.progress_bar import ProgressLine
 from uavseg.jobs.requests import RegionJob, region_job
@@ -29,14 +29,14 @@ def work(run: RunOptions, progress: Progress | bool | None = None) -> Work:
 
 
 def progress_of(progress: Progress | bool | None) -> Progress | None:
-    """What is called with the progress: a bar where it is True."""
+    """Return what is called with the progress: a bar where it is True."""
     if progress is True:
         return ProgressLine()
     return None if progress is False else progress
 
 
 def is_given(several: object) -> bool:
-    """Whether an argument that holds several is not left empty."""
+    """Return whether an argument of several values is given."""
     return not (isinstance(several, tuple | list) and len(several) == 0)
 
 
@@ -67,7 +67,7 @@ _requested: ContextVar[Requested | None] = ContextVar("requested", default=None)
 
 @contextmanager
 def collecting() -> Iterator[Requested]:
-    """Context in which functions that give regions check their arguments, and do no more."""
+    """Enter a context in which functions that give regions check their arguments, and do no more."""
     requested = Requested()
     token = _requested.set(requested)
     try:

@@ -39,7 +39,7 @@ def each(
     allow_network: bool = False,
     **words: Any,
 ) -> list[Outcome]:
-    """Regions of each of many rasters, in a file of its own; those that fail do not stop the others.
+    """Extract regions of each of many rasters, in a file of its own; those that fail do not stop the others.
 
     Each file holds the same bytes as if its raster had been alone. Rasters of few tiles run side by side,
     larger ones one after another.
@@ -107,20 +107,20 @@ def each(
     given = [sources] if isinstance(sources, str | os.PathLike) else sources
     with allowing(allow_path, allow_network):
         tasks, _ = plan_tasks(given, names)
-        found = run_each(
+        result = run_each(
             tasks,
             requested.job,
             names,
             Work.by_threads(None, requested.run.tile, progress_of(progress)),
             threads,
         )
-    failures = [one.failure for one in found if one.error is not None]
-    warn([*grouped_warnings(found), *failures])
-    return found
+    failures = [one.failure for one in result if one.error is not None]
+    warn([*grouped_warnings(result), *failures])
+    return result
 
 
 def _check_words(job: Callable[..., Any], words: dict[str, Any]) -> None:
-    """The words are arguments of the job, and none that it needs is missing."""
+    """Refuse words that are no arguments of the job, or lack one that it needs."""
     known = {name: one for name, one in inspect.signature(job).parameters.items() if name != "source"}
     for name in words:
         if name not in known:

@@ -51,7 +51,7 @@ def classify(
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> Classification:
-    """What is free, unknown and occupied in a map of probabilities.
+    """Classify what is free, unknown and occupied in a map of probabilities.
 
     Parameters
     ----------
@@ -106,9 +106,9 @@ def classify(
     options = build(ClassifyOptions, locals())
     with allowing(allow_path, allow_network):
         opened = open_probability_map(source, options.read)
-        found = run_classify(opened, classify_request(options, True), work(options.run, progress))
-    warn(found.warnings)
-    return found
+        result = run_classify(opened, classify_request(options, True), work(options.run, progress))
+    warn(result.warnings)
+    return result
 
 
 @checked
@@ -140,7 +140,7 @@ def path(
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> PlannedPath:
-    """The shortest path between two places of one region of a map.
+    """Find the shortest path between two places of one region of a map.
 
     It leads from cell to cell in eight directions, cuts no corner, and never enters a cell whose own value is
     out of the range.
@@ -270,9 +270,9 @@ def build_map(
         If the bag cannot be read, lacks a topic or has another type there, or no scan has a pose; if the map
         would have more than 100 million cells.
     """
-    found = run_build_map(bag, topics_of(scan, odom, tf), merge_params(build(BuildMapOptions, locals())))
-    warn(found.warnings)
-    return found
+    result = run_build_map(bag, topics_of(scan, odom, tf), merge_params(build(BuildMapOptions, locals())))
+    warn(result.warnings)
+    return result
 
 
 @checked
@@ -320,6 +320,6 @@ def merge_maps(
     """
     with allowing(allow_path, allow_network):
         several = maps if isinstance(maps, list | tuple) else [maps]
-        found = run_merge_maps(several, MergeRequest(crop, unrotate, resolution))
-    warn(found.warnings)
-    return found
+        result = run_merge_maps(several, MergeRequest(crop, unrotate, resolution))
+    warn(result.warnings)
+    return result

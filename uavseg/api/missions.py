@@ -281,9 +281,9 @@ def check(
     """
     options = build(CheckOptions, locals() | {"avoid": listed_zones(avoid)})
     with allowing(allow_path, allow_network):
-        found = run_check(mission, check_request(options))
-    warn(found.warnings)
-    return found
+        result = run_check(mission, check_request(options))
+    warn(result.warnings)
+    return result
 
 
 @checked
@@ -335,7 +335,7 @@ def upload(
 
 @checked
 def download(*, connect: str, timeout: float = 10.0, progress: Progress | bool | None = None) -> Mission:
-    """The mission that a vehicle holds, with its fence and rally points.
+    """Read the mission that a vehicle holds, with its fence and rally points.
 
     Parameters
     ----------

@@ -100,12 +100,12 @@ class MapServer:
 
 
 def _areas(cells: CellTiles | None) -> list[float] | None:
-    """Areas of cells by their codes, for a page that asks for tiles of them."""
+    """Return areas of cells by their codes, for a page that asks for tiles of them."""
     return None if cells is None else [float(f"{area:.10g}") for area in cells.areas]
 
 
 def _within(context: Context, site: Site, method: str, path: str, body: bytes) -> Answer:
-    """The answer, with the access to files that was allowed when the server was made."""
+    """Return the answer, with the access to files that was allowed when the server was made."""
     return context.copy().run(site.answer, method, path, body)
 
 

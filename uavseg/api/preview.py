@@ -115,7 +115,7 @@ def preview(
             how = opened.stretch
         work = replace(Work(), bad_blocks=set())
         with work.reading_here():
-            found = draw_raster(
+            result = draw_raster(
                 opened.dataset,
                 output or f"{Path(opened.name).stem}.preview.png",
                 regions=regions,
@@ -132,7 +132,7 @@ def preview(
             )
     for warning in (*opened.warnings, *work.bad_block_warnings):
         warnings.warn(warning, stacklevel=3)
-    return found
+    return result
 
 
 def _check_alone(mission: Any, *others: Any) -> None:

@@ -70,7 +70,7 @@ def match(
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> GeoDataFrame:
-    """Regions of a raster that are like a sample of it, by color and texture.
+    """Find regions of a raster that are like a sample of it, by color and texture.
 
     By color, mixtures of few kinds of ground are fitted to the colors of the raster, and those that are far
     more frequent in the sample are its kind. Texture is compared by G, the log-likelihood ratio between joint
@@ -171,7 +171,7 @@ def suggest(
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> list[Suggestion] | list[SampleRange]:
-    """Ranges of v that a raster suggests by itself: classes of its leaves, and what stands out in them.
+    """Suggest ranges of v for a raster: classes of its leaves, and what stands out in them.
 
     With a sample, the bands, indices and sums of bands and the ranges of their values that part it best.
 
@@ -249,7 +249,7 @@ def info(
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> Summary | RegionFile:
-    """What a raster is and what its intensity looks like, or what a file of regions holds.
+    """Describe a raster and its intensity, or what a file of regions holds.
 
     Parameters
     ----------
@@ -286,6 +286,6 @@ def info(
 
 
 def _names(source: Any) -> list[str]:
-    """The source as it was named; empty where it is no file."""
+    """Return the source as it was named; empty where it is no file."""
     parts = source if isinstance(source, list | tuple) else [source]
     return [os.fspath(part) for part in parts if isinstance(part, str | os.PathLike)]

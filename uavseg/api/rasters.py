@@ -59,7 +59,7 @@ def extract(
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> GeoDataFrame:
-    """Regions of a raster whose mean intensity lies in a range, or of several classes.
+    """Extract regions of a raster whose mean intensity lies in a range, or of several classes.
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ def levels(
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> GeoDataFrame:
-    """A raster divided into levels of v, and each of them into segments of adjacent pixels.
+    """Divide a raster into levels of v, and each of them into segments of adjacent pixels.
 
     Parameters
     ----------
@@ -248,7 +248,7 @@ def divide(
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> BlockMap:
-    """The block map of a raster, from which `uavseg.segmentation` answers any range.
+    """Compute the block map of a raster, from which `uavseg.segmentation` answers any range.
 
     Parameters
     ----------

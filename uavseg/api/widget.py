@@ -100,7 +100,7 @@ class RangeWidget(anywidget.AnyWidget):  # type: ignore[misc]
             warnings.warn(warning, stacklevel=2)
 
     def regions(self) -> "GeoDataFrame":
-        """The regions of the range that is chosen, to the pixel, as of `uavseg.extract`."""
+        """Return the regions of the range that is chosen, to the pixel, as of `uavseg.extract`."""
         return extract(self._source, self.range, **self._words)
 
     @traitlets.validate("range")  # type: ignore[untyped-decorator]

@@ -75,7 +75,7 @@ class _Group(click.Group):
             sys.exit(1)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Options of the group itself."""
+        """Return options of the group itself."""
         try:
             return super().parse_args(ctx, args)
         except click.UsageError as error:
@@ -84,7 +84,7 @@ class _Group(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; what the user can mend is one line on stderr and exit code 1."""
         from uavseg.cli.terminal.say import library_messages, say
-        from uavseg.output.written import recording_written
+        from uavseg.output.disk import recording_written
 
         with recording_written() as written, stopping_cleanly(written) as unwound:
             try:
@@ -124,14 +124,14 @@ def _report_out_of_memory(ctx: click.Context) -> NoReturn:
 
 
 def _clean(error: click.UsageError) -> click.UsageError:
-    """The error with its message as one printable line."""
+    """Return the error with its message as one printable line."""
     from uavseg.plain_text import one_line
 
     return click.UsageError(one_line(error.format_message()), error.ctx)
 
 
 def _system_error(error: OSError) -> str:
-    """What the system refused, and for which file."""
+    """Return what the system refused, and for which file."""
     from uavseg.plain_text import cause_of, one_line
 
     named = "" if error.filename is None else f"{os.fsdecode(error.filename)}: "

@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from uavseg.cli.command import job_command
-from uavseg.cli.terminal.reporter import Reporter
-from uavseg.cli.terminal.say import say
+from uavseg.cli.terminal.say import Reporter, say
 from uavseg.cli.write import creation_of, keep_inputs, transaction
 from uavseg.options.maps import BuildMapOptions
 
@@ -47,7 +46,7 @@ def command(options: BuildMapOptions) -> None:
 
 
 def _files_in(bag: str) -> list[Path]:
-    """The files of a bag of ROS 2 that is a folder, which no output may replace."""
+    """Return the files of a bag of ROS 2 that is a folder, which no output may replace."""
     folder = Path(bag)
     return sorted(folder.iterdir()) if folder.is_dir() else []
 

@@ -13,6 +13,8 @@ def command(options: CamerasOptions) -> None:
     A camera of one's own is a JSON file with sensor_width_mm, sensor_height_mm, image_width_px,
     image_height_px, focal_mm and, if they are known, name and min_interval_s.
     """
+    import json
+
     from uavseg.cli.terminal.say import show
     from uavseg.errors import ParameterError
     from uavseg.flight.camera.camera import find_cameras
@@ -20,6 +22,9 @@ def command(options: CamerasOptions) -> None:
     found = find_cameras(" ".join(options.words))
     if not found:
         raise ParameterError(f"no camera has {' '.join(options.words)} in its name; uavseg cameras lists all")
+    if options.as_json:
+        show(json.dumps([camera.as_dict() for camera in found], indent=2))
+        return
     lines = [f"{'camera':<34}{'sensor mm':>14}{'image px':>15}{'focal mm':>10}{'cm at 100 m':>13}"]
     for camera in found:
         sensor = "{:g} x {:g}".format(*camera.sensor_mm)

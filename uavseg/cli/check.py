@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from uavseg.cli.command import job_command
-from uavseg.cli.terminal.reporter import Reporter
-from uavseg.cli.terminal.say import say, show
+from uavseg.cli.terminal.say import Reporter, say, show
 from uavseg.errors import MissionError
 from uavseg.options.flights import CheckOptions
 
@@ -40,7 +39,7 @@ def command(options: CheckOptions) -> None:
 
 
 def _lines(found: MissionCheck) -> list[str]:
-    """The table: what the mission holds, then who takes it."""
+    """Return the table: what the mission holds, then who takes it."""
     rows = _rows(found.as_dict())
     rows |= {one.who: "accepts it" if one.accepts else f"refuses it: {one.reason}" for one in found.verdicts}
     width = max(map(len, rows))

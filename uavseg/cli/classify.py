@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from uavseg.cli.command import job_command
-from uavseg.cli.terminal.reporter import Reporter, work_of
+from uavseg.cli.terminal.say import Reporter, work_of
 from uavseg.cli.write import (
     LabelFile,
     check_distinct,
@@ -81,7 +81,7 @@ def _check_targets(target: str, options: ClassifyOptions) -> None:
 
 
 def _files(target: str, mode: str) -> list[str]:
-    """The states, and the image of a ROS map."""
+    """Return the states, and the image of a ROS map."""
     from uavseg.occupancy.ros.ros_map import image_path, is_ros_map
 
     return [target, str(image_path(target, mode))] if is_ros_map(target) else [target]
@@ -118,7 +118,7 @@ def _write_states(
 
 
 def _rows(found: Classification, limits: StateLimits, target: str, objects: str | None) -> dict[str, str]:
-    """The short table at the end."""
+    """Return the short table at the end."""
     rows, cols = found.geobox.shape
     names = {1: "free", 2: "unknown", 3: "occupied", 0: "no data"}
     shares = {

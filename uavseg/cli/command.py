@@ -89,7 +89,7 @@ def _order(described: dict[str, Option]) -> Callable[[str], int]:
 
 
 def _first_sentence(text: str) -> str:
-    """The first sentence of a help, and its default."""
+    """Return the first sentence of a help, and its default."""
     default = re.search(r"\s*\[(default: |required)[^]]*\]$", text)
     sentence = re.split(r"(?<=[a-z)])[.:;] |\.$", text[: default.start()] if default else text)[0]
     return sentence + (f"  {default.group().strip()}" if default else "")
@@ -156,7 +156,7 @@ def _default(one: Option) -> dict[str, Any]:
 
 
 def _parsed(one: Option) -> Callable[[click.Context, click.Parameter, Any], Any] | None:
-    """A callback that turns text into the value that Python takes."""
+    """Return a callback that turns text into the value that Python takes."""
     if one.parse is None and not one.multiple:
         return None
 
@@ -173,7 +173,7 @@ def _parsed(one: Option) -> Callable[[click.Context, click.Parameter, Any], Any]
 
 @contextmanager
 def _allowed(access: AccessOptions) -> Iterator[None]:
-    """Context under the access policy of a command."""
+    """Enter a context under the access policy of a command."""
     from uavseg.access import allowing
 
     with allowing(access.allow_path, access.allow_network), _proj_requests(access.allow_network):
@@ -182,7 +182,7 @@ def _allowed(access: AccessOptions) -> Iterator[None]:
 
 @contextmanager
 def _proj_requests(allowed: bool) -> Iterator[None]:
-    """Context in which PROJ fetches no grids, unless that is allowed and its user has asked for it."""
+    """Enter a context in which PROJ fetches no grids, unless it is allowed and asked for."""
     before = os.environ.get("PROJ_NETWORK")
     if not allowed:
         os.environ["PROJ_NETWORK"] = "OFF"

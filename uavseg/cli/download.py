@@ -1,7 +1,7 @@
 """`uavseg download`: the mission of a vehicle."""
 
 from uavseg.cli.command import job_command
-from uavseg.cli.terminal.reporter import Reporter
+from uavseg.cli.terminal.say import Reporter
 from uavseg.cli.upload import vehicle_report
 from uavseg.cli.write import write_mission_output
 from uavseg.options.flights import DownloadOptions

@@ -8,9 +8,15 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from uavseg.cli.command import job_command
-from uavseg.cli.region_files import RegionFiles, answer_each, check_alone
-from uavseg.cli.terminal.reporter import Reporter, showing_phases, work_of
-from uavseg.cli.write import summary_rows, transaction, write_plan_output
+from uavseg.cli.terminal.say import Reporter, showing_phases, work_of
+from uavseg.cli.write import (
+    RegionFiles,
+    answer_each,
+    check_alone,
+    summary_rows,
+    transaction,
+    write_plan_output,
+)
 from uavseg.options.regions import ExtractOptions
 
 if TYPE_CHECKING:

@@ -34,7 +34,7 @@ def command(options: InfoOptions) -> None:
 
 
 def _raster(options: InfoOptions) -> tuple[str, dict[str, Any]]:
-    """What there is to say of a raster, as text and as plain values."""
+    """Return what there is to say of a raster, as text and as plain values."""
     from uavseg.execution.executors import threads
     from uavseg.jobs.info import info, open_to_describe
     from uavseg.jobs.source.work import Work
@@ -46,7 +46,7 @@ def _raster(options: InfoOptions) -> tuple[str, dict[str, Any]]:
 
 
 def _regions(options: InfoOptions) -> tuple[str, dict[str, Any]]:
-    """The same of a file of regions."""
+    """Return the same of a file of regions."""
     from uavseg.jobs.info_regions import info_regions
     from uavseg.plot.summary_text import region_file_text
 
@@ -55,7 +55,7 @@ def _regions(options: InfoOptions) -> tuple[str, dict[str, Any]]:
 
 
 def _printable(text: str) -> str:
-    """The text with # for bars where the terminal's encoding has none."""
+    """Return the text with # for bars where the terminal's encoding has none."""
     encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
     try:
         text.encode(encoding)

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 import click
 
 from uavseg.cli.command import job_command
-from uavseg.cli.region_files import RegionFiles, answer_each, check_alone
-from uavseg.cli.terminal.reporter import Reporter, work_of
-from uavseg.cli.write import summary_rows, transaction
+from uavseg.cli.terminal.say import Reporter, work_of
+from uavseg.cli.write import RegionFiles, answer_each, check_alone, summary_rows, transaction
 from uavseg.options.regions import LevelsOptions
 
 if TYPE_CHECKING:
@@ -60,7 +59,7 @@ def command(options: LevelsOptions) -> None:
 
 
 def _width(found: Extraction, width: float) -> str:
-    """The width of a level in v, and in values where they are known."""
+    """Return the width of a level in v, and in values where they are known."""
     if found.axis is None:
         return f"{width:g} of v"
     first, last = found.axis.values([0, width]).tolist()
@@ -69,7 +68,7 @@ def _width(found: Extraction, width: float) -> str:
 
 
 def _levels_row(found: Extraction, request: LevelsRequest) -> str:
-    """How many levels there are, for the table at the end."""
+    """Return how many levels there are, for the table at the end."""
     from uavseg.jobs.ranges.level_breaks import BreakChoice
     from uavseg.segmentation.params.segment import Levels
 

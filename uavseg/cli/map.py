@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from uavseg.cli.command import job_command
-from uavseg.cli.terminal.reporter import Reporter, work_of
+from uavseg.cli.terminal.say import Reporter, work_of
 from uavseg.options.pages import MapOptions
 
 

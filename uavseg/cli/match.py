@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 import click
 
 from uavseg.cli.command import job_command
-from uavseg.cli.region_files import RegionFiles, answer_each, check_alone
-from uavseg.cli.terminal.reporter import Reporter, work_of
-from uavseg.cli.write import confidence_row, summary_rows, transaction
+from uavseg.cli.terminal.say import Reporter, work_of
+from uavseg.cli.write import RegionFiles, answer_each, check_alone, confidence_row, summary_rows, transaction
 from uavseg.options.regions import MatchOptions
 
 if TYPE_CHECKING:
@@ -99,7 +98,7 @@ def _check_samples(options: MatchOptions) -> None:
 
 
 def _compared(match: Match) -> dict[str, str]:
-    """What was compared, and what it says of the sample."""
+    """Return what was compared, and what it says of the sample."""
     from uavseg.units import GREY_MAX
 
     color, texture = match.color, match.texture
@@ -120,7 +119,7 @@ def _compared(match: Match) -> dict[str, str]:
 
 
 def _classes(found: Extraction) -> dict[str, str]:
-    """How many regions each class has."""
+    """Return how many regions each class has."""
     from collections import Counter
 
     counts = Counter(found.regions.columns["class"].tolist())

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from uavseg.cli.command import job_command
-from uavseg.cli.terminal.reporter import Reporter, showing_phases
-from uavseg.cli.terminal.say import say
+from uavseg.cli.terminal.say import Reporter, say, showing_phases
 from uavseg.cli.write import creation_of, keep_inputs, transaction
 from uavseg.options.maps import MergeMapsOptions
 

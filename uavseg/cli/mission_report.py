@@ -33,7 +33,7 @@ def report(
 
 
 def flight_table(flights: Sequence[tuple[str, Estimate]]) -> list[str]:
-    """Lines of a table: what each flight takes and gives; without the columns that no flight has.
+    """Return lines of a table: what each flight takes and gives; without the columns that no flight has.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def missions_json(
     warnings: Sequence[str],
     with_footprints: bool = False,
 ) -> dict[str, Any]:
-    """What is reported of missions, for programs: their files, estimates and warnings, perhaps footprints."""
+    """Return what programs read of missions: files, estimates and warnings, perhaps footprints."""
     shown = _footprints if with_footprints else lambda mission: {}
     return {
         "regions": regions,

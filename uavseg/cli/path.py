@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from uavseg.cli.command import job_command
-from uavseg.cli.terminal.reporter import Reporter, work_of
-from uavseg.cli.terminal.say import show
+from uavseg.cli.terminal.say import Reporter, show, work_of
 from uavseg.cli.write import keep_inputs, shown, write_mission_output
 from uavseg.errors import MissionError, OutputError, ParameterError
 from uavseg.options.flights import Home
@@ -120,7 +119,7 @@ def _write(way: PlannedPath, mission: Mission | None, output: str, overwrite: bo
     """Write a path or a mission; what the format of a mission cannot hold is returned as warnings."""
     from uavseg.occupancy.paths.path_geojson import path_to_geojson
     from uavseg.output.atomic import atomic_file
-    from uavseg.output.written import noted_stream
+    from uavseg.output.disk import noted_stream
 
     if mission is not None:
         return write_mission_output(mission, output, overwrite)
@@ -134,7 +133,7 @@ def _write(way: PlannedPath, mission: Mission | None, output: str, overwrite: bo
 
 
 def _rows(found: PathFound, output: str) -> dict[str, str]:
-    """The short table at the end."""
+    """Return the short table at the end."""
     way = found.path
     unit = "m" if found.in_metres else "units of the map"
     rows = {

@@ -9,8 +9,7 @@ import click
 
 from uavseg.cli.command import job_command
 from uavseg.cli.mission_report import missions_json, report
-from uavseg.cli.terminal.reporter import Reporter, showing_phases
-from uavseg.cli.terminal.say import show
+from uavseg.cli.terminal.say import Reporter, show, showing_phases
 from uavseg.cli.write import keep_inputs, write_plan_output
 from uavseg.options.flights import PlanOptions
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from uavseg.cli.command import job_command
-from uavseg.cli.terminal.reporter import Reporter
+from uavseg.cli.terminal.say import Reporter
 from uavseg.errors import ParameterError
 from uavseg.options.pages import PreviewOptions
 from uavseg.options.reading import ReadOptions
@@ -45,7 +45,7 @@ def command(options: PreviewOptions) -> None:
 
 
 def _missions_alone(options: PreviewOptions) -> list[str]:
-    """The missions that are drawn without a raster; empty where there is one."""
+    """Return the missions that are drawn without a raster; empty where there is one."""
     from uavseg.flight.formats.files import FORMATS
 
     rasters, missions = options.rasters, options.mission or ()

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from uavseg.cli.command import job_command
-from uavseg.cli.terminal.reporter import Reporter, work_of
-from uavseg.cli.terminal.say import show
+from uavseg.cli.terminal.say import Reporter, show, work_of
 from uavseg.options.pages import ServeOptions
 
 
@@ -20,7 +19,7 @@ def command(options: ServeOptions) -> None:
     from uavseg.api.pages import MapServer
     from uavseg.jobs.source.open_source import open_source
     from uavseg.jobs.web_map.content import FieldMapRequest
-    from uavseg.output.written import note_ended
+    from uavseg.output.disk import note_ended
 
     reporter = Reporter(options.messages, options.progress)
     request = FieldMapRequest(options.division.segment_params(), options.size.size)

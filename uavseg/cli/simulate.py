@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from uavseg.cli.command import job_command
-from uavseg.cli.terminal.reporter import Reporter
-from uavseg.cli.terminal.say import say
+from uavseg.cli.terminal.say import Reporter, say
 from uavseg.cli.write import check_distinct, creation_of, keep_inputs, transaction
 from uavseg.errors import OutputError
 from uavseg.options.maps import SimulateOptions

@@ -12,8 +12,7 @@ import click
 from click.core import ParameterSource
 
 from uavseg.cli.command import job_command
-from uavseg.cli.terminal.reporter import Reporter, work_of
-from uavseg.cli.terminal.say import show
+from uavseg.cli.terminal.say import Reporter, show, work_of
 from uavseg.cli.write import keep_inputs, transaction
 from uavseg.options.regions import DivisionOptions, SuggestOptions
 
@@ -104,7 +103,7 @@ def _given() -> list[str]:
 
 def _as_json(found: Suggestions, commands: list[str]) -> str:
     ranges = [asdict(chosen) | {"command": line} for chosen, line in zip(found.ranges, commands, strict=True)]
-    facts = {
+    metadata = {
         "source": found.source.name,
         "stretch": found.source.stretch.name,
         "unit": "" if found.source.axis is None else found.source.axis.unit,
@@ -112,11 +111,11 @@ def _as_json(found: Suggestions, commands: list[str]) -> str:
         "ranges": ranges,
         "warnings": found.warnings,
     }
-    return json.dumps(facts, indent=2, allow_nan=False)
+    return json.dumps(metadata, indent=2, allow_nan=False)
 
 
 def _table(found: Suggestions, commands: list[str]) -> str:
-    """The ranges in columns; the line to type next stands whole below its range, to be copied."""
+    """Return the ranges in columns; the line to type next stands whole below its range, to be copied."""
     if not found.ranges:
         return "one class: there is no range to choose"
     values = [one.values_text for one in found.ranges]
@@ -133,7 +132,7 @@ def _table(found: Suggestions, commands: list[str]) -> str:
 
 
 def _report(found: Suggestions, output: str | None, reporter: Reporter) -> None:
-    """What else is to be said, on stderr."""
+    """Print warnings and notes on stderr."""
     if output is not None:
         reporter.say(f"wrote {output}")
     reporter.detail(f"{found.explained:.1%} of the variance of the means lies between the ranges")
@@ -178,12 +177,12 @@ def _like_command(one: SampleRange, rank: int, options: SuggestOptions, found: S
 
 def _like_json(found: SampleRanges, commands: Sequence[str]) -> str:
     ranges = [asdict(one) | {"command": line} for one, line in zip(found.ranges, commands, strict=True)]
-    facts = {"source": found.source.name, "ranges": ranges, "warnings": found.warnings}
-    return json.dumps(facts, indent=2, allow_nan=False)
+    metadata = {"source": found.source.name, "ranges": ranges, "warnings": found.warnings}
+    return json.dumps(metadata, indent=2, allow_nan=False)
 
 
 def _like_table(found: SampleRanges, commands: Sequence[str]) -> str:
-    """The ranges in columns; the line to type next stands whole below its range, to be copied."""
+    """Return the ranges in columns; the line to type next stands whole below its range, to be copied."""
     if not found.ranges:
         return "all pixels have one value: there is no range to choose"
     of, values = [one.of for one in found.ranges], [one.values_text for one in found.ranges]

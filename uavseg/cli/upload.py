@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from uavseg.cli.command import job_command
-from uavseg.cli.terminal.reporter import Reporter
+from uavseg.cli.terminal.say import Reporter
 from uavseg.options.flights import UploadOptions
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ def command(options: UploadOptions) -> None:
     accepted the mission, which could then not be read back.
     """
     from uavseg.jobs.flights.link import LinkRequest, upload
-    from uavseg.output.written import noted_stream
+    from uavseg.output.disk import noted_stream
 
     reporter = Reporter(options.messages, options.progress)
     request = LinkRequest(options.link.connect, options.link.timeout)
@@ -35,7 +35,7 @@ def command(options: UploadOptions) -> None:
 
 
 def vehicle_report(mission: Mission, vehicle: str) -> str:
-    """What was transferred, and the vehicle."""
+    """Return what was transferred, and the vehicle."""
     parts = [f"{len(mission.items)} items"]
     if mission.fence:
         parts.append(f"a fence of {len(mission.fence)} shape{'s' * (len(mission.fence) > 1)}")

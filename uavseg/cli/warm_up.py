@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from uavseg.cli.command import job_command
-from uavseg.cli.terminal.reporter import Reporter
+from uavseg.cli.terminal.say import Reporter
 from uavseg.options.pages import WarmUpOptions
 
 

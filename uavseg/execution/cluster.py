@@ -13,13 +13,13 @@ import warnings
 import zlib
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from platform import python_version
 from typing import Any
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import ClusterError, UavsegError
 from uavseg.execution.executors import Item, Map, Progress, Result, in_order
 

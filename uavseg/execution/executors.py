@@ -1,22 +1,74 @@
-"""Executors: the only module that knows about threads; lazy sequences of items.
+"""Executors: the only module that knows about threads; lazy sequences of items; a log of phases.
 
 An executor (`Map`) takes a function and a sequence of items, and yields the results in the order of the
 items. Functions and items must be picklable, so that the same call can run on a cluster.
 """
 
+import logging
 import os
 import sys
+import time
 from collections import deque
-from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import cache, partial
 from operator import index
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar, overload
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
+
+logger = logging.getLogger("uavseg.jobs")
+
+Watcher = Callable[[str | None, int, int], object]
+"""Called with a phase that begins, None where it ends or "" between; and its steps: those done, and all."""
+_watcher: ContextVar[Watcher | None] = ContextVar("watcher", default=None)
+
+
+def decided(text: str, *values: object) -> None:
+    """Log a decision of a job."""
+    logger.info(text, *values)
+
+
+@contextmanager
+def phase(name: str) -> Iterator[None]:
+    """Log how long a phase takes, without the time in which kernels are compiled."""
+    begun = working_seconds()
+    watcher = _watcher.get()
+    if watcher is not None:
+        watcher(name, 0, 0)
+    yield
+    if watcher is not None:
+        watcher(None, 0, 0)
+    logger.info("phase %s: %.2f s", name, working_seconds() - begun)
+
+
+@contextmanager
+def watched(watcher: Watcher) -> Iterator[None]:
+    """Call a function as phases begin, end and go on."""
+    token = _watcher.set(watcher)
+    try:
+        yield
+    finally:
+        _watcher.reset(token)
+
+
+def steps_done(done: int, total: int) -> None:
+    """Report to the watcher that so many steps of a phase are done."""
+    watcher = _watcher.get()
+    if watcher is not None:
+        watcher("", done, total)
+
+
+def working_seconds() -> float:
+    """Return the seconds of a clock that stands still while kernels are compiled."""
+    from uavseg._jit import messages
+
+    return time.perf_counter() - messages.compiling_seconds()
 
 
 Item = TypeVar("Item")
@@ -70,6 +122,9 @@ def threads(count: int | None = None) -> Map:
     def run(
         function: Callable[[Item], Result], items: Sequence[Item], progress: Progress | None = None
     ) -> Generator[Result, None, None]:
+        if len(items) == 1:  # where two threads share the interpreter's lock, one waits 5 ms for the other
+            yield from serial(function, items, progress)
+            return
         from concurrent.futures import ThreadPoolExecutor  # takes 13 ms, which one thread saves
 
         with ThreadPoolExecutor(count) as pool:

@@ -9,9 +9,9 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from dataclasses import dataclass
 
-from uavseg.execution.phases import working_seconds
+from uavseg.dataclass import dataclass
+from uavseg.execution.executors import working_seconds
 
 _WIDTH = 24
 _REDRAW_S = 0.1
@@ -36,7 +36,7 @@ class ProgressLine:
 
 
 class PhaseLine:
-    """The phase of a job that takes long, on stderr; a watcher of `phases.watched`.
+    """The phase of a job that takes long, on stderr; a watcher of `executors.watched`.
 
     A terminal shows one line from two seconds on, drawn again each second; elsewhere it is a line each thirty
     seconds. A thread draws it, so that one long step is shown too.
@@ -116,7 +116,7 @@ class Amount:
 
 
 def bar(share: float, seconds: float, amount: Amount | None = None) -> str:
-    """One line: how much is done, tiles, pixels per second and the time left.
+    """Return one line: how much is done, tiles, pixels per second and the time left.
 
     A tile is passed several times, and counts by the share of all passes that is done.
 
@@ -147,7 +147,7 @@ def bar(share: float, seconds: float, amount: Amount | None = None) -> str:
 
 
 def clock(seconds: float) -> str:
-    """A time as one reads it.
+    """Return a time as one reads it.
 
     Examples
     --------

@@ -1,8 +1,7 @@
 """Division of a raster into a block map, from which any range is answered later."""
 
-from dataclasses import dataclass
-
-from uavseg.execution.phases import decided, phase
+from uavseg.dataclass import dataclass
+from uavseg.execution.executors import decided, phase
 from uavseg.jobs.result.result import SourceInfo
 from uavseg.jobs.source.open_source import pixels_of
 from uavseg.jobs.source.source import ProbabilityMap, Raster, Source
@@ -43,7 +42,7 @@ class Division:
 
 
 def divide(source: Source, request: DivideRequest = DivideRequest(), work: Work = SERIAL) -> Division:
-    """The whole block map of a raster.
+    """Compute the whole block map of a raster.
 
     Parameters
     ----------
@@ -63,7 +62,7 @@ def divide(source: Source, request: DivideRequest = DivideRequest(), work: Work 
 
 
 def block_map_of(source: Raster | ProbabilityMap, tile_pass: TilePass) -> tuple[SavedBlocks, SourceInfo]:
-    """The block map of a raster or a map of probabilities, and what there is to say of the source."""
+    """Return the block map of a raster or a map of probabilities, and what there is to say of the source."""
     stretching, dividing = tile_pass.stages(2)
     grey = source.grey(stretching)
     with phase("division"):
@@ -71,5 +70,13 @@ def block_map_of(source: Raster | ProbabilityMap, tile_pass: TilePass) -> tuple[
     decided("%d x %d blocks of 64 x 64 pixels", *blocks.blocks)
     dataset = source.dataset
     info = SourceInfo.of(grey)
-    facts = grey.stretch, dataset.band_names, source.origin, info.axis, grey.illumination
-    return SavedBlocks(blocks, dataset.geobox, *facts), info
+    saved = SavedBlocks(
+        blocks,
+        dataset.geobox,
+        grey.stretch,
+        dataset.band_names,
+        source.origin,
+        axis=info.axis,
+        illumination=grey.illumination,
+    )
+    return saved, info

@@ -1,17 +1,17 @@
 """Extraction of the regions of a raster whose mean intensity lies in a range: the main job."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
-from uavseg.execution.executors import trim_heap
-from uavseg.execution.phases import decided, phase
+from uavseg.execution.executors import decided, phase, trim_heap
 from uavseg.jobs.ranges.ranges import (
     EACH_PIXEL,
     AnyRange,
-    FoundRange,
+    DetectedRange,
     decided_grey,
     grey_for,
     missed_text,
@@ -19,7 +19,6 @@ from uavseg.jobs.ranges.ranges import (
     range_text,
     where_to_look,
 )
-from uavseg.jobs.result.fill_holes import filled
 from uavseg.jobs.result.metadata import (
     confidence_facts,
     drawing_facts,
@@ -27,11 +26,10 @@ from uavseg.jobs.result.metadata import (
     segment_facts,
     with_metadata,
 )
-from uavseg.jobs.result.result import Drawing, Extraction, SourceInfo, measured
-from uavseg.jobs.source.detail import detail_of, refuse_without_pixels
-from uavseg.jobs.source.source import Blocks, Pixels, Source
+from uavseg.jobs.result.result import Drawing, Extraction, SourceInfo, filled, measured
+from uavseg.jobs.source.source import Blocks, Pixels, Source, detail_of, refuse_without_pixels
 from uavseg.jobs.source.work import SERIAL, Work
-from uavseg.raster.grid.length import Length
+from uavseg.raster.grid.geobox import Length
 from uavseg.raster.grid.tiling import TilePass
 from uavseg.raster.intensity.value_range import ValueRange
 from uavseg.regions.confidence import Confidence, check_minimum, confidence_of, none_confident
@@ -40,8 +38,7 @@ from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.tiles.range_tiles import has_thin_lines, outline_regions
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaves import cells_in_range
-from uavseg.segmentation.params.partition import Partition
-from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
+from uavseg.segmentation.params.segment import IntensityRange, Partition, SegmentParams
 from uavseg.segmentation.pipeline import (
     cells_to_refine,
     every_cell,
@@ -103,7 +100,7 @@ class ExtractRequest:
 
 
 def extract(source: Source, request: ExtractRequest, work: Work = SERIAL) -> Extraction:
-    """Regions of a raster whose mean intensity lies in a range.
+    """Extract regions of a raster whose mean intensity lies in a range.
 
     A block map answers without its raster where regions may end at cells; otherwise they are refined with it,
     if it is where it was.
@@ -134,7 +131,7 @@ def extract(source: Source, request: ExtractRequest, work: Work = SERIAL) -> Ext
         hints.append(f"{source.saved.origin.rasters[0]} is not where it was, so regions end at block edges")
         found = _at_block_edges(source, request)
     hints += [found.nothing] if found.nothing else []
-    how = range_facts(found.wanted, found.axis) | segment_facts(request.segment)
+    how = range_facts(found.detected, found.axis) | segment_facts(request.segment)
     how |= drawing_facts(request.drawing, request.fill_holes, request.min_area, request.detail)
     how |= {"thin_lines": True} if request.thin_lines else {}
     how |= confidence_facts(request.min_confidence)
@@ -142,7 +139,7 @@ def extract(source: Source, request: ExtractRequest, work: Work = SERIAL) -> Ext
 
 
 def regions_of_pixels(source: Pixels, request: ExtractRequest, work: Work) -> Extraction:
-    """The phases of the paper, from pixels to regions: read this first.
+    """Run the phases of the paper, from pixels to regions: read this first.
 
     Parameters
     ----------
@@ -151,41 +148,41 @@ def regions_of_pixels(source: Pixels, request: ExtractRequest, work: Work) -> Ex
     work : Work
     """
     stretching, *dividing, outlining = work.over(source).stages(2 + (not request.segment.decides_pixels))
-    grey, wanted = grey_for(source, request.interval, stretching)  # intensity -> v
+    grey, detected = grey_for(source, request.interval, stretching)  # intensity -> v
     cells = every_cell(grey.shape)
     for stage in dividing:  # texture, division of blocks, segments of leaves in range
         with phase("division"):
-            blocks = measure_block_map_for(grey, wanted.interval, request.segment, stage)
-            cells = cells_to_refine(blocks, wanted.interval, request.segment)
+            blocks = measure_block_map_for(grey, detected.interval, request.segment, stage)
+            cells = cells_to_refine(blocks, detected.interval, request.segment)
         decided("%d x %d blocks of 64 x 64 pixels", *blocks.blocks)
         decided("of %d cells of 8 x 8 pixels %d are in range", cells.size, np.count_nonzero(cells))
         del blocks
         trim_heap()
     with phase("refinement and outlines"):  # to the pixel; small holes
-        outlined = _outlined(grey, cells, wanted, request, outlining)
+        outlined = _outlined(grey, cells, detected, request, outlining)
     with phase("attributes and drawing"):  # small regions too
-        return _measured(outlined, grey, wanted, request, outlining)
+        return _measured(outlined, grey, detected, request, outlining)
 
 
 def _refined(source: Blocks, raster: Pixels, request: ExtractRequest, work: Work) -> Extraction:
-    """The same from the division on, with blocks that are known."""
+    """Refine and outline from blocks that are known."""
     outlining = work.over(raster)
     grey = source.grey(raster, outlining)
     with work.reading_here():
         from uavseg.jobs.source.unchanged import check_unchanged
 
         check_unchanged(grey, source)
-    wanted, asked = range_of_blocks(source, request.interval), request.interval
-    if request.segment.decides_pixels and not isinstance(asked, ValueRange):
-        grey = decided_grey(grey, asked.edges, (asked.low, asked.high))
-    cells = cells_to_refine(source.saved.blocks, wanted.interval, request.segment)
+    detected, requested = range_of_blocks(source, request.interval), request.interval
+    if request.segment.decides_pixels and not isinstance(requested, ValueRange):
+        grey = decided_grey(grey, requested.edges, (requested.low, requested.high))
+    cells = cells_to_refine(source.saved.blocks, detected.interval, request.segment)
     with phase("refinement and outlines"):
-        outlined = _outlined(grey, cells, wanted, request, outlining, source.saved.blocks)
-    return _measured(outlined, grey, wanted, request, outlining)
+        outlined = _outlined(grey, cells, detected, request, outlining, source.saved.blocks)
+    return _measured(outlined, grey, detected, request, outlining)
 
 
 def _at_block_edges(source: Blocks, request: ExtractRequest) -> Extraction:
-    """Regions of whole cells with valid pixels, from the block map alone; their `std` is not known."""
+    """Return regions of whole cells with valid pixels, from the block map alone; their `std` is not known."""
     from uavseg.regions.tiles.segment_tiles import outline_block_map, sum_enclosed_cells
 
     refuse_without_pixels(request.detail, request.segment.refine)
@@ -195,25 +192,25 @@ def _at_block_edges(source: Blocks, request: ExtractRequest) -> Extraction:
             "them out, or give the raster"
         )
     blocks, segment = source.saved.blocks, request.segment
-    wanted = range_of_blocks(source, request.interval)
-    outlined = outline_block_map(blocks, cells_in_range(blocks, wanted.interval, segment.division))
+    detected = range_of_blocks(source, request.interval)
+    outlined = outline_block_map(blocks, cells_in_range(blocks, detected.interval, segment.division))
     if request.fill_holes is not None:
         outlined = sum_enclosed_cells(blocks, fill_small_holes(outlined, source.geobox, request.fill_holes))
-    return _measured(outlined, source, wanted, request)
+    return _measured(outlined, source, detected, request)
 
 
 def _outlined(
     grey: GreySource,
     cells: NDArray[np.uint8],
-    wanted: FoundRange,
+    detected: DetectedRange,
     request: ExtractRequest,
     tile_pass: TilePass,
     expected: BlockMap | None = None,
 ) -> RegionOutlines:
-    """Outlines of the regions, with small holes filled."""
+    """Return outlines of the regions, with small holes filled."""
     refine = request.segment.refine
     detail = ThinLines() if request.thin_lines else detail_of(request.detail, grey.dataset.geobox, refine)
-    outlined = outline_regions(grey, cells, wanted.interval, refine, tile_pass, expected, detail)
+    outlined = outline_regions(grey, cells, detected.interval, refine, tile_pass, expected, detail)
     trim_heap()
     return filled(grey, outlined, request.fill_holes, tile_pass)
 
@@ -221,30 +218,30 @@ def _outlined(
 def _measured(
     outlined: RegionOutlines,
     source: GreySource | Blocks,
-    wanted: FoundRange,
+    detected: DetectedRange,
     request: ExtractRequest,
     tile_pass: TilePass | None = None,
 ) -> Extraction:
-    """Regions with their attributes, the small ones dropped; where there are none, why."""
+    """Return regions with their attributes, the small ones dropped; where there are none, why."""
     info, whole = SourceInfo.of(source), len(outlined.sums.counts)
     if request.min_area is not None:
         outlined = drop_small_regions(outlined, info.geobox, request.min_area)
-    interval = wanted.interval
+    interval = detected.interval
     ends = interval.low, interval.high
     confidence = Confidence.of(
         outlined, lambda: confidence_of(outlined, *ends), request.segment.refine, request.min_confidence
     )
-    found = measured(outlined, info, ends, request.drawing, wanted=wanted, confidence=confidence)
-    if len(found.regions):
-        return found
-    return replace(found, nothing=_why_none(found, whole, source, wanted, request, tile_pass))
+    result = measured(outlined, info, ends, request.drawing, detected=detected, confidence=confidence)
+    if len(result.regions):
+        return result
+    return replace(result, nothing=_why_none(result, whole, source, detected, request, tile_pass))
 
 
 def _why_none(
     found: Extraction,
     dropped: int,
     source: GreySource | Blocks,
-    wanted: FoundRange,
+    detected: DetectedRange,
     request: ExtractRequest,
     tile_pass: TilePass | None,
 ) -> str:
@@ -260,10 +257,10 @@ def _why_none(
     if tile_pass is not None and isinstance(source, GreySource):
         from uavseg.regions.tiles.range_tiles import count_pixels
 
-        kinds = Partition(wanted.interval.edges, (0, 1, 0), ()).grey_table
-        outside, inside, *_ = count_pixels(source, kinds, tile_pass.silent).tolist()
+        classes = Partition(detected.interval.edges, (0, 1, 0), ()).grey_table
+        outside, inside, *_ = count_pixels(source, classes, tile_pass.silent).tolist()
         if inside:
-            ways = _ways(source, wanted.interval, request, tile_pass.silent)
+            ways = _ways(source, detected.interval, request, tile_pass.silent)
             return f"{none}, {missed_text(inside, outside + inside, ways)}"
     by_v = isinstance(request.interval, IntensityRange)
     return f"{none}; {where_to_look(source) if by_v else 'uavseg info shows which values there are'}"
@@ -272,7 +269,7 @@ def _why_none(
 def _ways(
     source: GreySource, interval: IntensityRange, request: ExtractRequest, tile_pass: TilePass
 ) -> list[str]:
-    """Options that find the pixels in range of which no region was found."""
+    """Return options that find the pixels in range of which no region was found."""
 
     if request.detail is not None:
         ways = ["a smaller --detail keeps more"]

@@ -1,22 +1,20 @@
 """Extraction of several classes at once: regions of several ranges of v that do not overlap."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from uavseg.errors import ParameterError
+from uavseg.dataclass import dataclass
 from uavseg.jobs.ranges.ranges import EACH_PIXEL, missed_text, where_to_look
 from uavseg.jobs.result.metadata import confidence_facts, drawing_facts, segment_facts, with_metadata
 from uavseg.jobs.result.result import Drawing, Extraction, measured
-from uavseg.jobs.segment_kinds import KindsRequest, Segmented, segment_kinds
+from uavseg.jobs.segment_classes import PartitionRequest, Segmented, segment_classes
 from uavseg.jobs.source.source import Source
 from uavseg.jobs.source.work import SERIAL, Work
-from uavseg.raster.grid.length import Length
+from uavseg.raster.grid.geobox import Length
 from uavseg.regions.confidence import Confidence, check_minimum, confidence_of, none_confident
 from uavseg.regions.edit.small import Area, drop_small_regions
-from uavseg.segmentation.params.partition import ValueClass, ValueClasses
-from uavseg.segmentation.params.segment import SegmentParams
+from uavseg.segmentation.params.segment import SegmentParams, ValueClass, ValueClasses
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +26,7 @@ class ClassesRequest:
     classes : ValueClasses
         Of v, after the stretch.
     segment : SegmentParams
-        See `segment_kinds.joint_params`.
+        See `segment_classes.joint_params`.
     drawing : Drawing
         How outlines are drawn.
     fill_holes : Area, optional
@@ -59,20 +57,8 @@ class ClassesRequest:
         check_minimum(self.min_confidence, self.segment.refine)
 
 
-def refuse_thin_lines(thin_lines: bool) -> None:
-    """Refuse thin lines with several classes.
-
-    Raises
-    ------
-    ParameterError
-        If they are asked for.
-    """
-    if thin_lines:
-        raise ParameterError("thin lines are found for one range, not for classes; leave thin lines out")
-
-
 def extract_classes(source: Source, request: ClassesRequest, work: Work = SERIAL) -> Extraction:
-    """Regions of several classes, decided together: no pixel is in two, and adjacent ones share borders.
+    """Extract regions of classes, decided together: no pixel is in two, and adjacent ones share borders.
 
     With one class, regions are those of `extract` with its range.
 
@@ -95,8 +81,9 @@ def extract_classes(source: Source, request: ClassesRequest, work: Work = SERIAL
     """
     work = work.begun()
     classes = request.classes.classes
-    kinds = KindsRequest(request.classes.partition, request.segment, request.fill_holes, request.detail)
-    found = segment_kinds(source, kinds, work)
+    partition = request.classes.partition
+    division = PartitionRequest(partition, request.segment, request.fill_holes, request.detail)
+    found = segment_classes(source, division, work)
     outlined, hints = found.outlined, list(found.notes)
     present = set(found.kinds_at(outlined.sums.firsts).tolist())
     if request.min_area is not None:
@@ -118,28 +105,28 @@ def extract_classes(source: Source, request: ClassesRequest, work: Work = SERIAL
     )
     result = measured(outlined, found.info, ends, request.drawing, columns, confidence=confidence)
     how = {"classes": [f"{one.name}={one.interval.low:g},{one.interval.high:g}" for one in classes]}
-    facts = segment_facts(request.segment) | drawing_facts(
+    metadata = segment_facts(request.segment) | drawing_facts(
         request.drawing, request.fill_holes, request.min_area, request.detail
     )
     if result.below_minimum and not len(result.regions):
         hints.append(none_confident(result.below_minimum, request.min_confidence))
-    facts |= confidence_facts(request.min_confidence)
-    return work.finished(with_metadata(result, source, "extract", how | facts), *hints)
+    metadata |= confidence_facts(request.min_confidence)
+    return work.finished(with_metadata(result, source, "extract", how | metadata), *hints)
 
 
-def _named(classes: Sequence[ValueClass], kinds: Sequence[int]) -> str:
-    return ", ".join(str(classes[kind - 1]) for kind in kinds)
+def _named(classes: Sequence[ValueClass], numbers: Sequence[int]) -> str:
+    return ", ".join(str(classes[number - 1]) for number in numbers)
 
 
-def _why_none(kinds: list[int], found: Segmented, request: ClassesRequest, source: Source) -> str:
+def _why_none(classes: list[int], found: Segmented, request: ClassesRequest, source: Source) -> str:
     """Why there is no region of some classes, for messages."""
     left = "is there" if request.fill_holes is None else "is left once holes are filled"
     left += "" if request.detail is None else f" and is {request.detail} wide"
-    none = f"no region of {_named(request.classes.classes, kinds)} {left}"
+    none = f"no region of {_named(request.classes.classes, classes)} {left}"
     counts = np.zeros(256, np.int64) if found.count is None else found.count()
-    inside, valid = int(counts[kinds].sum()), int(counts.sum())
+    inside, valid = int(counts[classes].sum()), int(counts.sum())
     ways = [] if request.detail is None else ["a smaller --detail keeps more"]
     ways += [] if request.segment.refine == "pixels" else [EACH_PIXEL]
     if not inside or not ways:
         return f"{none}; {where_to_look(source)}"
-    return f"{none}, {missed_text(inside, valid, ways, 'it' if len(kinds) == 1 else 'them')}"
+    return f"{none}, {missed_text(inside, valid, ways, 'it' if len(classes) == 1 else 'them')}"

@@ -6,7 +6,7 @@ from typing import Any
 
 from uavseg.access import is_address
 from uavseg.errors import UnchosenBandsError
-from uavseg.execution.phases import phase
+from uavseg.execution.executors import phase
 from uavseg.jobs.source.command_line import extract_line
 from uavseg.jobs.source.open_source import open_pixels
 from uavseg.jobs.source.source import Pixels, ProbabilityMap, Raster
@@ -17,7 +17,7 @@ from uavseg.raster.summary import Summary, summarize
 
 
 def open_to_describe(source: Any, options: ReadOptions = ReadOptions()) -> Raster | ProbabilityMap:
-    """A source as of `open_pixels`; where bands have to be chosen and none is, its first band, with a note.
+    """Open a source as `open_pixels`; where no band is chosen, its first one, with a note.
 
     Raises
     ------
@@ -37,7 +37,7 @@ def open_to_describe(source: Any, options: ReadOptions = ReadOptions()) -> Raste
 
 
 def info(source: Pixels, work: Work = SERIAL, named: Sequence[str] = ()) -> Summary:
-    """What a raster is, with the blocks of it that could not be read.
+    """Return what a raster is, with the blocks of it that could not be read.
 
     Parameters
     ----------

@@ -9,13 +9,13 @@ from uavseg.regions.formats.about_file import RegionFile, about_file, is_region_
 
 
 def names_regions(source: Any) -> bool:
-    """Whether a source of `info` is a file of regions, rather than rasters."""
+    """Return whether a source of `info` is a file of regions, rather than rasters."""
     parts = source if isinstance(source, list | tuple) else [source]
     return len(parts) == 1 and isinstance(parts[0], str | os.PathLike) and is_region_file(parts[0])
 
 
 def info_regions(source: Any, options: ReadOptions = ReadOptions()) -> RegionFile:
-    """What a file of regions holds.
+    """Return what a file of regions holds.
 
     Raises
     ------

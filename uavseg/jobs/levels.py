@@ -1,24 +1,29 @@
 """Division of a raster into levels between breaks of v, and of each level into adjacent segments."""
 
-from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.jobs.ranges.level_breaks import BreakChoice
 from uavseg.jobs.result.metadata import confidence_facts, drawing_facts, segment_facts, with_metadata
 from uavseg.jobs.result.result import Drawing, Extraction, measured
-from uavseg.jobs.segment_kinds import ChoosePartition, KindsRequest, Segmented, joint_params, segment_kinds
+from uavseg.jobs.segment_classes import (
+    ChoosePartition,
+    PartitionRequest,
+    Segmented,
+    joint_params,
+    segment_classes,
+)
 from uavseg.jobs.source.source import Source
 from uavseg.jobs.source.work import SERIAL, Work
-from uavseg.raster.grid.length import Length
+from uavseg.raster.grid.geobox import Length
 from uavseg.regions.confidence import Confidence, check_minimum, confidence_of, none_confident
 from uavseg.regions.edit.eliminate import eliminate
 from uavseg.regions.edit.small import Area, drop_small_regions
 from uavseg.segmentation.blocks.block_map import BlockMap
-from uavseg.segmentation.params.partition import Breaks, Partition, partition_of_levels
-from uavseg.segmentation.params.segment import Levels, SegmentParams
+from uavseg.segmentation.params.segment import Breaks, Levels, Partition, SegmentParams, partition_of_levels
 from uavseg.units import MAX_PIXEL_CLASSES
 
 Small = Literal["drop", "merge"]
@@ -33,7 +38,7 @@ class LevelsRequest:
     levels : Levels, Breaks or BreakChoice
         Of v, after the stretch.
     segment : SegmentParams
-        Its `refine` is "tv", "pixels" or "none"; see `segment_kinds.joint_params`.
+        Its `refine` is "tv", "pixels" or "none"; see `segment_classes.joint_params`.
     drawing : Drawing
         How outlines are drawn.
     min_area : Area, optional
@@ -68,7 +73,7 @@ class LevelsRequest:
 def level_params(
     segment: SegmentParams, refine: str | None, levels: Levels | Breaks | BreakChoice
 ) -> SegmentParams:
-    """How segments of levels are found; see `joint_params`. More than 127 levels end at block edges.
+    """Return how segments of levels are found; see `joint_params`. More than 127 levels end at block edges.
 
     Raises
     ------
@@ -81,7 +86,7 @@ def level_params(
 
 
 def levels(source: Source, request: LevelsRequest, work: Work = SERIAL) -> Extraction:
-    """The segments of all levels: adjacent pixels, or leaves if they are not refined, of the same interval.
+    """Find the segments of all levels: adjacent pixels, or leaves if not refined, of the same interval.
 
     A block map answers without its raster where segments may end at cells; then `std` is not known.
 
@@ -102,8 +107,8 @@ def levels(source: Source, request: LevelsRequest, work: Work = SERIAL) -> Extra
         If the source cannot be read or a parameter does not fit it.
     """
     work = work.begun()
-    kinds = KindsRequest(_partition(request), request.segment, detail=request.detail, cover=True)
-    found = segment_kinds(source, kinds, work)
+    classes = PartitionRequest(_partition(request), request.segment, detail=request.detail, cover=True)
+    found = segment_classes(source, classes, work)
     notes = [*found.notes, *_notes(found.partition, request)]
     small = {"small": request.small} if request.min_area is not None else {}
     how = {"levels": [0.0, *found.partition.edges, 1.0]} | segment_facts(request.segment)
@@ -120,7 +125,7 @@ def levels(source: Source, request: LevelsRequest, work: Work = SERIAL) -> Extra
 
 
 def _partition(request: LevelsRequest) -> Partition | ChoosePartition:
-    """The levels, or what chooses them from a block map."""
+    """Return the levels, or what chooses them from a block map."""
     choice = request.levels
     if not isinstance(choice, BreakChoice):
         return partition_of_levels(choice)
@@ -132,7 +137,7 @@ def _partition(request: LevelsRequest) -> Partition | ChoosePartition:
 
 
 def _notes(partition: Partition, request: LevelsRequest) -> list[str]:
-    """Where levels are not as they were asked for."""
+    """Return where levels are not as they were asked for."""
     choice, notes = request.levels, []
     if isinstance(choice, BreakChoice):
         if partition.count == 1:
@@ -150,7 +155,7 @@ def _notes(partition: Partition, request: LevelsRequest) -> list[str]:
 
 
 def _measured(found: Segmented, request: LevelsRequest) -> Extraction:
-    """Segments with their levels and attributes, the small ones merged or dropped."""
+    """Return segments with their levels and attributes, the small ones merged or dropped."""
     outlined, info = found.outlined, found.info
     if request.min_area is not None and request.small == "drop":
         outlined = drop_small_regions(outlined, info.geobox, request.min_area)

@@ -1,10 +1,9 @@
 """Segmentation by the original LBP/C, for comparison."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.jobs.result.result import SourceInfo
 from uavseg.jobs.source.open_source import pixels_of
 from uavseg.jobs.source.source import Source
@@ -32,7 +31,7 @@ class OriginalSegments:
 
 
 def original(source: Source, request: LbpcParams = DEFAULTS, work: Work = SERIAL) -> OriginalSegments:
-    """Segments of a raster by texture alone, as Ojala and Pietikäinen found them in 1999.
+    """Return segments of a raster by texture alone, as Ojala and Pietikäinen found them in 1999.
 
     Parameters
     ----------

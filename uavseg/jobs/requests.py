@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from numbers import Real
 from typing import TYPE_CHECKING, Any
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.jobs.extract import ExtractRequest, extract
 from uavseg.jobs.result.result import Drawing, Extraction
 from uavseg.jobs.source.source import Source
 from uavseg.jobs.source.work import Work
-from uavseg.options.classes import classes_of_options
-from uavseg.options.ranges import requested_range
+from uavseg.options.classes import classes_of_options, requested_range
 from uavseg.options.regions import (
     DrawingOptions,
     ExtractOptions,
@@ -23,7 +22,7 @@ from uavseg.options.regions import (
     SizeOptions,
     SuggestOptions,
 )
-from uavseg.raster.grid.length import as_length
+from uavseg.raster.grid.geobox import as_length
 from uavseg.regions.edit.small import as_area
 from uavseg.segmentation.params.segment import Levels
 
@@ -106,7 +105,7 @@ def _extract_job(options: ExtractOptions) -> RegionJob:
         )
         return RegionJob(options.read, lambda source, work: extract(source, request, work), request)
     from uavseg.jobs.extract_classes import ClassesRequest, extract_classes
-    from uavseg.jobs.segment_kinds import joint_params
+    from uavseg.jobs.segment_classes import joint_params
 
     if options.thin_lines:
         raise ParameterError("thin lines are found for one range, not for classes; leave thin lines out")

@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, RasterError
-from uavseg.execution.phases import phase
+from uavseg.execution.executors import phase
 from uavseg.jobs.divide import block_map_of
 from uavseg.jobs.result.result import SourceInfo
 from uavseg.jobs.source.source import Blocks, Pixels, Source
@@ -17,7 +18,7 @@ from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.jobs.suggestions import Suggestion, Suggestions
 from uavseg.raster.grid.tiling import TilePass
 from uavseg.raster.intensity.populations import population_edges
-from uavseg.raster.spectral.value_scale import ValueAxis
+from uavseg.raster.spectral.bands import ValueAxis
 from uavseg.regions.tiles.range_tiles import count_greys, count_regions, estimate_regions
 from uavseg.regions.tiles.segment_tiles import count_segments
 from uavseg.segmentation.blocks.block_map import BlockMap
@@ -64,7 +65,7 @@ class SuggestRequest:
 
 
 def suggest(source: Source, request: SuggestRequest = SuggestRequest(), work: Work = SERIAL) -> Suggestions:
-    """Ranges of v of a raster, answered from its block map.
+    """Return ranges of v of a raster, answered from its block map.
 
     Parameters
     ----------
@@ -104,7 +105,7 @@ def suggest(source: Source, request: SuggestRequest = SuggestRequest(), work: Wo
 def _with_populations(
     blocks: BlockMap, source: SourceInfo, request: SuggestRequest, grey: GreySource, tile_pass: TilePass
 ) -> Suggestions:
-    """The ranges where regions are refined: those of populations too, where each pixel is decided."""
+    """Return the ranges where regions are refined: those of populations too, where each pixel is decided."""
     if not request.segment.decides_pixels:
         return _suggestions(blocks, source, request, True)
     with phase("populations"):
@@ -125,7 +126,7 @@ def _suggestions(
     greys: NDArray[np.int64] | None = None,
     populations: tuple[float, ...] = (),
 ) -> Suggestions:
-    """The ranges with what they give at the edges of cells, which `refined` says will not be all.
+    """Return the ranges with what they give at the edges of cells, which `refined` says will not be all.
 
     With the pixels by grey, and the edges between their populations.
     """
@@ -167,7 +168,7 @@ def _suggestions(
 def _classes(
     blocks: BlockMap, chosen: Sequence[ChosenRange], intervals: NDArray[np.uint8]
 ) -> list[Suggestion]:
-    """Each range between two edges, with what it gives at the edges of cells."""
+    """Return each range between two edges, with what it gives at the edges of cells."""
     pixels = np.bincount(intervals.reshape(-1), blocks.counts.reshape(-1), len(chosen) + 1)[1:]
     regions = count_segments(blocks, intervals, len(chosen))
     return [_suggestion(blocks, one, int(pixels[k]), int(regions[k])) for k, one in enumerate(chosen)]
@@ -180,7 +181,7 @@ def _suggestion(blocks: BlockMap, one: ChosenRange, pixels: int, regions: int) -
 
 
 def _in_values(ranges: Sequence[Suggestion], axis: ValueAxis | None) -> tuple[Suggestion, ...]:
-    """The ranges with the values that they stand for."""
+    """Return the ranges with the values that they stand for."""
     if axis is None:
         return tuple(ranges)
     found = []
@@ -197,7 +198,7 @@ def _refined(
     segment: SegmentParams,
     tile_pass: TilePass,
 ) -> tuple[Suggestion, ...]:
-    """The ranges with their numbers of regions after refinement."""
+    """Return the ranges with their numbers of regions after refinement."""
     exact = math.prod(grey.shape) <= EXACT_PIXELS
     total = int(blocks.counts.sum(dtype=np.int64))
     found = []
@@ -217,7 +218,7 @@ def _refined(
 def _doubts(
     choice: RangeChoice, wanted: int | None, histogram: NDArray[np.int64], parted: bool
 ) -> tuple[str, ...]:
-    """What the user should know of how far the ranges are to be trusted."""
+    """Return what the user should know of how far the ranges are to be trusted."""
     classes = len(choice.edges) + 1
     if classes == 1:
         v = float(np.flatnonzero(histogram)[0] / (len(histogram) - 1))

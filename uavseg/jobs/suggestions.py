@@ -1,13 +1,14 @@
 """Ranges that are suggested: what a user sees of each."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.jobs.result.result import SourceInfo
-from uavseg.raster.spectral.value_scale import values_text
+from uavseg.raster.spectral.bands import values_text
 from uavseg.segmentation.blocks.block_map import BlockMap
 
 

@@ -7,11 +7,11 @@ one cell, so each occupied cell also marks the cell in which its centre lies; no
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import MapError, RasterError
 from uavseg.occupancy.map_file import FREE_UP_TO, OCCUPIED_FROM
 from uavseg.occupancy.mapping.grid_io import check_cells

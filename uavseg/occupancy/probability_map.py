@@ -1,12 +1,13 @@
 """Opening of maps of probabilities, of any format, for the phases of segmentation."""
 
 import os
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from affine import Affine
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import MapError
 from uavseg.occupancy.mapping.grid_io import LOG_ODDS
 from uavseg.occupancy.ros.ros_map import UNKNOWN_GREY, is_ros_map, read_picture, read_ros_map

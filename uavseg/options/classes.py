@@ -1,4 +1,4 @@
-"""Classes in words: name=LO,HI texts, mappings, and files (CSV or YAML) with names, ranges and colours."""
+"""Ranges of v, values or percentiles, and classes of them: texts, numbers, mappings, files (CSV or YAML)."""
 
 import csv
 import io
@@ -9,11 +9,113 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from uavseg.errors import ParameterError
+from uavseg.errors import IntensityRangeError, ParameterError
 from uavseg.inputs import check_yaml_brackets, read_bytes
+from uavseg.options.regions import RangeOptions
 from uavseg.plain_text import cause_of, shown
-from uavseg.segmentation.params.partition import ValueClass, ValueClasses
-from uavseg.segmentation.params.segment import IntensityRange
+from uavseg.raster.intensity.value_range import ValueRange
+from uavseg.segmentation.params.segment import IntensityRange, ValueClass, ValueClasses
+
+AnyRange = IntensityRange | ValueRange
+
+_EXAMPLES = {"range": "0.55,1", "values": "20,40 (or 300, or ,35)", "percentile": "90,100"}
+
+
+def parse_range(name: str, text: str) -> AnyRange:
+    """LO,HI of an option or an argument; an end of values or percentiles may be left out.
+
+    Parameters
+    ----------
+    name : str
+        "--range", "--values" or "--percentile", or without the dashes as in Python.
+    text : str
+
+    Raises
+    ------
+    ParameterError
+        If it is not such a range.
+
+    Examples
+    --------
+    >>> parse_range("--values", "300,")
+    ValueRange(low=300.0, high=None, by_rank=False)
+    """
+    kind = name.removeprefix("--")
+    try:
+        low, high = (_end(part, kind) for part in text.split(","))
+    except ValueError:
+        raise ParameterError(
+            f"{name} is two numbers with a comma between them, such as {_EXAMPLES[kind]}, not {shown(text)}"
+        ) from None
+    return _range(name, low, high)
+
+
+def requested_range(options: RangeOptions) -> AnyRange:
+    """Return the range of a job: exactly one of three, each two numbers (None for an open end) or a text.
+
+    Raises
+    ------
+    ParameterError
+        If there is none or more than one, or it is not a range.
+    """
+    named = {"range": options.range, "values": options.values, "percentile": options.percentile}
+    given = {name: value for name, value in named.items() if value is not None}
+    if len(given) != 1:
+        found = "none is given" if not given else f"{' and '.join(given)} are given"
+        raise ParameterError(f"a range is one of range (v in 0..1), values and percentile; {found}")
+    [(name, value)] = given.items()
+    if isinstance(value, IntensityRange | ValueRange):
+        return value
+    if isinstance(value, str):
+        return parse_range(name, value)
+    if (not isinstance(value, Sequence) and getattr(value, "ndim", None) != 1) or len(value) != 2:
+        raise ParameterError(f"{name} is two numbers, such as ({_EXAMPLES[name][:5]}), not {shown(value)}")
+    low, high = (None if end is None else _end_of(name, end) for end in value)
+    return _range(name, low, high)
+
+
+def _end_of(name: str, end: Any) -> float:
+    try:
+        if isinstance(end, bool | str | bytes):
+            raise TypeError
+        return float(end)
+    except (TypeError, ValueError, OverflowError):
+        raise ParameterError(f"{name} is two numbers, and {shown(end)} is not one") from None
+
+
+def _end(text: str, kind: str) -> float | None:
+    if not text.strip() and kind != "range":
+        return None
+    return float(text)
+
+
+def _range(name: str, low: float | None, high: float | None) -> AnyRange:
+    kind = name.removeprefix("--")
+    if kind != "range":
+        return ValueRange(low, high, by_rank=kind == "percentile")
+    if low is None or high is None:
+        raise ParameterError(
+            f"{name} is two numbers of v, such as 0.55,1; only values and percentiles are open"
+        )
+    try:
+        return IntensityRange(low, high)
+    except IntensityRangeError as error:
+        hint = _meant(name, low, high)
+        raise IntensityRangeError(f"{error}{hint}") from None
+
+
+def _meant(name: str, low: float, high: float) -> str:
+    """Return which other option a range beyond 0..1 was probably meant for."""
+    if not low <= high or (low >= 0 and high <= 1):
+        return ""
+    dashes = name.removesuffix("range")
+    pair = f"{low:.12g},{high:.12g}"
+    given = f" {pair}" if dashes else f"=({pair})"
+    text = f"; for values in the units of the raster give {dashes}values{given}"
+    if low >= 0 and high <= 100:
+        text += f", for per cent of its pixels {dashes}percentile{given}"
+    return text
+
 
 MAX_BYTES = 1 << 16  # of a file of classes
 _COLUMNS = ("name", "range", "low", "high", "color")
@@ -46,7 +148,7 @@ def parse_class_range(text: str, what: str = "a range") -> IntensityRange:
 
 
 def classes_of_texts(texts: Sequence[str]) -> ValueClasses:
-    """Classes from texts such as "water=0,0.2".
+    """Return classes from texts such as "water=0,0.2".
 
     Raises
     ------
@@ -68,7 +170,7 @@ def classes_of_texts(texts: Sequence[str]) -> ValueClasses:
 
 
 def classes_of_ranges(texts: Sequence[str]) -> ValueClasses:
-    """Classes from texts of ranges, after which they are named.
+    """Return classes from texts of ranges, after which they are named.
 
     Raises
     ------
@@ -117,7 +219,7 @@ def classes_of_options(ranges: Any, texts: Sequence[str], classes: Any) -> Value
 
 
 def classes_of_mapping(classes: Mapping[str, Any]) -> ValueClasses:
-    """Classes from a mapping of names to (low, high) or (low, high, color).
+    """Return classes from a mapping of names to (low, high) or (low, high, color).
 
     Raises
     ------
@@ -141,7 +243,7 @@ def classes_of_mapping(classes: Mapping[str, Any]) -> ValueClasses:
 
 
 def read_classes(path: str | os.PathLike[str]) -> ValueClasses:
-    """Classes from a file: CSV with a header, or YAML with a list of classes, each with a name and a range.
+    """Read classes from a file: CSV with a header, or a list in YAML, each with a name and a range.
 
     Raises
     ------
@@ -161,7 +263,7 @@ def read_classes(path: str | os.PathLike[str]) -> ValueClasses:
 
 
 def _csv_rows(content: bytes) -> list[dict[str, Any]]:
-    """Rows by the names of columns."""
+    """Return rows by the names of columns."""
     try:
         lines = list(csv.reader(io.StringIO(content.decode("utf-8-sig"), newline=""), strict=True))
     except (csv.Error, ValueError) as error:
@@ -180,32 +282,32 @@ def _csv_rows(content: bytes) -> list[dict[str, Any]]:
 
 
 def _yaml_rows(content: bytes) -> list[dict[str, Any]]:
-    """The list of classes, or a mapping of names to ranges, as rows."""
+    """Return the list of classes, or a mapping of names to ranges, as rows."""
     import yaml
 
     try:
         check_yaml_brackets(content)
         if any(isinstance(token, yaml.AliasToken) for token in yaml.scan(content, Loader=yaml.SafeLoader)):
             raise ParameterError("it has aliases (*name), which are not read")
-        found = yaml.safe_load(content)
+        result = yaml.safe_load(content)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         if isinstance(error, ParameterError):
             raise
         raise ParameterError(f"it is not YAML ({cause_of(error)})") from error
-    if isinstance(found, dict) and isinstance(found.get("classes"), list | dict):
-        found = found["classes"]
-    if isinstance(found, dict):
-        found = [
+    if isinstance(result, dict) and isinstance(result.get("classes"), list | dict):
+        result = result["classes"]
+    if isinstance(result, dict):
+        result = [
             {"name": name, **(value if isinstance(value, dict) else {"range": value})}
-            for name, value in found.items()
+            for name, value in result.items()
         ]
-    if not isinstance(found, list) or not found or not all(isinstance(row, dict) for row in found):
+    if not isinstance(result, list) or not result or not all(isinstance(row, dict) for row in result):
         raise ParameterError("it has no list of classes; expected entries with a name and a range")
-    return found
+    return result
 
 
 def _class_of_row(row: Mapping[Any, Any]) -> ValueClass:
-    """The class of a row of a file."""
+    """Return the class of a row of a file."""
     named: dict[str, Any] = {}
     for key, value in row.items():
         column = str(key).strip().lower()
@@ -228,7 +330,7 @@ def _class_of_row(row: Mapping[Any, Any]) -> ValueClass:
 
 
 def _class(name: str, low: Any, high: Any, color: Any) -> ValueClass:
-    """A class from its words, which are checked."""
+    """Return a class from its words, which are checked."""
     numbers = []
     for end in (low, high):
         try:

@@ -28,34 +28,44 @@ class FlightOptions(Options):
         type=float,
         metavar="M",
         basic=True,
+        label="Height of the flight",
     )
     home: Home | None = option(
         "Where the vehicle starts, and metres above the sea; auto: outside of regions and zones.",
         metavar="LAT,LON[,M]|auto",
         parse=texts.home,
         basic=True,
+        label="Home",
     )
     pattern: str | None = option(
         "A point in each region, its outline, parallel lines over it, lines along its middle, or a circle "
         "around it.  [visit, or survey with --spacing or a camera]",
         choices=("visit", "perimeter", "survey", "corridor", "orbit"),
         basic=True,
+        label="Pattern",
     )
     spacing: float | None = option(
-        "Metres between the lines of a survey or corridor.", type=float, metavar="M"
+        "Metres between the lines of a survey or corridor.",
+        type=float,
+        metavar="M",
+        label="Between lines",
     )
     angle: float | Literal["auto"] = option(
         "Azimuth of the lines, clockwise from north; auto: the one that needs the fewest lines.",
         default="auto",
         metavar="DEG|auto",
         parse=texts.number_or("auto", "auto", "--angle is a number of degrees or auto"),
+        label="Direction of lines",
     )
-    speed: float = option("Metres per second.", default=5.0, type=float, metavar="M_S", basic=True)
+    speed: float = option(
+        "Metres per second.", default=5.0, type=float, metavar="M_S", basic=True, label="Speed in m/s"
+    )
     autopilot: str = option(
         "What the mission is for; generic: any, with what ArduPilot and PX4 both accept.",
         default="ardupilot",
         choices=AUTOPILOTS,
         basic=True,
+        label="Autopilot",
     )
     tolerance: float | None = option(
         "How far outlines may be moved to save corners.  [default: 1 m, or a pixel where larger]",
@@ -66,6 +76,7 @@ class FlightOptions(Options):
         "What flies, for estimates of time and energy: accelerations, speeds, power and battery. "
         "[default: a multirotor with the parameters of its autopilot]",
         metavar="FILE.json",
+        label="Vehicle",
     )
 
 
@@ -77,12 +88,14 @@ class PhotoOptions(Options):
         "uavseg cameras lists them.",
         metavar="NAME|FILE.json",
         basic=True,
+        label="Camera",
     )
     gsd: float | None = option(
         "Ground sampling distance, in place of --altitude: centimetres per pixel.",
         type=float,
         metavar="CM",
         basic=True,
+        label="Ground sampling distance in cm",
     )
     overlap: Sequence[float] = option(
         "Overlap of photographs along lines and between them, in per cent.",
@@ -92,6 +105,7 @@ class PhotoOptions(Options):
         parse=texts.several_numbers("--overlap is FRONT,SIDE in per cent, such as 75,70"),
         shown="75,70",
         basic=True,
+        label="Overlap",
     )
     gimbal_pitch: float = option(
         "Where the camera looks: -90 is straight down.", default=-90.0, type=float, metavar="DEG"
@@ -116,6 +130,7 @@ class PhotoOptions(Options):
         "Photographs by distance, by time, in hover at a waypoint for each, or not by the mission.  "
         "[default: distance; hover on a visit]",
         choices=("distance", "interval", "hover", "none"),
+        label="Photographs",
     )
     shutter: float | None = option(
         "Exposure time in seconds, such as 1/1000, by which motion blur limits the speed.  [default: 1/1000]",
@@ -133,7 +148,11 @@ class PatternOptions(Options):
         type=float,
         metavar="M",
     )
-    crosshatch: bool = option("Survey: once more, in lines at a right angle to the first.", default=False)
+    crosshatch: bool = option(
+        "Survey: once more, in lines at a right angle to the first.",
+        default=False,
+        label="Survey twice, at a right angle",
+    )
     turnaround: float | None = option(
         "Survey: straight on without photographs before and after each line, for fixed wings.",
         type=float,
@@ -162,11 +181,13 @@ class TerrainOptions(Options):
         metavar="DEM.tif",
         multiple=True,
         parse=texts.or_none,
+        label="Elevation model",
     )
     terrain: str | None = option(
         "Heights above the sea or above home from --dem, with points added where the ground bends; frame: "
         "above the terrain that the vehicle knows itself (ArduPilot).  [absolute with --dem]",
         choices=("frame", "absolute", "relative"),
+        label="Heights with an elevation model",
     )
     terrain_tolerance: float | None = option(
         "How far the height above the ground may differ.  [default: 5, or a quarter of the height]",
@@ -193,20 +214,32 @@ class SafetyOptions(Options):
         metavar="FILE|LO,HI",
         multiple=True,
         parse=texts.zones,
+        basic=True,
+        label="Keep-out zones",
     )
-    avoid_margin: float = option("Least distance to keep-out zones.", default=10.0, type=float, metavar="M")
+    avoid_margin: float = option(
+        "Least distance to keep-out zones.",
+        default=10.0,
+        type=float,
+        metavar="M",
+        label="Distance to keep-out zones",
+    )
     allow_edge: bool = option(
         "Fly over regions that touch the edge of the raster all the same; they may go on beyond it, or be a "
         "collar.",
         default=False,
+        label="Fly over regions at the edge of the raster",
     )
     max_altitude: float | None = option(
         "Refuse to fly higher above home, or above the ground where it is known.",
         default=120.0,
         type=float,
         metavar="M",
+        label="Highest above home",
     )
-    max_distance: float | None = option("Refuse to fly farther from home.", type=float, metavar="M")
+    max_distance: float | None = option(
+        "Refuse to fly farther from home.", type=float, metavar="M", label="Farthest from home"
+    )
     fence: float | None = option(
         "Write a fence so far around each flight, which excludes keep-out zones.",
         default=50.0,
@@ -214,6 +247,7 @@ class SafetyOptions(Options):
         metavar="M|none",
         parse=texts.number_or("none", None, "--fence is a number of metres or none"),
         shown="50",
+        label="Fence in metres",
     )
     rally: Sequence[Sequence[float]] = option(
         "A place to return to in an emergency, with a height above home. May be given several times.",
@@ -232,12 +266,14 @@ class LimitOptions(Options):
         "Minutes in the air on a full battery: the mission is divided into flights that fit.",
         type=float,
         metavar="MIN",
+        label="Minutes in the air",
     )
     reserve: float = option(
         "Part of the endurance that is left at the end of each flight.",
         default=20.0,
         type=float,
         metavar="PERCENT",
+        label="Reserve in per cent",
     )
     max_items: int | None = option(
         "Items of a flight at most: the mission is divided likewise.  [default: 650 for ardupilot, else 500]",
@@ -253,6 +289,7 @@ class MissionFileOptions(Options):
         "In a .plan, survey items that QGroundControl can edit where a part is convex; the same flight.",
         default=False,
         python=False,
+        label="Survey items that QGroundControl can edit",
     )
     dji_model: str = option(
         "The aircraft of a .kmz: m3e, m3t, m3m, m4e, m4t, m30, m30t, m3d, m3td, m300-h20, m350-h30 ...",
@@ -290,12 +327,15 @@ class PlanOptions(Options):
     ids: Sequence[int] | None = option(
         "Only the regions with these ids.", metavar="N,N,...", parse=texts.ids, basic=True
     )
-    largest: int | None = option("Only the N largest.", type=int, minimum=1, metavar="N", basic=True)
+    largest: int | None = option(
+        "Only the N largest.", type=int, minimum=1, metavar="N", basic=True, label="Only the largest"
+    )
     where: str | None = option(
         'Only regions that fulfil it, as in "mean > 0.7 and area_m2 > 500". A comparison with a missing '
         "number is neither true nor false, so != and not do not select it either.",
         metavar="CONDITION",
         basic=True,
+        label="Only regions where",
     )
     classes: str | Sequence[str] | None = option(
         "Fly over regions of this class only. May be given several times.",
@@ -315,6 +355,7 @@ class PlanOptions(Options):
     raster: Any = option(
         "Where ranges of --avoid are looked for, and at whose edge no region may lie; see --allow-edge.",
         metavar="PATH",
+        label="Raster of the regions",
     )
     layer: str | None = option("The layer of a file that has several.", metavar="NAME")
     as_json: bool = option(
@@ -338,6 +379,7 @@ class CheckOptions(Options):
         "What it is checked for.  [default: what FILE is for, if its format says so]",
         choices=AUTOPILOTS,
         basic=True,
+        label="Autopilot",
     )
     safety: SafetyOptions = group(
         SafetyOptions,

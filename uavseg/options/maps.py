@@ -5,11 +5,11 @@ from __future__ import annotations
 from uavseg.options import texts
 from uavseg.options.flights import AUTOPILOTS, Home
 from uavseg.options.option import Options, argument, group, option
-from uavseg.options.outputs import CreationOptions
 from uavseg.options.reading import MAP_STRETCH, ONLY_RASTERS, AccessOptions, ReadOptions
 from uavseg.options.regions import DivisionOptions, RangeOptions
 from uavseg.options.running import (
     OverwriteOptions,
+    StorageOptions,
     TiledJobOptions,
     VerbosityOptions,
 )
@@ -62,27 +62,47 @@ class ClassifyOptions(TiledJobOptions):
         },
     )
     free_below: float = option(
-        "Free is what has at most this v.", default=0.498, type=float, metavar="V", basic=True
+        "Free is what has at most this v.",
+        default=0.498,
+        type=float,
+        metavar="V",
+        basic=True,
+        label="Free up to v",
     )
     occupied_above: float = option(
-        "Occupied is what has a larger v.", default=0.502, type=float, metavar="V", basic=True
+        "Occupied is what has a larger v.",
+        default=0.502,
+        type=float,
+        metavar="V",
+        basic=True,
+        label="Occupied above v",
     )
     refine: str = option(
         "Whether the borders of states are found to the cell, or stay those of blocks.",
         default="scan",
         choices=("scan", "none"),
+        label="Borders of states",
     )
     min_area: float | str | None = option(
-        "Drop objects of less; states stay as they are.", metavar="M2|Npx", basic=True
+        "Drop objects of less; states stay as they are.",
+        metavar="M2|Npx",
+        basic=True,
+        label="Smallest object (m², or cells as 5px)",
     )
     allow_lost_obstacles: bool = option(
         "Write states in which obstacles of the map have no occupied cell, instead of refusing.",
         default=False,
+        label="Write states in which obstacles are lost",
     )
-    simplify: float | None = option("Simplify the outlines of objects.", type=float, metavar="METRES")
+    simplify: float | None = option(
+        "Simplify the outlines of objects.",
+        type=float,
+        metavar="METRES",
+        label="Simplify outlines of objects within",
+    )
     read: ReadOptions = group(ReadOptions, *ONLY_RASTERS, **MAP_STRETCH)
     division: DivisionOptions = group(DivisionOptions, method={"basic": True})
-    creation: CreationOptions = group(CreationOptions)
+    creation: StorageOptions = group(StorageOptions)
 
 
 class PathOptions(TiledJobOptions):
@@ -118,8 +138,14 @@ class PathOptions(TiledJobOptions):
         metavar="M",
         shown="-",
         basic=True,
+        label="Clearance",
     )
-    smooth: bool = option("Pull the path tight, at any angle.", default=False, basic=True)
+    smooth: bool = option(
+        "Pull the path tight, at any angle.",
+        default=False,
+        basic=True,
+        label="Pull the path tight, at any angle",
+    )
     output: str = option(
         "The path: .geojson; as a mission .plan, .waypoints, .kmz, .csv or .kml; - is GeoJSON on stdout.",
         *("-o", "--output"),
@@ -132,6 +158,7 @@ class PathOptions(TiledJobOptions):
         "What makes a region: cells by their own value, or as in the paper by the mean of their block too.",
         choices=("pixels", "scan"),
         shown="pixels; with --method paper scan",
+        label="Regions",
     )
     altitude: float | None = option(
         "For a mission: metres above home.", type=float, metavar="M", python=False, basic=True
@@ -191,7 +218,7 @@ class BuildMapOptions(Options):
         "What counts where the sign of angle_increment contradicts the angles.  [default: neither]",
         choices=("angles", "increment"),
     )
-    creation: CreationOptions = group(CreationOptions)
+    creation: StorageOptions = group(StorageOptions)
     files: OverwriteOptions = group(OverwriteOptions)
     messages: VerbosityOptions = group(VerbosityOptions)
 
@@ -214,7 +241,7 @@ class MergeMapsOptions(Options):
         "Side of a cell.  [default: that of the first map]", type=float, metavar="M", basic=True
     )
     mode: ModeOptions = group(ModeOptions, mode={"basic": True})
-    creation: CreationOptions = group(CreationOptions)
+    creation: StorageOptions = group(StorageOptions)
     files: OverwriteOptions = group(OverwriteOptions)
     messages: VerbosityOptions = group(VerbosityOptions)
     access: AccessOptions = group(AccessOptions)
@@ -253,6 +280,6 @@ class SimulateOptions(Options):
     poses: int | None = option(
         "Scan from the first N poses only.", type=int, minimum=1, metavar="N", basic=True
     )
-    creation: CreationOptions = group(CreationOptions)
+    creation: StorageOptions = group(StorageOptions)
     files: OverwriteOptions = group(OverwriteOptions)
     messages: VerbosityOptions = group(VerbosityOptions)

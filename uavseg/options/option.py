@@ -8,9 +8,11 @@ the reference; the signatures of Python are tested against it.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import MISSING, FrozenInstanceError, dataclass, field, fields, replace
+from dataclasses import field, fields, replace
 from functools import cache
 from typing import Any, TypeVar, dataclass_transform
+
+from uavseg.dataclass import dataclass
 
 T = TypeVar("T")
 
@@ -41,6 +43,8 @@ class Option:
     minimum : int, optional
     basic : bool
         Whether `--help` lists it; `--help-all` lists all.
+    label : str
+        Name in the dialogs of QGIS; empty: it is in none.
     python : bool
         Whether the Python function has it.
     default : object
@@ -60,6 +64,7 @@ class Option:
     shown: str = ""
     minimum: int | None = None
     basic: bool = False
+    label: str = ""
     python: bool = True
     default: Any = None
     group: str = ""
@@ -110,38 +115,10 @@ def group(of: type, *without: str, python: bool = True, **changed: Any) -> Any:
 
 @dataclass_transform(kw_only_default=True, frozen_default=True)
 class Options:
-    """Frozen dataclass of options.
-
-    What `dataclass` compiles for each class at each start, in Python before 3.13, all of them have from here.
-    """
+    """Frozen dataclass of options, which are given by name."""
 
     def __init_subclass__(cls) -> None:
-        dataclass(init=False, repr=False, eq=False)(cls)
-
-    def __init__(self, **values: Any) -> None:
-        for one in fields(self):  # type: ignore[arg-type]
-            default = one.default if one.default_factory is MISSING else one.default_factory()
-            object.__setattr__(self, one.name, values.pop(one.name, default))
-        if values:
-            raise TypeError(f"{type(self).__name__} has no option {next(iter(values))}")
-        self._check()
-
-    def _check(self) -> None:
-        """Refuse values that do not go together, and convert those that can be given in several forms."""
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        raise FrozenInstanceError(f"cannot assign to {name}")
-
-    def __eq__(self, other: object) -> bool:
-        return type(self) is type(other) and vars(self) == vars(other)
-
-    def __hash__(self) -> int:
-        return hash(tuple(vars(self).items()))
-
-    def __repr__(self) -> str:
-        return (
-            f"{type(self).__name__}({', '.join(f'{name}={value!r}' for name, value in vars(self).items())})"
-        )
+        dataclass(frozen=True, kw_only=True)(cls)
 
 
 @cache
@@ -167,13 +144,13 @@ def _options(job: type) -> Iterator[tuple[str, Option]]:
 
 def arguments_of(job: type) -> dict[str, Option]:
     """Return the positional arguments of the command of a job by name."""
-    found: dict[str, Option] = {}
+    result: dict[str, Option] = {}
     for one in fields(job):
         if "argument" in one.metadata:
-            found[one.name] = one.metadata["argument"]
+            result[one.name] = one.metadata["argument"]
         elif "group" in one.metadata:
-            found |= arguments_of(one.metadata["group"].of)
-    return found
+            result |= arguments_of(one.metadata["group"].of)
+    return result
 
 
 def build(job: type[T], values: Mapping[str, Any]) -> T:

@@ -60,7 +60,7 @@ class PreviewOptions(Options):
     access: AccessOptions = group(AccessOptions)
 
 
-class SizeOptions(Options):
+class PictureOptions(Options):
     """Page."""
 
     size: int = option(
@@ -88,7 +88,7 @@ class MapOptions(Options):
         basic=True,
     )
     output: Any = option("The page.", "-o", "--output", required=True, metavar="PATH.html", basic=True)
-    size: SizeOptions = group(SizeOptions)
+    size: PictureOptions = group(PictureOptions)
     read: ReadOptions = group(ReadOptions, *ONLY_MAPS, "flatten", **RASTER_STRETCH)
     division: DivisionOptions = group(DivisionOptions)
     run: RunOptions = group(RunOptions)
@@ -105,7 +105,7 @@ class ServeOptions(Options):
     port: int = option(
         "Port of 127.0.0.1; 0 is any that is free.", default=0, type=int, metavar="N", basic=True
     )
-    size: SizeOptions = group(SizeOptions)
+    size: PictureOptions = group(PictureOptions)
     read: ReadOptions = group(ReadOptions, *ONLY_MAPS, "flatten", **RASTER_STRETCH)
     division: DivisionOptions = group(DivisionOptions)
     run: RunOptions = group(RunOptions, resume={"python": False})
@@ -118,6 +118,13 @@ class CamerasOptions(Options):
     """Cameras."""
 
     words: tuple[str, ...] = argument("[WORDS]...", default=(), multiple=True)
+    as_json: bool = option(
+        "Write JSON, for programs; an entry in a file is a camera for --camera.",
+        "--json",
+        default=False,
+        python=False,
+        basic=True,
+    )
 
 
 class DoctorOptions(Options):

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from os import PathLike
 
-    from uavseg.raster.grid.length import Length
+    from uavseg.raster.grid.geobox import Length
     from uavseg.raster.intensity.stretch import Stretch, StretchSpec
     from uavseg.raster.read.dataset import Dataset
     from uavseg.raster.spectral.formula import BandWords
@@ -49,29 +49,42 @@ class ReadOptions(Options):
         basic=True,
     )
     rgb: tuple[int | str, int | str, int | str] | None = option(
-        "Use the luminance of these bands.", metavar="R,G,B", parse=texts.three_bands
+        "Use the luminance of these bands.",
+        metavar="R,G,B",
+        parse=texts.three_bands,
+        label="Bands of red, green and blue",
     )
     index: str | None = option(
-        "Use a spectral index: ndvi, ndwi, ndbi, exg, vari, ...", metavar="NAME", basic=True
+        "Use a spectral index: ndvi, ndwi, ndbi, exg, vari, ...",
+        metavar="NAME",
+        basic=True,
+        label="Spectral index",
     )
-    expr: str | None = option("Use band arithmetic, such as '(nir - red) / (nir + red)'.", metavar="TEXT")
+    expr: str | None = option(
+        "Use band arithmetic, such as '(nir - red) / (nir + red)'.", metavar="TEXT", label="Band arithmetic"
+    )
     band_names: str | None = option(
-        "Names for the bands: one for each (red,green,blue,nir) or some (nir=4).", metavar="NAMES"
+        "Names for the bands: one for each (red,green,blue,nir) or some (nir=4).",
+        metavar="NAMES",
+        label="Names of the bands",
     )
     nodata: float | str | None = option(
         "This value (nan too) is nodata, beside the file's own; only:V: it alone; none: no value is.",
         metavar="V|only:V|none",
         parse=texts.nodata,
+        label="Nodata value",
     )
     stretch: Stretch | StretchSpec | str | None = option(
         "How intensity becomes v: auto, dtype, minmax, percentile:P,Q, none or LOW,HIGH.",
         metavar="STRETCH",
         basic=True,
+        label="Stretch",
     )
     collar: str = option(
         "Count an untagged black or white collar as nodata, or keep it.",
         default="auto",
         choices=("auto", "keep"),
+        label="Collar",
     )
     skip_bad_tiles: bool = option(
         "Count blocks of a file that cannot be read as nodata, and list them at the end.", default=False
@@ -80,6 +93,7 @@ class ReadOptions(Options):
         "Take away light that changes slowly over this width, several times that of what is sought; --range "
         "is then of v without it.",
         metavar="M|Npx",
+        label="Take slow light away over (m, or pixels as 200px)",
     )
     free_is_white: bool | None = option(
         "Of a picture without its YAML file: whether white or black is free; with white, 205 is unknown.",
@@ -87,9 +101,9 @@ class ReadOptions(Options):
         type=bool,
     )
 
-    def _check(self) -> None:
+    def __post_init__(self) -> None:
         from uavseg.raster.collar.find import check_collar
-        from uavseg.raster.grid.length import Length, as_length
+        from uavseg.raster.grid.geobox import Length, as_length
         from uavseg.raster.intensity.stretch import parse_stretch
         from uavseg.raster.spectral.bands import as_nodata
 
@@ -122,7 +136,7 @@ class ReadOptions(Options):
     @property
     def flat_field(self) -> Length | None:
         """The width of the flat field, parsed."""
-        from uavseg.raster.grid.length import Length
+        from uavseg.raster.grid.geobox import Length
 
         assert self.flatten is None or isinstance(self.flatten, Length), "parsed when the options are made"
         return self.flatten

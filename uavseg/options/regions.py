@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 from uavseg.options import texts
 from uavseg.options.flights import MissionOptions
 from uavseg.options.option import Options, group, option
-from uavseg.options.outputs import CreationOptions, EachOptions, RegionOutputs
 from uavseg.options.reading import (
     ONLY_MAPS,
     RASTER_STRETCH,
@@ -18,13 +17,16 @@ from uavseg.options.reading import (
     ReadOptions,
 )
 from uavseg.options.running import (
+    EachOptions,
+    RegionOutputs,
+    StorageOptions,
     TiledJobOptions,
 )
 
 if TYPE_CHECKING:
     from uavseg.segmentation.params.segment import SegmentParams
 
-ADVANCED_FLIGHT = ("pattern", "speed", "autopilot", "overlap")  # in the help of extract
+ADVANCED_FLIGHT = ("pattern", "speed", "autopilot", "overlap", "avoid")  # in the help of extract
 Sample = str | os.PathLike[str] | tuple[float, float, float]
 Ends = Sequence[float | None] | str | None
 
@@ -61,13 +63,21 @@ class DivisionOptions(Options):
         "Divide blocks by texture and intensity, or by texture alone as the paper does.",
         default="adaptive",
         choices=("adaptive", "paper"),
+        label="Method",
     )
-    threshold: float = option("Divide where G_max / G_min is larger.", default=1.2, type=float, metavar="X")
+    threshold: float = option(
+        "Divide where G_max / G_min is larger.",
+        default=1.2,
+        type=float,
+        metavar="X",
+        label="Threshold of G_max / G_min",
+    )
     intensity_step: float = option(
         "Adaptive: divide where the means of the children differ by more.",
         default=0.05,
         type=float,
         metavar="TAU",
+        label="Intensity step",
     )
 
     def segment_params(self, refine: str | None = None) -> SegmentParams:
@@ -83,18 +93,26 @@ class SizeOptions(Options):
     detail: float | str | None = option(
         "Leave out what is narrower, cut necks and close gaps that are; before holes are filled.",
         metavar="M|Npx",
+        label="Detail to keep (m, or pixels as 9px)",
     )
     min_area: float | str | None = option(
-        "Drop regions of less, after holes are filled.", metavar="M2|Npx", basic=True
+        "Drop regions of less, after holes are filled.",
+        metavar="M2|Npx",
+        basic=True,
+        label="Smallest area (m², or pixels as 50px)",
     )
     fill_holes: float | str | None = option(
-        "Fill holes of less, before small regions are dropped.", metavar="M2|Npx", basic=True
+        "Fill holes of less, before small regions are dropped.",
+        metavar="M2|Npx",
+        basic=True,
+        label="Fill holes up to (m², or pixels as 50px)",
     )
     min_confidence: float | None = option(
         "Drop regions of a lower confidence (0 to 1) at last; on drawn scenes four fifths of those at 0.8 "
         "are right.",
         type=float,
         metavar="P",
+        label="Smallest confidence",
     )
 
 
@@ -106,11 +124,13 @@ class DrawingOptions(Options):
         "half a pixel; shared borders stay shared, attributes those of the pixels.",
         type=float,
         metavar="METRES",
+        label="Smooth outlines within",
     )
     simplify: float | None = option(
         "Simplify outlines, after they are smoothed; shared borders stay shared.",
         type=float,
         metavar="METRES",
+        label="Simplify outlines within",
     )
 
 
@@ -131,10 +151,12 @@ class ExtractOptions(TiledJobOptions):
         basic=True,
     )
     classes: Mapping[str, Any] | str | os.PathLike[str] | None = option(
-        "Classes from a .csv or .yaml file: name, range (or low and high), color as #rrggbb.", metavar="FILE"
+        "Classes from a .csv or .yaml file: name, range (or low and high), color as #rrggbb.",
+        metavar="FILE",
+        label="File of classes",
     )
     outputs: RegionOutputs = group(RegionOutputs)
-    creation: CreationOptions = group(CreationOptions)
+    creation: StorageOptions = group(StorageOptions)
     read: ReadOptions = group(ReadOptions, *ONLY_MAPS, **RASTER_STRETCH)
     division: DivisionOptions = group(DivisionOptions)
     refine: str | None = option(
@@ -143,11 +165,13 @@ class ExtractOptions(TiledJobOptions):
         "do.",
         choices=("tv", "scan", "none", "smooth", "pixels"),
         shown="tv; with --method paper scan, and none for classes",
+        label="Refinement",
     )
     sizes: SizeOptions = group(SizeOptions)
     thin_lines: bool = option(
         "Also find lines of 1 to 3 pixels (cracks, tracks) in one range by their contrast along 15 pixels.",
         default=False,
+        label="Add thin lines",
     )
     drawing: DrawingOptions = group(DrawingOptions)
     each: EachOptions = group(EachOptions)
@@ -184,12 +208,19 @@ class LevelsOptions(TiledJobOptions):
     """Levels."""
 
     source: RasterArguments = group(RasterArguments)
-    width: float | None = option("Width of a level in v, such as 0.1.", type=float, metavar="P", basic=True)
+    width: float | None = option(
+        "Width of a level in v, such as 0.1.",
+        type=float,
+        metavar="P",
+        basic=True,
+        label="Width of a level in v",
+    )
     breaks: Sequence[float] | str | None = option(
         "In place of a width: the values of v between levels, such as 0.2,0.5; or K levels with the smallest "
         "variance within (otsu, as suggest --classes K) or the same number of pixels (quantile, 5).",
         metavar="V,V,...|otsu[:K]|quantile[:K]",
         basic=True,
+        label="Breaks",
     )
     outputs: RegionOutputs = group(
         RegionOutputs,
@@ -202,7 +233,7 @@ class LevelsOptions(TiledJobOptions):
             "tiles."
         },
     )
-    creation: CreationOptions = group(CreationOptions)
+    creation: StorageOptions = group(StorageOptions)
     read: ReadOptions = group(ReadOptions, *ONLY_MAPS, **RASTER_STRETCH)
     division: DivisionOptions = group(DivisionOptions)
     refine: str | None = option(
@@ -210,6 +241,7 @@ class LevelsOptions(TiledJobOptions):
         "pixels: every pixel by its own value.",
         choices=("tv", "none", "pixels"),
         shown="tv; none with --method paper",
+        label="Refinement",
     )
     sizes: SizeOptions = group(
         SizeOptions,
@@ -222,6 +254,7 @@ class LevelsOptions(TiledJobOptions):
         "neighbour with the longest common border (then the nearest mean); one that has grown enough stays.",
         default="merge",
         choices=("merge", "drop"),
+        label="Small segments",
     )
     drawing: DrawingOptions = group(DrawingOptions)
     each: EachOptions = group(EachOptions)
@@ -261,30 +294,34 @@ class MatchOptions(TiledJobOptions):
             "[default: STEM.match.geojson here]"
         },
     )
-    creation: CreationOptions = group(CreationOptions)
+    creation: StorageOptions = group(StorageOptions)
     by: str = option(
         "What is compared: color, texture with intensity, or what parts the sample from the raster.",
         default="auto",
         choices=("auto", "color", "texture"),
         basic=True,
+        label="Compare by",
     )
     window: int | None = option(
         "Side of the window whose texture is compared: 16, 24, 32, 48, 64, 96 or 128.  "
         "[default: 32, or 24 or 16 where the sample is small]",
         type=int,
         metavar="PIXELS",
+        label="Window",
     )
     similarity: float = option(
         "How like the sample's own windows a window must be, up to 1; less finds more.",
         default=0.9,
         type=float,
         metavar="S",
+        label="Similarity",
     )
     intensity: float = option(
         "By how many of the sample's deviations the mean may differ; inf: texture alone.",
         default=1.0,
         type=float,
         metavar="K|inf",
+        label="Deviations of intensity",
     )
     bands: Sequence[int | str] = option(
         "Compare these bands, each by itself; beside texture too.",
@@ -292,12 +329,14 @@ class MatchOptions(TiledJobOptions):
         type=str,
         metavar="BAND,...",
         parse=texts.bands,
+        label="Bands to compare",
     )
     read: ReadOptions = group(ReadOptions, *ONLY_MAPS, "flatten", **RASTER_STRETCH)
     refine: str = option(
         "Boundaries to the pixel, or at the edges of cells of 8 pixels.",
         default="pixel",
         choices=("pixel", "none"),
+        label="Refinement",
     )
     sizes: SizeOptions = group(SizeOptions, min_area={"help": "Drop regions of less."})
     drawing: DrawingOptions = group(
@@ -325,6 +364,7 @@ class SuggestOptions(TiledJobOptions):
         metavar="N|auto",
         parse=texts.count_or_auto,
         basic=True,
+        label="How many ranges",
     )
     like: Sample | Sequence[Sample] = option(
         "The band, index or sum of bands and the range of its values that part this sample best: a file of "
@@ -342,6 +382,7 @@ class SuggestOptions(TiledJobOptions):
         multiple=True,
         metavar="SAMPLE|X,Y,RADIUS",
         basic=True,
+        label="Samples of what to leave out",
     )
     bands: Sequence[int | str] = option(
         "With --like: look at these bands alone.",
@@ -349,6 +390,7 @@ class SuggestOptions(TiledJobOptions):
         type=str,
         metavar="BAND,...",
         parse=texts.bands,
+        label="Bands to look at",
     )
     as_json: bool = option("Write JSON, for programs.", "--json", default=False, python=False, basic=True)
     read: ReadOptions = group(ReadOptions, *ONLY_MAPS, **RASTER_STRETCH)
@@ -367,7 +409,7 @@ class DivideOptions(TiledJobOptions):
         python=False,
         basic=True,
     )
-    creation: CreationOptions = group(CreationOptions)
+    creation: StorageOptions = group(StorageOptions)
     read: ReadOptions = group(ReadOptions, *ONLY_MAPS, **RASTER_STRETCH)
     division: DivisionOptions = group(DivisionOptions, python=False)
 
@@ -384,7 +426,7 @@ class OriginalOptions(TiledJobOptions):
         python=False,
         basic=True,
     )
-    creation: CreationOptions = group(CreationOptions)
+    creation: StorageOptions = group(StorageOptions)
     threshold: float = option(
         "Divide where G_max / G_min is larger.", default=1.2, type=float, metavar="X", basic=True
     )

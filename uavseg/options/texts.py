@@ -68,7 +68,7 @@ def range_named(name: str) -> Callable[[str], Any]:
     """Return a parser of LO,HI of an option with this name."""
 
     def parse(text: str) -> Any:
-        from uavseg.options.ranges import parse_range
+        from uavseg.options.classes import parse_range
 
         return parse_range(name, text)
 
@@ -85,12 +85,12 @@ def numbers(expected: str, count: int, separator: str = ",") -> Callable[[str], 
 
     def parse(text: str) -> tuple[float, ...]:
         try:
-            found = tuple(float(part) for part in text.lower().split(separator))
+            result = tuple(float(part) for part in text.lower().split(separator))
         except ValueError:
-            found = ()
-        if len(found) != count:
+            result = ()
+        if len(result) != count:
             raise ParameterError(f"{expected}, not {text!r}")
-        return found
+        return result
 
     return parse
 
@@ -126,12 +126,12 @@ def home(text: str) -> tuple[float, ...] | Literal["auto"]:
     if text.strip().lower() == "auto":
         return "auto"
     try:
-        found = tuple(float(part) for part in text.split("," if "," in text else None))
+        result = tuple(float(part) for part in text.split("," if "," in text else None))
     except ValueError:
-        found = ()
-    if len(found) not in (2, 3):
+        result = ()
+    if len(result) not in (2, 3):
         raise ParameterError(f"--home is LAT,LON or LAT,LON,M in degrees and metres, or auto, not {text!r}")
-    return found
+    return result
 
 
 def ids(text: str) -> list[int]:

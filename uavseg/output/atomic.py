@@ -20,16 +20,14 @@ import warnings
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
 from pathlib import Path
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import OutputError, OutputExistsError, UavsegError
-from uavseg.output.disk import locked_folder, put_new, sync_all_in, sync_folder
-from uavseg.output.interrupts import interrupts_held
+from uavseg.output.disk import locked_folder, note_written, put_new, sync_all_in, sync_folder
 from uavseg.output.renames import Journal, NewFile, has_journal, recover, remove_journal, rename_all, undo
-from uavseg.output.staging import Stage, is_staged
+from uavseg.output.staging import Stage, interrupts_held, is_staged
 from uavseg.output.targets import Target, existing_files, find_target, sidecars
-from uavseg.output.written import note_written
 
 _PROBE = 1 << 16  # bytes
 

@@ -9,10 +9,11 @@ taken up again.
 import json
 import os
 import stat
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import OutputError
 from uavseg.output.disk import locked_folder, put_new, sync_file, sync_folder
 from uavseg.output.staging import Stage, dead_stages

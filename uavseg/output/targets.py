@@ -4,9 +4,9 @@ import os
 import re
 import stat
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from pathlib import Path, PurePath
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import OutputError, OutputExistsError
 
 Path_ = str | os.PathLike[str]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from uavseg.execution.phases import decided, phase
+from uavseg.execution.executors import decided, phase
 from uavseg.jobs.source.inputs import keep_inputs
 from uavseg.occupancy.probability_map import open_map, stretch_of
 from uavseg.occupancy.ros.ros_map import is_ros_map

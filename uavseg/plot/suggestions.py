@@ -30,7 +30,7 @@ from uavseg.raster.grid.geobox import scaled
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.read.dataset import Dataset
 from uavseg.raster.read.overview import DatasetOverview
-from uavseg.raster.spectral.value_scale import ValueAxis
+from uavseg.raster.spectral.bands import ValueAxis
 from uavseg.units import CELL, GREY_MAX
 
 RANGE_COLORS = ("#3b5bdb", "#19c3f0", "#2fd05f", "#b5e61d", "#ffe119", "#ff8c1a", "#e8362e", "#f032e6")

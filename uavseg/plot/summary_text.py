@@ -92,11 +92,11 @@ def _extent(bounds: tuple[float, float, float, float] | None) -> str:
 
 def _bands(summary: Summary) -> str:
     nodatas = {nodata for _, _, nodata in summary.bands}
-    shared = f", nodata {_number(nodatas.pop())}" if len(nodatas) == 1 and nodatas != {None} else ""
+    shared = f", nodata {_decimal(nodatas.pop())}" if len(nodatas) == 1 and nodatas != {None} else ""
     named = zip(summary.bands, summary.names, strict=True)
     texts = [
         f"{n}: {dtype} {_band_name(color, name)}"
-        + (f" (nodata {_number(nodata)})" if nodata is not None and not shared else "")
+        + (f" (nodata {_decimal(nodata)})" if nodata is not None and not shared else "")
         for n, ((dtype, color, nodata), name) in enumerate(named, start=1)
     ]
     limit = 24 if any(summary.names) else 8
@@ -136,7 +136,7 @@ def _bin_values(summary: Summary, n: int) -> str:
     return f"{low:.5g} to {high:.5g}  "
 
 
-def _number(value: float | None) -> str:
+def _decimal(value: float | None) -> str:
     return f"{value:.10g}" if value is not None else "none"
 
 

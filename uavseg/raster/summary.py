@@ -1,29 +1,29 @@
 """Raster summary: metadata, histogram and moments of intensity, and a command to try."""
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.execution.executors import Map, Progress, serial
 from uavseg.raster.collar.find import without_collar
 from uavseg.raster.geodesy.globe import crs_name
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.ground import ground_resolution
 from uavseg.raster.grid.tiling import TilePass, Window, tile_side, tiles
-from uavseg.raster.intensity.beyond import greys_beyond
 from uavseg.raster.intensity.otsu import multi_otsu
 from uavseg.raster.intensity.populations import population_edges, rarest_population
-from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch
+from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch, greys_beyond
 from uavseg.raster.intensity.value_range import axis_of
 from uavseg.raster.read.dataset import Dataset
 from uavseg.raster.read.mosaic import RasterSource
 from uavseg.raster.read.overview import DatasetOverview
 from uavseg.raster.spectral.band_names import names_of
-from uavseg.raster.spectral.value_scale import ValueAxis
+from uavseg.raster.spectral.bands import ValueAxis
 from uavseg.units import GREY_LEVELS
 
 EXACT_PIXELS = 100_000_000  # larger rasters are downsampled before counting
@@ -139,7 +139,7 @@ class Summary:
         return {key: _plain(value) for key, value in (found | more).items()}
 
     def _values(self) -> dict[str, Any]:
-        """The values at v = 0 and 1, their mean, and how they are stored."""
+        """Return the values at v = 0 and 1, their mean, and how they are stored."""
         assert self.axis is not None, "there are values"
         low, high = self.axis.values([0, 1]).tolist()
         ends = {"low": _plain(low), "high": _plain(high), "mean": _plain(self.mean_value)}
@@ -215,7 +215,7 @@ def _count(
     map: Map,
     progress: Progress | None,
 ) -> tuple[Stretch, NDArray[np.int64], int]:
-    """The stretch, the histogram of grey levels under it, and the sum of greys beyond it."""
+    """Return the stretch, the histogram of grey levels under it, and the sum of greys beyond it."""
     shape = dataset.geobox.shape
     windows = tiles(shape, tile_side(shape, dataset.file_block))
     fitted = fit_stretch(dataset, stretch, TilePass(windows, map))
@@ -242,7 +242,7 @@ def _binned(greys: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _moments(greys: NDArray[np.int64]) -> tuple[float, float]:
-    """Mean and standard deviation of v."""
+    """Return mean and standard deviation of v."""
     if not greys.any():
         return math.nan, math.nan
     v = np.arange(GREY_LEVELS) / (GREY_LEVELS - 1)

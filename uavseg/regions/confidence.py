@@ -7,11 +7,12 @@ half, the usual criterion of detection (Everingham et al., "The PASCAL Visual Ob
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.regions.outline.rings import RegionOutlines, Rings, renumber_by_size
 from uavseg.segmentation.components import Sums

@@ -21,8 +21,8 @@ class RegionFrame(geopandas.GeoDataFrame):  # type: ignore[misc]
     def _repr_html_(self) -> str:
         """For notebooks: facts, the outlines, then the table of pandas."""
         table = super()._repr_html_() or ""
-        facts = escape(self.summary)
-        return f"<div><p>{facts}</p>{_drawing(self.geometry.to_numpy())}{table}</div>"
+        metadata = escape(self.summary)
+        return f"<div><p>{metadata}</p>{_drawing(self.geometry.to_numpy())}{table}</div>"
 
     @property
     def summary(self) -> str:
@@ -42,7 +42,7 @@ class RegionFrame(geopandas.GeoDataFrame):  # type: ignore[misc]
 
 
 def _drawing(polygons: Any) -> str:
-    """The largest regions as SVG, north up; empty where nothing can be drawn."""
+    """Return the largest regions as SVG, north up; empty where nothing can be drawn."""
     polygons = polygons[:_MOST_DRAWN]
     if len(polygons) == 0:
         return ""

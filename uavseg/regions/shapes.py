@@ -1,7 +1,6 @@
 """Polygons in flat arrays: ragged coordinates, and polygons that are built from their rings on demand."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,6 +9,7 @@ from affine import Affine
 from numpy.typing import NDArray
 
 from uavseg._jit import kernel
+from uavseg.dataclass import dataclass
 
 if TYPE_CHECKING:
     from uavseg.regions.outline.rings import Rings

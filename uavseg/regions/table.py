@@ -1,13 +1,14 @@
 """Region table: polygons in the raster's CRS with measured attributes (area, perimeter, mean, ...)."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import RasterError
 from uavseg.raster.geodesy.globe import wrap_lon_beyond_180
 from uavseg.raster.grid.geobox import GeoBox
@@ -18,7 +19,7 @@ from uavseg.units import GREY_MAX
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
 
-    from uavseg.raster.spectral.value_scale import ValueAxis
+    from uavseg.raster.spectral.bands import ValueAxis
     from uavseg.regions.outline.rings import Rings
     from uavseg.segmentation.components import Sums
 
@@ -86,9 +87,12 @@ class Regions:
 
     def frame(self) -> "GeoDataFrame":
         """Return a GeoDataFrame with the raster's CRS; its `attrs` have the metadata as "uavseg"."""
+        from geopandas.array import from_shapely
+
         from uavseg.regions.frame import RegionFrame
 
-        frame = RegionFrame(dict(self.columns), geometry=list(self.polygons), crs=self.wkt)
+        geometry = from_shapely(np.array(list(self.polygons), object), crs=self.wkt)
+        frame = RegionFrame({**self.columns, "geometry": geometry}, geometry="geometry")
         frame.attrs["uavseg"] = dict(self.metadata)
         return frame
 

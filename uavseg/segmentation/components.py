@@ -3,13 +3,14 @@
 Not `skimage.measure.label`: the same labels in 3 times the time, as int64.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.dataclass import dataclass
 
 WORD = 8  # pixels of a uint8 image that are compared at once
 

@@ -8,13 +8,13 @@ counted pixels of the smaller one. The whole image is held in memory.
 """
 
 import heapq
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, RasterError
 from uavseg.segmentation.blocks.block_map import find_leaves
 from uavseg.segmentation.blocks.g_statistic import g_of_region, n_ln_n_table

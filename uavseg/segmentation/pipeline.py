@@ -11,13 +11,14 @@ Where each pixel is decided, by total variation or by its own value, the last st
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import partial
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.raster.grid.tiling import TilePass, Window, whole_blocks, window_blocks, window_cells
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, required_ratios
 from uavseg.segmentation.blocks.division import ALL_RATIOS, block_ratios, selected_ratios

@@ -7,12 +7,12 @@ co-occurrence histograms -> darkest and brightest objects: the bound with the la
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.raster.intensity.cross_entropy import least_cross_entropy
 from uavseg.segmentation.blocks.cell_pairs import BINS, CellPairs, RangeBorder
 from uavseg.segmentation.params.segment import IntensityRange

@@ -1,16 +1,16 @@
 """Windowed reads of a dataset as 16-bit grey, and the measurement of the illumination that they subtract."""
 
 import threading
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.raster.grid.tiling import TilePass, Window, whole_blocks
-from uavseg.raster.intensity.beyond import greys_beyond
-from uavseg.raster.intensity.stretch import Stretch
+from uavseg.raster.intensity.stretch import Stretch, greys_beyond
 from uavseg.raster.read.dataset import Dataset
 from uavseg.segmentation.blocks.block_map import cell_sums
 from uavseg.segmentation.params.illumination import Illumination, fit_illumination, square_side

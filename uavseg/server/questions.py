@@ -3,12 +3,12 @@
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import shapely
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.flight.camera.camera import cameras
 from uavseg.inputs import parse_json
@@ -41,7 +41,7 @@ class Words:
 
     @classmethod
     def of(cls, body: bytes, known: Sequence[str]) -> "Words":
-        """The object of a body.
+        """Return the object of a body.
 
         Raises
         ------
@@ -57,29 +57,29 @@ class Words:
         return cls({name: value for name, value in found.items() if value is not None})
 
     def number(self, name: str, default: float | None = None) -> float:
-        """A finite number."""
+        """Return a finite number."""
         value = self.values.get(name, default)
         try:
-            found = math.nan if value is None or isinstance(value, bool | str) else float(value)
+            result = math.nan if value is None or isinstance(value, bool | str) else float(value)
         except (TypeError, OverflowError):  # a whole number of JSON may have 400 digits
-            found = math.nan
-        if not math.isfinite(found):
+            result = math.nan
+        if not math.isfinite(result):
             raise ParameterError(f"{name} is a number")
-        return found
+        return result
 
     def optional(self, name: str) -> float | None:
-        """A finite number, or None."""
+        """Return a finite number, or None."""
         return self.number(name) if name in self.values else None
 
     def integer(self, name: str) -> int:
-        """A whole number."""
+        """Return a whole number."""
         value = self.number(name)
         if not value.is_integer() or abs(value) > 1e9:
             raise ParameterError(f"{name} is a whole number")
         return int(value)
 
     def option(self, name: str, described: Option) -> Any:
-        """The value of an option, by its description."""
+        """Return the value of an option, by its description."""
         if described.choices:
             return self.word(name, described.choices)
         if described.type is bool:
@@ -90,7 +90,7 @@ class Words:
         return self.number(name) if described.type is float else self.values[name]
 
     def word(self, name: str, allowed: Sequence[str], default: str | None = None) -> str | None:
-        """One of the words that are allowed."""
+        """Return one of the words that are allowed."""
         value = self.values.get(name, default)
         if value is not None and value not in allowed:
             raise ParameterError(f"{name} is one of {', '.join(allowed)}")
@@ -98,7 +98,7 @@ class Words:
 
 
 def extract_request(body: bytes, segment: SegmentParams) -> ExtractRequest:
-    """The question of `{"low": ..., "high": ..., "min_area": ...}`; areas in square metres."""
+    """Return the question of `{"low": ..., "high": ..., "min_area": ...}`; areas in square metres."""
     words = Words.of(body, ("low", "high", "min_area"))
     interval = IntensityRange(words.number("low"), words.number("high"))
     area = words.optional("min_area")
@@ -106,7 +106,7 @@ def extract_request(body: bytes, segment: SegmentParams) -> ExtractRequest:
 
 
 def match_request(body: bytes, geobox: GeoBox) -> MatchRequest:
-    """The question of `{"center": [lat, lon], "edge": [lat, lon], "similarity": ..., "min_area": ...}`.
+    """Read `{"center": [lat, lon], "edge": [lat, lon], "similarity": ..., "min_area": ...}`.
 
     Center and edge are those of a disc, the sample.
     """
@@ -122,7 +122,7 @@ def match_request(body: bytes, geobox: GeoBox) -> MatchRequest:
 
 
 def _disc(ends: Sequence[tuple[float, float]], geobox: GeoBox) -> Disc:
-    """A disc by its center and a place on its edge, in coordinates of the raster."""
+    """Return a disc by its center and a place on its edge, in coordinates of the raster."""
     assert geobox.wkt is not None  # a raster on a map has a CRS
     lat, lon = np.array(ends).T
     x, y = transform_between(WGS84, geobox.wkt)(lon, lat)
@@ -154,7 +154,7 @@ _OF_PLAN = ("altitude", "pattern", "spacing", "camera", "speed", "autopilot", "a
 
 
 def plan_question(body: bytes) -> PlanQuestion:
-    """The question of a flight: regions of a job by their ids, home, height, pattern, camera, zones."""
+    """Return the question of a flight: regions by their ids, home, height, pattern, camera, zones."""
     words = Words.of(body, ("job", "ids", "home", "zones", *_OF_PLAN))
     given = {
         name: words.option(name, options_of(PlanOptions)[name]) for name in _OF_PLAN if name in words.values

@@ -4,11 +4,11 @@ import re
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import UavsegError
 from uavseg.execution.executors import Progress, threads
 from uavseg.jobs.extract import ExtractRequest, extract

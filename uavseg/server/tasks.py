@@ -5,13 +5,14 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable
 from contextvars import copy_context
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import UavsegError
 from uavseg.execution.executors import Progress
-from uavseg.output.written import recording_written
+from uavseg.output.disk import recording_written
 from uavseg.plain_text import printable
 
 KEPT = 20

@@ -12,6 +12,7 @@ from tests.flight.pixel_regions import pixel_region
 from uavseg.flight.avoid.enclosing import MANY_CORNERS, enclosing, without_small_holes
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10**6), st.sampled_from([1.0, 3.0, 12.0, 60.0]))
 @settings(max_examples=10)
 def test_an_outline_holds_the_area_within_the_reach(seed: int, reach: float) -> None:

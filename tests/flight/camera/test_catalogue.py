@@ -5,7 +5,9 @@ import math
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
+from uavseg.cli import main
 from uavseg.errors import ParameterError
 from uavseg.flight.camera.camera import camera_named, cameras, find_cameras, read_camera
 
@@ -109,3 +111,12 @@ def test_a_file_that_is_no_camera_is_refused(tmp_path: Path, text: str, words: s
     path.write_text(text)
     with pytest.raises(ParameterError, match=words):
         camera_named(path)
+
+
+def test_the_command_writes_cameras_as_files_have_them(tmp_path: Path) -> None:
+    listed = CliRunner().invoke(main, ["cameras", "phantom", "--json"])
+    entries = json.loads(listed.output)
+    assert len(entries) == len(find_cameras("phantom")) > 3
+    for entry in entries:
+        (tmp_path / "own.json").write_text(json.dumps(entry))
+        assert read_camera(tmp_path / "own.json") == camera_named(entry["name"])

@@ -8,7 +8,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uavseg.flight.cover.axis import medial_axis
+from uavseg.flight.cover.corridor import medial_axis
 
 
 def fork(width: float = 20) -> shapely.Polygon:

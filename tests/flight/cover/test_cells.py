@@ -6,7 +6,7 @@ import shapely
 from hypothesis import given, settings
 
 from tests.flight.cover.cover_fields import fields
-from uavseg.flight.cover.cells import monotone_cells
+from uavseg.flight.cover.survey import monotone_cells
 
 
 @given(fields())

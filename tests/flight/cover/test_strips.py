@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from tests.flight.cover.cover_fields import fields
 from uavseg.errors import MissionError, ParameterError
-from uavseg.flight.cover.cells import monotone_cells
 from uavseg.flight.cover.strips import WIDTH_SLACK, strip_lines
+from uavseg.flight.cover.survey import monotone_cells
 
 
 def uncovered(polygon: shapely.Polygon, lines: np.ndarray, spacing: float, reach: float = 0.0) -> float:

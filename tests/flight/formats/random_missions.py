@@ -44,8 +44,8 @@ ORDERS = [RETURN, CHANGE_SPEED, CAMERA_DISTANCE, MOUNT_CONTROL]
 
 def places(commands: list[int], frames: list[int]) -> st.SearchStrategy[MissionItem]:
     params = st.tuples(numbers, numbers, numbers, st.none() | numbers)
-    kinds = st.sampled_from(commands), st.sampled_from(frames)
-    spots = st.builds(MissionItem, *kinds, params, lats, lons, heights, st.booleans())
+    classes = st.sampled_from(commands), st.sampled_from(frames)
+    spots = st.builds(MissionItem, *classes, params, lats, lons, heights, st.booleans())
     return spots.map(_valid)
 
 

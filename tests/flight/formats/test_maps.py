@@ -99,11 +99,11 @@ def test_gdal_reads_every_feature(tmp_path: Path, suffix: str) -> None:
     files.write_mission(FENCED, path)
     layers = geopandas.list_layers(path)["name"].tolist()
     frames = [geopandas.read_file(path, layer=layer) for layer in layers]
-    kinds = [geometry.geom_type for frame in frames for geometry in frame.geometry if geometry is not None]
+    classes = [geometry.geom_type for frame in frames for geometry in frame.geometry if geometry is not None]
     visited = sum(item.has_position for item in FENCED.items)
-    assert kinds.count("Polygon") == len(FENCE)
-    assert kinds.count("Point") == visited + len(RALLY) + 1
-    assert kinds.count("LineString") == 3  # heights above home, the terrain, the sea
+    assert classes.count("Polygon") == len(FENCE)
+    assert classes.count("Point") == visited + len(RALLY) + 1
+    assert classes.count("LineString") == 3  # heights above home, the terrain, the sea
 
 
 def test_polygons_of_geojson_are_counterclockwise() -> None:

@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 
 from tests.flight.link.link_missions import FENCE, RALLY, survey
-from uavseg.flight.link.compare import differences, rounded
 from uavseg.flight.link.messages import (
     LinkItem,
     MissionType,
@@ -17,6 +16,7 @@ from uavseg.flight.link.messages import (
     items_of_mission,
     items_of_rally,
 )
+from uavseg.flight.link.upload import differences, rounded
 
 SENT = items_of_mission(survey(), True)  # home, takeoff, speed, waypoint, ...
 

@@ -10,15 +10,15 @@ from hypothesis import strategies as st
 from uavseg.flight.order.tour import Stops, exact_tour, local_search_tour, short_tour
 
 
-def random_stops(seed: int, count: int, kinds: int) -> tuple[Stops, np.ndarray, int]:
+def random_stops(seed: int, count: int, classes: int) -> tuple[Stops, np.ndarray, int]:
     """Stops with pairs of points and their reverses; the last point is home."""
     rng = np.random.default_rng(seed)
-    points = rng.random((2 * kinds * count + 1, 2)) * 100
+    points = rng.random((2 * classes * count + 1, 2)) * 100
     options, costs = [], []
     for stop in range(count):
-        pairs = np.arange(2 * kinds * stop, 2 * kinds * (stop + 1)).reshape(-1, 2)
+        pairs = np.arange(2 * classes * stop, 2 * classes * (stop + 1)).reshape(-1, 2)
         options.append(np.concatenate([pairs, pairs[:, ::-1]]))
-        spent = rng.random(kinds) * 20
+        spent = rng.random(classes) * 20
         costs.append(np.concatenate([spent, spent]))
     distances = np.hypot(*(points[:, None] - points[None]).transpose(2, 0, 1))
     return Stops.of(options, costs), distances, len(points) - 1
@@ -43,9 +43,9 @@ def brute_force(stops: Stops, distances: np.ndarray, start: int, end: int) -> fl
 @given(st.integers(0, 10**6), st.integers(1, 4), st.integers(1, 2), st.booleans(), st.booleans())
 @settings(max_examples=40)
 def test_few_stops_get_the_shortest_tour(
-    seed: int, count: int, kinds: int, from_home: bool, to: bool
+    seed: int, count: int, classes: int, from_home: bool, to: bool
 ) -> None:
-    stops, distances, home = random_stops(seed, count, kinds)
+    stops, distances, home = random_stops(seed, count, classes)
     start, end = (home if from_home else -1), (home if to else -1)
     expected = brute_force(stops, distances, start, end)
     exact = exact_tour(stops, distances, start, end)

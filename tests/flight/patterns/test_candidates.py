@@ -47,8 +47,8 @@ def test_a_survey_without_a_camera_says_that_it_takes_no_photographs() -> None:
 def test_photographs_begin_and_end_with_each_line() -> None:
     photos = Photos(CAMERA)
     mission = planned([box(0, 0, 300, 400)], pattern="survey", spacing_m=photos.spacing_m(60), photos=photos)
-    kinds = [item.command for item in mission.items]
-    assert kinds[:3] == [TAKEOFF, CHANGE_SPEED, MOUNT_CONTROL] and kinds[-1] == RETURN
+    classes = [item.command for item in mission.items]
+    assert classes[:3] == [TAKEOFF, CHANGE_SPEED, MOUNT_CONTROL] and classes[-1] == RETURN
     flight = [(item.command, item.params[0]) for item in mission.items[3:-1]]
     lines = [flight[k : k + 4] for k in range(0, len(flight), 4)]
     for line in lines:

@@ -14,7 +14,7 @@ import shapely
 from tests.flight.pixel_regions import pixel_region
 from tests.flight.small_regions import HOME, box, degrees, inside
 from uavseg.errors import MissionError
-from uavseg.execution.phases import watched
+from uavseg.execution.executors import watched
 from uavseg.flight.avoid import enclosing
 from uavseg.flight.mission.plane import Plane
 from uavseg.flight.params.plan import PlanParams
@@ -35,7 +35,7 @@ def ring_of_boxes(radius_m: float, count: int) -> list[Any]:
     return [box(x - 4, y - 4, 8, 8) for x, y in xy.tolist()]
 
 
-@pytest.mark.parametrize("corners", [100, 1000, 20_000])
+@pytest.mark.parametrize("corners", [100, pytest.param(1000, marks=pytest.mark.slow), 20_000])
 def test_groups_of_any_size_give_a_place_at_the_usual_distance(
     corners: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -67,6 +67,7 @@ def test_few_regions_are_united_as_before() -> None:
     assert shapely.distance(edge, shapely.Point(home)) < 0.02
 
 
+@pytest.mark.slow
 def test_no_call_unites_many_regions(monkeypatch: pytest.MonkeyPatch) -> None:
     regions = [box(12.0 * (k % 100), 12.0 * (k // 100), 4, 4) for k in range(8000)]
     monkeypatch.setattr(enclosing, "GROUP_CORNERS", 2000)

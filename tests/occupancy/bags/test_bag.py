@@ -13,7 +13,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode
 
 from tests.occupancy.bags.write_bags import Drive, write_ros1, write_ros2
 from uavseg.errors import AccessError, BagError, UavsegError
-from uavseg.occupancy.bags import bag, storage
+from uavseg.occupancy.bags import bag
 from uavseg.occupancy.bags.merge_bag import merge_bag
 
 
@@ -138,7 +138,7 @@ def test_what_is_not_a_bag_is_said(name: str, text: str, tmp_path: Path) -> None
         ("rosbag2_bagfile_information: {relative_file_paths: [gone.db3]}", "gone.db3"),
         ("rosbag2_bagfile_information: {relative_file_paths: [metadata.yaml]}", "is not a bag"),
         ("rosbag2_bagfile_information: {relative_file_paths: [..]}", "outside of its folder"),
-        ("x" * (storage.MAX_METADATA + 1), "too much for a file of its kind"),
+        ("x" * (bag.MAX_METADATA + 1), "too much for a file of its kind"),
         ("[" * 1_000_000, "nested more than 64 deep"),
         (
             "rosbag2_bagfile_information: {relative_file_paths: [db3.db3], compression_mode: FILE}",
@@ -189,20 +189,20 @@ def test_a_folder_with_several_files_is_read_in_their_order(bags: Path, tmp_path
 
 @pytest.mark.parametrize("name", ["a.bag", "mcap/mcap.mcap"])
 def test_chunks_are_unpacked_within_bounds(name: str, bags: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(storage, "MAX_CHUNK", 1000)
+    monkeypatch.setattr(bag, "MAX_CHUNK", 1000)
     assert "a chunk is cut off, or has more than" in refused(bags / name)
 
 
 def test_a_bomb_in_a_chunk_is_not_unpacked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(storage, "MAX_CHUNK", 1 << 20)
-    unpack = storage._bounded(bz2.BZ2Decompressor)
+    monkeypatch.setattr(bag, "MAX_CHUNK", 1 << 20)
+    unpack = bag._bounded(bz2.BZ2Decompressor)
     assert unpack(bz2.compress(bytes(1000))) == bytes(1000)
     with pytest.raises(ValueError, match="more than 1 MB"):
         unpack(bz2.compress(bytes(1 << 26)))
 
 
 def test_chunks_of_one_time_are_bounded(bags: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(storage, "MAX_TOGETHER", 1000)
+    monkeypatch.setattr(bag, "MAX_TOGETHER", 1000)
     assert "that overlap in time" in refused(bags / "mcap")
 
 

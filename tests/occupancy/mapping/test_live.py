@@ -24,8 +24,15 @@ from uavseg.raster.intensity.grey import to_grey
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, required_ratios
 from uavseg.segmentation.blocks.division import block_ratios, selected_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
-from uavseg.segmentation.blocks.leaves import cell_levels, cell_states, cells_in_range
-from uavseg.segmentation.params.segment import IntensityRange, Intervals, Levels, SegmentParams, StateLimits
+from uavseg.segmentation.blocks.leaves import cell_classes, cell_states, cells_in_range
+from uavseg.segmentation.params.segment import (
+    IntensityRange,
+    Intervals,
+    Levels,
+    SegmentParams,
+    StateLimits,
+    partition_of_levels,
+)
 
 PAPER = SegmentParams(method="paper")
 PARTITIONS: list[Intervals] = [
@@ -64,7 +71,7 @@ def intervals_of(blocks: BlockMap, partition: Intervals, params: SegmentParams) 
     if isinstance(partition, StateLimits):
         return cell_states(blocks, partition, params.division)
     if isinstance(partition, Levels):
-        return cell_levels(blocks, partition, params.division).astype(np.uint8)
+        return cell_classes(blocks, partition_of_levels(partition), params.division).astype(np.uint8)
     assert isinstance(partition, IntensityRange)
     return cells_in_range(blocks, partition, params.division)
 
@@ -176,27 +183,27 @@ def test_only_what_a_scan_changes_is_divided_again(
 ) -> None:
     from uavseg.occupancy.mapping import live as module
 
-    asked: list[NDArray[np.int64]] = []
+    requested: list[NDArray[np.int64]] = []
     measuring = module.selected_ratios
 
     def spy(
         grey: Grey, valid: object, bin_edges: object, corners: NDArray[np.int64], *rest: object
     ) -> object:
-        asked.append(corners // 64)
+        requested.append(corners // 64)
         return measuring(grey, valid, bin_edges, corners, *rest)  # type: ignore[arg-type]
 
     grid, scans = drive
     grid.update(scans[0])
     monkeypatch.setattr(module, "selected_ratios", spy)
     for scan in scans[1:]:
-        asked.clear()
+        requested.clear()
         before, _ = framed(grid)
         update = grid.update(scan)
         seen = blocks_that_see(before, framed(grid)[0])
         assert (update.blocks == seen).all() and not seen.all()
-        places = np.concatenate([np.zeros((0, 2), np.int64), *asked])
+        places = np.concatenate([np.zeros((0, 2), np.int64), *requested])
         assert seen[tuple(places.T)].all() and len(np.unique(places, axis=0)) == len(places)
-    asked.clear()
+    requested.clear()
     for _ in range(20):  # until nothing changes any more
         update = grid.update(Scan(Pose(7.0, 8.0), np.zeros(1), np.array([math.inf]), 2.0, 0.03))
     assert not update.blocks.any() and update.window.cols > 0

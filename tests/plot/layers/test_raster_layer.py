@@ -36,11 +36,11 @@ def test_invalid_pixels_are_hatched_paper_and_the_rest_is_grey(tmp_path: Path) -
 
 def test_a_large_raster_is_never_read_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     raster = write(tmp_path / "a.tif", np.zeros((3000, 2000), np.uint8), tiled=True, compress="deflate")
-    asked = []
+    requested = []
     whole = Dataset.read_coarse
 
     def spy(self: Dataset, max_side: int) -> Any:
-        asked.append(max_side)
+        requested.append(max_side)
         return whole(self, max_side)
 
     def refuse(*_: Any) -> Any:
@@ -49,7 +49,7 @@ def test_a_large_raster_is_never_read_whole(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setattr(Dataset, "read_coarse", spy)
     monkeypatch.setattr(Dataset, "read", refuse)
     preview(raster, tmp_path / "a.png", width_px=300)
-    assert len(asked) == 1 and asked[0] < 1000
+    assert len(requested) == 1 and requested[0] < 1000
 
 
 def test_memory_follows_the_picture_and_not_the_raster(tmp_path: Path) -> None:

@@ -23,11 +23,11 @@ def test_layers_of_a_large_raster_are_never_read_whole(
     large = GeoBox((3000, 2000), BOX.transform, UTM)
     raster = write(tmp_path / "a.tif", np.zeros(large.shape, np.uint8), large)
     many = write(tmp_path / "s.tif", np.ones(large.shape, np.uint8), large, nodata=0)
-    asked = []
+    requested = []
     whole = Dataset.read_coarse
 
     def spy(self: Dataset, max_side: int) -> Any:
-        asked.append(max_side)
+        requested.append(max_side)
         return whole(self, max_side)
 
     def refuse(*_: Any) -> Any:
@@ -36,7 +36,7 @@ def test_layers_of_a_large_raster_are_never_read_whole(
     monkeypatch.setattr(Dataset, "read_coarse", spy)
     monkeypatch.setattr(Dataset, "read", refuse)
     preview(raster, tmp_path / "a.png", states=many, width_px=300)
-    assert len(asked) == 2 and max(asked) < 1000
+    assert len(requested) == 2 and max(requested) < 1000
 
 
 def test_layers_are_drawn_from_the_ground_up_and_only_those_with_a_source(tmp_path: Path) -> None:

@@ -54,10 +54,10 @@ def speckled(path: Path) -> Path:
     return path
 
 
-def in_page(program: str, asked: dict[str, Any], tmp_path: Path) -> Any:
+def in_page(program: str, requested: dict[str, Any], tmp_path: Path) -> Any:
     """What a program of this folder answers with the page's own code."""
     question = tmp_path / "asked.json"
-    question.write_text(json.dumps(asked))
+    question.write_text(json.dumps(requested))
     words = [str(NODE), str(Path(__file__).with_name(program)), str(ASSETS), str(question)]
     return json.loads(subprocess.run(words, capture_output=True, check=True, text=True).stdout)
 
@@ -102,8 +102,13 @@ def test_the_picture_of_cells_lies_where_the_raster_lies_and_its_area_is_that_of
     raster, html = speckled(tmp_path / "speckled.tif"), tmp_path / "map.html"
     run("map", raster, "-o", html, "-q")
     data = data_of(html)
-    asked = {"cells": data["cells"], "bounds": data["image"]["bounds"], "size": [300, 250], "ranges": RANGES}
-    answer = in_page("run_cells.js", asked, tmp_path)
+    requested = {
+        "cells": data["cells"],
+        "bounds": data["image"]["bounds"],
+        "size": [300, 250],
+        "ranges": RANGES,
+    }
+    answer = in_page("run_cells.js", requested, tmp_path)
     west, south, east, north = data["image"]["bounds"]
     to_3857 = Transformer.from_crs(4326, 3857, always_xy=True)
     (left, right), (bottom, top) = to_3857.transform([west, east], [south, north])
@@ -119,7 +124,7 @@ def test_the_picture_of_cells_lies_where_the_raster_lies_and_its_area_is_that_of
     expected = np.where(inside, rows // 8 * across + cols // 8, np.prod(data["cells"]["cells"])).astype(int)
     assert (expected.ravel() == answer["cells"]).mean() > 0.999  # others lie on an edge of two cells
     assert 0.5 < inside.mean() < 0.9
-    regions = in_page("run_blocks.js", asked, tmp_path)
+    regions = in_page("run_blocks.js", requested, tmp_path)
     numbers = re.findall(r"\d+\.(\d+)", json.dumps([one["geometry"] for one in regions[0]["features"]]))
     assert max(map(len, numbers)) == 8  # as pixels of half a metre need
     sums = [sum(one["properties"]["area_m2"] for one in found["features"]) for found in regions]

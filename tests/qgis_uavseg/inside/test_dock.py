@@ -67,8 +67,8 @@ def test_cells_in_a_range_are_those_of_the_command_line(
     _typed("extract", blocks, *words, "--allow-path", quarry.parent)
     layer = QgsRasterLayer(str(labels), "labels", "gdal")
     block = layer.dataProvider().block(1, layer.extent(), layer.width(), layer.height())
-    kinds = {4: np.uint32, 5: np.int32, 2: np.uint16, 1: np.uint8}
-    pixels = np.frombuffer(bytes(block.data()), kinds[int(block.dataType())])
+    classes = {4: np.uint32, 5: np.int32, 2: np.uint16, 1: np.uint8}
+    pixels = np.frombuffer(bytes(block.data()), classes[int(block.dataType())])
     pixels = pixels.reshape(layer.height(), layer.width())
     in_range = BlockMeans(blocks).in_range(*ends)
     assert np.array_equal(in_range.astype(bool), pixels[::8, ::8] > 0)
@@ -228,7 +228,7 @@ def test_moving_the_range_again_ends_the_search(quarry_dock: Any, tmp_path: Path
     ended = tmp_path / "ended"
     slow = tmp_path / "uavseg"
     slow.write_text(
-        '#!/bin/sh\n[ "$1" = --version ] && { echo uavseg 0.1.0; exit; }\n'
+        '#!/bin/sh\n[ "$1" = --version ] && { echo uavseg 1.0.0; exit; }\n'
         f"trap 'touch {ended}; exit 1' TERM\necho progress 10 >&2\nwhile :; do sleep 0.05; done\n"
     )
     slow.chmod(slow.stat().st_mode | stat.S_IXUSR)
@@ -604,10 +604,10 @@ def test_the_dialog_of_the_dock_plans_the_same_mission(
     dock.mission.home_altitude.setValue(212)
     dock.mission.places.set_home(QgsPointXY(512352, 5478352))
     dock.mission.places.add_zone(QgsGeometry.fromRect(QgsRectangle(512470, 5478440, 512500, 5478470)))
-    asked: list[Any] = []
-    monkeypatch.setattr(processing, "execAlgorithmDialog", lambda *given: asked.append(given))
+    requested: list[Any] = []
+    monkeypatch.setattr(processing, "execAlgorithmDialog", lambda *given: requested.append(given))
     dock.mission.more_button.click()
-    ((name, given),) = asked
+    ((name, given),) = requested
     algorithm = QgsApplication.processingRegistry().createAlgorithmById(name)
     assert set(given) <= {definition.name() for definition in algorithm.parameterDefinitions()}
     feedback, context = QgsProcessingFeedback(False), QgsProcessingContext()

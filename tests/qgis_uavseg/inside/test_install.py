@@ -17,18 +17,18 @@ from qgis_uavseg.options_page import InstallTask, ProgramPanel
 from qgis_uavseg.process import Cancelled
 
 FILES = {
-    "uavseg.py": "def run():\n    print('uavseg 0.1.7')\n",
-    "uavseg-0.1.7.dist-info/METADATA": "Metadata-Version: 2.1\nName: uavseg\nVersion: 0.1.7\n",
-    "uavseg-0.1.7.dist-info/WHEEL": "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n",
-    "uavseg-0.1.7.dist-info/entry_points.txt": "[console_scripts]\nuavseg = uavseg:run\n",
-    "uavseg-0.1.7.dist-info/RECORD": "",
+    "uavseg.py": "def run():\n    print('uavseg 1.0.7')\n",
+    "uavseg-1.0.7.dist-info/METADATA": "Metadata-Version: 2.1\nName: uavseg\nVersion: 1.0.7\n",
+    "uavseg-1.0.7.dist-info/WHEEL": "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n",
+    "uavseg-1.0.7.dist-info/entry_points.txt": "[console_scripts]\nuavseg = uavseg:run\n",
+    "uavseg-1.0.7.dist-info/RECORD": "",
 }
 
 
 @pytest.fixture
 def own(qgis_app: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The folder of the environment, and a wheel in the settings."""
-    wheel = tmp_path / "uavseg-0.1.7-py3-none-any.whl"
+    wheel = tmp_path / "uavseg-1.0.7-py3-none-any.whl"
     with zipfile.ZipFile(wheel, "w") as archive:
         for name, text in FILES.items():
             archive.writestr(name, text)
@@ -46,7 +46,7 @@ def own(qgis_app: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_the_program_is_installed_and_found(own: Path) -> None:
     made = installing.install(QgsProcessingFeedback(False))
     assert made == program.ready_program() == program.program_in(own)
-    assert program.version_of(made) == "0.1.7"
+    assert program.version_of(made) == "1.0.7"
 
 
 def test_what_was_there_stays_where_the_installation_fails(own: Path) -> None:
@@ -54,7 +54,7 @@ def test_what_was_there_stays_where_the_installation_fails(own: Path) -> None:
     QgsSettings().setValue(program.REQUIREMENT_SETTING, str(own.parent / "none.whl"))
     with pytest.raises(installing.InstallError, match=r"pip cannot install .*none\.whl: "):
         installing.install(QgsProcessingFeedback(False))
-    assert program.version_of(made) == "0.1.7"
+    assert program.version_of(made) == "1.0.7"
     assert [path.name for path in own.parent.iterdir()] == ["venv"]
 
 
@@ -86,4 +86,4 @@ def test_the_panel_says_what_to_type_and_the_task_installs(
     task = InstallTask()
     assert task.run(), task.error
     panel.refresh()
-    assert panel.state.text() == f"uavseg 0.1.7: {program.program_in(own)}"
+    assert panel.state.text() == f"uavseg 1.0.7: {program.program_in(own)}"

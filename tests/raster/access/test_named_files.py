@@ -12,7 +12,7 @@ from rasterio.shutil import copy as rasterio_copy
 
 from uavseg.access import allowing
 from uavseg.errors import AccessError, RasterError, RasterReadError
-from uavseg.raster.access.drivers import drivers_of
+from uavseg.raster.access.opening import drivers_of
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.read.dataset import Dataset
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.raster.collar.draw_collar import ragged, turned
-from uavseg.raster.collar.straight import outline_points, straight_share
+from uavseg.raster.collar.evidence import outline_points, straight_share
 from uavseg.raster.grid.pixel_mask import PixelMask
 
 

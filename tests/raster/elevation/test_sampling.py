@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import map_coordinates
 
-from uavseg.raster.elevation.sampling import MAX_TILES, SIDE, BilinearSampler
+from uavseg.raster.elevation.dem import MAX_TILES, SIDE, BilinearSampler
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.read.dataset import Dataset
 

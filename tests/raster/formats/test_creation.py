@@ -99,9 +99,9 @@ def test_no_words_are_the_defaults():
 
 
 def test_words_are_texts_or_a_mapping_in_any_case():
-    asked = CreationOptions.of({"compress": "zstd", "ZSTD_LEVEL": 3, "Predictor": 2, "bigtiff": "yes"})
-    assert asked == CreationOptions.of(["COMPRESS=ZSTD", "zstd_level=3", "PREDICTOR=2", "BIGTIFF=YES"])
-    assert asked == CreationOptions("ZSTD", 3, 2, "YES")
+    requested = CreationOptions.of({"compress": "zstd", "ZSTD_LEVEL": 3, "Predictor": 2, "bigtiff": "yes"})
+    assert requested == CreationOptions.of(["COMPRESS=ZSTD", "zstd_level=3", "PREDICTOR=2", "BIGTIFF=YES"])
+    assert requested == CreationOptions("ZSTD", 3, 2, "YES")
 
 
 ALLOWED = "ZLEVEL=1..9, ZSTD_LEVEL=1..22, PREDICTOR=1|2|3 and BIGTIFF=YES|NO|IF_NEEDED|IF_SAFER"

@@ -84,9 +84,9 @@ def test_gdalinfo_reads_it_and_sums_up_the_same(tmp_path: Path) -> None:
         subprocess.run(["gdalinfo", "-checksum", path], cwd=tmp_path, capture_output=True, text=True)
         for path in ("a.vrt", "a.tif")
     ]
-    facts = [[line for line in run.stdout.splitlines() if "Checksum" in line or "Origin" in line or
+    metadata = [[line for line in run.stdout.splitlines() if "Checksum" in line or "Origin" in line or
               "PROJCRS" in line or "Pixel Size" in line] for run in told]  # fmt: skip
-    assert facts[0] == facts[1] and len(facts[0]) == 4 and told[0].stderr == ""
+    assert metadata[0] == metadata[1] and len(metadata[0]) == 4 and told[0].stderr == ""
 
 
 def test_tiles_without_labels_have_no_file(tmp_path: Path) -> None:

@@ -17,13 +17,15 @@ from uavseg.raster.geodesy.globe import (
     crs_name,
     densify_line,
     densify_rings,
+    ellipsoid_under,
+    equatorial_radius,
     geod_of,
     geod_wgs84,
-    geodetic_base,
     is_geographic,
     is_in_metres,
     is_on_earth,
     lonlat_transform,
+    parse_crs,
     split_at_antimeridian,
     transform_between,
     unit_factor,
@@ -78,7 +80,7 @@ def test_what_has_no_longitude_and_latitude_is_refused(wkt: str | None) -> None:
     for question in (lonlat_transform, is_on_earth):
         with pytest.raises(RasterError, match="no transformation to longitude and latitude"):
             question(wkt)
-    assert geodetic_base(wkt) is None
+    assert ellipsoid_under(wkt) is None
 
 
 def test_longitude_comes_first_whatever_the_order_of_axes() -> None:
@@ -93,11 +95,57 @@ def test_on_another_body_longitude_and_latitude_are_its_own() -> None:
     assert (lon, lat) == pytest.approx((90, 45))
 
 
-def test_a_geographic_crs_is_its_own_base() -> None:
-    base = geodetic_base(GRADS)
-    assert base is not None and base[0].name == "NTF (Paris)" and base[1] is None
-    base = geodetic_base(UTM)
-    assert base is not None and base[0].name == "WGS 84" and base[1] is not None
+def test_a_geographic_crs_needs_no_transformation_to_its_ellipsoid() -> None:
+    under = ellipsoid_under(GRADS)
+    assert under is not None and under.inverse is None and under.unit == pytest.approx(np.pi / 200)
+    under = ellipsoid_under(UTM)
+    assert under is not None and under.inverse is not None and under.unit == np.pi / 180
+
+
+@pytest.mark.parametrize("code", [32601, 32610, 32660, 32701, 32733, 32760])
+def test_a_utm_zone_is_what_pyproj_says_of_it(code: int) -> None:
+    wkt = CRS.from_epsg(code).to_wkt(version="WKT2_2019")
+    crs = parse_crs(wkt)
+    axis, ellipsoid = crs.axis_info[0], crs.ellipsoid
+    assert (crs_name(wkt), unit_name(wkt)) == (crs.name, axis.unit_name)
+    assert (unit_factor(wkt), equatorial_radius(wkt)) == (1.0, ellipsoid.semi_major_metre)
+    assert is_in_metres(wkt) and not is_geographic(wkt) and is_on_earth(wkt)
+    under = ellipsoid_under(wkt)
+    assert under is not None and under.radius == ellipsoid.semi_major_metre
+    assert under.eccentricity2 == 1 - (ellipsoid.semi_minor_metre / ellipsoid.semi_major_metre) ** 2
+
+
+@given(st.sampled_from([32601, 32618, 32660, 32701, 32735]), st.integers(0, 10**6), st.integers(1, 40))
+def test_few_places_in_a_utm_zone_lie_where_pyproj_puts_them(code: int, seed: int, n: int) -> None:
+    wkt = CRS.from_epsg(code).to_wkt(version="WKT2_2019")
+    theirs = pyproj.Transformer.from_crs(parse_crs(wkt), "EPSG:4326", always_xy=True).transform
+    rng = np.random.default_rng(seed)
+    x, y = rng.uniform(-4e6, 5e6, (n, 2)), rng.uniform(-9e6, 1e7, (n, 2))
+    ours = lonlat_transform(wkt)(x, y)
+    for one, other in zip(ours, theirs(x, y), strict=True):
+        assert one.shape == (n, 2) and np.abs(wrap_lon(one - other)).max() < 1e-12
+    x[0, 0] = rng.choice([np.inf, 1e9, np.nan])  # where there is no such place
+    for one, other in zip(lonlat_transform(wkt)(x, y), theirs(x, y), strict=True):
+        assert np.array_equal(one, other, equal_nan=True)
+
+
+def test_many_places_in_a_utm_zone_are_those_of_pyproj() -> None:
+    wkt = CRS.from_epsg(32618).to_wkt(version="WKT2_2019")
+    x, y = np.linspace(2e5, 8e5, 20_001), np.linspace(0, 9e6, 20_001)
+    theirs = pyproj.Transformer.from_crs(parse_crs(wkt), "EPSG:4326", always_xy=True).transform(x, y)
+    assert np.array_equal(lonlat_transform(wkt)(x, y), theirs)
+
+
+@pytest.mark.parametrize(
+    ("written", "changed", "lon"),
+    [('origin",-75,', 'origin",-74.9999,', -74.9999), ('easting",500000,', 'easting",499999,', -74.999991)],
+)
+def test_a_changed_utm_zone_is_none(written: str, changed: str, lon: float) -> None:
+    """Its code says one thing and its parameters another; the parameters hold."""
+    wkt = CRS.from_epsg(32618).to_wkt(version="WKT2_2019").replace(written, changed)
+    assert changed in wkt
+    there, _ = lonlat_transform(wkt)(np.array([500_000.0]), np.array([0.0]))
+    assert there == pytest.approx(lon, abs=1e-7)
 
 
 def test_geodesics_are_those_of_the_ellipsoid() -> None:

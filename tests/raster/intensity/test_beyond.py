@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from uavseg.raster.intensity.beyond import _LIMIT, greys_beyond
-from uavseg.raster.intensity.stretch import Stretch
+from uavseg.raster.intensity.stretch import _LIMIT, Stretch, greys_beyond
 
 
 def test_values_near_the_largest_float_are_bounded_without_a_warning() -> None:

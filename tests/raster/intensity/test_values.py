@@ -20,8 +20,7 @@ from uavseg.raster.intensity.values import fit_values
 from uavseg.raster.read.array_source import from_values
 from uavseg.raster.read.dataset import Dataset
 from uavseg.raster.read.mosaic import align_rasters
-from uavseg.raster.spectral.bands import choose_bands
-from uavseg.raster.spectral.value_scale import BandScale, ValueAxis
+from uavseg.raster.spectral.bands import BandScale, ValueAxis, choose_bands
 from uavseg.segmentation.params.segment import IntensityRange
 
 TYPES = (np.uint8, np.int8, np.int16, np.uint16, np.int32, np.float32, np.float64)
@@ -36,9 +35,9 @@ def dataset_of(values: NDArray, scale: BandScale | None = None) -> Dataset:
 
 
 def fitted(
-    dataset: Dataset, stretch: str, *asked: ValueRange, tile: int = 64
+    dataset: Dataset, stretch: str, *requested: ValueRange, tile: int = 64
 ) -> tuple[Stretch, list[FittedRange]]:
-    return fit_values(dataset, parse_stretch(stretch), asked, TilePass(dataset.windows(tile)))
+    return fit_values(dataset, parse_stretch(stretch), requested, TilePass(dataset.windows(tile)))
 
 
 def selected(values: NDArray, stretch: Stretch, found: FittedRange) -> NDArray[np.bool_]:
@@ -48,8 +47,11 @@ def selected(values: NDArray, stretch: Stretch, found: FittedRange) -> NDArray[n
     return (grey >= low) & (grey <= high)
 
 
-def in_range(values: NDArray, asked: ValueRange) -> NDArray[np.bool_]:
-    low, high = -inf if asked.low is None else asked.low, inf if asked.high is None else asked.high
+def in_range(values: NDArray, requested: ValueRange) -> NDArray[np.bool_]:
+    low, high = (
+        -inf if requested.low is None else requested.low,
+        inf if requested.high is None else requested.high,
+    )
     return (values >= low) & (values <= high)
 
 
@@ -83,9 +85,9 @@ def cases(draw: st.DrawFn) -> tuple[NDArray, ValueRange]:
 def test_the_pixels_selected_are_those_whose_value_lies_in_the_range(
     case: tuple[NDArray, ValueRange], stretch: str
 ) -> None:
-    image, asked = case
-    found, [fit] = fitted(dataset_of(image), stretch, asked)
-    assert np.array_equal(selected(image, found, fit), in_range(image, asked))
+    image, requested = case
+    found, [fit] = fitted(dataset_of(image), stretch, requested)
+    assert np.array_equal(selected(image, found, fit), in_range(image, requested))
 
 
 @pytest.mark.parametrize("span", [50, 3000, 65534, 65535])
@@ -102,14 +104,14 @@ def test_a_range_between_two_integers_holds_no_pixel(span: int, within: float) -
 @settings(max_examples=60)
 @given(cases(), st.sampled_from(["0,50", "percentile:10,90", "dtype", "none"]))
 def test_a_chosen_stretch_decides_exactly_or_refuses(case: tuple[NDArray, ValueRange], stretch: str) -> None:
-    image, asked = case
+    image, requested = case
     assume(stretch != "dtype" or image.dtype.kind != "f")
     try:
-        found, [fit] = fitted(dataset_of(image), stretch, asked)
+        found, [fit] = fitted(dataset_of(image), stretch, requested)
     except ParameterError as error:
         assert "reaches to" in str(error) and "use the stretch auto" in str(error)
         return
-    assert np.array_equal(selected(image, found, fit), in_range(image, asked))
+    assert np.array_equal(selected(image, found, fit), in_range(image, requested))
 
 
 def test_a_range_beyond_the_automatic_stretch_widens_it() -> None:
@@ -149,9 +151,9 @@ def test_percentiles_are_nearest_ranks_of_all_pixels(image: NDArray, ends: list[
 @settings(max_examples=6)
 def test_tiles_change_nothing(tile: int, by_rank: bool) -> None:
     image = np.random.default_rng(1).normal(20, 5, (200, 300)).astype(np.float32)
-    asked = ValueRange(30, 40, by_rank)
-    assert fitted(dataset_of(image), "auto", asked, tile=tile) == fitted(
-        dataset_of(image), "auto", asked, tile=64
+    requested = ValueRange(30, 40, by_rank)
+    assert fitted(dataset_of(image), "auto", requested, tile=tile) == fitted(
+        dataset_of(image), "auto", requested, tile=64
     )
 
 
@@ -177,9 +179,9 @@ def test_a_negative_scale_turns_the_range_around() -> None:
 
 def test_ranges_of_one_stretch_are_all_exact() -> None:
     image = np.random.default_rng(2).normal(0, 10, (80, 80))
-    asked = [ValueRange(None, -5), ValueRange(-4.5, 0.125), ValueRange(12, 70)]
-    found, fits = fitted(dataset_of(image), "auto", *asked)
-    for one, fit in zip(asked, fits, strict=True):
+    requested = [ValueRange(None, -5), ValueRange(-4.5, 0.125), ValueRange(12, 70)]
+    found, fits = fitted(dataset_of(image), "auto", *requested)
+    for one, fit in zip(requested, fits, strict=True):
         assert np.array_equal(selected(image, found, fit), in_range(image, one))
 
 
@@ -218,9 +220,9 @@ def test_the_axis_of_a_clipping_stretch_is_open_at_its_ends() -> None:
 def test_a_block_map_refuses_what_its_stretch_makes_alike() -> None:
     axis = ValueAxis(100, 300)
     assert range_on_axis(ValueRange(150, None), axis, "a.tif").low == pytest.approx(0.25, abs=1e-5)
-    for asked in (ValueRange(300, None), ValueRange(50, 200)):
+    for requested in (ValueRange(300, None), ValueRange(50, 200)):
         with pytest.raises(ParameterError, match="does not lie inside of the stretch"):
-            range_on_axis(asked, axis, "a.tif")
+            range_on_axis(requested, axis, "a.tif")
     with pytest.raises(ParameterError, match="which a block map has not"):
         range_on_axis(ValueRange(90, 100, by_rank=True), axis, "a.tif")
 
@@ -249,6 +251,6 @@ def test_scaled_floats_are_decided_at_the_values_that_they_show(
     values = np.tile(stored, (3, 1))
     shown = values * scale + offset
     end = float(shown[0, 1])
-    asked = ValueRange(end, None) if is_low else ValueRange(None, end)
-    stretch, [found] = fitted(dataset_of(values, BandScale(scale, offset)), "auto", asked)
-    assert np.array_equal(selected(values, stretch, found), in_range(shown, asked))
+    requested = ValueRange(end, None) if is_low else ValueRange(None, end)
+    stretch, [found] = fitted(dataset_of(values, BandScale(scale, offset)), "auto", requested)
+    assert np.array_equal(selected(values, stretch, found), in_range(shown, requested))

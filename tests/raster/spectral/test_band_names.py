@@ -5,9 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uavseg.errors import BandError, ParameterError, UavsegError
-from uavseg.raster.spectral.band_names import find_band, listed, names_of, renamed
+from uavseg.raster.spectral.band_names import common_names, find_band, listed, names_of, renamed
 from uavseg.raster.spectral.bands import BandLayout
-from uavseg.raster.spectral.common_names import common_names
 
 SENTINEL_2 = ["B1", "B2", "B3", "B4", "B5", "B6", "B7", "B8", "B8A", "B9", "B11", "B12"]
 

@@ -11,8 +11,8 @@ from uavseg.raster.grid.tiling import Window
 from uavseg.raster.intensity.features import features_of, weighted_sum
 from uavseg.raster.intensity.grey import luminance_f4
 from uavseg.raster.read.dataset import Dataset
+from uavseg.raster.spectral.bands import BandScale
 from uavseg.raster.spectral.formula import BandWords
-from uavseg.raster.spectral.value_scale import BandScale
 
 SHAPE = (9, 11)
 NAMES = BandWords(names="blue,green,red,nir")

@@ -222,7 +222,7 @@ def test_files_of_a_mosaic_name_the_bands_alike(write_raster: Callable[..., Path
 
 def test_bands_of_different_types_are_refused() -> None:
     layout = BandLayout(("uint8", "uint16"), ("undefined",) * 2, (8, 16))
-    from uavseg.raster.read.band_choice import choose
+    from uavseg.raster.read.raster_file import choose
 
     with pytest.raises(RasterError, match="different types"):
         choose(layout, None, None, BandWords(expr="b1 + b2"))

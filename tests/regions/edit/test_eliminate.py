@@ -30,11 +30,11 @@ def picture(text: str) -> Image:
     return np.array([[0 if c == "." else int(c) for c in row] for row in text.split()])
 
 
-def segmented(kinds: Image) -> NDArray[np.uint32]:
+def segmented(classes: Image) -> NDArray[np.uint32]:
     """Connected pixels of one kind, numbered by size, ties in raster order; 0 is nothing."""
-    apart = np.zeros(kinds.shape, np.int64)
-    for kind in np.unique(kinds[kinds > 0]):
-        pieces, _ = connected(kinds == kind)
+    apart = np.zeros(classes.shape, np.int64)
+    for kind in np.unique(classes[classes > 0]):
+        pieces, _ = connected(classes == kind)
         apart[pieces > 0] = pieces[pieces > 0] + apart.max()
     return by_size(apart)
 
@@ -57,18 +57,18 @@ def outlined(labels: NDArray[np.uint32], grey: Image) -> RegionOutlines:
     return RegionOutlines(trace(labels), component_sums(labels, int(labels.max()), grey.astype(np.uint16)))
 
 
-def kinds_of(labels: Image, kinds: Image) -> NDArray[np.int64]:
+def kinds_of(labels: Image, classes: Image) -> NDArray[np.int64]:
     """The kind of each label."""
-    return np.array([kinds[labels == k][0] for k in range(1, int(labels.max(initial=0)) + 1)], np.int64)
+    return np.array([classes[labels == k][0] for k in range(1, int(labels.max(initial=0)) + 1)], np.int64)
 
 
 def merged(text: str, limit: float, grey: str | None = None) -> list[str]:
     """The kinds that a drawing shows afterwards; grey is that of the kinds, unless it is drawn."""
-    kinds = picture(text)
-    labels = segmented(kinds)
-    found = outlined(labels, 100 * (kinds if grey is None else picture(grey)))
-    there, kept = eliminate(found, kinds_of(labels, kinds), box(kinds.shape), Area(limit, True))
-    painted = np.append(0, kept)[rasterise(there.rings, Window(0, 0, *kinds.shape))]
+    classes = picture(text)
+    labels = segmented(classes)
+    found = outlined(labels, 100 * (classes if grey is None else picture(grey)))
+    there, kept = eliminate(found, kinds_of(labels, classes), box(classes.shape), Area(limit, True))
+    painted = np.append(0, kept)[rasterise(there.rings, Window(0, 0, *classes.shape))]
     return ["".join(".123456789"[kind] for kind in row) for row in painted]
 
 
@@ -104,10 +104,10 @@ def test_of_equal_areas_the_first_in_raster_order_is_merged_first() -> None:
 
 
 def test_a_merged_segment_joins_neighbours_of_its_kind() -> None:
-    kinds = picture("11211 44444")
-    labels = segmented(kinds)
+    classes = picture("11211 44444")
+    labels = segmented(classes)
     found, kept = eliminate(
-        outlined(labels, 100 * kinds), kinds_of(labels, kinds), box((2, 5)), Area(2, True)
+        outlined(labels, 100 * classes), kinds_of(labels, classes), box((2, 5)), Area(2, True)
     )
     assert kept.tolist() == [1, 4] and found.rings.pixel_areas().tolist() == [5, 5]
 
@@ -121,23 +121,25 @@ def test_corners_are_not_borders() -> None:
 
 
 def test_sums_are_added() -> None:
-    kinds = picture("111 121 113")
-    labels = segmented(kinds)
-    grey = 10 * kinds
-    found, _ = eliminate(outlined(labels, grey), kinds_of(labels, kinds), box((3, 3)), Area(2, True))
+    classes = picture("111 121 113")
+    labels = segmented(classes)
+    grey = 10 * classes
+    found, _ = eliminate(outlined(labels, grey), kinds_of(labels, classes), box((3, 3)), Area(2, True))
     assert found.sums.counts.tolist() == [9] and found.sums.greys.tolist() == [grey.sum()]
     assert found.sums.squares.tolist() == [(grey**2).sum()] and found.sums.firsts.tolist() == [[0, 0]]
 
 
 def test_square_metres_are_measured_on_the_ground_and_need_a_crs() -> None:
-    kinds = picture("1111 1221 1111")
-    labels = segmented(kinds)
-    found = outlined(labels, kinds)
+    classes = picture("1111 1221 1111")
+    labels = segmented(classes)
+    found = outlined(labels, classes)
     for area, left in ((7.9, 2), (8.1, 1)):
-        there, kept = eliminate(found, kinds_of(labels, kinds), box(kinds.shape, "EPSG:32618"), Area(area))
+        there, kept = eliminate(
+            found, kinds_of(labels, classes), box(classes.shape, "EPSG:32618"), Area(area)
+        )
         assert len(kept) == len(there.sums.counts) == left
     with pytest.raises(ParameterError, match=r"no CRS.*give the area in pixels, such as 4px"):
-        eliminate(found, kinds_of(labels, kinds), box(kinds.shape), Area(4))
+        eliminate(found, kinds_of(labels, classes), box(classes.shape), Area(4))
 
 
 # Laws
@@ -147,9 +149,9 @@ def scene(seed: int) -> tuple[Image, Image]:
     """Kinds and grey, with nothing here and there."""
     rng = np.random.default_rng(seed)
     grain = rng.integers(1, 4)
-    kinds = np.kron(rng.integers(1, 5, (12, 12)), np.ones((grain, grain), int))[: rng.integers(1, 20)]
-    kinds = np.where(rng.random(kinds.shape) < rng.choice([0, 0.1]), 0, kinds)
-    return kinds, (rng.integers(0, 3, kinds.shape) + 7 * kinds) * 900
+    classes = np.kron(rng.integers(1, 5, (12, 12)), np.ones((grain, grain), int))[: rng.integers(1, 20)]
+    classes = np.where(rng.random(classes.shape) < rng.choice([0, 0.1]), 0, classes)
+    return classes, (rng.integers(0, 3, classes.shape) + 7 * classes) * 900
 
 
 def borders_by_force(labels: Image) -> dict[tuple[int, int], int]:
@@ -160,9 +162,9 @@ def borders_by_force(labels: Image) -> dict[tuple[int, int], int]:
     return Counter((a, b) for a, b in ordered if a != b and a > 0)
 
 
-def eliminated_by_force(labels: Image, kinds: Image, grey: Image, limit: float) -> tuple[Image, Image]:
+def eliminated_by_force(labels: Image, classes: Image, grey: Image, limit: float) -> tuple[Image, Image]:
     """Labels and kinds after one segment after the other was painted over."""
-    labels, kinds = labels.astype(np.int64), kinds.copy()
+    labels, classes = labels.astype(np.int64), classes.copy()
 
     def mean(label: int) -> Fraction:
         return Fraction(int(grey[labels == label].sum()), int((labels == label).sum()))
@@ -176,15 +178,15 @@ def eliminated_by_force(labels: Image, kinds: Image, grey: Image, limit: float) 
         order = sorted(zip(sizes.tolist(), firsts.tolist(), names.tolist(), strict=True))
         small = [k for size, _, k in order if k and size < limit and neighbours[k]]
         if not small:
-            return labels, kinds
+            return labels, classes
         one = small[0]
         best = min(neighbours[one].items(), key=lambda item: (-item[1], abs(mean(item[0]) - mean(one)), item))
         into = int(best[0])
-        kind = kinds[labels == into][0]
-        kinds[labels == one] = kind
+        kind = classes[labels == into][0]
+        classes[labels == one] = kind
         labels[labels == one] = into
         touching = {a + b - into for a, b in borders_by_force(labels) if into in (a, b)}
-        alike = [into, *(k for k in touching if kinds[labels == k][0] == kind)]
+        alike = [into, *(k for k in touching if classes[labels == k][0] == kind)]
         labels[np.isin(labels, alike)] = min(alike)
 
 
@@ -192,13 +194,13 @@ def eliminated_by_force(labels: Image, kinds: Image, grey: Image, limit: float) 
 @given(st.integers(0, 10**6), st.integers(1, 30))
 @settings(max_examples=60)
 def test_merged_segments_are_those_of_brute_force(seed: int, limit: int) -> None:
-    kinds, grey = scene(seed)
-    labels = segmented(kinds)
+    classes, grey = scene(seed)
+    labels = segmented(classes)
     found, kept = eliminate(
-        outlined(labels, grey), kinds_of(labels, kinds), box(kinds.shape), Area(limit, True)
+        outlined(labels, grey), kinds_of(labels, classes), box(classes.shape), Area(limit, True)
     )
-    wanted, shown = eliminated_by_force(labels, kinds, grey, limit)
-    painted = rasterise(found.rings, Window(0, 0, *kinds.shape))
+    wanted, shown = eliminated_by_force(labels, classes, grey, limit)
+    painted = rasterise(found.rings, Window(0, 0, *classes.shape))
     assert np.array_equal(painted, by_size(wanted))
     assert kept.tolist() == kinds_of(painted, shown).tolist()
     sums = component_sums(painted, len(kept), grey.astype(np.uint16))
@@ -212,13 +214,13 @@ def test_merged_segments_are_those_of_brute_force(seed: int, limit: int) -> None
 @given(st.integers(0, 10**6), st.integers(1, 60))
 @settings(max_examples=60)
 def test_no_pixel_is_lost_and_small_segments_have_no_neighbour(seed: int, limit: int) -> None:
-    kinds, grey = scene(seed)
-    labels = segmented(kinds)
+    classes, grey = scene(seed)
+    labels = segmented(classes)
     found, kept = eliminate(
-        outlined(labels, grey), kinds_of(labels, kinds), box(kinds.shape), Area(limit, True)
+        outlined(labels, grey), kinds_of(labels, classes), box(classes.shape), Area(limit, True)
     )
-    painted = rasterise(found.rings, Window(0, 0, *kinds.shape))
-    assert np.array_equal(painted > 0, kinds > 0)
+    painted = rasterise(found.rings, Window(0, 0, *classes.shape))
+    assert np.array_equal(painted > 0, classes > 0)
     pairs, _ = border_lengths(painted)
     assert (kept[pairs[:, 0] - 1] != kept[pairs[:, 1] - 1]).all()
     sizes = np.bincount(painted.reshape(-1), minlength=1)[1:]
@@ -237,11 +239,11 @@ def test_means_are_compared_exactly(segments: list[tuple[int, Fraction]]) -> Non
 
 @pytest.mark.parametrize("cells", [96, 192])
 def test_memory_follows_the_vertices_of_the_outlines(cells: int) -> None:
-    kinds = np.kron(np.random.default_rng(1).integers(1, 6, (cells, cells)), np.ones((3, 3), np.uint8))
-    labels, count = label_equal_values(kinds.astype(np.uint8))
+    classes = np.kron(np.random.default_rng(1).integers(1, 6, (cells, cells)), np.ones((3, 3), np.uint8))
+    labels, count = label_equal_values(classes.astype(np.uint8))
     of_label = np.zeros(count, np.int64)
-    of_label[labels.ravel() - 1] = kinds.ravel()
-    found, grid, limit = outlined(labels, 100 * kinds), box(kinds.shape), Area(20, True)
+    of_label[labels.ravel() - 1] = classes.ravel()
+    found, grid, limit = outlined(labels, 100 * classes), box(classes.shape), Area(20, True)
     eliminate(found, of_label, grid, limit)  # kernels are loaded
     tracemalloc.start()
     eliminate(found, of_label, grid, limit)

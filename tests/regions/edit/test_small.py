@@ -193,11 +193,11 @@ def test_square_metres_need_a_crs(clean: object) -> None:
 def random_regions(seed: int) -> Labels:
     """Regions by size, each connected."""
     rng = np.random.default_rng(seed)
-    kinds = rng.integers(0, 4, rng.integers(1, 25, 2)) * (rng.random() < 0.5)
-    kinds = np.maximum(kinds, rng.random(kinds.shape) < rng.choice([0.5, 0.7, 0.9]))
-    apart = np.zeros(kinds.shape, np.int64)
+    classes = rng.integers(0, 4, rng.integers(1, 25, 2)) * (rng.random() < 0.5)
+    classes = np.maximum(classes, rng.random(classes.shape) < rng.choice([0.5, 0.7, 0.9]))
+    apart = np.zeros(classes.shape, np.int64)
     for kind in (1, 2, 3):
-        pieces, _ = connected(kinds == kind)
+        pieces, _ = connected(classes == kind)
         apart[pieces > 0] = pieces[pieces > 0] + apart.max()
     return by_size(apart)
 

@@ -78,16 +78,16 @@ def test_info_shows_how_regions_were_made(tile: Path, extension: str) -> None:
         out = f"r.{extension}"
         run("extract", "a b.tif", "--range", "0.5,0.9", "--nodata", 7, "--min-area", "9px", "-o", out)
         assert is_region_file(out) and not is_region_file("a b.tif")
-        text, facts = run("info", out).stdout, json.loads(run("info", out, "--json").stdout)
-        assert uavseg.info(out).as_dict() == facts | {  # type: ignore[comparison-overlap]
-            "columns": tuple(facts["columns"]),
-            "bounds": tuple(facts["bounds"]),
+        text, metadata = run("info", out).stdout, json.loads(run("info", out, "--json").stdout)
+        assert uavseg.info(out).as_dict() == metadata | {  # type: ignore[comparison-overlap]
+            "columns": tuple(metadata["columns"]),
+            "bounds": tuple(metadata["bounds"]),
         }
-    assert facts["regions"] == 1 and {"id", "area_m2", "mean", "source"} <= set(facts["columns"])
+    assert metadata["regions"] == 1 and {"id", "area_m2", "mean", "source"} <= set(metadata["columns"])
     if extension == "shp":
-        assert facts["metadata"] == {} and "does not say how" in text
+        assert metadata["metadata"] == {} and "does not say how" in text
         return
-    about = facts["metadata"]
+    about = metadata["metadata"]
     assert about["sources"] == ["a b.tif"] and about["software"] == f"uavseg {uavseg.__version__}"
     assert about["range"] == [0.5, 0.9] and about["range_values"] == [127.5, 229.5]
     assert (about["band"], about["nodata"], about["stretch"]) == ("band 1", 7, "dtype -> 0..255")
@@ -127,8 +127,8 @@ def test_the_files_stay_valid(tile: Path) -> None:
         run("extract", "a b.tif", "--range", "0.5,1", "-o", "r.kml")
         run("extract", "a b.tif", "--range", "0.5,1", "-o", "r.geojson")
         document = ET.parse("r.kml").getroot()[0]
-        kinds = [child.tag.rpartition("}")[2] for child in document]
-        assert kinds == ["Style", "ExtendedData", "Schema", "Folder"]  # the order of KML 2.2
+        classes = [child.tag.rpartition("}")[2] for child in document]
+        assert classes == ["Style", "ExtendedData", "Schema", "Folder"]  # the order of KML 2.2
         found = json.loads(Path("r.geojson").read_text())
     assert list(found) == ["type", "uavseg", "features"] and len(found["features"]) == 1
 
@@ -167,8 +167,8 @@ def test_what_is_not_finite_is_not_shown_as_json(tmp_path: Path, number: str) ->
     path = tmp_path / "r.geojson"
     path.write_text(f'{{"type": "Polygon", "coordinates": [{ring}]}}')
     with chdir(tmp_path):
-        facts = json.loads(run("info", "r.geojson", "--json").stdout)
-    assert facts["bounds"] is None and facts["regions"] == 1
+        metadata = json.loads(run("info", "r.geojson", "--json").stdout)
+    assert metadata["bounds"] is None and metadata["regions"] == 1
 
 
 def test_a_geopackage_whose_text_is_damaged_is_still_told_apart(tmp_path: Path) -> None:

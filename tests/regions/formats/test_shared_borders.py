@@ -43,15 +43,15 @@ def stripes_below_a_field() -> NDArray[np.uint32]:
 def patches(seed: int) -> NDArray[np.uint32]:
     """Segments of any shape, as classes and levels have them."""
     rng = np.random.default_rng(seed)
-    kinds = np.kron(rng.integers(0, 4, (30, 30)), np.ones((4, 4), int))
-    kinds[rng.random(kinds.shape) < 0.1] = 2
-    return segments(kinds.astype(np.uint32))
+    classes = np.kron(rng.integers(0, 4, (30, 30)), np.ones((4, 4), int))
+    classes[rng.random(classes.shape) < 0.1] = 2
+    return segments(classes.astype(np.uint32))
 
 
-def segments(kinds: NDArray[np.uint32]) -> NDArray[np.uint32]:
+def segments(classes: NDArray[np.uint32]) -> NDArray[np.uint32]:
     from uavseg.segmentation.components import label_equal_values
 
-    return label_equal_values(np.ascontiguousarray(kinds))[0]
+    return label_equal_values(np.ascontiguousarray(classes))[0]
 
 
 def regions_of(labels: NDArray[np.uint32], crs: Any, transform: Affine, drawing: Drawing) -> Regions:

@@ -98,10 +98,10 @@ def test_a_geopackage_carries_its_style_as_the_default(tmp_path: Path) -> None:
             "SELECT f_table_name, f_geometry_column, useAsDefault, styleQML, styleSLD FROM layer_styles"
         )
         [(geometry,)] = base.execute("SELECT column_name FROM gpkg_geometry_columns")
-        kinds = dict(base.execute("SELECT table_name, data_type FROM gpkg_contents"))
+        classes = dict(base.execute("SELECT table_name, data_type FROM gpkg_contents"))
         assert base.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
     assert (layer, column, default) == ("regions", geometry, 1)
-    assert kinds == {"regions": "features", "layer_styles": "attributes"}
+    assert classes == {"regions": "features", "layer_styles": "attributes"}
     assert ET.fromstring(style).tag == "qgis" and ET.fromstring(other.encode()).tag.endswith("Descriptor")
     assert len(read_regions(path)) == 3  # the table of styles is no second layer of regions
 

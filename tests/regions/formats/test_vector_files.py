@@ -29,11 +29,11 @@ READERS = [read_regions, PolygonTable.of]
 @pytest.fixture
 def requests() -> Iterator[tuple[str, list[str]]]:
     """Address of a server on this machine, and the paths that it was asked for."""
-    asked: list[str] = []
+    requested: list[str] = []
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
-            asked.append(self.path)
+            requested.append(self.path)
             self.send_response(404)
             self.end_headers()
 
@@ -45,7 +45,7 @@ def requests() -> Iterator[tuple[str, list[str]]]:
     with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
-        yield f"http://127.0.0.1:{server.server_port}", asked
+        yield f"http://127.0.0.1:{server.server_port}", requested
         server.shutdown()
         thread.join()
 
@@ -68,7 +68,7 @@ def kml(inner: str = "") -> str:
 @pytest.mark.parametrize("reader", READERS)
 @pytest.mark.parametrize("form", ["link", "LINK", "url", "escaped", "single", "feature"])
 def test_a_linked_crs_is_not_fetched(tmp_path: Path, requests: Any, reader: Any, form: str) -> None:
-    address, asked = requests
+    address, requested = requests
     crs = {
         "type": "url" if form == "url" else "link",
         "properties": {"href": f"{address}/crs", "url": f"{address}/crs"},
@@ -89,18 +89,18 @@ def test_a_linked_crs_is_not_fetched(tmp_path: Path, requests: Any, reader: Any,
     (tmp_path / "a.geojson").write_text(text)
     with pytest.raises((AccessError, RegionError)):
         reader(tmp_path / "a.geojson")
-    assert asked == []
+    assert requested == []
 
 
 @pytest.mark.slow
 def test_a_linked_crs_is_fetched_where_that_is_allowed(tmp_path: Path, requests: Any) -> None:
-    address, asked = requests
+    address, requested = requests
     (tmp_path / "a.geojson").write_text(
         collection(crs={"type": "link", "properties": {"href": f"{address}/crs"}})
     )
     with allowing(allow_network=True):
         read_regions(tmp_path / "a.geojson")
-    assert set(asked) == {"/crs"}  # the server of these tests sees what is sent
+    assert set(requested) == {"/crs"}  # the server of these tests sees what is sent
 
 
 @pytest.mark.parametrize("reader", READERS)
@@ -115,18 +115,18 @@ def test_attributes_with_addresses_are_only_attributes(tmp_path: Path, reader: A
     "name", ["http://{}/crs", "ftp://{}/crs", "/vsicurl/http://{}/crs", "urn:ogc:def:crs:http://{}/crs"]
 )
 def test_the_name_of_a_crs_makes_no_request(tmp_path: Path, requests: Any, name: str) -> None:
-    address, asked = requests
+    address, requested = requests
     crs = {"type": "name", "properties": {"name": name.format(address.removeprefix("http://"))}}
     for more in ({"crs": crs}, {"coordRefSys": crs["properties"]["name"]}):
         (tmp_path / "a.geojson").write_text(collection(**more))
         with suppress(RegionError):
             read_regions(tmp_path / "a.geojson")
-    assert asked == []
+    assert requested == []
 
 
 @pytest.mark.parametrize("reader", READERS)
 def test_links_in_kml_make_no_request(tmp_path: Path, requests: Any, reader: Any) -> None:
-    address, asked = requests
+    address, requested = requests
     links = (
         f"<NetworkLink><Link><href>{address}/a.kml</href></Link></NetworkLink>"
         f"<Placemark><styleUrl>{address}/s.kml#x</styleUrl></Placemark>"
@@ -135,7 +135,7 @@ def test_links_in_kml_make_no_request(tmp_path: Path, requests: Any, reader: Any
     (tmp_path / "a.kml").write_text(kml(links))
     with suppress(RegionError):
         reader(tmp_path / "a.kml")
-    assert asked == []
+    assert requested == []
     (tmp_path / "b.kml").write_text(kml())
     reader(tmp_path / "b.kml")
 

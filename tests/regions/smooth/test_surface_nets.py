@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from uavseg.regions.smooth.surface_nets import MAX_SHIFT, doubled_area, relax
+from uavseg.regions.smooth.smooth_outlines import MAX_SHIFT, doubled_area, relax
 
 Floats = NDArray[np.float64]
 steps = st.lists(st.sampled_from([(1, 0), (0, 1), (0, -1)]), min_size=1, max_size=40)

@@ -34,11 +34,11 @@ def block_maps(draw: st.DrawFn) -> tuple[BlockMap, Cells]:
     return blocks, rng.integers(0, 4, blocks.counts.shape).astype(np.uint8)
 
 
-def segments_of(kinds: Cells) -> tuple[NDArray[np.int64], list[int]]:
+def segments_of(classes: Cells) -> tuple[NDArray[np.int64], list[int]]:
     """Connected cells of one kind, numbered from 1, and the kind of each."""
-    labels, kind_of = np.zeros(kinds.shape, np.int64), []
+    labels, kind_of = np.zeros(classes.shape, np.int64), []
     for kind in (1, 2, 3):
-        apart, count = connected(kinds == kind)
+        apart, count = connected(classes == kind)
         labels[apart > 0] = apart[apart > 0] + len(kind_of)
         kind_of += [kind] * count
     return labels, kind_of
@@ -47,14 +47,14 @@ def segments_of(kinds: Cells) -> tuple[NDArray[np.int64], list[int]]:
 @given(block_maps())
 @settings(max_examples=60)
 def test_regions_are_connected_cells_of_one_kind_with_valid_pixels(drawn: tuple[BlockMap, Cells]) -> None:
-    blocks, kinds = drawn
-    found = outline_block_map(blocks, kinds)
+    blocks, classes = drawn
+    found = outline_block_map(blocks, classes)
     image = rasterise(found.rings, Window(0, 0, *blocks.shape))
     rows, cols = -(-blocks.shape[0] // 8), -(-blocks.shape[1] // 8)
     cells = image[::8, ::8]
     assert np.array_equal(image, cells.repeat(8, 0).repeat(8, 1)[: blocks.shape[0], : blocks.shape[1]])
     known = blocks.counts[:rows, :cols] > 0
-    labels, _ = segments_of(kinds[:rows, :cols])
+    labels, _ = segments_of(classes[:rows, :cols])
     labels[~known] = 0
     assert np.array_equal(cells > 0, labels > 0)
     pairs = set(zip(labels[labels > 0].tolist(), cells[labels > 0].tolist(), strict=True))
@@ -67,10 +67,10 @@ def test_regions_are_connected_cells_of_one_kind_with_valid_pixels(drawn: tuple[
 @given(block_maps())
 @settings(max_examples=60)
 def test_segments_are_counted_as_if_they_were_outlined(drawn: tuple[BlockMap, Cells]) -> None:
-    blocks, kinds = drawn
+    blocks, classes = drawn
     rows, cols = -(-blocks.shape[0] // 8), -(-blocks.shape[1] // 8)
-    _, kind_of = segments_of(kinds[:rows, :cols])
-    assert count_segments(blocks, kinds, 3).tolist() == [kind_of.count(kind) for kind in (1, 2, 3)]
+    _, kind_of = segments_of(classes[:rows, :cols])
+    assert count_segments(blocks, classes, 3).tolist() == [kind_of.count(kind) for kind in (1, 2, 3)]
 
 
 @given(block_maps())

@@ -16,14 +16,15 @@ from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.shapes import LazyPolygons
 from uavseg.regions.tiles.class_tiles import ClassesByPixel, outline_refined_classes
 from uavseg.regions.tiles.range_tiles import outline_regions
-from uavseg.segmentation.params.partition import (
+from uavseg.segmentation.params.segment import (
     Breaks,
+    IntensityRange,
     Partition,
+    SegmentParams,
     ValueClass,
     ValueClasses,
     partition_of_levels,
 )
-from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
 from uavseg.segmentation.pipeline import every_cell
 from uavseg.segmentation.source import GreySource
 
@@ -41,8 +42,10 @@ def classes_of(*ranges: tuple[float, float]) -> ValueClasses:
 def outlined(
     source: GreySource, partition: Partition, side: Any = 256, run: Any = serial
 ) -> tuple[RegionOutlines, np.ndarray]:
-    found, kinds = outline_refined_classes(source, partition, "tv", TilePass(tiles(source.shape, side), run))
-    return found, kinds.at(found.sums.firsts)
+    found, classes = outline_refined_classes(
+        source, partition, "tv", TilePass(tiles(source.shape, side), run)
+    )
+    return found, classes.at(found.sums.firsts)
 
 
 def assert_same(first: RegionOutlines, second: RegionOutlines) -> None:
@@ -57,9 +60,9 @@ def test_one_class_gives_the_regions_of_its_range(seed: int, some: list[float]) 
     source, interval = source_of(field_of(seed, (150, 190))), IntensityRange(some[0], some[1])
     cells = every_cell(source.shape)
     expected = outline_regions(source, cells, interval, "tv", TilePass(tiles(source.shape, 64)))
-    found, kinds = outlined(source, classes_of((some[0], some[1])).partition, 64)
+    found, classes = outlined(source, classes_of((some[0], some[1])).partition, 64)
     assert_same(found, expected)
-    assert (kinds == 1).all()
+    assert (classes == 1).all()
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -67,10 +70,10 @@ def test_one_class_gives_the_regions_of_its_range(seed: int, some: list[float]) 
 def test_tiles_and_workers_change_nothing(seed: int, side: Any, run: Any) -> None:
     source = source_of(field_of(seed, (201, 230)))
     partition = classes_of((0.1, 0.3), (0.3, 0.45), (0.6, 0.9)).partition
-    expected, kinds = outlined(source, partition)
+    expected, classes = outlined(source, partition)
     found, found_kinds = outlined(source, partition, side, run)
     assert_same(found, expected)
-    assert np.array_equal(found_kinds, kinds) and set(kinds) == {1, 2, 3}
+    assert np.array_equal(found_kinds, classes) and set(classes) == {1, 2, 3}
 
 
 @settings(max_examples=25)
@@ -103,14 +106,14 @@ def test_a_pixel_far_from_all_borders_has_the_kind_of_its_own_value(seed: int) -
     field.values[:] = field.values[20::40, 20::40].repeat(40, 0).repeat(40, 1)[:160, :200]
     field.valid[:] = True
     partition = classes_of((0.2, 0.5), (0.5, 0.7)).partition
-    found, kinds = outlined(source_of(field), partition, 64)
+    found, classes = outlined(source_of(field), partition, 64)
     labels = rasterise(found.rings, Window(0, 0, 160, 200))
     v = field.values / 255
     expected = np.where((v >= 0.2) & (v <= 0.5), 1, np.where((v > 0.5) & (v <= 0.7), 2, 0))
-    assert np.array_equal(np.array([0, *kinds])[labels], expected)
+    assert np.array_equal(np.array([0, *classes])[labels], expected)
 
 
 def test_kinds_are_known_by_first_pixels_in_any_order() -> None:
     firsts = np.array([[5, 2], [0, 9], [0, 1]])
-    kinds = ClassesByPixel.of(firsts, np.array([3, 2, 1], np.uint8))
-    assert kinds.at(np.array([[0, 1], [5, 2]])).tolist() == [1, 3]
+    classes = ClassesByPixel.of(firsts, np.array([3, 2, 1], np.uint8))
+    assert classes.at(np.array([[0, 1], [5, 2]])).tolist() == [1, 3]

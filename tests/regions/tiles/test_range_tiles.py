@@ -250,14 +250,16 @@ def test_cells_alone_tiles_and_the_whole_give_the_same_regions(
     sourced: Sourced, seed: int, shape: tuple[int, int], side: Any
 ) -> None:
     """Where all pixels are valid; only the squares are not in a block map."""
-    image, kinds = np.maximum(scene(seed, shape), 1), random_cells(seed, shape)
-    kinds *= 1 + random_cells(seed + 1, shape)
-    kinds[-(-shape[0] // 8) :] = kinds[:, -(-shape[1] // 8) :] = 0  # no leaf lies wholly beyond the raster
+    image, classes = np.maximum(scene(seed, shape), 1), random_cells(seed, shape)
+    classes *= 1 + random_cells(seed + 1, shape)
+    classes[-(-shape[0] // 8) :] = classes[:, -(-shape[1] // 8) :] = (
+        0  # no leaf lies wholly beyond the raster
+    )
     source = sourced(image)
     blocks = measure_cells(source, TilePass(one_tile(image))).blocks
-    cells = outline_block_map(blocks, kinds)
+    cells = outline_block_map(blocks, classes)
     for windows in (one_tile(image), tiles(shape, side)):
-        pixels = outline_segments(source, kinds, TilePass(windows))
+        pixels = outline_segments(source, classes, TilePass(windows))
         sums = replace(cells.sums, squares=pixels.sums.squares)
         assert same(RegionOutlines(cells.rings, sums), pixels)
 
@@ -268,9 +270,9 @@ def test_the_first_place_of_a_region_of_cells_is_the_first_pixel_that_it_enclose
     sourced: Sourced, seed: int, shape: tuple[int, int]
 ) -> None:
     """Also where cells have no valid pixels, and with the sums of all cells enclosed."""
-    image, kinds = scene(seed, shape), random_cells(seed, shape)
+    image, classes = scene(seed, shape), random_cells(seed, shape)
     blocks = measure_cells(sourced(image), TilePass(one_tile(image))).blocks
-    found = outline_block_map(blocks, kinds)
+    found = outline_block_map(blocks, classes)
     names, firsts = np.unique(whole(found, image), return_index=True)
     places = np.stack(np.unravel_index(firsts[names > 0], shape), 1).tolist()
     assert found.sums.firsts.tolist() == places

@@ -29,10 +29,10 @@ def scene(seed: int) -> tuple[GreySource, Kinds]:
     image[rng.random(shape) < rng.choice([0, 0.05])] = np.nan
     box = GeoBox(image.shape, Affine.identity(), None)
     source = GreySource(Dataset.of_values(image, box, "a"), Stretch(0.0, 255.0, "dtype"))
-    kinds = np.zeros(tuple(-(-side // 64) * 8 for side in shape), np.uint8)
+    classes = np.zeros(tuple(-(-side // 64) * 8 for side in shape), np.uint8)
     rows, cols = (-(-side // 8) for side in shape)
-    kinds[:rows, :cols] = rng.integers(0, 4, (rows, cols))
-    return source, kinds
+    classes[:rows, :cols] = rng.integers(0, 4, (rows, cols))
+    return source, classes
 
 
 def equal(one: RegionOutlines, other: RegionOutlines) -> bool:
@@ -44,9 +44,9 @@ def equal(one: RegionOutlines, other: RegionOutlines) -> bool:
 @given(st.integers(0, 10**6), st.sampled_from([64, 128]))
 @settings(max_examples=25)
 def test_tiles_change_no_segment(seed: int, side: int) -> None:
-    source, kinds = scene(seed)
+    source, classes = scene(seed)
     whole, parts = (
-        outline_segments(source, kinds, TilePass(tiles(source.shape, tile))) for tile in (4096, side)
+        outline_segments(source, classes, TilePass(tiles(source.shape, tile))) for tile in (4096, side)
     )
     assert equal(whole, parts)
 
@@ -54,11 +54,11 @@ def test_tiles_change_no_segment(seed: int, side: int) -> None:
 @given(st.integers(0, 10**6))
 @settings(max_examples=25)
 def test_segments_hold_the_valid_pixels_of_cells_of_one_kind(seed: int) -> None:
-    source, kinds = scene(seed)
-    found = outline_segments(source, kinds, TilePass(tiles(source.shape, 128)))
+    source, classes = scene(seed)
+    found = outline_segments(source, classes, TilePass(tiles(source.shape, 128)))
     rows, cols = source.shape
     image = rasterise(found.rings, Window(0, 0, rows, cols))
-    pixels = kinds.repeat(8, 0).repeat(8, 1)[:rows, :cols]
+    pixels = classes.repeat(8, 0).repeat(8, 1)[:rows, :cols]
     valid = source.read(Window(0, 0, rows, cols), 0).valid[:rows, :cols] > 0
     assert np.array_equal(image > 0, (pixels > 0) & valid)
     for k in range(1, len(found.sums.counts) + 1):
@@ -69,10 +69,10 @@ def test_segments_hold_the_valid_pixels_of_cells_of_one_kind(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("refine", ["none", "scan"])
 def test_objects_are_the_pixels_of_a_state_whatever_the_tiles(seed: int, refine: str) -> None:
-    source, kinds = scene(seed)
+    source, classes = scene(seed)
     strips = state_strips(source.shape, (64, 64), 64)
     tile_pass = TilePass([tile for strip in strips for tile in strip])
-    found = classify_states(source, kinds, StateLimits(), refine, tile_pass)  # type: ignore[arg-type]
+    found = classify_states(source, classes, StateLimits(), refine, tile_pass)  # type: ignore[arg-type]
     whole, parts = (
         outline_state(source, found.image, 3, TilePass(tiles(source.shape, tile))) for tile in (4096, 64)
     )
@@ -85,10 +85,10 @@ def test_objects_are_the_pixels_of_a_state_whatever_the_tiles(seed: int, refine:
 @given(st.integers(0, 10**6), st.sampled_from([8, 64]))
 @settings(max_examples=20)
 def test_jobs_hold_the_cells_of_their_tile_and_of_its_halo(seed: int, halo: int) -> None:
-    source, kinds = scene(seed)
+    source, classes = scene(seed)
     windows = tiles(source.shape, 64)
-    jobs = cell_jobs(kinds, windows, halo)
+    jobs = cell_jobs(classes, windows, halo)
     assert len(jobs) == len(windows)
     for window, (own, cells) in zip(windows, jobs, strict=True):
         assert own == window
-        assert np.array_equal(cells, cells_around(kinds, window, halo))
+        assert np.array_equal(cells, cells_around(classes, window, halo))

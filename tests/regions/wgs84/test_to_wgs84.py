@@ -42,8 +42,8 @@ PLACES = {
     "west and south for x and y": (2053, Affine(500, 0, 9000, 0, -500, 3e6)),
 }
 pictures = st.integers(2, 4).flatmap(
-    lambda kinds: st.lists(
-        st.lists(st.integers(0, kinds - 1), min_size=12, max_size=12), min_size=12, max_size=12
+    lambda classes: st.lists(
+        st.lists(st.integers(0, classes - 1), min_size=12, max_size=12), min_size=12, max_size=12
     )
 )
 RING = np.ones((12, 12), np.uint32)

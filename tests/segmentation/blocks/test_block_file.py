@@ -134,7 +134,7 @@ def test_a_file_that_is_there_is_replaced_only_if_allowed(tmp_path: Path) -> Non
     assert_same(read_block_map(tmp_path / "a.tif"), saved_map(2))
 
 
-def facts(path: Path) -> dict[str, Any]:
+def metadata(path: Path) -> dict[str, Any]:
     with rasterio.open(path) as file:
         found: dict[str, Any] = json.loads(file.tags()[TAG])
     return found
@@ -144,7 +144,7 @@ def test_a_nodata_value_of_an_earlier_version_takes_the_place_of_that_of_the_fil
     write_block_map(path := tmp_path / "a.tif", saved_map(), DivisionParams(1.2, 0.05))
     for number in ("-9999.0", -9999):
         with rasterio.open(path, "r+") as file:
-            file.update_tags(**{TAG: json.dumps(facts(path) | {"nodata": number})})
+            file.update_tags(**{TAG: json.dumps(metadata(path) | {"nodata": number})})
         assert read_block_map(path).origin.nodata == "only:-9999"
 
 
@@ -163,7 +163,7 @@ def test_a_nodata_value_of_an_earlier_version_takes_the_place_of_that_of_the_fil
 def test_a_damaged_tag_is_reported_with_what_to_do(tmp_path: Path, tag: str) -> None:
     path = tmp_path / "a.tif"
     write_block_map(path, saved_map(), DivisionParams(1.2, 0.05))
-    text = facts(path)
+    text = metadata(path)
     if tag.startswith("without "):
         del text[tag.removeprefix("without ")]
     elif "=" in tag:

@@ -9,8 +9,14 @@ from numpy.typing import NDArray
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, find_leaves, required_ratios
 from uavseg.segmentation.blocks.division import RATIOS, block_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
-from uavseg.segmentation.blocks.leaves import cell_levels, cell_states, cells_in_range
-from uavseg.segmentation.params.segment import DivisionParams, IntensityRange, Levels, StateLimits
+from uavseg.segmentation.blocks.leaves import cell_classes, cell_states, cells_in_range
+from uavseg.segmentation.params.segment import (
+    DivisionParams,
+    IntensityRange,
+    Levels,
+    StateLimits,
+    partition_of_levels,
+)
 
 INF = np.inf
 seeds = st.integers(0, 10_000)
@@ -200,7 +206,7 @@ def test_required_ratios_are_enough_for_levels_and_states(
 ) -> None:
     blocks, levels, limits = random_map(seed), Levels(width), StateLimits()
     there = blocks.counts > 0
-    for intervals, answer in ((levels, cell_levels), (limits, cell_states)):
+    for intervals, answer in ((partition_of_levels(levels), cell_classes), (limits, cell_states)):
         required = required_ratios(blocks.sums, blocks.counts, intervals.edges, tau)
         full = answer(blocks, intervals, DivisionParams(X, tau))[there]
         for otherwise in (0.0, INF):

@@ -4,8 +4,14 @@ import numpy as np
 import pytest
 
 from uavseg.segmentation.blocks.block_map import BlockMap, find_leaves
-from uavseg.segmentation.blocks.leaves import cell_levels, cell_states, cells_in_range, cells_to_pixels
-from uavseg.segmentation.params.segment import DivisionParams, IntensityRange, Levels, StateLimits
+from uavseg.segmentation.blocks.leaves import cell_classes, cell_states, cells_in_range, cells_to_pixels
+from uavseg.segmentation.params.segment import (
+    DivisionParams,
+    IntensityRange,
+    Levels,
+    StateLimits,
+    partition_of_levels,
+)
 
 UNDIVIDED = DivisionParams(np.inf, np.inf)
 
@@ -55,7 +61,14 @@ def test_strips_of_a_tall_map_agree_with_its_leaves() -> None:
 
 def test_a_mean_on_an_edge_belongs_below_it() -> None:
     blocks = steps_of_grey(0, 13107, 13108, 26214, 52429, 65535)
-    assert cell_levels(blocks, Levels(0.2), UNDIVIDED)[0, ::8].tolist() == [1, 1, 2, 2, 5, 5]
+    assert cell_classes(blocks, partition_of_levels(Levels(0.2)), UNDIVIDED)[0, ::8].tolist() == [
+        1,
+        1,
+        2,
+        2,
+        5,
+        5,
+    ]
     limits = StateLimits(13107 / 65535, 26214 / 65535)
     assert cell_states(blocks, limits, UNDIVIDED)[0, ::8].tolist() == [1, 1, 2, 2, 3, 3]
     assert limits.table[[0, 13107, 13108, 26214, 26215, 65535]].tolist() == [1, 1, 2, 2, 3, 3]
@@ -64,14 +77,14 @@ def test_a_mean_on_an_edge_belongs_below_it() -> None:
 def test_a_leaf_without_valid_pixels_has_no_state_and_no_level() -> None:
     blocks = BlockMap.empty((64, 64))
     assert not cell_states(blocks, StateLimits(), DivisionParams(1.2, 0.05)).any()
-    assert not cell_levels(blocks, Levels(0.1), DivisionParams(1.2, 0.05)).any()
+    assert not cell_classes(blocks, partition_of_levels(Levels(0.1)), DivisionParams(1.2, 0.05)).any()
 
 
 def test_many_levels_fit_the_dtype() -> None:
     blocks = steps_of_grey(0, 65535)
-    found = cell_levels(blocks, Levels(0.001), UNDIVIDED)
+    found = cell_classes(blocks, partition_of_levels(Levels(0.001)), UNDIVIDED)
     assert found.dtype == np.uint32 and found[0, ::8].tolist() == [1, 1000]
-    assert cell_levels(blocks, Levels(0.004), UNDIVIDED).dtype == np.uint8
+    assert cell_classes(blocks, partition_of_levels(Levels(0.004)), UNDIVIDED).dtype == np.uint8
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint32])

@@ -14,13 +14,13 @@ SEEDS = st.integers(0, 100_000)
 DETAILS = st.builds(Detail, st.integers(1, 12), st.integers(1, 12), st.booleans())
 
 
-def scene(seed: int, shape: tuple[int, int] = (60, 70), kinds: int = 3) -> tuple[Image, Image]:
+def scene(seed: int, shape: tuple[int, int] = (60, 70), classes: int = 3) -> tuple[Image, Image]:
     """Patches of several kinds with specks, and nodata in places."""
     rng = np.random.default_rng(seed)
     smooth = ndimage.gaussian_filter(rng.standard_normal(shape), rng.uniform(1, 6))
-    image = np.digitize(smooth, np.quantile(smooth, np.arange(1, kinds) / kinds)).astype(np.uint8)
+    image = np.digitize(smooth, np.quantile(smooth, np.arange(1, classes) / classes)).astype(np.uint8)
     specks = rng.random(shape) < rng.choice([0, 0.02, 0.2])
-    image[specks] = rng.integers(0, kinds, int(specks.sum()))
+    image[specks] = rng.integers(0, classes, int(specks.sum()))
     valid = (ndimage.gaussian_filter(rng.standard_normal(shape), 3) < rng.choice([0.1, 9])).astype(np.uint8)
     return image * valid, valid
 
@@ -73,18 +73,21 @@ def test_a_turned_image_gives_turned_kinds(seed: int, detail: Detail) -> None:
     assert np.array_equal(flipped[::-1].T, expected)
 
 
-@given(SEEDS, st.integers(3, 12))
-def test_a_second_time_changes_hardly_anything(seed: int, side: int) -> None:
-    image, valid = scene(seed, (90, 90), 2)
-    once = apply_detail(image, valid, Detail(side, side))
-    twice = apply_detail(once, valid, Detail(side, side))
-    assert np.mean(twice != once) < 0.02
+@pytest.mark.parametrize("side", range(3, 13))
+def test_a_second_time_changes_hardly_anything(side: int) -> None:
+    """A share of the pixels of many scenes: one whose patches are as wide as the detail may change by 2 %."""
+    changed = []
+    for seed in range(20):
+        image, valid = scene(seed, (90, 90), 2)
+        once = apply_detail(image, valid, Detail(side, side))
+        changed.append(np.mean(apply_detail(once, valid, Detail(side, side)) != once))
+    assert np.mean(changed) < 0.005
 
 
 @given(SEEDS, st.integers(2, 12))
 def test_wide_kinds_with_smooth_borders_stay(seed: int, side: int) -> None:
     """What is open by a disc, and whose complement is, does not change at that disc's size."""
-    image, valid = scene(seed, kinds=2)
+    image, valid = scene(seed, classes=2)
     detail = Detail(side, side)
     disc = PixelDisc(side, side)
     if opening_mask(image, valid, disc)[valid > 0].all():

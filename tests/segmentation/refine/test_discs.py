@@ -59,23 +59,23 @@ def test_the_opening_of_each_kind_is_that_of_morphology(
     seed, *shape = image
     rng = np.random.default_rng(seed)
     own, others = rng.integers(0, 4), rng.integers(0, 4, shape)
-    kinds = np.where(rng.random(shape) < share, own, others).astype(np.uint8)
-    covered = opening_mask(kinds, np.ones_like(kinds), disc)
+    classes = np.where(rng.random(shape) < share, own, others).astype(np.uint8)
+    covered = opening_mask(classes, np.ones_like(classes), disc)
     border = max(disc.rows, disc.cols)
     expected = np.zeros(shape, bool)
     for kind in range(4):
-        expected |= opened(kinds == kind, disc)
+        expected |= opened(classes == kind, disc)
     inner = np.s_[border:-border, border:-border]  # discs that cross the edge fit by what is inside
     assert np.array_equal(covered[inner] > 0, expected[inner])
     assert (covered[expected] > 0).all()
 
 
 def test_what_is_not_valid_fits_every_kind_but_holds_no_centre() -> None:
-    kinds = np.ones((20, 20), np.uint8)
-    kinds[:, 10:] = 0
-    valid = np.ones_like(kinds)
+    classes = np.ones((20, 20), np.uint8)
+    classes[:, 10:] = 0
+    valid = np.ones_like(classes)
     valid[:, 10:] = 0
     valid[:, :6] = 0
-    assert opening_mask(kinds, valid, PixelDisc(9, 9))[:, 6:10].all()
-    kinds[:, 8] = 0  # two columns of 1, one of 0 and one of 1 between what is not valid
-    assert not opening_mask(kinds, valid, PixelDisc(9, 9)).any()
+    assert opening_mask(classes, valid, PixelDisc(9, 9))[:, 6:10].all()
+    classes[:, 8] = 0  # two columns of 1, one of 0 and one of 1 between what is not valid
+    assert not opening_mask(classes, valid, PixelDisc(9, 9)).any()

@@ -61,12 +61,12 @@ def test_cells_that_are_not_active_keep_their_specks() -> None:
     assert np.argwhere(speck).tolist() == [[5, 5]]
 
 
-def plain_kinds_without_specks(kinds: NDArray[np.uint8], valid: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def plain_kinds_without_specks(classes: NDArray[np.uint8], valid: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Each small thin component takes the kind of most neighbours of its pixels, of several the smallest."""
-    result = kinds.copy()
-    shown = np.where(valid > 0, kinds.astype(int), -1)
+    result = classes.copy()
+    shown = np.where(valid > 0, classes.astype(int), -1)
     around = np.pad(shown, 1, constant_values=-1)
-    for kind in np.unique(kinds):
+    for kind in np.unique(classes):
         same = shown == kind
         pieces, count = ndimage.label(same, None if kind else np.ones((3, 3)))
         thick = ndimage.binary_opening(same, np.ones((3, 3)))
@@ -86,11 +86,11 @@ def plain_kinds_without_specks(kinds: NDArray[np.uint8], valid: NDArray[np.uint8
 
 @settings(max_examples=40)
 @given(st.integers(0, 100_000), st.sampled_from([2, 3, 6]))
-def test_specks_of_several_kinds_are_those_of_plain_arrays(seed: int, kinds: int) -> None:
+def test_specks_of_several_kinds_are_those_of_plain_arrays(seed: int, classes: int) -> None:
     rng = np.random.default_rng(seed)
     valid = (rng.random(SHAPE) > 0.05).astype(np.uint8)
     side = int(rng.choice([1, 2, 4]))
-    image = rng.choice([0, 1, 2, 5, 90, 127][:kinds], (24 // side, 32 // side)).repeat(side, 0)
+    image = rng.choice([0, 1, 2, 5, 90, 127][:classes], (24 // side, 32 // side)).repeat(side, 0)
     image = image.repeat(side, 1).astype(np.uint8)
     image[rng.random(SHAPE) < 0.1] = 1
     image *= valid

@@ -71,8 +71,8 @@ def test_kinds_are_those_of_the_greys_of_plain_arrays(
     grey *= valid
     weights = rng.integers(0, largest + 1, (2, 3)).astype(np.int16)
     table = rng.integers(0, 128, 65536).astype(np.uint8)
-    kinds = rng.integers(0, 128, grey.shape).astype(np.uint8) * valid
+    classes = rng.integers(0, 128, grey.shape).astype(np.uint8) * valid
     u, _ = plain_variation.minimise_tv(grey, weights.repeat(8, 0).repeat(8, 1) * valid.astype(np.int64))
-    expected = np.where(u != grey // 2, table[2 * u] * valid, kinds)
-    _classify_panels(grey, valid, weights, table, kinds)
-    assert np.array_equal(kinds, expected)
+    expected = np.where(u != grey // 2, table[2 * u] * valid, classes)
+    _classify_panels(grey, valid, weights, table, classes)
+    assert np.array_equal(classes, expected)

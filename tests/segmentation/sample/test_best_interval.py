@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from uavseg.segmentation.sample.best_interval import best_interval, linear_weights
 
 
-def slow(values: np.ndarray, likeness: np.ndarray, own: np.ndarray, low: float, high: float) -> float:
+def slow(values: np.ndarray, similarity: np.ndarray, own: np.ndarray, low: float, high: float) -> float:
     """Agreement of an interval, as it is defined."""
     inside = (values >= low) & (values < high)
-    found = likeness[inside].sum() / (likeness.sum() + (1 - likeness[inside]).sum())
+    found = similarity[inside].sum() / (similarity.sum() + (1 - similarity[inside]).sum())
     return float(found * min(((own >= low) & (own < high)).mean() / 0.9, 1))
 
 
@@ -21,16 +21,16 @@ def scene(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     rng = np.random.default_rng(seed)
     values = np.concatenate([rng.normal(m, 1, rng.integers(40, 400)) for m in rng.uniform(-9, 9, 4)])
     middle = values[rng.integers(len(values))]
-    likeness = np.clip(np.exp(-((values - middle) ** 2)) + rng.normal(0, 0.05, len(values)), 0, 1)
-    return values, likeness, rng.normal(middle, 0.5, 50)
+    similarity = np.clip(np.exp(-((values - middle) ** 2)) + rng.normal(0, 0.05, len(values)), 0, 1)
+    return values, similarity, rng.normal(middle, 0.5, 50)
 
 
 @given(st.integers(0, 10_000))
 def test_no_other_interval_agrees_better(seed: int) -> None:
-    values, likeness, own = scene(seed)
-    found = best_interval(values, likeness, own)
+    values, similarity, own = scene(seed)
+    found = best_interval(values, similarity, own)
     assert found is not None and (math.isfinite(found.low) or math.isfinite(found.high))
-    assert found.agreement == pytest.approx(slow(values, likeness, own, found.low, found.high), abs=1e-9)
+    assert found.agreement == pytest.approx(slow(values, similarity, own, found.low, found.high), abs=1e-9)
     inside = (values >= found.low) & (values < found.high)
     assert found.share == pytest.approx(inside.mean())
     rng = np.random.default_rng(seed)
@@ -39,15 +39,15 @@ def test_no_other_interval_agrees_better(seed: int) -> None:
     for _ in range(50):
         one, other = sorted(rng.choice(edges, 2))
         assert (
-            slow(values, likeness, own, one, other) <= found.agreement + 0.01 + 1e-9
+            slow(values, similarity, own, one, other) <= found.agreement + 0.01 + 1e-9
         )  # open ends cost 0.005
 
 
 @given(st.integers(0, 10_000), st.floats(0.1, 50), st.floats(-100, 100))
 def test_the_unit_of_values_changes_nothing(seed: int, scale: float, offset: float) -> None:
-    values, likeness, own = scene(seed)
-    one = best_interval(values, likeness, own)
-    other = best_interval(values * scale + offset, likeness, own * scale + offset)
+    values, similarity, own = scene(seed)
+    one = best_interval(values, similarity, own)
+    other = best_interval(values * scale + offset, similarity, own * scale + offset)
     assert one is not None and other is not None
     assert other.agreement == pytest.approx(one.agreement, abs=0.01)
     assert math.isinf(other.low) == math.isinf(one.low) and math.isinf(other.high) == math.isinf(one.high)
@@ -55,8 +55,8 @@ def test_the_unit_of_values_changes_nothing(seed: int, scale: float, offset: flo
 
 def test_ends_are_open_where_nothing_of_another_kind_lies_beyond() -> None:
     values = np.concatenate([np.full(50, 1.0), np.full(50, 2.0), np.full(50, 3.0)])
-    likeness = np.repeat([0.0, 0.0, 1.0], 50)
-    found = best_interval(values, likeness, np.full(9, 3.0))
+    similarity = np.repeat([0.0, 0.0, 1.0], 50)
+    found = best_interval(values, similarity, np.full(9, 3.0))
     assert found is not None and 2 < found.low <= 3 and found.high == math.inf
     assert found.agreement == 1 and found.share == pytest.approx(1 / 3)
     middle = best_interval(values, np.repeat([0.0, 1.0, 0.0], 50), np.full(9, 2.0))
@@ -65,16 +65,16 @@ def test_ends_are_open_where_nothing_of_another_kind_lies_beyond() -> None:
 
 def test_an_interval_without_the_sample_is_not_chosen() -> None:
     values = np.concatenate([np.linspace(0, 1, 500), np.linspace(5, 6, 100)])
-    likeness = np.repeat([0.6, 1.0], [500, 100])
-    found = best_interval(values, likeness, np.linspace(0, 1, 40))
+    similarity = np.repeat([0.6, 1.0], [500, 100])
+    found = best_interval(values, similarity, np.linspace(0, 1, 40))
     assert found is not None and found.low < 0.1
 
 
 def test_values_that_are_not_finite_count_for_nothing() -> None:
-    values, likeness, own = scene(3)
+    values, similarity, own = scene(3)
     more = np.concatenate([values, [np.nan, np.inf, -np.inf]])
-    found = best_interval(more, np.concatenate([likeness, [1, 1, 1]]), np.append(own, np.nan))
-    assert found == best_interval(values, likeness, own)
+    found = best_interval(more, np.concatenate([similarity, [1, 1, 1]]), np.append(own, np.nan))
+    assert found == best_interval(values, similarity, own)
 
 
 @pytest.mark.parametrize("values", [np.zeros(9), np.full(9, np.nan), np.empty(0)])

@@ -68,9 +68,9 @@ def test_the_order_of_points_changes_nothing_but_rounding() -> None:
 def test_one_kind_of_three_is_likely_where_its_group_lies() -> None:
     points = clouds(1, [[-2.0, 0.0], [2.0, 0.0], [0.0, 2.5]])
     vote = SampleVote.of(fit_mixtures(points), points[400:440])
-    likeness = vote.similarity(points)
-    assert likeness[400:800].mean() > 0.8
-    assert np.delete(likeness, np.s_[400:800]).mean() < 0.1
+    similarity = vote.similarity(points)
+    assert similarity[400:800].mean() > 0.8
+    assert np.delete(similarity, np.s_[400:800]).mean() < 0.1
     assert sum(vote.weights) == pytest.approx(1)
 
 
@@ -82,9 +82,9 @@ def test_a_sample_of_everything_finds_everything() -> None:
 def test_a_sample_of_which_a_tenth_is_wrong_still_finds_its_kind() -> None:
     points = clouds(3, [[-2.0, 0.0], [2.0, 0.0], [0.0, 2.5]])
     sample = np.concatenate([points[400:490], points[:10]])
-    likeness = SampleVote.of(fit_mixtures(points), sample).similarity(points)
-    assert likeness[400:800].mean() > 0.8
-    assert np.delete(likeness, np.s_[400:800]).mean() < 0.2
+    similarity = SampleVote.of(fit_mixtures(points), sample).similarity(points)
+    assert similarity[400:800].mean() > 0.8
+    assert np.delete(similarity, np.s_[400:800]).mean() < 0.2
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -93,10 +93,10 @@ def test_weights_are_logarithms_of_ratios() -> None:
 
 @given(seed=st.integers(0, 10**6), reach=st.integers(1, 4))
 def test_cells_near_both_sides_are_undecided(seed: int, reach: int) -> None:
-    kinds = np.random.default_rng(seed).choice(3, (7, 9), p=[0.7, 0.15, 0.15])
-    matched, others = kinds == 1, kinds == 2
+    classes = np.random.default_rng(seed).choice(3, (7, 9), p=[0.7, 0.15, 0.15])
+    matched, others = classes == 1, classes == 2
     found = undecided_cells(matched, others, reach)
-    for row, col in np.ndindex(kinds.shape):
+    for row, col in np.ndindex(classes.shape):
         around = np.s_[max(row - reach, 0) : row + reach + 1, max(col - reach, 0) : col + reach + 1]
         both = matched[around].any() and others[around].any()
         assert found[row, col] == (2 if both else matched[row, col])

@@ -31,9 +31,9 @@ def colors(seed: int, bands: int) -> tuple[NDArray[np.uint16], NDArray[np.uint16
     """Three kinds of ground, and a sample of the second."""
     rng = np.random.default_rng(seed)
     centres = rng.permutation(np.linspace(10000, 55000, 3 * bands)).reshape(3, bands)
-    kinds = [rng.normal(centre, 1200, (500, bands)) for centre in centres]
+    classes = [rng.normal(centre, 1200, (500, bands)) for centre in centres]
     return tuple(  # type: ignore[return-value]
-        np.clip(values, 0, 65535).astype(np.uint16) for values in (np.concatenate(kinds), kinds[1][:80])
+        np.clip(values, 0, 65535).astype(np.uint16) for values in (np.concatenate(classes), classes[1][:80])
     )
 
 

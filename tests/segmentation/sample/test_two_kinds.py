@@ -19,10 +19,10 @@ from uavseg.segmentation.sample.g_scores import (
 LIMIT = NULL_SCORE + SCORE_UNITS // 4
 
 
-def scores(*kinds: tuple[float, float, int], seed: int = 0) -> NDArray[np.uint16]:
+def scores(*classes: tuple[float, float, int], seed: int = 0) -> NDArray[np.uint16]:
     """So many scores around a mean G per pixel, with a deviation."""
     rng = np.random.default_rng(seed)
-    parts = [rng.normal(mean, deviation, count) for mean, deviation, count in kinds]
+    parts = [rng.normal(mean, deviation, count) for mean, deviation, count in classes]
     return np.clip(NULL_SCORE + SCORE_UNITS * np.concatenate(parts), 0, MAX_SCORE - 1).astype(np.uint16)
 
 

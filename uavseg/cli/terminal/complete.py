@@ -11,7 +11,7 @@ _FILES = {"RASTER", "PATH", "FILE", "DEM", "SAMPLE", "MAP", "REGIONS", "BAG", "L
 
 
 def completing_files(command: click.Command) -> click.Command:
-    """A command whose parameters that name files are completed with files, by the words of their metavars."""
+    """Let a shell complete parameters that name files, by the words of their metavars."""
     for parameter in command.params:
         words = set(re.split(r"[^A-Z]+", parameter.metavar or ""))
         if parameter.type is click.STRING and words & _FILES:
@@ -20,5 +20,5 @@ def completing_files(command: click.Command) -> click.Command:
 
 
 def _files(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """A request to the shell to complete the name of a file."""
+    """Return a request to the shell to complete the name of a file."""
     return [CompletionItem(incomplete, type="file")]

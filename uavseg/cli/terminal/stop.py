@@ -29,12 +29,12 @@ class Stopped(KeyboardInterrupt):
 
 @contextmanager
 def stopping_cleanly(written: object) -> Iterator[threading.Event]:
-    """Context in which Ctrl-C, SIGTERM and SIGHUP raise `Stopped`, unless ignored or handled already.
+    """Enter a context in which Ctrl-C, SIGTERM and SIGHUP raise `Stopped`, unless ignored or handled already.
 
     Yields an event to set when the program has unwound; without it, it is ended, and its last line says what
     was `written`.
     """
-    from uavseg.output.interrupts import ends_by_signals
+    from uavseg.output.staging import ends_by_signals
 
     unwound = threading.Event()
     if threading.current_thread() is not threading.main_thread():
@@ -56,7 +56,7 @@ def stopping_cleanly(written: object) -> Iterator[threading.Event]:
 
 def exit_code(error: KeyboardInterrupt) -> int:
     """128 and the number of the signal, as a shell has it."""
-    return 128 + _number(error)
+    return 128 + _signal_of(error)
 
 
 def end_soon(code: int) -> None:
@@ -73,11 +73,11 @@ def end_soon(code: int) -> None:
 
 
 def last_line(number: int, written: object) -> str:
-    """What stopped the program, and what it had written."""
+    """Return what stopped the program, and what it had written."""
     return f"uavseg: {_WORDS[signal.Signals(number).name]}; {written}"
 
 
-def _number(error: KeyboardInterrupt) -> int:
+def _signal_of(error: KeyboardInterrupt) -> int:
     return error.number if isinstance(error, Stopped) else int(signal.SIGINT)
 
 
@@ -88,7 +88,7 @@ def _stop(number: int, _: Any) -> NoReturn:
 
 @contextmanager
 def _watched(unwound: threading.Event, written: object) -> Iterator[None]:
-    """Context in which a thread waits for signals, which the system tells it at once whatever Python does."""
+    """Enter a context in which a thread waits for signals, whatever Python does."""
     if os.name == "nt":  # where pipes may block
         yield
         return
@@ -118,8 +118,7 @@ def _watch(heard: int, unwound: threading.Event, written: object) -> None:
     if unwound.wait(DEAF_S) or (_heard.is_set() and unwound.wait(UNWINDING_S)):
         return
     from uavseg.cli.terminal.say import say
-    from uavseg.output.interrupts import holding
-    from uavseg.output.staging import remove_stages
+    from uavseg.output.staging import holding, remove_stages
 
     with holding:
         if unwound.is_set():

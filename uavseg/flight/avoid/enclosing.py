@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from uavseg.execution.phases import steps_done
+from uavseg.execution.executors import steps_done
 
 MANY_CORNERS = 2000
 """Areas with more are replaced: a buffer far wider than the steps of an outline takes gigabytes of them."""

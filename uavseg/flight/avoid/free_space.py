@@ -7,7 +7,6 @@ space. Shortest paths between all corners are computed once.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -15,6 +14,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.avoid.visibility import Edges, cheapest, shortest_paths
 

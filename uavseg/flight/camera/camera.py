@@ -9,7 +9,6 @@ import csv
 import math
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -17,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.inputs import number_in, read_object, text_in
 from uavseg.plain_text import shown
@@ -78,6 +78,11 @@ class Camera:
                 f"the camera {self.name} has pixels of {1000 * across:.2f} x {1000 * along:.2f} micrometres, "
                 "which are not square; are width and height in the same order for sensor and image?"
             )
+
+    def as_dict(self) -> dict[str, str | float]:
+        """Return the contents of the JSON file of this camera; the inverse of `read_camera`."""
+        sizes = dict(zip(_KEYS, (*self.sensor_mm, *self.image_px, self.focal_mm), strict=True))
+        return {"name": self.name, **sizes, "min_interval_s": self.min_interval_s}
 
     def gsd_m(self, height_m: float, pitch_deg: float = NADIR_DEG) -> float:
         """Return the ground sampling distance (GSD) in metres, across the flight, in the image centre.

@@ -1,8 +1,8 @@
 """Photographs of a flight: spacing, trigger distance and speed from a camera, a height and overlaps."""
 
 import math
-from dataclasses import dataclass
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.flight.camera.camera import NADIR_DEG, Camera, Overlap, check_pitch
 

@@ -2,13 +2,13 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.flight.avoid.enclosing import MANY_CORNERS, enclosing, without_small_holes
 from uavseg.flight.avoid.free_space import FreeSpace
 from uavseg.flight.order.tour import Stops, short_tour

@@ -3,9 +3,10 @@
 import os
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError, ParameterError
 from uavseg.flight.formats.geojson import read_geojson, write_geojson
 from uavseg.flight.formats.kml import kml_losses, read_kml, write_kml

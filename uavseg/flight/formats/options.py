@@ -1,7 +1,6 @@
 """Options of mission files: what some formats need besides the mission."""
 
-from dataclasses import dataclass
-
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.plain_text import shown
 

@@ -5,8 +5,9 @@ another command changes it.
 """
 
 from collections.abc import Generator, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.mission.items import (
     CAMERA_DISTANCE,

@@ -243,14 +243,14 @@ def read_waylines(document: bytes) -> tuple[Wayline, list[str]]:
     if not placemarks:
         raise MissionError("it holds no waypoints")
     for index, placemark in enumerate(placemarks):
-        reader.add_point(index, placemark, _number(folders[0], "autoFlightSpeed"))
+        reader.add_point(index, placemark, _number_at(folders[0], "autoFlightSpeed"))
     for placemark in placemarks:
         for group in placemark.findall("actionGroup"):
             reader.add_group(group)
     wayline = Wayline(
         points=tuple(reader.with_pitches()),
-        takeoff_m=_number(config, "takeOffSecurityHeight"),
-        approach_m_s=_number(config, "globalTransitionalSpeed"),
+        takeoff_m=_number_at(config, "takeOffSecurityHeight"),
+        approach_m_s=_number_at(config, "globalTransitionalSpeed"),
         finish=_finish(_text(config, "finishAction"), reader.notes),
     )
     return wayline, list(reader.notes)
@@ -266,20 +266,20 @@ class _Reader:
 
     def add_point(self, index: int, placemark: ET.Element, speed_m_s: float) -> None:
         place = _text(placemark, "Point/coordinates").split(",")
-        if len(place) not in (2, 3) or int(_number(placemark, "index")) != index:
+        if len(place) not in (2, 3) or int(_number_at(placemark, "index")) != index:
             raise MissionError(f"placemark {index} is not waypoint {index} with longitude,latitude")
         lon, lat = _float(place[0]), _float(place[1])
         heading = None
         mode = placemark.findtext("waypointHeadingParam/waypointHeadingMode", "followWayline")
         if mode == "smoothTransition":
-            heading = _number(placemark, "waypointHeadingParam/waypointHeadingAngle")
+            heading = _number_at(placemark, "waypointHeadingParam/waypointHeadingAngle")
         elif mode != "followWayline":
             self.notes[f"the heading mode {shown(mode)} was not read"] = None
         if placemark.findtext("waypointTurnParam/waypointTurnMode", TURN_MODE) != TURN_MODE:
             note = "the aircraft does not stop at waypoints and may cut corners: this was not read"
             self.notes[note] = None
-        speed = _number(placemark, "waypointSpeed", speed_m_s)
-        height = _number(placemark, "executeHeight")
+        speed = _number_at(placemark, "waypointSpeed", speed_m_s)
+        height = _number_at(placemark, "executeHeight")
         self.points.append(
             WaylinePoint(
                 lat=lat,
@@ -292,8 +292,8 @@ class _Reader:
         )
 
     def add_group(self, group: ET.Element) -> None:
-        first = int(_number(group, "actionGroupStartIndex"))
-        last = int(_number(group, "actionGroupEndIndex"))
+        first = int(_number_at(group, "actionGroupStartIndex"))
+        last = int(_number_at(group, "actionGroupEndIndex"))
         if not 0 <= first <= last < len(self.points):
             raise MissionError(f"a group of actions is for waypoints {first} to {last}, which are not there")
         for action in group.findall("action"):
@@ -303,7 +303,7 @@ class _Reader:
         trigger = _text(group, "actionTrigger/actionTriggerType")
         function = _text(action, "actionActuatorFunc")
         if function == "takePhoto" and trigger in _SERIES:
-            step = _number(group, "actionTrigger/actionTriggerParam")
+            step = _number_at(group, "actionTrigger/actionTriggerParam")
             for index in range(first, last):
                 self._change(index, **{_SERIES[trigger]: step})
         elif trigger != "reachPoint":
@@ -311,10 +311,10 @@ class _Reader:
         elif function == "takePhoto":
             self._change(first, photo=True)
         elif function == "hover":
-            held = self.points[first].hold_s + _number(action, "actionActuatorFuncParam/hoverTime")
+            held = self.points[first].hold_s + _number_at(action, "actionActuatorFuncParam/hoverTime")
             self._change(first, hold_s=held)
         elif function == "gimbalRotate" and _turns_pitch(action):
-            pitch = _number(action, "actionActuatorFuncParam/gimbalPitchRotateAngle")
+            pitch = _number_at(action, "actionActuatorFuncParam/gimbalPitchRotateAngle")
             self._change(first, pitch_deg=pitch)
         else:
             self.notes[f"the action {shown(function)} was not read"] = None
@@ -371,7 +371,7 @@ def _text(parent: ET.Element, path: str) -> str:
     return (_one(parent, path).text or "").strip()
 
 
-def _number(parent: ET.Element, path: str, default: float | None = None) -> float:
+def _number_at(parent: ET.Element, path: str, default: float | None = None) -> float:
     if default is not None and parent.find(path) is None:
         return default
     return _float(_text(parent, path), path)

@@ -5,11 +5,12 @@ import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from pymavlink.dialects.v20 import common
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import LinkError
 from uavseg.flight.link.messages import MissionType, Result
 from uavseg.flight.link.transport import Source, Transport, open_transport, parse_address

@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import IntEnum
 from typing import Any
 
 import numpy as np
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import LinkError, MissionError
 from uavseg.flight.mission.fence import Fence, FenceCircle, FencePolygon, RallyPoint
 from uavseg.flight.mission.items import (

@@ -4,10 +4,10 @@ import os
 import socket
 import threading
 import time
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import LinkError, ParameterError
 from uavseg.plain_text import shown
 

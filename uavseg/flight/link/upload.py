@@ -1,11 +1,12 @@
 """Upload: send the fence, the rally points and the mission to a vehicle, read each back and compare."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 
 from uavseg.errors import LinkError, MissionError, UnverifiedError
-from uavseg.flight.link.compare import differences, rounded
 from uavseg.flight.link.link import AUTOPILOT_NAMES, Link, LinkedVehicle
 from uavseg.flight.link.messages import (
+    LOCATED,
     LinkItem,
     MissionType,
     TransferLostError,
@@ -14,7 +15,180 @@ from uavseg.flight.link.messages import (
     items_of_rally,
 )
 from uavseg.flight.link.transfer import Count, Progress, count_items, receive_items, send_items
+from uavseg.flight.mission.items import (
+    FRAME_MISSION,
+    HEADING_COMMANDS,
+    LAND,
+    LANDINGS,
+    LOITER,
+    LOITER_TIME,
+    LOITER_TO_ALTITUDE,
+    LOITER_TURNS,
+    POSITION_COMMANDS,
+    WAYPOINT,
+)
 from uavseg.flight.mission.mission import Mission
+
+UNITS = 1  # of 1e-7 degrees
+ALTITUDE_M = 0.02  # ArduPilot keeps whole centimetres, rounded down
+RALLY_ALTITUDE_M = 1.0  # and whole metres of rally points
+RELATIVE = 1e-6  # of a 32-bit float
+EXACT_PARAMS = 2  # param1 and param2 of items without position decide what they do
+MAX_BYTE = 255  # ArduPilot keeps radii and turns in 8 bits, and radii above that in tens of metres
+# Parameters of items with a position (command, number) that are not left out; ArduPlane leaves out holds.
+ARDUPILOT_KEEPS = frozenset(
+    {(LOITER, 3), (LOITER_TURNS, 1), (LOITER_TURNS, 3), (LOITER_TIME, 1), (LOITER_TO_ALTITUDE, 2)}
+)
+PX4_KEEPS = frozenset(
+    {(WAYPOINT, 1), (WAYPOINT, 2), (LOITER, 3), (LOITER_TIME, 1), (LOITER_TIME, 3), (LOITER_TO_ALTITUDE, 2)}
+    | {(command, 4) for command in (*HEADING_COMMANDS, *LANDINGS)}
+)
+ARDUPILOT_FLAGS = frozenset((command, 4) for command in (LOITER_TURNS, LOITER_TIME, LOITER_TO_ALTITUDE))
+PX4_FLAGS = frozenset({(LOITER_TIME, 2), (LOITER_TIME, 4), (LOITER_TO_ALTITUDE, 1), (LOITER_TO_ALTITUDE, 4)})
+
+
+def differences(
+    sent: Sequence[LinkItem], kept: Sequence[LinkItem], list_type: MissionType, autopilot: str
+) -> list[str]:
+    """Return how the list that a vehicle holds differs from the one that was sent; empty if it would fly it.
+
+    Home (item 0 of ArduPilot) is not compared, because the vehicle replaces it. A parameter may come back as
+    what the autopilot is known to make of it, which `rounded` reports; a generic vehicle keeps everything.
+    NaN where a number was sent, and infinity, are differences everywhere.
+
+    Parameters
+    ----------
+    sent, kept : sequence of LinkItem
+    list_type : MissionType
+    autopilot : "ardupilot", "px4" or "generic"
+    """
+    if len(sent) != len(kept):
+        return [f"it holds {len(kept)} items instead of {len(sent)}"]
+    texts = [_difference(*pair, list_type, autopilot) for pair in zip(sent, kept, strict=True)]
+    first = _first(list_type, autopilot)
+    return [f"item {number}: {text}" for number, text in enumerate(texts) if text and number >= first]
+
+
+def rounded(
+    sent: Sequence[LinkItem], kept: Sequence[LinkItem], list_type: MissionType, autopilot: str
+) -> list[str]:
+    """Return the parameters that a vehicle keeps otherwise, and whether it does not wait, one sentence each.
+
+    Parameters
+    ----------
+    sent, kept : sequence of LinkItem
+        Without `differences`.
+    list_type : MissionType
+    autopilot : "ardupilot", "px4" or "generic"
+    """
+    if list_type != MissionType.MISSION:
+        return []
+    seen: dict[tuple[int, int], list[tuple[float | None, float | None]]] = {}
+    start = _first(list_type, autopilot)
+    for item, back in zip(sent[start:], kept[start:], strict=True):
+        for n, (value, got) in enumerate(zip(item.params, back.params, strict=True), start=1):
+            # ArduPilot and PX4 keep 0 for NaN; how others fly it is not known
+            if (value is not None or autopilot == "generic") and not _equal(value, got):
+                seen.setdefault((item.command, n), []).append((value, got))
+    first = next((n for n in range(len(sent)) if kept[n].autocontinue > sent[n].autocontinue), None)
+    continues = f"the vehicle keeps autocontinue of item {first} as 1 instead of 0: it does not wait there"
+    return [continues] * (first is not None) + [
+        f"the vehicle keeps parameter {n} of command {command} as {_text(pairs[0][1])} instead of "
+        f"{_text(pairs[0][0])}" + (f", and otherwise in {len(pairs)} items" if len(pairs) > 1 else "")
+        for (command, n), pairs in sorted(seen.items())
+    ]
+
+
+def _first(list_type: MissionType, autopilot: str) -> int:
+    return int(list_type == MissionType.MISSION and autopilot == "ardupilot")
+
+
+def _difference(sent: LinkItem, kept: LinkItem, list_type: MissionType, autopilot: str) -> str:
+    if kept.command != sent.command:
+        return f"command {kept.command} instead of {sent.command}"
+    in_mission = list_type == MissionType.MISSION
+    is_set = autopilot == "ardupilot" and kept.autocontinue == 1  # which it does whatever it was sent
+    if in_mission and kept.autocontinue != sent.autocontinue and not is_set:
+        return f"autocontinue is {kept.autocontinue} instead of {sent.autocontinue}"
+    has_place = not in_mission or sent.command in POSITION_COMMANDS or bool(sent.x or sent.y)
+    if has_place and max(abs(kept.x - sent.x), abs(kept.y - sent.y)) > UNITS:
+        return f"position {_position(kept)} instead of {_position(sent)}"
+    is_located = has_place and (list_type == MissionType.RALLY or sent.command in LOCATED)
+    tolerance_m = RALLY_ALTITUDE_M if list_type == MissionType.RALLY else ALTITUDE_M
+    tolerance_m = tolerance_m if is_located else math.inf
+    if not (math.isfinite(kept.z) and abs(kept.z - sent.z) <= tolerance_m):
+        return f"altitude {kept.z:g} m instead of {sent.z:g} m"
+    if is_located and in_mission and FRAME_MISSION != sent.frame != kept.frame:
+        return f"frame {kept.frame} instead of {sent.frame}"
+    for n, (value, got) in enumerate(zip(sent.params, kept.params, strict=True), start=1):
+        if not _is_kept(value, got, n, sent.command, list_type, autopilot):
+            return f"parameter {n} is {_text(got)} instead of {_text(value)}"
+    return ""
+
+
+def _is_kept(
+    value: float | None, got: float | None, n: int, command: int, list_type: MissionType, autopilot: str
+) -> bool:
+    """Return whether a parameter came back as it was sent, or as the autopilot is known to round it."""
+    if _equal(value, got):
+        return True
+    if got is None or not math.isfinite(got):
+        return False
+    if autopilot == "generic":
+        return value is None and got == 0
+    if list_type != MissionType.MISSION:
+        return not (list_type == MissionType.FENCE and n == 1)  # the number of vertices, or the radius
+    if command not in LOCATED:
+        return got == 0 and (value is None or n > EXACT_PARAMS)
+    rounded_by = _rounded_by_ardupilot if autopilot == "ardupilot" else _rounded_by_px4
+    return any(_equal(one, got) for one in rounded_by(value, command, n))
+
+
+def _rounded_by_ardupilot(value: float | None, command: int, n: int) -> Iterator[float]:
+    """Yield what ArduPilot may keep of a parameter of an item with a position (AP_Mission.cpp)."""
+    if value is None or (command, n) not in ARDUPILOT_KEEPS:
+        yield 0.0
+    number = value or 0.0
+    sign = math.copysign(1.0, number)
+    yield float(math.trunc(number))
+    if (command, n) == (LOITER_TURNS, 1) and abs(number) < 1:
+        yield math.floor(256 * number) / 256
+    if abs(number) > MAX_BYTE and (n > 1 or command == LOITER_TURNS):
+        yield from (sign * 10 * min(math.trunc(abs(number) / 10), MAX_BYTE), sign * MAX_BYTE)
+    if (command, n) in {(LAND, 4), (LOITER_TIME, 3)}:  # the direction of the turn
+        yield sign
+    if (command, n) in ARDUPILOT_FLAGS:
+        yield float(number > 0)
+
+
+def _rounded_by_px4(value: float | None, command: int, n: int) -> Iterator[float]:
+    """Yield what PX4 may keep of a parameter of an item with a position (mavlink_mission.cpp)."""
+    if (command, n) not in PX4_KEEPS:
+        yield 0.0
+    elif value is not None and n == 4:
+        yield value % 360
+    if value is not None and (command, n) in PX4_FLAGS:
+        yield float(value > 0)
+    if value is not None and (command, n) == (LAND, 2):
+        yield float(math.trunc(value))
+
+
+def _position(item: LinkItem) -> str:
+    return f"{item.x / 1e7:.7f},{item.y / 1e7:.7f}"
+
+
+def _text(value: float | None) -> str:
+    return "nan" if value is None else f"{value:g}"
+
+
+def _equal(one: float | None, other: float | None) -> bool:
+    """Return whether two numbers are equal as 32-bit floats; None is NaN, which equals itself alone."""
+    if one is None or other is None:
+        return one is other
+    if not (math.isfinite(one) and math.isfinite(other)):
+        return one == other
+    return abs(one - other) <= RELATIVE * max(abs(one), abs(other), 1.0)
+
 
 ATTEMPTS = 3
 

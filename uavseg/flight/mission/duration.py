@@ -7,12 +7,13 @@ rises and falls within `jerk_rise_s`, like a raised cosine.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.flight.mission.braked import braked_seconds
 from uavseg.flight.mission.vehicle import Vehicle
 

@@ -1,13 +1,14 @@
 """Estimate of a mission: length, time, photographs and their footprints on the ground, energy."""
 
 import math
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.flight.camera.photos import Photos
 from uavseg.flight.mission.flown import FlownPath, flown_path

@@ -6,12 +6,13 @@ of flight and the legs on which photographs are taken are only drawn.
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import MissingLibraryError, MissionError
 from uavseg.flight.mission.fence import Fence, FenceCircle, FencePolygon, RallyPoint
 from uavseg.flight.mission.items import (
@@ -170,18 +171,18 @@ def mission_of_features(features: Iterable[MissionFeature], name: str) -> Missio
     autopilot = str(home.values["autopilot"])
     if autopilot not in AUTOPILOTS:
         raise MissionError(f"its autopilot is {autopilot!r}; expected one of {', '.join(AUTOPILOTS)}")
-    numbered = [(int(_number(one, "number")), one) for one in roles[ITEM]]
+    numbered = [(int(_finite(one, "number")), one) for one in roles[ITEM]]
     items = sorted(numbered, key=lambda pair: pair[0])
     if [number for number, _ in items] != list(range(1, len(items) + 1)):
         raise MissionError("the numbers of its items are not 1, 2, 3 ...")
     return Mission(
-        home=HomePosition(*home.places[0][:2], _number(home, "altitude_m")),
+        home=HomePosition(*home.places[0][:2], _finite(home, "altitude_m")),
         items=tuple(_read_item(number, item) for number, item in items),
         autopilot=autopilot,
         name=name,
         fence=tuple(map(_read_fence, roles.get(FENCE, []))),
         rally=tuple(
-            RallyPoint(*one.places[0][:2], _number(one, "altitude_m")) for one in roles.get(RALLY, [])
+            RallyPoint(*one.places[0][:2], _finite(one, "altitude_m")) for one in roles.get(RALLY, [])
         ),
     )
 
@@ -191,9 +192,9 @@ def _read_item(number: int, feature: MissionFeature) -> MissionItem:
     if feature.places:
         lat, lon = feature.places[0][:2]
     else:
-        lat, lon = _number(feature, "lat"), _number(feature, "lon")
-    command, frame = int(_number(feature, "command")), int(_number(feature, "frame"))
-    altitude_m, autocontinue = _number(feature, "altitude_m"), _truth(feature, "autocontinue", True)
+        lat, lon = _finite(feature, "lat"), _finite(feature, "lon")
+    command, frame = int(_finite(feature, "command")), int(_finite(feature, "frame"))
+    altitude_m, autocontinue = _finite(feature, "altitude_m"), _truth(feature, "autocontinue", True)
     try:
         return MissionItem(
             command=command,
@@ -211,7 +212,7 @@ def _read_item(number: int, feature: MissionFeature) -> MissionItem:
 def _read_fence(feature: MissionFeature) -> Fence:
     inclusion = _truth(feature, "inclusion")
     if feature.values.get("radius_m") is not None:
-        lat, lon, radius_m = (_number(feature, key) for key in ("lat", "lon", "radius_m"))
+        lat, lon, radius_m = (_finite(feature, key) for key in ("lat", "lon", "radius_m"))
         return FenceCircle(lat, lon, radius_m, inclusion)
     return FencePolygon(tuple(place[:2] for place in feature.places), inclusion)
 
@@ -224,10 +225,10 @@ def _truth(feature: MissionFeature, key: str, default: bool | None = None) -> bo
 
 
 def _optional(feature: MissionFeature, key: str) -> float | None:
-    return None if feature.values.get(key) is None else _number(feature, key)
+    return None if feature.values.get(key) is None else _finite(feature, key)
 
 
-def _number(feature: MissionFeature, key: str) -> float:
+def _finite(feature: MissionFeature, key: str) -> float:
     value = feature.values[key]
     if isinstance(value, bool) or not isinstance(value, float | int) or not math.isfinite(value):
         raise MissionError(f"{key} of a {feature.role} is {value!r}; expected a number")

@@ -1,10 +1,10 @@
 """Geofence and rally points: areas to stay inside or outside of, and places to return to in an emergency."""
 
 import math
-from dataclasses import dataclass
 
 import shapely
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.mission.items import MAX_DISTANCE_M, MAX_HEIGHT_M, check_position
 

@@ -1,11 +1,12 @@
 """Flight path of a mission: its legs in metres with their times, holds and photographs."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.flight.mission.duration import leg_seconds
 from uavseg.flight.mission.items import (
     CAMERA_DISTANCE,

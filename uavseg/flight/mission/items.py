@@ -1,8 +1,8 @@
 """MAVLink mission items and the home position, checked when they are made."""
 
 import math
-from dataclasses import dataclass
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.raster.geodesy.globe import geod_wgs84
 

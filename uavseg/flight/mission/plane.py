@@ -1,7 +1,6 @@
 """Local plane (azimuthal equidistant projection): metres east and north of a centre, and degrees."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -9,6 +8,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.raster.geodesy.globe import wrap_lon
 
 Floats = NDArray[np.float64]

@@ -16,9 +16,10 @@ The defaults are those of the autopilots' own parameters, which operators rarely
 
 import math
 import os
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from pathlib import Path
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.inputs import number_in, read_object, text_in
 from uavseg.plain_text import shown

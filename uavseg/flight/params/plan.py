@@ -4,9 +4,9 @@ They are checked when they are made: a value out of bounds raises ParameterError
 """
 
 import math
-from dataclasses import dataclass
 
 from uavseg.arguments import checked
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.flight.camera.camera import NADIR_DEG
 from uavseg.flight.camera.photos import Photos

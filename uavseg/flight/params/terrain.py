@@ -2,8 +2,8 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.flight.mission.vehicle import Vehicle
 from uavseg.raster.elevation.dem import Dem

@@ -2,13 +2,13 @@
 
 import heapq
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.flight.avoid.enclosing import MANY_CORNERS
 from uavseg.flight.params.plan import MIN_MARGIN_M, PerimeterParams
 

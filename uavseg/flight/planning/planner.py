@@ -1,28 +1,291 @@
-"""Mission planner: polygons to missions. Read this first."""
+"""Mission planner: polygons to targets, a route, flights and their missions. Read this first."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Sequence
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
-from uavseg.flight.mission.items import HomePosition
-from uavseg.flight.mission.mission import Mission
+from uavseg.flight.mission.duration import leg_seconds
+from uavseg.flight.mission.estimate import estimate
+from uavseg.flight.mission.flown import landing_seconds
+from uavseg.flight.mission.items import MAX_DISTANCE_M, HomePosition, check_near, check_position, distance_m
+from uavseg.flight.mission.mission import BOARD_CAPACITY, Mission
+from uavseg.flight.mission.plane import Plane, plane_around
 from uavseg.flight.mission.track import Track
+from uavseg.flight.mission.vehicle import Vehicle, default_vehicle
 from uavseg.flight.params.plan import MAX_MARGIN_M, PARAMS_OF, PerimeterParams, PlanParams
 from uavseg.flight.patterns import candidates as patterns
+from uavseg.flight.patterns.candidates import RegionPart
 from uavseg.flight.patterns.survey_blocks import blocks_of_surveys
-from uavseg.flight.planning.along import home_notes
-from uavseg.flight.planning.flights import missions_over
-from uavseg.flight.planning.route import check_order, short_route
-from uavseg.flight.planning.targets import clear_parts, plane_of, region_parts
-from uavseg.flight.safety.keep_out import KeepOut, near_zones
-from uavseg.flight.terrain.follow import home_on_ground
+from uavseg.flight.planning.along import home_notes, items_along
+from uavseg.flight.planning.route import RegionRoute, check_order, short_route
+from uavseg.flight.planning.split import FlightLimits, split_route
+from uavseg.flight.safety.fence import fence_around, rally_of_flights
+from uavseg.flight.safety.keep_out import KeepOut, near_zones, return_notes
+from uavseg.flight.terrain.altitude_profile import LegPoints, points_of_leg
+from uavseg.flight.terrain.follow import follow_ground, home_on_ground
+from uavseg.flight.terrain.leg_speeds import fewest_changes, speed_notes, with_speeds
 
 Floats = NDArray[np.float64]
+
+MAX_LISTED = 10  # places in a message
+MIN_SHARE = 0.01  # of a region: smaller pieces that zones leave of it are not flown
+
+
+def plane_of(polygons: Sequence[Any], points: Sequence[tuple[float, float]], home: HomePosition) -> Plane:
+    """Return the local plane of regions; refuse regions that are not on Earth, or not near home.
+
+    Parameters
+    ----------
+    polygons : sequence of shapely Polygon or MultiPolygon
+        In degrees (lon, lat).
+    points : sequence of (lon, lat)
+        A point inside each region.
+    home : HomePosition
+    """
+    bounds = shapely.bounds(shapely.get_parts(np.array(polygons, dtype=object)))
+    (west, south), (east, north) = bounds[:, :2].min(axis=0), bounds[:, 2:].max(axis=0)
+    check_position(south, west, "a region")
+    check_position(north, east, "a region")
+    lon, lat = min(points, key=lambda point: distance_m(home.lat, home.lon, point[1], point[0]))
+    check_near(home, lat, lon)
+    plane = plane_around(bounds, home.lon)
+    x, y = plane.xy_from_lonlat(bounds[:, [0, 2, 0, 2]], bounds[:, [1, 1, 3, 3]])
+    home_x, home_y = plane.xy_from_lonlat(home.lon, home.lat)
+    farthest = float(np.hypot(x - home_x, y - home_y).max())
+    if not farthest <= MAX_DISTANCE_M:
+        raise MissionError(
+            f"the regions reach {farthest / 1000:.0f} km from home; "
+            f"at most {MAX_DISTANCE_M / 1000:.0f} km are allowed: choose regions that are nearer"
+        )
+    return plane
+
+
+def region_parts(
+    regions: Iterable[Any], plane: Plane, points: Sequence[tuple[float, float]]
+) -> list[RegionPart]:
+    """Return the connected parts of regions, each with the given point if it lies inside, else another one.
+
+    Parameters
+    ----------
+    regions : iterable of shapely Polygon or MultiPolygon
+        In metres.
+    plane : Plane
+    points : sequence of (lon, lat)
+    """
+    parts = []
+    for region, lonlat in zip(regions, points, strict=True):
+        x, y = map(float, plane.xy_from_lonlat(*lonlat))
+        for polygon in _connected_parts(region):
+            point = _point_in(polygon, (x, y))
+            lon, lat = plane.lonlat_from_xy(*point)
+            parts.append(RegionPart(polygon, point, f"{float(lat):.5f},{float(lon):.5f}"))
+    return parts
+
+
+def _connected_parts(region: Any) -> list[Any]:
+    if region.geom_type == "MultiPolygon":
+        region = shapely.union_all(shapely.get_parts(region), grid_size=1e-3)
+    if not shapely.is_valid(region):
+        region = shapely.make_valid(region, method="structure", keep_collapsed=False)
+    return [part for part in shapely.get_parts(region) if part.geom_type == "Polygon" and part.area > 0]
+
+
+def _point_in(polygon: Any, point: tuple[float, float]) -> tuple[float, float]:
+    """Return a point if it lies inside, else another one."""
+    if shapely.contains_xy(polygon, *point):
+        return point
+    x, y = shapely.get_coordinates(shapely.point_on_surface(polygon))[0].tolist()
+    return x, y
+
+
+def clear_parts(parts: list[RegionPart], keep_out: KeepOut) -> tuple[list[RegionPart], list[str]]:
+    """Return the parts of regions outside of keep-out zones, and a note of the area inside.
+
+    Parameters
+    ----------
+    parts : list of RegionPart
+    keep_out : KeepOut
+    """
+    cleared, taken_m2 = [], 0.0
+    lost: list[str] = []
+    for part in parts:
+        pieces = [
+            piece
+            for piece in shapely.get_parts(keep_out.left_of(part.polygon))
+            if piece.geom_type == "Polygon" and piece.area >= MIN_SHARE * part.polygon.area
+        ]
+        if not pieces:
+            lost.append(part.place)
+        taken_m2 += part.polygon.area - sum(piece.area for piece in pieces)
+        cleared += [replace(part, polygon=piece, point=_point_in(piece, part.point)) for piece in pieces]
+    if lost:
+        more = f" and {len(lost) - MAX_LISTED} more" if len(lost) > MAX_LISTED else ""
+        places = "; ".join(lost[:MAX_LISTED]) + more
+        which = f"the region at {places} lies" if len(lost) == 1 else f"{len(lost)} regions lie ({places})"
+        raise MissionError(
+            f"{which} in a keep-out zone or its margin; leave out what is not to be flown, or use a smaller "
+            "--avoid-margin"
+        )
+    if taken_m2 < 0.5:
+        return cleared, []
+    share = taken_m2 / sum(part.polygon.area for part in parts)
+    note = f"{taken_m2:,.0f} m2 of the regions ({100 * share:.2g} %) lie in keep-out zones or their margin"
+    return cleared, [f"{note}, and are not flown over"]
+
+
+FIXED_ITEMS = 5  # takeoff, speed, gimbal, return, and one in reserve
+ATTEMPTS = 8
+
+
+def missions_over(
+    route: RegionRoute,
+    home: HomePosition,
+    plane: Plane,
+    keep_out: KeepOut,
+    params: PlanParams,
+    notes: list[str],
+) -> tuple[Mission, ...]:
+    """Split a route into missions that are within their limits by the estimates of complete missions.
+
+    Parameters
+    ----------
+    route : RegionRoute
+    home : HomePosition
+    plane : Plane
+        Of the route.
+    keep_out : KeepOut
+    params : PlanParams
+    notes : list of str
+        For all missions; some are added.
+    """
+    vehicle, limits = params.vehicle or default_vehicle(params.autopilot), params.limits
+    max_items = limits.max_items or BOARD_CAPACITY[params.autopilot]
+    climb_s = params.altitude_m / vehicle.climb_m_s + landing_seconds(params.altitude_m, vehicle)
+    costs = LegCosts(plane, params)
+    allowed = FlightLimits(
+        seconds=limits.seconds,
+        items=max_items,
+        fixed_s=climb_s + vehicle.return_hold_s,
+        fixed_items=FIXED_ITEMS,
+        leg_seconds=costs.level_seconds,
+        costs=costs.of,
+        return_seconds=costs.return_seconds,
+    )
+    for _ in range(ATTEMPTS):
+        parts = [track.without_repeats() for track in split_route(route, allowed)]
+        tracks = [with_speeds(track, route.home, params) for track in parts]
+        missions = [_mission(track, home, plane, keep_out, params) for track in tracks]
+        slower = max(estimate(mission).duration_s for mission in missions) / limits.seconds
+        larger = max(len(mission.items) for mission in missions) / max_items
+        if slower <= 1 and larger <= 1:
+            break
+        allowed = allowed.tighter(0.99 / max(slower, 0.99), 0.99 / max(larger, 0.99))
+    else:
+        raise MissionError(
+            "no way to divide the mission was found whose flights fit; give more --endurance or --max-items"
+        )
+    notes += speed_notes(tracks, params)
+    if len(missions) > 1:
+        notes.append(f"the mission is divided into {len(missions)} flights, each from home and back")
+        missions = rally_of_flights(missions) if params.safety.rally else missions
+    return tuple(replace(mission, notes=(*notes, *mission.notes)) for mission in missions)
+
+
+def _mission(
+    track: Track, home: HomePosition, plane: Plane, keep_out: KeepOut, params: PlanParams
+) -> Mission:
+    path = follow_ground(track.in_degrees(plane), home, params)
+    items = items_along(path.track, home, params, path.heights)
+    place = np.column_stack(plane.xy_from_lonlat([home.lon], [home.lat]))
+    flown = np.concatenate([place, track.xy, place])
+    margin_m = params.safety.fence_margin_m
+    fence, notes = ((), []) if margin_m is None else fence_around(flown, keep_out, margin_m, plane)
+    notes += return_notes(flown, keep_out, plane, params)
+    return Mission(
+        home=home,
+        items=items,
+        autopilot=params.autopilot,
+        name=params.name,
+        notes=(*path.notes, *notes),
+        fence=fence,
+        rally=params.safety.rally,
+        vehicle=params.vehicle,
+        photos=params.photos,
+        ground=path.ground,
+        endurance_s=None if params.limits.endurance_min is None else 60 * params.limits.endurance_min,
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LegCosts:
+    """Time and items of legs, by the functions that make the items of flights; each leg is measured once."""
+
+    plane: Plane
+    params: PlanParams
+    _known: dict[tuple[float, ...], LegPoints] = field(default_factory=dict)
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """The vehicle of the plan, or the default one of its autopilot."""
+        return self.params.vehicle or default_vehicle(self.params.autopilot)
+
+    def level_seconds(self, xy: Floats) -> Floats:
+        """Return the time of each leg of a path (n, 2) in metres over level ground."""
+        height = np.full(len(xy), self.params.altitude_m)
+        return leg_seconds(np.column_stack([xy, height]), self.params.speed_m_s, self.vehicle)
+
+    def return_seconds(self, length_m: float) -> float:
+        """Return the minimum time of a return over level ground, with its speed, height and landing."""
+        vehicle, height = self.vehicle, self.params.altitude_m
+        above = max(min(vehicle.return_height_m, vehicle.return_slope * length_m), height)
+        path = np.array([(0.0, 0.0, height), (0.0, 0.0, above), (length_m, 0.0, above)])
+        landing_s = landing_seconds(above, vehicle) - landing_seconds(height, vehicle)
+        return float(leg_seconds(path, vehicle.return_speed_m_s, vehicle).sum()) + landing_s
+
+    def of(self, track: Track) -> tuple[Floats, Floats]:
+        """Return the time of each leg, with the hold at its end, and its items besides corners, (n - 1,).
+
+        Items are changes of speed, and points that are added over uneven ground.
+        """
+        legs = len(track.is_line)
+        if not legs:
+            return np.zeros(0), np.zeros(0)
+        points = self._points(track, fewest_changes(track, self.params))
+        counts = np.array([len(leg.share) for leg in points])
+        first = np.concatenate([[0], np.cumsum(counts[:-1])])
+        of_leg = np.repeat(np.arange(legs), counts)
+        share = np.concatenate([leg.share for leg in points])
+        xy = track.xy[of_leg] + share[:, None] * (track.xy[of_leg + 1] - track.xy[of_leg])
+        height = np.concatenate([points[0].height_m[:1], *(leg.height_m[1:] for leg in points)])
+        path = np.column_stack([np.concatenate([track.xy[:1], xy]), height])
+        speed = np.concatenate([leg.speed_m_s for leg in points])
+        hold = np.zeros(len(path))
+        hold[np.append(0, first + counts)] = track.hold_s
+        seconds = np.add.reduceat(leg_seconds(path, speed, self.vehicle, hold > 0, hold) + hold[1:], first)
+        change = np.diff(speed, prepend=speed[0])
+        slower = (change < 0) & np.isin(np.arange(len(speed)), first)  # with a point before the line
+        items = np.add.reduceat((change != 0) + slower.astype(float), first) + counts - 1
+        return seconds, items
+
+    def _points(self, track: Track, speeds: Floats) -> list[LegPoints]:
+        terrain = self.params.terrain
+        if terrain is None or terrain.dem is None:
+            end, height = np.ones(1), np.full(2, self.params.altitude_m)
+            return [LegPoints(end, height, np.array([speed])) for speed in speeds.tolist()]
+        lon, lat = self.plane.lonlat_from_xy(*track.xy.T)
+        places = np.column_stack([lon[:-1], lat[:-1], lon[1:], lat[1:], speeds])
+        keys = [tuple(place) for place in places.tolist()]
+        for key in keys:
+            if key not in self._known:
+                self._known[key] = points_of_leg(terrain.dem, key, self.params)
+        return [self._known[key] for key in keys]
+
 
 MAX_WAYPOINTS = 20_000
 """Of all flights together: 30 full boards."""

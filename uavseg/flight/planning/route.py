@@ -1,11 +1,12 @@
 """Routes: tracks over all regions in a short order, and the paths between them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.avoid.free_space import FreeSpace
 from uavseg.flight.mission.track import Track

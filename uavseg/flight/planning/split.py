@@ -7,11 +7,12 @@ problem, Computers and Operations Research 31, 2004).
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.mission.track import Track
 from uavseg.flight.planning.route import RegionRoute

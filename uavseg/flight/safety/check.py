@@ -1,13 +1,13 @@
 """Safety check of a mission: every leg against zones, fence, height and distance from home."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.plane import Plane

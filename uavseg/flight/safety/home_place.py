@@ -8,7 +8,7 @@ import shapely
 from numpy.typing import NDArray
 
 from uavseg.errors import MissionError
-from uavseg.execution.phases import steps_done
+from uavseg.execution.executors import steps_done
 from uavseg.flight.avoid.enclosing import MANY_CORNERS, filled_parts, merged, neighbour_groups, without_holes
 from uavseg.flight.mission.plane import Plane, plane_around
 from uavseg.flight.safety.keep_out import KeepOut

@@ -1,10 +1,9 @@
 """Altitude profile of a flight over the ground: waypoints by polyline simplification, speeds on slopes."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.flight.mission.vehicle import default_vehicle
 from uavseg.flight.params.plan import PlanParams
 from uavseg.flight.params.terrain import FRAME

@@ -1,10 +1,10 @@
 """Ground clearance: heights of a mission above the ground of a DEM, checked leg by leg."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.mission.items import FRAME_AMSL, FRAME_TERRAIN, RETURN, TAKEOFFS
 from uavseg.flight.mission.mission import CRUISE_M_S, Mission

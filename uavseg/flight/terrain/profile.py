@@ -1,11 +1,11 @@
 """Ground profile along a path: exact bounds of the bilinear surface on every leg."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.raster.elevation.dem import Dem
 from uavseg.raster.geodesy.globe import geod_wgs84

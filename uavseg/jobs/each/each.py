@@ -8,10 +8,11 @@ import os
 from collections.abc import Sequence
 from contextlib import closing
 from contextvars import copy_context
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import OutputExistsError, RasterReadError, UavsegError
 from uavseg.execution.executors import Progress, serial, threads, usable_cores
 from uavseg.jobs.each.each_report import Outcome, check_report, write_report
@@ -21,8 +22,8 @@ from uavseg.jobs.source.open_source import open_source
 from uavseg.jobs.source.source import Blocks, Source
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.output.atomic import output_errors, transaction
+from uavseg.output.disk import note_planned
 from uavseg.output.targets import check_distinct_outputs, existing_files, outputs_of
-from uavseg.output.written import note_planned
 from uavseg.plain_text import cause_of, one_line
 from uavseg.raster.formats.creation import DEFAULT, CreationOptions
 from uavseg.raster.read.source_list import expand_sources
@@ -60,7 +61,7 @@ class OutputNames:
 
 
 @dataclass(frozen=True, slots=True)
-class Task:
+class SourceTask:
     """A source and its outputs.
 
     Parameters
@@ -79,8 +80,8 @@ class Task:
         return (self.output,) if self.labels is None else (self.output, self.labels)
 
 
-def plan_tasks(sources: Sequence[Path_], names: OutputNames) -> tuple[list[Task], int]:
-    """The sources with their outputs, checked before anything is computed.
+def plan_tasks(sources: Sequence[Path_], names: OutputNames) -> tuple[list[SourceTask], int]:
+    """Return the sources with their outputs, checked before anything is computed.
 
     Parameters
     ----------
@@ -90,7 +91,7 @@ def plan_tasks(sources: Sequence[Path_], names: OutputNames) -> tuple[list[Task]
 
     Returns
     -------
-    tasks : list of Task
+    tasks : list of SourceTask
     skipped : int
         Number of sources that are left out, because their outputs are there.
 
@@ -106,7 +107,7 @@ def plan_tasks(sources: Sequence[Path_], names: OutputNames) -> tuple[list[Task]
         raise RasterReadError("there is no raster to read; name some, or a folder of them")
     outputs = outputs_of(names.regions, rasters)
     labels = [None] * len(rasters) if names.labels is None else outputs_of(names.labels, rasters)
-    tasks = list(map(Task, rasters, outputs, labels))
+    tasks = list(map(SourceTask, rasters, outputs, labels))
     own = [task.outputs for task in tasks]
     if names.skip_existing:
         tasks = [task for task in tasks if not all(existing_files(Path(name)) for name in task.outputs)]
@@ -120,7 +121,11 @@ def plan_tasks(sources: Sequence[Path_], names: OutputNames) -> tuple[list[Task]
 
 
 def run_each(
-    tasks: Sequence[Task], job: RegionJob, names: OutputNames, work: Work = SERIAL, count: int | None = None
+    tasks: Sequence[SourceTask],
+    job: RegionJob,
+    names: OutputNames,
+    work: Work = SERIAL,
+    count: int | None = None,
 ) -> list[Outcome]:
     """Run a job for each task; each output appears whole when it is finished.
 
@@ -128,7 +133,7 @@ def run_each(
 
     Parameters
     ----------
-    tasks : sequence of Task
+    tasks : sequence of SourceTask
     job : RegionJob
     names : OutputNames
     work : Work
@@ -146,7 +151,7 @@ def run_each(
     OutputError
         If the report cannot be written; the error of a task is in its outcome.
     """
-    outcomes: dict[Task, Outcome] = {}
+    outcomes: dict[SourceTask, Outcome] = {}
     try:
         _run(tasks, job, names, work, count, outcomes)
     finally:
@@ -156,12 +161,12 @@ def run_each(
 
 
 def _run(
-    tasks: Sequence[Task],
+    tasks: Sequence[SourceTask],
     job: RegionJob,
     names: OutputNames,
     work: Work,
     count: int | None,
-    outcomes: dict[Task, Outcome],
+    outcomes: dict[SourceTask, Outcome],
 ) -> None:
     """Run a job; outcomes are kept as they come, so that they are known too after a run that is stopped."""
     run = threads(count)
@@ -171,7 +176,7 @@ def _run(
     context = copy_context()
     most = usable_cores() if count is None else count
 
-    def side_by_side(task: Task) -> bool:
+    def side_by_side(task: SourceTask) -> bool:
         found = context.copy().run(_outcome, task, job, names, alone, most)
         if found is not None:
             outcomes[task] = found
@@ -194,13 +199,13 @@ def _run(
         progress(done, len(tasks))
 
 
-def _in_order(tasks: Sequence[Task], outcomes: dict[Task, Outcome]) -> list[Outcome]:
+def _in_order(tasks: Sequence[SourceTask], outcomes: dict[SourceTask, Outcome]) -> list[Outcome]:
     """The outcomes of all tasks in their order; those that were not begun have an error that says so."""
     return [outcomes.get(task) or Outcome(task.source, task.output, error=NOT_RUN) for task in tasks]
 
 
 def grouped_warnings(outcomes: Sequence[Outcome]) -> list[str]:
-    """The warnings of all sources, each text once with the first source and the number of others."""
+    """Return the warnings of all sources, each text once with the first source and the number of others."""
     owners: dict[str, list[str]] = {}
     for outcome in outcomes:
         for text in outcome.warnings:
@@ -212,7 +217,7 @@ def _others(count: int) -> str:
     return f" and {count:,} {'other' if count == 1 else 'others'}" if count else ""
 
 
-def _check_outputs(tasks: Sequence[Task], overwrite: bool) -> None:
+def _check_outputs(tasks: Sequence[SourceTask], overwrite: bool) -> None:
     from uavseg.regions.formats.export import check_region_path
     from uavseg.regions.formats.label_raster import check_labels
 
@@ -233,9 +238,9 @@ def _check_outputs(tasks: Sequence[Task], overwrite: bool) -> None:
 
 
 def _outcome(
-    task: Task, job: RegionJob, names: OutputNames, work: Work, most_tiles: int | None
+    task: SourceTask, job: RegionJob, names: OutputNames, work: Work, most_tiles: int | None
 ) -> Outcome | None:
-    """What comes out of a task; None if it has more tiles than this, and nothing was done."""
+    """Return what comes out of a task; None if it has more tiles than this, and nothing was done."""
     try:
         source = open_source(task.source, job.read)
         if most_tiles is not None and _tiles_of(source, work) > most_tiles:
@@ -249,7 +254,7 @@ def _tiles_of(source: Source, work: Work) -> int:
     return 1 if isinstance(source, Blocks) else len(source.dataset.windows(work.tile))
 
 
-def _answered(task: Task, source: Source, job: RegionJob, names: OutputNames, work: Work) -> Outcome:
+def _answered(task: SourceTask, source: Source, job: RegionJob, names: OutputNames, work: Work) -> Outcome:
     from uavseg.regions.formats import export
     from uavseg.regions.formats.label_raster import write_label_raster
 

@@ -3,9 +3,9 @@
 import csv
 import os
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import OutputError
 from uavseg.output.atomic import atomic_file, check_target
 

@@ -4,12 +4,12 @@ import math
 import os
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError, ParameterError
-from uavseg.execution.phases import decided, phase
+from uavseg.execution.executors import decided, phase
 from uavseg.flight.formats import kmz, litchi, wpml
 from uavseg.flight.formats.files import MAX_BYTES, check_mission_format, read_mission
 from uavseg.flight.formats.station_rules import station_refusals
@@ -121,7 +121,7 @@ class MissionCheck:
         return tuple(notes)
 
     def as_dict(self) -> dict[str, Any]:
-        """The check as plain values, for JSON."""
+        """Return the check as plain values, for JSON."""
         mission = self.mission
         heights = mission.path[2][1:]
         inclusions = sum(shape.inclusion for shape in mission.fence)
@@ -179,8 +179,8 @@ def check(source: str | os.PathLike[str] | Mission, request: CheckRequest) -> Mi
             mission = read_mission(source)
         refused = station_refusals(read_bytes(source, MissionError, MAX_BYTES), suffix)
         own = mission.autopilot if suffix in OWN_AUTOPILOT else None
-    asked = request.autopilot or own
-    decided("checked for %s, %d keep-out zones", asked or "any autopilot", len(request.zones))
+    requested = request.autopilot or own
+    decided("checked for %s, %d keep-out zones", requested or "any autopilot", len(request.zones))
     pilots = {key: _reason(partial(_check_items, mission, key)) for key in NAMES}
     verdicts = [Verdict(NAMES[key], reason) for key, reason in pilots.items()]
     verdicts += [Verdict(who, reason) for who, reason in refused.items()]
@@ -188,11 +188,11 @@ def check(source: str | os.PathLike[str] | Mission, request: CheckRequest) -> Mi
         Verdict("DJI (.kmz)", _reason(lambda: wpml.check_wayline(wayline_of(mission, kmz.NAME), kmz.NAME))),
         Verdict("Litchi (.csv)", _reason(lambda: litchi.check_wayline(wayline_of(mission, litchi.NAME)))),
     ]
-    needed = list(NAMES) if asked == "generic" else [asked] if asked else []
+    needed = list(NAMES) if requested == "generic" else [requested] if requested else []
     problems = [f"{NAMES[key]} refuses it: {pilots[key]}" for key in needed if pilots[key]]
     with phase("paper check"):
-        problems += _paper_check(mission, request, asked).problems(mission)
-    return MissionCheck(mission, asked or mission.autopilot, tuple(verdicts), tuple(problems))
+        problems += _paper_check(mission, request, requested).problems(mission)
+    return MissionCheck(mission, requested or mission.autopilot, tuple(verdicts), tuple(problems))
 
 
 def check_request(options: CheckOptions) -> CheckRequest:

@@ -3,10 +3,10 @@
 import os
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError, ParameterError
-from uavseg.execution.phases import decided, phase
+from uavseg.execution.executors import decided, phase
 from uavseg.flight.formats.files import check_mission_format, read_mission
 from uavseg.flight.link.download import download_mission
 from uavseg.flight.link.link import TIMEOUT_S, Link, connect
@@ -122,7 +122,7 @@ def _connected(request: LinkRequest) -> Iterator[Link]:
 
 
 def _read_uploadable(source: str | os.PathLike[str]) -> Mission:
-    """A mission of a file for autopilots that MAVLink reaches."""
+    """Return a mission of a file for autopilots that MAVLink reaches."""
     if check_mission_format(source) not in UPLOADABLE:
         raise MissionError(
             f"{os.fspath(source)}: only {' and '.join(UPLOADABLE)} files are sent to vehicles; others do not "

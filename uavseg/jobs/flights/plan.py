@@ -2,14 +2,15 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
-from uavseg.execution.phases import decided, phase
+from uavseg.execution.executors import decided, phase
 from uavseg.flight.formats.options import DEFAULT_DJI_MODEL, FileOptions
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.params.plan import PlanParams
@@ -108,7 +109,7 @@ class MissionPlan:
         )
 
     def explore(self, **words: Any) -> Any:
-        """An interactive map (folium.Map) of all flights, for notebooks; words as of `Mission.explore`."""
+        """Draw an interactive map (folium.Map) of all flights; arguments as of `Mission.explore`."""
         from uavseg.flight.mission.features import explore
 
         return explore(*self.missions, **words)
@@ -221,7 +222,7 @@ def plan(
 
 
 def _flights_text(numbers: Sequence[int]) -> str:
-    """Numbers of flights in words.
+    """Return numbers of flights in words.
 
     Examples
     --------

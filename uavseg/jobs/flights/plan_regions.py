@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from uavseg.errors import ParameterError
-from uavseg.execution.phases import phase
+from uavseg.execution.executors import phase
 from uavseg.plain_text import shown
 from uavseg.regions.table import Regions
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def open_regions(
     source: "str | os.PathLike[str] | bytes | GeoDataFrame | Regions", layer: str | None = None
 ) -> Regions:
-    """Regions in degrees from a file, from the content of one, from a frame or from another job.
+    """Return regions in degrees from a file, from the content of one, from a frame or from another job.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def open_regions(
 
 
 def in_degrees(regions: Regions) -> Regions:
-    """Regions of a raster in WGS 84, with the coordinates that GeoJSON gets.
+    """Return regions of a raster in WGS 84, with the coordinates that GeoJSON gets.
 
     Raises
     ------
@@ -59,7 +59,7 @@ def in_degrees(regions: Regions) -> Regions:
 
 
 def zone_polygons(avoid: Sequence[Any], raster: "Source | None" = None) -> list[Any]:
-    """Polygons in degrees of keep-out zones.
+    """Return polygons in degrees of keep-out zones.
 
     Parameters
     ----------
@@ -77,15 +77,15 @@ def zone_polygons(avoid: Sequence[Any], raster: "Source | None" = None) -> list[
     OutputError
         If the raster has no place on the Earth.
     """
-    found: list[Any] = []
+    result: list[Any] = []
     for zone in avoid:
         is_range = isinstance(zone, tuple | list)
-        found += list((_in_range(zone, raster) if is_range else open_regions(zone)).polygons)
-    return found
+        result += list((_in_range(zone, raster) if is_range else open_regions(zone)).polygons)
+    return result
 
 
 def _in_range(ends: Sequence[Any], raster: "Source | None") -> Regions:
-    """The regions of a raster in a range of intensity."""
+    """Return the regions of a raster in a range of intensity."""
     from uavseg.jobs.extract import ExtractRequest, extract
     from uavseg.segmentation.params.segment import IntensityRange
 

@@ -6,11 +6,11 @@ import os
 import platform
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 from uavseg import _version
 from uavseg._jit import object_cache, shipped, warming
+from uavseg.dataclass import dataclass
 from uavseg.execution.executors import usable_cores
 from uavseg.flight.link.transport import serial_ports
 from uavseg.jobs.install.find_qgis import find_qgis
@@ -53,7 +53,7 @@ class Diagnosis:
     problems: tuple[str, ...]
 
     def as_dict(self) -> dict[str, Any]:
-        """The same for JSON."""
+        """Return the same for JSON."""
         return {"facts": dict(self.facts), "problems": list(self.problems)}
 
     def __str__(self) -> str:
@@ -111,7 +111,7 @@ def _libraries() -> Findings:
 
 
 def _remedy(failure: str) -> str:
-    """What to do: the wheels of rasterio bring all libraries but this one."""
+    """Return what to do: the wheels of rasterio bring all libraries but this one."""
     if "libexpat" in failure:
         return "install it from the system: apt install libexpat1"
     return "install it again: pip install uavseg"
@@ -153,7 +153,7 @@ def _version_of(name: str) -> str:
 
 
 def _projections() -> Findings:
-    """Whether both libraries that bring PROJ find a database that they can read."""
+    """Return whether both libraries that bring PROJ find a database that they can read."""
     problems = []
     for name in ("rasterio", "pyproj"):
         try:
@@ -170,7 +170,7 @@ def _projections() -> Findings:
 
 
 def _kernels() -> Findings:
-    """Where the machine code of the kernels comes from."""
+    """Return where the machine code of the kernels comes from."""
     try:
         kernels = warming.all_kernels()
     except ImportError as error:
@@ -196,7 +196,7 @@ def _kernels() -> Findings:
 
 
 def _level() -> str:
-    """The level of this processor, for which kernels are chosen among those that are shipped."""
+    """Return the level of this processor, for which kernels are chosen among those that are shipped."""
     if sys.platform != "linux" or platform.machine() != "x86_64":
         return "no kernels are shipped for this platform"
     return shipped.levels_here()[0]

@@ -27,7 +27,7 @@ def find_qgis() -> str:
 
 
 def _version(program: str) -> str:
-    """What a program says in the line that begins with "QGIS"."""
+    """Return what a program says in the line that begins with "QGIS"."""
     with tempfile.TemporaryDirectory(prefix="uavseg-") as folder:
         kept = {name: os.environ[name] for name in _KEPT if name in os.environ}
         own = {"QT_QPA_PLATFORM": "offscreen"} | dict.fromkeys(_FOLDERS, folder)

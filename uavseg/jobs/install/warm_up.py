@@ -2,10 +2,10 @@
 
 import importlib
 import time
-from dataclasses import dataclass
 
 from uavseg._jit import object_cache, warming
 from uavseg.arguments import checked
+from uavseg.dataclass import dataclass
 from uavseg.errors import OutputError, ParameterError
 from uavseg.execution.executors import Progress, usable_cores
 

@@ -1,13 +1,13 @@
 """Mapping job: the scans of a recorded bag, merged into a map at the poses of the robot."""
 
 import os
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
-from uavseg.execution.phases import decided, phase
+from uavseg.execution.executors import decided, phase
 from uavseg.occupancy.bags.merge_bag import BagTopics, MergeParams, ScanCounts, merge_bag
 from uavseg.occupancy.map_file import WritableMap
 from uavseg.occupancy.mapping.grid import OccupancyGrid

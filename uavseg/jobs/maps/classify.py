@@ -1,14 +1,14 @@
 """Classification job: free, unknown and occupied cells of a map of probabilities, and occupied objects."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import LostObstaclesError, MapError, ParameterError
-from uavseg.execution.executors import trim_heap
-from uavseg.execution.phases import decided, phase
+from uavseg.execution.executors import decided, phase, trim_heap
 from uavseg.jobs.ranges.ranges import decided_grey
 from uavseg.jobs.result.metadata import drawing_facts, segment_facts, with_metadata
 from uavseg.jobs.result.result import Drawing, Extraction, SourceInfo, measured

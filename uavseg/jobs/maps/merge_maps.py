@@ -2,15 +2,15 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import MapError, ParameterError
-from uavseg.execution.phases import decided, phase
+from uavseg.execution.executors import decided, phase
 from uavseg.jobs.source.open_source import open_probability_map
 from uavseg.jobs.source.source import ProbabilityMap
 from uavseg.occupancy.map_file import WritableMap

@@ -1,15 +1,15 @@
 """Path planning job: the shortest path between two positions in one region of a map."""
 
 import time
-from dataclasses import dataclass
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.jobs.extract import ExtractRequest, regions_of_pixels
 from uavseg.jobs.source.source import Blocks, ProbabilityMap
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.occupancy.paths.find_path import PathParams, PlannedPath, find_path
 from uavseg.occupancy.paths.free_cells import FreeCells
-from uavseg.options.ranges import AnyRange
+from uavseg.options.classes import AnyRange
 from uavseg.segmentation.params.segment import SegmentParams
 from uavseg.segmentation.source import GreySource
 
@@ -86,8 +86,8 @@ def free_cells(source: ProbabilityMap, request: PathRequest, work: Work = SERIAL
     work : Work
     """
     regions = regions_of_pixels(source, ExtractRequest(request.interval, request.segment), work)
-    assert regions.wanted is not None, "an extraction holds its range"
+    assert regions.detected is not None, "an extraction holds its range"
     grey = GreySource(source.dataset, regions.stretch)
     return FreeCells(
-        source=grey, rings=regions.rings, interval=regions.wanted.interval, warnings=regions.warnings
+        source=grey, rings=regions.rings, interval=regions.detected.interval, warnings=regions.warnings
     )

@@ -40,7 +40,7 @@ def path_request(options: PathOptions) -> PathRequest:
     """Return the two places of a path, and over what it leads."""
     from uavseg.jobs.maps.path import PathRequest, path_params
     from uavseg.occupancy.paths.find_path import PathParams
-    from uavseg.options.ranges import requested_range
+    from uavseg.options.classes import requested_range
 
     return PathRequest(
         requested_range(options.ranges),

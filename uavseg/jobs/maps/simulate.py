@@ -1,9 +1,10 @@
 """Simulation job: the map that a laser range finder makes of a scene."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import SceneError
-from uavseg.execution.phases import decided, phase
+from uavseg.execution.executors import decided, phase
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.simulation.paper_scenes import BUILT_IN_SCENES
 from uavseg.occupancy.simulation.scene_file import load_scene

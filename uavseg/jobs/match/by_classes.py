@@ -6,22 +6,20 @@ samples -> likeness of each class, against the samples of all others
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, SampleError
-from uavseg.execution.phases import decided, phase
+from uavseg.execution.executors import decided, phase
 from uavseg.jobs.match.color_bands import color_sources
-from uavseg.jobs.result.fill_holes import filled
 from uavseg.jobs.result.metadata import confidence_facts, drawing_facts, with_metadata
-from uavseg.jobs.result.result import Drawing, Extraction, SourceInfo, measured
-from uavseg.jobs.source.detail import detail_of
+from uavseg.jobs.result.result import Drawing, Extraction, SourceInfo, filled, measured
 from uavseg.jobs.source.open_source import raster_of
-from uavseg.jobs.source.source import Source
+from uavseg.jobs.source.source import Source, detail_of
 from uavseg.jobs.source.work import SERIAL, Work
-from uavseg.raster.grid.length import Length
+from uavseg.raster.grid.geobox import Length
 from uavseg.raster.grid.tiling import TilePass
 from uavseg.regions.confidence import Confidence, check_minimum, class_confidence_of, none_confident
 from uavseg.regions.edit.small import Area, drop_small_regions
@@ -80,7 +78,7 @@ class MatchClassesRequest:
 
 
 def match_classes(source: Source, request: MatchClassesRequest, work: Work = SERIAL) -> Extraction:
-    """Regions of the classes of samples.
+    """Return regions of the classes of samples.
 
     Parameters
     ----------
@@ -119,11 +117,11 @@ def match_classes(source: Source, request: MatchClassesRequest, work: Work = SER
         for name, found in zip(places, likenesses, strict=True)
         if found.table.separation < _LEAST_PARTING
     ]
-    outlined, kinds = outlines_by_classes(grey, likenesses, params, passes[1:], detail)
+    outlined, classes = outlines_by_classes(grey, likenesses, params, passes[1:], detail)
     outlined = filled(grey, outlined, request.fill_holes, passes[-1])
     if request.min_area is not None:
         outlined = drop_small_regions(outlined, grey.dataset.geobox, request.min_area)
-    kind = kinds.at(outlined.sums.firsts) - 1
+    kind = classes.at(outlined.sums.firsts) - 1
     columns = {"class": np.array(list(places), object)[kind]}
     hints += [f"no region is of {name}" for n, name in enumerate(places) if not (kind == n).any()]
     confidence = Confidence.of(
@@ -137,16 +135,16 @@ def match_classes(source: Source, request: MatchClassesRequest, work: Work = SER
     )
     if result.below_minimum and not len(result.regions):
         hints.append(none_confident(result.below_minimum, request.min_confidence))
-    facts = {"classes": request.classes, "refine": request.refine, "bands": request.bands or None}
-    facts |= confidence_facts(request.min_confidence)
-    facts |= drawing_facts(request.drawing, request.fill_holes, request.min_area, request.detail)
-    return work.finished(with_metadata(result, raster, "match", facts), *hints)
+    metadata = {"classes": request.classes, "refine": request.refine, "bands": request.bands or None}
+    metadata |= confidence_facts(request.min_confidence)
+    metadata |= drawing_facts(request.drawing, request.fill_holes, request.min_area, request.detail)
+    return work.finished(with_metadata(result, raster, "match", metadata), *hints)
 
 
 def learn_classes(
     bands: BlurredBands, places: Mapping[str, Sequence[SampleMask]], tile_pass: TilePass
 ) -> list[SimilaritySource]:
-    """The raster as likeness to each class, against the samples of all others."""
+    """Return the raster as likeness to each class, against the samples of all others."""
     with phase("colors of the raster"):
         spread = spread_colors(bands.bands, tile_pass)
     likenesses = []
@@ -171,7 +169,7 @@ def outlines_by_classes(
     passes: Sequence[TilePass],
     detail: Detail | None = None,
 ) -> tuple[RegionOutlines, ClassesByPixel]:
-    """Outlines of the likeliest class of each pixel, and the class of each by its first pixel, from 1.
+    """Return outlines of the likeliest class of each pixel, and the class of each by its first pixel, from 1.
 
     Parameters
     ----------
@@ -193,7 +191,7 @@ def outlines_by_classes(
 def alike(
     likenesses: Sequence[SimilaritySource], kind: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """How alike the samples of the class of each region are: two (n,) float64 arrays.
+    """Return how alike the samples of the class of each region are: two (n,) float64 arrays.
 
     Their mean likeness to it, and by how much that exceeds the mean of the raster.
 

@@ -11,11 +11,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.execution.phases import decided, phase
+from uavseg.execution.executors import decided, phase
 from uavseg.jobs.match.request import MatchRequest
-from uavseg.jobs.result.fill_holes import filled
-from uavseg.jobs.result.result import Extraction, SourceInfo, measured
-from uavseg.jobs.source.detail import detail_of
+from uavseg.jobs.result.result import Extraction, SourceInfo, filled, measured
+from uavseg.jobs.source.source import detail_of
 from uavseg.raster.grid.tiling import TilePass
 from uavseg.regions.confidence import Confidence, match_confidence_of
 from uavseg.regions.edit.small import drop_small_regions
@@ -37,26 +36,26 @@ def learn(
     unlike: Sequence[SampleMask],
     tile_pass: TilePass,
 ) -> SimilaritySource:
-    """The raster as likeness to samples, and not to others."""
+    """Return the raster as likeness to samples, and not to others."""
     with phase("colours of the sample"):
-        found = fit_similarity(BlurredBands(bands), places, tile_pass, unlike)
+        result = fit_similarity(BlurredBands(bands), places, tile_pass, unlike)
     decided(
-        "likeness %.3f in the sample, %.3f in the raster", found.table.sample_mean, found.table.raster_mean
+        "likeness %.3f in the sample, %.3f in the raster", result.table.sample_mean, result.table.raster_mean
     )
-    return found
+    return result
 
 
 def outlines_by_color(
-    likeness: SimilaritySource,
+    similarity: SimilaritySource,
     request: MatchRequest,
     samples: Sequence[SampleMask],
     passes: Sequence[TilePass],
 ) -> tuple[RegionOutlines, Disc | None]:
-    """Outlines where the likeness is one half and more, and where the next sample would help most.
+    """Return outlines where the likeness is one half and more, and where the next sample would help most.
 
     Parameters
     ----------
-    likeness : SimilaritySource
+    similarity : SimilaritySource
     request : MatchRequest
     samples : sequence of SampleMask
         All that were given.
@@ -64,53 +63,53 @@ def outlines_by_color(
     """
     params = SegmentParams(refine="none") if request.refine == "none" else SegmentParams()
     with phase("division"):
-        blocks = measure_block_map_for(likeness, LIKELY, params, passes[0])
+        blocks = measure_block_map_for(similarity, LIKELY, params, passes[0])
         cells = cells_to_refine(blocks, LIKELY, params)
     with phase("next sample"):
-        proposed = next_place(likeness, blocks, samples, passes[0])
+        proposed = next_place(similarity, blocks, samples, passes[0])
     del blocks
-    detail = detail_of(request.detail, likeness.dataset.geobox, params.refine)
+    detail = detail_of(request.detail, similarity.dataset.geobox, params.refine)
     with phase("refinement and outlines"):
-        outlined = outline_regions(likeness, cells, LIKELY, params.refine, passes[1], detail=detail)
+        outlined = outline_regions(similarity, cells, LIKELY, params.refine, passes[1], detail=detail)
     return outlined, proposed
 
 
 def regions_by_color(
     grey: GreySource,
-    likeness: SimilaritySource,
+    similarity: SimilaritySource,
     outlined: RegionOutlines,
     request: MatchRequest,
     tile_pass: TilePass,
 ) -> Extraction:
-    """Outlines by color as regions.
+    """Return outlines by color as regions.
 
     Parameters
     ----------
     grey : GreySource
         The intensity that their attributes are of.
-    likeness : SimilaritySource
+    similarity : SimilaritySource
     outlined : RegionOutlines
         Of `outlines_by_color`.
     request : MatchRequest
     tile_pass : TilePass
     """
-    outlined = filled(likeness, outlined, request.fill_holes, tile_pass)
+    outlined = filled(similarity, outlined, request.fill_holes, tile_pass)
     if request.min_area is not None:
         outlined = drop_small_regions(outlined, grey.dataset.geobox, request.min_area)
-    similarity = similarity_of(outlined, likeness.table.sample_mean)
-    alike = similarity, likeness.table.sample_mean - likeness.table.raster_mean
+    shares = similarity_of(outlined, similarity.table.sample_mean)
+    alike = shares, similarity.table.sample_mean - similarity.table.raster_mean
     confidence = Confidence.of(
         outlined, lambda: match_confidence_of(outlined, *alike), request.refine, request.min_confidence
     )
     with phase("attributes and drawing"):
         outlined = replace(outlined, sums=sum_regions(grey, outlined, tile_pass))
         info = SourceInfo.of(grey)
-        more = {"similarity": similarity}
+        more = {"similarity": shares}
         return measured(outlined, info, (0.0, 1.0), request.drawing, more, confidence=confidence)
 
 
 def similarity_of(outlined: RegionOutlines, own: float) -> NDArray[np.float64]:
-    """Mean likeness of regions as a share of that of the sample, at most 1: (n,) float64.
+    """Return mean likeness of regions as a share of that of the sample, at most 1: (n,) float64.
 
     Parameters
     ----------

@@ -9,17 +9,15 @@ measured -> sample: its histograms, and how unlike each other its own windows ar
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.execution.executors import trim_heap
-from uavseg.execution.phases import phase
+from uavseg.dataclass import dataclass
+from uavseg.execution.executors import phase, trim_heap
 from uavseg.jobs.match.request import MatchRequest
-from uavseg.jobs.result.fill_holes import filled
-from uavseg.jobs.result.result import Extraction, SourceInfo, measured
-from uavseg.jobs.source.detail import detail_of
+from uavseg.jobs.result.result import Extraction, SourceInfo, filled, measured
+from uavseg.jobs.source.source import detail_of
 from uavseg.raster.grid.tiling import TilePass
 from uavseg.regions.confidence import Confidence, Parting, texture_confidence_of
 from uavseg.regions.edit.small import Area, drop_small_regions
@@ -127,7 +125,7 @@ def search_texture(
 def regions_by_texture(
     search: TextureSearch, passes: Sequence[TilePass], within: Rings | None = None
 ) -> Extraction:
-    """Regions whose texture and intensity are like those of a sample.
+    """Return regions whose texture and intensity are like those of a sample.
 
     Parameters
     ----------
@@ -141,7 +139,7 @@ def regions_by_texture(
 def outlines_by_texture(
     search: TextureSearch, passes: Sequence[TilePass], within: Rings | None = None
 ) -> tuple[RegionOutlines, CellScores]:
-    """Outlines of regions whose texture and intensity are like those of a sample, and the scores of cells.
+    """Outline regions whose texture and intensity are like a sample's, and score their cells.
 
     Parameters
     ----------
@@ -187,7 +185,7 @@ def _outlined(
 def _measured(
     search: TextureSearch, outlined: RegionOutlines, scores: CellScores, tile_pass: TilePass
 ) -> Extraction:
-    """Regions with their attributes; holes are filled before small ones are dropped."""
+    """Return regions with their attributes; holes are filled before small ones are dropped."""
     grey, request, sample = search.grey, search.request, search.sample
     outlined = filled(grey, outlined, request.fill_holes, tile_pass)
     if request.min_area is not None:
@@ -205,7 +203,7 @@ def _measured(
 
 
 def parting_of(search: TextureSearch) -> Parting:
-    """How clearly texture parts the sample from the rest of the raster.
+    """Return how clearly texture parts the sample from the rest of the raster.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ def color_sources(
 
 
 def band_sources(raster: Raster, bands: Sequence[int | str], tile_pass: TilePass) -> list[GreySource]:
-    """Each band as grey, by the stretch of the raster, fitted to it."""
+    """Return each band as grey, by the stretch of the raster, fitted to it."""
     dataset = raster.cleaned(tile_pass)
     datasets = [dataset.of_band(band, raster.options.nodata) for band in bands]
     return [GreySource(one, fit_stretch(one, raster.options.spec or AUTO, tile_pass)) for one in datasets]

@@ -6,21 +6,21 @@ texture alone, see `like.by_texture`: where color hardly parts the sample from t
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from uavseg.execution.phases import decided
+from uavseg.dataclass import dataclass
+from uavseg.execution.executors import decided
 from uavseg.jobs.match.by_color import learn, outlines_by_color, regions_by_color
 from uavseg.jobs.match.by_texture import TextureSample, regions_by_texture, search_texture
 from uavseg.jobs.match.color_bands import band_sources, color_sources
 from uavseg.jobs.match.request import MatchRequest
 from uavseg.jobs.result.metadata import confidence_facts, drawing_facts, with_metadata
 from uavseg.jobs.result.result import Extraction
-from uavseg.jobs.source.detail import detail_of
 from uavseg.jobs.source.open_source import raster_of
-from uavseg.jobs.source.source import Raster, Source
+from uavseg.jobs.source.source import Raster, Source, detail_of
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.raster.grid.tiling import TilePass
 from uavseg.regions.confidence import none_confident
@@ -87,7 +87,7 @@ class Match:
 
 
 def match(source: Source, request: MatchRequest, work: Work = SERIAL) -> Match:
-    """Regions of a raster that are like a sample of it.
+    """Return regions of a raster that are like a sample of it.
 
     Parameters
     ----------
@@ -143,46 +143,48 @@ def _by_color(
     """By color, and unless that is asked for alone, by texture where it tells more."""
     colors = color_sources(raster, grey, request.bands, passes[0].silent)
     unlike = [sample_mask(one, raster.geobox) for one in request.unlike]
-    likeness = learn(colors, places, unlike, passes[0])
+    similarity = learn(colors, places, unlike, passes[0])
     window = fitting_window(places[0]) if request.by == "auto" and request.is_one else None
-    if window is not None and not _parts(likeness.table):
+    if window is not None and not _parts(similarity.table):
         bands = band_sources(raster, request.bands, passes[0].silent)
         search = search_texture(grey, bands, places[0], request, passes[:2])
         if window >= _LEAST_WINDOW or separability(search.scores.best.ravel()) >= _LEAST_SEPARABILITY:
             decided("color hardly parts the sample from the raster: texture is compared")
             return Match(regions_by_texture(search, passes[2:4]), None, search.how)
-    outlined, proposed = outlines_by_color(likeness, request, [*places, *unlike], passes[1:3])
+    outlined, proposed = outlines_by_color(similarity, request, [*places, *unlike], passes[1:3])
     if window is not None and window >= _LEAST_WINDOW:
         plain = replace(request, intensity=float("inf"), bands=())
         search = search_texture(grey, (), places[0], plain, passes[3:5])
         inner = inner_cells(outlined.rings, raster.geobox.shape, passes[5].silent)
         if is_bimodal(search.scores.best[inner], search.criterion.limit):
             decided("texture clearly parts what has the colors of the sample")
-            return Match(regions_by_texture(search, passes[5:7], outlined.rings), likeness.table, search.how)
-    found = regions_by_color(grey, likeness, outlined, request, passes[2])
-    return Match(found, likeness.table, None, proposed)
+            return Match(
+                regions_by_texture(search, passes[5:7], outlined.rings), similarity.table, search.how
+            )
+    found = regions_by_color(grey, similarity, outlined, request, passes[2])
+    return Match(found, similarity.table, None, proposed)
 
 
 def _parts(table: SimilarityTable) -> bool:
-    """Whether color parts the sample from the rest of the raster."""
+    """Return whether color parts the sample from the rest of the raster."""
     return table.separation >= _LEAST_PARTING
 
 
 def _facts(request: MatchRequest, made: Match) -> dict[str, Any]:
-    """The parameters, for the metadata of the regions."""
+    """Return the parameters, for the metadata of the regions."""
     likes = [_fact(like) for like in request.samples]
-    facts: dict[str, Any] = {"like": likes[0] if len(likes) == 1 else likes, "by": made.compared}
+    metadata: dict[str, Any] = {"like": likes[0] if len(likes) == 1 else likes, "by": made.compared}
     if request.unlike:
-        facts |= {"unlike": [_fact(one) for one in request.unlike]}
+        metadata |= {"unlike": [_fact(one) for one in request.unlike]}
     if made.texture is not None:
-        facts |= {"window": made.texture.window, "similarity": request.similarity}
+        metadata |= {"window": made.texture.window, "similarity": request.similarity}
         any_intensity = made.color is not None or not np.isfinite(request.intensity)
-        facts |= {"intensity": "any" if any_intensity else request.intensity}
-    facts |= {"refine": request.refine, "bands": request.bands or None}
-    facts |= confidence_facts(request.min_confidence)
+        metadata |= {"intensity": "any" if any_intensity else request.intensity}
+    metadata |= {"refine": request.refine, "bands": request.bands or None}
+    metadata |= confidence_facts(request.min_confidence)
     if made.next_sample is not None:
-        facts |= {"next_sample": _fact(made.next_sample)}
-    return facts | drawing_facts(request.drawing, request.fill_holes, request.min_area, request.detail)
+        metadata |= {"next_sample": _fact(made.next_sample)}
+    return metadata | drawing_facts(request.drawing, request.fill_holes, request.min_area, request.detail)
 
 
 def _fact(like: Disc | str) -> list[float] | str:

@@ -7,14 +7,15 @@ sample and raster -> colors: what is of the sample's kind, as `match` learns it
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, UnchosenBandsError
-from uavseg.execution.phases import decided, phase
+from uavseg.execution.executors import decided, phase
 from uavseg.jobs.match.color_bands import band_sources
 from uavseg.jobs.result.result import SourceInfo
 from uavseg.jobs.source.open_source import open_source, raster_of
@@ -24,7 +25,7 @@ from uavseg.options.reading import ReadOptions
 from uavseg.raster.intensity.features import Feature, alike, features_of, weighted_sum
 from uavseg.raster.intensity.value_range import axis_of, scale_of
 from uavseg.raster.spectral.band_names import find_band, listed
-from uavseg.raster.spectral.value_scale import BandScale, ValueAxis, values_text
+from uavseg.raster.spectral.bands import BandScale, ValueAxis, values_text
 from uavseg.regions.sample.place import Disc, sample_mask
 from uavseg.regions.sample.similarity import SampledColors, sample_colors
 from uavseg.segmentation.sample.best_interval import Interval, best_interval, linear_weights
@@ -137,7 +138,7 @@ class SampleRanges:
 
 
 def open_all_bands(source: Any, options: ReadOptions) -> Raster:
-    """A raster of which no band has to be chosen, however many it has.
+    """Return a raster of which no band has to be chosen, however many it has.
 
     Raises
     ------
@@ -159,7 +160,7 @@ def open_all_bands(source: Any, options: ReadOptions) -> Raster:
 
 
 def ranges_of_sample(raster: Raster, request: SuggestLikeRequest, work: Work = SERIAL) -> SampleRanges:
-    """Ranges of bands, indices and sums of bands that part samples best from the rest of a raster.
+    """Return ranges of bands, indices and sums of bands that part samples best from the rest of a raster.
 
     Parameters
     ----------
@@ -188,12 +189,12 @@ def ranges_of_sample(raster: Raster, request: SuggestLikeRequest, work: Work = S
         colors = sample_colors(sources, places, tile_pass, others)
         table = colors.table()
     decided("likeness %.3f in the sample, %.3f in the raster", table.sample_mean, table.raster_mean)
-    likeness = table.of(colors.points) / GREY_MAX
+    similarity = table.of(colors.points) / GREY_MAX
     with phase("ranges"):
         if bands:
-            ranges = _of_bands(raster, sources, bands, colors, likeness)
+            ranges = _of_bands(raster, sources, bands, colors, similarity)
         else:
-            ranges = _as_chosen(raster, sources[0], colors, likeness)
+            ranges = _as_chosen(raster, sources[0], colors, similarity)
     info = SourceInfo.of(sources[0])
     hints = []
     if table.separation < _LEAST_PARTING:
@@ -204,28 +205,28 @@ def ranges_of_sample(raster: Raster, request: SuggestLikeRequest, work: Work = S
 
 
 def _bands(raster: Raster, wanted: Sequence[int | str]) -> list[int]:
-    """Numbers of the bands to use."""
+    """Return numbers of the bands to use."""
     layout = raster.dataset.mosaic.files[0].layout
     if wanted:
         return [find_band(layout, band) if isinstance(band, str) else band for band in wanted]
     if raster.options.rgb is not None:
         return list(raster.dataset.bands)
-    found = [number for number, role in enumerate(layout.roles, start=1) if role != "alpha"]
-    if len(found) > _MOST_BANDS:
+    result = [number for number, role in enumerate(layout.roles, start=1) if role != "alpha"]
+    if len(result) > _MOST_BANDS:
         raise ParameterError(
-            f"the raster has {len(found)} bands, and at most {_MOST_BANDS} are compared; choose with "
+            f"the raster has {len(result)} bands, and at most {_MOST_BANDS} are compared; choose with "
             f"--bands; the bands are {listed(layout)}"
         )
-    return found
+    return result
 
 
 def _as_chosen(
-    raster: Raster, source: GreySource, colors: SampledColors, likeness: Floats
+    raster: Raster, source: GreySource, colors: SampledColors, similarity: Floats
 ) -> list[SampleRange]:
-    """The range of the one number per pixel that was chosen."""
+    """Return the range of the one number per pixel that was chosen."""
     axis = axis_of(source.dataset, source.stretch) or ValueAxis(source.stretch.low, source.stretch.high)
     points, own = (axis.values(values[:, 0] / GREY_MAX) for values in (colors.points, colors.sample))
-    found = best_interval(points, likeness, own)
+    found = best_interval(points, similarity, own)
     if found is None:
         return []
     options = raster.options
@@ -239,9 +240,9 @@ def _of_bands(
     sources: Sequence[GreySource],
     bands: Sequence[int],
     colors: SampledColors,
-    likeness: Floats,
+    similarity: Floats,
 ) -> list[SampleRange]:
-    """The best range of each kind of feature."""
+    """Return the best range of each kind of feature."""
     options, layout = raster.options, raster.dataset.mosaic.files[0].layout
     scales = {band: scale_of(source.dataset) for band, source in zip(bands, sources, strict=True)}
     points, own = (_stored(sources, bands, values) for values in (colors.points, colors.sample))
@@ -250,13 +251,13 @@ def _of_bands(
     summed = alike(layout, bands)
     if len(summed) > 1:
         values = np.stack([scales[band].values(points[band]) for band in summed], 1)
-        total = weighted_sum(layout, summed, linear_weights(values, likeness).tolist(), options.formula)
+        total = weighted_sum(layout, summed, linear_weights(values, similarity).tolist(), options.formula)
         features += [] if total is None else [total]
     best: dict[str, tuple[Feature, Interval]] = {}
     for one in features:
         if one.choice.formula is None and len({scales[band] for band in one.choice.bands}) > 1:
             continue  # there are no values of its luminance
-        found = best_interval(one.values(points, scales), likeness, one.values(own, scales))
+        found = best_interval(one.values(points, scales), similarity, one.values(own, scales))
         if found and (one.kind not in best or found.agreement > best[one.kind][1].agreement):
             best[one.kind] = one, found
     order = sorted(best.values(), key=lambda pair: -pair[1].agreement - _SIMPLER[pair[0].kind])
@@ -274,11 +275,11 @@ def _stored(
     sources: Sequence[GreySource], bands: Sequence[int], greys: NDArray[np.uint16]
 ) -> dict[int, Floats]:
     """Stored numbers of pixels of each band, from their greys."""
-    found = {}
+    result = {}
     for band, source, column in zip(bands, sources, greys.T, strict=True):
         low, high = source.stretch.low, source.stretch.high
-        found[band] = low + column / GREY_MAX * (high - low)
-    return found
+        result[band] = low + column / GREY_MAX * (high - low)
+    return result
 
 
 def _given(words: dict[str, Any]) -> dict[str, Any]:

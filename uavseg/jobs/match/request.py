@@ -1,11 +1,11 @@
 """What is searched for by a sample, and what counts as like it."""
 
 import math
-from dataclasses import dataclass
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.jobs.result.result import Drawing
-from uavseg.raster.grid.length import Length
+from uavseg.raster.grid.geobox import Length
 from uavseg.regions.confidence import check_minimum
 from uavseg.regions.edit.small import Area
 from uavseg.regions.sample.place import Disc

@@ -1,17 +1,16 @@
 """Breaks between levels chosen from the raster: multi-level Otsu thresholds, or quantiles."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, RasterError
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaves import histogram_of_means
-from uavseg.segmentation.params.partition import Breaks
-from uavseg.segmentation.params.segment import DivisionParams
+from uavseg.segmentation.params.segment import Breaks, DivisionParams
 from uavseg.segmentation.range_candidates import MAX_CLASSES, propose_ranges
 from uavseg.units import GREY_MAX
 
@@ -51,7 +50,7 @@ class BreakChoice:
             raise ParameterError(f"levels by {self.rule} are 2 to {most} in number, not {self.count}")
 
     def breaks(self, blocks: BlockMap, division: DivisionParams) -> Breaks:
-        """The breaks that a block map gives.
+        """Return the breaks that a block map gives.
 
         Raises
         ------

@@ -21,7 +21,7 @@ MAX_LISTED = 10  # ids in a message
 def without_edge_regions(
     regions: Regions, raster: Source, ids: Collection[int] | None, condition: str | None
 ) -> tuple[Regions, list[str]]:
-    """Regions that do not touch the edge of a raster, and a note of those that are left out.
+    """Return regions that do not touch the edge of a raster, and a note of those that are left out.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def without_edge_regions(
 
 
 def touches_edge(polygons: Any, geobox: GeoBox) -> NDArray[np.bool_]:
-    """Which polygons come nearer than a pixel to the edge of a raster, from either side.
+    """Return which polygons come nearer than a pixel to the edge of a raster, from either side.
 
     Edges of valid pixels inside of a raster do not count.
 

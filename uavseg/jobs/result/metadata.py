@@ -13,14 +13,14 @@ from typing import Any
 
 from uavseg._version import __version__
 from uavseg.errors import ParameterError
-from uavseg.jobs.ranges.ranges import FoundRange
+from uavseg.jobs.ranges.ranges import DetectedRange
 from uavseg.jobs.result.result import Drawing, Extraction
 from uavseg.jobs.source.source import Blocks, Raster, Source
 from uavseg.options.reading import ReadOptions
 from uavseg.plain_text import printable
-from uavseg.raster.grid.length import Length
+from uavseg.raster.grid.geobox import Length
 from uavseg.raster.intensity.stretch import Stretch
-from uavseg.raster.spectral.value_scale import ValueAxis
+from uavseg.raster.spectral.bands import ValueAxis
 from uavseg.regions.edit.small import Area
 from uavseg.segmentation.blocks.saved_blocks import Origin
 from uavseg.segmentation.params.segment import SegmentParams
@@ -36,7 +36,7 @@ _SAID_OTHERWISE = (
 
 
 def with_metadata(found: Extraction, source: Source, job: str, how: Mapping[str, Any]) -> Extraction:
-    """A result whose regions say what they were made from, and how.
+    """Return a result whose regions say what they were made from, and how.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def with_metadata(found: Extraction, source: Source, job: str, how: Mapping[str,
 
 
 def same_reading(metadata: Mapping[str, Any], raster: Raster) -> ReadOptions | None:
-    """The options that make of a raster the intensity that regions of it were made from.
+    """Return the options that make of a raster the intensity that regions of it were made from.
 
     Parameters
     ----------
@@ -99,19 +99,19 @@ def same_reading(metadata: Mapping[str, Any], raster: Raster) -> ReadOptions | N
         return None
 
 
-def range_facts(wanted: FoundRange | None, axis: ValueAxis | None) -> dict[str, Any]:
-    """A range of v, and of the values of the raster with their unit; None where it is open at that end."""
-    if wanted is None:
+def range_facts(detected: DetectedRange | None, axis: ValueAxis | None) -> dict[str, Any]:
+    """Return a range of v, and of the raster's values with their unit; None at an open end."""
+    if detected is None:
         return {}
-    values = [None if math.isnan(end) else float(end) for end in wanted.ends]
-    facts: dict[str, Any] = {"range": [wanted.interval.low, wanted.interval.high]}
+    values = [None if math.isnan(end) else float(end) for end in detected.ends]
+    metadata: dict[str, Any] = {"range": [detected.interval.low, detected.interval.high]}
     if axis is not None:
-        facts |= {"range_values": values, "unit": axis.unit or None}
-    return facts
+        metadata |= {"range_values": values, "unit": axis.unit or None}
+    return metadata
 
 
 def segment_facts(segment: SegmentParams) -> dict[str, Any]:
-    """How blocks were divided and boundaries refined."""
+    """Return how blocks were divided and boundaries refined."""
     step = segment.intensity_step if segment.method == "adaptive" else None
     return {
         "method": segment.method,
@@ -127,7 +127,7 @@ def drawing_facts(
     min_area: Area | None = None,
     detail: Length | None = None,
 ) -> dict[str, Any]:
-    """What was done to regions after they were outlined."""
+    """Return what was done to regions after they were outlined."""
     return {
         "detail": None if detail is None else str(detail),
         "fill_holes": _area(fill_holes),
@@ -138,7 +138,7 @@ def drawing_facts(
 
 
 def confidence_facts(minimum: float | None) -> dict[str, Any]:
-    """Which regions were left out because of their confidence."""
+    """Return which regions were left out because of their confidence."""
     return {} if minimum is None else {"min_confidence": minimum}
 
 
@@ -147,7 +147,7 @@ def _area(area: Area | None) -> str | None:
 
 
 def _names(source: Source) -> tuple[str, ...]:
-    """The files as they were named; of a block map, those that it was made from."""
+    """Return the files as they were named; of a block map, those that it was made from."""
     if isinstance(source, Blocks):
         return source.saved.origin.rasters
     given = source.given if isinstance(source, Raster) else ()
@@ -155,7 +155,7 @@ def _names(source: Source) -> tuple[str, ...]:
 
 
 def _reading(source: Source) -> dict[str, Any]:
-    """What was chosen in place of what the files say, such as another nodata value."""
+    """Return what was chosen in place of what the files say, such as another nodata value."""
     if isinstance(source, Blocks):
         return {"nodata": source.saved.origin.nodata, **_of_origin(source.saved.origin)}
     if not isinstance(source, Raster):
@@ -170,7 +170,7 @@ def _reading(source: Source) -> dict[str, Any]:
 
 
 def _of_origin(origin: Origin) -> dict[str, str | None]:
-    """How intensity was made of bands, and whether there was a collar that counts as nodata."""
+    """Return how intensity was made of bands, and whether there was a collar that counts as nodata."""
     words = origin.words
     collar = "nodata" if origin.collar == "auto" else None
     formula = {"index": words.index, "expr": words.expr, "band_names": words.names}
@@ -178,7 +178,7 @@ def _of_origin(origin: Origin) -> dict[str, str | None]:
 
 
 def _plain(value: Any) -> Any:
-    """A value as JSON has it: the same for 1 and 1.0, and text for what is not finite."""
+    """Return a value as JSON has it: the same for 1 and 1.0, and text for what is not finite."""
     if isinstance(value, tuple | list):
         return list(map(_plain, value))
     if isinstance(value, float):

@@ -1,24 +1,38 @@
 """Results of jobs: regions with what is needed to describe them and to rasterise them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
-from uavseg.jobs.ranges.ranges import FoundRange
+from uavseg.jobs.ranges.ranges import DetectedRange
 from uavseg.jobs.source.source import Blocks
 from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.tiling import TilePass
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.intensity.value_range import axis_of
-from uavseg.raster.spectral.value_scale import ValueAxis
+from uavseg.raster.spectral.bands import ValueAxis
 from uavseg.regions.confidence import COLUMN, Confidence
+from uavseg.regions.edit.small import Area, fill_small_holes
 from uavseg.regions.outline.rings import RegionOutlines, Rings
 from uavseg.regions.shapes import LazyPolygons
 from uavseg.regions.table import Regions, make_regions, with_values
+from uavseg.regions.tiles.range_tiles import sum_regions
 from uavseg.segmentation.source import GreySource
+
+
+def filled(
+    grey: GreySource, outlined: RegionOutlines, smallest: Area | None, tile_pass: TilePass
+) -> RegionOutlines:
+    """Fill holes of less than an area, with the sums of all pixels that regions then enclose."""
+    if smallest is None:
+        return outlined
+    found = fill_small_holes(outlined, grey.dataset.geobox, smallest)
+    return outlined if found is outlined else replace(found, sums=sum_regions(grey, found, tile_pass))
 
 
 @dataclass(frozen=True)
@@ -40,7 +54,7 @@ class Extraction:
         Whether lengths are metres rather than units of the map.
     axis : ValueAxis or None
         How v maps to values in the raster's own units, where that is known.
-    wanted : FoundRange or None
+    detected : DetectedRange or None
         The range that was asked for, if it is one.
     below_minimum : int or None
         Regions that were left out because of their confidence, if there is a minimum.
@@ -56,7 +70,7 @@ class Extraction:
     warnings: tuple[str, ...]
     in_metres: bool = True
     axis: ValueAxis | None = None
-    wanted: FoundRange | None = None
+    detected: DetectedRange | None = None
     below_minimum: int | None = None
     nothing: str = ""
 
@@ -99,13 +113,13 @@ class SourceInfo:
         """About pixels that were read, or about a block map."""
         if isinstance(source, Blocks):
             saved = source.saved
-            facts = saved.stretch, saved.band_names, saved.stretch.warnings
-            return cls(source.name, saved.geobox, *facts, saved.geobox.crs is not None, saved.axis)
+            metadata = saved.stretch, saved.band_names, saved.stretch.warnings
+            return cls(source.name, saved.geobox, *metadata, saved.geobox.crs is not None, saved.axis)
         dataset, stretch = source.dataset, source.stretch
         warnings = dataset.warnings + stretch.warnings
-        facts = stretch, dataset.band_names, warnings
+        metadata = stretch, dataset.band_names, warnings
         axis = None if source.is_flat else axis_of(dataset, stretch)
-        return cls(dataset.source, dataset.geobox, *facts, dataset.in_metres, axis)
+        return cls(dataset.source, dataset.geobox, *metadata, dataset.in_metres, axis)
 
 
 _MAX_METRES = 1e8  # more than twice around the Earth
@@ -140,7 +154,7 @@ class Drawing:
                 raise ParameterError(f"outlines are {what} by {_MAX_METRES:g} m at most, not {metres:g}")
 
     def drawn(self, regions: Regions, rings: Rings, geobox: GeoBox) -> Regions:
-        """The regions with their outlines smoothed and simplified.
+        """Return the regions with their outlines smoothed and simplified.
 
         Parameters
         ----------
@@ -167,10 +181,10 @@ def measured(
     interval: tuple[ArrayLike, ArrayLike],
     drawing: Drawing = Drawing(),
     more: Mapping[str, NDArray[Any]] = {},
-    wanted: FoundRange | None = None,
+    detected: DetectedRange | None = None,
     confidence: Confidence | None = None,
 ) -> Extraction:
-    """Regions with their attributes.
+    """Return regions with their attributes.
 
     Parameters
     ----------
@@ -182,7 +196,7 @@ def measured(
         How their outlines are drawn.
     more : mapping of str to (n,) array
         Columns that come after the id.
-    wanted : FoundRange, optional
+    detected : DetectedRange, optional
         The range that was asked for, in both units; by default its values follow from `interval`.
     confidence : Confidence, optional
         A column after `more`; regions of less than its minimum are left out.
@@ -201,11 +215,21 @@ def measured(
     rings, sums = outlined.rings, outlined.sums
     pixels = np.bincount(rings.labels, rings.pixel_areas(), len(sums.counts) + 1)[1:].astype(np.int64)
     regions = make_regions(rings, sums, info.geobox, interval, info.name, pixels)
-    regions = with_values(regions, sums, info.axis, None if wanted is None else wanted.ends)
+    regions = with_values(regions, sums, info.axis, None if detected is None else detected.ends)
     columns = {"id": regions.columns["id"], **more} | regions.columns
     regions = drawing.drawn(replace(regions, columns=columns), rings, info.geobox)
-    facts = info.stretch, info.band_names, info.warnings, info.in_metres, info.axis, wanted
-    return Extraction(regions, rings, info.geobox, *facts, below_minimum)
+    return Extraction(
+        regions,
+        rings,
+        info.geobox,
+        info.stretch,
+        info.band_names,
+        info.warnings,
+        in_metres=info.in_metres,
+        axis=info.axis,
+        detected=detected,
+        below_minimum=below_minimum,
+    )
 
 
 def _kept(ends: ArrayLike, kept: NDArray[np.bool_]) -> ArrayLike:

@@ -9,7 +9,7 @@ from typing import Any
 
 from uavseg.access import current_policy
 from uavseg.options.reading import ReadOptions
-from uavseg.raster.grid.length import Length
+from uavseg.raster.grid.geobox import Length
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec
 from uavseg.raster.read.source_list import expand_sources, is_list
 
@@ -17,7 +17,7 @@ _FEW = 8  # names that are spelled out where a pattern stands for them
 
 
 def extract_line(sources: Sequence[str], options: ReadOptions, interval: str, kind: str = "--range") -> str:
-    """The line that extracts a range from the same sources, read in the same way.
+    """Return the line that extracts a range from the same sources, read in the same way.
 
     Parameters
     ----------
@@ -39,14 +39,14 @@ def extract_line(sources: Sequence[str], options: ReadOptions, interval: str, ki
 
 
 def _access_words() -> list[str]:
-    """The options of the access policy, as it is now."""
+    """Return the options of the access policy, as it is now."""
     policy = current_policy()
     words = [word for folder in policy.allow_paths for word in ("--allow-path", folder)]
     return [*words, "--allow-network"] if policy.allow_network else words
 
 
 def source_words(sources: Sequence[str]) -> list[str]:
-    """Names of sources as arguments; more than eight become a pattern where one stands for just these."""
+    """Return names of sources as arguments; more than eight become a pattern where one fits."""
     words = [f"./{name}" if name.startswith("-") else name for name in sources]
     if len(words) <= _FEW:
         return words
@@ -64,7 +64,7 @@ _ORDER = (
 
 
 def option_words(options: ReadOptions) -> list[str]:
-    """The options of the command line that say what `ReadOptions` say; none where they are the defaults."""
+    """Return the options of the command line for `ReadOptions`; none where they are the defaults."""
     words: list[str] = []
     for name in _ORDER:
         value = getattr(options, name)

@@ -48,7 +48,7 @@ def _paths(inputs: Iterable[Any]) -> Iterator[str]:
 
 
 def _named(path: Path_) -> list[str]:
-    """The files that a path stands for."""
+    """Return the files that a path stands for."""
     try:
         return expand_sources([path])
     except UavsegError:
@@ -76,12 +76,12 @@ def _ros_image(path: str) -> list[str]:
 def _block_map_rasters(path: str) -> list[str]:
     from uavseg.segmentation.blocks.block_file import rasters_of
 
-    found = []
+    result = []
     for raster in rasters_of(path):
         try:
             current_policy().check_name(path, raster, Path())
         except UavsegError:
-            found.append(raster)  # it is not opened, and so not replaced either
+            result.append(raster)  # it is not opened, and so not replaced either
         else:
-            found += raster_files(raster)
-    return found
+            result += raster_files(raster)
+    return result

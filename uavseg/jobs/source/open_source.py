@@ -22,7 +22,7 @@ _PICTURES = (".pgm", ".png", ".bmp", ".jpg", ".jpeg")  # formats of the pictures
 
 
 def open_source(source: Any, options: ReadOptions = ReadOptions()) -> Source:
-    """A source, whatever it is given as; no pixel is read.
+    """Return a source, whatever it is given as; no pixel is read.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def open_source(source: Any, options: ReadOptions = ReadOptions()) -> Source:
 
 
 def open_raster(source: Any, options: ReadOptions = ReadOptions()) -> Raster:
-    """A source that has to be a raster; the pixels of a block map's file are one too.
+    """Return a source that has to be a raster; the pixels of a block map's file are one too.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def open_raster(source: Any, options: ReadOptions = ReadOptions()) -> Raster:
 
 
 def open_pixels(source: Any, options: ReadOptions = ReadOptions()) -> Raster | ProbabilityMap:
-    """A raster, or the YAML file of a ROS map; the pixels of a block map's file are a raster too.
+    """Return a raster, or the YAML file of a ROS map; the pixels of a block map's file are a raster too.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def open_pixels(source: Any, options: ReadOptions = ReadOptions()) -> Raster | P
 
 
 def open_probability_map(source: Any, options: ReadOptions = ReadOptions()) -> ProbabilityMap | Blocks:
-    """A source that holds probabilities; a raster is taken for a map of them.
+    """Return a source that holds probabilities; a raster is taken for a map of them.
 
     Integers are divided by the largest of their type, floats are taken as they are, unless a stretch is
     chosen. A picture (PGM, PNG, ...) does not say whether free is white or black, so that has to be chosen.
@@ -107,7 +107,7 @@ def open_probability_map(source: Any, options: ReadOptions = ReadOptions()) -> P
 
 
 def pixels_of(source: Source, refusal: str = "") -> Raster | ProbabilityMap:
-    """The source, which has to have pixels.
+    """Return the source, which has to have pixels.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def pixels_of(source: Source, refusal: str = "") -> Raster | ProbabilityMap:
 
 
 def raster_of(source: Source, refusal: str = "") -> Raster:
-    """The source, which has to be a raster.
+    """Return the source, which has to be a raster.
 
     Parameters
     ----------
@@ -159,7 +159,7 @@ def _is_value(source: Any) -> bool:
 
 
 def _listed(source: Any) -> list[Any]:
-    """The parts of a mosaic."""
+    """Return the parts of a mosaic."""
     if isinstance(source, Iterable) and not isinstance(source, bytes | Mapping):
         parts = list(source)
         if all(_is_path(part) or is_pixels(part) for part in parts):
@@ -170,7 +170,7 @@ def _listed(source: Any) -> list[Any]:
 
 
 def _expanded(source: Any) -> Any:
-    """A source in which each path names one file."""
+    """Return a source in which each path names one file."""
     parts = [source] if _is_path(source) else source
     if not isinstance(parts, list | tuple) or not any(_is_path(part) and is_list(part) for part in parts):
         return source

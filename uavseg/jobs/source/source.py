@@ -1,20 +1,157 @@
-"""Sources of jobs as values: a raster, a block map or a map of probabilities, and how they are read."""
+"""Sources of jobs as values: a raster, a block map or a map of probabilities; lengths on them."""
 
-from dataclasses import dataclass, field
+from dataclasses import field, replace
 from functools import cached_property
 from pathlib import Path
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
-from uavseg.execution.phases import decided, phase
-from uavseg.jobs.source.flatten import flatten_width, flattened
+from uavseg.execution.executors import decided, phase
 from uavseg.options.reading import ReadOptions
 from uavseg.raster.collar.find import without_collar
-from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox, Length
+from uavseg.raster.grid.ground import ground_resolution
 from uavseg.raster.grid.tiling import TilePass
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch
 from uavseg.raster.read.dataset import Dataset
 from uavseg.segmentation.blocks.saved_blocks import Origin, SavedBlocks
+from uavseg.segmentation.refine.detail import MAX_DETAIL, Detail
 from uavseg.segmentation.source import GreySource
+from uavseg.units import GREY_MAX
+
+
+def detail_of(length: Length | None, geobox: GeoBox, refine: str, cover: bool = False) -> Detail | None:
+    """Return a length in whole pixels along columns and rows, at the centre of a raster.
+
+    Parameters
+    ----------
+    length : Length, optional
+    geobox : GeoBox
+    refine : str
+        The refinement; with "none" regions end at cells, and no detail applies.
+    cover : bool
+        See `Detail`.
+
+    Returns
+    -------
+    Detail or None
+        None without a length.
+
+    Raises
+    ------
+    ParameterError
+        If regions are not refined to the pixel, if metres are given and there is no CRS, or if the length is
+        less than two pixels, so that it would change nothing, or more than 128.
+    """
+    if length is None:
+        return None
+    if refine == "none":
+        raise ParameterError(
+            "a detail is decided to the pixel, and these regions end at block edges; leave --detail out, "
+            "or refine to the pixel"
+        )
+    rows, cols = in_pixels(length, geobox)
+    if max(rows, cols) < 2:
+        raise ParameterError(
+            f"a detail of {length} is less than two pixels of the raster, so it would change nothing; "
+            "give a larger one"
+        )
+    if max(rows, cols) > MAX_DETAIL:
+        raise ParameterError(
+            f"a detail of {length} is {max(rows, cols):,} pixels of the raster, and at most {MAX_DETAIL} are "
+            "possible; give a smaller one, or a coarser raster"
+        )
+    return Detail(rows, cols, cover)
+
+
+def refuse_without_pixels(length: Length | None, refine: str) -> None:
+    """Refuse what is decided to the pixel where a block map is all there is.
+
+    Raises
+    ------
+    ParameterError
+        If there is a detail, or every pixel is to be taken by its own value.
+    """
+    if refine == "pixels":
+        raise ParameterError(
+            "--refine pixels takes every pixel by its own value, and the raster of this block map is not "
+            "where it was; put it there, or leave --refine out"
+        )
+    if length is not None:
+        raise ParameterError(
+            "a detail is decided to the pixel, and regions from this block map end at block edges; leave "
+            "--detail out, or give the raster"
+        )
+
+
+def in_pixels(length: Length, geobox: GeoBox) -> tuple[int, int]:
+    """Return the nearest whole numbers of rows and columns, at least 1.
+
+    Raises
+    ------
+    ParameterError
+        If metres are given and there is no CRS.
+    """
+    if length.in_pixels:
+        along_row = along_col = 1.0
+    elif geobox.crs is None:
+        raise ParameterError(
+            "the raster has no CRS, so there are no metres; give the length in pixels, "
+            f"such as {length.value:g}px"
+        )
+    else:
+        along_row, along_col = ground_resolution(geobox)
+    pixels = length.value / along_col, length.value / along_row
+    rows, cols = (max(int(min(count, 1e9) + 0.5), 1) for count in pixels)
+    return rows, cols
+
+
+MIN_WIDTH, MAX_WIDTH = 32, 32768  # pixels
+
+
+def flatten_width(length: Length, geobox: GeoBox) -> tuple[int, int]:
+    """Return the width of a flat field in whole rows and columns of pixels, at the centre of a raster.
+
+    Raises
+    ------
+    ParameterError
+        If metres are given and there is no CRS, or the width is less than 32 pixels or more than 32768.
+    """
+    rows, cols = in_pixels(length, geobox)
+    if min(rows, cols) < MIN_WIDTH:
+        raise ParameterError(
+            f"a flat field of {length} is {min(rows, cols)} pixels of the raster, and at least {MIN_WIDTH} "
+            "are needed, several times the width of what is sought; give a larger one"
+        )
+    if max(rows, cols) > MAX_WIDTH:
+        raise ParameterError(
+            f"a flat field of {length} is {max(rows, cols):,} pixels of it, and at most {MAX_WIDTH:,} "
+            "are possible; give a smaller one, or leave --flatten out"
+        )
+    return rows, cols
+
+
+def flattened(grey: GreySource, length: Length, tile_pass: TilePass) -> GreySource:
+    """Return grey without its slow light, which is measured in one pass.
+
+    Raises
+    ------
+    ParameterError
+        As of `flatten_width`.
+    """
+    from uavseg.segmentation.source import measure_illumination
+
+    width = flatten_width(length, grey.dataset.geobox)
+    with phase("flat field"):
+        found = measure_illumination(grey, width, tile_pass)
+    decided(
+        "light of %d x %d squares of %d pixels, v %.4f to %.4f, becomes %.4f",
+        *found.nodes.shape,
+        found.step,
+        *(value / GREY_MAX for value in (int(found.nodes.min()), int(found.nodes.max()), found.target)),
+    )
+    return replace(grey, illumination=found)
+
 
 AUTO = StretchSpec("auto")
 
@@ -54,14 +191,14 @@ class Pixels:
         return self.dataset.in_metres
 
     def check_resumable(self) -> None:
-        """Whether its tiles may be kept in a checkpoint: those of files may."""
+        """Refuse a checkpoint where tiles come from no file."""
 
     def cleaned(self, tile_pass: TilePass) -> Dataset:
         """The pixels without the collar of a raster, which is searched for by the executor of a pass."""
         return self.dataset
 
     def grey(self, tile_pass: TilePass) -> GreySource:
-        """The pixels through their stretch, which is fitted in a pass where it follows from them."""
+        """Return the pixels through their stretch, which is fitted in a pass where it follows from them."""
         dataset = self.cleaned(tile_pass)
         with phase("stretch"):
             fitted = fit_stretch(dataset, self.stretch, tile_pass)
@@ -139,7 +276,7 @@ class ProbabilityMap(Pixels):
         return Origin((self.ros_map or self.name,), str(Path.cwd()))
 
     def check_resumable(self) -> None:
-        """Whether its tiles may be kept in a checkpoint.
+        """Refuse a checkpoint where tiles come from no file.
 
         Raises
         ------
@@ -183,7 +320,7 @@ class Blocks:
         return ()
 
     def grey(self, raster: Pixels, tile_pass: TilePass) -> GreySource:
-        """The pixels of its raster, as it was made from them."""
+        """Return the pixels of its raster, as it was made from them."""
         assert isinstance(raster.stretch, Stretch), "that of the block map, or of a map of probabilities"
         return GreySource(
             raster.cleaned(tile_pass.silent), raster.stretch, illumination=self.saved.illumination

@@ -47,7 +47,7 @@ def check_unchanged(grey: GreySource, source: Blocks) -> None:
 
 
 def sampled_blocks(shape: tuple[int, int], count: int) -> list[Window]:
-    """Windows of up to `count` blocks of a raster, in reading order; the same for the same shape."""
+    """Return windows of up to `count` blocks of a raster, in reading order; the same for the same shape."""
     rows, cols = (-(-length // BLOCK) for length in shape)
     chosen = np.random.default_rng(0).choice(rows * cols, min(count, rows * cols), replace=False)
     found = zip(*np.divmod(np.sort(chosen), cols), strict=True)
@@ -62,7 +62,7 @@ def _is_same(grey: GreySource, blocks: BlockMap, window: Window) -> bool:
 
 
 def _is_same_place(one: GeoBox, other: GeoBox) -> bool:
-    """Whether the corners of two grids are at the same places, and on the ground too."""
+    """Return whether the corners of two grids are at the same places, and on the ground too."""
     (x, y), (x2, y2) = _corners(one), _corners(other)
     t = one.transform
     side = min(float(np.hypot(t.a, t.d)), float(np.hypot(t.b, t.e)))

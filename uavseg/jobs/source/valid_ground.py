@@ -10,7 +10,7 @@ from uavseg.raster.read.dataset import Dataset
 
 
 def valid_ground(source: Source) -> IsGround | None:
-    """A function that says whether a place (lat, lon in degrees) lies on a valid pixel; it reads that pixel.
+    """Return a function that reads whether a place (lat, lon in degrees) lies on a valid pixel.
 
     None where the source has no pixels at hand, or no place on the Earth.
     """

@@ -3,12 +3,12 @@
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from uavseg.execution.executors import Map, Progress, serial, usable_cores
+from uavseg.dataclass import dataclass
+from uavseg.execution.executors import Map, Progress, decided, serial, usable_cores
 from uavseg.execution.executors import threads as thread_pool
-from uavseg.execution.phases import decided
 from uavseg.raster.grid.tiling import TilePass, Window
 from uavseg.raster.read.bad_blocks import BadBlock, bad_block_warnings, recording_bad_blocks, with_bad_blocks
 from uavseg.segmentation.blocks.block_map import check_memory
@@ -72,11 +72,11 @@ class Work:
         return cls(tile, run, run, progress, resume)
 
     def begun(self) -> "Work":
-        """The work of one job, with a set of unreadable blocks of its own."""
+        """Return the work of one job, with a set of unreadable blocks of its own."""
         return replace(self, bad_blocks=set())
 
     def over(self, source: "Pixels") -> TilePass:
-        """The pass over the tiles of a source, which collects its unreadable blocks.
+        """Return the pass over the tiles of a source, which collects its unreadable blocks.
 
         Raises
         ------
@@ -110,7 +110,7 @@ class Work:
 
     @contextmanager
     def reading_here(self) -> Iterator[None]:
-        """A block in which this thread reads; it collects unreadable blocks too."""
+        """Enter a block in which this thread reads; it collects unreadable blocks too."""
         with recording_bad_blocks(self.bad_blocks):
             yield
 
@@ -120,7 +120,7 @@ class Work:
         return bad_block_warnings(self.bad_blocks)
 
     def finished(self, result: Result, *hints: str) -> Result:
-        """A result with all of its warnings: its own, the unreadable blocks, then hints of the job."""
+        """Return a result with all of its warnings: its own, the unreadable blocks, then hints of the job."""
         known: Any = result
         found: Result = replace(known, warnings=(*known.warnings, *self.bad_block_warnings, *hints))
         return found

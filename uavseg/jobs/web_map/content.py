@@ -1,13 +1,13 @@
 """Content of a web map of a raster: a picture in Web Mercator, and block means for ranges."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, RasterError
-from uavseg.execution.phases import phase
+from uavseg.execution.executors import phase
 from uavseg.jobs.divide import block_map_of
 from uavseg.jobs.result.result import SourceInfo
 from uavseg.jobs.source.open_source import raster_of

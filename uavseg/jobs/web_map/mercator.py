@@ -5,7 +5,6 @@ pixels wide, here it is up to 850, and the picture would have other bytes.
 """
 
 import warnings
-from dataclasses import dataclass
 
 import numpy as np
 from affine import Affine
@@ -14,6 +13,7 @@ from rasterio.errors import NotGeoreferencedWarning
 from rasterio.io import MemoryFile
 from rasterio.warp import Resampling, reproject
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import RasterError
 from uavseg.plain_text import cause_of
 from uavseg.raster.access.opening import GDAL_ERRORS, gdal_env
@@ -92,7 +92,7 @@ def to_mercator(image: NDArray[np.uint8], geobox: GeoBox, ground: GroundGrid, si
 
 
 def webp_of(image: NDArray[np.uint8]) -> bytes:
-    """A (4, rows, cols) picture of red, green, blue and alpha as the content of a WebP file."""
+    """Return a (4, rows, cols) picture of red, green, blue and alpha as the content of a WebP file."""
     bands, rows, cols = image.shape
     with MemoryFile(ext=".webp") as memory:
         how = {"driver": "WEBP", "height": rows, "width": cols, "count": bands, "dtype": "uint8"}

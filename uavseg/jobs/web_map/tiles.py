@@ -3,12 +3,12 @@
 import importlib.util
 import threading
 import warnings
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import RasterReadError
 from uavseg.jobs.web_map.content import CellCodes, FieldMap, colored
 from uavseg.jobs.web_map.mercator import webp_of
@@ -18,7 +18,7 @@ from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.ground_grid import GroundGrid
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.read.dataset import Dataset
-from uavseg.raster.read.part_reader import with_formula
+from uavseg.raster.read.mosaic import with_formula
 from uavseg.raster.read.raster_file import RasterFile
 from uavseg.raster.read.tile_pixels import SIDE, tile_pixels
 from uavseg.raster.spectral.bands import BandChoice

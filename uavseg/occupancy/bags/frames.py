@@ -2,12 +2,13 @@
 
 import math
 from array import array
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import BagError
 from uavseg.occupancy.bags.bag import ODOMETRY, TRANSFORMS, Bag
 from uavseg.occupancy.mapping.rotation import matrix_of_quaternion, slerp

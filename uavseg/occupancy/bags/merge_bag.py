@@ -7,11 +7,12 @@ the map and the poses, however long the bag is.
 import math
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import BagError, ParameterError, SceneError
 from uavseg.occupancy.bags.bag import LASERSCAN, MULTI_ECHO, POINT_CLOUD, Bag, open_bag
 from uavseg.occupancy.bags.frames import (

@@ -1,11 +1,12 @@
 """Grey map: the 16-bit grey of an occupancy map, its cell sums, and a log of the blocks that changed."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from weakref import WeakSet
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.raster.grid.tiling import whole_blocks
 from uavseg.segmentation.blocks.block_map import cell_sums
 from uavseg.units import BLOCK

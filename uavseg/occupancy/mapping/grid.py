@@ -1,7 +1,6 @@
 """Occupancy grid: the probability that each cell is occupied, updated by range scans in log-odds."""
 
 import os
-from dataclasses import dataclass
 from typing import Any
 from weakref import WeakSet
 
@@ -9,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uavseg.arguments import checked
+from uavseg.dataclass import dataclass
 from uavseg.errors import MapError
 from uavseg.occupancy.mapping.beams import REACH_SIGMAS, merge_beams
 from uavseg.occupancy.mapping.grey_map import GreyMap

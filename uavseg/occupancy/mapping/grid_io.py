@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import MapError, RasterError, SceneError
+from uavseg.inputs import as_number
 from uavseg.occupancy.mapping.log_odds import MAX_LOG_ODDS
 from uavseg.occupancy.mapping.rotation import as_quaternion, heading_of, matrix_of_quaternion, tilt_deg
 from uavseg.occupancy.ros.ros_map import RosMap, placement, transform_of
@@ -91,7 +92,7 @@ def read_grid_message(message: Any) -> tuple[Float32s, GeoBox]:
         In 0..1, exactly 0.5 where unknown; the first row is the highest.
     geobox : GeoBox
     """
-    resolution = _number(message, "info.resolution")
+    resolution = _number_of(message, "info.resolution")
     shape = (_count(message, "info.height"), _count(message, "info.width"))
     check_cells(shape, "this OccupancyGrid message")
     if not (math.isfinite(resolution) and resolution > 0):
@@ -150,25 +151,19 @@ def _field(message: Any, path: str) -> Any:
     return value
 
 
-def _number(message: Any, path: str, convert: Callable[[Any], Any] = float) -> Any:
-    value = _field(message, path)
-    try:
-        if isinstance(value, str | bytes | bool):
-            raise TypeError
-        return convert(value)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise MapError(f"{path} of an OccupancyGrid message is a number, not {shown(value)}") from error
+def _number_of(message: Any, path: str, convert: Callable[[Any], Any] = float) -> Any:
+    return as_number(_field(message, path), f"{path} of an OccupancyGrid message", MapError, convert)
 
 
 def _count(message: Any, path: str) -> int:
-    count: int = _number(message, path, int)
+    count: int = _number_of(message, path, int)
     if count < 1:
         raise MapError(f"{path} of an OccupancyGrid message is a number of cells above 0, not {count}")
     return count
 
 
 def _origin(message: Any) -> tuple[float, float, float]:
-    x, y = (_number(message, f"info.origin.position.{name}") for name in "xy")
+    x, y = (_number_of(message, f"info.origin.position.{name}") for name in "xy")
     try:
         matrix = matrix_of_quaternion(as_quaternion(_field(message, "info.origin.orientation")))
     except SceneError as error:

@@ -1,12 +1,13 @@
 """Range scans: the pose of a sensor, and the angles and ranges of its beams; from ROS messages too."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
 
 from uavseg.arguments import checked
+from uavseg.dataclass import dataclass
 from uavseg.errors import SceneError
 from uavseg.occupancy.mapping.rotation import (
     MAX_TILT_DEG,

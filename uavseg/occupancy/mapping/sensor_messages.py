@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import SceneError
+from uavseg.inputs import as_number
 from uavseg.plain_text import shown
 
 Floats = NDArray[np.float64]
@@ -47,7 +48,10 @@ def read_laserscan(
     """
     if no_return not in NO_RETURN:
         raise SceneError(f"no_return is inf or range_max, not {shown(no_return)}")
-    numbers = {name: _number(message, name) for name in _LASERSCAN_NUMBERS}
+    numbers = {
+        name: as_number(_field(message, name), f"{name} of a LaserScan", SceneError)
+        for name in _LASERSCAN_NUMBERS
+    }
     low, high = numbers["range_min"], numbers["range_max"]
     if not (math.isfinite(low) and 0 <= low < high):
         raise SceneError(f"a LaserScan has 0 <= range_min < range_max, not {low:g} and {high:g}")
@@ -84,16 +88,6 @@ def scan_duration_s(message: Any, beams: int, by_increment: bool = False) -> flo
         return increment * max(beams - 1, 0)
     whole = 0.0 if by_increment else float(getattr(message, "scan_time", 0.0))
     return whole if math.isfinite(whole) and whole > 0 else 0.0
-
-
-def _number(message: Any, name: str) -> float:
-    value = _field(message, name)
-    try:
-        if isinstance(value, str | bytes | bool):
-            raise TypeError
-        return float(value)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise SceneError(f"{name} of a LaserScan is a number, not {shown(value)}") from error
 
 
 def _field(message: Any, name: str) -> Any:

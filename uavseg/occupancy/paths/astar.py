@@ -15,7 +15,6 @@ because a cell that is reached at a lower cost is expanded again. So the result 
 nor on the machine.
 """
 
-from dataclasses import dataclass
 from math import sqrt
 from typing import TypeVar
 
@@ -23,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, PathError
 from uavseg.occupancy.paths.bitmap import (
     Bitmap,

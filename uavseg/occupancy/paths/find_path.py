@@ -1,23 +1,175 @@
-"""Path planning: the shortest path between two positions in one region of a map."""
+"""Path planning: the shortest path between two positions in one region of a map, or why there is none.
+
+A path cuts no corner, so cells are connected where they share an edge.
+"""
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, PathError
 from uavseg.execution.executors import Map, serial
 from uavseg.occupancy.paths.any_angle import pull_string
 from uavseg.occupancy.paths.astar import shortest_path
 from uavseg.occupancy.paths.clearance import clearance, is_at_least
-from uavseg.occupancy.paths.diagnosis import why_apart, why_closed
-from uavseg.occupancy.paths.free_cells import FreeCells
+from uavseg.occupancy.paths.free_cells import FreeCells, MapPosition
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.ground import ground_steps, line_length
+from uavseg.raster.grid.tiling import Window
+from uavseg.units import GREY_MAX
+from uavseg.warning_filters import changing_filters
 
 Cell = tuple[int, int]
+Mask = NDArray[np.bool_]
+
+
+def why_apart(free: FreeCells, start: MapPosition, goal: MapPosition, map: Map) -> str:
+    """Explain why no path can connect two positions, and name the free cells nearest to them.
+
+    Parameters
+    ----------
+    free : FreeCells
+    start, goal : MapPosition
+    map : Map
+        Executor that reads the map.
+    """
+    positions = f"the start lies in {start.where} and the goal in {goal.where}"
+    nearest = []
+    for place, other in ((start, goal), (goal, start)):
+        if place.is_free and (place is start or not other.is_free):
+            continue
+        region = other.region if other.is_free else None
+        near = free.nearest(place, region, map)
+        if near is None:
+            return f"{positions}; no cell of the map is free"
+        nearest.append(
+            f"the nearest free cell{'' if region is None else f' of region {region}'} is {near.metres:.4g} m "
+            f"from the {place.name}, at {near.x:.12g},{near.y:.12g}"
+            + (f" in region {near.region}" if region is None else "")
+        )
+    return "; ".join([positions, *nearest])
+
+
+def why_closed(
+    free: FreeCells,
+    ends: tuple[MapPosition, MapPosition],
+    window: Window,
+    mask: Mask,
+    sides: tuple[float, float],
+    clearance_m: float,
+) -> str:
+    """Explain where the path between two free cells is closed, and which option would open it.
+
+    Parameters
+    ----------
+    free : FreeCells
+    ends : (MapPosition, MapPosition)
+        Start and goal.
+    window : Window
+        Of the mask in the map.
+    mask : (rows, cols) bool array
+        The free cells of the regions of both ends.
+    sides : (float, float)
+        Width and height of a cell in metres.
+    clearance_m : float
+    """
+    offset = np.array([window.row, window.col])
+    start, goal = ((end.cell[0] - window.row, end.cell[1] - window.col) for end in ends)
+    if clearance_m > 0:
+        largest = _largest_clearance(clearance(mask, *sides), start, goal)
+        if largest > 0:
+            return (
+                f"every passage is too narrow for a clearance of {clearance_m:g} m; a path with at "
+                f"most {_floored(largest):g} m exists (--clearance)"
+            )
+    here, there, routes = _narrowest_gap(mask, start, goal, *sides)
+    x, y = free.geobox.xy_from_pixel(*(offset + (np.add(here, there) + 1) / 2))
+    where = "both lie in region {0}" if ends[0].region == ends[1].region else "{1} and {2}"
+    where = where.format(ends[0].region, *(f"the {place.name} lies in {place.where}" for place in ends))
+    spans = [span for cells in routes if (span := free.grey_span(cells + offset)) is not None]
+    nearest = f"{where}, which come nearest to each other at {x:.12g},{y:.12g}"
+    if not spans:
+        return f"{nearest}, where the map has no values"
+    low, high = min(spans, key=lambda span: span[1] - span[0])
+    lowest, highest = free.interval.greys
+    if lowest <= low and high <= highest:
+        return f"{nearest}, where cells in the range belong to no region; --refine pixels joins the two there"
+    # v in thousandths, rounded outwards, so that the new range holds the greys
+    below, above = math.floor(low * 1000 / GREY_MAX) / 1000, math.ceil(high * 1000 / GREY_MAX) / 1000
+    below, above = min(below, free.interval.low), max(above, free.interval.high)
+    values = f"{low / GREY_MAX:.3f}" + ("" if low == high else f" to {high / GREY_MAX:.3f}")
+    return f"{nearest}, where v is {values}; --range {below:g},{above:g} joins them there"
+
+
+def _floored(metres: float) -> float:
+    """Round a length down to four significant digits."""
+    unit = 10.0 ** (math.floor(math.log10(metres)) - 3)
+    return float(f"{math.floor(metres / unit) * unit:.4g}")
+
+
+def _narrowest_gap(
+    mask: Mask, start: Cell, goal: Cell, width: float, height: float
+) -> tuple[Cell, Cell, list[NDArray[np.int64]]]:
+    """Find the nearest cells of the components of two cells, and the cells of two L-shaped routes between.
+
+    Examples
+    --------
+    >>> here, there, routes = _narrowest_gap(np.array([[1, 1, 0, 0, 1]], bool), (0, 0), (0, 4), 1.0, 1.0)
+    >>> here, there, routes[0].tolist()
+    ((0, 1), (0, 4), [[0, 2], [0, 3]])
+    """
+    import shapely
+
+    labels = _connected(mask)
+    ours, theirs = (_border(labels == labels[cell]) for cell in (start, goal))
+    tree = shapely.STRtree(shapely.points(ours * (height, width)))
+    (at, nearest), away = tree.query_nearest(
+        shapely.points(theirs * (height, width)), return_distance=True, all_matches=False
+    )
+    k = int(np.argmin(away))
+    (row, col), (last_row, last_col) = ours[nearest[k]].tolist(), theirs[at[k]].tolist()
+    rows, cols = _steps(row, last_row), _steps(col, last_col)
+    down = [*((r, col) for r in rows), *((last_row, c) for c in cols[1:])]
+    across = [*((row, c) for c in cols), *((r, last_col) for r in rows[1:])]
+    routes = [np.array(route[1:-1], np.int64).reshape(-1, 2) for route in (down, across)]
+    return (row, col), (last_row, last_col), routes
+
+
+def _largest_clearance(distance: NDArray[np.float64], start: Cell, goal: Cell) -> float:
+    """Find the largest clearance with which a path connects two cells, by bisection; 0 where none does."""
+    known = np.unique(distance[(distance > 0) & (distance <= min(distance[start], distance[goal]))])
+    open_, closed = -1, len(known)
+    while closed - open_ > 1:
+        middle = (open_ + closed) // 2
+        labels = _connected(is_at_least(distance, known[middle]))
+        if labels[start] == labels[goal]:
+            open_ = middle
+        else:
+            closed = middle
+    return 0.0 if open_ < 0 else float(known[open_])
+
+
+def _connected(mask: Mask) -> NDArray[Any]:
+    """Label the 4-connected components, 0 where the mask is false."""
+    with changing_filters():  # which scikit-image does while it is imported
+        from skimage.measure import label
+    return np.asarray(label(mask, connectivity=1))
+
+
+def _border(mask: Mask) -> NDArray[np.int64]:
+    """Find the cells of a mask beside others or at the edge of the map: row and column, (n, 2)."""
+    framed = np.pad(mask, 1)
+    inner = framed[:-2, 1:-1] & framed[2:, 1:-1] & framed[1:-1, :-2] & framed[1:-1, 2:]
+    return np.argwhere(mask & ~inner)
+
+
+def _steps(first: int, last: int) -> range:
+    return range(first, last - 1, -1) if last < first else range(first, last + 1)
+
 
 _SQUARE_TOLERANCE = 0.01  # relative difference of the sides of a cell that counts as square
 
@@ -108,9 +260,7 @@ def find_path(
     )
 
 
-def _with_clearance(
-    mask: NDArray[np.bool_], metres: float, sides: tuple[float, float], ends: dict[str, Cell]
-) -> NDArray[np.bool_]:
+def _with_clearance(mask: Mask, metres: float, sides: tuple[float, float], ends: dict[str, Cell]) -> Mask:
     """Return the cells that keep a clearance; refuse a start or goal without it."""
     distance = clearance(mask, *sides)
     for name, cell in ends.items():

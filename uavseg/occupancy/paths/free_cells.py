@@ -4,13 +4,13 @@ The mean of a block hides walls that are a cell or two thin, so a region alone i
 """
 
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
 from functools import cached_property, partial
 from math import isfinite
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import PathError
 from uavseg.execution.executors import Map, serial
 from uavseg.raster.grid.geobox import GeoBox

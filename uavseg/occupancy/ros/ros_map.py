@@ -10,7 +10,6 @@ import math
 import os
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ from affine import Affine
 from numpy.typing import NDArray
 
 from uavseg.access import current_policy
+from uavseg.dataclass import dataclass
 from uavseg.errors import MapError, RasterError, RasterReadError
 from uavseg.inputs import read_bytes, read_start
 from uavseg.occupancy.ros.ros_yaml import (

@@ -3,13 +3,13 @@
 import math
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import MapError
 from uavseg.inputs import check_yaml_brackets, read_bytes
 from uavseg.plain_text import cause_of, shown

@@ -1,7 +1,7 @@
 """Ray casting in a scene of solid polygons and circles."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from math import inf, sqrt
 from typing import Any
 
@@ -10,6 +10,7 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 
 from uavseg._jit import kernel
+from uavseg.dataclass import dataclass
 from uavseg.errors import SceneError
 from uavseg.occupancy.mapping.scan import check_distance, check_place
 

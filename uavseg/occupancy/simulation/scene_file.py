@@ -58,7 +58,9 @@ def build_simulation(content: Any) -> Simulation:
         circles=[_circle(f"circle {n}", circle) for n, circle in enumerate(circles, start=1)],
     )
     numbers = _object("sensor", parts.get("sensor", {}), (), tuple(_SENSOR))
-    sensor = RangeFinder(**{_SENSOR[key]: _number(f"sensor {key}", value) for key, value in numbers.items()})
+    sensor = RangeFinder(
+        **{_SENSOR[key]: _finite_number(f"sensor {key}", value) for key, value in numbers.items()}
+    )
     poses = [_pose(f"pose {n}", pose) for n, pose in enumerate(_list("poses", parts["poses"]), start=1)]
     return Simulation(scene=scene, sensor=sensor, poses=poses, geobox=_cells(parts["map"]))
 
@@ -93,7 +95,7 @@ def _unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 def _cells(content: Any) -> GeoBox:
     numbers = _object("map", content, ("rows", "cols", "cell"), ("origin",))
     rows, cols = (_count(f"map {key}", numbers[key]) for key in ("rows", "cols"))
-    cell = _number("map cell", numbers["cell"])
+    cell = _finite_number("map cell", numbers["cell"])
     if not cell > 0:
         raise SceneError(f"map cell is the side of a cell in metres, more than 0, not {cell:g}")
     if rows * cols > _MAX_SCENE_CELLS:
@@ -109,13 +111,13 @@ def _cells(content: Any) -> GeoBox:
 
 def _pose(name: str, content: Any) -> Pose:
     pose = _object(name, content, ("at",), ("heading",))
-    heading_deg = _number(f"{name} heading", pose.get("heading", 0))
+    heading_deg = _finite_number(f"{name} heading", pose.get("heading", 0))
     return Pose(*_pair(f"{name} at", pose["at"]), heading_rad=math.radians(heading_deg))
 
 
 def _circle(name: str, content: Any) -> tuple[float, float, float]:
     circle = _object(name, content, ("center", "radius"), ())
-    return (*_pair(f"{name} center", circle["center"]), _number(f"{name} radius", circle["radius"]))
+    return (*_pair(f"{name} center", circle["center"]), _finite_number(f"{name} radius", circle["radius"]))
 
 
 def _object(name: str, value: Any, required: Sequence[str], optional: Sequence[str]) -> dict[str, Any]:
@@ -141,10 +143,10 @@ def _list(name: str, value: Any) -> list[Any]:
 def _pair(name: str, value: Any) -> tuple[float, float]:
     if not isinstance(value, list) or len(value) != 2:
         raise SceneError(f"{name} takes positions as [x, y], not {_as_json(value)}")
-    return _number(name, value[0]), _number(name, value[1])
+    return _finite_number(name, value[0]), _finite_number(name, value[1])
 
 
-def _number(name: str, value: Any) -> float:
+def _finite_number(name: str, value: Any) -> float:
     try:
         if not isinstance(value, bool) and isinstance(value, int | float) and math.isfinite(value):
             return float(value)

@@ -2,11 +2,11 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import SceneError
 from uavseg.occupancy.mapping.beams import REACH_SIGMAS
 from uavseg.occupancy.mapping.grey_map import Mask

@@ -1,7 +1,6 @@
 """Layers read from rasters: contours of labels, states of an occupancy map, leaves of the quadtree."""
 
 import os
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +8,7 @@ import numpy as np
 from affine import Affine
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import MapError, ParameterError, RasterError
 from uavseg.occupancy.ros.ros_map import is_ros_map, read_ros_map
 from uavseg.plain_text import shown

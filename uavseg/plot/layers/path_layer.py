@@ -1,13 +1,13 @@
 """Layer of a path: its line in white, its start and its goal."""
 
 import os
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import PathError
 from uavseg.inputs import parse_json, read_bytes
 from uavseg.occupancy.paths.find_path import PlannedPath

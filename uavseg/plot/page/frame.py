@@ -1,13 +1,13 @@
 """Plot coordinates: north up where there is a CRS, centred on the raster, with equal units in x and y."""
 
 import math
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from affine import Affine
 from numpy.typing import ArrayLike, NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import RasterError
 from uavseg.raster.geodesy.globe import WGS84, Transform, geod_of, is_geographic, transform_between
 from uavseg.raster.grid.geobox import GeoBox

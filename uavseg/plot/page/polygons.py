@@ -2,7 +2,6 @@
 
 import json
 import os
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -11,8 +10,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import RegionError
-from uavseg.output.interrupts import default_signals
+from uavseg.output.staging import default_signals
 from uavseg.plain_text import shown
 from uavseg.plot.page.frame import Frame
 from uavseg.raster.access.opening import file_exists

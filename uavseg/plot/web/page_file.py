@@ -2,10 +2,10 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import OutputError, UavsegError
 from uavseg.jobs.result.metadata import same_reading
 from uavseg.jobs.source.inputs import keep_inputs

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from uavseg.errors import AccessError, UavsegError
-from uavseg.output.interrupts import interrupts_held
+from uavseg.output.staging import interrupts_held
 from uavseg.plain_text import cause_of, shown
 
 MAX_STEPS = 30_000_000  # of SQLite's virtual machine for the rows of one view: a second or less
@@ -26,7 +26,7 @@ _FUNCTIONS = frozenset(  # whose time is that of their arguments
 
 @contextmanager
 def open_database(source: str | os.PathLike[str] | bytes) -> Iterator[sqlite3.Connection]:
-    """A database, which is only read; of bytes, a copy in memory."""
+    """Open a database to be read; of bytes, a copy in memory."""
     if isinstance(source, bytes):
         database = sqlite3.connect(":memory:")
     else:

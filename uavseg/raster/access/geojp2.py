@@ -61,7 +61,7 @@ def _geojp2_boxes(path: Path) -> Iterator[bytes]:
 
 
 def _arrays(box: bytes) -> tuple[tuple[int, ...], dict[int, int]]:
-    """The keys as numbers, and how many numbers and letters they may refer to, by tag."""
+    """Return the keys as numbers, and how many numbers and letters they may refer to, by tag."""
     order = "<" if box[:2] == b"II" else ">"
     (place,) = struct.unpack_from(order + "I", box, 4)
     (count,) = struct.unpack_from(order + "H", box, place)
@@ -84,7 +84,7 @@ def _arrays(box: bytes) -> tuple[tuple[int, ...], dict[int, int]]:
 
 
 def _are_sound(keys: tuple[int, ...], counts: dict[int, int]) -> bool:
-    """Whether each entry (key, location, count, offset) after the header lies within its array."""
+    """Return whether each entry (key, location, count, offset) after the header lies within its array."""
     if not keys:
         return True
     if len(keys) < 4 or len(keys) < 4 * (keys[3] + 1):

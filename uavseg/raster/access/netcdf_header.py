@@ -45,14 +45,14 @@ class _Header:
         self._place_bytes = 4 if version == 1 else 8
 
     def check(self) -> None:
-        self._number(self._count_bytes)  # of records
+        self._read_integer(self._count_bytes)  # of records
         for _ in range(self._list(_DIMENSIONS, 2)):
             self._text()
-            self._number(self._count_bytes)
+            self._read_integer(self._count_bytes)
         self._attributes()
         for _ in range(self._list(_VARIABLES, 6)):
             self._text()
-            dimensions = self._number(self._count_bytes)
+            dimensions = self._read_integer(self._count_bytes)
             if dimensions > _MAX_DIMENSIONS:
                 raise ValueError(f"a variable with {dimensions:,} dimensions")
             self._skip(dimensions * self._count_bytes)
@@ -62,14 +62,14 @@ class _Header:
     def _attributes(self) -> None:
         for _ in range(self._list(_ATTRIBUTES, 3)):
             self._text()
-            kind, count = self._number(4), self._number(self._count_bytes)
+            kind, count = self._read_integer(4), self._read_integer(self._count_bytes)
             if kind not in _BYTES:
                 raise ValueError(f"an attribute of type {kind}")
             self._skip(count * _BYTES[kind])
 
     def _list(self, tag: int, numbers: int) -> int:
-        """How many elements a list has, each of which holds at least so many numbers."""
-        found, count = self._number(4), self._number(self._count_bytes)
+        """Return how many elements a list has, each of which holds at least so many numbers."""
+        found, count = self._read_integer(4), self._read_integer(self._count_bytes)
         if found != tag and (found or count):
             raise ValueError(f"a list of kind {found} in place of {tag}")
         if count * numbers * 4 > self._size:
@@ -77,9 +77,9 @@ class _Header:
         return count
 
     def _text(self) -> None:
-        self._skip(self._number(self._count_bytes))
+        self._skip(self._read_integer(self._count_bytes))
 
-    def _number(self, length: int) -> int:
+    def _read_integer(self, length: int) -> int:
         content = self._file.read(length)
         if len(content) < length:
             raise ValueError("it ends before")

@@ -1,24 +1,253 @@
-"""Checked opening of a raster: named files, driver, sizes. Every raster of a user is opened here first."""
+"""Checked opening of a raster: named files, driver, sizes. Every raster of a user is opened here first.
 
+GDAL opens the files that a VRT names, and those beside a raster (.ovr, .msk), by any driver that recognises
+them. So each of them has to lie where the access policy allows it, to be a regular file, and to be what its
+extension promises.
+
+A block is decoded whole, so a header with a damaged block size asks for gigabytes. What a block can hold is
+bounded by the size of the file: no compression in use makes more than about 1000 bytes of one.
+"""
+
+import os
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 from rasterio.errors import RasterioIOError
 from rasterio.io import DatasetReader
 
 from uavseg.access import current_policy, is_address
-from uavseg.errors import AccessError, RasterReadError
-from uavseg.inputs import regular_file
+from uavseg.errors import AccessError, RasterError, RasterReadError
+from uavseg.inputs import read_bytes, read_start, regular_file
 from uavseg.plain_text import cause_of
-from uavseg.raster.access.drivers import as_file_name, drivers_of, names_no_file
-from uavseg.raster.access.limits import check_limits
-from uavseg.raster.access.named_files import NamedFiles, check_named_file
-from uavseg.raster.access.opening import GDAL_ERRORS, gdal_env, quiet_open, unread_tags_are_errors
-from uavseg.raster.access.sequential_rows import is_sequential, read_rows_before
-from uavseg.raster.access.vrt_sources import sources_of
+from uavseg.raster.access.opening import (
+    GDAL_ERRORS,
+    as_file_name,
+    drivers_of,
+    gdal_env,
+    is_sequential,
+    names_no_file,
+    quiet_open,
+    read_rows_before,
+    unread_tags_are_errors,
+)
+from uavseg.raster.access.vrt_sources import is_vrt, sources_of
 from uavseg.raster.grid.tiling import Window
+from uavseg.raster.tiff.index import stored_blocks
+
+MAX_BANDS = 4096  # satellite images with most bands have a few hundred
+MAX_RATIO = 2000  # bytes of pixels for each byte of a compressed file
+FREE_BYTES = 64 << 20  # blocks up to this size are decoded whatever the size of the file
+MAX_WHOLE_PIXELS = 1 << 28  # of an image that is read whole
+
+
+def check_limits(path: str, source: DatasetReader) -> None:
+    """Check the number of bands, and that blocks are not larger than the file can hold.
+
+    Raises
+    ------
+    RasterError
+        If the header is beyond the limits.
+    """
+    if source.count > MAX_BANDS:
+        raise RasterError(
+            f"{path} has {source.count:,} bands, and at most {MAX_BANDS:,} are read; is its header damaged?"
+        )
+    if source.count == 0 or source.driver == "VRT":  # the blocks of a VRT are those of its sources
+        return
+    rows, cols = source.block_shapes[0]
+    size = rows * cols * np.dtype(source.dtypes[0]).itemsize
+    if size * source.count <= FREE_BYTES:
+        return
+    if source.tags(ns="IMAGE_STRUCTURE").get("INTERLEAVE") == "PIXEL":
+        size *= source.count
+    if size > max(FREE_BYTES, _capacity(path, source)) and _stores_a_block(path, source):
+        raise RasterError(
+            f"{path} has blocks of {cols:,} x {rows:,} pixels in {source.count:,} bands, {size / 1e9:.1f} GB "
+            "each, which the file is too small to hold; its header is damaged"
+        )
+
+
+def check_readable_whole(path: str, source: DatasetReader) -> None:
+    """Check that an image may be read whole.
+
+    Raises
+    ------
+    RasterError
+        If it is too large for that, or larger than its file can hold.
+    """
+    rows, cols = source.shape
+    if rows * cols > MAX_WHOLE_PIXELS:
+        raise RasterError(
+            f"{path} has {cols:,} x {rows:,} pixels, and at most {MAX_WHOLE_PIXELS:,} are read at once"
+        )
+    if rows * cols * source.count > max(FREE_BYTES, _capacity(path, source)):
+        raise RasterError(f"{path} claims {cols:,} x {rows:,} pixels, which the file is too small to hold")
+
+
+def _stores_a_block(path: str, source: DatasetReader) -> bool:
+    """Return whether a sparse file stores a block at all; true where that is not known."""
+    if source.driver != "GTiff":
+        return True
+    stored = stored_blocks(path, source)
+    return stored is None or bool(stored.any())
+
+
+def _capacity(path: str, source: DatasetReader) -> int:
+    """Return how many bytes of pixels a file can hold; without bound where its size is not known."""
+    try:
+        size = Path(path).stat().st_size
+    except (OSError, ValueError):
+        return 1 << 62
+    plain = source.driver == "GTiff" and source.compression is None
+    return size if plain else size * MAX_RATIO
+
+
+MAX_NESTING = 4  # VRTs in each other
+MAX_READS = 1_000_000  # reads of sources that one VRT may cost
+MAX_NESTED_READS = 100_000  # the same for VRTs of VRTs, in which a small file can name many
+
+_TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+_IMAGES_BESIDE = (".ovr", ".OVR", ".msk", ".MSK")
+_TEXTS_BESIDE = (".aux.xml", ".aux", ".hdr", ".HDR")
+_TEXTS_OF_STEM = (
+    ".aux",
+    ".hdr",
+    ".tfw",
+    ".tifw",
+    ".jgw",
+    ".pgw",
+    ".wld",
+    ".prj",
+    ".imd",
+    ".rpb",
+    ".ige",
+    ".rrd",
+)
+
+
+class NamedFiles:
+    """The files that one raster consists of, as they are found.
+
+    Parameters
+    ----------
+    owner : str
+        The raster, as the user named it.
+    """
+
+    def __init__(self, owner: str) -> None:
+        self.owner = owner
+        self.rasters: dict[str, None] = {}  # sources that are no VRT, in the order in which they are named
+        self._reads: dict[Path, int] = {}
+
+    def check(self) -> None:
+        """Check the raster and all that it names, unless its name is that of no local file.
+
+        Raises
+        ------
+        RasterReadError
+            If it is not a regular file.
+        AccessError
+            If it names what may not be opened, or is something else than its extension promises.
+        RasterError
+            If VRTs lie too deep in each other, or read too many sources.
+        """
+        path = regular_file(self.owner)
+        self._check_beside(path)
+        if path.suffix.lower() == ".vrt":
+            self._check_vrt(path, 1)
+        else:
+            self._check_content(path, self.owner)
+
+    def _check_vrt(self, path: Path, depth: int) -> int:
+        """Check the sources of a VRT; returns how many are read where it is read once."""
+        if depth > MAX_NESTING:
+            raise RasterError(f"{self.owner} has VRTs that lie more than {MAX_NESTING} deep in each other")
+        if path in self._reads:
+            return self._reads[path]
+        reads, nested = 0, depth > 1
+        for source in sources_of(str(path), read_bytes(path)):
+            target = current_policy().check_name(self.owner, source.name, source.folder)
+            if target is None or source.is_raw:
+                reads += 1
+            elif target.suffix.lower() == ".vrt":
+                nested = True
+                reads += self._check_vrt(target, depth + 1)
+            else:
+                self._check_source(target)
+                reads += 1
+            limit = MAX_NESTED_READS if nested else MAX_READS
+            if reads > limit:
+                raise RasterError(
+                    f"{self.owner} reads more than {limit:,} sources; build one VRT of fewer files "
+                    "(gdalbuildvrt), or copy it to a GeoTIFF"
+                )
+        self._reads[path] = reads
+        return reads
+
+    def _check_source(self, path: Path) -> None:
+        if str(path) not in self.rasters:
+            self._check_beside(path)
+            self._check_content(path, f"{self.owner} names {path}, which")
+            self.rasters[str(path)] = None
+
+    def _check_content(self, path: Path, subject: str) -> None:
+        """Refuse a description of other files under a name that promises an image."""
+        if drivers_of(str(path)) == ("GTiff",) and read_start(path, 4) in _TIFF:
+            return
+        from uavseg.raster.access import geojp2, netcdf_header
+
+        start = read_start(path)
+        if is_vrt(start):
+            raise AccessError(f"{subject} holds a VRT, which names other files; call it .vrt if you trust it")
+        if start.startswith(_HDF5):
+            raise AccessError(
+                f"{subject} is HDF5, which may name other files unseen; convert it to "
+                'GeoTIFF (gdal_translate), or name its subdataset (NETCDF:"a.nc":band) if you trust it'
+            )
+        if start.startswith(netcdf_header.SIGNATURES):
+            netcdf_header.check_netcdf_header(path)
+            return
+        if start.startswith(geojp2.SIGNATURE):
+            geojp2.check_geojp2(path)
+            return
+        if path.suffix.lower() != ".xml" and start.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"<", b"{", b"["):
+            raise AccessError(f"{subject} holds a description in text, not an image")
+        if path.suffix.lower() == ".xml":
+            current_policy().check_address(subject, "of a web service")
+
+    def _check_beside(self, path: Path) -> None:
+        """Check the files that GDAL opens because they lie beside a raster."""
+        name, stem = str(path), str(path.with_suffix(""))
+        for beside in (name + end for end in _IMAGES_BESIDE):
+            if os.path.lexists(beside):
+                current_policy().check_file(self.owner, beside)
+                if read_start(beside, 4) not in _TIFF:
+                    raise AccessError(f"{beside} is not a TIFF file, as overviews and masks are")
+        for beside in (*(name + end for end in _TEXTS_BESIDE), *(stem + end for end in _TEXTS_OF_STEM)):
+            if os.path.lexists(beside):
+                current_policy().check_file(self.owner, beside)
+                if is_vrt(read_start(beside)):  # GDAL ignores what it cannot read: a raster without its place
+                    raise AccessError(f"{beside} holds a VRT, which is not what lies beside a raster")
+
+
+def check_named_file(owner: str, name: str) -> None:
+    """Check one more file that GDAL says a raster consists of, or that its metadata names.
+
+    Raises
+    ------
+    AccessError
+        If it may not be opened.
+    """
+    if names_no_file(name):
+        raise AccessError(f"{owner} names {name[:60]!r}, which is not a file")
+    target = current_policy().check_name(owner, name, Path())
+    if target is not None and is_vrt(read_start(target)):
+        raise AccessError(f"{owner} names {name}, which holds a VRT; name the sources in one VRT")
+
 
 _PAGE = re.compile(r"GTIFF_DIR:\d+:(.*)", re.IGNORECASE | re.DOTALL)
 _DATABASES = (("GPKG",), ("MBTiles",))
@@ -27,7 +256,7 @@ _ARCHIVE = re.compile(r"/vsi(?!curl|s3|gs|az|adls|oss|swift|hdfs|webhdfs)", re.I
 
 @contextmanager
 def open_checked(path: str) -> Iterator[DatasetReader]:
-    """A raster, opened once what it names and the sizes in its header are known to be allowed.
+    """Open a raster once what it names and the sizes in its header are known to be allowed.
 
     Parameters
     ----------
@@ -66,7 +295,7 @@ def open_checked(path: str) -> Iterator[DatasetReader]:
 
 
 def open_by(path: str, drivers: tuple[str, ...]) -> DatasetReader:
-    """A raster, opened by the first of these drivers that can; by any if there are none.
+    """Return a raster, opened by the first of these drivers that can; by any if there are none.
 
     Raises
     ------
@@ -85,7 +314,7 @@ def open_by(path: str, drivers: tuple[str, ...]) -> DatasetReader:
 
 
 def is_local(path: str) -> bool:
-    """Whether a name is that of a local file, which may not exist."""
+    """Return whether a name is that of a local file, which may not exist."""
     return not (is_address(path) or path.startswith("/vsi") or "://" in path or names_no_file(path))
 
 
@@ -95,7 +324,7 @@ def is_online(path: str) -> bool:
 
 
 def _check_unread_vrt(path: str) -> None:
-    """A VRT that cannot be read before GDAL opens it."""
+    """Refuse a VRT that cannot be read before GDAL opens it."""
     if not is_address(path):
         raise AccessError(
             f"{path} lies in an archive, so what it names cannot be checked; unpack the archive"

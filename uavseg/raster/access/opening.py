@@ -1,4 +1,12 @@
-"""GDAL access: a pool of open files per thread, a small block cache, captured messages, readable errors."""
+"""GDAL access: drivers by extension, open files per thread, a block cache, messages, readable errors.
+
+Where one of those cannot be read, it tries them all again for each row after it, and again for those: 2^n
+times for n rows. So rows are read in order here, and after the first that fails none is asked for.
+
+GDAL recognises formats by content, and some formats (VRT, descriptions of web services, tile indexes) name
+other files or addresses. So a file is opened by the drivers of its extension; a file without a known one, by
+drivers that read that file alone.
+"""
 
 import ctypes
 import logging
@@ -9,8 +17,9 @@ import warnings
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import rasterio
 from rasterio._env import del_gdal_config
@@ -19,10 +28,104 @@ from rasterio.env import get_gdal_config, set_gdal_config
 from rasterio.errors import CRSError, NotGeoreferencedWarning, RasterioError
 from rasterio.io import DatasetReader
 
+from uavseg.access import is_address
 from uavseg.errors import RasterReadError
 from uavseg.plain_text import cause_of
 from uavseg.raster.grid.tiling import Window
 from uavseg.warning_filters import changing_filters
+
+_JPEG2000 = ("JP2OpenJPEG", "JP2KAK", "JP2ECW", "JP2MrSID")
+_RAW = ("ENVI", "EHdr")  # raw pixels with a header beside them
+_WEB_SERVICES = ("WMS", "WMTS", "WCS")
+_DRIVERS = {
+    "GTiff": "tif tiff gtiff gtif btf tf8 cog",
+    "VRT": "vrt",
+    "PNG": "png",
+    "JPEG": "jpg jpeg",
+    "HFA": "img",
+    "BMP": "bmp",
+    "GIF": "gif",
+    "PNM": "pgm ppm pnm",
+    "WEBP": "webp",
+    "AAIGrid": "asc",
+    "SRTMHGT": "hgt",
+    "DTED": "dt0 dt1 dt2",
+    "NITF": "ntf nitf",
+    "GRIB": "grb grb2 grib grib2",
+    "GPKG": "gpkg",
+    "MBTiles": "mbtiles",
+    "netCDF": "nc",
+}
+_BY_EXTENSION: dict[str, tuple[str, ...]] = {
+    **{f".{end}": (driver,) for driver, ends in _DRIVERS.items() for end in ends.split()},
+    **dict.fromkeys((".jp2", ".j2k", ".jpx"), _JPEG2000),
+    **dict.fromkeys((".bil", ".bip", ".bsq", ".bin", ".flt"), _RAW),
+    ".img": ("HFA", *_RAW),
+    ".asc": ("AAIGrid", "GRASSASCIIGrid"),
+    ".dem": ("USGSDEM", *_RAW),
+    ".xml": _WEB_SERVICES,
+}
+_PLAIN = ("GTiff", "PNG", "JPEG", *_JPEG2000, "HFA", "BMP", "GIF", "PNM", "WEBP", "NITF", *_RAW, "AAIGrid")
+
+_NOT_ONLY_IMAGES = {".vrt", ".gpkg", ".xml", ".bin", ".nc", ".mbtiles"}  # nor VRT, which is made of others
+
+_SUBDATASET = re.compile(r"[A-Za-z0-9_]{2,}:(?!//)")  # GTIFF_DIR:2:a.tif, NETCDF:"a.nc":band, ...
+
+
+def drivers_of(path: str) -> tuple[str, ...]:
+    """Return the drivers that may open a raster, in the order in which they are tried; empty for any.
+
+    Any driver is for names that are not those of files: subdatasets, and descriptions as the name itself.
+
+    Examples
+    --------
+    >>> drivers_of("a.TIF"), drivers_of("https://example.org/a.png?key=1"), drivers_of("WMTS:https://a.org")
+    (('GTiff',), ('PNG',), ())
+    """
+    if names_no_file(path):
+        return ()
+    name = path.split("?", 1)[0] if is_address(path) else path
+    return _BY_EXTENSION.get(PurePosixPath(name).suffix.lower(), _PLAIN)
+
+
+def image_extensions() -> frozenset[str]:
+    """Extensions of files that are images by their name alone, in lower case."""
+    return frozenset(_BY_EXTENSION) - _NOT_ONLY_IMAGES
+
+
+def names_no_file(path: str) -> bool:
+    """Return whether a name is a subdataset or a description, which GDAL's drivers read as they like."""
+    if path.startswith(("<", "{")) or path.lower().startswith("vrt://"):
+        return True
+    return _SUBDATASET.match(path) is not None
+
+
+def as_file_name(path: str) -> str:
+    """Return the name of a file so that GDAL takes it for nothing else, whatever characters it has."""
+    return f"./{path}" if names_no_file(path) and Path(path).exists() else path
+
+
+_TEXT_DRIVERS = frozenset({"AAIGrid", "GRASSASCIIGrid"})
+_read: "WeakKeyDictionary[DatasetReader, int]" = WeakKeyDictionary()  # rows so far, by open file
+
+
+def is_sequential(driver: str) -> bool:
+    """Return whether a row can be read only if all rows before it can."""
+    return driver in _TEXT_DRIVERS
+
+
+def read_rows_before(source: DatasetReader, window: Window) -> None:
+    """Read the rows above the end of a window that were not read yet, one after the other.
+
+    Raises
+    ------
+    rasterio.errors.RasterioError
+        If one of them cannot be read.
+    """
+    for row in range(_read.get(source, 0), window.row + window.rows):
+        source.read(1, window=((row, row + 1), (0, source.width)))
+        _read[source] = row + 1
+
 
 MAX_OPEN = 64  # open files per thread
 CACHE_BYTES = 32 << 20  # GDAL's cache of decoded blocks; its own default is a twentieth of the memory
@@ -72,7 +175,7 @@ class OpenFiles:
         return OpenFiles, ()
 
     def open(self, path: str, located: bool, driver: str | None = None, masks: str = "") -> DatasetReader:
-        """The open file, opened now if it is not; beyond 64 files the least recently used is closed.
+        """Return the open file, opened now if it is not; beyond 64 files the least recently used is closed.
 
         Raises
         ------
@@ -103,7 +206,7 @@ class OpenFiles:
         return known.setdefault((path, bands), set())
 
     def bad_as_a_whole(self, path: str, bands: tuple[int, ...], is_bad: Callable[[], bool]) -> bool:
-        """Whether nothing of a file can be read, which this thread asks once."""
+        """Return whether nothing of a file can be read, which this thread asks once."""
         known: dict[tuple[str, tuple[int, ...]], bool] = self._local.__dict__.setdefault("bad", {})
         if (path, bands) not in known:
             known[path, bands] = is_bad()
@@ -200,7 +303,7 @@ def quiet_open(path: str | os.PathLike[str], mode: str = "r", **how: Any) -> Any
 
 
 def mask_kind(source: DatasetReader) -> str:
-    """The masks of a raster: "file" if all bands share one, "band" if each has its own, or ""."""
+    """Return the masks of a raster: "file" if all bands share one, "band" if each has its own, or ""."""
     names = [{flag.name for flag in band} for band in source.mask_flag_enums]
     if "per_dataset" in names[0] and "alpha" not in names[0]:
         return "file"
@@ -209,7 +312,7 @@ def mask_kind(source: DatasetReader) -> str:
 
 @contextmanager
 def unread_tags_are_errors(path: str) -> Iterator[None]:
-    """Context in which a TIFF is opened: a tag that cannot be read, and matters, is an error.
+    """Enter a context in which a TIFF is opened: a tag that cannot be read, and matters, is an error.
 
     GDAL ignores such tags with a message, and so a raster without its CRS or nodata value.
 
@@ -245,7 +348,7 @@ _UNREAD_TAG = re.compile(r'IO error during reading of "((?:Geo|GDAL|RPC|Extra|Co
 
 
 def has_place(source: DatasetReader) -> bool:
-    """Whether GDAL finds a geotransform, ground control points or RPCs in a raster."""
+    """Return whether GDAL finds a geotransform, ground control points or RPCs in a raster."""
     with changing_filters(record=True) as caught:
         warnings.simplefilter("always")
         source.read_transform()
@@ -277,17 +380,17 @@ def open_error_text(path: str, error: BaseException) -> str:
 
 
 def file_exists(path: str | os.PathLike[str]) -> bool:
-    """Whether there is a file or folder; False too for what is too long for a name."""
+    """Return whether there is a file or folder; False too for what is too long for a name."""
     return os.path.exists(path)  # noqa: PTH110 - the method of Path raises then
 
 
 def is_remote(path: str) -> bool:
-    """Whether a path is a URL, or belongs to one of GDAL's virtual file systems."""
+    """Return whether a path is a URL, or belongs to one of GDAL's virtual file systems."""
     return "://" in path or path.startswith("/vsi")
 
 
 def absolute_path(path: str) -> str:
-    """A path that means the same in another process: that of an existing local file becomes absolute.
+    """Return a path that means the same in another process: that of an existing local file becomes absolute.
 
     Examples
     --------
@@ -301,5 +404,5 @@ def absolute_path(path: str) -> str:
 
 
 def rasterio_window(window: Window) -> tuple[tuple[int, int], tuple[int, int]]:
-    """A window for rasterio: start and end of the rows, and of the columns."""
+    """Return a window for rasterio: start and end of the rows, and of the columns."""
     return (window.row, window.row + window.rows), (window.col, window.col + window.cols)

@@ -7,10 +7,10 @@ neither WKT nor a code are refused, because reading them may open files or addre
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import AccessError, RasterReadError
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ class NamedSource:
 
 
 def is_vrt(start: bytes) -> bool:
-    """Whether the first bytes of a file are those of a VRT, as GDAL recognises it.
+    """Return whether the first bytes of a file are those of a VRT, as GDAL recognises it.
 
     Examples
     --------
@@ -54,7 +54,7 @@ def is_vrt(start: bytes) -> bool:
 
 
 def sources_of(path: str, text: bytes) -> Iterator[NamedSource]:
-    """The sources that the XML of a VRT names, each as often as it is named.
+    """Yield the sources that the XML of a VRT names, each as often as it is named.
 
     Parameters
     ----------
@@ -97,12 +97,12 @@ def _named_in(path: str, root: "ElementTree.Element", is_raw: bool) -> Iterator[
 
 
 def _plain(name: object) -> str:
-    """Name of an element or an attribute without its namespace, in lower case."""
+    """Return name of an element or an attribute without its namespace, in lower case."""
     return str(name).rsplit("}", 1)[-1].lower()
 
 
 def _is_file_argument(name: str, attributes: dict[str, str]) -> bool:
-    """Whether an element is metadata or an argument whose value GDAL opens as a file."""
+    """Return whether an element is metadata or an argument whose value GDAL opens as a file."""
     key = attributes.get("key", attributes.get("name", "")).lower()
     return (name == "mdi" and key in _FILE_KEYS) or (name in ("argument", "option") and "filename" in key)
 

@@ -15,10 +15,11 @@ Along a collar, and along nodata that holds a corner, pixels that are nearly con
 are what lossy compression and resampling leave: they go with it, within 16 pixels.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import TypeVar
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.raster.grid.pixel_mask import PixelMask
 from uavseg.raster.grid.tiling import TilePass, Window
@@ -35,7 +36,7 @@ Corner = tuple[bool, int | None]
 
 
 def check_collar(word: str) -> str:
-    """The word, which is "auto" or "keep".
+    """Return the word, which is "auto" or "keep".
 
     Raises
     ------
@@ -57,7 +58,7 @@ class _Found:
 
 
 def without_collar(dataset: AnyDataset, tile_pass: TilePass) -> AnyDataset:
-    """The dataset with its collar as nodata, and a warning that says so; unchanged if it has none.
+    """Return the dataset with its collar as nodata, and a warning that says so; unchanged if it has none.
 
     Where no corner of the raster is constant or nodata, only the corners are read. Of a formula, it is
     that of the bands that it uses.
@@ -75,11 +76,11 @@ def without_collar(dataset: AnyDataset, tile_pass: TilePass) -> AnyDataset:
 def _find_collar(dataset: Dataset, tile_pass: TilePass) -> _Found | None:
     if not _may_have_collar(dataset):
         return None
-    corners = list(tile_pass.silent.run(partial(_corner, dataset), _corner_windows(dataset)))
+    [corners] = tile_pass.silent.run(partial(_corners, dataset), [_corner_windows(dataset)])
     for value in sorted({value for _, value in corners if value is not None}):
-        found = _collar(dataset, value, tile_pass, corners)
-        if found is not None:
-            return found
+        result = _collar(dataset, value, tile_pass, corners)
+        if result is not None:
+            return result
     return _rim_of_nodata(dataset, tile_pass) if any(is_nodata for is_nodata, _ in corners) else None
 
 
@@ -99,6 +100,10 @@ def _corner_windows(dataset: Dataset) -> list[Window]:
     return [Window(row, col, CORNER, CORNER) for row in (0, rows - CORNER) for col in (0, cols - CORNER)]
 
 
+def _corners(dataset: Dataset, windows: list[Window]) -> list[Corner]:
+    return [_corner(dataset, window) for window in windows]
+
+
 def _corner(dataset: Dataset, window: Window) -> Corner:
     if dataset.is_empty(window):
         return True, None
@@ -111,7 +116,7 @@ def _corner(dataset: Dataset, window: Window) -> Corner:
 
 
 def _collar(dataset: Dataset, value: int, tile_pass: TilePass, corners: list[Corner]) -> _Found | None:
-    """The collar of a value; None if what has that value may be ground."""
+    """Return the collar of a value; None if what has that value may be ground."""
     from uavseg.raster.collar.evidence import Evidence, is_one_piece
     from uavseg.raster.collar.flood import flood_from_edges
     from uavseg.raster.collar.rim import count_rim, grow_over_smear
@@ -165,7 +170,7 @@ def _rim_of_nodata(dataset: Dataset, tile_pass: TilePass) -> _Found | None:
 
 
 def _fill_value(dataset: Dataset, tile_pass: TilePass) -> int:
-    """What nodata at the corners was filled with: the largest value, or 0."""
+    """Return what nodata at the corners was filled with: the largest value, or 0."""
     found = list(tile_pass.silent.run(partial(_is_filled_white, dataset), _corner_windows(dataset)))
     known = [is_white for is_white in found if is_white is not None]
     return (1 << dataset.bits) - 1 if known and all(known) else 0

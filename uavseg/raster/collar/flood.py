@@ -7,12 +7,13 @@ on the tiles or on the order.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.raster.collar.spread import flood
 from uavseg.raster.grid.pixel_mask import PixelMask
 from uavseg.raster.grid.tiling import TilePass, Window, tile_side, tiles
@@ -56,7 +57,7 @@ class Flooded:
 
 
 def flood_from_edges(dataset: Dataset, value: int | None, tile_pass: TilePass) -> PixelMask:
-    """Pixels that are connected to the edge of the raster over nodata or a constant value.
+    """Return pixels that are connected to the edge of the raster over nodata or a constant value.
 
     Parameters
     ----------
@@ -86,12 +87,12 @@ def flood_from_edges(dataset: Dataset, value: int | None, tile_pass: TilePass) -
 
 
 def flood_tiles(dataset: Dataset) -> tuple[int, int]:
-    """Rows and columns of a tile of the flood, which suits the files."""
+    """Return rows and columns of a tile of the flood, which suits the files."""
     return tile_side(dataset.geobox.shape, dataset.file_block, TILE_PIXELS)
 
 
 def is_passable(dataset: Dataset, value: int | None, window: Window) -> Pixels:
-    """Where pixels are nodata or of a value in all bands, for a window inside the raster."""
+    """Return where pixels are nodata or of a value in all bands, for a window inside the raster."""
     if dataset.is_empty(window):
         return np.ones((window.rows, window.cols), bool)
     values, valid = dataset.read(window)
@@ -102,7 +103,7 @@ def is_passable(dataset: Dataset, value: int | None, window: Window) -> Pixels:
 
 
 def _opened(dataset: Dataset, value: int | None, window: Window) -> Pixels:
-    """Where a pixel and its eight neighbours are passable; what lies beyond the raster is."""
+    """Return where a pixel and its eight neighbours are passable; what lies beyond the raster is."""
     around = window.grown(1)
     part = around.clipped(dataset.geobox.shape)
     whole = np.ones((window.rows + 2, window.cols + 2), bool)
@@ -113,7 +114,7 @@ def _opened(dataset: Dataset, value: int | None, window: Window) -> Pixels:
 
 
 def _shows_tile(dataset: Dataset, value: int | None, strips: tuple[Window, ...]) -> bool:
-    """Whether a pixel at the edge of the raster is passable with its neighbours."""
+    """Return whether a pixel at the edge of the raster is passable with its neighbours."""
     return any(_opened(dataset, value, strip).any() for strip in strips)
 
 
@@ -133,7 +134,7 @@ def _border_lines(image: Pixels) -> Lines:
 
 
 def _border_strip(grid: "_Grid", place: tuple[int, int]) -> tuple[Window, ...]:
-    """The pixels of a tile at the edge of the raster."""
+    """Return the pixels of a tile at the edge of the raster."""
     window, (rows, cols) = grid.windows[place], grid.shape
     end_row, end_col = window.row + window.rows, window.col + window.cols
     strips = []
@@ -163,7 +164,7 @@ class _Grid:
         return [(i, j) for i, j in self.windows if i in (0, rows) or j in (0, cols)]
 
     def shore(self, place: tuple[int, int], known: dict[tuple[int, int], Flooded]) -> Shore:
-        """A tile with the flooded pixels around it; all that lies beyond the raster is flooded."""
+        """Return a tile with the flooded pixels around it; all that lies beyond the raster is flooded."""
         window, (i, j) = self.windows[place], place
 
         def line(of: tuple[int, int], side: int, length: int) -> Pixels:
@@ -181,12 +182,12 @@ class _Grid:
         return Shore(window, (above, below, line((i, j - 1), 3, rows), line((i, j + 1), 2, rows)))
 
     def neighbours(self, place: tuple[int, int]) -> list[tuple[int, int]]:
-        """The tiles beside a tile and at its corners."""
+        """Return the tiles beside a tile and at its corners."""
         around = [(place[0] + i, place[1] + j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)]
         return [other for other in around if other in self.windows]
 
     def goes_on(self, place: tuple[int, int], known: dict[tuple[int, int], Flooded]) -> bool:
-        """Whether the flood may go on into a tile from those around it."""
+        """Return whether the flood may go on into a tile from those around it."""
         around = self.shore(place, known).around
         if place not in known:
             outside = self.shore(place, {}).around

@@ -4,13 +4,14 @@ Lossy compression and resampling smear the edge between a collar and the picture
 of the constant value. They are concentrated there, which tells them from dark or bright ground.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial, reduce
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.raster.collar.flood import flood_tiles
 from uavseg.raster.collar.spread import UNREACHED, distances
 from uavseg.raster.grid.pixel_mask import PixelMask
@@ -100,7 +101,7 @@ class RimCounts:
 
 
 def _share(histogram: NDArray[np.int64], end: int) -> float:
-    """Share of the first bins of a histogram; 0 if it is empty."""
+    """Return share of the first bins of a histogram; 0 if it is empty."""
     return int(histogram[:end].sum()) / max(int(histogram.sum()), 1)
 
 
@@ -128,7 +129,7 @@ def count_rim(dataset: Dataset, flooded: PixelMask, value: int, tile_pass: TileP
 def grow_over_smear(
     dataset: Dataset, flooded: PixelMask, value: int, limit: int, tile_pass: TilePass
 ) -> tuple[PixelMask, int]:
-    """A flood with the smeared pixels along it, and how many valid pixels these are.
+    """Return a flood with the smeared pixels along it, and how many valid pixels these are.
 
     They are connected to it within 16 pixels and differ by at most `limit` in all bands; with them go pixels
     of the mixture, within 2 pixels. With `limit` -1, it is the flood with its neighbours alone.
@@ -179,7 +180,7 @@ def _grow_tile(
 
 
 def _core(flooded: PixelMask, window: Window, shape: tuple[int, int]) -> Pixels:
-    """The flood with its neighbours in a window."""
+    """Return the flood with its neighbours in a window."""
     wider = window.grown(1)
     part = wider.clipped(shape)
     flood = np.zeros((wider.rows, wider.cols), bool)

@@ -22,7 +22,7 @@ def flood(sources: NDArray[np.bool_], passable: NDArray[np.bool_]) -> NDArray[np
 
 
 def distances(sources: NDArray[np.bool_], passable: NDArray[np.bool_], reach: int) -> NDArray[np.uint8]:
-    """Number of steps over passable pixels from the nearest source, up to `reach`; 255 beyond.
+    """Return number of steps over passable pixels from the nearest source, up to `reach`; 255 beyond.
 
     Examples
     --------

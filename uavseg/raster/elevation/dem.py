@@ -2,20 +2,20 @@
 
 import math
 import os
+from collections import OrderedDict
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
 import numpy as np
 import rasterio
 from numpy.typing import ArrayLike, NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, RasterError, RasterReadError
 from uavseg.plain_text import cause_of, shown
-from uavseg.raster.access.drivers import as_file_name
 from uavseg.raster.access.open_checked import open_checked
-from uavseg.raster.access.opening import GDAL_ERRORS, open_error_text
-from uavseg.raster.elevation.sampling import BilinearSampler
+from uavseg.raster.access.opening import GDAL_ERRORS, as_file_name, open_error_text
 from uavseg.raster.geodesy.globe import (
     WGS84,
     Transform,
@@ -32,9 +32,99 @@ from uavseg.raster.geodesy.vertical import (
     sea_from_ellipsoid,
     vertical_reference,
 )
+from uavseg.raster.grid.tiling import Window
 from uavseg.raster.read.dataset import Dataset
 
 Floats = NDArray[np.float64]
+
+SIDE = 256
+"""Pixels by which neighbouring tiles are apart; each also holds the first row and column of the next."""
+MAX_TILES = 64
+"""Tiles that are kept: 34 MB."""
+
+
+@dataclass(eq=False)
+class BilinearSampler:
+    """Values of a band between the centres of its pixels.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        With one band.
+    """
+
+    dataset: Dataset
+    _tiles: OrderedDict[tuple[int, int], Floats] = field(default_factory=OrderedDict, repr=False)
+
+    def sample(self, row: Floats, col: Floats) -> Floats:
+        """Return values at positions, NaN outside of the raster and where a pixel that counts is invalid.
+
+        In the outer half of the pixels at the edge, beyond their centres, the value is that at the nearest
+        point of the line between the centres.
+
+        Parameters
+        ----------
+        row, col : (n,) float64 arrays
+            Pixel corners are integers, centres are at + 0.5; see `GeoBox.xy_from_pixel`.
+
+        Returns
+        -------
+        values : (n,) float64 array
+        """
+        rows, cols = self.dataset.geobox.shape
+        values = np.full(row.shape, np.nan)
+        inside = np.flatnonzero((row >= 0) & (row <= rows) & (col >= 0) & (col <= cols))
+        top, down = _between(row[inside], rows)
+        left, right = _between(col[inside], cols)
+        tile_row, tile_col = top // SIDE, left // SIDE
+        order = np.lexsort((tile_col, tile_row))
+        changes = np.diff(tile_row[order]).astype(bool) | np.diff(tile_col[order]).astype(bool)
+        for group in np.split(order, np.flatnonzero(changes) + 1):
+            if not len(group):
+                continue
+            i, j = int(tile_row[group[0]]), int(tile_col[group[0]])
+            local = top[group] - i * SIDE, left[group] - j * SIDE
+            values[inside[group]] = _interpolate(self._tile(i, j), *local, down[group], right[group])
+        return values
+
+    def _tile(self, i: int, j: int) -> Floats:
+        """Return pixels of a tile, NaN where invalid; the least recently used is dropped."""
+        key = i, j
+        if key not in self._tiles:
+            window = Window(i * SIDE, j * SIDE, SIDE + 1, SIDE + 1).clipped(self.dataset.geobox.shape)
+            pixels, valid = self.dataset.read(window)
+            found = pixels[0].astype(np.float64)
+            if valid is not None:
+                found[~valid] = np.nan
+            self._tiles[key] = found
+            if len(self._tiles) > MAX_TILES:
+                self._tiles.popitem(last=False)
+        self._tiles.move_to_end(key)
+        return self._tiles[key]
+
+
+def _between(position: Floats, count: int) -> tuple[NDArray[np.int64], Floats]:
+    """Return the pixel whose centre comes before each position, and the share of the way to the next one."""
+    centre = np.clip(position - 0.5, 0, count - 1)
+    before = np.minimum(centre.astype(np.int64), max(count - 2, 0))
+    return before, centre - before
+
+
+def _interpolate(
+    tile: Floats, row: NDArray[np.int64], col: NDArray[np.int64], down: Floats, right: Floats
+) -> Floats:
+    below, beside = np.minimum(row + 1, tile.shape[0] - 1), np.minimum(col + 1, tile.shape[1] - 1)
+    total = np.zeros(row.shape)
+    for i, j, weight in (
+        (row, col, (1 - down) * (1 - right)),
+        (row, beside, (1 - down) * right),
+        (below, col, down * (1 - right)),
+        (below, beside, down * right),
+    ):
+        total += np.where(weight > 0, weight * tile[i, j], 0.0)  # an invalid pixel without weight is none
+    return total
+
+
 Source = str | os.PathLike[str]
 
 LOWEST_M, HIGHEST_M = -500.0, 9000.0  # of the ground of the Earth; other values are voids that are not marked
@@ -146,7 +236,7 @@ class Dem:
             return (t.a * dy - t.d * dx) / size, (t.e * dx - t.b * dy) / size
 
     def heights_m(self, lon: ArrayLike, lat: ArrayLike) -> Floats:
-        """Heights of the ground in metres: above the sea, or the ellipsoid if not `is_above_sea`.
+        """Return heights of the ground in metres: above the sea, or the ellipsoid if not `is_above_sea`.
 
         NaN outside of the raster, next to pixels without value, and where the value is no height on Earth.
 
@@ -168,14 +258,14 @@ class Dem:
                 f"{self.name} cannot be read where heights of the ground are needed "
                 f"({cause_of(error.__cause__ or error)}); the file is damaged or incomplete: repair it"
             ) from error
-        found = self.heights.offset_m + self.heights.scale_m * numbers
+        result = self.heights.offset_m + self.heights.scale_m * numbers
         if self.to_sea is not None:
-            found = self.to_sea(lons, lats, found)
-        found[~((found >= LOWEST_M) & (found <= HIGHEST_M))] = np.nan
-        return found
+            result = self.to_sea(lons, lats, result)
+        result[~((result >= LOWEST_M) & (result <= HIGHEST_M))] = np.nan
+        return result
 
     def covered(self) -> str:
-        """The box in degrees that holds the raster, as words."""
+        """Return the box in degrees that holds the raster, as words."""
         box = self.sampler.dataset.geobox
         rows, cols = box.shape
         along = np.linspace(0, 1, 9)
@@ -191,7 +281,7 @@ class Dem:
         return f"lat {lat.min():.6f} to {lat.max():.6f}, lon {west:.6f} to {east:.6f}"
 
     def notes(self) -> list[str]:
-        """What was assumed of its heights, for the pilot."""
+        """Return what was assumed of its heights, for the pilot."""
         zero, has_unit = self.heights.reference.zero, self.heights.has_unit
         if zero == "unknown":
             unit = "" if has_unit else ", nor in which unit"
@@ -199,15 +289,15 @@ class Dem:
                 f"{self.name} does not say what its heights are above{unit}: they are taken for "
                 f"{'heights' if has_unit else 'metres'} above the sea"
             ]
-        found = [] if has_unit else [f"{self.name} does not name the unit of its heights: taken for metres"]
+        result = [] if has_unit else [f"{self.name} does not name the unit of its heights: taken for metres"]
         if zero == "ellipsoid":
             use = "only their differences are used" if self.to_sea is None else "converted to the geoid EGM96"
-            found.append(f"{self.name} has heights above the ellipsoid: {use}")
-        return found
+            result.append(f"{self.name} has heights above the ellipsoid: {use}")
+        return result
 
 
 def _heights_of(path: str) -> Heights:
-    """The CRS, unit and vertical reference of a file; refuses what is no elevation model."""
+    """Return the CRS, unit and vertical reference of a file; refuses what is no elevation model."""
     try:
         with rasterio.Env(GTIFF_REPORT_COMPD_CS="YES"), open_checked(path) as source:
             crs, dtypes, roles = source.crs, source.dtypes, [role.name for role in source.colorinterp]

@@ -1,10 +1,10 @@
 """GeoTIFF creation options: lossless compression and the size of offsets, as GDAL names them."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.plain_text import one_line, shown
 
@@ -43,7 +43,7 @@ class CreationOptions:
 
     @classmethod
     def of(cls, words: Mapping[str, Any] | Iterable[str] | None) -> "CreationOptions":
-        """The options that words name: {"compress": "zstd"} or ["COMPRESS=ZSTD"], in any case.
+        """Return the options that words name: {"compress": "zstd"} or ["COMPRESS=ZSTD"], in any case.
 
         Raises
         ------
@@ -85,7 +85,7 @@ class CreationOptions:
             )
 
     def gdal_options(self) -> dict[str, Any]:
-        """The options as rasterio takes them."""
+        """Return the options as rasterio takes them."""
         options: dict[str, Any] = {"compress": self.compress}
         if self.compress == "DEFLATE":
             options["zlevel"] = self.level or 6
@@ -102,7 +102,7 @@ DEFAULT = CreationOptions()
 def creation_for(
     words: Mapping[str, Any] | Iterable[str] | None, targets: Mapping[str | None, Any]
 ) -> CreationOptions:
-    """The options that words name for the GeoTIFFs among some outputs; call it before the work.
+    """Return the options that words name for the GeoTIFFs among some outputs; call it before the work.
 
     Parameters
     ----------
@@ -129,12 +129,12 @@ def creation_for(
 
 
 def _pairs(words: Mapping[str, Any] | Iterable[str]) -> dict[str, str]:
-    """Names and values, in capitals."""
+    """Return names and values, in capitals."""
     if isinstance(words, Mapping):
         pairs = [(str(name), _text(name, value)) for name, value in words.items()]
     else:
         pairs = [(name, value) for name, _, value in (str(word).partition("=") for word in words)]
-    found: dict[str, str] = {}
+    result: dict[str, str] = {}
     for given, value in pairs:
         name = given.strip().upper()
         if name not in ("COMPRESS", *_LEVELS, "PREDICTOR", "BIGTIFF"):
@@ -142,10 +142,10 @@ def _pairs(words: Mapping[str, Any] | Iterable[str]) -> dict[str, str]:
                 f"{one_line(given)!r} is not one of the creation options COMPRESS=NAME, ZLEVEL=1..9, "
                 "ZSTD_LEVEL=1..22, PREDICTOR=1|2|3 and BIGTIFF=YES|NO|IF_NEEDED|IF_SAFER"
             )
-        if name in found:
+        if name in result:
             raise ParameterError(f"the creation option {name} is given twice")
-        found[name] = value.strip().upper()
-    return found
+        result[name] = value.strip().upper()
+    return result
 
 
 def _text(name: Any, value: Any) -> str:

@@ -3,7 +3,6 @@
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +11,12 @@ from affine import Affine
 from numpy.typing import NDArray
 from rasterio.windows import Window as FileWindow
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import OutputError, RasterReadError
 from uavseg.inputs import regular_file
 from uavseg.output.atomic import atomic_file
 from uavseg.plain_text import cause_of
-from uavseg.raster.access.limits import check_limits, check_readable_whole
+from uavseg.raster.access.open_checked import check_limits, check_readable_whole
 from uavseg.raster.access.opening import GDAL_ERRORS, gdal_env, quiet_open
 from uavseg.raster.formats.creation import DEFAULT, CreationOptions
 from uavseg.raster.grid.geobox import GeoBox
@@ -240,7 +240,7 @@ def read_geotiff(
 
 
 def _page_name(path: Path_, page: int) -> str:
-    """The name by which GDAL opens one image of a file."""
+    """Return the name by which GDAL opens one image of a file."""
     return os.fspath(path) if page == 1 else f"GTIFF_DIR:{page}:{os.fspath(path)}"
 
 

@@ -9,8 +9,7 @@ from rasterio.io import DatasetReader
 from uavseg.errors import OutputError, RasterReadError
 from uavseg.output.atomic import atomic_file
 from uavseg.plain_text import cause_of
-from uavseg.raster.access.limits import check_readable_whole
-from uavseg.raster.access.open_checked import open_checked
+from uavseg.raster.access.open_checked import check_readable_whole, open_checked
 from uavseg.raster.access.opening import GDAL_ERRORS, gdal_env, quiet_open
 
 Bytes = NDArray[np.uint8]

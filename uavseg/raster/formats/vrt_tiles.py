@@ -30,16 +30,16 @@ class LabelTile(Protocol):
     def window(self) -> Window: ...
 
     def rasterise(self) -> Labels:
-        """The labels, (rows, cols) uint32."""
+        """Return the labels, (rows, cols) uint32."""
 
 
 def label_windows(shape: tuple[int, int]) -> list[Window]:
-    """The windows of the label tiles, row by row."""
+    """Return the windows of the label tiles, row by row."""
     return tiles(shape, LABEL_TILE_SIDE)
 
 
 def tiles_folder(path: Path_) -> Path:
-    """The folder of tiles beside a VRT: labels.tiles for labels.vrt."""
+    """Return the folder of tiles beside a VRT: labels.tiles for labels.vrt."""
     return Path(path).with_suffix(".tiles")
 
 
@@ -129,7 +129,7 @@ def _is_tile(file: Path) -> bool:
 
 
 def _vrt_xml(geobox: GeoBox, windows: Sequence[Window], folder: str) -> bytes:
-    """A GDAL virtual raster of the tiles, with relative paths."""
+    """Return a GDAL virtual raster of the tiles, with relative paths."""
     rows, cols = geobox.shape
     root = ElementTree.Element("VRTDataset", rasterXSize=str(cols), rasterYSize=str(rows))
     if geobox.wkt is not None:

@@ -1,18 +1,22 @@
 """Coordinate reference systems (CRS): kind, unit, transformers to longitude and latitude; wrapped longitudes.
 
-The one module that asks pyproj about a CRS. A CRS is given as WKT, None where coordinates are local; all
-coordinates are in the order x, y or longitude, latitude, whatever order the CRS itself declares. Longitudes
-are wrapped, lines densified and lines split at the antimeridian here too.
+The one module that asks pyproj, or GDAL in its place, about a CRS. A CRS is given as WKT, None where
+coordinates are local; all coordinates are in the order x, y or longitude, latitude, whatever order the CRS
+itself declares. Longitudes are wrapped, lines densified and lines split at the antimeridian here too.
 """
 
 import math
+import re
 from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from rasterio.crs import CRS
+from rasterio.warp import transform as gdal_transform
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import RasterError
 from uavseg.plain_text import cause_of
 
@@ -23,12 +27,68 @@ Transform = Callable[[Any, Any], tuple[Floats, Floats]]
 WGS84 = "EPSG:4326"
 MIN_DECIMALS, MAX_DECIMALS = 7, 11  # of degrees in files
 _DEGREE_M = 111_320  # of latitude, and of longitude at the equator
+_WGS84_RADIUS_M, _WGS84_POLAR_RADIUS_M = 6378137.0, 6356752.314245179  # semi-major and semi-minor axis
+_UTM_DOMAIN_M = 1e7  # of coordinates that have a longitude and latitude in any case
+_MAX_BY_GDAL = 20_000  # points, which GDAL takes one by one; pyproj takes arrays, and 60 ms to be imported
 EARTH_RADII_M = (6.3e6, 6.4e6)  # ellipsoids of the Earth have their semi-major axis in here
+
+
+@dataclass(frozen=True, slots=True)
+class _Crs:
+    """What is asked of a CRS that needs no transformation."""
+
+    name: str
+    is_geographic: bool
+    is_projected: bool
+    unit_name: str
+    unit_factor: float  # metres, or radians, in one unit of coordinates
+    radius: float | None  # semi-major axis in metres, None without an ellipsoid
+
+
+@dataclass(frozen=True, slots=True)
+class Ellipsoid:
+    """The ellipsoid under a CRS, and the transform from the map to its longitude and latitude.
+
+    Parameters
+    ----------
+    inverse : Transform or None
+        From map coordinates to longitude and latitude; None where they are that already, and the pole is that
+        of the ellipsoid.
+    unit : float
+        Radians in one unit of longitude and latitude.
+    unit_m : float
+        Metres, roughly, in one unit of the map.
+    radius : float
+        Semi-major axis in metres.
+    eccentricity2 : float
+        Square of the first eccentricity.
+    """
+
+    inverse: Transform | None
+    unit: float
+    unit_m: float
+    radius: float
+    eccentricity2: float
+
+    def radii(self, lat: Floats) -> tuple[Floats, Floats]:
+        """Radius of curvature along the meridian, and radius of the parallel, in metres; `lat` in radians."""
+        squeeze = 1 - self.eccentricity2 * np.sin(lat) ** 2
+        normal = self.radius / np.sqrt(squeeze)
+        return normal * (1 - self.eccentricity2) / squeeze, normal * np.cos(lat)
+
+    def xyz_from_xy(self, x: Floats, y: Floats) -> Floats:
+        """Map coordinates (...) as geocentric coordinates (..., 3), in metres."""
+        lon, lat = (x, y) if self.inverse is None else self.inverse(x, y)
+        lon, lat = lon * self.unit, lat * self.unit
+        normal = self.radius / np.sqrt(1 - self.eccentricity2 * np.sin(lat) ** 2)
+        out = normal * np.cos(lat)
+        up = normal * (1 - self.eccentricity2) * np.sin(lat)
+        return np.stack([out * np.cos(lon), out * np.sin(lon), up], axis=-1)
 
 
 @lru_cache(maxsize=32)
 def parse_crs(wkt: str) -> Any:
-    """The pyproj CRS of a WKT text.
+    """Return the pyproj CRS of a WKT text.
 
     Raises
     ------
@@ -40,48 +100,80 @@ def parse_crs(wkt: str) -> Any:
     return pyproj.CRS.from_wkt(wkt)
 
 
-def is_geographic(wkt: str | None) -> bool:
-    """Whether coordinates are longitude and latitude."""
-    return _is_kind(wkt, "is_geographic")
-
-
-def is_in_metres(wkt: str | None) -> bool:
-    """Whether coordinates are metres; local ones are taken for metres."""
-    return wkt is None or (_is_kind(wkt, "is_projected") and math.isclose(unit_factor(wkt), 1.0))
-
-
-def _is_kind(wkt: str | None, kind: str) -> bool:
+@lru_cache(maxsize=32)
+def _crs_of(wkt: str | None) -> _Crs | None:
+    """Return what is asked of a CRS; None where there is none, or the text is not that of one."""
+    if wkt is None:
+        return None
+    utm = _utm_zone(wkt)
+    if utm is not None:
+        name = wkt.split('"')[1]
+        return _Crs(name, False, True, "metre", 1.0, _WGS84_RADIUS_M)
     from pyproj.exceptions import ProjError
 
     try:
-        return wkt is not None and bool(getattr(parse_crs(wkt), kind))
+        crs = parse_crs(wkt)
     except ProjError:
-        return False
-
-
-def unit_name(wkt: str | None) -> str:
-    """The unit of coordinates: "degrees", the name of a unit of length, or "unknown"."""
-    if is_geographic(wkt):
-        return "degrees"
-    return str(parse_crs(wkt).axis_info[0].unit_name) if wkt and _is_kind(wkt, "is_projected") else "unknown"
+        return None
+    axes, ellipsoid = crs.axis_info, crs.ellipsoid
+    return _Crs(
+        name=str(crs.name),
+        is_geographic=bool(crs.is_geographic),
+        is_projected=bool(crs.is_projected),
+        unit_name=str(axes[0].unit_name) if axes else "unknown",
+        unit_factor=float(axes[0].unit_conversion_factor) if axes else 1.0,
+        radius=None if ellipsoid is None else float(ellipsoid.semi_major_metre),
+    )
 
 
 @lru_cache(maxsize=32)
+def _utm_zone(wkt: str) -> CRS | None:
+    """Return the CRS of a UTM zone on WGS 84; None for every other.
+
+    Most rasters of drones are in one. GDAL, which has read the raster, answers what is asked of it; pyproj is
+    not imported, which takes as long as extracting regions from a small tile.
+    """
+    code = re.search(r'ID\["EPSG",(32[67]\d\d)\]\]$', wkt)
+    if code is None or not 1 <= int(code[1]) % 100 <= 60:
+        return None
+    zone = CRS.from_epsg(int(code[1]))
+    return zone if CRS.from_wkt(wkt) == zone else None
+
+
+def is_geographic(wkt: str | None) -> bool:
+    """Return whether coordinates are longitude and latitude."""
+    crs = _crs_of(wkt)
+    return crs is not None and crs.is_geographic
+
+
+def is_in_metres(wkt: str | None) -> bool:
+    """Return whether coordinates are metres; local ones are taken for metres."""
+    crs = _crs_of(wkt)
+    return wkt is None or (crs is not None and crs.is_projected and math.isclose(crs.unit_factor, 1.0))
+
+
+def unit_name(wkt: str | None) -> str:
+    """Return the unit of coordinates: "degrees", the name of a unit of length, or "unknown"."""
+    crs = _crs_of(wkt)
+    if crs is None or not (crs.is_geographic or crs.is_projected):
+        return "unknown"
+    return "degrees" if crs.is_geographic else crs.unit_name
+
+
 def unit_factor(wkt: str | None) -> float:
     """Metres (radians, where the CRS is geographic) in one unit of coordinates; 1 where that is unknown."""
-    if wkt is None:
-        return 1.0
-    axes = parse_crs(wkt).axis_info
-    return float(axes[0].unit_conversion_factor) if axes else 1.0
+    crs = _crs_of(wkt)
+    return 1.0 if crs is None else crs.unit_factor
 
 
 def crs_name(wkt: str | None) -> str | None:
-    """The name of a CRS, such as "WGS 84 / UTM zone 18N"."""
-    return None if wkt is None else str(parse_crs(wkt).name)
+    """Return the name of a CRS, such as "WGS 84 / UTM zone 18N"."""
+    crs = _crs_of(wkt)
+    return None if crs is None else crs.name
 
 
 def is_on_earth(wkt: str | None) -> bool:
-    """Whether a CRS belongs to the Earth, and not to another celestial body.
+    """Return whether a CRS belongs to the Earth, and not to another celestial body.
 
     Raises
     ------
@@ -99,12 +191,10 @@ def equatorial_radius(wkt: str | None) -> float:
     RasterError
         If the CRS has no ellipsoid.
     """
-    from pyproj.exceptions import ProjError
-
-    try:
-        return float(parse_crs(wkt or "").ellipsoid.semi_major_metre)
-    except (ProjError, AttributeError) as error:
-        raise _no_lonlat() from error
+    crs = _crs_of(wkt)
+    if crs is None or crs.radius is None:
+        raise _no_lonlat()
+    return crs.radius
 
 
 @lru_cache(maxsize=32)
@@ -118,9 +208,13 @@ def lonlat_transform(wkt: str | None) -> Transform:
     RasterError
         If the CRS has no longitude and latitude.
     """
+    on_earth = is_on_earth(wkt)
+    utm = _utm_zone(wkt or "")
+    if utm is not None:
+        return _utm_transform(utm, wkt or "")
     from pyproj.exceptions import ProjError
 
-    target = WGS84 if is_on_earth(wkt) else parse_crs(wkt or "").geodetic_crs
+    target = WGS84 if on_earth else parse_crs(wkt or "").geodetic_crs
     try:
         return _transformer(parse_crs(wkt or ""), target)
     except ProjError as error:
@@ -131,31 +225,57 @@ def _no_lonlat() -> RasterError:
     return RasterError("the coordinate reference system has no transformation to longitude and latitude")
 
 
-def geodetic_base(wkt: str | None) -> tuple[Any, Transform | None] | None:
-    """The geographic CRS that a CRS is made from, and the transform to it.
+def _utm_transform(zone: CRS, wkt: str) -> Transform:
+    """From a UTM zone to longitude and latitude: by GDAL, and many points by pyproj, which is faster then."""
 
-    Returns
-    -------
-    (pyproj CRS, Transform or None), or None
-        No transform where the CRS is geographic itself and its pole is that of the ellipsoid; None where it
-        has no geographic CRS at all.
-    """
-    from pyproj.exceptions import ProjError
+    @lru_cache(maxsize=1)
+    def by_pyproj() -> Transform:
+        return _transformer(parse_crs(wkt), WGS84)
 
+    def transform(x: Any, y: Any) -> tuple[Floats, Floats]:
+        x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
+        within = (np.abs(x) < _UTM_DOMAIN_M) & (np.abs(y) < _UTM_DOMAIN_M)
+        if x.size > _MAX_BY_GDAL or not within.all():
+            return by_pyproj()(x, y)
+        lonlat = gdal_transform(zone, WGS84, x.ravel().tolist(), y.ravel().tolist())
+        lon, lat = (np.reshape(values, x.shape)[()] for values in lonlat)
+        return lon, lat
+
+    return transform
+
+
+@lru_cache(maxsize=32)
+def ellipsoid_under(wkt: str | None) -> Ellipsoid | None:
+    """Return the ellipsoid of a CRS; None where there is no CRS, or one without longitude and latitude."""
     if wkt is None:
         return None
+    utm = _utm_zone(wkt)
+    if utm is not None:
+        eccentricity2 = 1 - (_WGS84_POLAR_RADIUS_M / _WGS84_RADIUS_M) ** 2
+        inverse = _utm_transform(utm, wkt)
+        return Ellipsoid(inverse, math.radians(1), 1.0, _WGS84_RADIUS_M, eccentricity2)
+    from pyproj.exceptions import ProjError
+
     try:
         crs = parse_crs(wkt)
-        base = crs.geodetic_crs
+        base, to_base = crs.geodetic_crs, True
         if base is None:
             return None
         if base.is_derived:  # its pole is not that of the ellipsoid
             base = base.source_crs
         elif crs.is_geographic:
-            return base, None
-        return base, _transformer(crs, base)
+            to_base = False
+        transform = _transformer(crs, base) if to_base else None
     except ProjError:
         return None
+    radius = base.ellipsoid.semi_major_metre
+    return Ellipsoid(
+        inverse=transform,
+        unit=base.axis_info[0].unit_conversion_factor,
+        unit_m=unit_factor(wkt) * (radius if is_geographic(wkt) else 1.0),
+        radius=radius,
+        eccentricity2=1 - (base.ellipsoid.semi_minor_metre / radius) ** 2,
+    )
 
 
 def transform_between(source: Any, target: Any) -> Transform:
@@ -185,13 +305,13 @@ def _transformer(source: Any, target: Any) -> Transform:
 
 
 def geod_of(wkt: str) -> Any:
-    """The pyproj Geod (geodesics) of the ellipsoid of a CRS."""
+    """Return the pyproj Geod (geodesics) of the ellipsoid of a CRS."""
     return parse_crs(wkt).get_geod()
 
 
 @lru_cache(maxsize=1)
 def geod_wgs84() -> Any:
-    """The pyproj Geod (geodesics) of WGS 84."""
+    """Return the pyproj Geod (geodesics) of WGS 84."""
     from pyproj import Geod
 
     return Geod(ellps="WGS84")
@@ -259,7 +379,7 @@ def unwrap_lon(lon: Floats, turn: float = 360.0) -> Floats:
 
 
 def split_at_antimeridian(lonlat: Floats) -> list[Floats]:
-    """The parts of a line on either side of the antimeridian; each ends and begins on it.
+    """Return the parts of a line on either side of the antimeridian; each ends and begins on it.
 
     Parameters
     ----------
@@ -285,7 +405,7 @@ def split_at_antimeridian(lonlat: Floats) -> list[Floats]:
 
 
 def densify_line(vertices: Floats, pieces: NDArray[np.int64]) -> Floats:
-    """A line of n vertices, (n, 2), with each of its n - 1 edges divided into some equal pieces, at least 1.
+    """Divide each of the n - 1 edges of a line of n vertices, (n, 2), into some equal pieces, at least 1.
 
     Examples
     --------

@@ -2,13 +2,13 @@
 
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import RasterError
 from uavseg.raster.geodesy.globe import parse_crs
 from uavseg.warning_filters import changing_filters
@@ -48,7 +48,7 @@ class VerticalReference:
 
 
 def vertical_reference(wkt: str) -> VerticalReference:
-    """The vertical part of a CRS, which is compound or has three axes; unknown where there is none.
+    """Return the vertical part of a CRS, which is compound or has three axes; unknown where there is none.
 
     Raises
     ------
@@ -77,14 +77,14 @@ def vertical_reference(wkt: str) -> VerticalReference:
 
 @lru_cache(maxsize=32)
 def horizontal_crs(wkt: str) -> Any:
-    """The pyproj CRS of the plane or globe alone, without heights."""
+    """Return the pyproj CRS of the plane or globe alone, without heights."""
     crs = parse_crs(wkt)
     parts = [part for part in crs.sub_crs_list if not part.is_vertical]
     return parts[0] if parts else crs.to_2d()
 
 
 def sea_from_ellipsoid() -> SeaHeights | None:
-    """The conversion of ellipsoidal heights (WGS 84) to heights above the geoid EGM96; never downloaded.
+    """Return the conversion of ellipsoidal heights (WGS 84) to heights above the geoid EGM96.
 
     Returns
     -------

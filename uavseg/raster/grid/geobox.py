@@ -1,7 +1,7 @@
-"""Georeferenced grid: a shape, an affine transform and a coordinate reference system (CRS)."""
+"""Georeferenced grid: a shape, an affine transform and a CRS; lengths in metres or in pixels."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from affine import Affine
@@ -9,9 +9,74 @@ from numpy.typing import ArrayLike, NDArray
 from rasterio.crs import CRS
 
 from uavseg.arguments import checked
+from uavseg.dataclass import dataclass
 from uavseg.errors import MapError, ParameterError, RasterError
 from uavseg.raster.geodesy.globe import is_in_metres, lonlat_transform, unit_name
 from uavseg.raster.grid.tiling import Window
+
+
+@dataclass(frozen=True, slots=True)
+class Length:
+    """A length in metres, or in pixels.
+
+    Raises
+    ------
+    ParameterError
+        If it is not finite and above 0.
+
+    Examples
+    --------
+    >>> parse_length("8px")
+    Length(value=8.0, in_pixels=True)
+    """
+
+    value: float
+    in_pixels: bool = False
+
+    def __post_init__(self) -> None:
+        if not 0 < self.value < float("inf"):
+            raise ParameterError(f"a detail or a width is a finite length above 0, not {self.value:g}")
+
+    def __str__(self) -> str:
+        return f"{self.value:.12g} {'pixels' if self.in_pixels else 'm'}"
+
+    @property
+    def word(self) -> str:
+        """As options of the command line take it."""
+        return f"{self.value!r}".removesuffix(".0") + ("px" if self.in_pixels else "")
+
+
+def parse_length(text: str) -> Length:
+    """Parse a length: metres, or pixels with the suffix px.
+
+    Raises
+    ------
+    ParameterError
+        If the text is not a finite number above 0, with or without px.
+    """
+    number = text.strip().lower()
+    in_pixels = number.endswith("px")
+    try:
+        value = float(number.removesuffix("px"))
+    except ValueError as error:
+        raise ParameterError(
+            f"a detail or a width is metres such as 2.5, or pixels such as 8px, not {text!r}"
+        ) from error
+    return Length(value, in_pixels)
+
+
+def as_length(given: float | str | None) -> Length | None:
+    """Metres, or a length as text such as "8px"; None is no length.
+
+    Raises
+    ------
+    ParameterError
+        If it is not a finite number above 0, with or without px.
+    """
+    if given is None:
+        return None
+    return parse_length(given) if isinstance(given, str) else Length(float(given))
+
 
 Floats = NDArray[np.float64]
 
@@ -94,13 +159,13 @@ class GeoBox:
 
     @checked
     def window(self, window: Window) -> "GeoBox":
-        """The part of the grid inside `window`."""
+        """Return the part of the grid inside `window`."""
         transform = shifted(self.transform, window.row, window.col)
         return replace(self, shape=(window.rows, window.cols), transform=transform)
 
     @checked
     def coarsen(self, side: int) -> "GeoBox":
-        """The grid of cells of `side` x `side` pixels; the last cells may extend past the edge."""
+        """Return the grid of cells of `side` x `side` pixels; the last cells may extend past the edge."""
         if side < 1:
             raise ParameterError(f"the side of a cell is at least 1 pixel, not {side}")
         rows, cols = (-(-length // side) for length in self.shape)
@@ -137,26 +202,26 @@ _MIN_PIXEL = 1e-13  # of the largest coordinate: 2^-53 is what float64 tells apa
 
 
 def shifted(transform: Affine, row: float, col: float) -> Affine:
-    """The transform of a grid whose first pixel is at (row, col) of another."""
+    """Return the transform of a grid whose first pixel is at (row, col) of another."""
     a, b, c, d, e, f = tuple(transform)[:6]
     return Affine(a, b, a * col + b * row + c, d, e, d * col + e * row + f)
 
 
 def scaled(transform: Affine, rows: float, cols: float) -> Affine:
-    """The transform of a grid whose pixels are `rows` x `cols` pixels of another."""
+    """Return the transform of a grid whose pixels are `rows` x `cols` pixels of another."""
     a, b, c, d, e, f = tuple(transform)[:6]
     return Affine(a * cols, b * rows, c, d * cols, e * rows, f)
 
 
 @checked
 def local_geobox(shape: tuple[int, int], cell_m: float, origin: tuple[float, float]) -> GeoBox:
-    """A north-up grid of square cells in local metres, with its lower left corner at `origin`."""
+    """Return a north-up grid of square cells in local metres, with its lower left corner at `origin`."""
     transform = Affine(cell_m, 0.0, origin[0], 0.0, -cell_m, origin[1] + shape[0] * cell_m)
     return GeoBox(shape, transform, None)
 
 
 def azimuthal_geobox(lat: float, lon: float, bounds: tuple[float, float, float, float]) -> GeoBox:
-    """A box in metres around a centre: azimuthal equidistant projection (WGS 84), one pixel, north up.
+    """Return a box in metres around a centre: azimuthal equidistant projection (WGS 84), one pixel, north up.
 
     Parameters
     ----------

@@ -8,7 +8,6 @@ table entries. Rows of a geographic raster are integrated between their parallel
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -16,8 +15,8 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from uavseg.raster.geodesy.globe import densify_line, unit_factor
-from uavseg.raster.grid.ellipsoid import Ellipsoid, ellipsoid_under, pixel_on_ground, pixel_on_map
+from uavseg.dataclass import dataclass
+from uavseg.raster.geodesy.globe import Ellipsoid, densify_line, ellipsoid_under, unit_factor
 from uavseg.raster.grid.geobox import GeoBox
 
 Floats = NDArray[np.float64]
@@ -26,6 +25,7 @@ Integers = NDArray[np.integer[Any]]
 _CHUNK = 1 << 20  # vertices measured at a time
 _MAX_NODES = 128  # of the interpolation, along rows and along columns
 _TOLERANCE = 1e-11  # relative, of the last coefficients
+_STEP = 1 / 1600  # of finite differences, in radii of the ellipsoid: 4 km on the Earth
 
 
 def ring_areas(geobox: GeoBox, vertices: Integers, starts: Integers) -> Floats:
@@ -80,6 +80,58 @@ def ground_steps(geobox: GeoBox, row: float, col: float) -> tuple[float, float]:
     if np.isfinite(per_col[0]) and np.isfinite(per_row[0]):
         return float(per_col[0]), float(per_row[0])
     return pixel_on_map(geobox)[:2]
+
+
+def pixel_on_ground(geobox: GeoBox, row: Floats, col: Floats) -> tuple[Floats, Floats, Floats]:
+    """Ground size of pixels.
+
+    From finite differences, of fourth order, of points in space.
+
+    Parameters
+    ----------
+    geobox : GeoBox
+    row, col : float64 arrays that broadcast
+        Pixel positions; whole numbers are pixel corners.
+
+    Returns
+    -------
+    along_row, along_col, area : float64 arrays of the broadcast shape
+        Metres per pixel along a row and along a column, and square metres per pixel (units of the map where
+        there is no CRS); not finite where the projection ends.
+    """
+    ellipsoid = ellipsoid_under(geobox.wkt)
+    row, col = np.broadcast_arrays(row, col)
+    if ellipsoid is None:
+        along_row, along_col, area = (np.full(row.shape, value) for value in pixel_on_map(geobox))
+        return along_row, along_col, area
+    t = geobox.transform
+    steps = ellipsoid.radius * _STEP / (ellipsoid.unit_m * np.hypot([t.a, t.b], [t.d, t.e]))
+
+    def point(row: Floats, col: Floats) -> Floats:
+        return ellipsoid.xyz_from_xy(*geobox.xy_from_pixel(row, col))
+
+    with np.errstate(invalid="ignore", over="ignore"):
+        per_col = _derivative(lambda by: point(row, col + by), steps[0])
+        per_row = _derivative(lambda by: point(row + by, col), steps[1])
+        normal = np.cross(per_col, per_row)
+        along_row, along_col, area = (np.sqrt((v * v).sum(axis=-1)) for v in (per_col, per_row, normal))
+    return along_row, along_col, area
+
+
+def pixel_on_map(geobox: GeoBox) -> tuple[float, float, float]:
+    """Return length of a pixel along a row and along a column, and its area, in the plane of the map.
+
+    Metres and square metres where the unit of the map is known.
+    """
+    t, unit = geobox.transform, unit_factor(geobox.wkt)
+    along_row, along_col = np.hypot([t.a, t.b], [t.d, t.e]) * unit
+    return float(along_row), float(along_col), abs(t.determinant) * unit**2
+
+
+def _derivative(point: Callable[[float], Floats], step: float) -> Floats:
+    """Derivative of points by central differences of fourth order."""
+    near, far = point(step) - point(-step), point(2 * step) - point(-2 * step)
+    return (8 * near - far) / (12 * step)
 
 
 def line_length(geobox: GeoBox, row: Floats, col: Floats) -> float:
@@ -240,14 +292,14 @@ def _interpolate(geobox: GeoBox) -> Floats | None:
 
 
 def _from_nodes(x: Floats) -> Floats:
-    """The matrix from values at Chebyshev nodes to coefficients."""
+    """Return the matrix from values at Chebyshev nodes to coefficients."""
     matrix: Floats = chebyshev.chebvander(x, len(x) - 1).T * 2 / len(x)
     matrix[0] /= 2
     return matrix
 
 
 def _least_squares(geobox: GeoBox, degree: int = 16) -> Floats | None:
-    """The same by least squares, for a raster that extends past the domain of its projection."""
+    """Return the same by least squares, for a raster that extends past the domain of its projection."""
     x, y = np.meshgrid(np.linspace(-1, 1, 49), np.linspace(-1, 1, 49))
     row, col = (length * (1 + at) / 2 for length, at in zip(geobox.shape, (y, x), strict=True))
     samples = np.stack(pixel_on_ground(geobox, row, col))

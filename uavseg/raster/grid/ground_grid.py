@@ -1,10 +1,9 @@
 """Table of longitudes and latitudes of evenly spaced pixel corners, for linear interpolation."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import RasterError
 from uavseg.raster.geodesy.globe import geod_wgs84
 from uavseg.raster.grid.geobox import GeoBox
@@ -36,7 +35,7 @@ class GroundGrid:
 
 
 def ground_grid(geobox: GeoBox) -> GroundGrid:
-    """The coarsest table between whose places interpolation errs by half a centimetre at most.
+    """Return the coarsest table between whose places interpolation errs by half a centimetre at most.
 
     Parameters
     ----------
@@ -72,7 +71,7 @@ def _pixel_areas(geobox: GeoBox, lon: Floats, lat: Floats) -> Floats:
 
 
 def _largest_step(areas: Floats) -> float:
-    """Largest relative difference between neighbouring parts."""
+    """Return largest relative difference between neighbouring parts."""
     steps = max(float(np.abs(np.diff(areas, axis=axis)).max()) for axis in (0, 1))
     return steps / float(areas.min())
 
@@ -96,7 +95,7 @@ def _corners(geobox: GeoBox, intervals: int) -> tuple[Floats, Floats]:
 
 
 def _error(lon: Floats, lat: Floats) -> float:
-    """Largest difference between every second place and the mean of its neighbours."""
+    """Return largest difference between every second place and the mean of its neighbours."""
     worst = 0.0
     for values in (lon, lat):
         known = values[::2, ::2]

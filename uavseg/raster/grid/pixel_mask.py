@@ -1,12 +1,13 @@
 """Two-level bit mask: a code for each block of 64 x 64 pixels, and a bit for each pixel of mixed blocks."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.raster.grid.tiling import Window, whole_blocks, window_blocks
 from uavseg.units import BLOCK
 
@@ -36,7 +37,7 @@ class PixelMask:
 
     @classmethod
     def of(cls, pixels: Pixels) -> "PixelMask":
-        """The set of the pixels that are true in an array.
+        """Return the set of the pixels that are true in an array.
 
         Examples
         --------
@@ -55,7 +56,7 @@ class PixelMask:
 
     @classmethod
     def joined(cls, shape: tuple[int, int], parts: Iterable[tuple[Window, "PixelMask"]]) -> "PixelMask":
-        """The set of a raster of `shape` from those of its tiles; nothing is in it elsewhere."""
+        """Return the set of a raster of `shape` from those of its tiles; nothing is in it elsewhere."""
         codes = np.zeros((-(-shape[0] // BLOCK), -(-shape[1] // BLOCK)), np.uint8)
         places, bits = [np.zeros(0, np.int64)], [np.zeros((0, BLOCK, BLOCK // 8), np.uint8)]
         for window, part in parts:
@@ -69,15 +70,15 @@ class PixelMask:
         return cls(codes, joined[order], np.concatenate(bits)[order])
 
     def touches(self, window: Window) -> bool:
-        """Whether a block that intersects a window has a pixel in the set."""
+        """Return whether a block that intersects a window has a pixel in the set."""
         return bool(self.codes[_blocks(window)].any())
 
     def covers(self, window: Window) -> bool:
-        """Whether all blocks that intersect a window are wholly in the set."""
+        """Return whether all blocks that intersect a window are wholly in the set."""
         return bool((self.codes[_blocks(window)] == ALL).all())
 
     def read(self, window: Window) -> Pixels:
-        """Which pixels of a window inside the raster are in the set, (rows, cols) bool."""
+        """Return which pixels of a window inside the raster are in the set, (rows, cols) bool."""
         here = _blocks(window)
         codes = self.codes[here]
         whole = np.zeros((codes.shape[0], BLOCK, codes.shape[1], BLOCK), bool)
@@ -92,11 +93,11 @@ class PixelMask:
         return pixels
 
     def sample(self, rows: NDArray[np.int64], cols: NDArray[np.int64]) -> Pixels:
-        """Which pixels at the crossings of some rows and columns are in the set, (rows, cols) bool."""
+        """Return which pixels at the crossings of some rows and columns are in the set, (rows, cols) bool."""
         return self.at(*np.broadcast_arrays(rows[:, None], cols))
 
     def at(self, rows: NDArray[np.int64], cols: NDArray[np.int64]) -> Pixels:
-        """Which of some pixels are in the set; rows, columns and the result have one shape."""
+        """Return which of some pixels are in the set; rows, columns and the result have one shape."""
         codes = self.codes[rows // BLOCK, cols // BLOCK]
         found: Pixels = codes == ALL
         mixed = codes == MIXED
@@ -107,14 +108,14 @@ class PixelMask:
         return found
 
     def count(self, shape: tuple[int, int]) -> int:
-        """Number of pixels in the set, of a raster of `shape`."""
+        """Return number of pixels in the set, of a raster of `shape`."""
         rows = np.minimum(BLOCK, shape[0] - BLOCK * np.arange(self.codes.shape[0]))
         cols = np.minimum(BLOCK, shape[1] - BLOCK * np.arange(self.codes.shape[1]))
         return int(rows @ (self.codes == ALL) @ cols) + int(np.bitwise_count(self.bits).sum())
 
 
 def _padded(pixels: Pixels, value: bool) -> NDArray[Any]:
-    """The pixels as (B, 64, C, 64), with a value beyond their end."""
+    """Return the pixels as (B, 64, C, 64), with a value beyond their end."""
     shape = whole_blocks(pixels.shape[0]), whole_blocks(pixels.shape[1])
     whole = pixels
     if shape != pixels.shape:
@@ -124,7 +125,7 @@ def _padded(pixels: Pixels, value: bool) -> NDArray[Any]:
 
 
 def _blocks(window: Window) -> tuple[slice, slice]:
-    """Index of the blocks that intersect a window."""
+    """Return index of the blocks that intersect a window."""
     return (
         slice(window.row // BLOCK, -(-(window.row + window.rows) // BLOCK)),
         slice(window.col // BLOCK, -(-(window.col + window.cols) // BLOCK)),

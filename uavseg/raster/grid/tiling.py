@@ -1,12 +1,13 @@
 """Tiling: windows, halos, and a window's blocks and cells; integer arithmetic only."""
 
 from collections.abc import Callable, Generator, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Map, Progress, serial, split_progress
 from uavseg.units import BLOCK, CELL
@@ -32,18 +33,18 @@ class Window:
         return slice(self.row, self.row + self.rows), slice(self.col, self.col + self.cols)
 
     def grown(self, margin: int) -> "Window":
-        """The window with a halo of `margin` pixels on every side; it may extend past the raster."""
+        """Return the window with a halo of `margin` pixels on every side; it may extend past the raster."""
         return Window(self.row - margin, self.col - margin, self.rows + 2 * margin, self.cols + 2 * margin)
 
     def clipped(self, shape: tuple[int, int]) -> "Window":
-        """The part of the window inside a raster of `shape` (rows, cols); it may be empty."""
+        """Return the part of the window inside a raster of `shape` (rows, cols); it may be empty."""
         row, col = max(self.row, 0), max(self.col, 0)
         rows = max(min(self.row + self.rows, shape[0]) - row, 0)
         cols = max(min(self.col + self.cols, shape[1]) - col, 0)
         return Window(row, col, rows, cols)
 
     def common(self, other: "Window") -> "Window":
-        """The part that two windows have in common; it may be empty."""
+        """Return the part that two windows have in common; it may be empty."""
         row, col = max(self.row, other.row), max(self.col, other.col)
         rows = max(min(self.row + self.rows, other.row + other.rows) - row, 0)
         cols = max(min(self.col + self.cols, other.col + other.cols) - col, 0)
@@ -51,7 +52,7 @@ class Window:
 
 
 def tiles(shape: tuple[int, int], side: int | tuple[int, int]) -> list[Window]:
-    """Windows that cover a raster once, row by row.
+    """Return windows that cover a raster once, row by row.
 
     Parameters
     ----------
@@ -91,7 +92,7 @@ def _windows(shape: tuple[int, int], tile_rows: int, tile_cols: int) -> Iterator
 
 
 def in_panels(windows: list[Window]) -> list[Window]:
-    """The same tiles, panel by panel of 8192 columns, each panel row by row.
+    """Return the same tiles, panel by panel of 8192 columns, each panel row by row.
 
     A tile is read with a halo. In this order the blocks of its neighbours are likely to be in the cache of
     decoded blocks, however wide the raster is.
@@ -106,7 +107,7 @@ def in_panels(windows: list[Window]) -> list[Window]:
 
 
 def tile_side(shape: tuple[int, int], file_block: tuple[int, int], pixels: int = 1 << 22) -> tuple[int, int]:
-    """Rows and columns of a tile of about `pixels` pixels that suits the layout of a file.
+    """Return rows and columns of a tile of about `pixels` pixels that suits the layout of a file.
 
     Square if the file is tiled; whole rows if it is stored in strips, which are always decoded whole, unless
     64 rows are far more than so many pixels.
@@ -125,12 +126,12 @@ def tile_side(shape: tuple[int, int], file_block: tuple[int, int], pixels: int =
 
 
 def whole_blocks(length: int) -> int:
-    """A length in pixels, rounded up to whole blocks of 64."""
+    """Return a length in pixels, rounded up to whole blocks of 64."""
     return -(-length // BLOCK) * BLOCK
 
 
 def cells_around(cells: NDArray[Any], window: Window, reach: int) -> NDArray[Any]:
-    """Cells of a window with a halo of `reach` pixels, a multiple of 8; 0 outside the raster."""
+    """Return cells of a window with a halo of `reach` pixels, a multiple of 8; 0 outside the raster."""
     margin = reach // CELL
     rows, cols = whole_blocks(window.rows) // CELL, whole_blocks(window.cols) // CELL
     around = np.zeros((rows + 2 * margin, cols + 2 * margin), cells.dtype)
@@ -142,7 +143,7 @@ def cells_around(cells: NDArray[Any], window: Window, reach: int) -> NDArray[Any
 
 
 def sample_positions(start: int, length: int, count: int) -> NDArray[np.int64]:
-    """The nearest of `count` evenly spaced rows or columns of a range; all of them if `count` is `length`.
+    """Return `count` evenly spaced rows or columns of a range; all of them if `count` is `length`.
 
     Examples
     --------
@@ -154,12 +155,12 @@ def sample_positions(start: int, length: int, count: int) -> NDArray[np.int64]:
 
 
 def window_blocks(window: Window) -> tuple[slice, slice]:
-    """Index of a window's blocks in the block map."""
+    """Return index of a window's blocks in the block map."""
     return _in_units(window, BLOCK)
 
 
 def window_cells(window: Window) -> tuple[slice, slice]:
-    """Index of a window's cells in the block map, up to the end of its last blocks."""
+    """Return index of a window's cells in the block map, up to the end of its last blocks."""
     return _in_units(window, CELL)
 
 
@@ -193,7 +194,7 @@ class TilePass:
         return self.map(function, self.windows if items is None else items, self.progress)
 
     def stages(self, count: int) -> list["TilePass"]:
-        """The pass `count` times, each of which reports its share of the progress."""
+        """Return the pass `count` times, each of which reports its share of the progress."""
         if self.progress is None:
             return [self] * count
         return [replace(self, progress=progress) for progress in split_progress(self.progress, count)]

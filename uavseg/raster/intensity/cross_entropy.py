@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 
 def least_cross_entropy(counts: ArrayLike) -> tuple[int, int]:
-    """The two classes with the smallest cross entropy between a picture and its two means.
+    """Return the two classes with the smallest cross entropy between a picture and its two means.
 
     The criterion weighs a deviation by its share of the intensity, so that the tail of a histogram becomes
     the wider class (Li and Lee, Pattern Recognition 26 (1993) 617-625). Intensity is counted from the first
@@ -50,7 +50,7 @@ def least_cross_entropy(counts: ArrayLike) -> tuple[int, int]:
 
 
 def _last_of_darker(values: NDArray[np.float64], weights: NDArray[np.float64]) -> int:
-    """The last element of the darker of the two classes."""
+    """Return the last element of the darker of the two classes."""
     number, total = np.cumsum(weights), np.cumsum(weights * values)
     darker, brighter = total[:-1], total[-1] - total[:-1]
     means = darker / number[:-1], brighter / (number[-1] - number[:-1])

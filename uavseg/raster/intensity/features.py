@@ -1,20 +1,20 @@
 """Numbers per pixel that bands make: a band itself, the luminance, an index, a ratio, a weighted sum."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.raster.intensity.grey import luminance
-from uavseg.raster.read.band_choice import choose
+from uavseg.raster.read.raster_file import choose
 from uavseg.raster.spectral.band_names import names_of
-from uavseg.raster.spectral.bands import BandChoice, BandLayout
+from uavseg.raster.spectral.bands import BandChoice, BandLayout, BandScale
 from uavseg.raster.spectral.formula import BandWords, bind_formula
 from uavseg.raster.spectral.indices import INDICES
-from uavseg.raster.spectral.value_scale import BandScale
 
 _MOST_IN_RATIOS = 6  # bands of which all pairs are compared
 
@@ -67,7 +67,7 @@ def features_of(
     words: BandWords,
     integers: bool,
 ) -> list[Feature]:
-    """The bands by themselves, the luminance, and all indices and ratios that the bands allow.
+    """Return the bands by themselves, the luminance, and all indices and ratios that the bands allow.
 
     Parameters
     ----------
@@ -88,22 +88,22 @@ def features_of(
         if len(whole.bands) == 3 and set(whole.bands) <= set(bands):
             found.append(Feature("band", None, words, whole))
     for name, index in INDICES.items():
-        asked = replace(words, index=name)
-        if not (index.of_reflectance and integers) and _uses(layout, asked, bands):
-            found.append(Feature("index", None, asked, choose(layout, None, None, asked)))
+        requested = replace(words, index=name)
+        if not (index.of_reflectance and integers) and _uses(layout, requested, bands):
+            found.append(Feature("index", None, requested, choose(layout, None, None, requested)))
     texts = _ratios(list(_words(layout, bands).values())) if len(bands) <= _MOST_IN_RATIOS else []
     return found + [_expression(layout, words, text, "index") for text in texts]
 
 
 def alike(layout: BandLayout, bands: Sequence[int]) -> list[int]:
-    """The bands that have the type of the first, with which it can be computed."""
+    """Return the bands that have the type of the first, with which it can be computed."""
     return [band for band in bands if layout.dtypes[band - 1] == layout.dtypes[bands[0] - 1]]
 
 
 def weighted_sum(
     layout: BandLayout, bands: Sequence[int], weights: Sequence[float], words: BandWords
 ) -> Feature | None:
-    """The sum of bands times weights; None where there are fewer than two."""
+    """Return the sum of bands times weights; None where there are fewer than two."""
     called = _words(layout, bands)
     terms = [
         f"{weight:g} * {called[band]}"
@@ -116,12 +116,12 @@ def weighted_sum(
 
 
 def _expression(layout: BandLayout, words: BandWords, text: str, kind: str) -> Feature:
-    asked = replace(words, expr=text)
-    return Feature(kind, None, asked, choose(layout, None, None, asked))
+    requested = replace(words, expr=text)
+    return Feature(kind, None, requested, choose(layout, None, None, requested))
 
 
 def _uses(layout: BandLayout, words: BandWords, bands: Sequence[int]) -> bool:
-    """Whether a formula is of these bands alone."""
+    """Return whether a formula is of these bands alone."""
     try:
         formula = bind_formula(words, layout)
     except ParameterError:  # there is no band of a name that it has
@@ -135,7 +135,7 @@ def _words(layout: BandLayout, bands: Sequence[int]) -> dict[int, str]:
     A band without such a name is left out.
     """
     names = names_of(layout)
-    found = {}
+    result = {}
     for band in bands:
         own = sorted(
             (key for key in names[band - 1].keys if key.isidentifier()), key=lambda key: (len(key), key)
@@ -144,14 +144,14 @@ def _words(layout: BandLayout, bands: Sequence[int]) -> dict[int, str]:
         for key in keys:
             number = int(key[1:]) if key[0] == "b" and key[1:].isdigit() else band
             if number == band and {name.number for name in names if key in name.keys} <= {band}:
-                found[band] = key
+                result[band] = key
                 break
-    return found
+    return result
 
 
 def _ratios(names: Sequence[str]) -> list[str]:
     """Differences of two bands over their sum, and of more than two the share of each."""
-    found = [f"({b} - {a}) / ({b} + {a})" for a, b in combinations(names, 2)]
+    result = [f"({b} - {a}) / ({b} + {a})" for a, b in combinations(names, 2)]
     if len(names) > 2:
-        found += [f"{name} / ({' + '.join(names)})" for name in names]
-    return found
+        result += [f"{name} / ({' + '.join(names)})" for name in names]
+    return result

@@ -15,7 +15,7 @@ Values = NDArray[Any]
 
 
 def to_grey(values: Values, low: float, high: float) -> Grey:
-    """Grey of every pixel, in double precision, with exactly this order of operations.
+    """Return grey of every pixel, in double precision, with exactly this order of operations.
 
     If low = high, grey is 0 below, 65535 above and 32768 at that intensity.
 

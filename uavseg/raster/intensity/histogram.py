@@ -72,7 +72,7 @@ def count_lower_halves(
 
 
 def value_of_key(upper: int, lower: int) -> float:
-    """The float32 value of a sort key."""
+    """Return the float32 value of a sort key."""
     key = np.uint32(upper << 16 | lower)
     bits = key ^ np.uint32(0x80000000) if key & np.uint32(0x80000000) else ~key
     return float(np.array(bits, np.uint32).view(np.float32))
@@ -83,7 +83,7 @@ def _bit_patterns(values: NDArray[np.float32]) -> NDArray[np.uint32]:
 
 
 def _mask_bytes(valid: NDArray[np.bool_] | None) -> NDArray[np.uint8]:
-    """The mask for a kernel: empty if all pixels are valid."""
+    """Return the mask for a kernel: empty if all pixels are valid."""
     if valid is None:
         return np.empty(0, np.uint8)
     return np.ascontiguousarray(valid).reshape(-1).view(np.uint8)

@@ -6,11 +6,12 @@ up to 8 are asked for), and its single precision gives other thresholds for 1 to
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from uavseg.dataclass import dataclass
 
 Floats = NDArray[np.float64]
 
@@ -44,7 +45,7 @@ class Classes:
 
 
 def multi_otsu(counts: ArrayLike, max_classes: int) -> list[Classes]:
-    """The optimal partitions of a histogram into 1, 2, ..., `max_classes` classes.
+    """Return the optimal partitions of a histogram into 1, 2, ..., `max_classes` classes.
 
     Optimal means least within-class variance (Otsu, IEEE Trans. SMC 9 (1979) 62-66; Liao, Chen and Chung, J.
     Inf. Sci. Eng. 17 (2001) 713-727). The contribution of a class depends on its first and last bin alone, so
@@ -77,15 +78,15 @@ def multi_otsu(counts: ArrayLike, max_classes: int) -> list[Classes]:
     total = weights.sum()
     mean = (weights * values).sum() / total
     variance = (weights * (values - mean) ** 2).sum()
-    found = []
+    result = []
     for inner, gain in _optimal_partitions(gains, min(max_classes, bins.size)):
         ends, starts = tuple(bins[[k - 1 for k in inner]].tolist()), tuple(bins[list(inner)].tolist())
-        found.append(Classes(ends, starts, min(float(gain / variance), 1.0) if variance > 0 else 1.0))
-    return found
+        result.append(Classes(ends, starts, min(float(gain / variance), 1.0) if variance > 0 else 1.0))
+    return result
 
 
 def select_classes(counts: ArrayLike, found: Sequence[Classes]) -> Classes:
-    """The natural number of classes: the largest for which all classes are separated, else two.
+    """Return the natural number of classes: the largest for which all classes are separated, else two.
 
     Parameters
     ----------
@@ -98,7 +99,7 @@ def select_classes(counts: ArrayLike, found: Sequence[Classes]) -> Classes:
 
 
 def are_separated(counts: ArrayLike, classes: Classes) -> bool:
-    """Whether there is a valley between every two adjacent classes.
+    """Return whether there is a valley between every two adjacent classes.
 
     The histogram is smoothed by a Gaussian with a standard deviation of 1/32 of its extent. Between the
     highest bins of two classes it must fall below a third of the lower one.
@@ -144,17 +145,17 @@ def _gains(values: Floats, weights: Floats) -> Floats:
 def _optimal_partitions(gains: Floats, max_classes: int) -> list[tuple[tuple[int, ...], float]]:
     """For 1..max_classes classes: the start of each but the first, and the sum of their gains."""
     best, begins = gains[0], []
-    found: list[tuple[tuple[int, ...], float]] = [((), float(best[-1]))]
+    result: list[tuple[tuple[int, ...], float]] = [((), float(best[-1]))]
     for _ in range(1, max_classes):
         with_one_more = best[:, None] + gains
         begins.append(with_one_more.argmax(axis=0))
         best = with_one_more.max(axis=0)
-        found.append((_backtrack(begins), float(best[-1])))
-    return found
+        result.append((_backtrack(begins), float(best[-1])))
+    return result
 
 
 def _backtrack(begins: Sequence[NDArray[np.intp]]) -> tuple[int, ...]:
-    """The start of each class but the first, traced back from the last bin."""
+    """Return the start of each class but the first, traced back from the last bin."""
     end, inner = len(begins[0]) - 1, []
     for begin in reversed(begins):
         end = int(begin[end])

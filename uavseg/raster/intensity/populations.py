@@ -20,7 +20,7 @@ Counts = NDArray[np.int64]
 
 
 def population_edges(greys: Counts) -> tuple[float, ...]:
-    """Values of v that part the populations of a histogram, increasing; none where it has one.
+    """Return values of v that part the populations of a histogram, increasing; none where it has one.
 
     An edge lies where the smoothed histogram falls below a third of the modes on both sides of it; their
     means lie more than four times their pooled standard deviation apart. Noise, texture and slow changes of
@@ -69,15 +69,15 @@ def rarest_population(greys: Counts, edges: Sequence[float]) -> tuple[float, flo
 
 
 def _unsaturated(greys: Counts) -> Counts:
-    """The histogram without the pixels at an end of v that others lie beside."""
-    found, reach = greys.copy(), int(np.ptp(np.flatnonzero(greys)) * _SATURATED) + 1
-    found[0] *= not greys[1 : 1 + reach].any()
-    found[GREY_MAX] *= not greys[GREY_MAX - reach : GREY_MAX].any()
-    return found
+    """Return the histogram without the pixels at an end of v that others lie beside."""
+    result, reach = greys.copy(), int(np.ptp(np.flatnonzero(greys)) * _SATURATED) + 1
+    result[0] *= not greys[1 : 1 + reach].any()
+    result[GREY_MAX] *= not greys[GREY_MAX - reach : GREY_MAX].any()
+    return result
 
 
 def _valleys(bins: Counts, smooth: NDArray[np.float64], begin: int, end: int) -> list[int]:
-    """Numbers of bins below each valley between bins begin..end - 1, the deepest first cut."""
+    """Return numbers of bins below each valley between bins begin..end - 1, the deepest first cut."""
     if end - begin < 2:
         return []
     least = _LEAST * bins.sum()
@@ -94,10 +94,10 @@ def _valleys(bins: Counts, smooth: NDArray[np.float64], begin: int, end: int) ->
 
 
 def _separations(bins: Counts, cuts: Sequence[int]) -> NDArray[np.float64]:
-    """Distance of the means on both sides of each cut, in their pooled standard deviations."""
+    """Return distance of the means on both sides of each cut, in their pooled standard deviations."""
     places = np.arange(len(bins), dtype=np.float64)
-    kinds = np.searchsorted(cuts, places, side="right")
-    number, sums, squares = (np.bincount(kinds, bins * places**k, len(cuts) + 1) for k in range(3))
+    classes = np.searchsorted(cuts, places, side="right")
+    number, sums, squares = (np.bincount(classes, bins * places**k, len(cuts) + 1) for k in range(3))
     means = sums / number
     spread = squares - number * means**2
     pooled = (spread[:-1] + spread[1:]) / (number[:-1] + number[1:])

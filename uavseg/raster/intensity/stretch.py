@@ -2,20 +2,20 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial, reduce
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.raster.grid.tiling import TilePass, Window
 from uavseg.raster.intensity import histogram
-from uavseg.raster.intensity.grey import Grey, luminance_f4, to_grey
+from uavseg.raster.intensity.grey import Grey, luminance, luminance_f4, to_grey
 from uavseg.raster.read.dataset import Dataset
 from uavseg.raster.spectral.bands import Valid, Values
-from uavseg.units import GREY_LEVELS
+from uavseg.units import GREY_LEVELS, GREY_MAX
 
 FORMS = "auto, dtype, minmax, percentile:P,Q, none or LOW,HIGH"
 AUTO_PERCENTILES = (Fraction(2), Fraction(98))
@@ -82,7 +82,7 @@ class Stretch:
         return True
 
     def apply(self, values: Values, valid: Valid | None = None) -> Grey:
-        """Grey of each pixel, 0 where it is invalid.
+        """Return grey of each pixel, 0 where it is invalid.
 
         Parameters
         ----------
@@ -203,7 +203,7 @@ def fit_stretch(
 
 
 def resolved_spec(dataset: Dataset, spec: StretchSpec) -> StretchSpec:
-    """A requested stretch, with what `auto` stands for."""
+    """Return a requested stretch, with what `auto` stands for."""
     if spec.form != "auto":
         return spec
     if dataset.limits is not None:
@@ -212,14 +212,14 @@ def resolved_spec(dataset: Dataset, spec: StretchSpec) -> StretchSpec:
 
 
 def percents_of(spec: StretchSpec) -> tuple[Fraction, ...]:
-    """The percentiles that a resolved stretch is fitted to; none where no pixel is read."""
+    """Return the percentiles that a resolved stretch is fitted to; none where no pixel is read."""
     if spec.form not in ("minmax", "percentile"):
         return ()
     return spec.bounds or (Fraction(0), Fraction(100))
 
 
 def stretch_of(dataset: Dataset, spec: StretchSpec, found: Sequence[float] | None) -> Stretch:
-    """A resolved stretch with the intensities at its percentiles; None if no pixel is valid."""
+    """Return a resolved stretch with the intensities at its percentiles; None if no pixel is valid."""
     if spec.form == "none":
         return Stretch(0.0, 1.0, "none -> 0..1")
     if spec.form == "given" and spec.bounds is not None:
@@ -256,7 +256,7 @@ def order_statistics(
     percents: Sequence[Fraction],
     tile_pass: TilePass,
 ) -> list[float] | None:
-    """The intensities at some percentiles of all valid pixels; None if there are none."""
+    """Return the intensities at some percentiles of all valid pixels; None if there are none."""
     integers = counts_exactly(dataset)
     counts = reduce(np.add, tile_pass.run(partial(_count_upper, dataset)))
     total = int(counts.sum())
@@ -277,7 +277,7 @@ def _value_of_rank(upper: int, rank: int, lowers: NDArray[np.int64]) -> float:
 
 
 def counts_exactly(dataset: Dataset) -> bool:
-    """Whether one histogram has a bin for each possible value."""
+    """Return whether one histogram has a bin for each possible value."""
     single = len(dataset.bands) == 1 and not dataset.choice.expanded
     return single and dataset.dtype.kind in "iu" and dataset.dtype.itemsize <= 2
 
@@ -304,3 +304,49 @@ def _floats(values: Values) -> NDArray[np.float32]:
     with np.errstate(over="ignore", invalid="ignore"):  # what float32 cannot hold is infinite, or NaN
         floats: NDArray[np.float32] = values[0].astype(np.float32, copy=False)
     return floats
+
+
+_LIMIT = 1 << 30  # greys: what lies farther beyond counts as so far
+
+
+def greys_beyond(
+    values: Values, valid: Valid | None, grey: Grey, stretch: Stretch
+) -> NDArray[np.int32] | None:
+    """By how many greys each valid pixel lies beyond the end of a stretch, negative below it.
+
+    Parameters
+    ----------
+    values : (1, rows, cols) or (3, rows, cols) array of any real type
+    valid : (rows, cols) bool array, optional
+    grey : (rows, cols) uint16 array
+        Of the pixels, by that stretch.
+    stretch : Stretch
+
+    Returns
+    -------
+    beyond : (rows, cols) int32 array, or None if it is 0 everywhere
+        Its sum and that of the greys is the sum of the intensities, to half a grey for each pixel.
+    """
+    low, high = stretch.low, stretch.high
+    if not stretch.clips or low == high or _is_within(values.dtype, low, high):
+        return None
+    at_ends = np.flatnonzero(grey.reshape(-1) - np.uint16(1) >= GREY_MAX - 1)  # 0 becomes 65535
+    if valid is not None:
+        at_ends = at_ends[valid.reshape(-1)[at_ends]]
+    pixels = np.ascontiguousarray(values).reshape(len(values), -1)[:, at_ends]
+    # Infinity is clipped below; where the stretch is infinitely wide, a quotient is no number and not beyond.
+    with np.errstate(over="ignore", invalid="ignore"):
+        v = ((luminance(pixels) if len(pixels) == 3 else pixels[0].astype(np.float64)) - low) / (high - low)
+        outside = np.flatnonzero((v < 0) | (v > 1))
+        if not outside.size:
+            return None
+        v = v[outside]
+        steps = np.floor(GREY_MAX * np.where(v > 1, v - 1, v) + 0.5)
+    beyond = np.zeros(grey.shape, np.int32)
+    beyond.reshape(-1)[at_ends[outside]] = np.clip(steps, -_LIMIT, _LIMIT)
+    return beyond
+
+
+def _is_within(dtype: np.dtype[np.generic], low: float, high: float) -> bool:
+    """Return whether a type has no number beyond the ends."""
+    return dtype.kind in "iu" and low <= np.iinfo(dtype.name).min and np.iinfo(dtype.name).max <= high

@@ -1,17 +1,17 @@
 """Ranges of values or of percentiles as they are asked for, and as intensities that a raster stores."""
 
 import math
-from dataclasses import dataclass
 from fractions import Fraction
 from math import inf
 
 import numpy as np
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.raster.intensity.grey import to_grey
 from uavseg.raster.intensity.stretch import Stretch, counts_exactly
 from uavseg.raster.read.dataset import Dataset
-from uavseg.raster.spectral.value_scale import BandScale, ValueAxis
+from uavseg.raster.spectral.bands import BandScale, ValueAxis
 from uavseg.units import GREY_MAX
 
 _ROUNDING = 1e-6  # of a step between stored integers
@@ -98,7 +98,7 @@ class Bounds:
 
 
 def scale_of(dataset: Dataset) -> BandScale:
-    """The scale of the bands that are used.
+    """Return the scale of the bands that are used.
 
     Raises
     ------
@@ -114,7 +114,7 @@ def scale_of(dataset: Dataset) -> BandScale:
 
 
 def axis_of(dataset: Dataset, stretch: Stretch) -> ValueAxis | None:
-    """How v maps to values; None if the bands or files share no scale."""
+    """Return how v maps to values; None if the bands or files share no scale."""
     if dataset.scale is None:
         return None
     low, high = type_limits(dataset)
@@ -124,7 +124,7 @@ def axis_of(dataset: Dataset, stretch: Stretch) -> ValueAxis | None:
 
 
 def type_limits(dataset: Dataset) -> tuple[float, float]:
-    """The smallest and the largest intensity that the type of a dataset holds."""
+    """Return the smallest and the largest intensity that the type of a dataset holds."""
     if dataset.dtype.kind == "f":
         return -inf, inf
     if dataset.dtype.kind == "i":
@@ -133,33 +133,36 @@ def type_limits(dataset: Dataset) -> tuple[float, float]:
     return 0.0, math.ldexp(1.0, dataset.bits) - 1
 
 
-def percents_asked(asked: ValueRange, scale: BandScale) -> list[Fraction]:
-    """The percentiles of stored intensities that a range asks for."""
-    if not asked.by_rank:
+def percents_asked(requested: ValueRange, scale: BandScale) -> list[Fraction]:
+    """Return the percentiles of stored intensities that a range asks for."""
+    if not requested.by_rank:
         return []
-    return [_percent(end, scale) for end in (asked.low, asked.high) if end is not None]
+    return [_percent(end, scale) for end in (requested.low, requested.high) if end is not None]
 
 
 def _percent(percent: float, scale: BandScale) -> Fraction:
-    """A percentile of stored intensities; they fall where values rise if the scale is negative."""
+    """Return a percentile of stored intensities; they fall where values rise if the scale is negative."""
     exact = Fraction(repr(float(percent)))
     if scale.scale > 0:
         return exact
     return min(100 - exact + Fraction(1, 10**15), Fraction(100))  # the rank counted from the other end
 
 
-def stored_range(asked: ValueRange, scale: BandScale, dataset: Dataset, statistics: Statistics) -> Bounds:
-    """A range as intensities that are stored."""
-    if asked.by_rank:
-        ends = [None if end is None else statistics[_percent(end, scale)] for end in (asked.low, asked.high)]
+def stored_range(requested: ValueRange, scale: BandScale, dataset: Dataset, statistics: Statistics) -> Bounds:
+    """Return a range as intensities that are stored."""
+    if requested.by_rank:
+        ends = [
+            None if end is None else statistics[_percent(end, scale)]
+            for end in (requested.low, requested.high)
+        ]
     else:
         ends = [
             None if end is None else _stored_bound(end, k == 0, scale, dataset)
-            for k, end in enumerate((asked.low, asked.high))
+            for k, end in enumerate((requested.low, requested.high))
         ]
     low, high = ends if scale.scale > 0 else ends[::-1]
     low, high = -inf if low is None else low, inf if high is None else high
-    if asked.by_rank and is_wide(dataset):  # percentiles are rounded to float32
+    if requested.by_rank and is_wide(dataset):  # percentiles are rounded to float32
         low, high = (
             float(np.nextafter(np.float32(end), np.float32(way))) for end, way in ((low, -inf), (high, inf))
         )
@@ -167,7 +170,7 @@ def stored_range(asked: ValueRange, scale: BandScale, dataset: Dataset, statisti
 
 
 def _stored_bound(end: float, is_low: bool, scale: BandScale, dataset: Dataset) -> float:
-    """The outermost stored number whose value lies within the end of a range.
+    """Return the outermost stored number whose value lies within the end of a range.
 
     Many 64-bit numbers have one value once a scale and an offset are applied; it is found by bisection.
     """
@@ -188,7 +191,7 @@ def _stored_bound(end: float, is_low: bool, scale: BandScale, dataset: Dataset) 
 
 
 def nearest_of_type(stored: float, dataset: Dataset) -> float:
-    """A bound as the type of a dataset holds it, if it is so close to it that it is meant."""
+    """Return a bound as the type of a dataset holds it, if it is so close to it that it is meant."""
     if len(dataset.bands) == 3 or dataset.choice.expanded or dataset.dtype == np.float32:
         with np.errstate(over="ignore"):
             return float(np.float32(stored))
@@ -198,35 +201,35 @@ def nearest_of_type(stored: float, dataset: Dataset) -> float:
 
 
 def is_wide(dataset: Dataset) -> bool:
-    """Whether intensities are compared in more precision than float32 has."""
+    """Return whether intensities are compared in more precision than float32 has."""
     single = len(dataset.bands) == 1 and not dataset.choice.expanded
     return single and not counts_exactly(dataset) and dataset.dtype != np.float32
 
 
-def check_type(asked: ValueRange, bounds: Bounds, dataset: Dataset, scale: BandScale) -> None:
-    """A range holds values that the type can hold."""
+def check_type(requested: ValueRange, bounds: Bounds, dataset: Dataset, scale: BandScale) -> None:
+    """Refuse a range with values that the type cannot hold."""
     limits = type_limits(dataset)
     if bounds.low > limits[1] or bounds.high < limits[0]:
         first, last = sorted(scale.values(limits).tolist())
         unit = f" {scale.unit}" if scale.unit else ""
         raise ParameterError(
-            f"the values {asked} lie outside of what {dataset.source} can hold: {first:.6g} to "
+            f"the values {requested} lie outside of what {dataset.source} can hold: {first:.6g} to "
             f"{last:.6g}{unit} ({dataset.dtype})"
         )
 
 
-def asked_ends(asked: ValueRange, bounds: Bounds, scale: BandScale) -> tuple[float, float]:
-    """A range in values: as it was asked for, or at its percentiles; NaN at an open end."""
-    if not asked.by_rank:
-        return asked.ends
+def asked_ends(requested: ValueRange, bounds: Bounds, scale: BandScale) -> tuple[float, float]:
+    """Return a range in values: as it was asked for, or at its percentiles; NaN at an open end."""
+    if not requested.by_rank:
+        return requested.ends
     first, last = (
         scale.values(end).item() if math.isfinite(end) else math.nan for end in (bounds.low, bounds.high)
     )
     return (first, last) if scale.scale > 0 else (last, first)
 
 
-def range_on_axis(asked: ValueRange, axis: ValueAxis | None, name: str) -> FittedRange:
-    """A range of values in v, where greys are all that is known: to half a grey.
+def range_on_axis(requested: ValueRange, axis: ValueAxis | None, name: str) -> FittedRange:
+    """Return a range of values in v, where greys are all that is known: to half a grey.
 
     Raises
     ------
@@ -235,24 +238,26 @@ def range_on_axis(asked: ValueRange, axis: ValueAxis | None, name: str) -> Fitte
     """
     if axis is None:
         raise ParameterError(f"the bands or files of {name} share no values; give a range of v")
-    if asked.by_rank:
+    if requested.by_rank:
         raise ParameterError(
-            f"the percentiles {asked} are those of pixels, which a block map has not; name the raster itself"
+            f"the percentiles {requested} are those of pixels, which a block map has not; name the raster "
+            "itself"
         )
-    ends = [None if end is None else axis.scale.stored(end) for end in (asked.low, asked.high)]
+    ends = [None if end is None else axis.scale.stored(end) for end in (requested.low, requested.high)]
     low, high = ends if axis.scale.scale > 0 else ends[::-1]
-    first = 0.0 if low is None or low <= axis.limits[0] else _v_inside(low, asked, axis)
-    last = 1.0 if high is None or high >= axis.limits[1] else _v_inside(high, asked, axis)
+    first = 0.0 if low is None or low <= axis.limits[0] else _v_inside(low, requested, axis)
+    last = 1.0 if high is None or high >= axis.limits[1] else _v_inside(high, requested, axis)
     if first >= last:
         first, last = max(first - 0.25 / GREY_MAX, 0.0), min(last + 0.25 / GREY_MAX, 1.0)
-    return FittedRange(first, last, asked.ends)
+    return FittedRange(first, last, requested.ends)
 
 
-def _v_inside(stored: float, asked: ValueRange, axis: ValueAxis) -> float:
+def _v_inside(stored: float, requested: ValueRange, axis: ValueAxis) -> float:
     if not axis.low < stored < axis.high:
         first, last = sorted(axis.values([0, 1]).tolist())
         raise ParameterError(
-            f"the range {asked} does not lie inside of the stretch of the block map, {first:g} to {last:g}, "
-            "beyond which all values are alike; make it again with a wider stretch, or name the raster"
+            f"the range {requested} does not lie inside of the stretch of the block map, {first:g} to "
+            f"{last:g}, beyond which all values are alike; make it again with a wider stretch, or name the "
+            "raster"
         )
     return int(to_grey(np.array([[[stored]]], np.float64), axis.low, axis.high)[0, 0]) / GREY_MAX

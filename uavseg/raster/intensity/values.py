@@ -43,7 +43,7 @@ _GREYS = 1.25  # greys between a bound and the end of a stretch: one for what li
 
 
 def fit_values(
-    dataset: Dataset, spec: Stretch | StretchSpec, asked: Sequence[ValueRange], tile_pass: TilePass
+    dataset: Dataset, spec: Stretch | StretchSpec, requested: Sequence[ValueRange], tile_pass: TilePass
 ) -> tuple[Stretch, list[FittedRange]]:
     """Fit a stretch under which ranges of values are decided exactly, and express them in v.
 
@@ -58,7 +58,7 @@ def fit_values(
     dataset : Dataset
     spec : Stretch or StretchSpec
         A fitted stretch keeps its ends.
-    asked : sequence of ValueRange
+    requested : sequence of ValueRange
         At least one.
     tile_pass : TilePass
         The result does not depend on it. Pixels are read only where percentiles or the stretch need them.
@@ -75,38 +75,38 @@ def fit_values(
         If a bound lies outside of a stretch that the user chose, or the files have different scales.
     """
     scale = scale_of(dataset)
-    found, statistics = _fit(dataset, spec, asked, tile_pass)
+    found, statistics = _fit(dataset, spec, requested, tile_pass)
     if statistics is None:
-        return found, [FittedRange(0.0, 1.0, (math.nan, math.nan)) for _ in asked]
-    bounds = [stored_range(one, scale, dataset, statistics) for one in asked]
-    for one, own in zip(asked, bounds, strict=True):
+        return found, [FittedRange(0.0, 1.0, (math.nan, math.nan)) for _ in requested]
+    bounds = [stored_range(one, scale, dataset, statistics) for one in requested]
+    for one, own in zip(requested, bounds, strict=True):
         check_type(one, own, dataset, scale)
     limits = _limits(dataset, found, statistics)
     inner = [_within(one, limits) for one in bounds]
     ends = sorted({end for one in inner for end in one.finite})
     if isinstance(spec, StretchSpec) and spec.form == "auto":
         found = _widened(found, ends, limits)
-    _check_inside(found, ends, asked, isinstance(spec, Stretch))
+    _check_inside(found, ends, requested, isinstance(spec, Stretch))
     if not isinstance(spec, Stretch):
         found = _with_guard(found, ends)
     found = replace(found, borders=_borders(dataset, found, inner))
     return found, [
         FittedRange(*_in_v(dataset, found, inside), asked_ends(one, own, scale))
-        for one, own, inside in zip(asked, bounds, inner, strict=True)
+        for one, own, inside in zip(requested, bounds, inner, strict=True)
     ]
 
 
 def _fit(
-    dataset: Dataset, spec: Stretch | StretchSpec, asked: Sequence[ValueRange], tile_pass: TilePass
+    dataset: Dataset, spec: Stretch | StretchSpec, requested: Sequence[ValueRange], tile_pass: TilePass
 ) -> tuple[Stretch, Statistics | None]:
-    """The stretch as it is without ranges, and the intensities at all percentiles that are needed.
+    """Return the stretch as it is without ranges, and the intensities at all percentiles that are needed.
 
     These are those of the stretch, those that are asked for, and 0 and 100; none where no pixel is read, and
     None if no pixel is valid.
     """
     resolved = spec if isinstance(spec, Stretch) else resolved_spec(dataset, spec)
     own = () if isinstance(resolved, Stretch) else percents_of(resolved)
-    percents = {*own, *(percent for one in asked for percent in percents_asked(one, scale_of(dataset)))}
+    percents = {*own, *(percent for one in requested for percent in percents_asked(one, scale_of(dataset)))}
     statistics: Statistics | None = {}
     if percents:
         every = sorted({*percents, Fraction(0), Fraction(100)})
@@ -133,13 +133,13 @@ def _limits(dataset: Dataset, stretch: Stretch, statistics: Statistics) -> tuple
 
 
 def _within(bounds: Bounds, limits: tuple[float, float]) -> Bounds:
-    """The range, open where nothing lies beyond."""
+    """Return the range, open where nothing lies beyond."""
     low = -inf if bounds.low <= limits[0] else bounds.low
     return Bounds(low, inf if bounds.high >= limits[1] else bounds.high)
 
 
 def _widened(stretch: Stretch, ends: Sequence[float], limits: tuple[float, float]) -> Stretch:
-    """An automatic stretch with each bound well inside it."""
+    """Return an automatic stretch with each bound well inside it."""
     if not ends:
         return stretch
     first, last = min(stretch.low, ends[0]), max(stretch.high, ends[-1])
@@ -152,23 +152,23 @@ def _widened(stretch: Stretch, ends: Sequence[float], limits: tuple[float, float
 
 
 def _check_inside(
-    stretch: Stretch, ends: Sequence[float], asked: Sequence[ValueRange], is_fitted: bool
+    stretch: Stretch, ends: Sequence[float], requested: Sequence[ValueRange], is_fitted: bool
 ) -> None:
-    """Each bound lies inside a stretch that cannot be widened."""
+    """Refuse a bound outside of a stretch that cannot be widened."""
     for end in ends:
         inside = stretch.low < end < stretch.high if is_fitted else stretch.low <= end <= stretch.high
         if not inside:
             first, last = min(ends[0], stretch.low), max(ends[-1], stretch.high)
             more = (last - first) / 8
             raise ParameterError(
-                f"the range {', '.join(map(str, asked))} reaches to {end:g} or beyond, outside of the "
+                f"the range {', '.join(map(str, requested))} reaches to {end:g} or beyond, outside of the "
                 f"stretch {stretch.name}, which makes all values there alike; use the stretch auto, or "
                 f"{first - more:g},{last + more:g}"
             )
 
 
 def _with_guard(stretch: Stretch, ends: Sequence[float]) -> Stretch:
-    """A stretch whose ends have other greys than the bounds."""
+    """Return a stretch whose ends have other greys than the bounds."""
     if not ends:
         return stretch
     low, high = stretch.low, stretch.high
@@ -182,12 +182,12 @@ def _grey(stretch: Stretch, intensity: float) -> int:
 
 
 def _steps_are_greys(dataset: Dataset, stretch: Stretch) -> bool:
-    """Whether all intensities are integers with different greys, as far as the stretch reaches."""
+    """Return whether all intensities are integers with different greys, as far as the stretch reaches."""
     return counts_exactly(dataset) and stretch.high - stretch.low <= GREY_MAX
 
 
 def _borders(dataset: Dataset, stretch: Stretch, inner: Sequence[Bounds]) -> tuple[Border, ...]:
-    """The bounds that greys alone do not decide."""
+    """Return the bounds that greys alone do not decide."""
     if _steps_are_greys(dataset, stretch):
         return ()
     found = [Border(one.low, _grey(stretch, one.low), True) for one in inner if math.isfinite(one.low)]
@@ -201,7 +201,7 @@ def _borders(dataset: Dataset, stretch: Stretch, inner: Sequence[Bounds]) -> tup
 
 
 def _in_v(dataset: Dataset, stretch: Stretch, inner: Bounds) -> tuple[float, float]:
-    """A range in v that holds the greys of its intensities and no other; its ends differ."""
+    """Return a range in v that holds the greys of its intensities and no other; its ends differ."""
     exact = _steps_are_greys(dataset, stretch)
     low = _low_v(stretch, inner.low, exact) if math.isfinite(inner.low) else 0.0
     high = _high_v(stretch, inner.high, exact) if math.isfinite(inner.high) else 1.0
@@ -230,7 +230,7 @@ def _high_v(stretch: Stretch, bound: float, in_steps: bool) -> float:
 def decided_at(
     dataset: Dataset, stretch: Stretch, edges: Sequence[float], bounds: Sequence[float]
 ) -> Stretch:
-    """A fitted stretch under which edges between intervals of v are decided exactly.
+    """Return a fitted stretch under which edges between intervals of v are decided exactly.
 
     Greys are rounded to the nearest: those of 0.5 and 0.50000001 of float pixels are one, and its v lies
     above 0.5. So pixels near an edge get the grey on that side of it on which their intensity lies.
@@ -262,22 +262,22 @@ _ROUNDINGS = 8  # doubles near a bound that may be the same v
 
 
 def _intensity_at(dataset: Dataset, stretch: Stretch, v: float, is_low: bool) -> float:
-    """The intensity of a bound, the outermost that belongs to it."""
+    """Return the intensity of a bound, the outermost that belongs to it."""
     span = stretch.high - stretch.low
-    found = nearest_of_type(stretch.low + v * span, dataset)
+    result = nearest_of_type(stretch.low + v * span, dataset)
     if not is_wide(dataset) or dataset.dtype.kind in "iu":
-        return found
+        return result
     for _ in range(_ROUNDINGS):
-        further = math.nextafter(found, -inf if is_low else inf)
+        further = math.nextafter(result, -inf if is_low else inf)
         own = (further - stretch.low) / span
         if own < v if is_low else own > v:
             break
-        found = further
-    return found
+        result = further
+    return result
 
 
 def _steps_over(dataset: Dataset, stretch: Stretch, border: Border) -> bool:
-    """Whether the intensities beside a bound are integers whose greys lie on its two sides already."""
+    """Return whether the intensities beside a bound are integers whose greys lie on its two sides already."""
     if dataset.dtype.kind not in "iu" or len(dataset.bands) == 3 or dataset.choice.expanded:
         return False
     inside = math.ceil(border.intensity) if border.is_low else math.floor(border.intensity)

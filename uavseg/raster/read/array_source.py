@@ -1,18 +1,25 @@
 """Arrays as raster sources: numpy's, masked or not, and what can be sliced like them, read by window."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from affine import Affine
 from rasterio.crs import CRS
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, RasterReadError, UavsegError
 from uavseg.plain_text import cause_of
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import Window, sample_positions
-from uavseg.raster.spectral.bands import BandChoice, BandLayout, Valid, Values, valid_pixels
-from uavseg.raster.spectral.value_scale import AS_STORED, BandScale
+from uavseg.raster.spectral.bands import (
+    AS_STORED,
+    BandChoice,
+    BandLayout,
+    BandScale,
+    Valid,
+    Values,
+    valid_pixels,
+)
 
 MAX_BANDS = 16  # of a plain array: a longer first or last axis is one of pixels
 _ALPHA_LAST = (2, 4)  # bands of a picture with transparency
@@ -53,7 +60,7 @@ class ArraySource:
         return self.path
 
     def scale_of(self, band: int, _bits: int) -> BandScale:
-        """The scale of the numbers of a band, counted from 1."""
+        """Return the scale of the numbers of a band, counted from 1."""
         return self.scales[band - 1] if self.scales else AS_STORED
 
     def fingerprint(self) -> object:
@@ -72,7 +79,7 @@ class ArraySource:
     def read(
         self, _handles: object, choice: BandChoice, window: Window, shape: tuple[int, int] | None = None
     ) -> tuple[Values, Valid | None]:
-        """Pixels of the chosen bands, and which of them are valid (None: all); see `RasterFile.read`.
+        """Return pixels of the chosen bands, and which of them are valid (None: all); see `RasterFile.read`.
 
         As in files with masks, a pixel is invalid where any band that is read is masked.
 
@@ -117,14 +124,14 @@ class ArraySource:
 
 
 def is_array_like(source: object) -> bool:
-    """Whether numpy makes an array of pixels of a source: a list and a column of a table are none."""
+    """Return whether numpy makes an array of pixels of a source: a list and a column of a table are none."""
     return isinstance(source, np.ndarray) or (
         hasattr(type(source), "__array__") and getattr(source, "ndim", 2) != 1
     )
 
 
 def from_array(array: Any) -> ArraySource:
-    """A source of an array without a place: (rows, cols), or with bands first or last.
+    """Return a source of an array without a place: (rows, cols), or with bands first or last.
 
     Raises
     ------
@@ -195,7 +202,7 @@ def check_pixels(array: Any, name: str) -> None:
 
 
 def alpha_note(name: str, count: int, taken: bool) -> str:
-    """What is said of the last of two or four bands of bytes, which may be transparency."""
+    """Return what is said of the last of two or four bands of bytes, which may be transparency."""
     if taken:
         return (
             f"{name}: band {count} is taken for alpha, as of a picture: pixels where it is 0 are left out; "
@@ -208,7 +215,7 @@ def alpha_note(name: str, count: int, taken: bool) -> str:
 
 
 def layout_of(dtype: Any, roles: tuple[str, ...], names: tuple[str, ...] = ()) -> BandLayout:
-    """The layout of bands of one type; a bool is an integer of one bit."""
+    """Return the layout of bands of one type; a bool is an integer of one bit."""
     is_bool = np.dtype(dtype).kind == "b"
     kind = np.dtype(np.uint8 if is_bool else dtype)
     bits = 1 if is_bool else kind.itemsize * 8
@@ -216,7 +223,7 @@ def layout_of(dtype: Any, roles: tuple[str, ...], names: tuple[str, ...] = ()) -
 
 
 def from_values(values: Values, geobox: GeoBox, name: str) -> ArraySource:
-    """A source of a (rows, cols) array, which is neither copied nor changed.
+    """Return a source of a (rows, cols) array, which is neither copied nor changed.
 
     Raises
     ------
@@ -243,7 +250,7 @@ def from_values(values: Values, geobox: GeoBox, name: str) -> ArraySource:
 
 
 def _bands_are_last(shape: tuple[int, ...]) -> bool:
-    """Whether the last of three axes is that of the bands.
+    """Return whether the last of three axes is that of the bands.
 
     The axis of the bands is the first or the last, whichever alone is no longer than 16.
 
@@ -263,7 +270,7 @@ def _bands_are_last(shape: tuple[int, ...]) -> bool:
 
 
 def _slices_like_numpy(array: Any) -> bool:
-    """Whether an array that is not numpy's can be read by window: that of dask, zarr or h5py."""
+    """Return whether an array that is not numpy's can be read by window: that of dask, zarr or h5py."""
     if isinstance(array, np.ndarray):
         return False
     names = ("shape", "dtype", "ndim", "__getitem__")

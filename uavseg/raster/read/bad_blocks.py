@@ -8,17 +8,17 @@ of which none can be read is left out as a whole, as soon as none of some all ov
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import RasterReadError
 from uavseg.execution.executors import Item, Map, Progress, Result
-from uavseg.raster.access.opening import GDAL_ERRORS, OpenFiles, gdal_read_errors
-from uavseg.raster.access.sequential_rows import is_sequential
+from uavseg.raster.access.opening import GDAL_ERRORS, OpenFiles, gdal_read_errors, is_sequential
 from uavseg.raster.grid.tiling import Window, sample_positions
 from uavseg.raster.read.raster_file import RasterFile
 from uavseg.raster.spectral.bands import BandChoice, Valid, Values
@@ -45,7 +45,7 @@ class BadBlock:
 
 
 def bad_block_warnings(found: Iterable[BadBlock]) -> tuple[str, ...]:
-    """A sentence for each rectangle of bad blocks, in order; beyond 20 of them, how many more there are."""
+    """Return a sentence for each rectangle of bad blocks; after 20 of them, how many more there are."""
     parts = sorted(_joined(_joined(found, ("row", "col")), ("col", "row")))
     more = len(parts) - _MOST_NAMED
     rest = (f"{more:,} more places cannot be read: their pixels count as nodata",) if more > 0 else ()
@@ -56,21 +56,21 @@ def _joined(blocks: Iterable[BadBlock], axes: tuple[str, str]) -> list[BadBlock]
     """Rectangles that agree along the first axis and follow one another along the second, as one."""
     along, across = axes
     size, length = f"{along}s", f"{across}s"
-    found: list[BadBlock] = []
+    result: list[BadBlock] = []
     for block in sorted(
         blocks, key=lambda b: (b.path, getattr(b, along), getattr(b, size), getattr(b, across))
     ):
-        last = found[-1] if found else None
+        last = result[-1] if result else None
         if (
             last is not None
             and (last.path, getattr(last, along), getattr(last, size))
             == (block.path, getattr(block, along), getattr(block, size))
             and getattr(last, across) + getattr(last, length) == getattr(block, across)
         ):
-            found[-1] = replace(last, **{length: getattr(last, length) + getattr(block, length)})
+            result[-1] = replace(last, **{length: getattr(last, length) + getattr(block, length)})
         else:
-            found.append(block)
-    return found
+            result.append(block)
+    return result
 
 
 _MOST_NAMED = 20  # rectangles of bad blocks, one by one
@@ -99,7 +99,7 @@ def recording_bad_blocks(found: set[BadBlock]) -> Iterator[None]:
 
 
 def with_bad_blocks(map: Map, found: set[BadBlock]) -> Map:
-    """An executor that also collects the bad blocks which its function finds.
+    """Return an executor that also collects the bad blocks which its function finds.
 
     They are returned with each result, so they are collected from any thread or process, and from results
     that an earlier run saved, see `execution.checkpoint`.
@@ -197,7 +197,7 @@ def read_skipping_bad_blocks(
 
 
 def _is_bad_as_a_whole(file: RasterFile, handles: OpenFiles, choice: BandChoice) -> bool:
-    """Whether a file has many blocks, and none of those that lie evenly all over it can be read."""
+    """Return whether a file has many blocks, and none of those that lie evenly all over it can be read."""
     rows, cols = (-(-length // size) for length, size in zip(file.shape, file.block, strict=True))
     count = rows * cols
     if count <= _MANY:
@@ -222,7 +222,7 @@ _TRIED = 64  # blocks
 def _read_whole_blocks(
     file: RasterFile, handles: OpenFiles, choice: BandChoice, window: Window
 ) -> tuple[Values, Valid | None]:
-    """A window, read together with the rest of all blocks that it intersects."""
+    """Return a window, read together with the rest of all blocks that it intersects."""
     block_rows, block_cols = file.block
     row, col = window.row // block_rows * block_rows, window.col // block_cols * block_cols
     rows = -(-(window.row + window.rows) // block_rows) * block_rows - row

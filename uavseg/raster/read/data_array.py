@@ -7,7 +7,6 @@ was. So the coordinates place the pixels, and the transform only where there are
 import importlib
 import sys
 from collections.abc import Hashable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,11 +14,12 @@ from affine import Affine
 from numpy.typing import NDArray
 from rasterio.crs import CRS
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import MissingLibraryError, RasterError
 from uavseg.plain_text import cause_of, shown
 from uavseg.raster.grid.geobox import check_transform
 from uavseg.raster.read.array_source import ArraySource, alpha_note, check_pixels, layout_of
-from uavseg.raster.spectral.value_scale import AS_STORED, BandScale
+from uavseg.raster.spectral.bands import AS_STORED, BandScale
 
 _FAR = 1 << 16  # pixels from a corner, beyond which a grid that counts from 0 is another
 EVENNESS = 0.05  # pixels by which a coordinate may lie off its place on a regular grid
@@ -36,13 +36,13 @@ _NODATA_NAMES = ("_FillValue", "missing_value", "fill_value", "nodata")
 
 
 def is_data_array(source: object) -> bool:
-    """Whether a source is a DataArray, or a Dataset or Variable of xarray."""
+    """Return whether a source is a DataArray, or a Dataset or Variable of xarray."""
     is_xarray = type(source).__module__.partition(".")[0] == "xarray"
     return hasattr(source, "dims") and (is_xarray or hasattr(source, "rio"))
 
 
 def from_data_array(given: Any) -> ArraySource:
-    """A source of a DataArray, which is not loaded, or of a Dataset that holds a single one.
+    """Return a source of a DataArray, which is not loaded, or of a Dataset that holds a single one.
 
     Rows and columns are the dimensions y and x (or latitude and longitude, ...) in any order, or the last two
     where names say nothing; of the others, one may be longer than 1, that of the bands.
@@ -87,7 +87,7 @@ def from_data_array(given: Any) -> ArraySource:
 
 
 def _single(given: Any) -> Any:
-    """One DataArray."""
+    """Return one DataArray."""
     if hasattr(given, "children"):
         raise RasterError("a DataTree holds many arrays; give one of them, such as tree['group']['name']")
     if hasattr(given, "data_vars"):
@@ -98,7 +98,7 @@ def _single(given: Any) -> Any:
 
 
 def _single_variable(dataset: Any) -> Any:
-    """The DataArray of a Dataset that holds one with rows and columns."""
+    """Return the DataArray of a Dataset that holds one with rows and columns."""
     mappings = {
         str(place.get("grid_mapping"))
         for one in dataset.data_vars.values()
@@ -139,23 +139,23 @@ def _crs(rio: Any, name: str) -> CRS | None:
 
 
 def _nodata(array: Any, rio: Any, name: str) -> float | None:
-    """The nodata value that its attributes say, or that it is encoded with."""
+    """Return the nodata value that its attributes say, or that it is encoded with."""
     encoding, attributes = getattr(array, "encoding", {}), getattr(array, "attrs", {})
     encoded = encoding.get("_FillValue")
     is_scaled = any(name in encoding for name in ("scale_factor", "add_offset", "scales", "offsets"))
     if encoded is not None and not is_scaled:  # of the same numbers; those of a scaled array are others
-        return _number(encoded, array.dtype, "its encoding", name)
+        return _nodata_for(encoded, array.dtype, "its encoding", name)
     for key in _NODATA_NAMES:
         if attributes.get(key) is not None:
-            return _number(attributes[key], array.dtype, f"its attribute {key}", name)
+            return _nodata_for(attributes[key], array.dtype, f"its attribute {key}", name)
     try:
-        return None if rio.nodata is None else _number(rio.nodata, array.dtype, "rioxarray", name)
+        return None if rio.nodata is None else _nodata_for(rio.nodata, array.dtype, "rioxarray", name)
     except (TypeError, ValueError, OverflowError) as error:
         raise RasterError(f"{name}: its nodata value cannot be read ({cause_of(error)})") from error
 
 
-def _number(value: Any, dtype: Any, where: str, name: str) -> float:
-    """A nodata value as the number that pixels of a type hold for it."""
+def _nodata_for(value: Any, dtype: Any, where: str, name: str) -> float:
+    """Return a nodata value as the number that pixels of a type hold for it."""
     try:
         if isinstance(value, str | bool):
             raise TypeError
@@ -173,7 +173,7 @@ def _number(value: Any, dtype: Any, where: str, name: str) -> float:
 
 
 def _bands_rows_cols(array: Any, rio: Any, name: str) -> Any:
-    """The array as (rows, cols) or (bands, rows, cols)."""
+    """Return the array as (rows, cols) or (bands, rows, cols)."""
     dims = tuple(array.dims)
     if array.ndim < 2 or not all(isinstance(length, int) and length > 0 for length in array.shape):
         raise RasterError(_dimensions_text(array))
@@ -207,9 +207,9 @@ def _dimensions_text(array: Any) -> str:
 def _spatial_dims(array: Any, rio: Any, dims: tuple[Hashable, ...], name: str) -> tuple[Hashable, Hashable]:
     """Dimensions of the rows and of the columns."""
     try:
-        found = rio.y_dim, rio.x_dim
-        if set(found) <= set(dims):
-            return found
+        result = rio.y_dim, rio.x_dim
+        if set(result) <= set(dims):
+            return result
     except Exception:  # rioxarray knows none
         pass
     by_name = {str(dim).lower(): dim for dim in dims}
@@ -245,20 +245,20 @@ class _Axis:
         return (self.last - self.first) / (self.count - 1) if self.count > 1 else None
 
     def counts_pixels_of(self, corner: float, step: float) -> bool:
-        """Whether these are numbers of the pixels of another grid, not places near its corner."""
+        """Return whether these are numbers of the pixels of another grid, not places near its corner."""
         far = abs(self.first - corner) > _FAR * abs(step)
         return self.first in (0, 0.5) and self.step in (1, None) and (far or abs(step) != 1)
 
     def has_step(self, step: float) -> bool:
-        """Whether pixels of this size have these centres; one pixel has any."""
+        """Return whether pixels of this size have these centres; one pixel has any."""
         return abs(self.first + step * (self.count - 1) - self.last) <= EVENNESS * abs(step)
 
     def begins(self, corner: float, step: float) -> bool:
-        """Whether the first pixel has this corner."""
+        """Return whether the first pixel has this corner."""
         return abs(self.first - step / 2 - corner) <= EVENNESS * abs(step)
 
     def is_part_of(self, corner: float, step: float) -> bool:
-        """Whether they are whole pixels of another grid, or means of several."""
+        """Return whether they are whole pixels of another grid, or means of several."""
         ratio = 1.0 if self.step is None else abs(self.step / step)
         return _near_whole(ratio) and round(ratio) >= 1 and _near_whole(2 * (self.first - corner) / step)
 
@@ -268,7 +268,7 @@ def _near_whole(number: float) -> bool:
 
 
 def _axis(array: Any, dim: Hashable, name: str) -> _Axis | None:
-    """The coordinates along a dimension, checked; None where it has none."""
+    """Return the coordinates along a dimension, checked; None where it has none."""
     if dim not in getattr(array, "coords", {}):
         return None
     values = np.asarray(array.coords[dim])
@@ -307,7 +307,7 @@ def _check_even(axis: _Axis, centres: NDArray[np.float64], dim: Hashable, name: 
 
 
 def _transform(array: Any, name: str, notes: list[str]) -> tuple[Affine, bool]:
-    """The transform by the coordinates, and whether the array has a place.
+    """Return the transform by the coordinates, and whether the array has a place.
 
     The transform that is kept beside them places what has none, and gives the size of a single pixel.
     """
@@ -334,7 +334,7 @@ def _transform(array: Any, name: str, notes: list[str]) -> tuple[Affine, bool]:
 
 
 def _step(axis: _Axis, dim: Hashable, name: str, notes: list[str]) -> tuple[float, float]:
-    """First corner and step of the pixels along an axis."""
+    """Return first corner and step of the pixels along an axis."""
     if axis.step is None:
         raise RasterError(
             f"{name} has one coordinate {dim} and no transform, so the size of its pixels is not known; "
@@ -351,7 +351,7 @@ def _step(axis: _Axis, dim: Hashable, name: str, notes: list[str]) -> tuple[floa
 def _fitting(
     x: _Axis | None, y: _Axis | None, kept: Affine, name: str, notes: list[str]
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """First corner and step along both axes, where a transform is kept too."""
+    """Return first corner and step along both axes, where a transform is kept too."""
     if (kept.b, kept.d) != (0, 0):
         raise _contradiction(name, "its transform is rotated, and its coordinates are not")
     pairs = (x, (kept.c, kept.a)), (y, (kept.f, kept.e))
@@ -371,7 +371,7 @@ def _fitting(
 
 
 def _placed(axis: _Axis | None, kept: tuple[float, float]) -> tuple[float, float]:
-    """First corner and step along an axis; the step that is kept, where it fits, is more exact."""
+    """Return first corner and step along an axis; the step that is kept, where it fits, is more exact."""
     if axis is None:
         return kept
     step = kept[1] if axis.step is None or axis.has_step(kept[1]) else axis.step
@@ -386,7 +386,7 @@ def _contradiction(name: str, what: str) -> RasterError:
 
 
 def _kept_transform(array: Any, name: str) -> Affine | None:
-    """The transform that rioxarray keeps beside the coordinates."""
+    """Return the transform that rioxarray keeps beside the coordinates."""
     coords, attributes = getattr(array, "coords", None), getattr(array, "attrs", {})
     try:
         if coords is None:
@@ -409,12 +409,12 @@ def _kept_transform(array: Any, name: str) -> Affine | None:
 
 
 def _without_axes(array: Any, kept: Affine | None, name: str) -> Affine:
-    """The transform where rows and columns have no coordinates of their own.
+    """Return the transform where rows and columns have no coordinates of their own.
 
     Rotated rasters of rioxarray have coordinates xc and yc of each pixel.
     """
     coords = getattr(array, "coords", {})
-    found = kept or Affine.identity()
+    result = kept or Affine.identity()
     if kept is not None and {"xc", "yc"} <= set(coords):
         rows, cols = array.shape[-2:]
         dims, ends = array.dims[-2:], ([0, rows - 1], [0, cols - 1])
@@ -426,11 +426,11 @@ def _without_axes(array: Any, kept: Affine | None, name: str) -> Affine:
         off = np.abs(np.array(there) - np.stack([x, y], axis=-1)).max()
         if not off <= EVENNESS * max(abs(kept.a), abs(kept.b), abs(kept.d), abs(kept.e)):
             raise _contradiction(name, "its coordinates xc and yc are others than its transform says")
-    return found
+    return result
 
 
 def _names(array: Any) -> tuple[str, ...]:
-    """Names of the bands: rioxarray's `long_name`, or a coordinate of texts; empty if there are none."""
+    """Return names of bands: rioxarray's `long_name`, or a coordinate of texts; empty if there are none."""
     count = 1 if array.ndim == 2 else array.shape[0]
     for names in (getattr(array, "attrs", {}).get("long_name"), _band_coordinate(array)):
         if isinstance(names, tuple | list) and len(names) == count and all(isinstance(n, str) for n in names):
@@ -444,7 +444,7 @@ def _band_coordinate(array: Any) -> Any:
 
 
 def _scales(array: Any, count: int, name: str, notes: list[str]) -> tuple[BandScale, ...]:
-    """The scale of each band by the attributes: those of CF, or one for each band as of rioxarray."""
+    """Return the scale of each band by the attributes: those of CF, or one for each band as of rioxarray."""
     attributes = getattr(array, "attrs", {})
     scale, offset, unit = (
         _for_each(attributes.get(one, attributes.get(other)), count)
@@ -457,13 +457,13 @@ def _scales(array: Any, count: int, name: str, notes: list[str]) -> tuple[BandSc
 
 
 def _for_each(value: Any, count: int) -> list[Any]:
-    """A value of each band, from one for each or one for all."""
+    """Return a value of each band, from one for each or one for all."""
     is_listed = isinstance(value, tuple | list | np.ndarray) and np.ndim(value) == 1
     return list(value) if is_listed and len(value) == count else [value] * count
 
 
 def _chunk(array: Any) -> tuple[int, int]:
-    """Rows and columns of the first chunk; 512 x 512 where the array is in memory."""
+    """Return rows and columns of the first chunk; 512 x 512 where the array is in memory."""
     chunks = getattr(array, "chunks", None)
     if not chunks:
         return 512, 512

@@ -1,30 +1,126 @@
 """Dataset: one raster or a mosaic, with windowed reads that are thread-safe and picklable."""
 
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import field, fields, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import rasterio
+from rasterio.io import DatasetReader, MemoryFile
+from rasterio.vrt import WarpedVRT
 
 from uavseg.arguments import checked
-from uavseg.errors import ParameterError
+from uavseg.dataclass import dataclass
+from uavseg.errors import ParameterError, RasterReadError
 from uavseg.plain_text import shown
 from uavseg.raster.access.opening import OpenFiles
 from uavseg.raster.grid.geobox import GeoBox, scaled
 from uavseg.raster.grid.pixel_mask import PixelMask
 from uavseg.raster.grid.tiling import Window, in_panels, sample_positions, tile_side, tiles
 from uavseg.raster.read.array_source import ArraySource, from_array, from_values, is_array_like
-from uavseg.raster.read.band_choice import check_names_agree, check_reflectance, choose
 from uavseg.raster.read.data_array import from_data_array, is_data_array
-from uavseg.raster.read.inspect_file import inspect_file
-from uavseg.raster.read.mosaic import Mosaic, RasterSource, align_rasters, with_nodata
-from uavseg.raster.read.open_raster import from_open_raster, is_open_raster
-from uavseg.raster.read.part_reader import PartReader
+from uavseg.raster.read.inspect_file import inspect_file, inspect_open
+from uavseg.raster.read.mosaic import Mosaic, PartReader, RasterSource, align_rasters, with_nodata
+from uavseg.raster.read.raster_file import RasterFile, check_names_agree, check_reflectance, choose
 from uavseg.raster.spectral.band_names import renamed
-from uavseg.raster.spectral.bands import BandChoice, Valid, Values, choose_bands, without
+from uavseg.raster.spectral.bands import BandChoice, BandScale, Valid, Values, choose_bands, without
 from uavseg.raster.spectral.formula import BandWords
-from uavseg.raster.spectral.value_scale import BandScale
+
+
+class Handle(OpenFiles):
+    """An open raster in the place of a pool of open files; one thread at a time reads it."""
+
+    def __init__(self, source: DatasetReader) -> None:
+        super().__init__()
+        self.source = source
+        self.lock = threading.Lock()
+
+    def open(self, path: str, _located: bool, _driver: str | None = None, _masks: str = "") -> DatasetReader:
+        """Return the raster.
+
+        Raises
+        ------
+        RasterReadError
+            If it was closed.
+        """
+        if self.source.closed:
+            raise RasterReadError(f"{path} was closed; keep it open, or give its path")
+        return self.source
+
+    def close(self, _path: str) -> None:
+        """Nothing: it belongs to whoever opened it."""
+
+
+@dataclass(frozen=True, slots=True)
+class OpenRaster(RasterFile):
+    """Metadata of an open raster, and its handle."""
+
+    handle: Handle | None = None
+
+    def __reduce__(self) -> tuple[Callable[..., RasterFile], tuple[Any, ...]]:
+        raise ParameterError(f"{self.path} is an open raster, which no other process can read; give its path")
+
+    @property
+    def name(self) -> str:
+        """The last part of the path."""
+        return Path(self.path).name
+
+    def fingerprint(self) -> Any:
+        """Refused: what is open cannot be recognised in another run.
+
+        Raises
+        ------
+        ParameterError
+            Always.
+        """
+        raise ParameterError(
+            f"{self.path} is open, and cannot be checked for changes; to resume, give its path"
+        )
+
+    def read(
+        self, _handles: OpenFiles, choice: BandChoice, window: Window, shape: tuple[int, int] | None = None
+    ) -> tuple[Values, Valid | None]:
+        """As of `RasterFile`."""
+        assert self.handle is not None, "given when it is made"
+        with self.handle.lock:
+            return RasterFile.read(self, self.handle, choice, window, shape)
+
+
+def is_open_raster(source: object) -> bool:
+    """Return whether a source is a raster that is open in rasterio."""
+    return isinstance(source, rasterio.DatasetReader | WarpedVRT | MemoryFile) or hasattr(
+        source, "block_shapes"
+    )
+
+
+def from_open_raster(source: Any) -> RasterFile:
+    """Return the file that an open raster names, where that is the same raster; else the raster itself.
+
+    Raises
+    ------
+    ParameterError
+        If it is closed, or open for writing.
+    UavsegError
+        As of `inspect_file`.
+    """
+    if isinstance(source, MemoryFile):
+        raise ParameterError("a MemoryFile is no raster yet; open it, and give what its open() returns")
+    if source.closed:
+        raise ParameterError(f"{source.name} is closed; give its path, or a raster that is open")
+    if source.mode != "r":
+        raise ParameterError(f"{source.name} is open for writing; close it, and give its path")
+    found = inspect_open(source)
+    if not isinstance(source, WarpedVRT) and Path(source.name).is_file():
+        named = inspect_file(source.name)
+        same = ("shape", "transform", "crs", "layout", "nodatas", "masks", "palette", "scales")
+        if all(getattr(named, one) == getattr(found, one) for one in same):
+            return named
+    values = {one.name: getattr(found, one.name) for one in fields(found)} | {"driver": "rasterio"}
+    return OpenRaster(**values, handle=Handle(source))
+
 
 _NO_SCALE = (
     "its bands or files have different scales, offsets or units: stored numbers are compared as they are"
@@ -115,7 +211,7 @@ class Dataset:
     @classmethod
     @checked
     def of_values(cls, values: Values, geobox: GeoBox, name: str, local_metres: bool = False) -> "Dataset":
-        """A dataset of a (rows, cols) array in memory, which is not copied.
+        """Return a dataset of a (rows, cols) array in memory, which is not copied.
 
         With `local_metres`, its coordinates are metres without a CRS.
         """
@@ -125,7 +221,7 @@ class Dataset:
 
     @checked
     def of_band(self, band: int | str, nodata: float | str | None = None) -> "Dataset":
-        """The same raster with the intensity of one band, by its number or name.
+        """Return the same raster with the intensity of one band, by its number or name.
 
         Raises
         ------
@@ -187,7 +283,7 @@ class Dataset:
 
     @checked
     def windows(self, tile: int | None = None) -> list[Window]:
-        """The tiles in reading order: squares of this side in pixels, or a size that suits the files.
+        """Return the tiles in reading order: squares of this side in pixels, or a size that suits the files.
 
         Raises
         ------
@@ -212,7 +308,7 @@ class Dataset:
         return PartReader(self.choice, self._handles, self.skip_bad_tiles)
 
     def without_formula(self) -> "Dataset":
-        """The same raster with the stored values of its bands, not what a formula makes of them."""
+        """Return the same raster with the stored values of its bands, not what a formula makes of them."""
         return replace(self, choice=replace(self.choice, formula=None))
 
     def fingerprint(self) -> tuple[object, ...]:
@@ -223,7 +319,7 @@ class Dataset:
 
     @checked
     def is_empty(self, window: Window) -> bool:
-        """Whether no pixel of `window` is valid, as far as is known without decoding."""
+        """Return whether no pixel of `window` is valid, as far as is known without decoding."""
         if self.collar is not None and self.collar.covers(window):
             return True
         return all(
@@ -232,7 +328,7 @@ class Dataset:
 
     @checked
     def read(self, window: Window) -> tuple[Values, Valid | None]:
-        """Values and validity of a window inside the raster.
+        """Return values and validity of a window inside the raster.
 
         Returns
         -------
@@ -284,7 +380,7 @@ class Dataset:
 
 
 def is_pixels(source: object) -> bool:
-    """Whether a source is itself an array of pixels or an open raster, not a name or a list."""
+    """Return whether a source is itself an array of pixels or an open raster, not a name or a list."""
     return is_data_array(source) or is_array_like(source) or is_open_raster(source)
 
 
@@ -306,7 +402,7 @@ def _check_placed(files: Sequence[RasterSource]) -> None:
 
 
 def _listed(sources: Any) -> list[Any]:
-    """The sources as a list."""
+    """Return the sources as a list."""
     if isinstance(sources, str | os.PathLike) or is_pixels(sources):
         return [sources]
     if not isinstance(sources, Sequence) or isinstance(sources, bytes):

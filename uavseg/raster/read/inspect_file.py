@@ -16,13 +16,18 @@ from rasterio.io import DatasetReader
 
 from uavseg.errors import RasterError, RasterReadError
 from uavseg.plain_text import cause_of
-from uavseg.raster.access.drivers import as_file_name
 from uavseg.raster.access.open_checked import is_local, is_online, open_checked
-from uavseg.raster.access.opening import GDAL_ERRORS, file_exists, has_place, mask_kind, open_error_text
+from uavseg.raster.access.opening import (
+    GDAL_ERRORS,
+    as_file_name,
+    file_exists,
+    has_place,
+    mask_kind,
+    open_error_text,
+)
 from uavseg.raster.grid.geobox import check_transform
 from uavseg.raster.read.raster_file import RasterFile
-from uavseg.raster.spectral.bands import BandLayout
-from uavseg.raster.spectral.value_scale import BandScale
+from uavseg.raster.spectral.bands import BandLayout, BandScale
 from uavseg.raster.tiff.directories import mask_page
 
 Answer = TypeVar("Answer")
@@ -52,7 +57,7 @@ def inspect_file(path: str | os.PathLike[str]) -> RasterFile:
 
 
 def inspect_open(source: DatasetReader) -> RasterFile:
-    """The metadata of a raster that is open.
+    """Return the metadata of a raster that is open.
 
     Raises
     ------
@@ -102,7 +107,7 @@ def _metadata(path: str, source: DatasetReader) -> RasterFile:
 
 
 def _scales(source: DatasetReader, warnings: list[str]) -> tuple[BandScale, ...]:
-    """The scale, offset and unit of each band."""
+    """Return the scale, offset and unit of each band."""
     found = []
     for band, tags in enumerate(zip(source.scales, source.offsets, source.units, strict=True), start=1):
         scale = BandScale.of_tags(*tags)
@@ -123,7 +128,7 @@ def _retry(query: Callable[[], Answer]) -> Answer:
 
 
 def _crs(source: DatasetReader, warnings: list[str]) -> CRS | None:
-    """The CRS, or None with a warning; GDAL may report an invalid one only on the next call."""
+    """Return the CRS, or None with a warning; GDAL may report an invalid one only on the next call."""
     try:
         crs = source.crs
         source.colorinterp  # noqa: B018 - raises a pending error about the CRS
@@ -194,7 +199,7 @@ def _masks(path: str, source: DatasetReader) -> str:
 
 
 def _has_mask(path: str, source: DatasetReader) -> bool:
-    """Whether a local TIFF has a mask in itself; an error if its directories cannot be read.
+    """Return whether a local TIFF has a mask in itself; an error if its directories cannot be read.
 
     GDAL leaves out a mask that it cannot read, also one beside the raster.
     """
@@ -206,7 +211,7 @@ def _has_mask(path: str, source: DatasetReader) -> bool:
 
 
 def _transform(path: str, source: DatasetReader) -> Affine | None:
-    """The geotransform, or None."""
+    """Return the geotransform, or None."""
     transform = source.transform
     if has_place(source) and not transform.is_identity and tuple(transform)[:6] != _ZEROS:
         try:

@@ -1,18 +1,26 @@
 """Mosaic: several rasters on a common pixel grid; where they overlap, the first valid pixel wins."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from affine import Affine
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import MosaicError
+from uavseg.raster.access.opening import OpenFiles
 from uavseg.raster.grid.geobox import GeoBox, shifted
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.read.array_source import ArraySource
+from uavseg.raster.read.bad_blocks import (
+    MissingPart,
+    read_naming_bad_block,
+    read_skipping_bad_blocks,
+    record_bad_block,
+)
 from uavseg.raster.read.raster_file import RasterFile
-from uavseg.raster.spectral.bands import BandChoice, nodata_in_place, usable_nodata
+from uavseg.raster.spectral.bands import BandChoice, Valid, Values, nodata_in_place, usable_nodata
 
 GRID_TOLERANCE = 1e-3  # pixels: largest offset of a corner from the common grid
 
@@ -39,7 +47,7 @@ class Mosaic:
     geobox: GeoBox
 
     def parts(self, window: Window) -> Iterator[tuple[RasterSource, Window, tuple[slice, slice]]]:
-        """The files that intersect `window`, in order.
+        """Yield the files that intersect `window`, in order.
 
         Yields
         ------
@@ -71,7 +79,7 @@ class Mosaic:
 
 
 def align_rasters(files: Sequence[RasterSource]) -> Mosaic:
-    """The grid that contains all files, and the position of each file on it.
+    """Return the grid that contains all files, and the position of each file on it.
 
     Raises
     ------
@@ -95,7 +103,7 @@ def align_rasters(files: Sequence[RasterSource]) -> Mosaic:
 def with_nodata(
     files: Sequence[RasterSource], choice: BandChoice, nodata: float | str | None
 ) -> tuple[tuple[RasterSource, ...], tuple[str, ...]]:
-    """The files with the nodata values in effect, and all warnings.
+    """Return the files with the nodata values in effect, and all warnings.
 
     A number that the user names counts beside that of a file; "only:V" takes its place, "none" leaves it out.
     """
@@ -132,7 +140,7 @@ def with_nodata(
 
 
 def _are_same(number: float | None, other: float, dtype: np.dtype[np.generic]) -> bool:
-    """Whether two nodata values are one for pixels of a type."""
+    """Return whether two nodata values are one for pixels of a type."""
     if number is None:
         return False
     first, second = np.array([number, other]).astype(dtype) if dtype.kind == "f" else (number, other)
@@ -140,7 +148,7 @@ def _are_same(number: float | None, other: float, dtype: np.dtype[np.generic]) -
 
 
 def _origin(files: Sequence[RasterSource], boxes: Boxes) -> Affine:
-    """The transform of the common grid.
+    """Return the transform of the common grid.
 
     Its coefficients are taken from the files at its edges where possible, so that neither the order of the
     files nor rounding moves it.
@@ -213,3 +221,77 @@ def _crs_name(file: RasterSource) -> str:
 
 def _pixel(transform: Affine) -> str:
     return f"{np.hypot(transform.a, transform.d):.9g} x {np.hypot(transform.b, transform.e):.9g}"
+
+
+Part = tuple[RasterSource, Window, tuple[slice, slice]]
+
+
+@dataclass(frozen=True, slots=True)
+class PartReader:
+    """Reads the intensity bands of parts of files.
+
+    Parameters
+    ----------
+    choice : BandChoice
+    handles : OpenFiles
+    skip_bad_tiles : bool
+        Whether blocks that cannot be read count as nodata.
+    """
+
+    choice: BandChoice
+    handles: OpenFiles
+    skip_bad_tiles: bool
+
+    def read(self, file: RasterSource, part: Window) -> tuple[Values, Valid | None]:
+        """Return values and validity of a window of a file."""
+        values, valid, bad = self._read_part(file, part, (part.rows, part.cols))
+        for block, _ in bad:
+            record_bad_block(block)
+        return values, valid
+
+    def merge(
+        self, shape: tuple[int, int], parts: Iterable[Part], dtype: np.dtype[np.generic]
+    ) -> tuple[Values, Valid | None]:
+        """Merge values and validity of parts of files in a window, in the order of their rank."""
+        planes = self.choice.planes if self.choice.formula is None else 1
+        values = np.zeros((planes, *shape), dtype)
+        filled = np.zeros(shape, bool)
+        for file, part, (rows, cols) in parts:
+            missing = ~filled[rows, cols]
+            if not missing.any():
+                continue
+            pixels, valid, bad = self._read_part(file, part, missing.shape)
+            for block, place in bad:
+                if missing[place].any():  # no earlier file has these pixels
+                    record_bad_block(block)
+            if valid is not None:
+                missing &= valid
+            np.copyto(values[:, rows, cols], pixels, where=missing)
+            filled[rows, cols] |= missing
+        return values, None if filled.all() else filled
+
+    def _read_part(
+        self, file: RasterSource, part: Window, shape: tuple[int, int]
+    ) -> tuple[Values, Valid | None, Sequence[MissingPart]]:
+        """Return values and validity of a part of a file, and which blocks of it cannot be read."""
+        values, valid, bad = self._read_bands(file, part, shape)
+        return *with_formula(file, self.choice, values, valid), bad
+
+    def _read_bands(
+        self, file: RasterSource, part: Window, shape: tuple[int, int]
+    ) -> tuple[Values, Valid | None, Sequence[MissingPart]]:
+        if not isinstance(file, RasterFile):
+            return *file.read(self.handles, self.choice, part, shape), ()
+        if self.skip_bad_tiles:
+            return read_skipping_bad_blocks(file, self.handles, self.choice, part, shape)
+        return *read_naming_bad_block(file, self.handles, self.choice, part, shape), ()
+
+
+def with_formula(
+    file: RasterSource, choice: BandChoice, values: Values, valid: Valid | None
+) -> tuple[Values, Valid | None]:
+    """Return what the formula of a choice makes of the bands of a file; without one, the same."""
+    if choice.formula is None:
+        return values, valid
+    scales = [file.scale_of(band, choice.bits) for band in choice.bands]
+    return choice.formula.apply(values, valid, scales)

@@ -1,11 +1,12 @@
 """Dataset overview: a downsampled copy of a dataset, held in memory."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.read.dataset import Dataset
@@ -32,7 +33,7 @@ class DatasetOverview(Dataset):
 
     @classmethod
     def of(cls, dataset: Dataset, max_side: int) -> "DatasetOverview":
-        """A dataset downsampled to at most `max_side` rows and columns; it is never read whole."""
+        """Return a dataset downsampled to at most `max_side` rows and columns; it is never read whole."""
         values, valid, grid = dataset.read_coarse(max_side)
         unchanged = (dataset.mosaic, dataset.choice, dataset.warnings)
         return cls(*unchanged, values=values, valid=valid, grid=grid, whole=dataset)
@@ -43,18 +44,18 @@ class DatasetOverview(Dataset):
         return self.grid
 
     def without_formula(self) -> Dataset:
-        """The same pixels with the stored values of the bands, for which they are read again."""
+        """Return the same pixels with the stored values of the bands, for which they are read again."""
         if self.choice.formula is None:
             return self
         return DatasetOverview.of(self.whole.without_formula(), max(self.grid.shape))
 
     def is_empty(self, window: Window) -> bool:
-        """Whether no downsampled pixel of `window` is valid."""
+        """Return whether no downsampled pixel of `window` is valid."""
         _, valid = self.read(window)
         return valid is not None and not valid.any()
 
     def read(self, window: Window) -> tuple[NDArray[Any], NDArray[np.bool_] | None]:
-        """Values and validity of a window of downsampled pixels."""
+        """Return values and validity of a window of downsampled pixels."""
         rows, cols = window.slices
         valid = None if self.valid is None else self.valid[rows, cols]
         if self.collar is not None:

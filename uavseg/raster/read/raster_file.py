@@ -1,35 +1,94 @@
-"""Raster file: its metadata as a value, and windowed reads of its pixels."""
+"""Raster file: its metadata as a value, and windowed reads of its pixels.
+
+GDAL reads it as a part of the raster, and does not say where its blocks lie; so it is opened by itself too.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from affine import Affine
 from rasterio.crs import CRS
 from rasterio.io import DatasetReader
 
-from uavseg.errors import RasterReadError
+from uavseg.dataclass import dataclass
+from uavseg.errors import MosaicError, ParameterError, RasterReadError, UnchosenBandsError
 from uavseg.plain_text import cause_of
 from uavseg.raster.access.opening import (
     GDAL_ERRORS,
     OpenFiles,
     absolute_path,
+    file_exists,
     gdal_env,
     gdal_read_errors,
+    is_sequential,
     quiet_open,
     rasterio_window,
+    read_rows_before,
 )
-from uavseg.raster.access.sequential_rows import is_sequential, read_rows_before
 from uavseg.raster.grid.tiling import Window
-from uavseg.raster.read.mask import check_mask_blocks
-from uavseg.raster.spectral.bands import BandChoice, BandLayout, Valid, Values, valid_pixels
-from uavseg.raster.spectral.value_scale import BandScale
+from uavseg.raster.read.array_source import ArraySource
+from uavseg.raster.spectral.band_names import check_same_names, find_band, listed
+from uavseg.raster.spectral.bands import (
+    BandChoice,
+    BandLayout,
+    BandScale,
+    Valid,
+    Values,
+    choose_bands,
+    valid_pixels,
+)
+from uavseg.raster.spectral.formula import BandWords, bind_formula
 from uavseg.raster.tiff.deflate import check_deflate_blocks
+from uavseg.raster.tiff.directories import file_of, mask_page
 from uavseg.raster.tiff.index import are_cut_off
 from uavseg.raster.tiff.jpeg import check_jpeg_blocks
 from uavseg.raster.tiff.sparse import SparseBlocks
+
+_opened: "WeakKeyDictionary[DatasetReader, tuple[str, DatasetReader] | None]" = WeakKeyDictionary()
+
+
+def check_mask_blocks(path: str, source: DatasetReader, bands: Sequence[int], window: Window) -> None:
+    """Check the blocks of the mask of an open TIFF that intersect a window; each only once.
+
+    Parameters
+    ----------
+    path : str
+    source : DatasetReader
+        Nothing is checked if it lies in an archive or is remote.
+    bands : sequence of int
+        Whose masks are checked, where each band has its own.
+    window : Window
+
+    Raises
+    ------
+    RasterBlockError
+        As `check_deflate_blocks` and `check_jpeg_blocks`.
+    """
+    if source not in _opened:
+        _opened[source] = _open_mask(path, source)
+    found = _opened[source]
+    if found is not None:
+        name, mask = found
+        bands = bands if mask.count >= max(bands) else (1,)
+        check_deflate_blocks(name, mask, bands, window)
+        check_jpeg_blocks(name, mask, bands, window)
+
+
+def _open_mask(path: str, source: DatasetReader) -> tuple[str, DatasetReader] | None:
+    """Return the mask as a raster, and its name; None if there is none that can be opened by itself."""
+    if file_of(path) is None:
+        return None
+    page = None if path.upper().startswith("GTIFF_DIR:") else mask_page(path)
+    name = f"{path}.msk" if page is None else f"GTIFF_DIR:{page}:{path}"
+    if page is None and not file_exists(name):
+        return None
+    mask = quiet_open(name, driver="GTiff")
+    return (name, mask) if mask.shape == source.shape else None
+
 
 FileState = tuple[str, int, int]
 
@@ -100,7 +159,7 @@ class RasterFile:
         return Path(self.path).name
 
     def scale_of(self, band: int, bits: int) -> BandScale:
-        """The scale of the numbers that are read of a band, counted from 1, of so many bits."""
+        """Return the scale of the numbers that are read of a band, counted from 1, of so many bits."""
         scale = self.scales[band - 1] if self.scales else BandScale()
         return scale.inverted((1 << bits) - 1) if self.white_is_zero else scale
 
@@ -118,7 +177,7 @@ class RasterFile:
         return file_states(self.path, self.driver, self.online), (*self.nodatas, *added)
 
     def blocks_in(self, window: Window) -> Iterator[Window]:
-        """The blocks of the file that intersect a window, row by row, clipped to the raster."""
+        """Yield the blocks of the file that intersect a window, row by row, clipped to the raster."""
         rows, cols = self.block
         for i in range(window.row // rows, -(-(window.row + window.rows) // rows)):
             for j in range(window.col // cols, -(-(window.col + window.cols) // cols)):
@@ -172,7 +231,7 @@ class RasterFile:
         return self._brightness(values, valid, choice)
 
     def is_empty(self, handles: OpenFiles, choice: BandChoice, window: Window) -> bool:
-        """Whether a sparse file stores no block inside `window`, so that every pixel is invalid.
+        """Return whether a sparse file stores no block inside `window`, so that every pixel is invalid.
 
         False where that is not known without decoding.
         """
@@ -186,7 +245,7 @@ class RasterFile:
             return SparseBlocks(source, self.path, choice.bands).is_empty(window)
 
     def cut_off_blocks(self, handles: OpenFiles, choice: BandChoice, window: Window) -> set[tuple[int, int]]:
-        """First row and column of the blocks in a window that begin beyond the end of the file.
+        """Return first row and column of the blocks in a window that begin beyond the end of the file.
 
         They need not be tried. None where that is not known without trying.
         """
@@ -203,7 +262,7 @@ class RasterFile:
     def _read_bands(
         self, source: DatasetReader, choice: BandChoice, window: Window, options: dict[str, Any]
     ) -> tuple[Values, Values | None]:
-        """Values of the chosen bands, and those of the alpha band."""
+        """Return values of the chosen bands, and those of the alpha band."""
 
         def read(bands: Sequence[int]) -> Values:
             sparse = None
@@ -294,3 +353,80 @@ def _on_disk(name: str) -> list[Path]:
     inner = Path(name.split("/", 2)[-1].replace("{", "").replace("}", ""))
     candidates = [inner, Path("/") / inner]
     return [path for start in candidates for path in (start, *start.parents) if path.name]
+
+
+MOST_UNCHOSEN = 4  # bands beside alpha; of more, the user has to choose
+
+
+def choose(
+    layout: BandLayout,
+    band: int | str | None,
+    rgb: Sequence[int | str] | None,
+    words: BandWords,
+    palette: bool = False,
+) -> BandChoice:
+    """Choose bands, see `choose_bands`; each may be named.
+
+    Raises
+    ------
+    ParameterError, RasterError
+        As of `choose_bands` and `bind_formula`.
+    BandError
+        If a name is that of no band, or of several.
+    UnchosenBandsError
+        If nothing is chosen of more than four bands that are not alpha.
+    """
+    if words.is_formula and (band is not None or rgb is not None):
+        raise ParameterError("give --band, --rgb, --index or --expr: one of them")
+    if band is None and rgb is None and not words.is_formula:
+        _check_few(layout)
+    number = find_band(layout, band) if isinstance(band, str) else band
+    colors = None if rgb is None else [find_band(layout, n) if isinstance(n, str) else n for n in rgb]
+    return choose_bands(layout, number, colors, palette, bind_formula(words, layout))
+
+
+def _check_few(layout: BandLayout) -> None:
+    count = sum(role != "alpha" for role in layout.roles)
+    if count > MOST_UNCHOSEN:
+        raise UnchosenBandsError(
+            f"the raster has {count} bands; choose with --band, --rgb, --index or --expr; the bands are "
+            f"{listed(layout)}"
+        )
+
+
+def check_reflectance(files: Sequence[RasterFile | ArraySource], choice: BandChoice) -> None:
+    """Check that a formula for reflectance is not given integers without a scale.
+
+    Raises
+    ------
+    ParameterError
+        If it is.
+    """
+    formula = choice.formula
+    if formula is None or not formula.of_reflectance or choice.dtype.kind not in "iu":
+        return
+    for band in choice.bands:
+        scale = files[0].scale_of(band, choice.bits)
+        if (scale.scale, scale.offset) == (1.0, 0.0):
+            raise ParameterError(
+                f"{formula.title} holds for reflectance from 0 to 1, and band {band} is {choice.dtype} "
+                "without a scale; give the scale to the file (gdal_edit.py -scale), or divide in --expr"
+            )
+
+
+def check_names_agree(files: Sequence[RasterFile | ArraySource], bands: Sequence[int]) -> None:
+    """Check that the bands which are used have the same names in all files that name them.
+
+    Raises
+    ------
+    MosaicError
+        If one has others.
+    """
+    first = files[0]
+    for file in files[1:]:
+        difference = check_same_names(first.layout, file.layout, bands)
+        if difference:
+            raise MosaicError(
+                f"{file.path} has another name of bands ({difference}) than {first.path}; the rasters of a "
+                "mosaic must agree"
+            )

@@ -8,8 +8,7 @@ from pathlib import Path
 from uavseg.access import current_policy, is_address
 from uavseg.errors import RasterReadError
 from uavseg.inputs import read_bytes
-from uavseg.raster.access.drivers import image_extensions, names_no_file
-from uavseg.raster.access.opening import file_exists, is_remote
+from uavseg.raster.access.opening import file_exists, image_extensions, is_remote, names_no_file
 
 Path_ = str | os.PathLike[str]
 
@@ -17,7 +16,7 @@ MAX_LIST = 64 << 20  # bytes of a file of names
 
 
 def expand_sources(names: Iterable[Path_]) -> list[str]:
-    """The rasters that names stand for; a name that is none of the following stands for itself.
+    """Return the rasters that names stand for; a name that is none of the following stands for itself.
 
     - A folder: the image files in it, not those of its subfolders, in the order of their names. A VRT, which
       is made of other rasters, and files whose names begin with a point are not among them.
@@ -43,7 +42,7 @@ def expand_sources(names: Iterable[Path_]) -> list[str]:
 
 
 def is_list(name: Path_) -> bool:
-    """Whether a name may stand for several rasters."""
+    """Return whether a name may stand for several rasters."""
     text = os.fspath(name)
     if is_remote(text) or names_no_file(text):
         return False
@@ -53,7 +52,7 @@ def is_list(name: Path_) -> bool:
 
 
 def parse_list(content: bytes) -> list[str]:
-    """Names of a list, which end with a line or, as `find -print0` writes them, with a zero byte."""
+    """Return names of a list, which end with a line or, as `find -print0` writes them, with a zero byte."""
     if b"\0" in content:
         return [os.fsdecode(name) for name in content.split(b"\0") if name]
     lines = [line.rstrip(b"\r") for line in content.split(b"\n")]
@@ -61,7 +60,7 @@ def parse_list(content: bytes) -> list[str]:
 
 
 def stem_of(name: Path_) -> str:
-    """The stem of an output's name: that of the folder, or of the first raster that a name stands for.
+    """Return the stem of an output's name: that of the folder, or of the first raster that a name stands for.
 
     Examples
     --------
@@ -105,18 +104,18 @@ def _is_image(name: str, known: frozenset[str]) -> bool:
 
 
 def _matching(pattern: str) -> list[str]:
-    """Files that match a pattern."""
+    """Return files that match a pattern."""
     try:
-        found = sorted(name for name in glob.iglob(pattern, recursive=True) if Path(name).is_file())  # noqa: PTH207
+        result = sorted(name for name in glob.iglob(pattern, recursive=True) if Path(name).is_file())  # noqa: PTH207
     except (OSError, ValueError) as error:
         raise RasterReadError(f"{pattern} is no pattern that can be looked for ({error})") from error
-    if not found:
+    if not result:
         raise RasterReadError(f"no file matches {pattern}")
-    return found
+    return result
 
 
 def _listed(path: str) -> list[str]:
-    """Names in a file."""
+    """Return names in a file."""
     names = parse_list(read_bytes(path, limit=MAX_LIST))
     for name in names:
         if is_address(name):

@@ -3,13 +3,13 @@
 Not `rasterio.warp.transform` of each centre: the same pixels, but 33 ms a tile in place of 2.
 """
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from affine import Affine
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.raster.geodesy.globe import WGS84, Transform, lonlat_transform, transform_between
 from uavseg.raster.grid.geobox import GeoBox
 
@@ -40,7 +40,7 @@ class TilePixels:
 
 
 def tile_pixels(geobox: GeoBox, place: tuple[int, int, int]) -> TilePixels | None:
-    """The pixel of a raster that holds the centre of each pixel of a tile.
+    """Return the pixel of a raster that holds the centre of each pixel of a tile.
 
     Rows and columns are interpolated between 33 x 33 places where that errs by less than 1/64 of a pixel, and
     computed for every centre elsewhere.
@@ -85,7 +85,7 @@ def _lonlat_of(place: tuple[int, int, int], shares: Floats) -> tuple[Floats, Flo
 
 
 def _rows_cols(geobox: GeoBox, lon: Floats, lat: Floats) -> tuple[Floats, Floats]:
-    """Rows and columns, not whole, at the crossings of longitudes and latitudes."""
+    """Return rows and columns, not whole, at the crossings of longitudes and latitudes."""
     x, y = _from_lonlat(geobox.wkt)(*np.meshgrid(lon, lat))
     t = ~geobox.transform
     x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
@@ -94,7 +94,7 @@ def _rows_cols(geobox: GeoBox, lon: Floats, lat: Floats) -> tuple[Floats, Floats
 
 
 def _interpolated(geobox: GeoBox, place: tuple[int, int, int]) -> tuple[Floats, Floats] | tuple[None, None]:
-    """Rows and columns of all centres, bilinear between nodes; None where that is not exact enough."""
+    """Return rows and columns of all centres, bilinear between nodes; None where that is not exact enough."""
     known = _rows_cols(geobox, *_lonlat_of(place, np.linspace(0, 1, _INTERVALS + 1)))
     if not all(_is_even(values) for values in known):
         return None, None
@@ -111,7 +111,7 @@ def _bilinear(values: Floats, first: NDArray[np.int64], share: Floats) -> Floats
 
 
 def _is_even(values: Floats) -> bool:
-    """Whether interpolation between all nodes errs by less than the tolerance.
+    """Return whether interpolation between all nodes errs by less than the tolerance.
 
     With half of the intervals it errs four times as much, which the nodes in between show.
     """

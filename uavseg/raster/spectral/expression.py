@@ -7,13 +7,13 @@ nor threads change a bit.
 import ast
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import BandError, ExpressionError
 from uavseg.expressions import ARITHMETIC, Evaluator
 from uavseg.plain_text import printable
@@ -50,7 +50,7 @@ class Expression:
     names: tuple[tuple[str, int], ...]
 
     def compute(self, planes: Array, scales: Sequence[tuple[float, float]] = ()) -> NDArray[np.float32]:
-        """The value of each pixel, computed in double precision and rounded to single.
+        """Return the value of each pixel, computed in double precision and rounded to single.
 
         Parameters
         ----------
@@ -193,7 +193,7 @@ _KNOWN = "expected names of bands, numbers, + - * / **, parentheses and function
 
 
 def _wrong(text: str, at: int, why: str) -> ExpressionError:
-    """An error that shows where it is: the column, and a caret in front of the place."""
+    """Return an error that shows where it is: the column, and a caret in front of the place."""
     at = min(max(at, 0), len(text))
     before, after = printable(text[max(at - 60, 0) : at]), printable(text[at : at + 60])
     return ExpressionError(f"the expression is wrong at column {at + 1} (^), {before}^{after}: {why}")

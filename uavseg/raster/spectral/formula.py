@@ -1,17 +1,16 @@
 """Formulas that become intensity: a spectral index or an expression, bound to the bands of a raster."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import BandError, ParameterError
 from uavseg.plain_text import printable
 from uavseg.raster.spectral.band_names import find_band, listed, names_of
-from uavseg.raster.spectral.bands import BandLayout, Valid, Values
-from uavseg.raster.spectral.value_scale import BandScale
+from uavseg.raster.spectral.bands import BandLayout, BandScale, Valid, Values
 
 if TYPE_CHECKING:
     from uavseg.raster.spectral.expression import Expression
@@ -84,7 +83,7 @@ class Formula:
     def apply(
         self, planes: Values, valid: Valid | None, scales: Sequence[BandScale] = ()
     ) -> tuple[Values, Valid | None]:
-        """Values and validity from those of its bands; a result that is not finite is invalid.
+        """Return values and validity from those of its bands; a result that is not finite is invalid.
 
         Parameters
         ----------
@@ -105,7 +104,7 @@ class Formula:
 
 
 def bind_formula(words: BandWords, layout: BandLayout) -> Formula | None:
-    """The formula that is asked for, with the numbers of its bands; None if there is none.
+    """Return the formula that is asked for, with the numbers of its bands; None if there is none.
 
     Raises
     ------
@@ -129,7 +128,7 @@ def bind_formula(words: BandWords, layout: BandLayout) -> Formula | None:
 
 
 def _find(layout: BandLayout, name: str) -> int:
-    """The band of a name in an expression, where b1, b2, ... are bands by their numbers too."""
+    """Return the band of a name in an expression, where b1, b2, ... are bands by their numbers too."""
     text = name.casefold()
     number = int(text[1:]) if text[:1] == "b" and text[1:].isascii() and text[1:].isdigit() else 0
     named = [band.number for band in names_of(layout) if text in band.keys]

@@ -5,8 +5,7 @@ Montero et al. 2023, Scientific Data 10:197, MIT licence), with its constants pu
 C2 = 7.5 and L = 1 for EVI, and L = 0.5 for SAVI (Huete 1988).
 """
 
-from dataclasses import dataclass
-
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.plain_text import shown
 
@@ -199,7 +198,7 @@ INDICES: dict[str, SpectralIndex] = {
 
 
 def find_index(name: str) -> tuple[str, SpectralIndex]:
-    """The index of a name, in any case, with its name in lower case.
+    """Return the index of a name, in any case, with its name in lower case.
 
     Raises
     ------

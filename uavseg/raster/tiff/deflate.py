@@ -19,8 +19,7 @@ from rasterio.io import DatasetReader
 
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.spectral.bands import Values
-from uavseg.raster.tiff.block_stream import BlockStream, checked_blocks, file_of
-from uavseg.raster.tiff.directories import strip_rows
+from uavseg.raster.tiff.directories import BlockStream, checked_blocks, file_of, strip_rows
 
 _known: "WeakKeyDictionary[DatasetReader, DeflateBlocks | None]" = WeakKeyDictionary()  # by open file
 
@@ -120,7 +119,7 @@ class DeflateBlocks:
         return _ends_at(stored.read(), rows * -(-self._shape[1] * len(bands) * bits // 8))
 
     def _decoded(self, values: Values) -> bytes:
-        """What was compressed: rows of pixels, by their differences if there is a predictor."""
+        """Return what was compressed: rows of pixels, by their differences if there is a predictor."""
         pixels = np.moveaxis(values, 0, -1)
         if self._predictor == "2":
             before, pixels = pixels, pixels.copy()
@@ -129,7 +128,7 @@ class DeflateBlocks:
 
 
 def _part(values: Values | None, window: Window, block: Window) -> Values | None:
-    """The pixels of a block, if the window holds it whole."""
+    """Return the pixels of a block, if the window holds it whole."""
     row, col = block.row - window.row, block.col - window.col
     inside = row >= 0 and col >= 0 and row + block.rows <= window.rows and col + block.cols <= window.cols
     if values is None or not inside:
@@ -138,7 +137,7 @@ def _part(values: Values | None, window: Window, block: Window) -> Values | None
 
 
 def _ends_at(stream: bytes, size: int) -> bool:
-    """Whether a stream gives exactly so many bytes."""
+    """Return whether a stream gives exactly so many bytes."""
     decoder = zlib.decompressobj()
     try:
         found = len(decoder.decompress(stream, size + 1))

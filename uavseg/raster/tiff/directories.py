@@ -1,4 +1,4 @@
-"""Directories of a TIFF: GDAL reads as many as it can, and leaves out a mask that it cannot reach.
+"""Directories and blocks of a TIFF: GDAL reads as many as it can, and leaves out a mask that it cannot reach.
 
 A first image whose blocks have no places is refused too: of the first block that it is asked for, GDAL reads
 the start of the file in its stead, and the others fail. So is one in strips whose index has more entries than
@@ -12,17 +12,79 @@ next one, the last one 0.
 """
 
 import os
+import re
 import struct
-from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import BinaryIO
 
+import numpy as np
+from numpy.typing import NDArray
 from rasterio.errors import RasterBlockError
 from rasterio.io import DatasetReader
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import RasterReadError
 from uavseg.inputs import regular_file
 from uavseg.plain_text import cause_of
+
+_PAGE = re.compile(r"GTIFF_DIR:(?:off:)?\d+:(.+)", re.IGNORECASE | re.DOTALL)
+
+
+def file_of(name: str) -> Path | None:
+    """Return the local file of a TIFF, or one of its images; None if it is in an archive or remote.
+
+    Examples
+    --------
+    >>> file_of("GTIFF_DIR:2:pyproject.toml")
+    PosixPath('pyproject.toml')
+    """
+    page = _PAGE.fullmatch(name)
+    path = Path(page[1] if page else name)
+    return path if path.is_file() else None
+
+
+@dataclass(frozen=True, slots=True)
+class BlockStream:
+    """Where the stream of a block lies.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file.
+    offset, size : int
+        In bytes.
+    """
+
+    path: Path
+    offset: int
+    size: int
+
+    @classmethod
+    def of(cls, path: Path, source: DatasetReader, band: int, place: tuple[int, int]) -> "BlockStream | None":
+        """That of the block in a row and a column of blocks; None if it is not stored."""
+        offset = source.get_tag_item(f"BLOCK_OFFSET_{place[1]}_{place[0]}", "TIFF", bidx=band)
+        return None if offset is None else cls(path, int(offset), source.block_size(band, *place))
+
+    def read(self, start: int = 0, most: int | None = None) -> bytes:
+        """Its bytes from `start` on, which counts from the end if it is below 0; `most` of them at most."""
+        start = start if start >= 0 else max(self.size + start, 0)
+        left = self.size - start
+        with self.path.open("rb") as file:
+            file.seek(self.offset + start)
+            return file.read(left if most is None else min(left, most))
+
+
+def checked_blocks(name: str, path: Path, shape: tuple[int, int, int]) -> NDArray[np.bool_]:
+    """Return blocks of an image known to be right, by plane, row and column; for all threads."""
+    about = path.stat()
+    return _checked(name, about.st_size, about.st_mtime_ns, shape)
+
+
+@lru_cache(maxsize=64)
+def _checked(name: str, size: int, mtime_ns: int, shape: tuple[int, int, int]) -> NDArray[np.bool_]:
+    return np.zeros(shape, bool)
+
 
 MAX_DIRECTORIES = 65536  # as in libtiff
 _KIND, _COLS, _ROWS, _COMPRESSION = 254, 256, 257, 259  # tags
@@ -51,7 +113,7 @@ class _Layout:
     place: str
 
     def read(self, file: BinaryIO, numbers: str) -> tuple[int, ...]:
-        """Numbers at the present place.
+        """Return numbers at the present place.
 
         Raises
         ------
@@ -74,7 +136,7 @@ class _Layout:
 
 
 def mask_page(path: str) -> int | None:
-    """The number of the image in a TIFF that is the mask of its first image, counted from 1; None without.
+    """Return the number of the image that is the mask of the first, counted from 1; None without.
 
     Raises
     ------
@@ -106,7 +168,7 @@ def mask_page(path: str) -> int | None:
 
 
 def strip_rows(path: Path, source: DatasetReader) -> int | None:
-    """Rows of a strip of an image of a local TIFF; None if it is stored in tiles, which may be as wide as it.
+    """Return the rows of a strip of an image of a local TIFF; None if it is stored in tiles.
 
     Parameters
     ----------
@@ -132,7 +194,7 @@ def strip_rows(path: Path, source: DatasetReader) -> int | None:
 
 
 def _layout(file: BinaryIO) -> _Layout:
-    """How numbers lie in an open TIFF; its next number is the place of the first directory."""
+    """Return how numbers lie in an open TIFF; its next number is the place of the first directory."""
     start = file.read(4)
     order, is_big = "<" if start[:2] == b"II" else ">", b"+" in start[2:4]
     if is_big:
@@ -154,7 +216,7 @@ def _directories(file: BinaryIO) -> list[dict[int, int]]:
 
 
 def _directory(file: BinaryIO, layout: _Layout, is_first: bool) -> tuple[dict[int, int], int]:
-    """Numbers by tag, and the place of the next directory."""
+    """Return numbers by tag, and the place of the next directory."""
     (count,) = layout.read(file, layout.count)
     step = struct.calcsize(layout.order + layout.entry)
     if count * step > os.fstat(file.fileno()).st_size:
@@ -186,7 +248,7 @@ def _directory(file: BinaryIO, layout: _Layout, is_first: bool) -> tuple[dict[in
 
 
 def _count_blocks(numbers: dict[int, int]) -> int:
-    """How many tiles or strips an image has."""
+    """Return how many tiles or strips an image has."""
     rows, cols = numbers.get(_ROWS, 0), numbers.get(_COLS, 0)
     planes = numbers.get(_SAMPLES, 1) if numbers.get(_PLANAR) == _SEPARATE else 1
     if _TILE_COLS in numbers:

@@ -26,7 +26,7 @@ _known: "WeakKeyDictionary[DatasetReader, Stored | None]" = WeakKeyDictionary() 
 
 
 def stored_blocks(path: str, source: DatasetReader) -> Stored | None:
-    """Which blocks of an open local TIFF are stored.
+    """Return which blocks of an open local TIFF are stored.
 
     Returns
     -------
@@ -42,7 +42,7 @@ def stored_blocks(path: str, source: DatasetReader) -> Stored | None:
 def are_cut_off(
     path: str, source: DatasetReader, bands: Sequence[int], blocks: Sequence[tuple[int, int]]
 ) -> list[bool]:
-    """Whether blocks of an open TIFF begin beyond its end: an interrupted download leaves such a file.
+    """Return whether blocks of an open TIFF begin beyond its end: an interrupted download leaves such a file.
 
     Parameters
     ----------
@@ -109,20 +109,20 @@ def _read_index(
     (length,) = struct.unpack(order + head, file.read(struct.calcsize(head)))
     step = struct.calcsize("<" + entry)
     content = file.read(step * min(length, 4096))
-    found = []
+    result = []
     for tag, kind, items, value in struct.iter_unpack(order + entry, content[: len(content) // step * step]):
         if tag in _OFFSETS + _LENGTHS and items > 0:
             array = _read_array(file, order, kind, items, value, size)
             if array is None or len(array) != count:
                 return None
-            found.append(array)
-    return found
+            result.append(array)
+    return result
 
 
 def _read_array(
     file: BinaryIO, order: str, kind: int, items: int, value: bytes, size: int
 ) -> NDArray[np.unsignedinteger] | None:
-    """An array of a directory: in its entry if it fits there, elsewhere in the file if not."""
+    """Return an array of a directory: in its entry if it fits there, elsewhere in the file if not."""
     if kind not in _TYPES:
         return None
     dtype = np.dtype(order + _TYPES[kind])

@@ -7,7 +7,6 @@ that its header names have to be in the block or in those of the file.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from weakref import WeakKeyDictionary
 
@@ -16,8 +15,9 @@ from rasterio.enums import Compression, PhotometricInterp
 from rasterio.errors import RasterBlockError
 from rasterio.io import DatasetReader
 
+from uavseg.dataclass import dataclass
 from uavseg.raster.grid.tiling import Window
-from uavseg.raster.tiff.block_stream import BlockStream, checked_blocks, file_of
+from uavseg.raster.tiff.directories import BlockStream, checked_blocks, file_of
 
 HEADER_BYTES = 4096  # in which the frame header usually lies
 _START_OF_FRAME = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}  # these three are tables, or reserved
@@ -127,7 +127,7 @@ class _Header:
 
 
 def _parse(stream: bytes) -> _Header:
-    """The segments of a JPEG before its pixels, or tables alone."""
+    """Return the segments of a JPEG before its pixels, or tables alone."""
     size: tuple[int, int] | None = None
     defined: set[tuple[str, int]] = set()
     named: set[tuple[str, int]] = set()
@@ -160,7 +160,7 @@ def _parse(stream: bytes) -> _Header:
 
 
 def _numbers(segment: bytes, length: Callable[[bytes], int]) -> Iterator[int]:
-    """Numbers of the tables in a segment, each with what follows it."""
+    """Yield numbers of the tables in a segment, each with what follows it."""
     at = 0
     while at < len(segment):
         number = segment[at]

@@ -1,13 +1,13 @@
 """Sparse TIFF files: the pixels of blocks that are not stored have one value, and are never decoded."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from rasterio.errors import RasterBlockError
 from rasterio.io import DatasetReader
 
+from uavseg.dataclass import dataclass
 from uavseg.raster.grid.tiling import Window, sample_positions
 from uavseg.raster.spectral.bands import Values
 from uavseg.raster.tiff.index import Stored, stored_blocks
@@ -33,14 +33,14 @@ class SparseBlocks:
     bands: Sequence[int]
 
     def is_empty(self, window: Window) -> bool:
-        """Whether no block that intersects a window is stored; false where that is not known."""
+        """Return whether no block that intersects a window is stored; false where that is not known."""
         if self._stores_first(window):
             return False
         stored = self._stored(window)
         return stored is not None and not stored.any()
 
     def read(self, window: Window, shape: tuple[int, int]) -> Values | None:
-        """Pixels of a window, downsampled to `shape` by nearest neighbour; None if GDAL reads them as fast.
+        """Read a window, downsampled to `shape` by nearest neighbour; None if GDAL reads it as fast.
 
         That is where all blocks are stored, or some of them are and every pixel is asked for.
 
@@ -65,7 +65,7 @@ class SparseBlocks:
         return values
 
     def _stores_first(self, window: Window) -> bool:
-        """Whether the first block of a window is stored, which most are; the index need not be read then."""
+        """Return whether the first block of a window is stored; the index need not be read then."""
         rows, cols = self.source.block_shapes[0]
         try:
             return bool(self.source.block_size(self.bands[0], window.row // rows, window.col // cols))
@@ -89,7 +89,7 @@ class SparseBlocks:
             values[:, here[0], here[1]] = pixels[:, sampled[0], sampled[1]]
 
     def _fill_values(self) -> Values | None:
-        """The value of missing blocks by band, nodata or 0; None if the type cannot hold it."""
+        """Return the value of missing blocks by band, nodata or 0; None if the type cannot hold it."""
         dtype = np.dtype(self.source.dtypes[self.bands[0] - 1])
         fill = [self.source.nodatavals[band - 1] or 0.0 for band in self.bands]
         if dtype.kind in "iu":

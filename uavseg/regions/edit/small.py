@@ -1,11 +1,10 @@
 """Remove small holes and small regions by minimum areas; parse areas."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.ground import ring_areas

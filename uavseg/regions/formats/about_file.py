@@ -2,10 +2,10 @@
 
 import math
 import os
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import RegionError
 from uavseg.raster.access.opening import file_exists
 from uavseg.regions.formats import metadata

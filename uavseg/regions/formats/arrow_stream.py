@@ -81,7 +81,7 @@ _numbers = itertools.count(1)
 
 
 def _releasing(kind: type[Any]) -> Any:
-    """The function that releases a structure and its children, as C calls it."""
+    """Return the function that releases a structure and its children, as C calls it."""
 
     def release(pointer: Any) -> None:
         released = pointer.contents
@@ -135,7 +135,7 @@ class RegionStream:
             setattr(self._stream, name, ctypes.cast(function, _POINTER))
 
     def __arrow_c_stream__(self, requested_schema: object = None) -> object:
-        """The stream as a PyCapsule; another schema than that of the regions is not given."""
+        """Return the stream as a PyCapsule; another schema than that of the regions is not given."""
         capsule = ctypes.pythonapi.PyCapsule_New
         capsule.restype, capsule.argtypes = ctypes.py_object, [_POINTER, ctypes.c_char_p, _POINTER]
         self._stream.private_data = next(_numbers)
@@ -215,7 +215,7 @@ def _as_multipolygons(polygons: NDArray[Any]) -> NDArray[Any]:
 
 
 def _buffers_of(column: NDArray[Any]) -> Buffers:
-    """Numbers or texts; what is not a number, and a text that is missing, is null."""
+    """Return numbers or texts; what is not a number, and a text that is missing, is null."""
     if column.dtype != object:
         values = np.ascontiguousarray(column, np.int64 if column.dtype.kind == "i" else np.float64)
         return [_bits(values == values), values]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from uavseg.errors import RegionError
 from uavseg.inputs import MAX_TEXT, parse_json, read_bytes
-from uavseg.output.interrupts import default_signals
+from uavseg.output.staging import default_signals
 from uavseg.plain_text import cause_of
 
 _PIECE = 1 << 24  # bytes of a text that are read at once

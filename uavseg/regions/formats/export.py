@@ -2,9 +2,7 @@
 
 import io
 import json
-import mmap
 import os
-import sqlite3
 import struct
 import textwrap
 import warnings
@@ -231,7 +229,7 @@ def _write_layer(regions: Regions, path: Path, driver: str, **options: str) -> N
 
 @contextmanager
 def _raising(stream: "RegionStream") -> Iterator[None]:
-    """Context that raises what ended a stream too early, such as Ctrl-C, which the reader swallows."""
+    """Enter a context that raises what ended a stream too early, such as Ctrl-C."""
     try:
         yield
     finally:
@@ -297,6 +295,8 @@ def is_complete(path: Path, count: int) -> bool:
     count : int
         Regions that were written.
     """
+    import sqlite3
+
     check = {".gpkg": _geopackage, ".fgb": _flatgeobuf, ".shp": _shapefile}[path.suffix.lower()]
     try:
         return check(path, count)
@@ -305,6 +305,8 @@ def is_complete(path: Path, count: int) -> bool:
 
 
 def _geopackage(path: Path, count: int) -> bool:
+    import sqlite3
+
     if len(list(path.parent.iterdir())) > 1:  # a journal of an unfinished transaction
         return False
     with closing(sqlite3.connect(f"file:{path.as_posix()}?mode=ro&immutable=1", uri=True)) as base:
@@ -334,6 +336,8 @@ def _geopackage(path: Path, count: int) -> bool:
 
 
 def _flatgeobuf(path: Path, count: int) -> bool:
+    import mmap
+
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         position = 12 + struct.unpack_from("<I", data, 8)[0] + _index_bytes(count)
         for _ in range(count):

@@ -12,7 +12,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.regions.formats.decimal_text import degree_words, pack_words, unpack_lines, write_degrees
+from uavseg.regions.formats.geojson import degree_words, pack_words, unpack_lines, write_degrees
 from uavseg.regions.formats.metadata import METADATA_KEY, metadata_text
 from uavseg.regions.shapes import RaggedPolygons, corner_counts
 from uavseg.regions.table import Regions
@@ -67,7 +67,7 @@ def write_kml(regions: Regions, stream: IO[bytes]) -> None:
 
 
 def kml_notes(regions: Regions) -> list[str]:
-    """What Google Earth cannot draw of regions; empty where it draws all.
+    """Return what Google Earth cannot draw of regions; empty where it draws all.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def kml_notes(regions: Regions) -> list[str]:
 
 
 def _attributes(regions: Regions) -> Iterator[bytes]:
-    """The attributes of each region as XML; missing values are omitted."""
+    """Yield the attributes of each region as XML; missing values are omitted."""
     columns = [_data(name, column) for name, column in regions.columns.items()]
     for values in zip(*columns, strict=True):
         table = f'<SchemaData schemaUrl="#regions">{"".join(values)}</SchemaData>'
@@ -116,7 +116,7 @@ def _polygon(rings: list[bytes]) -> bytes:
 
 
 def _ring_texts(flat: RaggedPolygons, decimals: int) -> list[bytes]:
-    """The coordinates of each ring as text."""
+    """Return the coordinates of each ring as text."""
     units = np.rint(flat.vertices * 10**decimals).astype(np.int64)
     size = degree_words(decimals)
     rows = np.empty((len(units), 2 * size + 1), np.uint32)

@@ -5,7 +5,6 @@ schema, GeoJSON as a foreign member (RFC 7946, 6.1) and KML as extended data of 
 a sequence of GeoJSON features have none.
 """
 
-import html
 import json
 import os
 import re
@@ -57,6 +56,8 @@ def read_json_metadata(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 def read_kml_metadata(path: str | os.PathLike[str]) -> dict[str, Any]:
     """Read the metadata of a KML file."""
+    import html
+
     head = read_start(path, _HEAD, RegionError).decode("utf-8", "replace").partition("<Placemark")[0]
     data = _KML_DATA.search(head)
     return parse_metadata(html.unescape(data[1])) if data else {}

@@ -14,8 +14,8 @@ import shapely
 from numpy.typing import NDArray
 
 from uavseg.errors import RegionError, UavsegError
-from uavseg.execution.phases import steps_done
-from uavseg.output.interrupts import default_signals
+from uavseg.execution.executors import steps_done
+from uavseg.output.staging import default_signals
 from uavseg.plain_text import cause_of
 from uavseg.raster.access.opening import file_exists
 from uavseg.raster.geodesy.globe import MAX_DECIMALS, WGS84, geod_wgs84, unwrap_lon
@@ -71,7 +71,7 @@ def read_regions(source: str | os.PathLike[str] | bytes, layer: str | None = Non
 
 
 def regions_of_frame(frame: "GeoDataFrame") -> Regions:
-    """Regions of a GeoDataFrame, in WGS 84, completed like those of a file.
+    """Return regions of a GeoDataFrame, in WGS 84, completed like those of a file.
 
     Raises
     ------
@@ -114,7 +114,7 @@ def _read_frame(source: str | os.PathLike[str] | bytes, name: str, layer: str | 
 
 @contextmanager
 def vector_errors(name: str) -> Iterator[None]:
-    """Context manager in which libraries read a vector file: their errors as RegionError.
+    """Enter a context in which libraries read a vector file: their errors as RegionError.
 
     Of damaged content they raise anything, and drop or change geometries with a warning: that is an error
     too. Other warnings, about winding and measures, do not matter for regions.

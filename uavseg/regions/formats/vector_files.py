@@ -17,7 +17,7 @@ from typing import Any
 from uavseg.access import current_policy
 from uavseg.errors import AccessError, RegionError
 from uavseg.inputs import MAX_TEXT, parse_json, read_bytes, read_start, regular_file
-from uavseg.output.interrupts import default_signals
+from uavseg.output.staging import default_signals
 from uavseg.plain_text import cause_of
 from uavseg.raster.access.databases import check_database
 
@@ -102,7 +102,7 @@ def vector_format(path: str | os.PathLike[str]) -> str | None:
 
 @contextmanager
 def reading_vectors() -> Iterator[None]:
-    """Context in which GDAL makes no requests and runs no code from databases while it reads vectors."""
+    """Enter a context in which GDAL reads vectors without requests or code from databases."""
     with gdal_options({} if current_policy().allow_network else _OPTIONS):
         yield
 
@@ -172,7 +172,7 @@ _thread = threading.local()
 
 @contextmanager
 def gdal_options(options: Mapping[str, str]) -> Iterator[None]:
-    """Context with options of GDAL, in which its messages are warnings of Python, whatever the thread.
+    """Enter a context with options of GDAL, in which its messages are warnings, whatever the thread.
 
     The options belong to the process: only one thread at a time may be in such a context. pyogrio handles
     messages of the thread in which it was first imported. In all others GDAL prints them on stderr, and a

@@ -7,13 +7,13 @@ the edges of its own pixels; where a boundary continues along a pixel of another
 stores the key of the next edge.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.dataclass import dataclass
 from uavseg.segmentation.components import WORD, view_as_words
 
 OWNER, START, FIRST, LAST, HEAD, TAIL = range(6)  # columns of Chains.table

@@ -1,13 +1,13 @@
 """Rasterise region outlines: scan-line fill of rings into label images, window by window."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import kernel
+from uavseg.dataclass import dataclass
 from uavseg.execution.executors import LazySequence
 from uavseg.raster.grid.tiling import Window
 from uavseg.regions.outline.rings import Rings

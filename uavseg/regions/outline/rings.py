@@ -1,12 +1,13 @@
 """Rings: outlines of numbered regions on pixel corners, with the pixel sums of each region."""
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import kernel
+from uavseg.dataclass import dataclass
 from uavseg.segmentation.components import Sums
 
 

@@ -1,12 +1,13 @@
 """Stitch tiles: merge the components that meet at tile borders (union-find), and link their outlines."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.execution.executors import trim_heap
 from uavseg.raster.grid.tiling import Window
 from uavseg.regions.outline.chains import OWNER, Chains, PackedChains, pack_chains, trace_tile

@@ -4,7 +4,6 @@ Chains of boundaries are linked end to end, and rings are split where they pass 
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
 from typing import Protocol
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
 from uavseg.arguments import checked
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Map, serial
 from uavseg.regions.outline.chains import (

@@ -5,11 +5,11 @@ histogram to the decision of a pixel.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import SampleError
 from uavseg.raster.grid.tiling import Window
 from uavseg.regions.sample.model import bounds_around

@@ -3,15 +3,15 @@ log-likelihood-ratio weights against the raster as background.
 """
 
 import math
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import SampleError
 from uavseg.execution.executors import Map
-from uavseg.raster.grid.ellipsoid import pixel_on_ground
+from uavseg.raster.grid.ground import pixel_on_ground
 from uavseg.regions.sample.place import SampleMask
 from uavseg.segmentation.blocks.lbp import COARSE_HALO, UNCOUNTED, coarse_symbols, lbp_symbols
 from uavseg.segmentation.sample.g_scores import (

@@ -1,13 +1,13 @@
 """Sample areas: discs, files of polygons, and the masks of the pixels that they cover."""
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, SampleError
 from uavseg.raster.geodesy.globe import geod_of, is_geographic, transform_between, wrap_lon
 from uavseg.raster.grid.geobox import GeoBox

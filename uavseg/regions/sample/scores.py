@@ -1,12 +1,13 @@
 """Scores of cells against a sample (G of moving windows), and rejection of unlike cells, tile by tile."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.execution.executors import LazySequence
 from uavseg.raster.grid.tiling import TilePass, Window, window_cells
 from uavseg.regions.outline.rasterise import EdgeTable, edge_tables

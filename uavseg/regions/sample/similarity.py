@@ -2,12 +2,12 @@
 
 import threading
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import SampleError
 from uavseg.raster.grid.tiling import TilePass, Window
 from uavseg.regions.sample.place import SampleMask

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import RegionError
-from uavseg.expressions import ALWAYS, ARITHMETIC, LOGIC, Evaluator, Truth
+from uavseg.expressions import ALWAYS, ARITHMETIC, LOGIC, Evaluator, Tristate
 
 MAX_CHARACTERS = 2000  # of a condition
 
@@ -54,7 +54,7 @@ def where(columns: Mapping[str, NDArray[Any]], condition: str) -> NDArray[np.boo
             raise RegionError(
                 f"the condition {condition[:60]!r} is too large a calculation; make it simpler"
             ) from error
-    if not isinstance(answer, Truth):
+    if not isinstance(answer, Tristate):
         raise RegionError(
             f"the condition {condition!r} is not a condition; compare with a value, as in mean > 0.7"
         )
@@ -79,7 +79,7 @@ _CLASS = "class_column_"  # stands for the column class, which has the name of a
 
 
 def _as_name(found: re.Match[str]) -> str:
-    """A text in quotes as it is, and the keyword class as a name."""
+    """Return a text in quotes as it is, and the keyword class as a name."""
     return _CLASS if found[0] == "class" else found[0]
 
 
@@ -118,9 +118,9 @@ class _Condition(Evaluator):
 
 
 def _plain(column: NDArray[Any]) -> Any:
-    """A column as numbers, booleans or texts; a missing text is empty."""
+    """Return a column as numbers, booleans or texts; a missing text is empty."""
     if column.dtype.kind in "iuf":
         return column.astype(np.float64)
     if column.dtype.kind == "b":
-        return Truth(column, ~column)
+        return Tristate(column, ~column)
     return np.array(["" if value is None or value != value else str(value) for value in column])

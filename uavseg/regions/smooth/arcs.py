@@ -3,12 +3,11 @@
 An arc that two rings share has one orientation for both.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.dataclass import dataclass
 from uavseg.regions.outline.rings import Rings
 
 Integers = NDArray[np.int64]

@@ -13,7 +13,7 @@ Zhao, Z.; Saalfeld, A. (1997): Linear-time sleeve-fitting polyline simplificatio
 from uavseg._jit import inlined
 
 STEPS_PER_PIXEL = 256
-MAX_OFFSET = 112  # steps from the middle of a portal to its ends: `surface_nets.MAX_SHIFT`
+MAX_OFFSET = 112  # steps from the middle of a portal to its ends: `MAX_SHIFT` of smooth_outlines
 SLEEVE_WIDTH = 8  # steps along a portal by which a segment may miss the arc's point
 _MAX_EDGES = 4096  # edges that one segment may replace
 

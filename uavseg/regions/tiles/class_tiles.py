@@ -1,12 +1,13 @@
 """Segments of several classes, refined tile by tile so that borders are shared, and stitched."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.execution.executors import LazySequence
 from uavseg.raster.grid.tiling import TilePass, Window
 from uavseg.regions.outline.rings import RegionOutlines
@@ -14,8 +15,7 @@ from uavseg.regions.outline.stitch import TileOutlines, TileStitcher, outline_ti
 from uavseg.regions.tiles.range_tiles import TileJob, check_sums, tile_jobs, with_detail
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.components import Sums, border_steps, component_sums, label_equal_values
-from uavseg.segmentation.params.partition import Partition
-from uavseg.segmentation.params.segment import IntensityRange, Refinement
+from uavseg.segmentation.params.segment import IntensityRange, Partition, Refinement
 from uavseg.segmentation.pipeline import every_cell, refine_tile, refine_tile_classes
 from uavseg.segmentation.refine.detail import Detail
 from uavseg.segmentation.refine.range_scans import REFINE_HALO

@@ -61,7 +61,7 @@ def cut_at_antimeridian(rings: Sequence[Floats], jumping: bool, degree: float = 
 
 
 def _cut_ring(ring: Floats, jumping: bool, degree: float) -> Any:
-    """The area to the left of a ring."""
+    """Return the area to the left of a ring."""
     if jumping:
         ring = _close_at_pole(_unwrap(_split_at_poles(ring, degree), degree), degree)
     width = np.ptp(ring[:, 0])
@@ -73,7 +73,7 @@ def _cut_ring(ring: Floats, jumping: bool, degree: float) -> Any:
 
 
 def _split_at_poles(ring: Floats, degree: float) -> Floats:
-    """A vertex at a pole has every longitude: it becomes two, at the longitudes of its neighbours."""
+    """Return a vertex at a pole has every longitude: it becomes two, at the longitudes of its neighbours."""
     at_pole = np.abs(ring[:, 1]) > _AT_POLE * degree
     if not at_pole.any():
         return ring
@@ -87,12 +87,12 @@ def _split_at_poles(ring: Floats, degree: float) -> Floats:
 
 
 def _unwrap(ring: Floats, degree: float) -> Floats:
-    """A ring with continuous longitudes; the last one differs from the first by 360 around a pole."""
+    """Return a ring with continuous longitudes; the last one differs from the first by 360 around a pole."""
     return np.stack([unwrap_lon(ring[:, 0], 360 * degree), ring[:, 1]], axis=1)
 
 
 def _close_at_pole(ring: Floats, degree: float) -> Floats:
-    """A ring that ends a turn away from its start, closed through the pole on its left."""
+    """Return a ring that ends a turn away from its start, closed through the pole on its left."""
     turn = ring[-1, 0] - ring[0, 0]
     if abs(turn) < 180 * degree:
         return ring
@@ -103,7 +103,7 @@ def _close_at_pole(ring: Floats, degree: float) -> Floats:
 
 
 def _with_crossings(ring: Floats, degree: float) -> Floats:
-    """A ring with a vertex wherever it crosses an odd multiple of 180 degrees."""
+    """Return a ring with a vertex wherever it crosses an odd multiple of 180 degrees."""
     half, turn = 180 * degree, 360 * degree
     west, east = (side(ring[:-1, 0], ring[1:, 0]) for side in (np.minimum, np.maximum))  # of each edge
     first, last = np.floor((west - half) / turn) + 1, np.ceil((east - half) / turn) - 1
@@ -130,7 +130,7 @@ def _cut_into_bands(polygon: Any, degree: float) -> Any:
 
 
 def _band_of(polygon: Any, centre: float, degree: float) -> Any:
-    """The part of a polygon within 180 degrees of a meridian, shifted to longitude 0."""
+    """Return the part of a polygon within 180 degrees of a meridian, shifted to longitude 0."""
     box = shapely.box(*(np.array([centre - 180, -90, centre + 180, 90]) * degree))
     parts = shapely.get_parts(shapely.intersection(polygon, box))
     areas = shapely.union_all(parts[shapely.area(parts) > 0])
@@ -145,7 +145,7 @@ _SAG = 1 / 500  # largest distance of an edge from its true course, in pixels
 def densify_edges(
     flat: RaggedPolygons, degrees: Floats, side: float, radius: float, to_degrees: Callable[[Floats], Floats]
 ) -> RaggedPolygons:
-    """Rings in degrees, with vertices added to edges that would deviate if they were straight in degrees.
+    """Add vertices to edges of rings that would deviate if they were straight in degrees.
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ def densify_edges(
 
 
 def _pieces(xy: Floats, degrees: Floats, starts: Integers, side: float, radius: float) -> Integers:
-    """Number of pieces to split each edge, from a vertex to the next, into."""
+    """Return number of pieces to split each edge, from a vertex to the next, into."""
     steps = np.append(np.hypot(*np.diff(xy, axis=0).T), 0)
     steps[starts[1:] - 1] = 0
     slope = np.abs(degrees[:, 1])

@@ -5,7 +5,7 @@ Coordinates are integers of the last decimal in ragged arrays; the few polygons 
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -13,12 +13,13 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import OutputError, RasterError
 from uavseg.raster.geodesy.globe import (
     Transform,
     decimals_for,
+    ellipsoid_under,
     equatorial_radius,
-    geodetic_base,
     is_geographic,
     is_on_earth,
     lonlat_transform,
@@ -55,7 +56,7 @@ class Wgs84Batch:
     others: dict[int, Any]
 
     def geometries(self) -> Objects:
-        """The regions as shapely geometries, in degrees."""
+        """Return the regions as shapely geometries, in degrees."""
         degrees = replace(self.polygons, vertices=self.polygons.vertices / 10**self.decimals)
         wgs84_geometries = degrees.to_geometries()
         wgs84_geometries[list(self.others)] = list(self.others.values())
@@ -63,7 +64,7 @@ class Wgs84Batch:
 
 
 def wgs84_batches(regions: Regions, vertices: int = shapes.BATCH_VERTICES) -> Iterator[Wgs84Batch]:
-    """The regions in WGS 84, in batches of about so many vertices.
+    """Yield the regions in WGS 84, in batches of about so many vertices.
 
     Exteriors run counter-clockwise, holes clockwise.
 
@@ -84,7 +85,7 @@ def wgs84_batches(regions: Regions, vertices: int = shapes.BATCH_VERTICES) -> It
 
 
 def wgs84_geometries(regions: Regions) -> Objects:
-    """The regions in WGS 84 as shapely geometries, with the same coordinates as in GeoJSON, (n,)."""
+    """Return the regions in WGS 84 as shapely geometries, with the same coordinates as in GeoJSON, (n,)."""
     return np.concatenate([np.empty(0, object), *(batch.geometries() for batch in wgs84_batches(regions))])
 
 
@@ -121,9 +122,11 @@ class _Reprojection:
             raise OutputError(
                 "these regions are not on the Earth, and GeoJSON and KML are WGS 84; write a .gpkg instead"
             )
-        base, unit = geodetic_base(wkt), unit_factor(wkt)
+        ellipsoid, unit = ellipsoid_under(wkt), unit_factor(wkt)
         radius = 1.0 if is_geographic(wkt) else equatorial_radius(wkt)
-        return cls(transform, base is not None and base[1] is None, radius / unit, 2 * np.pi / unit)
+        return cls(
+            transform, ellipsoid is not None and ellipsoid.inverse is None, radius / unit, 2 * np.pi / unit
+        )
 
     def degrees(self, xy: Floats) -> Floats:
         x, y = xy.T
@@ -137,7 +140,7 @@ class _Reprojection:
         return lonlat
 
     def mirrors(self, xy: Floats) -> bool:
-        """Whether the reprojection mirrors orientation at a vertex (1, 2), and so everywhere."""
+        """Return whether the reprojection mirrors orientation at a vertex (1, 2), and so everywhere."""
         if self.geographic:
             return False
         step = self.radius * 1e-5
@@ -176,7 +179,7 @@ def _batch(polygons: Objects, pixel: float, decimals: int, reprojection: _Reproj
 
 
 def _shift_turns(flat: RaggedPolygons, degree: int) -> tuple[RaggedPolygons, Flags]:
-    """Regions shifted by whole turns into -180..180, and a mask of those that cross the antimeridian."""
+    """Shift regions by whole turns into -180..180, and mask those that cross the antimeridian."""
     starts = flat.rings[flat.polygons[flat.regions]]
     lon = flat.vertices[:, 0]
     west, east = np.minimum.reduceat(lon, starts[:-1]), np.maximum.reduceat(lon, starts[:-1])
@@ -187,7 +190,7 @@ def _shift_turns(flat: RaggedPolygons, degree: int) -> tuple[RaggedPolygons, Fla
 
 
 def _find_jumps(flat: RaggedPolygons, degree: int) -> tuple[RaggedPolygons, Flags]:
-    """Regions unchanged, and a mask of those whose longitudes jump or that have a vertex at a pole."""
+    """Return regions unchanged, and a mask of those whose longitudes jump or that have a vertex at a pole."""
     jumps = np.abs(np.diff(flat.vertices[:, 0])) > 180 * degree
     jumps[flat.rings[1:-1] - 1] = False
     at_pole = np.abs(flat.vertices[:, 1]) == 90 * degree
@@ -197,7 +200,7 @@ def _find_jumps(flat: RaggedPolygons, degree: int) -> tuple[RaggedPolygons, Flag
 
 
 def _drop_repeats(flat: RaggedPolygons) -> RaggedPolygons:
-    """Rings without repeated consecutive vertices."""
+    """Return rings without repeated consecutive vertices."""
     x, y = flat.vertices.T
     repeats = (x[1:] == x[:-1]) & (y[1:] == y[:-1])
     repeats[flat.rings[1:-1] - 1] = False
@@ -223,7 +226,7 @@ def _invalid(flat: RaggedPolygons) -> Flags:
 
 
 def _rounding_is_safe(flat: RaggedPolygons, units: Floats, pixel: float) -> bool:
-    """Whether polygons follow the edges of pixels so large that rounding cannot make them invalid.
+    """Return whether polygons follow the edges of pixels so large that rounding cannot make them invalid.
 
     Then validity need not be tested for each polygon, which takes longer than writing it. A pixel is at least
     as wide as its area divided by the shortest edge along its height, and vice versa.
@@ -239,7 +242,7 @@ def _rounding_is_safe(flat: RaggedPolygons, units: Floats, pixel: float) -> bool
 
 
 def _geometry_of(flat: RaggedPolygons, region: int, crossing: bool, jumping: bool, degree: int) -> Any:
-    """The geometry of one region, cut if it crosses the antimeridian."""
+    """Return the geometry of one region, cut if it crosses the antimeridian."""
     pieces = []
     for polygon in range(flat.regions[region], flat.regions[region + 1]):
         ends = flat.rings[flat.polygons[polygon] : flat.polygons[polygon + 1] + 1]

@@ -9,13 +9,13 @@ import os
 import struct
 import zlib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.dataclass import dataclass
 from uavseg.errors import RasterError
 from uavseg.segmentation.blocks.division import RATIOS
 from uavseg.segmentation.params.segment import DivisionParams

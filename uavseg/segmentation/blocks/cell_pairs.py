@@ -1,13 +1,13 @@
 """Co-occurrence histograms of the means of neighbouring cells: contrast at the border of any range."""
 
 import math
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.dataclass import dataclass
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.params.segment import IntensityRange
 from uavseg.units import CELL, GREY_LEVELS, GREY_MAX

@@ -12,7 +12,7 @@ T = TypeVar("T", np.bool_, np.uint8)
 
 
 def dilate(cells: NDArray[T], reach: int = 1) -> NDArray[T]:
-    """Maximum over the square of ``2 reach + 1`` cells around each cell.
+    """Return maximum over the square of ``2 reach + 1`` cells around each cell.
 
     Parameters
     ----------

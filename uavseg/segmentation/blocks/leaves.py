@@ -8,8 +8,12 @@ from numpy.typing import NDArray
 
 from uavseg._jit import kernel
 from uavseg.segmentation.blocks.block_map import BlockMap, leaf_means_by_strip
-from uavseg.segmentation.params.partition import Breaks, Partition, partition_of_levels
-from uavseg.segmentation.params.segment import DivisionParams, IntensityRange, Levels, StateLimits
+from uavseg.segmentation.params.segment import (
+    DivisionParams,
+    IntensityRange,
+    Partition,
+    StateLimits,
+)
 from uavseg.units import GREY_LEVELS, GREY_MAX
 
 STEPS = 1000
@@ -31,25 +35,6 @@ def cell_states(blocks: BlockMap, limits: StateLimits, division: DivisionParams)
         1 free, 2 unknown, 3 occupied; 0 where the leaf has no valid pixel.
     """
     return cell_intervals(blocks, limits.edges, division)
-
-
-def cell_levels(
-    blocks: BlockMap, levels: Levels | Breaks, division: DivisionParams
-) -> NDArray[np.uint8] | NDArray[np.uint32]:
-    """Return the level of each cell, counted from 1: that of the mean of its leaf.
-
-    Parameters
-    ----------
-    blocks : BlockMap
-    levels : Levels or Breaks
-    division : DivisionParams
-
-    Returns
-    -------
-    levels : (8 B, 8 C) array
-        0 where the leaf has no valid pixel; uint8 up to 255 levels, else uint32.
-    """
-    return cell_classes(blocks, partition_of_levels(levels), division)
 
 
 def cell_intervals(

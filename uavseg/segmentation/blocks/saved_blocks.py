@@ -4,18 +4,18 @@ import json
 import math
 import os
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
 from uavseg.access import current_policy, is_address
+from uavseg.dataclass import dataclass
 from uavseg.plain_text import shown
 from uavseg.raster.access.opening import file_exists
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch
-from uavseg.raster.spectral.bands import as_nodata
+from uavseg.raster.spectral.bands import BandScale, ValueAxis, as_nodata
 from uavseg.raster.spectral.formula import BandWords
-from uavseg.raster.spectral.value_scale import BandScale, ValueAxis
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.params.illumination import Illumination
 from uavseg.units import CELL, GREY_MAX

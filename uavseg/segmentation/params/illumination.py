@@ -6,12 +6,11 @@ gradient is estimated exactly, also at the edge of the raster. Between the centr
 interpolated bilinearly, and extrapolated outside of them.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import kernel
+from uavseg.dataclass import dataclass
 from uavseg.units import CELL, GREY_MAX
 
 _SQUARES = 8  # at least so many squares across the width, where squares are larger than a cell

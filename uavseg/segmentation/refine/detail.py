@@ -7,13 +7,13 @@ square. Maxima over it are built up from runs of a row: each row of the disc is 
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.dataclass import dataclass
 from uavseg.units import BLOCK
 
 MAX_DETAIL = 128  # pixels

@@ -8,12 +8,12 @@ significance counts where it continues a line within 8 pixels of strong evidence
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import kernel
+from uavseg.dataclass import dataclass
 from uavseg.segmentation.blocks.dilation import dilate
 from uavseg.segmentation.refine.noise import NOISE_SIDE, medians_around
 

@@ -1,10 +1,11 @@
 """Optimal threshold interval: the one that separates a sample's class best from the rest of a raster."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from uavseg.dataclass import dataclass
 
 Floats = NDArray[np.float64]
 

@@ -10,16 +10,18 @@ between them: N. Otsu, "A threshold selection method from gray-level histograms"
 Systems, Man, and Cybernetics 9 (1979) 62-66.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.dataclass import dataclass
 from uavseg.segmentation.blocks.g_statistic import expected_g, n_ln_n
 from uavseg.segmentation.blocks.lbp import SYMBOLS, UNCOUNTED
 from uavseg.units import CELL, GREY_MAX
+from uavseg.warning_filters import changing_filters
 
 SCORE_UNITS = 2048  # units of a score for a G of 1 per counted pixel
 NULL_SCORE = 4 * SCORE_UNITS  # the score where G equals its expectation under the null hypothesis
@@ -281,8 +283,8 @@ def separability(scores: NDArray[np.uint16]) -> float:
     Scores of `best_scores`, an (n,) uint16 array, are ignored from MAX_SCORE on. Eta is 0.64 for a normal
     distribution, 0.75 for a uniform one; 0 for fewer than 32 scores, or where all are equal.
     """
-    from skimage.filters import threshold_otsu
-
+    with changing_filters():  # which scikit-image does while it is imported
+        from skimage.filters import threshold_otsu
     counts = _histogram(scores)[:MAX_SCORE]
     values = np.flatnonzero(counts).astype(np.float64)
     counts = counts[counts > 0]

@@ -7,12 +7,12 @@ between them (Neyman and Pearson, 1933). Two scales are used: pixels, and means 
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import kernel
+from uavseg.dataclass import dataclass
 from uavseg.segmentation.blocks.lbp import SYMBOLS, UNCOUNTED
 from uavseg.segmentation.sample.g_scores import best_scores, min_count
 from uavseg.units import CELL

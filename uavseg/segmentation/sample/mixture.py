@@ -16,12 +16,12 @@ Learning from a sample and unlabelled points: Elkan and Noto, Knowledge Discover
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import kernel
+from uavseg.dataclass import dataclass
 
 SIZES = (2, 3, 4, 5, 6, 8)
 """Numbers of components of the mixtures that vote."""

@@ -7,12 +7,13 @@ for independent, given the side that a pixel is on (naive Bayes).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.dataclass import dataclass
 from uavseg.segmentation.blocks.dilation import dilate
 from uavseg.segmentation.blocks.lbp import SYMBOLS, UNCOUNTED
 from uavseg.segmentation.sample.g_scores import TextureModel

@@ -5,12 +5,13 @@ single pixels and leaves edges where they are. Of more than three bands, three l
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import kernel
+from uavseg.dataclass import dataclass
 from uavseg.segmentation.sample.mixture import Points, SampleVote, sample_votes
 from uavseg.units import GREY_MAX
 

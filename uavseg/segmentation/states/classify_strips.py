@@ -16,7 +16,7 @@ Between passes a pixel takes 4 bits, see `StateImage`.
 
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache, partial
 from itertools import groupby
 from typing import Literal
@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import kernel
+from uavseg.dataclass import dataclass
 from uavseg.execution.executors import LazySequence
 from uavseg.raster.grid.tiling import TilePass, Window, tile_side, tiles, whole_blocks, window_cells
 from uavseg.segmentation.blocks.leaves import cells_to_pixels

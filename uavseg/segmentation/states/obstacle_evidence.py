@@ -20,13 +20,13 @@ responses within blocks of 64 x 64 pixels are used, so statistics of tiles merge
 """
 
 import math
-from dataclasses import dataclass
 from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import kernel
+from uavseg.dataclass import dataclass
 from uavseg.segmentation.params.segment import StateLimits
 from uavseg.units import BLOCK, GREY_LEVELS, GREY_MAX
 

@@ -4,12 +4,13 @@ Chunks of whole rows are labelled one after the other by union-find; components 
 are united there. Only a few sums for each component are kept.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import kernel
+from uavseg.dataclass import dataclass
 from uavseg.segmentation.components import WORD, number_roots, root_of, union_roots
 
 _CERTAIN = 1 << 20  # evidence of a cell with v = 1: more than any rule requires

@@ -15,7 +15,6 @@ method loses none.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import partial
 from itertools import chain, groupby
 
@@ -23,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.dataclass import dataclass
 from uavseg.raster.grid.tiling import TilePass, Window, whole_blocks
 from uavseg.segmentation.source import GreySource
 from uavseg.segmentation.states.obstacle_evidence import MIN_CELLS, EvidenceRule

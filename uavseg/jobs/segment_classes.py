@@ -1,30 +1,26 @@
 """Segments of several intervals of v at once: what classes and levels have in common."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
-from uavseg.execution.executors import trim_heap
-from uavseg.execution.phases import decided, phase
+from uavseg.execution.executors import decided, phase, trim_heap
 from uavseg.jobs.ranges.ranges import decided_grey
-from uavseg.jobs.result.fill_holes import filled
-from uavseg.jobs.result.result import SourceInfo
-from uavseg.jobs.source.detail import detail_of, refuse_without_pixels
-from uavseg.jobs.source.source import Blocks, Pixels, Source
+from uavseg.jobs.result.result import SourceInfo, filled
+from uavseg.jobs.source.source import Blocks, Pixels, Source, detail_of, refuse_without_pixels
 from uavseg.jobs.source.unchanged import check_unchanged
 from uavseg.jobs.source.work import Work
-from uavseg.raster.grid.length import Length
+from uavseg.raster.grid.geobox import Length
 from uavseg.raster.grid.tiling import TilePass
 from uavseg.regions.edit.small import Area, fill_small_holes
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaves import cell_classes
-from uavseg.segmentation.params.partition import Partition
-from uavseg.segmentation.params.segment import SegmentParams
+from uavseg.segmentation.params.segment import Partition, SegmentParams
 from uavseg.segmentation.pipeline import measure_block_map, measure_block_map_for
 from uavseg.segmentation.source import GreySource
 from uavseg.units import CELL, MAX_PIXEL_CLASSES
@@ -34,7 +30,7 @@ ChoosePartition = Callable[[BlockMap], Partition]
 
 
 @dataclass(frozen=True, slots=True)
-class KindsRequest:
+class PartitionRequest:
     """Which intervals, and how their segments are found.
 
     Parameters
@@ -86,7 +82,7 @@ class Segmented:
 
 
 def joint_params(segment: SegmentParams, refine: str | None) -> SegmentParams:
-    """How segments of several intervals are found: refined together, by tv or pixels, or not at all.
+    """Return how segments of several intervals are found: refined together, by tv or pixels, or not at all.
 
     Parameters
     ----------
@@ -108,8 +104,8 @@ def joint_params(segment: SegmentParams, refine: str | None) -> SegmentParams:
     return SegmentParams.from_options(segment.method, segment.threshold, segment.intensity_step, refine)
 
 
-def segment_kinds(source: Source, request: KindsRequest, work: Work) -> Segmented:
-    """Segments of several intervals, each pixel in one of them at most.
+def segment_classes(source: Source, request: PartitionRequest, work: Work) -> Segmented:
+    """Return segments of several intervals, each pixel in one of them at most.
 
     A block map answers without its raster where segments may end at cells; otherwise they are refined with
     it, if it is where it was.
@@ -117,7 +113,7 @@ def segment_kinds(source: Source, request: KindsRequest, work: Work) -> Segmente
     Parameters
     ----------
     source : Raster, ProbabilityMap or Blocks
-    request : KindsRequest
+    request : PartitionRequest
     work : Work
 
     Raises
@@ -150,7 +146,7 @@ def segment_kinds(source: Source, request: KindsRequest, work: Work) -> Segmente
 
 
 def _divided(
-    grey: GreySource, request: KindsRequest, tile_pass: TilePass | None = None
+    grey: GreySource, request: PartitionRequest, tile_pass: TilePass | None = None
 ) -> tuple[Partition, NDArray[Any] | None]:
     """The intervals, and the kind of each cell where leaves decide; no pass where nothing needs leaves."""
     partition, segment = request.partition, request.segment
@@ -178,7 +174,7 @@ def _check_count(partition: Partition, segment: SegmentParams) -> None:
 
 
 def _refined(
-    source: Blocks, raster: Pixels, partition: Partition, request: KindsRequest, work: Work
+    source: Blocks, raster: Pixels, partition: Partition, request: PartitionRequest, work: Work
 ) -> Segmented:
     """From the division on, with blocks that are known."""
     outlining = work.over(raster)
@@ -194,11 +190,11 @@ def _outlined(
     grey: GreySource,
     cells: NDArray[Any] | None,
     partition: Partition,
-    request: KindsRequest,
+    request: PartitionRequest,
     tile_pass: TilePass,
     expected: BlockMap | None = None,
 ) -> Segmented:
-    """Outlines of segments, with small holes filled; `cells` are their kinds where leaves decide."""
+    """Return outlines of segments, with small holes filled; `cells` are their kinds where leaves decide."""
     from uavseg.regions.tiles.class_tiles import outline_refined_classes
     from uavseg.regions.tiles.range_tiles import count_pixels
     from uavseg.regions.tiles.segment_tiles import outline_segments
@@ -208,10 +204,10 @@ def _outlined(
         outlined, kinds_at = outline_segments(grey, cells, tile_pass), _of_cells(cells)
     else:
         detail = detail_of(request.detail, grey.dataset.geobox, request.segment.refine, request.cover)
-        outlined, kinds = outline_refined_classes(
+        outlined, classes = outline_refined_classes(
             grey, partition, request.segment.refine, tile_pass, expected, detail
         )
-        kinds_at = kinds.at
+        kinds_at = classes.at
     trim_heap()
     outlined = filled(grey, outlined, request.fill_holes, tile_pass)
 
@@ -223,22 +219,22 @@ def _outlined(
 
 
 def _at_block_edges(
-    source: Blocks, partition: Partition, request: KindsRequest, notes: tuple[str, ...] = ()
+    source: Blocks, partition: Partition, request: PartitionRequest, notes: tuple[str, ...] = ()
 ) -> Segmented:
     """Segments of whole cells with valid pixels, from the block map alone; their `std` is not known."""
     from uavseg.regions.tiles.segment_tiles import outline_block_map, sum_enclosed_cells
 
     refuse_without_pixels(request.detail, request.segment.refine)
     blocks = source.saved.blocks
-    kinds = cell_classes(blocks, partition, request.segment.division)
-    outlined = outline_block_map(blocks, kinds)
+    classes = cell_classes(blocks, partition, request.segment.division)
+    outlined = outline_block_map(blocks, classes)
     if request.fill_holes is not None:
         outlined = sum_enclosed_cells(blocks, fill_small_holes(outlined, source.geobox, request.fill_holes))
-    return Segmented(outlined, _of_cells(kinds), SourceInfo.of(source), partition, "none", notes)
+    return Segmented(outlined, _of_cells(classes), SourceInfo.of(source), partition, "none", notes)
 
 
 def _of_cells(cells: NDArray[Any]) -> Callable[[Firsts], NDArray[np.int64]]:
-    """The kinds of segments that end at cells, by their first pixels."""
+    """Return the kinds of segments that end at cells, by their first pixels."""
 
     def kinds_at(firsts: Firsts) -> NDArray[np.int64]:
         row, col = firsts.T // CELL
