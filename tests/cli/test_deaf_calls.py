@@ -84,8 +84,8 @@ CALLS = {
         "beside",
     ),
     "simplifying": (f"{EXTRACT} --simplify 2", "shapely", "coverage_simplify", "working"),
-    "writing a layer": (EXTRACT, "pyogrio.raw", "write_arrow", "working"),
-    "checking a database": (EXTRACT, "uavseg.regions.formats.export", "is_complete", "query"),
+    "writing a layer": (f"{EXTRACT[:-4]}fgb", "pyogrio.raw", "write", "working"),
+    "writing a database": (EXTRACT, "uavseg.regions.formats.geopackage", "write_geopackage", "query"),
     "views of a database": ("info base.gpkg", "uavseg.raster.access.databases", "open_database", "query"),
     "reprojecting a picture": (
         "map a.tif -o out.html",

@@ -125,6 +125,18 @@ def total_area(polygons: PolygonArray) -> float:
     return float(shapely.area(polygons).sum())
 
 
+def as_multipolygons(polygons: Objects) -> Objects:
+    """Convert polygons to multipolygons, each of its parts.
+
+    Parameters
+    ----------
+    polygons : array (n,) of shapely Polygons and MultiPolygons
+    """
+    parts, owners = shapely.get_parts(polygons, return_index=True)
+    multipolygons: Objects = shapely.multipolygons(parts, indices=owners)
+    return multipolygons
+
+
 def has_multipolygons(polygons: PolygonArray) -> bool:
     """Check whether some geometry is a MultiPolygon."""
     if isinstance(polygons, LazyPolygons):

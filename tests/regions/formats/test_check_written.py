@@ -61,7 +61,7 @@ def test_a_file_that_appears_on_a_full_disk_is_complete(tmp_path: Path, extensio
 
 
 @pytest.mark.parametrize("count", COUNTS)
-@pytest.mark.parametrize("extension", ["gpkg", "fgb", "shp"])
+@pytest.mark.parametrize("extension", ["fgb", "shp"])
 def test_a_file_is_complete_with_all_its_regions_and_bytes(
     tmp_path: Path, extension: str, count: int
 ) -> None:
@@ -76,9 +76,3 @@ def test_a_file_is_complete_with_all_its_regions_and_bytes(
             assert not is_complete(path, count)
         part.write_bytes(data)
     assert is_complete(path, count)
-
-
-def test_a_file_with_an_open_journal_is_not_complete(tmp_path: Path) -> None:
-    export.write_regions(squares(3), tmp_path / "a.gpkg")
-    (tmp_path / "a.gpkg-journal").write_bytes(b"")
-    assert not is_complete(tmp_path / "a.gpkg", 3)

@@ -13,7 +13,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from rasterio import Env
 from rasterio.crs import CRS
+from rasterio.errors import CRSError
 from rasterio.warp import transform as gdal_transform
 
 from uavseg.dataclass import dataclass
@@ -30,6 +32,7 @@ _DEGREE_M = 111_320  # of latitude, and of longitude at the equator
 _WGS84_RADIUS_M, _WGS84_POLAR_RADIUS_M = 6378137.0, 6356752.314245179  # semi-major and semi-minor axis
 _UTM_DOMAIN_M = 1e7  # of coordinates that have a longitude and latitude in any case
 _MAX_BY_GDAL = 20_000  # points, which GDAL takes one by one; pyproj takes arrays, and 60 ms to be imported
+_SURE = 90  # per cent, of a CRS that is the same as a registered one
 EARTH_RADII_M = (6.3e6, 6.4e6)  # ellipsoids of the Earth have their semi-major axis in here
 
 
@@ -43,6 +46,30 @@ class _Crs:
     unit_name: str
     unit_factor: float  # metres, or radians, in one unit of coordinates
     radius: float | None  # semi-major axis in metres, None without an ellipsoid
+
+
+@dataclass(frozen=True, slots=True)
+class CrsDefinition:
+    """How a file defines a CRS.
+
+    Parameters
+    ----------
+    name : str
+    authority : str or None
+        Such as "EPSG"; None for a CRS that none has numbered.
+    number : int
+        0 without an authority.
+    wkt1 : str or None
+        As GDAL writes it; None where WKT 1 cannot define it, such as one of three axes.
+    wkt2 : str
+        Of 2015.
+    """
+
+    name: str
+    authority: str | None
+    number: int
+    wkt1: str | None
+    wkt2: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,6 +165,34 @@ def _utm_zone(wkt: str) -> CRS | None:
         return None
     zone = CRS.from_epsg(int(code[1]))
     return zone if CRS.from_wkt(wkt) == zone else None
+
+
+def define_crs(wkt: str) -> CrsDefinition:
+    """Return the definition of a CRS; with the number of a registered one that is the same, if it has none.
+
+    Parameters
+    ----------
+    wkt : str
+    """
+    with Env():  # in which messages of GDAL are not printed
+        crs = CRS.from_user_input(wkt)
+        named = crs.to_authority(confidence_threshold=100)  # by itself
+        if named is None:
+            named = crs.to_authority(confidence_threshold=_SURE)
+            registered = named and CRS.from_authority(*named)
+            if registered == crs:
+                crs = registered
+            else:  # such as UTM in feet, which is like UTM in metres
+                named = None
+        authority, code = named or (None, "")
+        try:
+            wkt1 = crs.to_wkt(version="WKT1_GDAL")
+        except CRSError:
+            wkt1 = None
+        number = int(code) if code.isdecimal() else 0
+        wkt2 = crs.to_wkt(version="WKT2_2015")
+    name = (wkt1 or wkt2).split('"')[1]
+    return CrsDefinition(name, authority if number else None, number, wkt1, wkt2)
 
 
 def is_geographic(wkt: str | None) -> bool:

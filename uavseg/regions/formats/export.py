@@ -6,12 +6,12 @@ import os
 import struct
 import textwrap
 import warnings
-from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, Any
 
+import numpy as np
 import shapely
 
 from uavseg.errors import OutputError
@@ -20,14 +20,11 @@ from uavseg.raster.geodesy.globe import parse_crs
 from uavseg.regions.formats import geojson
 from uavseg.regions.formats.geojson import COLLECTION, GeoJsonForm
 from uavseg.regions.formats.metadata import metadata_items
-from uavseg.regions.formats.parquet import import_pyarrow
-from uavseg.regions.shapes import has_multipolygons
+from uavseg.regions.formats.parquet import arrow_array, import_pyarrow
+from uavseg.regions.shapes import as_multipolygons, batch_slices, has_multipolygons
 from uavseg.regions.table import Regions
 from uavseg.regions.wgs84 import to_wgs84
 from uavseg.warning_filters import changing_filters
-
-if TYPE_CHECKING:
-    from uavseg.regions.formats.arrow_stream import RegionStream
 
 LAYER = "regions"
 _ARROW_TYPES = {"i": "int64", "f": "float64", "O": "string"}  # by `dtype.kind` of numpy
@@ -36,13 +33,6 @@ _DATE = "2000-01-01T00:00:00Z"  # reproducible files: the same regions give the 
 _SHORT_NAMES = {"perimeter_m": "perim_m", "range_low": "range_lo", "range_high": "range_hi"}
 _NODE_BYTES = 40  # of one node of FlatGeobuf's index
 _BRANCHES = 16  # of one node
-_GEOPACKAGE, _OLDEST = 0x47504B47, 10200  # "GPKG" and version 1.2
-_TRIGGERS = (
-    "trigger_insert_feature_count_{}",
-    "trigger_delete_feature_count_{}",
-    "rtree_{}_geom_insert",
-    "rtree_{}_geom_delete",
-)
 
 
 def write_regions(
@@ -176,10 +166,9 @@ def _write_geojson(regions: Regions, path: Path) -> None:
 
 
 def _write_geopackage(regions: Regions, path: Path) -> None:
-    from uavseg.regions.formats.styles import add_style
+    from uavseg.regions.formats.geopackage import write_geopackage
 
-    _write_layer(regions, path, "GPKG")
-    add_style(path, regions, LAYER, _DATE)
+    write_geopackage(regions, path, LAYER, _DATE)
 
 
 def _write_shapefile(regions: Regions, path: Path) -> None:
@@ -196,25 +185,24 @@ def _write_kml(regions: Regions, path: Path) -> None:
 
 
 def _write_layer(regions: Regions, path: Path, driver: str, **options: str) -> None:
-    """Write one layer with GDAL in batches, so that the file is never held in memory; warnings are muted."""
+    """Write one layer with GDAL; warnings are muted."""
     import pyogrio.raw
     from pyogrio.errors import DataLayerError, DataSourceError
 
-    from uavseg.regions.formats.arrow_stream import GEOMETRY, RegionStream
     from uavseg.regions.formats.vector_files import gdal_options
 
     promote = has_multipolygons(regions.polygons)
-    stream = RegionStream(regions, promote)
-    date = {"OGR_CURRENT_DATE": _DATE}
-    with changing_filters(), gdal_options(date), _raising(stream):  # one thread at a time
+    polygons = np.asarray(regions.polygons)
+    with changing_filters(), gdal_options({"OGR_CURRENT_DATE": _DATE}):  # one thread at a time
         warnings.simplefilter("ignore")
         try:
-            pyogrio.raw.write_arrow(
-                stream,
+            pyogrio.raw.write(
                 path,
+                shapely.to_wkb(as_multipolygons(polygons) if promote else polygons),
+                field_data=list(regions.columns.values()),
+                fields=list(regions.columns),
                 layer=LAYER,
                 driver=driver,
-                geometry_name=GEOMETRY,
                 geometry_type="MultiPolygon" if promote else "Polygon",
                 crs=regions.wkt,
                 layer_options=options,
@@ -227,34 +215,19 @@ def _write_layer(regions: Regions, path: Path, driver: str, **options: str) -> N
         raise OutputError(f"{path.name} cannot be written whole; is the disk full?")
 
 
-@contextmanager
-def _raising(stream: "RegionStream") -> Iterator[None]:
-    """Enter a context that raises what ended a stream too early, such as Ctrl-C."""
-    try:
-        yield
-    finally:
-        if stream.stopped:
-            raise stream.stopped[0] from None
-
-
 def _write_parquet(regions: Regions, path: Path) -> None:
     """Write GeoParquet 1.0."""
-    from uavseg.regions.formats.arrow_stream import GEOMETRY, batches
-
     pyarrow = import_pyarrow()
     aliases = {name: _ARROW_TYPES[column.dtype.kind] for name, column in regions.columns.items()}
     fields = [(name, pyarrow.type_for_alias(alias)) for name, alias in aliases.items()]
-    schema = pyarrow.schema([*fields, (GEOMETRY, pyarrow.binary())])
+    schema = pyarrow.schema([*fields, ("geometry", pyarrow.binary())])
     geo = {"geo": json.dumps(_geo_metadata(regions))}
     schema = schema.with_metadata(geo | metadata_items(regions.metadata))
     with pyarrow.parquet.ParquetWriter(path, schema, compression="zstd") as file:
-        for length, columns in batches(regions):
-            arrays = [
-                pyarrow.Array.from_buffers(
-                    field_type, length, [None if part is None else pyarrow.py_buffer(part) for part in parts]
-                )
-                for field_type, parts in zip(schema.types, columns, strict=True)
-            ]
+        for part in batch_slices(regions.polygons):
+            columns = [column[part] for column in regions.columns.values()]
+            columns.append(shapely.to_wkb(regions.polygons[part]))
+            arrays = [arrow_array(values, kind) for values, kind in zip(columns, schema.types, strict=True)]
             file.write_batch(pyarrow.record_batch(arrays, schema=schema))
 
 
@@ -283,11 +256,11 @@ _WRITERS: dict[str, Callable[[Regions, Path], None]] = {
 
 
 def is_complete(path: Path, count: int) -> bool:
-    """Check whether a .gpkg, .fgb or .shp that GDAL wrote is complete: it does not report a full disk.
+    """Check whether a .fgb or .shp that GDAL wrote is complete: it does not report a full disk.
 
-    By SQLite's integrity check, and the tables of a GeoPackage of GDAL; the layout of FlatGeobuf 3 (magic,
-    header, packed Hilbert R-tree, features, each preceded by its size); and the file lengths stated in the
-    headers of shapefiles (ESRI Shapefile Technical Description, 1998) and dBASE III tables.
+    By the layout of FlatGeobuf 3 (magic, header, packed Hilbert R-tree, features, each preceded by its size);
+    and the file lengths stated in the headers of shapefiles (ESRI Shapefile Technical Description, 1998) and
+    dBASE III tables.
 
     Parameters
     ----------
@@ -295,44 +268,11 @@ def is_complete(path: Path, count: int) -> bool:
     count : int
         Regions that were written.
     """
-    import sqlite3
-
-    check = {".gpkg": _geopackage, ".fgb": _flatgeobuf, ".shp": _shapefile}[path.suffix.lower()]
+    check = {".fgb": _flatgeobuf, ".shp": _shapefile}[path.suffix.lower()]
     try:
         return check(path, count)
-    except (OSError, sqlite3.Error, struct.error, ValueError):
+    except (OSError, struct.error, ValueError):
         return False
-
-
-def _geopackage(path: Path, count: int) -> bool:
-    import sqlite3
-
-    if len(list(path.parent.iterdir())) > 1:  # a journal of an unfinished transaction
-        return False
-    with closing(sqlite3.connect(f"file:{path.as_posix()}?mode=ro&immutable=1", uri=True)) as base:
-        [(table, min_x)] = base.execute(
-            "SELECT table_name, min_x FROM gpkg_contents WHERE data_type = 'features'"
-        )
-        [(stated,)] = base.execute(
-            "SELECT feature_count FROM gpkg_ogr_contents WHERE table_name = ?", [table]
-        )
-        [(rows,)] = base.execute(f'SELECT count(*) FROM "{table}"')
-        [(indexed,)] = base.execute(f'SELECT count(*) FROM "rtree_{table}_geom_rowid"')
-        [(integrity,), *_] = base.execute("PRAGMA quick_check(1)")
-        pragmas = ("application_id", "user_version", "page_count", "page_size")
-        application, version, pages, page_bytes = (
-            base.execute(f"PRAGMA {name}").fetchone()[0] for name in pragmas
-        )
-        [(crs,)] = base.execute(
-            "SELECT count(*) FROM gpkg_geometry_columns JOIN gpkg_spatial_ref_sys USING (srs_id)"
-        )
-        triggers = {name for (name,) in base.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'")}
-    has_extent = count == 0 or min_x is not None  # the extent is written last
-    has_header = application == _GEOPACKAGE and version >= _OLDEST and crs == 1
-    has_triggers = triggers >= {name.format(table) for name in _TRIGGERS}
-    is_whole = stated == rows == indexed == count and has_extent and integrity == "ok"
-    has_all_bytes = pages * page_bytes == path.stat().st_size
-    return bool(is_whole and has_header and has_triggers and has_all_bytes)
 
 
 def _flatgeobuf(path: Path, count: int) -> bool:

@@ -1,8 +1,11 @@
-"""Import of pyarrow, an optional dependency for GeoParquet."""
+"""Import of pyarrow, an optional dependency for GeoParquet, and arrays for it."""
 
 from typing import Any
 
-from uavseg.errors import MissingLibraryError
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.errors import MissingLibraryError, OutputError
 
 
 def import_pyarrow() -> Any:
@@ -18,3 +21,36 @@ def import_pyarrow() -> Any:
             'pip install "uavseg[parquet]", or choose another format, such as .gpkg'
         ) from error
     return pyarrow
+
+
+def arrow_array(column: NDArray[Any], kind: Any) -> Any:
+    """Return a column as an array of pyarrow; NaN and None are null.
+
+    Not `pyarrow.array`, which imports pandas to see that a column is none of its arrays: 0.16 s.
+
+    Parameters
+    ----------
+    column : (n,) int64, float64 or object
+        Of text or bytes, where it is of objects.
+    kind : pyarrow.DataType
+        Of the array: int64, float64, string or binary.
+
+    Raises
+    ------
+    OutputError
+        If texts or bytes of the column have more than 2 GB.
+    """
+    pyarrow = import_pyarrow()
+    buffers: tuple[NDArray[Any] | bytes, ...]
+    if column.dtype != object:
+        there, buffers = column == column, (np.ascontiguousarray(column),)
+    else:
+        values = [text.encode() if isinstance(text, str) else text for text in column]
+        there = np.array([isinstance(value, bytes) for value in values], bool)
+        parts = [value if is_there else b"" for value, is_there in zip(values, there, strict=True)]
+        ends = np.cumsum([0, *map(len, parts)])
+        if ends[-1] > np.iinfo(np.int32).max:
+            raise OutputError("one batch of regions holds more than 2 GB of text or corners; simplify them")
+        buffers = (ends.astype(np.int32), b"".join(parts))
+    mask = None if there.all() else pyarrow.py_buffer(np.packbits(there, bitorder="little"))
+    return pyarrow.Array.from_buffers(kind, len(column), [mask, *map(pyarrow.py_buffer, buffers)])

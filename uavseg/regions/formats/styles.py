@@ -8,7 +8,6 @@ where they have levels.
 import os
 import sqlite3
 from collections.abc import Sequence
-from contextlib import closing
 from html import escape
 from itertools import cycle
 from pathlib import Path
@@ -223,33 +222,27 @@ def write_style(
     return path
 
 
-def add_style(path: Path, regions: Regions, layer: str, date: str) -> None:
+def add_style(base: sqlite3.Connection, regions: Regions, layer: str, geometry: str, date: str) -> None:
     """Add the style of a layer to a GeoPackage, as its default.
 
     Parameters
     ----------
-    path : Path
-        A GeoPackage that is complete.
+    base : sqlite3.Connection
+        To a GeoPackage.
     regions : Regions
-    layer : str
+    layer, geometry : str
+        Names of the layer and of its column of geometries.
     date : str
         Of the change, such as "2000-01-01T00:00:00Z".
     """
-    changed = date.replace("Z", ".000Z")
-    styles = qml(regions), sld(regions, layer)
-    try:
-        with closing(sqlite3.connect(path)) as base, base:
-            [(geometry,)] = base.execute(
-                "SELECT column_name FROM gpkg_geometry_columns WHERE table_name = ?", [layer]
-            )
-            row = ("", "", layer, geometry, layer, *styles, True, "", "", None, changed)
-            base.execute(_CREATE)
-            base.execute(f"INSERT INTO {STYLE_TABLE} VALUES (1, {', '.join('?' * 12)})", row)
-            base.execute(
-                "INSERT INTO gpkg_contents (table_name, data_type, identifier, description, last_change, "
-                "srs_id) VALUES (?, 'attributes', ?, '', ?, 0)",
-                (STYLE_TABLE, STYLE_TABLE, date),
-            )
-            base.execute("INSERT INTO gpkg_ogr_contents VALUES (?, 1)", [STYLE_TABLE])
-    except sqlite3.Error as error:
-        raise OutputError(f"{path.name} cannot be given a style ({error}); is the disk full?") from error
+    row = ("", "", layer, geometry, layer, qml(regions), sld(regions, layer), True, "", "", None)
+    base.execute(_CREATE)
+    base.execute(
+        f"INSERT INTO {STYLE_TABLE} VALUES (1, {', '.join('?' * 12)})", (*row, date.replace("Z", ".000Z"))
+    )
+    base.execute(
+        "INSERT INTO gpkg_contents (table_name, data_type, identifier, description, last_change, srs_id) "
+        "VALUES (?, 'attributes', ?, '', ?, 0)",
+        (STYLE_TABLE, STYLE_TABLE, date),
+    )
+    base.execute("INSERT INTO gpkg_ogr_contents VALUES (?, 1)", [STYLE_TABLE])

@@ -1,0 +1,331 @@
+"""Write regions to a GeoPackage (OGC 12-128r14, version 1.2, which older readers know too) with SQLite alone.
+
+Not with GDAL, whose Python binding takes longer to load than a small raster takes to segment. Tables,
+triggers and the count of features are those that GDAL writes, so that it, QGIS and others edit the file.
+"""
+
+import math
+import operator
+import sqlite3
+from collections.abc import Iterator, Sequence
+from contextlib import closing
+from html import escape
+from pathlib import Path
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from uavseg.errors import OutputError
+from uavseg.raster.geodesy.globe import WGS84, define_crs
+from uavseg.regions.formats.metadata import METADATA_KEY, metadata_text
+from uavseg.regions.formats.styles import add_style
+from uavseg.regions.shapes import Objects, as_multipolygons, batch_slices, has_multipolygons
+from uavseg.regions.table import Regions
+from uavseg.warning_filters import changing_filters
+
+GEOMETRY = "geom"
+_SQL_TYPES = {"i": "INTEGER", "f": "REAL", "O": "TEXT"}  # by `dtype.kind` of numpy
+_WGS84 = (
+    'GEOGCS["WGS 84",DATUM["WGS_1984",SPHEROID["WGS 84",6378137,298.257223563,AUTHORITY["EPSG","7030"]],'
+    'AUTHORITY["EPSG","6326"]],PRIMEM["Greenwich",0,AUTHORITY["EPSG","8901"]],UNIT["degree",'
+    '0.0174532925199433,AUTHORITY["EPSG","9122"]],AXIS["Latitude",NORTH],AXIS["Longitude",EAST],'
+    'AUTHORITY["EPSG","4326"]]'
+)
+# Name, number, organisation, its number, definition as WKT 1, description: section 1.1.2.1.2.
+_REQUIRED_SRS = (
+    (
+        "Undefined Cartesian SRS",
+        -1,
+        "NONE",
+        -1,
+        "undefined",
+        "undefined Cartesian coordinate reference system",
+    ),
+    (
+        "Undefined geographic SRS",
+        0,
+        "NONE",
+        0,
+        "undefined",
+        "undefined geographic coordinate reference system",
+    ),
+    (
+        "WGS 84 geodetic",
+        4326,
+        "EPSG",
+        4326,
+        _WGS84,
+        "longitude/latitude coordinates in decimal degrees on the WGS 84 spheroid",
+    ),
+)
+_NO_SRS = (
+    "Undefined SRS",
+    99_999,
+    "GDAL",
+    99_999,
+    'LOCAL_CS["Undefined SRS",LOCAL_DATUM["unknown",32767],UNIT["unknown",0],AXIS["Easting",EAST],'
+    'AXIS["Northing",NORTH]]',
+    "Custom undefined coordinate reference system",
+)
+_CUSTOM_SRS = 100_000  # the first number of those that no authority has numbered, as of GDAL
+_TABLES = """
+PRAGMA application_id = 0x47504B47;
+PRAGMA user_version = 10200;
+CREATE TABLE gpkg_spatial_ref_sys (
+    srs_name TEXT NOT NULL, srs_id INTEGER NOT NULL PRIMARY KEY, organization TEXT NOT NULL,
+    organization_coordsys_id INTEGER NOT NULL, definition TEXT NOT NULL, description TEXT);
+CREATE TABLE gpkg_contents (
+    table_name TEXT NOT NULL PRIMARY KEY, data_type TEXT NOT NULL, identifier TEXT UNIQUE,
+    description TEXT DEFAULT '', last_change DATETIME NOT NULL DEFAULT (strftime('%Y-%m-%dT%H:%M:%fZ','now')),
+    min_x DOUBLE, min_y DOUBLE, max_x DOUBLE, max_y DOUBLE, srs_id INTEGER,
+    CONSTRAINT fk_gc_r_srs_id FOREIGN KEY (srs_id) REFERENCES gpkg_spatial_ref_sys(srs_id));
+CREATE TABLE gpkg_ogr_contents (table_name TEXT NOT NULL PRIMARY KEY, feature_count INTEGER DEFAULT NULL);
+CREATE TABLE gpkg_geometry_columns (
+    table_name TEXT NOT NULL, column_name TEXT NOT NULL, geometry_type_name TEXT NOT NULL,
+    srs_id INTEGER NOT NULL, z TINYINT NOT NULL, m TINYINT NOT NULL,
+    CONSTRAINT pk_geom_cols PRIMARY KEY (table_name, column_name),
+    CONSTRAINT uk_gc_table_name UNIQUE (table_name),
+    CONSTRAINT fk_gc_tn FOREIGN KEY (table_name) REFERENCES gpkg_contents(table_name),
+    CONSTRAINT fk_gc_srs FOREIGN KEY (srs_id) REFERENCES gpkg_spatial_ref_sys (srs_id));
+CREATE TABLE gpkg_extensions (
+    table_name TEXT, column_name TEXT, extension_name TEXT NOT NULL, definition TEXT NOT NULL,
+    scope TEXT NOT NULL, CONSTRAINT ge_tce UNIQUE (table_name, column_name, extension_name));
+"""
+_METADATA_TABLES = """
+CREATE TABLE gpkg_metadata (
+    id INTEGER CONSTRAINT m_pk PRIMARY KEY ASC NOT NULL, md_scope TEXT NOT NULL DEFAULT 'dataset',
+    md_standard_uri TEXT NOT NULL, mime_type TEXT NOT NULL DEFAULT 'text/xml',
+    metadata TEXT NOT NULL DEFAULT '');
+CREATE TABLE gpkg_metadata_reference (
+    reference_scope TEXT NOT NULL, table_name TEXT, column_name TEXT, row_id_value INTEGER,
+    timestamp DATETIME NOT NULL DEFAULT (strftime('%Y-%m-%dT%H:%M:%fZ','now')), md_file_id INTEGER NOT NULL,
+    md_parent_id INTEGER, CONSTRAINT crmr_mfi_fk FOREIGN KEY (md_file_id) REFERENCES gpkg_metadata(id),
+    CONSTRAINT crmr_mpi_fk FOREIGN KEY (md_parent_id) REFERENCES gpkg_metadata(id));
+"""
+# Of section F.3, with the names that GDAL gives them; they call functions that an editor of the file has.
+_TRIGGERS = """
+CREATE TRIGGER "rtree_{t}_{g}_insert" AFTER INSERT ON "{t}"
+    WHEN (new."{g}" NOT NULL AND NOT ST_IsEmpty(NEW."{g}"))
+    BEGIN INSERT OR REPLACE INTO "rtree_{t}_{g}" VALUES (NEW."fid", {bounds}); END;
+CREATE TRIGGER "rtree_{t}_{g}_update6" AFTER UPDATE OF "{g}" ON "{t}"
+    WHEN OLD."fid" = NEW."fid" AND (NEW."{g}" NOTNULL AND NOT ST_IsEmpty(NEW."{g}"))
+    AND (OLD."{g}" NOTNULL AND NOT ST_IsEmpty(OLD."{g}"))
+    BEGIN UPDATE "rtree_{t}_{g}" SET minx = ST_MinX(NEW."{g}"), maxx = ST_MaxX(NEW."{g}"),
+    miny = ST_MinY(NEW."{g}"), maxy = ST_MaxY(NEW."{g}") WHERE id = NEW."fid"; END;
+CREATE TRIGGER "rtree_{t}_{g}_update7" AFTER UPDATE OF "{g}" ON "{t}"
+    WHEN OLD."fid" = NEW."fid" AND (NEW."{g}" NOTNULL AND NOT ST_IsEmpty(NEW."{g}"))
+    AND (OLD."{g}" ISNULL OR ST_IsEmpty(OLD."{g}"))
+    BEGIN INSERT INTO "rtree_{t}_{g}" VALUES (NEW."fid", {bounds}); END;
+CREATE TRIGGER "rtree_{t}_{g}_update2" AFTER UPDATE OF "{g}" ON "{t}"
+    WHEN OLD."fid" = NEW."fid" AND (NEW."{g}" ISNULL OR ST_IsEmpty(NEW."{g}"))
+    BEGIN DELETE FROM "rtree_{t}_{g}" WHERE id = OLD."fid"; END;
+CREATE TRIGGER "rtree_{t}_{g}_update5" AFTER UPDATE ON "{t}"
+    WHEN OLD."fid" != NEW."fid" AND (NEW."{g}" NOTNULL AND NOT ST_IsEmpty(NEW."{g}"))
+    BEGIN DELETE FROM "rtree_{t}_{g}" WHERE id = OLD."fid";
+    INSERT OR REPLACE INTO "rtree_{t}_{g}" VALUES (NEW."fid", {bounds}); END;
+CREATE TRIGGER "rtree_{t}_{g}_update4" AFTER UPDATE ON "{t}"
+    WHEN OLD."fid" != NEW."fid" AND (NEW."{g}" ISNULL OR ST_IsEmpty(NEW."{g}"))
+    BEGIN DELETE FROM "rtree_{t}_{g}" WHERE id IN (OLD."fid", NEW."fid"); END;
+CREATE TRIGGER "rtree_{t}_{g}_delete" AFTER DELETE ON "{t}" WHEN old."{g}" NOT NULL
+    BEGIN DELETE FROM "rtree_{t}_{g}" WHERE id = OLD."fid"; END;
+CREATE TRIGGER "trigger_insert_feature_count_{t}" AFTER INSERT ON "{t}"
+    BEGIN UPDATE gpkg_ogr_contents SET feature_count = feature_count + 1
+    WHERE lower(table_name) = lower('{t}'); END;
+CREATE TRIGGER "trigger_delete_feature_count_{t}" AFTER DELETE ON "{t}"
+    BEGIN UPDATE gpkg_ogr_contents SET feature_count = feature_count - 1
+    WHERE lower(table_name) = lower('{t}'); END;
+"""
+_NEW_BOUNDS = ", ".join(f'ST_{side}(NEW."{GEOMETRY}")' for side in ("MinX", "MaxX", "MinY", "MaxY"))
+# Of a geometry as section 2.1.3 has it: without an extent, and little-endian with the extent in x and y.
+_HEADER = np.dtype(
+    [("magic", "S2"), ("version", "u1"), ("flags", "u1"), ("srs", "<i4"), ("bounds", "<f8", 4)]
+)
+_HAS_EXTENT = 0b011
+_CELL = np.dtype([("id", ">i8"), ("bounds", ">f4", 4)])  # of a node of the spatial index
+
+
+def write_geopackage(regions: Regions, path: Path, layer: str, date: str) -> None:
+    """Write regions as one layer of a new GeoPackage, with a spatial index, their metadata and style.
+
+    Parameters
+    ----------
+    regions : Regions
+    path : Path
+        Of a file that is not there; after an error, a part of it is.
+    layer : str
+    date : str
+        Of the last change, such as "2000-01-01T00:00:00Z".
+
+    Raises
+    ------
+    OutputError
+        If SQLite cannot write it, such as to a full disk, or two columns differ in their case alone.
+    """
+    try:
+        with closing(sqlite3.connect(path, isolation_level=None)) as base:
+            base.execute("PRAGMA journal_mode = OFF")  # a file that is not finished is thrown away
+            base.execute("PRAGMA synchronous = OFF")  # who moves it to its place syncs it first
+            base.executescript(f"BEGIN; {_TABLES}")
+            srs = _add_srs(base, regions.wkt)
+            extent = _add_layer(base, regions, layer, srs)
+            contents = (layer, "features", layer, "", date, *extent, srs)
+            base.execute(f"INSERT INTO gpkg_contents VALUES ({_marks(contents)})", contents)
+            base.execute("INSERT INTO gpkg_ogr_contents VALUES (?, ?)", (layer, len(regions)))
+            if regions.metadata:
+                _add_metadata(base, layer, metadata_text(regions.metadata), date)
+            add_style(base, regions, layer, GEOMETRY, date)
+            base.executescript(
+                "BEGIN;" + _TRIGGERS.format(t=layer, g=GEOMETRY, bounds=_NEW_BOUNDS) + "COMMIT;"
+            )
+    except sqlite3.Error as error:
+        raise OutputError(f"{path.name} cannot be written ({error}); is the disk full?") from error
+
+
+def _marks(values: Sequence[object]) -> str:
+    return ", ".join("?" * len(values))
+
+
+def _add_srs(base: sqlite3.Connection, wkt: str | None) -> int:
+    """Add the CRS that is required, and that of the regions; return its number in this file."""
+    base.executemany("INSERT INTO gpkg_spatial_ref_sys VALUES (?, ?, ?, ?, ?, ?)", _REQUIRED_SRS)
+    if wkt is None:
+        base.execute(f"INSERT INTO gpkg_spatial_ref_sys VALUES ({_marks(_NO_SRS)})", _NO_SRS)
+        return _NO_SRS[1]
+    crs = define_crs(wkt)
+    number = crs.number or _CUSTOM_SRS
+    row = (crs.name, number, crs.authority or "NONE", number, crs.wkt1 or "undefined", None)
+    base.execute(f"INSERT OR IGNORE INTO gpkg_spatial_ref_sys VALUES ({_marks(row)})", row)
+    if crs.wkt1 is None:
+        _add_wkt2(base, number, crs.wkt2)
+    return number
+
+
+def _add_wkt2(base: sqlite3.Connection, srs: int, definition: str) -> None:
+    """Add the extension of CRS that WKT 1 cannot define: section F.10."""
+    column = "definition_12_063"
+    base.execute(f"ALTER TABLE gpkg_spatial_ref_sys ADD COLUMN {column} TEXT NOT NULL DEFAULT 'undefined'")
+    update = f"UPDATE gpkg_spatial_ref_sys SET {column} = ? WHERE srs_id = ?"
+    base.execute(update, (define_crs(WGS84).wkt2, 4326))
+    base.execute(update, (definition, srs))
+    _add_extension(base, "gpkg_spatial_ref_sys", column, "gpkg_crs_wkt", "crs_wkt", "read-write")
+
+
+def _add_extension(
+    base: sqlite3.Connection, table: str, column: str | None, name: str, page: str, scope: str
+) -> None:
+    row = (table, column, name, f"http://www.geopackage.org/spec120/#extension_{page}", scope)
+    base.execute(f"INSERT INTO gpkg_extensions VALUES ({_marks(row)})", row)
+
+
+def _add_layer(base: sqlite3.Connection, regions: Regions, layer: str, srs: int) -> list[float | None]:
+    """Add the table of the regions with its spatial index; return its extent."""
+    promote = has_multipolygons(regions.polygons)
+    geometry_type = "MULTIPOLYGON" if promote else "POLYGON"
+    columns = [f"{_quoted(name)} {_SQL_TYPES[column.dtype.kind]}" for name, column in regions.columns.items()]
+    fields = ['"fid" INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL', f'"{GEOMETRY}" {geometry_type}', *columns]
+    base.execute(f'CREATE TABLE "{layer}" ({", ".join(fields)})')
+    row = (layer, GEOMETRY, geometry_type, srs, 0, 0)
+    base.execute(f"INSERT INTO gpkg_geometry_columns VALUES ({_marks(row)})", row)
+    index = f'"rtree_{layer}_{GEOMETRY}"'
+    base.execute(f"CREATE VIRTUAL TABLE {index} USING rtree(id, minx, maxx, miny, maxy)")
+    _add_extension(base, layer, GEOMETRY, "gpkg_rtree_index", "rtree", "write-only")
+    bounds = np.full((len(regions), 4), np.nan)
+    insert = f'INSERT INTO "{layer}" VALUES ({_marks(fields)})'
+    for part in batch_slices(regions.polygons):
+        polygons = regions.polygons[part]
+        if promote:
+            polygons = as_multipolygons(polygons)
+        with changing_filters():  # shapely changes them itself
+            bounds[part] = shapely.bounds(polygons)[:, [0, 2, 1, 3]]
+        values = [column[part].tolist() for column in regions.columns.values()]  # NaN becomes NULL
+        numbers = range(part.start + 1, part.stop + 1)
+        base.executemany(insert, zip(numbers, _geometries(polygons, bounds[part], srs), *values, strict=True))
+    try:
+        _pack_index(base, f"rtree_{layer}_{GEOMETRY}", bounds)
+    except sqlite3.OperationalError:  # of an SQLite that protects the tables of an index, as macOS has it
+        rows = zip(range(1, len(regions) + 1), *bounds.T.tolist(), strict=True)
+        base.executemany(f"INSERT INTO {index} VALUES (?, ?, ?, ?, ?)", rows)
+    return [*bounds[:, ::2].min(0).tolist(), *bounds[:, 1::2].max(0).tolist()] if len(regions) else [None] * 4
+
+
+def _pack_index(base: sqlite3.Connection, index: str, bounds: NDArray[np.float64]) -> None:
+    """Fill an empty R*Tree of SQLite with full nodes, which takes a tenth of the time of inserts.
+
+    Rows are in the order of S. T. Leutenegger, M. A. Lopez and J. Edgington, "STR: a simple and efficient
+    algorithm for R-tree packing" (ICDE 1997). Nodes: "Shadow tables" of https://www.sqlite.org/rtree.html.
+
+    Parameters
+    ----------
+    base : sqlite3.Connection
+    index : str
+    bounds : (n, 4) float64
+        Of rows 1 to n: least and greatest x, least and greatest y.
+    """
+    [(node_bytes,)] = base.execute(f'SELECT length(data) FROM "{index}_node"')
+    capacity = (node_bytes - 4) // _CELL.itemsize
+    slices = math.isqrt(len(bounds) // capacity) + 1
+    x_rank = np.argsort(np.argsort(bounds[:, 0], kind="stable"))
+    order = np.lexsort([bounds[:, 2], x_rank * slices // max(len(bounds), 1)])
+    cells = np.empty(len(bounds), _CELL)
+    cells["id"], cells["bounds"] = order + 1, _rounded_outward(bounds[order])
+    base.execute(f'DELETE FROM "{index}_node"')
+    first, depth, links = 2, 0, "rowid"
+    while True:
+        count = max(math.ceil(len(cells) / capacity), 1)
+        numbers = np.arange(first, first + count) if count > 1 else np.array([1])  # 1 is the root
+        full = np.zeros((count, capacity), _CELL)
+        full.reshape(-1)[: len(cells)] = cells
+        heads = np.full((count, 2), capacity, ">u2")
+        heads[:, 0], heads[-1, 1] = depth if count == 1 else 0, len(cells) - (count - 1) * capacity
+        padding = bytes(node_bytes - 4 - capacity * _CELL.itemsize)
+        data = (head.tobytes() + row.tobytes() + padding for head, row in zip(heads, full, strict=True))
+        base.executemany(
+            f'INSERT INTO "{index}_node" VALUES (?, ?)', zip(numbers.tolist(), data, strict=True)
+        )
+        by_id = np.argsort(cells["id"])
+        pairs = zip(cells["id"][by_id].tolist(), numbers[by_id // capacity].tolist(), strict=True)
+        base.executemany(f'INSERT INTO "{index}_{links}" VALUES (?, ?)', pairs)
+        if count == 1:
+            return
+        starts = np.arange(0, len(cells), capacity)
+        above = np.empty(count, _CELL)
+        above["id"] = numbers
+        above["bounds"][:, ::2] = np.minimum.reduceat(cells["bounds"][:, ::2], starts)
+        above["bounds"][:, 1::2] = np.maximum.reduceat(cells["bounds"][:, 1::2], starts)
+        cells, first, depth, links = above, first + count, depth + 1, "parent"
+
+
+def _rounded_outward(bounds: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Round least and greatest values, in turn, to float32 that enclose them."""
+    rounded = bounds.astype(np.float32)
+    lower = np.where(rounded > bounds, np.nextafter(rounded, np.float32(-np.inf)), rounded)
+    upper = np.where(rounded < bounds, np.nextafter(rounded, np.float32(np.inf)), rounded)
+    return np.where([True, False, True, False], lower, upper)
+
+
+def _quoted(name: str) -> str:
+    return '"' + name.replace('"', '""') + '"'
+
+
+def _geometries(polygons: Objects, bounds: NDArray[np.float64], srs: int) -> Iterator[bytes]:
+    """Iterate over polygons as section 2.1.3 has them: a header with the extent, and WKB."""
+    headers = np.empty(len(polygons), _HEADER)
+    headers["magic"], headers["version"], headers["flags"], headers["srs"] = b"GP", 0, _HAS_EXTENT, srs
+    headers["bounds"] = bounds
+    return map(operator.add, headers.view(f"V{_HEADER.itemsize}").tolist(), shapely.to_wkb(polygons).tolist())
+
+
+def _add_metadata(base: sqlite3.Connection, layer: str, text: str, date: str) -> None:
+    """Add metadata of the layer, as GDAL has it: XML of its own, in the extension of section F.8."""
+    base.executescript(f"BEGIN; {_METADATA_TABLES}")
+    for table in ("gpkg_metadata", "gpkg_metadata_reference"):
+        _add_extension(base, table, None, "gpkg_metadata", "metadata", "read-write")
+    xml = (
+        "<GDALMultiDomainMetadata>\n  <Metadata>\n"
+        f'    <MDI key="{METADATA_KEY}">{escape(text, quote=False)}</MDI>\n'
+        "  </Metadata>\n</GDALMultiDomainMetadata>\n"
+    )
+    base.execute("INSERT INTO gpkg_metadata VALUES (1, 'dataset', 'http://gdal.org', 'text/xml', ?)", [xml])
+    reference = ("table", layer, None, None, date, 1, None)
+    base.execute(f"INSERT INTO gpkg_metadata_reference VALUES ({_marks(reference)})", reference)
