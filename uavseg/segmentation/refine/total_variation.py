@@ -29,6 +29,7 @@ _DIAGONAL = 45  # weight of a diagonal pair, in 64ths
 _PANEL = 2304  # columns: the active lines fit the cache
 _LINES = 2 * SWEEPS + 2  # active lines
 _VECTOR = 64  # pixels: loops over a multiple of it need no remainder loop
+_CHUNK = 32  # even columns: what has no weight is left out by so many
 _GROUPS = 8  # groups of pairs of neighbours: two within a line, two vertical, four diagonal
 _GAP = 16  # pixels of weight 0 behind those of the even and of the odd columns
 _WEIGHT_PER_NOISE = 0.34  # weight of a pair of neighbours / standard deviation of the noise
@@ -69,17 +70,56 @@ def _panels(
 ) -> Iterator[tuple[tuple[NDArray[Any], ...], tuple[NDArray[Any], ...]]]:
     """Yield the panels with active cells, each with its line buffers.
 
-    A panel is the weights of its even columns with its halo, which are those of the odd ones too; its active
-    rows of cells; its first column in the halo, its first column, and the column after its last.
+    A panel is the weights of its even columns with its halo, which are those of the odd ones too; its runs of
+    active chunks; its first column in the halo, its first column, and the column after its last.
     """
     for begin in range(0, cols, _PANEL):
         end = min(begin + _PANEL, cols)
         first, last = max(begin - TV_HALO, 0), min(end + TV_HALO, cols)
         column_weights = weights[:, first // 8 : last // 8].repeat(4, axis=1)
-        active = np.asarray(column_weights.any(axis=1)).view(np.uint8)
-        if active.any():
+        if column_weights.any():
             columns = np.array([first, begin, end])
-            yield (column_weights, active, columns), _line_buffers(column_weights.shape[1])
+            yield (column_weights, _runs(column_weights), columns), _line_buffers(column_weights.shape[1])
+
+
+def _runs(weights: NDArray[np.int16]) -> NDArray[np.int64]:
+    """Return the runs of active chunks in each row of cells.
+
+    A chunk is active where a weight in it, or in the cell on either side, is not 0: no flow leaves it.
+
+    Returns
+    -------
+    runs : (2, M, R, 2) int64
+        First even columns, and those after the last, of a row of cells, and of it and the row above together;
+        an empty run is behind the last.
+    """
+    rows, half = weights.shape
+    chunks = -(-half // _CHUNK)
+    any_weight = np.zeros((rows, (chunks + 2) * _CHUNK // 4), np.bool_)  # of a cell
+    any_weight[:, _CHUNK // 4 :][:, : half // 4] = weights[:, ::4] > 0
+    wide = np.lib.stride_tricks.sliding_window_view(any_weight, _CHUNK // 4 + 2, axis=1)
+    active = wide[:, _CHUNK // 4 - 1 :: _CHUNK // 4][:, :chunks].any(axis=2)
+    both = active.copy()
+    both[1:] &= active[:-1]
+    runs = np.zeros((2, rows, chunks // 2 + 2, 2), np.int64)
+    _find_runs(np.stack([active, both]).view(np.uint8), runs)
+    return runs
+
+
+@kernel("void(u1[:,:,::1], i8[:,:,:,::1])")
+def _find_runs(active, runs):  # type: ignore[no-untyped-def]
+    for kind in range(2):
+        for row in range(active.shape[1]):
+            count = 0
+            before = np.uint8(0)
+            for chunk in range(active.shape[2]):
+                if active[kind, row, chunk] > before:
+                    runs[kind, row, count, 0] = chunk * _CHUNK
+                if active[kind, row, chunk]:
+                    runs[kind, row, count, 1] = (chunk + 1) * _CHUNK
+                elif before:
+                    count += 1
+                before = active[kind, row, chunk]
 
 
 def _line_buffers(half: int) -> tuple[NDArray[Any], ...]:
@@ -101,17 +141,26 @@ def _line_buffers(half: int) -> tuple[NDArray[Any], ...]:
 
 
 @inlined
-def load_row(grey, valid, cell_weights, first, u, weights, diagonals, even, odd):  # type: ignore[no-untyped-def]
-    """Load a row of pixels into a line."""
+def load_row(grey, valid, cell_weights, runs, first, u, weights, diagonals, even, odd):  # type: ignore[no-untyped-def]
+    """Load the active runs of a row of pixels into a line; a weight of 0 ends each."""
     one, two = np.uintp(1), np.uintp(2)
-    for k in range(np.uintp(cell_weights.shape[0])):
-        u[even + k] = grey[first + two * k] >> 1
-        u[odd + k] = grey[first + two * k + one] >> 1
-    for k in range(np.uintp(cell_weights.shape[0])):
-        weights[even + k] = cell_weights[k] * valid[first + two * k]
-        weights[odd + k] = cell_weights[k] * valid[first + two * k + one]
-    for k in range(even, odd + np.uintp(cell_weights.shape[0])):
-        diagonals[k] = np.int16(np.int32(weights[k]) * np.int32(_DIAGONAL) >> 6)
+    for run in range(runs.shape[0]):
+        begin, after = np.uintp(runs[run, 0]), np.uintp(runs[run, 1])
+        if begin == after:
+            break
+        end = min(after, np.uintp(cell_weights.shape[0]))
+        for k in range(begin, end):
+            u[even + k] = grey[first + two * k] >> 1
+            u[odd + k] = grey[first + two * k + one] >> 1
+        for k in range(begin, end):
+            weights[even + k] = cell_weights[k] * valid[first + two * k]
+            weights[odd + k] = cell_weights[k] * valid[first + two * k + one]
+        weights[even + after] = 0
+        weights[odd + after] = 0
+        for k in range(even + begin, even + after + one):
+            diagonals[k] = np.int16(np.int32(weights[k]) * np.int32(_DIAGONAL) >> 6)
+        for k in range(odd + begin, odd + after + one):
+            diagonals[k] = np.int16(np.int32(weights[k]) * np.int32(_DIAGONAL) >> 6)
 
 
 @inlined
@@ -130,12 +179,17 @@ def relax_pairs(u, weights, a, b, flows, at, length):  # type: ignore[no-untyped
 
 
 @inlined
-def relax_groups(begin, end, groups, u, weights, flows, upper, lower, length):  # type: ignore[no-untyped-def]
-    """Relax the pairs of some groups between two lines."""
+def relax_groups(begin, end, groups, runs, u, weights, flows, upper, lower, length):  # type: ignore[no-untyped-def]
+    """Relax the pairs of some groups between two lines, in runs of columns."""
     for k in range(begin, end):
         a = np.uintp(upper * 2 * (length + _GAP) + groups[k, 0])
         b = np.uintp(lower * 2 * (length + _GAP) + groups[k, 1])
-        relax_pairs(u, weights, a, b, flows, np.uintp((upper * _GROUPS + k) * length), np.uintp(length))
+        at = np.uintp((upper * _GROUPS + k) * length)
+        for run in range(runs.shape[0]):
+            first, after = np.uintp(runs[run, 0]), np.uintp(runs[run, 1])
+            if first == after:
+                break
+            relax_pairs(u, weights, a + first, b + first, flows, at + first, after - first)
 
 
 @inlined
@@ -146,20 +200,20 @@ def threshold_pixel(value, grey, valid, low, high, inside):  # type: ignore[no-u
 
 
 @inlined
-def threshold_row(u, even, odd, grey, valid, low, high, begin, half, inside):  # type: ignore[no-untyped-def]
-    """Classify a row of pixels."""
-    for k in range(half):
-        c = begin + np.uintp(2) * k
+def threshold_run(u, even, odd, grey, valid, low, high, first, begin, end, inside):  # type: ignore[no-untyped-def]
+    """Classify a run of pixels of a row."""
+    for k in range(begin, end):
+        c = first + np.uintp(2) * k
         d = c + np.uintp(1)
         inside[c] = threshold_pixel(u[even + k], grey[c], valid[c], low, high, inside[c])
         inside[d] = threshold_pixel(u[odd + k], grey[d], valid[d], low, high, inside[d])
 
 
 @inlined
-def classify_row(u, even, odd, grey, valid, table, begin, half, classes):  # type: ignore[no-untyped-def]
-    """Classify a row of pixels by their denoised grey; an unchanged pixel keeps its class."""
-    for k in range(half):
-        c = begin + np.uintp(2) * k
+def classify_run(u, even, odd, grey, valid, table, first, begin, end, classes):  # type: ignore[no-untyped-def]
+    """Classify a run of pixels of a row by their denoised grey; an unchanged pixel keeps its class."""
+    for k in range(begin, end):
+        c = first + np.uintp(2) * k
         d = c + np.uintp(1)
         if u[even + k] != np.int16(grey[c] >> 1):
             classes[c] = table[u[even + k]] * valid[c]
@@ -169,76 +223,81 @@ def classify_row(u, even, odd, grey, valid, table, begin, half, classes):  # typ
 
 @inlined
 def relax_step(  # type: ignore[no-untyped-def]
-    step, grey, valid, cell_weights, active, first, u, weights, diagonals, flows, groups, length
+    step, grey, valid, cell_weights, runs, first, u, weights, diagonals, flows, groups, length
 ):
     """Load two rows, and run each sweep on two rows, a pair of rows behind the sweep before."""
     rows = grey.shape[0]
     width = length + _GAP
     for row in range(2 * step, min(2 * step + 2, rows)):
-        if active[row // 8]:
-            line = row % _LINES
-            even, odd = np.uintp(2 * line * width), np.uintp((2 * line + 1) * width)
-            load_row(grey[row], valid[row], cell_weights[row // 8], first, u, weights, diagonals, even, odd)
-            flows[line * _GROUPS * length : (line + 1) * _GROUPS * length] = 0
+        line, here = row % _LINES, runs[0, row // 8]
+        even, odd = np.uintp(2 * line * width), np.uintp((2 * line + 1) * width)
+        load_row(grey[row], valid[row], cell_weights[row // 8], here, first, u, weights, diagonals, even, odd)
+        for k in range(line * _GROUPS, (line + 1) * _GROUPS):
+            for run in range(here.shape[0]):
+                flows[k * length + here[run, 0] : k * length + here[run, 1]] = 0
     for sweep in range(SWEEPS):
         row = 2 * (step - sweep)
-        if 0 <= row < rows and active[row // 8]:
+        if 0 <= row < rows:
             above, line, below = (row - 1) % _LINES, row % _LINES, (row + 1) % _LINES
-            relax_groups(0, 2, groups, u, weights, flows, line, line, length)
-            relax_groups(0, 2, groups, u, weights, flows, below, below, length)
-            relax_groups(2, 4, groups, u, weights, flows, line, below, length)
-            relax_groups(4, 8, groups, u, diagonals, flows, line, below, length)
-            if row > 0 and active[(row - 1) // 8]:
-                relax_groups(2, 4, groups, u, weights, flows, above, line, length)
-                relax_groups(4, 8, groups, u, diagonals, flows, above, line, length)
+            here = runs[0, row // 8]
+            relax_groups(0, 2, groups, here, u, weights, flows, line, line, length)
+            relax_groups(0, 2, groups, here, u, weights, flows, below, below, length)
+            relax_groups(2, 4, groups, here, u, weights, flows, line, below, length)
+            relax_groups(4, 8, groups, here, u, diagonals, flows, line, below, length)
+            if row > 0:
+                both = runs[int(row % 8 == 0), row // 8]
+                relax_groups(2, 4, groups, both, u, weights, flows, above, line, length)
+                relax_groups(4, 8, groups, both, u, diagonals, flows, above, line, length)
 
 
 @kernel(
-    "void(u2[:,::1], u1[:,::1], i2[:,::1], u1[::1], i8[::1], i2, i2, i2[::1], i2[::1], i2[::1], i2[::1],"
-    " i8[:,::1], u1[:,::1])"
+    "void(u2[:,::1], u1[:,::1], i2[:,::1], i8[:,:,:,::1], i8[::1], i2, i2, i2[::1], i2[::1], i2[::1],"
+    " i2[::1], i8[:,::1], u1[:,::1])"
 )
 def _threshold_tv(  # type: ignore[no-untyped-def]
-    grey, valid, cell_weights, active, panel, low, high, u, weights, diagonals, flows, groups, inside
+    grey, valid, cell_weights, runs, panel, low, high, u, weights, diagonals, flows, groups, inside
 ):
     # All sweeps run over the rows together, each a pair of rows behind the one before: few lines are active.
     rows = grey.shape[0]
     length = flows.shape[0] // (_LINES * _GROUPS)
     width = length + _GAP
-    first, begin, half = np.uintp(panel[0]), np.uintp(panel[1]), np.uintp(panel[2] - panel[1]) // np.uintp(2)
+    first = np.uintp(panel[0])
+    begin, end = (panel[1] - panel[0]) // 2, (panel[2] - panel[0]) // 2
     for step in range(rows // 2 + SWEEPS):
-        relax_step(
-            step, grey, valid, cell_weights, active, first, u, weights, diagonals, flows, groups, length
-        )
+        relax_step(step, grey, valid, cell_weights, runs, first, u, weights, diagonals, flows, groups, length)
         done = 2 * (step - SWEEPS + 1)
         for row in range(max(done - 1, 0), min(done + 1, rows)):
-            if active[row // 8]:
-                even = np.uintp(2 * (row % _LINES) * width) + (begin - first) // np.uintp(2)
-                odd = even + np.uintp(width)
-                threshold_row(u, even, odd, grey[row], valid[row], low, high, begin, half, inside[row])
+            even, odd = np.uintp(2 * (row % _LINES) * width), np.uintp((2 * (row % _LINES) + 1) * width)
+            for run in range(runs.shape[2]):
+                low_k = np.uintp(max(runs[0, row // 8, run, 0], begin))
+                high_k = np.uintp(max(min(runs[0, row // 8, run, 1], end), begin))
+                threshold_run(
+                    u, even, odd, grey[row], valid[row], low, high, first, low_k, high_k, inside[row]
+                )
 
 
 @kernel(
-    "void(u2[:,::1], u1[:,::1], i2[:,::1], u1[::1], i8[::1], u1[::1], i2[::1], i2[::1], i2[::1], i2[::1],"
-    " i8[:,::1], u1[:,::1])"
+    "void(u2[:,::1], u1[:,::1], i2[:,::1], i8[:,:,:,::1], i8[::1], u1[::1], i2[::1], i2[::1], i2[::1],"
+    " i2[::1], i8[:,::1], u1[:,::1])"
 )
 def _classify_tv(  # type: ignore[no-untyped-def]
-    grey, valid, cell_weights, active, panel, table, u, weights, diagonals, flows, groups, classes
+    grey, valid, cell_weights, runs, panel, table, u, weights, diagonals, flows, groups, classes
 ):
     # As _threshold_tv, with a table of classes in place of a range.
     rows = grey.shape[0]
     length = flows.shape[0] // (_LINES * _GROUPS)
     width = length + _GAP
-    first, begin, half = np.uintp(panel[0]), np.uintp(panel[1]), np.uintp(panel[2] - panel[1]) // np.uintp(2)
+    first = np.uintp(panel[0])
+    begin, end = (panel[1] - panel[0]) // 2, (panel[2] - panel[0]) // 2
     for step in range(rows // 2 + SWEEPS):
-        relax_step(
-            step, grey, valid, cell_weights, active, first, u, weights, diagonals, flows, groups, length
-        )
+        relax_step(step, grey, valid, cell_weights, runs, first, u, weights, diagonals, flows, groups, length)
         done = 2 * (step - SWEEPS + 1)
         for row in range(max(done - 1, 0), min(done + 1, rows)):
-            if active[row // 8]:
-                even = np.uintp(2 * (row % _LINES) * width) + (begin - first) // np.uintp(2)
-                odd = even + np.uintp(width)
-                classify_row(u, even, odd, grey[row], valid[row], table, begin, half, classes[row])
+            even, odd = np.uintp(2 * (row % _LINES) * width), np.uintp((2 * (row % _LINES) + 1) * width)
+            for run in range(runs.shape[2]):
+                low_k = np.uintp(max(runs[0, row // 8, run, 0], begin))
+                high_k = np.uintp(max(min(runs[0, row // 8, run, 1], end), begin))
+                classify_run(u, even, odd, grey[row], valid[row], table, first, low_k, high_k, classes[row])
 
 
 def refine_by_tv(
