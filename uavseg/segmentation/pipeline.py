@@ -23,7 +23,7 @@ from uavseg.raster.grid.tiling import TilePass, Window, whole_blocks, window_blo
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, required_ratios
 from uavseg.segmentation.blocks.division import ALL_RATIOS, block_ratios, selected_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
-from uavseg.segmentation.blocks.leaves import cells_in_range, cells_to_pixels, pixels_in_range
+from uavseg.segmentation.blocks.leaves import cells_in_range, cells_to_pixels, pixel_classes, pixels_in_range
 from uavseg.segmentation.params.segment import (
     PIXELWISE,
     DivisionParams,
@@ -309,7 +309,7 @@ def refine_tile_classes(
     if source.dataset.is_empty(window.grown(REFINE_HALO).clipped(source.shape)):
         return None
     tile = source.read(window, REFINE_HALO, excess=True)
-    classes = table[tile.grey] * tile.valid
+    classes = pixel_classes(tile.grey, tile.valid, table)
     if refine == "tv":
         refine_classes_by_tv(classes, tile.valid, tile.grey, table)
     return classes, tile

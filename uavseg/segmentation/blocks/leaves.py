@@ -141,6 +141,27 @@ def pixels_in_range(
     return in_range
 
 
+def pixel_classes(
+    grey: NDArray[np.uint16], valid: NDArray[np.uint8], table: NDArray[np.uint8]
+) -> NDArray[np.uint8]:
+    """Return the class of each pixel's grey, 0 where not valid.
+
+    Parameters
+    ----------
+    grey : (M, N) uint16 array
+    valid : (M, N) uint8 array
+    table : (65536,) uint8 array
+        The class of each grey.
+
+    Returns
+    -------
+    classes : (M, N) uint8 array
+    """
+    classes = np.empty_like(valid)
+    _pixel_classes(grey.reshape(-1), valid.reshape(-1), table, classes.reshape(-1))
+    return classes
+
+
 @kernel("void(u1[:,::1], u1[:,::1], u1[:,::1])")
 def _upsample_u1(cells, valid, pixels):  # type: ignore[no-untyped-def]
     for r in range(pixels.shape[0]):
@@ -228,3 +249,9 @@ def leaf_codes(blocks: BlockMap, division: DivisionParams) -> NDArray[np.uint16]
         reached = np.searchsorted(steps, mean, side="right")
         codes[rows] = np.where(mean < 0, NO_CODE, below + reached - 1)
     return codes
+
+
+@kernel("void(u2[::1], u1[::1], u1[::1], u1[::1])")
+def _pixel_classes(grey, valid, table, classes):  # type: ignore[no-untyped-def]
+    for k in range(grey.size):
+        classes[k] = table[grey[k]] & (np.uint8(0) - valid[k])

@@ -53,7 +53,7 @@ def estimate_noise(
     estimates = np.full((2, rows, cols), -1.0)
     lines, means = np.empty((3, grey.shape[1]), np.int32), np.empty((_COARSE, _COARSE * cols), np.int32)
     flags = np.empty(grey.shape[1], np.uint8), np.empty(means.shape, np.uint8)
-    residuals = np.empty((NOISE_SIDE, grey.shape[1]), np.int32)
+    residuals = np.zeros((NOISE_SIDE, grey.shape[1]), np.int32)
     _measure_squares(
         grey, valid, dilate(squares), bounds, residuals, lines, flags[0], means, flags[1], *estimates
     )
@@ -153,18 +153,25 @@ def extremes(grey, valid, row, col):  # type: ignore[no-untyped-def]
 
 @inlined
 def sums_from(grey, valid, row, col, bound):  # type: ignore[no-untyped-def]
-    """Count, sum and square-sum the valid pixels of a square whose grey is at least the bound."""
-    count = np.int64(0)
-    total = np.int64(0)
-    squares = np.int64(0)
+    """Count and sum the valid pixels of a square whose grey is at least the bound."""
+    count = np.uint32(0)
+    total = np.uint32(0)
     for r in range(row, row + np.uintp(NOISE_SIDE)):
         for c in range(col, col + np.uintp(NOISE_SIDE)):
             is_upper = valid[r, c] & np.uint8(grey[r, c] >= bound)
-            value = np.int64(grey[r, c]) * np.int64(is_upper)
-            count += np.int64(is_upper)
-            total += value
-            squares += value * value
-    return count, total, squares
+            count += np.uint32(is_upper)
+            total += np.uint32(grey[r, c] & (np.uint16(0) - np.uint16(is_upper)))
+    return np.int64(count), np.int64(total)
+
+
+@inlined
+def sum_of_squares(grey, row, col):  # type: ignore[no-untyped-def]
+    """Square-sum the pixels of a square, which are 0 where not valid."""
+    squares = np.int64(0)
+    for r in range(row, row + np.uintp(NOISE_SIDE)):
+        for c in range(col, col + np.uintp(NOISE_SIDE)):
+            squares += np.int64(np.uint32(grey[r, c]) * np.uint32(grey[r, c]))
+    return squares
 
 
 @inlined
@@ -177,11 +184,16 @@ def separating_bound(grey, valid, row, col, bounds):  # type: ignore[no-untyped-
     difference = 0.0
     minimum, maximum = extremes(grey, valid, row, col)
     largest = _SEPARATION * _SEPARATION
+    squares = np.int64(-1)
+    count = np.int64(0)
+    total = np.int64(0)
     for k in range(bounds.shape[0]):
         if bounds[k] <= minimum or bounds[k] > maximum:
             continue
-        count, total, squares = sums_from(grey, valid, row, col, np.uint16(0))
-        upper, upper_total, _ = sums_from(grey, valid, row, col, np.uint16(bounds[k]))
+        if squares < 0:
+            squares = sum_of_squares(grey, row, col)
+            count, total = sums_from(grey, valid, row, col, np.uint16(0))
+        upper, upper_total = sums_from(grey, valid, row, col, np.uint16(bounds[k]))
         lower, lower_total = count - upper, total - upper_total
         gap = upper_total / upper - lower_total / lower
         spread = squares - lower_total * lower_total / lower - upper_total * upper_total / upper
@@ -222,7 +234,8 @@ def _measure_squares(  # type: ignore[no-untyped-def]
         begin, end = np.uintp(first * NOISE_SIDE), np.uintp(last * NOISE_SIDE)
         inner = valid[row * side : (row + np.uintp(1)) * side]
         for col in range(first, last):
-            store_residuals(grey, valid, row * side, np.uintp(col) * side, bounds, residuals)
+            if needed[row, col]:  # others are not stored below, and no response reaches beyond its square
+                store_residuals(grey, valid, row * side, np.uintp(col) * side, bounds, residuals)
         for r in (2, 6, 9, 13):  # the same rows from above and from below
             add_responses(residuals, inner, np.uintp(r), begin, end, sums, line, total, number)
         store_mean_responses(total, number, side, 1, needed[row], fine[row])

@@ -7,6 +7,7 @@ from uavseg._jit import inlined, kernel
 from uavseg.units import MAX_PIXEL_CLASSES
 
 MIN_PIECE = 12  # pixels: smaller thin pieces and thin holes are removed
+_UNKNOWN = np.uint8(255)  # label of a pixel around which no component was searched
 _NO_DATA = np.uint8(128)  # not valid, or outside the image; a bit that no class has
 
 
@@ -27,7 +28,7 @@ def drop_specks(inside: NDArray[np.uint8], valid: NDArray[np.uint8], active: NDA
     """
     sides = np.empty((inside.shape[0] + 2, inside.shape[1] + 2), np.uint8)
     _pad_sides(inside, valid, sides)
-    lines = np.ones((8, sides.shape[1]), np.uint8)
+    lines = np.ones((10, sides.shape[1]), np.uint8)
     stack, seen = np.empty((MIN_PIECE, 2), np.int64), np.empty(2 * MIN_PIECE + 1, np.uint32)
     _drop_specks(sides, active, lines, stack, seen, np.zeros(MAX_PIXEL_CLASSES + 1, np.uint8), inside)
 
@@ -127,9 +128,10 @@ def most_contacts(sides, here, stack, count, contacts, minimum, maximum):  # typ
 
 @kernel("void(u1[:,::1], u1[:,::1], u1[:,::1], i8[:,::1], u4[::1], u1[::1], u1[:,::1])")
 def _drop_specks(sides, active, lines, stack, seen, contacts, inside):  # type: ignore[no-untyped-def]
-    # `sides` has a border of no data. Three rolling lines behind each other: across, around, thin.
+    # `sides` has a border of no data. Three rolling lines behind each other: across, around, thin. Pixels of one
+    # component that follow each other in a row or a column share the label that was found first.
     rows = inside.shape[0]
-    across, around, narrow, result = lines[:3], lines[3:6], lines[6], lines[7]
+    across, around, narrow, result, known = lines[:3], lines[3:6], lines[6], lines[7], lines[8:]
     for step in range(rows + 4):
         if step < rows + 2:
             changes_across(sides[step], across[step % 3])
@@ -150,8 +152,17 @@ def _drop_specks(sides, active, lines, stack, seen, contacts, inside):  # type: 
         if row < 1 or row > rows:
             continue
         mark_thin(around[(row - 1) % 3], around[row % 3], around[(row + 1) % 3], narrow, result)
+        before, labels = known[(row - 1) % 2], known[row % 2]
+        labels[:] = _UNKNOWN
         for cell in range(active.shape[1]):
             if active[(row - 1) // 8, cell]:
                 for c in range(8 * cell + 1, 8 * cell + 9):
-                    if result[c] and sides[row, c] != _NO_DATA:
-                        inside[row - 1, c - 1] = label_around(sides, row, c, stack, seen, contacts)
+                    here = sides[row, c]
+                    if result[c] and here != _NO_DATA:
+                        if here == sides[row, c - 1] and labels[c - 1] != _UNKNOWN:
+                            labels[c] = labels[c - 1]  # of the same component
+                        elif here == sides[row - 1, c] and before[c] != _UNKNOWN:
+                            labels[c] = before[c]
+                        else:
+                            labels[c] = label_around(sides, row, c, stack, seen, contacts)
+                        inside[row - 1, c - 1] = labels[c]
