@@ -128,7 +128,7 @@ def most_contacts(sides, here, stack, count, contacts, minimum, maximum):  # typ
 
 @kernel("void(u1[:,::1], u1[:,::1], u1[:,::1], i8[:,::1], u4[::1], u1[::1], u1[:,::1])")
 def _drop_specks(sides, active, lines, stack, seen, contacts, inside):  # type: ignore[no-untyped-def]
-    # `sides` has a border of no data. Three rolling lines behind each other: across, around, thin. Pixels of one
+    # `sides` has a border of no data. Rolling lines behind each other: across, around, thin. Pixels of one
     # component that follow each other in a row or a column share the label that was found first.
     rows = inside.shape[0]
     across, around, narrow, result, known = lines[:3], lines[3:6], lines[6], lines[7], lines[8:]
