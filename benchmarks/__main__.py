@@ -17,7 +17,7 @@ from benchmarks.paths import searches
 from benchmarks.phases import phases
 from benchmarks.polygon_stats import polygon_stats
 from benchmarks.robot import steps
-from benchmarks.scale import commands, pixel_types, repeated, reuse, scaling, thread_scaling
+from benchmarks.scale import commands, pixel_types, reuse, scaling, thread_scaling
 from benchmarks.scenes import KINDS, PROJECT, Scene, ensure_raster
 from benchmarks.smallmap import tasks
 from benchmarks.startup import starts
@@ -85,8 +85,12 @@ def _reuse(options: argparse.Namespace) -> str:
 
 
 def _commands(options: argparse.Namespace) -> str:
-    side = min(16384, options.largest)
-    return table.commands(side, commands(repeated(side), options.rounds, _report), options.rounds)
+    sides = [side for side in _COMMAND_SIDES if side <= max(options.sizes)]
+    found = {
+        kind: commands({side: ensure_raster(Scene(side, kind)) for side in sides}, options.rounds, _report)
+        for kind in ("grey8", "rgb8")
+    }
+    return table.commands(found, options.rounds)
 
 
 def _threads(options: argparse.Namespace) -> str:
@@ -150,6 +154,7 @@ def _patterns(options: argparse.Namespace) -> str:
     return patterns_table(list(fly_cases(cases(), _report)), survey_lengths())
 
 
+_COMMAND_SIDES = (512, 2048, 8192, 16384)
 _SIDES = (2048, 8192, 16384, 32768, 65536)
 _SECTIONS = {
     "processes": _processes,

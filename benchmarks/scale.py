@@ -1,11 +1,11 @@
-"""Scaling with raster size, pixel type and threads, and the cost of a second range from a block map."""
+"""Scaling with size, pixel type and threads, all commands by size, and a second range of a block map."""
 
 import os
 import statistics
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -123,25 +123,44 @@ def reuse(side: int, rounds: int, report: Callable[[str], None]) -> Reuse:
     return Reuse(first, division, second, first_s, second_s)
 
 
+SAMPLE = "500064,4999936,32"  # x, y and radius in metres, within the smallest scene
 COMMANDS = {
     "extract": ("extract", "--range", f"{LOW},1", "-o", "regions.gpkg"),
+    "extract to GeoJSON": ("extract", "--range", f"{LOW},1", "-o", "regions.geojson"),
+    "extract --method paper": ("extract", "--range", f"{LOW},1", "--method", "paper", "-o", "paper.gpkg"),
+    "extract --mission": (
+        *("extract", "--range", f"{LOW},1", "--min-area", "400", "-o", "flown.gpkg"),
+        *("--mission", "flight.plan", "--altitude", "60", "--home", "auto"),
+    ),
+    "extract, three classes": (
+        *("extract", "--class", "dark=0,0.3", "--class", "middle=0.3,0.6", "--class", "light=0.6,1"),
+        *("-o", "classes.gpkg"),
+    ),
     "levels": ("levels", "--width", "0.1", "-o", "levels.gpkg"),
     "levels, small segments merged": ("levels", "--width", "0.1", "--min-area", "50px", "-o", "merged.gpkg"),
+    "suggest": ("suggest",),
+    "match": ("match", "--like", SAMPLE, "-o", "match.gpkg"),
+    "divide": ("divide", "-o", "blocks.tif"),
+    "info": ("info",),
     "map": ("map", "-o", "map.html"),
     "preview": ("preview", "-o", "preview.png"),
 }
 
 
-def commands(raster: Path, rounds: int, report: Callable[[str], None]) -> dict[str, Cost]:
-    """Medians of the commands that read a whole raster, in turn."""
-    costs: dict[str, list[Cost]] = {name: [] for name in COMMANDS}
+def commands(
+    rasters: Mapping[int, Path], rounds: int, report: Callable[[str], None]
+) -> dict[str, dict[int, Cost]]:
+    """Medians of each command that reads a whole raster, by the side of the raster; all in turn."""
+    costs: dict[str, dict[int, list[Cost]]] = {name: {side: [] for side in rasters} for name in COMMANDS}
     with tempfile.TemporaryDirectory(prefix="uavseg-benchmark-") as folder:
-        for number in range(rounds):
-            for name, (verb, *how) in COMMANDS.items():
-                command = [sys.executable, "-m", "uavseg", verb, str(raster), *how, "-q", "--overwrite"]
-                costs[name].append(cost(command, with_project(os.environ), Path(folder)))
-                report(f"{name} round {number + 1}: {costs[name][-1].wall_s:.2f} s")
-    return {name: median(found) for name, found in costs.items()}
+        for side, raster in rasters.items():
+            for number in range(rounds):
+                for name, (verb, *how) in COMMANDS.items():
+                    command = [sys.executable, "-m", "uavseg", verb, str(raster), *how]
+                    command += [] if verb in ("suggest", "info") else ["-q", "--overwrite"]
+                    costs[name][side].append(cost(command, with_project(os.environ), Path(folder)))
+                    report(f"{side}² {name} round {number + 1}: {costs[name][side][-1].wall_s:.2f} s")
+    return {name: {side: median(runs) for side, runs in found.items()} for name, found in costs.items()}
 
 
 def thread_scaling(side: int, rounds: int) -> list[tuple[int, float, float]]:

@@ -1,6 +1,7 @@
 """Results as Markdown tables, and the sections of the documents that they are written to."""
 
 import datetime
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -167,12 +168,33 @@ def reuse(side: int, found: Reuse, rounds: int) -> str:
     return with_provenance(f"{side}², medians of {rounds}.\n\n{rows(heads, cells)}\n\n{summary}")
 
 
-def commands(side: int, found: Mapping[str, Cost], rounds: int) -> str:
-    """Commands that read a whole raster, relative to the first."""
-    first, *_ = found.values()
-    cells = [[name, *_cost(spent), f"{spent.cpu_s / first.cpu_s:.2f}"] for name, spent in found.items()]
-    heads = ["", "wall s", "CPU s", "peak MB", "CPU / first"]
-    return with_provenance(f"{side}², medians of {rounds}.\n\n{rows(heads, cells)}")
+def commands(found: Mapping[str, Mapping[str, Mapping[int, Cost]]], rounds: int) -> str:
+    """Commands that read a whole raster, by pixel type and side; the first is the unit of CPU time."""
+    parts = [f"Medians of {rounds}."]
+    for pixels, by_command in found.items():
+        first, *_ = by_command.values()
+        sides = sorted(first)
+        cells = [
+            [
+                name,
+                *(f"{costs[side].wall_s:.2f}" for side in sides),
+                _slope(sides, [costs[side].wall_s for side in sides]),
+                *(f"{costs[side].peak_bytes / 1e6:.0f}" for side in sides),
+                f"{costs[sides[-1]].cpu_s / first[sides[-1]].cpu_s:.2f}",
+            ]
+            for name, costs in by_command.items()
+        ]
+        heads = ["", *(f"{side}² s" for side in sides), "slope"]
+        heads += [*(f"{side}² MB" for side in sides), "CPU / first"]
+        parts.append(f"### {pixels}\n\n{rows(heads, cells)}")
+    return with_provenance("\n\n".join(parts))
+
+
+def _slope(sides: Sequence[int], seconds: Sequence[float]) -> str:
+    """Return the exponent of the number of pixels in the time of the two largest; 1 is linear."""
+    if len(sides) < 2:
+        return ""
+    return f"{math.log(seconds[-1] / seconds[-2]) / math.log((sides[-1] / sides[-2]) ** 2):.2f}"
 
 
 def threads(side: int, found: Sequence[tuple[int, float, float]], rounds: int) -> str:

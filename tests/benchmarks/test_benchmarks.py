@@ -252,16 +252,23 @@ def test_the_measurements_of_child_processes_return_times(tmp_path: Path) -> Non
 
 
 @pytest.mark.slow
-def test_commands_are_measured_in_turn_and_compared_with_the_first(tmp_path: Path) -> None:
+def test_commands_are_measured_at_each_size(tmp_path: Path) -> None:
     raster = make_raster(Scene(512), tmp_path)
     lines: list[str] = []
-    found = scale.commands(raster, 1, lines.append)
+    found = scale.commands({512: raster}, 1, lines.append)
     assert list(found) == list(scale.COMMANDS) and len(lines) == len(found)
-    output = table.commands(128, {"extract": Cost(1, 2, 3 << 20), "map": Cost(2, 5, 4 << 20)}, 1)
-    assert [line.split("|")[-2].strip() for line in output.splitlines() if line.startswith("| ")][-2:] == [
-        "1.00",
-        "2.50",
-    ]
+    assert all(list(by_side) == [512] for by_side in found.values())
+
+
+def test_commands_are_compared_with_the_first_and_their_slope_is_that_of_time() -> None:
+    found = {
+        "extract": {512: Cost(1, 1, 2 << 20), 1024: Cost(4, 2, 3 << 20)},
+        "map": {512: Cost(2, 3, 4 << 20), 1024: Cost(2, 5, 4 << 20)},
+    }
+    lines = [line for line in table.commands({"grey8": found}, 1).splitlines() if line.startswith("| ")]
+    cells = [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines if "²" not in line]
+    assert ["extract", "1.00", "4.00", "1.00", "2", "3", "1.00"] in cells
+    assert ["map", "2.00", "2.00", "0.00", "4", "4", "2.50"] in cells
 
 
 def test_the_table_separates_merging_from_segmenting() -> None:

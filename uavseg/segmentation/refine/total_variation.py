@@ -98,11 +98,10 @@ def _runs(weights: NDArray[np.int16]) -> NDArray[np.int64]:
     any_weight = np.zeros((rows, (chunks + 2) * _CHUNK // 4), np.bool_)  # of a cell
     any_weight[:, _CHUNK // 4 :][:, : half // 4] = weights[:, ::4] > 0
     wide = np.lib.stride_tricks.sliding_window_view(any_weight, _CHUNK // 4 + 2, axis=1)
-    active = wide[:, _CHUNK // 4 - 1 :: _CHUNK // 4][:, :chunks].any(axis=2)
-    both = active.copy()
-    both[1:] &= active[:-1]
+    active = np.asarray(wide[:, _CHUNK // 4 - 1 :: _CHUNK // 4][:, :chunks].any(axis=2))
+    with_above = active & np.concatenate([active[:1], active[:-1]])
     runs = np.zeros((2, rows, chunks // 2 + 2, 2), np.int64)
-    _find_runs(np.stack([active, both]).view(np.uint8), runs)
+    _find_runs(np.stack([active, with_above]).view(np.uint8), runs)
     return runs
 
 
