@@ -55,6 +55,8 @@ class Competitor:
         Environment variables of its processes; if empty, the current ones with the project on the path.
     max_side : int, optional
         Side of the largest scene that it is run on.
+    max_bands : int
+        Of a scene that it is run on.
     """
 
     name: str
@@ -64,11 +66,14 @@ class Competitor:
     unavailable: Callable[[], str | None] = lambda: None
     environment: Mapping[str, str] = field(default_factory=dict)
     max_side: int | None = None
+    max_bands: int = 3
 
     def skip_reason(self, scene: Scene) -> str | None:
         """Why it is skipped for a scene, in a few words, or None."""
         if self.max_side is not None and scene.side > self.max_side:
             return f"only run up to {self.max_side}²"
+        if scene.bands > self.max_bands:
+            return f"only run on {self.max_bands} band"
         missing = [module for module in self.requires if importlib.util.find_spec(module) is None]
         if missing:
             return f"Python has no {', '.join(missing)}"
@@ -123,6 +128,20 @@ def _gdal(job: Job) -> list[Command]:
     ]
 
 
+def _pipeline(job: Job) -> list[Command]:
+    bounds = f"{LOW * job.scene.white:.12g}", f"{job.scene.white:.12g}"
+    script = [sys.executable, str(PEERS / "gdal_pipeline.py")]
+    return [[*script, str(job.raster), str(job.output), *bounds, str(MIN_PIXELS)]]
+
+
+def _pipeline_unavailable() -> str | None:
+    probe = (
+        "import pyogrio; raise SystemExit(pyogrio.__gdal_version__ < (3, 12))"  # not here: it takes memory
+    )
+    too_old = subprocess.run([sys.executable, "-c", probe], capture_output=True).returncode
+    return "pyogrio brings no GDAL 3.12" if too_old else None
+
+
 def _band(job: Job, name: str, number: int) -> list[str]:
     return [f"-{name}", str(job.raster), f"--{name}_band={number}"]
 
@@ -161,6 +180,14 @@ COMPETITORS = (
         _gdal,
         unavailable=_gdal_unavailable,
         environment=_SYSTEM,
+    ),
+    Competitor(
+        "pipeline",
+        "GDAL 3.12 in one process: gdal pipeline (reclassify, sieve, polygonize)",
+        _pipeline,
+        ("pyogrio",),
+        unavailable=_pipeline_unavailable,
+        max_bands=1,
     ),
     Competitor(
         "slic",

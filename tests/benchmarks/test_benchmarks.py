@@ -303,7 +303,7 @@ def test_docstring_examples(module: ModuleType) -> None:
     assert found.attempted and not found.failed
 
 
-@pytest.mark.parametrize("name", ["uavseg", "opencv", "gdal"])
+@pytest.mark.parametrize("name", ["uavseg", "opencv", "gdal", "pipeline"])
 def test_a_competitor_extracts_the_bright_area(name: str, tmp_path: Path) -> None:
     [competitor] = select_competitors([name])
     scene = Scene(512)
