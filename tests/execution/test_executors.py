@@ -1,5 +1,7 @@
 """Executors: the same results in the same order, errors at once, and few pending results in memory."""
 
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -10,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavseg.errors import ParameterError
+from uavseg.execution import executors
 from uavseg.execution.executors import Map, serial, threads, usable_cores
 
 MAPS = [serial, threads(2), threads(5)]
@@ -186,3 +189,31 @@ def test_threads_that_cannot_be_started_are_too_little_memory(monkeypatch: pytes
     monkeypatch.setattr(threading.Thread, "start", refused)
     with pytest.raises(MemoryError, match="can't start new thread"):
         list(threads(2)(abs, [1, 2, 3]))
+
+
+FAULTS = """
+import resource, threading
+import numpy as np
+from uavseg.execution import executors
+if {keep}:
+    executors.keep_heap()
+def work():
+    for _ in range(40):
+        np.ones(3 << 20, np.uint8)  # less than what gets huge pages
+before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+for _ in range(2):
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
+"""
+
+
+@pytest.mark.skipif(executors._c_library() is None, reason="only glibc has these parameters")
+def test_a_heap_that_is_kept_has_its_pages_mapped_once() -> None:
+    faults = {
+        keep: int(subprocess.check_output([sys.executable, "-c", FAULTS.format(keep=keep)]))
+        for keep in (False, True)
+    }
+    assert faults[True] < faults[False] / 2
+    assert faults[True] < 2 * (3 << 20) / 4096

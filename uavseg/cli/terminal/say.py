@@ -267,6 +267,7 @@ def work_of(run: RunOptions, reporter: Reporter) -> Work:
     from uavseg.jobs.source.work import Work
 
     cluster = _cluster(run)
+    executors.keep_heap()
     local = executors.threads(run.threads)
     executors.decided("%s", run.scheduler or f"{run.threads or executors.usable_cores()} threads")
     return Work(
