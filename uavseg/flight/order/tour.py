@@ -3,7 +3,8 @@
 Few stops: dynamic programming over sets of stops (M. Held and R. M. Karp, 1962). Many stops: 2-opt, Or-opt
 and the best options, repeated after small perturbations (H. R. Lourenco, O. C. Martin and T. Stuetzle,
 Iterated local search, 2003) with the double bridge of Martin, Otto and Felten. The random numbers are always
-the same: so is the tour.
+the same: so is the tour. Moves that cannot shorten the tour are skipped by lower bounds of distances, which
+changes no tour.
 
 A tour is an array of options; `enters` and `leaves` are the points at which each is entered and left, -1 for
 `start` and `end` where the tour may begin and end anywhere.
@@ -20,6 +21,7 @@ from uavseg.dataclass import dataclass
 LONGEST_PART = 3  # stops that Or-opt moves together
 LONGEST_BRIDGE = 30  # stops in each of the parts that a perturbation exchanges
 GAIN = 1e-7
+GROUP = 32  # stops whose distance from a point is bounded together
 
 
 @inlined
@@ -30,31 +32,53 @@ def leg(distances, here, there):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def left_before(leaves, tour, k, start):  # type: ignore[no-untyped-def]
-    """Return the point that is left before position k."""
-    if k == 0:
-        return start
-    return leaves[tour[k - 1]]
+def measure(problem, path, low, high):  # type: ignore[no-untyped-def]
+    """Store the leg before each position from low to high, and return the longest of them."""
+    distances, enters, leaves, _, stop_of, start, end = problem
+    tour, left, entered, legs, position = path
+    longest = 0.0
+    for k in range(low, high + 1):
+        left[k], entered[k] = start, end
+        if k > 0:
+            left[k] = leaves[tour[k - 1]]
+        if k < tour.shape[0]:
+            entered[k] = enters[tour[k]]
+            position[stop_of[tour[k]]] = k
+        legs[k] = leg(distances, left[k], entered[k])
+        longest = max(longest, legs[k])
+    return longest
 
 
 @inlined
-def entered_at(enters, tour, k, end):  # type: ignore[no-untyped-def]
-    """Return the point that is entered at position k."""
-    if k == tour.shape[0]:
-        return end
-    return enters[tour[k]]
+def reach(distances, path, begin, stop_before, near):  # type: ignore[no-untyped-def]
+    """Store the distance of each point from a window of stops, and return the longest leg of the window."""
+    _, left, entered, legs, _ = path
+    longest = 0.0
+    near[:] = np.inf
+    for k in range(begin + 1, stop_before + 1):
+        longest = max(longest, legs[k])
+        for place in (left[k], entered[k]):
+            for point in range(near.shape[0]):
+                near[point] = min(near[point], distances[place, point] if place >= 0 else 0.0)
+    return longest
 
 
 @inlined
-def two_opt(distances, enters, leaves, reverse, start, end, tour, begin, stop_before):  # type: ignore[no-untyped-def]
+def two_opt(problem, path, near, begin, stop_before):  # type: ignore[no-untyped-def]
     """Reverse parts of the tour that begin or end in a window, wherever that shortens it: one pass."""
+    distances, _, _, reverse, _, _, _ = problem
+    tour, left, entered, legs, _ = path
     gained = False
-    count = tour.shape[0]
+    longest = -1.0
     for i in range(stop_before):
-        for j in range(max(i, begin), stop_before if i < begin else count):
-            before, after = left_before(leaves, tour, i, start), entered_at(enters, tour, j + 1, end)
-            now = leg(distances, before, enters[tour[i]]) + leg(distances, leaves[tour[j]], after)
-            turned = leg(distances, before, leaves[tour[j]]) + leg(distances, enters[tour[i]], after)
+        if i < begin:
+            if longest < 0:
+                longest = reach(distances, path, begin, stop_before, near)
+            if left[i] >= 0 and near[left[i]] >= legs[i] and near[entered[i]] >= longest:
+                continue  # neither of the new legs is shorter than an old one
+        for j in range(max(i, begin), stop_before if i < begin else tour.shape[0]):
+            now = legs[i] + legs[j + 1]
+            turned = leg(distances, left[i], left[j + 1]) + leg(distances, entered[i], entered[j + 1])
             if now - turned > GAIN:
                 low, high = i, j
                 while low < high:
@@ -63,34 +87,38 @@ def two_opt(distances, enters, leaves, reverse, start, end, tour, begin, stop_be
                     high -= 1
                 if low == high:
                     tour[low] = reverse[tour[low]]
-                gained = True
+                measure(problem, path, i, j + 1)
+                gained, longest = True, -1.0
     return gained
 
 
 @inlined
-def or_opt(distances, enters, leaves, reverse, start, end, tour, part, begin, stop_before):  # type: ignore[no-untyped-def]
+def or_opt(problem, path, groups, part, longest, begin, stop_before):  # type: ignore[no-untyped-def]
     """Move one to three stops of a window to another place wherever that shortens the tour: one pass."""
+    distances, _, _, reverse, _, _, _ = problem
+    tour, left, entered, legs, position = path
+    members, apart = groups
     gained = False
     count = tour.shape[0]
     for size in range(1, min(LONGEST_PART, count - 1) + 1):
         for i in range(begin, min(stop_before, count - size + 1)):
-            before, after = left_before(leaves, tour, i, start), entered_at(enters, tour, i + size, end)
-            first, last = enters[tour[i]], leaves[tour[i + size - 1]]
-            saved = (
-                leg(distances, before, first) + leg(distances, last, after) - leg(distances, before, after)
-            )
+            first, last = entered[i], left[i + size]
+            saved = legs[i] + legs[i + size] - leg(distances, left[i], entered[i + size])
             best, place, turned = GAIN, -1, False
-            for k in range(count + 1):
-                if i <= k <= i + size:
+            for group in range(apart.shape[1]):
+                if saved - (min(apart[first, group], apart[last, group]) - longest) < best:
                     continue
-                here, there = left_before(leaves, tour, k, start), entered_at(enters, tour, k, end)
-                gap = leg(distances, here, there)
-                forward = leg(distances, here, first) + leg(distances, last, there) - gap
-                backward = leg(distances, here, last) + leg(distances, first, there) - gap
-                if saved - forward > best:
-                    best, place, turned = saved - forward, k, False
-                if saved - backward > best:
-                    best, place, turned = saved - backward, k, True
+                for m in range(group * GROUP, min(group * GROUP + GROUP, count + 1)):
+                    k = position[members[m]] + 1
+                    if i <= k <= i + size:
+                        continue
+                    here, there = left[k], entered[k]
+                    forward = leg(distances, first, here) + leg(distances, last, there) - legs[k]
+                    backward = leg(distances, last, here) + leg(distances, first, there) - legs[k]
+                    if saved - forward > best or (saved - forward == best and k < place):
+                        best, place, turned = saved - forward, k, False
+                    if saved - backward > best or (saved - backward == best and k < place):
+                        best, place, turned = saved - backward, k, True
             if place < 0:
                 continue
             for m in range(size):
@@ -105,36 +133,40 @@ def or_opt(distances, enters, leaves, reverse, start, end, tour, part, begin, st
                     tour[m - size] = tour[m]
                 for m in range(size):
                     tour[place - size + m] = part[m]
+            longest = max(longest, measure(problem, path, min(i, place), max(i + size, place)))
             gained = True
     return gained
 
 
 @inlined
-def reinsert(distances, first, enters, leaves, costs, stop_of, start, end, tour, begin, stop_before):  # type: ignore[no-untyped-def]
+def reinsert(problem, path, groups, first, costs, longest, begin, stop_before):  # type: ignore[no-untyped-def]
     """Move one stop of a window to another place, in the option that is best there: one pass."""
+    distances, enters, leaves, _, stop_of, _, _ = problem
+    tour, left, entered, legs, position = path
+    members, apart = groups
     gained = False
     count = tour.shape[0]
     for i in range(begin, stop_before):
-        before, after = left_before(leaves, tour, i, start), entered_at(enters, tour, i + 1, end)
         stop = stop_of[tour[i]]
-        saved = (
-            leg(distances, before, enters[tour[i]])
-            + leg(distances, leaves[tour[i]], after)
-            - leg(distances, before, after)
-            + costs[tour[i]]
-        )
+        skipped = leg(distances, left[i], entered[i + 1])
+        saved = legs[i] + legs[i + 1] - skipped + costs[tour[i]]
         best, place, chosen = GAIN, -1, -1
-        for k in range(count + 1):
-            if k == i + 1:
-                continue
-            here, there = left_before(leaves, tour, k, start), entered_at(enters, tour, k, end)
-            if k == i:
-                there = after
-            gap = leg(distances, here, there)
+        for group in range(apart.shape[1]):
             for option in range(first[stop], first[stop + 1]):
-                more = leg(distances, here, enters[option]) + leg(distances, leaves[option], there) - gap
-                if saved - more - costs[option] > best:
-                    best, place, chosen = saved - more - costs[option], k, option
+                enter, leave, cost = enters[option], leaves[option], costs[option]
+                if saved - (apart[enter, group] - max(longest, skipped)) - cost < best:
+                    continue
+                for m in range(group * GROUP, min(group * GROUP + GROUP, count + 1)):
+                    k = position[members[m]] + 1
+                    if k == i + 1:
+                        continue
+                    there, gap = entered[k], legs[k]
+                    if k == i:
+                        there, gap = entered[i + 1], skipped
+                    more = leg(distances, enter, left[k]) + leg(distances, leave, there) - gap
+                    gain = saved - more - cost
+                    if gain > best or (gain == best and (k < place or (k == place and option < chosen))):
+                        best, place, chosen = gain, k, option
         if place < 0:
             continue
         if place <= i:
@@ -145,6 +177,7 @@ def reinsert(distances, first, enters, leaves, costs, stop_of, start, end, tour,
             for m in range(i + 1, place):
                 tour[m - 1] = tour[m]
             tour[place - 1] = chosen
+        longest = max(longest, measure(problem, path, min(i, place), max(i + 1, place)))
         gained = True
     return gained
 
@@ -262,7 +295,7 @@ def short_tour(
     ----------
     stops : Stops
     distances : (p, p) float64 array
-        Cost between points: finite, symmetric.
+        Cost between points: finite, symmetric, not negative.
     start, end : int
         The points at which the tour starts and ends; -1 where it may be anywhere.
     rounds : int
@@ -335,17 +368,30 @@ def local_search_tour(stops: Stops, distances: Floats, start: int, end: int, rou
     tour = _nearest_neighbour(stops, distances, start)
     count, widest = len(stops), int(np.diff(stops.first).max())
     rounds = min(rounds, EFFORT // count)
-    scratch = np.zeros((4, count), np.int64)
+    scratch, legs, near = np.zeros((7, count + 1), np.int64), np.zeros(count + 1), np.zeros(len(distances))
+    groups = _groups(stops, distances, tour)
     totals, before = np.zeros((2, widest)), np.zeros((count, widest), np.int64)
     options = (stops.first, stops.enters, stops.leaves, stops.costs, stops.reverse, stops.stop_of)
     passes = max(int(AT_ONCE / (8.0 * count * count)), 1)
     state, lengths = np.zeros(4, np.int64), np.full(3, np.inf)
+    kept = (scratch, legs, near, *groups, totals, before)
     while state[0] <= rounds:
-        _search(
-            distances, *options, start, end, rounds, passes, state, lengths, tour, scratch, totals, before
-        )
-    best: Ints = scratch[0]
+        _search(distances, *options, start, end, rounds, passes, state, lengths, tour, *kept)
+    best: Ints = scratch[0, :count]
     return best
+
+
+def _groups(stops: Stops, distances: Floats, tour: Ints) -> tuple[Ints, Floats]:
+    """Return stops in groups of neighbours, home at the end, and lower bounds of distances from each group.
+
+    Of home there is none: the last group is at 0 from all points, (p, groups).
+    """
+    members = np.append(stops.stop_of[tour], len(stops))
+    apart = np.zeros((len(stops) // GROUP + 1, len(distances)))
+    for group in range(len(apart) - 1):
+        inside = np.isin(stops.stop_of, members[group * GROUP : (group + 1) * GROUP])
+        distances[stops.enters[inside]].min(axis=0, out=apart[group])
+    return members, np.ascontiguousarray(apart.T)
 
 
 def _nearest_neighbour(stops: Stops, distances: Floats, start: int) -> Ints:
@@ -363,7 +409,7 @@ def _nearest_neighbour(stops: Stops, distances: Floats, start: int) -> Ints:
 
 @kernel(
     "void(f8[:,::1], i8[::1], i8[::1], i8[::1], f8[::1], i8[::1], i8[::1], i8, i8, i8, i8, i8[::1], f8[::1],"
-    " i8[::1], i8[:,::1], f8[:,::1], i8[:,::1])"
+    " i8[::1], i8[:,::1], f8[::1], f8[::1], i8[::1], f8[:,::1], f8[:,::1], i8[:,::1])"
 )
 def _search(  # type: ignore[no-untyped-def]
     distances,
@@ -381,12 +427,20 @@ def _search(  # type: ignore[no-untyped-def]
     lengths,
     tour,
     scratch,
+    legs,
+    near,
+    members,
+    apart,
     totals,
     before,
 ):
     """Continue the search for some passes; `state` is the turn, whether it is under way, and its window."""
     count = tour.shape[0]
     best_tour, kept, copy, part = scratch[0], scratch[1], scratch[2], scratch[3]
+    problem = (distances, enters, leaves, reverse, stop_of, start, end)
+    path = (tour, scratch[4], scratch[5], legs, scratch[6])
+    scratch[6, count] = -1  # position of home, before the first stop
+    groups = (members, apart)
     turn, is_under_way, begin, stop_before = state
     best, current, total = lengths
     while turn <= rounds and passes > 0:
@@ -398,10 +452,13 @@ def _search(  # type: ignore[no-untyped-def]
                     begin, stop_before = max(low - WINDOW, 0), min(high + WINDOW, count)
             total = np.inf
             is_under_way = 1
-        improving = two_opt(distances, enters, leaves, reverse, start, end, tour, begin, stop_before)
-        if or_opt(distances, enters, leaves, reverse, start, end, tour, part, begin, stop_before):
+        measure(problem, path, 0, count)
+        improving = two_opt(problem, path, near, begin, stop_before)
+        longest = measure(problem, path, 0, count)
+        if or_opt(problem, path, groups, part, longest, begin, stop_before):
             improving = True
-        if reinsert(distances, first, enters, leaves, costs, stop_of, start, end, tour, begin, stop_before):
+        longest = measure(problem, path, 0, count)
+        if reinsert(problem, path, groups, first, costs, longest, begin, stop_before):
             improving = True
         length = best_options(
             distances, first, enters, leaves, costs, stop_of, start, end, tour, totals, before
