@@ -21,7 +21,7 @@ from uavseg.dataclass import dataclass
 LONGEST_PART = 3  # stops that Or-opt moves together
 LONGEST_BRIDGE = 30  # stops in each of the parts that a perturbation exchanges
 GAIN = 1e-7
-GROUP = 32  # stops whose distance from a point is bounded together
+GROUP = 8  # stops whose distance from a point is bounded together
 
 
 @inlined
@@ -33,49 +33,57 @@ def leg(distances, here, there):  # type: ignore[no-untyped-def]
 
 @inlined
 def measure(problem, path, low, high):  # type: ignore[no-untyped-def]
-    """Store the leg before each position from low to high, and return the longest of them."""
+    """Store the leg before each position from low to high; the longest of each group only grow."""
     distances, enters, leaves, _, stop_of, start, end = problem
-    tour, left, entered, legs, position = path
-    longest = 0.0
+    tour, left, entered, legs, position, group_of, longest = path
     for k in range(low, high + 1):
-        left[k], entered[k] = start, end
+        left[k], entered[k], group = start, end, group_of[tour.shape[0]]
         if k > 0:
-            left[k] = leaves[tour[k - 1]]
+            left[k], group = leaves[tour[k - 1]], group_of[stop_of[tour[k - 1]]]
         if k < tour.shape[0]:
             entered[k] = enters[tour[k]]
             position[stop_of[tour[k]]] = k
         legs[k] = leg(distances, left[k], entered[k])
-        longest = max(longest, legs[k])
-    return longest
+        longest[group] = max(longest[group], legs[k])
 
 
 @inlined
-def reach(distances, path, begin, stop_before, near):  # type: ignore[no-untyped-def]
-    """Store the distance of each point from a window of stops, and return the longest leg of the window."""
-    _, left, entered, legs, _ = path
-    longest = 0.0
-    near[:] = np.inf
-    for k in range(begin + 1, stop_before + 1):
+def window_groups(stop_of, path, begin, stop_before, groups):  # type: ignore[no-untyped-def]
+    """List the groups of a window's stops and of the one after it; return their number, and the longest leg."""
+    tour, _, _, legs, _, group_of, _ = path
+    number, longest = 0, 0.0
+    for k in range(begin, stop_before + 1):
+        group = group_of[stop_of[tour[k]] if k < tour.shape[0] else k]
+        if number == 0 or group != groups[number - 1]:
+            groups[number] = group
+            number += 1
         longest = max(longest, legs[k])
-        for place in (left[k], entered[k]):
-            for point in range(near.shape[0]):
-                near[point] = min(near[point], distances[place, point] if place >= 0 else 0.0)
-    return longest
+    return number, longest
 
 
 @inlined
-def two_opt(problem, path, near, begin, stop_before):  # type: ignore[no-untyped-def]
+def is_near(apart, path, i, groups, longest):  # type: ignore[no-untyped-def]
+    """Return whether a leg between the one before position i and a group may be shorter than an old one."""
+    _, left, entered, legs, _, _, _ = path
+    for group in groups:
+        if left[i] < 0 or apart[left[i], group] < legs[i] or apart[entered[i], group] < longest:
+            return True
+    return False
+
+
+@inlined
+def two_opt(problem, path, apart, nearby, begin, stop_before):  # type: ignore[no-untyped-def]
     """Reverse parts of the tour that begin or end in a window, wherever that shortens it: one pass."""
-    distances, _, _, reverse, _, _, _ = problem
-    tour, left, entered, legs, _ = path
+    distances, _, _, reverse, stop_of, _, _ = problem
+    tour, left, entered, legs, _, _, _ = path
     gained = False
-    longest = -1.0
+    number, longest = 0, 0.0
     for i in range(stop_before):
         if i < begin:
-            if longest < 0:
-                longest = reach(distances, path, begin, stop_before, near)
-            if left[i] >= 0 and near[left[i]] >= legs[i] and near[entered[i]] >= longest:
-                continue  # neither of the new legs is shorter than an old one
+            if number == 0:
+                number, longest = window_groups(stop_of, path, begin, stop_before, nearby)
+            if not is_near(apart, path, i, nearby[:number], longest):
+                continue
         for j in range(max(i, begin), stop_before if i < begin else tour.shape[0]):
             now = legs[i] + legs[j + 1]
             turned = leg(distances, left[i], left[j + 1]) + leg(distances, entered[i], entered[j + 1])
@@ -88,16 +96,15 @@ def two_opt(problem, path, near, begin, stop_before):  # type: ignore[no-untyped
                 if low == high:
                     tour[low] = reverse[tour[low]]
                 measure(problem, path, i, j + 1)
-                gained, longest = True, -1.0
+                gained, number = True, 0
     return gained
 
 
 @inlined
-def or_opt(problem, path, groups, part, longest, begin, stop_before):  # type: ignore[no-untyped-def]
+def or_opt(problem, path, members, apart, part, begin, stop_before):  # type: ignore[no-untyped-def]
     """Move one to three stops of a window to another place wherever that shortens the tour: one pass."""
     distances, _, _, reverse, _, _, _ = problem
-    tour, left, entered, legs, position = path
-    members, apart = groups
+    tour, left, entered, legs, position, _, longest = path
     gained = False
     count = tour.shape[0]
     for size in range(1, min(LONGEST_PART, count - 1) + 1):
@@ -106,7 +113,7 @@ def or_opt(problem, path, groups, part, longest, begin, stop_before):  # type: i
             saved = legs[i] + legs[i + size] - leg(distances, left[i], entered[i + size])
             best, place, turned = GAIN, -1, False
             for group in range(apart.shape[1]):
-                if saved - (min(apart[first, group], apart[last, group]) - longest) < best:
+                if saved - (min(apart[first, group], apart[last, group]) - longest[group]) < best:
                     continue
                 for m in range(group * GROUP, min(group * GROUP + GROUP, count + 1)):
                     k = position[members[m]] + 1
@@ -133,17 +140,16 @@ def or_opt(problem, path, groups, part, longest, begin, stop_before):  # type: i
                     tour[m - size] = tour[m]
                 for m in range(size):
                     tour[place - size + m] = part[m]
-            longest = max(longest, measure(problem, path, min(i, place), max(i + size, place)))
+            measure(problem, path, min(i, place), max(i + size, place))
             gained = True
     return gained
 
 
 @inlined
-def reinsert(problem, path, groups, first, costs, longest, begin, stop_before):  # type: ignore[no-untyped-def]
+def reinsert(problem, path, members, apart, first, costs, begin, stop_before):  # type: ignore[no-untyped-def]
     """Move one stop of a window to another place, in the option that is best there: one pass."""
     distances, enters, leaves, _, stop_of, _, _ = problem
-    tour, left, entered, legs, position = path
-    members, apart = groups
+    tour, left, entered, legs, position, _, longest = path
     gained = False
     count = tour.shape[0]
     for i in range(begin, stop_before):
@@ -154,7 +160,7 @@ def reinsert(problem, path, groups, first, costs, longest, begin, stop_before): 
         for group in range(apart.shape[1]):
             for option in range(first[stop], first[stop + 1]):
                 enter, leave, cost = enters[option], leaves[option], costs[option]
-                if saved - (apart[enter, group] - max(longest, skipped)) - cost < best:
+                if saved - (apart[enter, group] - max(longest[group], skipped)) - cost < best:
                     continue
                 for m in range(group * GROUP, min(group * GROUP + GROUP, count + 1)):
                     k = position[members[m]] + 1
@@ -177,7 +183,7 @@ def reinsert(problem, path, groups, first, costs, longest, begin, stop_before): 
             for m in range(i + 1, place):
                 tour[m - 1] = tour[m]
             tour[place - 1] = chosen
-        longest = max(longest, measure(problem, path, min(i, place), max(i + 1, place)))
+        measure(problem, path, min(i, place), max(i + 1, place))
         gained = True
     return gained
 
@@ -280,6 +286,12 @@ class Stops:
     def __len__(self) -> int:
         return len(self.first) - 1
 
+    def distinct(self) -> tuple["Stops", Ints]:
+        """Return the stops without options that equal an earlier one, and the options that are left."""
+        left = np.flatnonzero(self.reverse[self.reverse] == np.arange(len(self.reverse)))
+        first, reverse = np.searchsorted(left, self.first), np.searchsorted(left, self.reverse[left])
+        return Stops(first, self.enters[left], self.leaves[left], self.costs[left], reverse), left
+
     @property
     def stop_of(self) -> Ints:
         """Stop of each option."""
@@ -365,32 +377,36 @@ def _fill(distances, stop_of, enters, leaves, costs, start, best, before):  # ty
 
 def local_search_tour(stops: Stops, distances: Floats, start: int, end: int, rounds: int = ROUNDS) -> Ints:
     """Return the options of a short tour, in order (iterated local search); parameters as of `short_tour`."""
+    stops, options_left = stops.distinct()
     tour = _nearest_neighbour(stops, distances, start)
     count, widest = len(stops), int(np.diff(stops.first).max())
     rounds = min(rounds, EFFORT // count)
-    scratch, legs, near = np.zeros((7, count + 1), np.int64), np.zeros(count + 1), np.zeros(len(distances))
-    groups = _groups(stops, distances, tour)
+    scratch, legs = np.zeros((8, count + 1), np.int64), np.zeros(count + 1)
+    members, apart = _groups(stops, distances, tour, (start, end))
+    scratch[6, members], scratch[7, count] = np.arange(count + 1) // GROUP, -1
     totals, before = np.zeros((2, widest)), np.zeros((count, widest), np.int64)
     options = (stops.first, stops.enters, stops.leaves, stops.costs, stops.reverse, stops.stop_of)
     passes = max(int(AT_ONCE / (8.0 * count * count)), 1)
     state, lengths = np.zeros(4, np.int64), np.full(3, np.inf)
-    kept = (scratch, legs, near, *groups, totals, before)
+    kept = (scratch, legs, np.zeros(apart.shape[1]), members, apart, totals, before)
     while state[0] <= rounds:
         _search(distances, *options, start, end, rounds, passes, state, lengths, tour, *kept)
-    best: Ints = scratch[0, :count]
+    best: Ints = options_left[scratch[0, :count]]
     return best
 
 
-def _groups(stops: Stops, distances: Floats, tour: Ints) -> tuple[Ints, Floats]:
-    """Return stops in groups of neighbours, home at the end, and lower bounds of distances from each group.
+def _groups(stops: Stops, distances: Floats, tour: Ints, home: tuple[int, int]) -> tuple[Ints, Floats]:
+    """Return the stops in groups of neighbours, home as the last stop, and each point's distance from them.
 
-    Of home there is none: the last group is at 0 from all points, (p, groups).
+    The distances (p, groups) are those from the nearest point of a group; 0 where the tour may end anywhere.
     """
     members = np.append(stops.stop_of[tour], len(stops))
     apart = np.zeros((len(stops) // GROUP + 1, len(distances)))
-    for group in range(len(apart) - 1):
+    for group, near in enumerate(apart):
         inside = np.isin(stops.stop_of, members[group * GROUP : (group + 1) * GROUP])
-        distances[stops.enters[inside]].min(axis=0, out=apart[group])
+        points = np.append(stops.enters[inside], home if group == len(apart) - 1 else ())
+        if points.min() >= 0:
+            distances[points.astype(np.int64)].min(axis=0, out=near)
     return members, np.ascontiguousarray(apart.T)
 
 
@@ -428,7 +444,7 @@ def _search(  # type: ignore[no-untyped-def]
     tour,
     scratch,
     legs,
-    near,
+    longest,
     members,
     apart,
     totals,
@@ -438,9 +454,7 @@ def _search(  # type: ignore[no-untyped-def]
     count = tour.shape[0]
     best_tour, kept, copy, part = scratch[0], scratch[1], scratch[2], scratch[3]
     problem = (distances, enters, leaves, reverse, stop_of, start, end)
-    path = (tour, scratch[4], scratch[5], legs, scratch[6])
-    scratch[6, count] = -1  # position of home, before the first stop
-    groups = (members, apart)
+    path = (tour, scratch[4], scratch[5], legs, scratch[7], scratch[6], longest)
     turn, is_under_way, begin, stop_before = state
     best, current, total = lengths
     while turn <= rounds and passes > 0:
@@ -452,13 +466,14 @@ def _search(  # type: ignore[no-untyped-def]
                     begin, stop_before = max(low - WINDOW, 0), min(high + WINDOW, count)
             total = np.inf
             is_under_way = 1
+        longest[:] = 0.0
         measure(problem, path, 0, count)
-        improving = two_opt(problem, path, near, begin, stop_before)
-        longest = measure(problem, path, 0, count)
-        if or_opt(problem, path, groups, part, longest, begin, stop_before):
+        improving = two_opt(problem, path, apart, copy, begin, stop_before)
+        if or_opt(problem, path, members, apart, part, begin, stop_before):
             improving = True
-        longest = measure(problem, path, 0, count)
-        if reinsert(problem, path, groups, first, costs, longest, begin, stop_before):
+        longest[:] = 0.0
+        measure(problem, path, 0, count)
+        if reinsert(problem, path, members, apart, first, costs, begin, stop_before):
             improving = True
         length = best_options(
             distances, first, enters, leaves, costs, stop_of, start, end, tour, totals, before
