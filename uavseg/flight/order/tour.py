@@ -49,7 +49,7 @@ def measure(problem, path, low, high):  # type: ignore[no-untyped-def]
 
 @inlined
 def window_groups(stop_of, path, begin, stop_before, groups):  # type: ignore[no-untyped-def]
-    """List the groups of a window's stops and of the one after it; return their number, and the longest leg."""
+    """List the groups of a window and of the stop after it; return their number, and the longest leg."""
     tour, _, _, legs, _, group_of, _ = path
     number, longest = 0, 0.0
     for k in range(begin, stop_before + 1):
