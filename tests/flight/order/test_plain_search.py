@@ -91,9 +91,10 @@ class PlainSearch:
     def best_options(self) -> float:
         stops, widest = self.stops, int(np.diff(self.stops.first).max())
         scratch = np.zeros((2, widest)), np.zeros((len(stops), widest), np.int64)
-        options = stops.first, stops.enters, stops.leaves, stops.costs, self.stop_of
+        options = stops.enters, stops.leaves, stops.reverse, self.stop_of
+        problem = self.distances, *options, self.start, self.end
         tour = np.array(self.tour)
-        length = searched.best_options(self.distances, *options, self.start, self.end, tour, *scratch)
+        length = searched.best_options(problem, stops.first, stops.costs, tour, *scratch)
         self.tour = list(tour)
         return float(length)
 

@@ -101,6 +101,19 @@ def two_opt(problem, path, apart, nearby, begin, stop_before):  # type: ignore[n
 
 
 @inlined
+def move(problem, path, part, i, size, place):  # type: ignore[no-untyped-def]
+    """Put a part in place of the stops from position i on, before what is now at another position."""
+    tour = path[0]
+    for m in range(i - 1, place - 1, -1):
+        tour[m + size] = tour[m]
+    for m in range(i + size, place):
+        tour[m - size] = tour[m]
+    for m in range(size):
+        tour[(place if place <= i else place - size) + m] = part[m]
+    measure(problem, path, min(i, place), max(i + size, place))
+
+
+@inlined
 def or_opt(problem, path, members, apart, part, begin, stop_before):  # type: ignore[no-untyped-def]
     """Move one to three stops of a window to another place wherever that shortens the tour: one pass."""
     distances, _, _, reverse, _, _, _ = problem
@@ -130,23 +143,13 @@ def or_opt(problem, path, members, apart, part, begin, stop_before):  # type: ig
                 continue
             for m in range(size):
                 part[m] = reverse[tour[i + size - 1 - m]] if turned else tour[i + m]
-            if place < i:
-                for m in range(i - 1, place - 1, -1):
-                    tour[m + size] = tour[m]
-                for m in range(size):
-                    tour[place + m] = part[m]
-            else:
-                for m in range(i + size, place):
-                    tour[m - size] = tour[m]
-                for m in range(size):
-                    tour[place - size + m] = part[m]
-            measure(problem, path, min(i, place), max(i + size, place))
+            move(problem, path, part, i, size, place)
             gained = True
     return gained
 
 
 @inlined
-def reinsert(problem, path, members, apart, first, costs, begin, stop_before):  # type: ignore[no-untyped-def]
+def reinsert(problem, path, members, apart, part, first, costs, begin, stop_before):  # type: ignore[no-untyped-def]
     """Move one stop of a window to another place, in the option that is best there: one pass."""
     distances, enters, leaves, _, stop_of, _, _ = problem
     tour, left, entered, legs, position, _, longest = path
@@ -175,22 +178,16 @@ def reinsert(problem, path, members, apart, first, costs, begin, stop_before):  
                         best, place, chosen = gain, k, option
         if place < 0:
             continue
-        if place <= i:
-            for m in range(i - 1, place - 1, -1):
-                tour[m + 1] = tour[m]
-            tour[place] = chosen
-        else:
-            for m in range(i + 1, place):
-                tour[m - 1] = tour[m]
-            tour[place - 1] = chosen
-        measure(problem, path, min(i, place), max(i + 1, place))
+        part[0] = chosen
+        move(problem, path, part, i, 1, place)
         gained = True
     return gained
 
 
 @inlined
-def best_options(distances, first, enters, leaves, costs, stop_of, start, end, tour, totals, before):  # type: ignore[no-untyped-def]
+def best_options(problem, first, costs, tour, totals, before):  # type: ignore[no-untyped-def]
     """Choose the best option of each stop for this order of stops (dynamic programming)."""
+    distances, enters, leaves, _, stop_of, start, end = problem
     count = tour.shape[0]
     stop = stop_of[tour[0]]
     for a in range(first[stop + 1] - first[stop]):
@@ -380,18 +377,19 @@ def local_search_tour(stops: Stops, distances: Floats, start: int, end: int, rou
     stops, options_left = stops.distinct()
     tour = _nearest_neighbour(stops, distances, start)
     count, widest = len(stops), int(np.diff(stops.first).max())
-    rounds = min(rounds, EFFORT // count)
-    scratch, legs = np.zeros((8, count + 1), np.int64), np.zeros(count + 1)
+    options = np.stack([stops.enters, stops.leaves, stops.reverse, stops.stop_of])
     members, apart = _groups(stops, distances, tour, (start, end))
-    scratch[6, members], scratch[7, count] = np.arange(count + 1) // GROUP, -1
+    scratch, sums = np.zeros((9, count + 1), np.int64), np.zeros((2, count + 1))
+    scratch[0, :count], scratch[6, members], scratch[8] = tour, np.arange(count + 1) // GROUP, members
+    scratch[7, count] = -1
     totals, before = np.zeros((2, widest)), np.zeros((count, widest), np.int64)
-    options = (stops.first, stops.enters, stops.leaves, stops.costs, stops.reverse, stops.stop_of)
     passes = max(int(AT_ONCE / (8.0 * count * count)), 1)
-    state, lengths = np.zeros(4, np.int64), np.full(3, np.inf)
-    kept = (scratch, legs, np.zeros(apart.shape[1]), members, apart, totals, before)
+    rounds = min(rounds, EFFORT // count)
+    state, lengths = np.array([0, 0, 0, 0, start, end, rounds], np.int64), np.full(3, np.inf)
+    arrays = (stops.first, options, stops.costs, state, lengths, scratch, sums, apart, totals, before)
     while state[0] <= rounds:
-        _search(distances, *options, start, end, rounds, passes, state, lengths, tour, *kept)
-    best: Ints = options_left[scratch[0, :count]]
+        _search(distances, *arrays, passes)
+    best: Ints = options_left[scratch[1, :count]]
     return best
 
 
@@ -424,38 +422,21 @@ def _nearest_neighbour(stops: Stops, distances: Floats, start: int) -> Ints:
 
 
 @kernel(
-    "void(f8[:,::1], i8[::1], i8[::1], i8[::1], f8[::1], i8[::1], i8[::1], i8, i8, i8, i8, i8[::1], f8[::1],"
-    " i8[::1], i8[:,::1], f8[::1], f8[::1], i8[::1], f8[:,::1], f8[:,::1], i8[:,::1])"
+    "void(f8[:,::1], i8[::1], i8[:,::1], f8[::1], i8[::1], f8[::1], i8[:,::1], f8[:,::1], f8[:,::1],"
+    " f8[:,::1], i8[:,::1], i8)"
 )
 def _search(  # type: ignore[no-untyped-def]
-    distances,
-    first,
-    enters,
-    leaves,
-    costs,
-    reverse,
-    stop_of,
-    start,
-    end,
-    rounds,
-    passes,
-    state,
-    lengths,
-    tour,
-    scratch,
-    legs,
-    longest,
-    members,
-    apart,
-    totals,
-    before,
+    distances, first, options, costs, state, lengths, scratch, sums, apart, totals, before, passes
 ):
-    """Continue the search for some passes; `state` is the turn, whether it is under way, and its window."""
-    count = tour.shape[0]
-    best_tour, kept, copy, part = scratch[0], scratch[1], scratch[2], scratch[3]
+    """Continue the search for some passes; `state` is the turn, whether it is under way, its window, ends."""
+    count = first.shape[0] - 1
+    enters, leaves, reverse, stop_of = options[0], options[1], options[2], options[3]
+    tour, best_tour, kept, copy = scratch[0, :count], scratch[1], scratch[2], scratch[3]
+    left, entered, group_of, position, members = scratch[4], scratch[5], scratch[6], scratch[7], scratch[8]
+    legs, longest = sums[0], sums[1]
+    turn, is_under_way, begin, stop_before, start, end, rounds = state
     problem = (distances, enters, leaves, reverse, stop_of, start, end)
-    path = (tour, scratch[4], scratch[5], legs, scratch[7], scratch[6], longest)
-    turn, is_under_way, begin, stop_before = state
+    path = (tour, left, entered, legs, position, group_of, longest)
     best, current, total = lengths
     while turn <= rounds and passes > 0:
         if not is_under_way:
@@ -469,15 +450,13 @@ def _search(  # type: ignore[no-untyped-def]
         longest[:] = 0.0
         measure(problem, path, 0, count)
         improving = two_opt(problem, path, apart, copy, begin, stop_before)
-        if or_opt(problem, path, members, apart, part, begin, stop_before):
+        if or_opt(problem, path, members, apart, copy, begin, stop_before):
             improving = True
         longest[:] = 0.0
         measure(problem, path, 0, count)
-        if reinsert(problem, path, members, apart, first, costs, begin, stop_before):
+        if reinsert(problem, path, members, apart, copy, first, costs, begin, stop_before):
             improving = True
-        length = best_options(
-            distances, first, enters, leaves, costs, stop_of, start, end, tour, totals, before
-        )
+        length = best_options(problem, first, costs, tour, totals, before)
         if length < total - GAIN:
             total = length
             improving = True
