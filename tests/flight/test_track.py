@@ -1,6 +1,7 @@
 """Tracks: joined, reversed, cut and started elsewhere, they do the same at the same places."""
 
 import math
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -59,6 +60,20 @@ def test_the_reverse_does_the_same_at_the_same_places() -> None:
     back = line.reversed()
     assert shots(back) == shots(line) and (back.reversed().xy == line.xy).all()
     assert (back.hold_s == line.hold_s[::-1]).all()
+
+
+@given(st.lists(st.integers(1, 4), min_size=1, max_size=6), st.integers(0, 10**6))
+def test_tracks_joined_at_once_are_those_joined_one_after_another(corners: list[int], seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    tracks = []
+    for count in corners:  # some of one corner, which is that of both neighbours
+        track = Track.of_path(rng.random((count, 2)))
+        tracks.append(replace(track, hold_s=rng.integers(0, 3, count) / 2, shots=rng.random(count) < 0.5))
+    at_once, one_by_one = Track.joined(tracks), tracks[0]
+    for track in tracks[1:]:
+        one_by_one = Track.joined([one_by_one, track])
+    for field in fields(Track):
+        assert np.array_equal(getattr(at_once, field.name), getattr(one_by_one, field.name), equal_nan=True)
 
 
 def test_joined_tracks_share_a_corner_and_what_is_done_there() -> None:

@@ -63,6 +63,17 @@ def test_lengths_are_a_metric(obstacles: list[shapely.Polygon]) -> None:
             assert length(found.path(k, m)) == pytest.approx(found.lengths[k, m])
 
 
+@given(st.lists(boxes, min_size=1, max_size=3), st.integers(0, 10**6))
+@settings(max_examples=20)
+def test_paths_found_together_are_those_found_one_by_one(obstacles: list[shapely.Polygon], seed: int) -> None:
+    space = FreeSpace(obstacles=obstacles)
+    points = np.random.default_rng(seed).uniform(-2, 14, (20, 2))
+    points = points[space.is_free(points)]
+    starts, ends = points[:-1], points[1:]
+    for path, start, end in zip(space.each_path(starts, ends), starts, ends, strict=True):
+        assert np.array_equal(path, space.path(start, end))
+
+
 def test_inside_a_u_the_path_goes_around_the_notch() -> None:
     u = shapely.Polygon([(0, 0), (10, 0), (10, 10), (7, 10), (7, 3), (3, 3), (3, 10), (0, 10)])
     path = FreeSpace(u).path((1, 9), (9, 9))

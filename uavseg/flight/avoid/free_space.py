@@ -65,6 +65,12 @@ class FreeSpace:
         """Return the shortest path between two points, both included, (k, 2); MissionError if none."""
         return self.paths(np.array([start, end], np.float64)).path(0, 1)
 
+    def each_path(self, starts: Floats, ends: Floats) -> list[Floats]:
+        """Return the shortest path between each start and its end, (n, 2) each; see `path`."""
+        straight = self.sees(starts, ends).tolist()
+        pairs = np.stack([starts, ends], axis=1)
+        return [pair if seen else self.path(*pair) for pair, seen in zip(pairs, straight, strict=True)]
+
     def paths(self, points: Floats) -> "ShortestPaths":
         """Compute the shortest paths between any two of some points (n, 2).
 
@@ -119,14 +125,12 @@ class FreeSpace:
 
     def _among(self, points: Floats, free: NDArray[np.bool_]) -> Floats:
         """Return the lengths of the straight legs between points; infinite where they are not free."""
-        here, there = np.triu_indices(len(points), 1)
-        both = free[here] & free[there]
-        here, there = here[both], there[both]
-        seen = ~self._edges.crossed(points[here], points[there])
         lengths = np.full((len(points), len(points)), np.inf)
-        lengths[here[seen], there[seen]] = lengths[there[seen], here[seen]] = _distances(
-            points[here[seen]], points[there[seen]]
-        )
+        for k in np.flatnonzero(free).tolist():  # row by row: all pairs at once take gigabytes
+            later = np.flatnonzero(free[k + 1 :]) + k + 1
+            here = np.broadcast_to(points[k], (len(later), 2))
+            seen = ~self._edges.crossed(here, points[later])
+            lengths[k, later[seen]] = lengths[later[seen], k] = _distances(here[seen], points[later[seen]])
         np.fill_diagonal(lengths, 0)
         return lengths
 

@@ -25,9 +25,10 @@ class Edges:
 
     def crossed(self, starts: Floats, ends: Floats) -> NDArray[np.bool_]:
         """Return whether the legs between starts and ends, (n, 2) each, cross or touch an edge."""
-        legs = np.ascontiguousarray(np.hstack([starts, ends]), np.float64)
-        crossed = np.zeros(len(legs), np.bool_)
-        _cross(legs, self._edges, self._first, self._boxes, crossed)
+        crossed = np.zeros(len(starts), np.bool_)
+        if len(self._edges):
+            legs = np.ascontiguousarray(np.hstack([starts, ends]), np.float64)
+            _cross(legs, self._edges, self._first, self._boxes, crossed)
         return crossed
 
 

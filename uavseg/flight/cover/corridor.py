@@ -80,9 +80,8 @@ def _inner_edges(polygon: Any, detail_m: float) -> Floats:
     step = max(detail_m / STEPS, float(shapely.length(polygon)) / MAX_POINTS)
     dense = shapely.get_coordinates(shapely.segmentize(shapely.boundary(polygon), step))
     edges = shapely.voronoi_polygons(shapely.MultiPoint(np.unique(dense, axis=0)), only_edges=True)
-    lines = shapely.get_parts(edges)
-    pairs = [np.stack([xy[:-1], xy[1:]], axis=1) for xy in map(shapely.get_coordinates, lines)]
-    segments = np.concatenate(pairs)
+    xy, line = shapely.get_coordinates(shapely.get_parts(edges), return_index=True)
+    segments = np.stack([xy[:-1], xy[1:]], axis=1)[line[:-1] == line[1:]]
     shapely.prepare(polygon)
     inner: Floats = segments[shapely.contains_properly(polygon, shapely.linestrings(segments))]
     return inner

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import field, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,15 +81,9 @@ class Track:
     @classmethod
     def joined(cls, tracks: Sequence["Track"]) -> "Track":
         """Join tracks of which each begins where the one before it ends."""
-        arrays = {name: np.concatenate([getattr(track, name) for track in tracks]) for name in _OF_LEGS}
-        hold_s, shots = tracks[0].hold_s, tracks[0].shots
-        for track in tracks[1:]:
-            hold_s = np.r_[hold_s[:-1], max(hold_s[-1], track.hold_s[0]), track.hold_s[1:]]
-            shots = np.r_[shots[:-1], shots[-1] | track.shots[0], track.shots[1:]]
-        for name in ("xy", "speed_m_s"):
-            first, *others = (getattr(track, name) for track in tracks)
-            arrays[name] = np.concatenate([first, *(corners[1:] for corners in others)])
-        return cls(hold_s=hold_s, shots=shots, **arrays)
+        arrays = {name: np.concatenate([getattr(track, name) for track in tracks]) for name in _FIELDS}
+        number = np.repeat(np.arange(len(tracks)), [len(track.xy) for track in tracks])
+        return cls(**_merged(arrays, np.arange(len(number)) - number))
 
     @property
     def length_m(self) -> float:
@@ -118,7 +113,7 @@ class Track:
         """Return the first and last corner of each run of lines, or the only corner twice."""
         if not len(self.is_line):
             return [(0, 0)]
-        edges = np.flatnonzero(np.diff(np.r_[False, self.is_line, False].astype(np.int8)))
+        edges = np.flatnonzero(np.diff(self.is_line, prepend=False, append=False))
         return [(int(first), int(last)) for first, last in edges.reshape(-1, 2)]
 
     def started_at(self, corner: int) -> "Track":
@@ -132,13 +127,9 @@ class Track:
     def without_repeats(self) -> "Track":
         """Return the track, without speeds, with one corner where several follow at the same place."""
         moved = np.hypot(*np.diff(self.xy, axis=0).T) > SAME_PLACE_M
-        place = np.r_[0, np.cumsum(moved)]
-        first = np.flatnonzero(np.r_[True, moved])
-        hold_s, shots = np.zeros(len(first)), np.zeros(len(first), bool)
-        np.maximum.at(hold_s, place, self.hold_s)
-        np.logical_or.at(shots, place, self.shots)
+        corners = {name: getattr(self, name) for name in ("xy", "hold_s", "shots")}
         legs = {name: getattr(self, name)[moved] for name in _OF_LEGS}
-        return Track(xy=self.xy[first], hold_s=hold_s, shots=shots, **legs)
+        return Track(**_merged(corners, np.r_[0, np.cumsum(moved)]), **legs)
 
     def in_degrees(self, plane: Plane) -> "Track":
         """Return the track with places as longitude and latitude."""
@@ -148,6 +139,17 @@ class Track:
 
 _FIELDS = tuple(field.name for field in fields(Track))
 _OF_LEGS = ("trigger_m", "is_line", "look_at")
+
+
+def _merged(arrays: dict[str, Any], place: NDArray[np.int64]) -> dict[str, Any]:
+    """Return arrays of a track with one corner for each place: its first one, with all holds and shots."""
+    first = np.flatnonzero(np.diff(place, prepend=-1))
+    corners = {name: array[first] for name, array in arrays.items() if name not in _OF_LEGS}
+    merged = {
+        "hold_s": np.maximum.reduceat(arrays["hold_s"], first),
+        "shots": np.logical_or.reduceat(arrays["shots"], first),
+    }
+    return {**arrays, **corners, **merged}
 
 
 def _hovering(xy: Floats, count: int) -> Track:

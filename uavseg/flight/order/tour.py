@@ -3,7 +3,8 @@
 Few stops: dynamic programming over sets of stops (M. Held and R. M. Karp, 1962). Many stops: 2-opt, Or-opt
 and the best options, repeated after small perturbations (H. R. Lourenco, O. C. Martin and T. Stuetzle,
 Iterated local search, 2003) with the double bridge of Martin, Otto and Felten. The random numbers are always
-the same: so is the tour.
+the same: so is the tour. Moves that cannot shorten the tour are skipped by lower bounds of distances, which
+changes no tour.
 
 A tour is an array of options; `enters` and `leaves` are the points at which each is entered and left, -1 for
 `start` and `end` where the tour may begin and end anywhere.
@@ -20,6 +21,7 @@ from uavseg.dataclass import dataclass
 LONGEST_PART = 3  # stops that Or-opt moves together
 LONGEST_BRIDGE = 30  # stops in each of the parts that a perturbation exchanges
 GAIN = 1e-7
+GROUP = 8  # stops whose distance from a point is bounded together
 
 
 @inlined
@@ -30,31 +32,61 @@ def leg(distances, here, there):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def left_before(leaves, tour, k, start):  # type: ignore[no-untyped-def]
-    """Return the point that is left before position k."""
-    if k == 0:
-        return start
-    return leaves[tour[k - 1]]
+def measure(problem, path, low, high):  # type: ignore[no-untyped-def]
+    """Store the leg before each position from low to high; the longest of each group only grow."""
+    distances, enters, leaves, _, stop_of, start, end = problem
+    tour, left, entered, legs, position, group_of, longest = path
+    for k in range(low, high + 1):
+        left[k], entered[k], group = start, end, group_of[tour.shape[0]]
+        if k > 0:
+            left[k], group = leaves[tour[k - 1]], group_of[stop_of[tour[k - 1]]]
+        if k < tour.shape[0]:
+            entered[k] = enters[tour[k]]
+            position[stop_of[tour[k]]] = k
+        legs[k] = leg(distances, left[k], entered[k])
+        longest[group] = max(longest[group], legs[k])
 
 
 @inlined
-def entered_at(enters, tour, k, end):  # type: ignore[no-untyped-def]
-    """Return the point that is entered at position k."""
-    if k == tour.shape[0]:
-        return end
-    return enters[tour[k]]
+def window_groups(stop_of, path, begin, stop_before, groups):  # type: ignore[no-untyped-def]
+    """List the groups of a window and of the stop after it; return their number, and the longest leg."""
+    tour, _, _, legs, _, group_of, _ = path
+    number, longest = 0, 0.0
+    for k in range(begin, stop_before + 1):
+        group = group_of[stop_of[tour[k]] if k < tour.shape[0] else k]
+        if number == 0 or group != groups[number - 1]:
+            groups[number] = group
+            number += 1
+        longest = max(longest, legs[k])
+    return number, longest
 
 
 @inlined
-def two_opt(distances, enters, leaves, reverse, start, end, tour, begin, stop_before):  # type: ignore[no-untyped-def]
+def is_near(apart, path, i, groups, longest):  # type: ignore[no-untyped-def]
+    """Return whether a leg between the one before position i and a group may be shorter than an old one."""
+    _, left, entered, legs, _, _, _ = path
+    for group in groups:
+        if left[i] < 0 or apart[left[i], group] < legs[i] or apart[entered[i], group] < longest:
+            return True
+    return False
+
+
+@inlined
+def two_opt(problem, path, apart, nearby, begin, stop_before):  # type: ignore[no-untyped-def]
     """Reverse parts of the tour that begin or end in a window, wherever that shortens it: one pass."""
+    distances, _, _, reverse, stop_of, _, _ = problem
+    tour, left, entered, legs, _, _, _ = path
     gained = False
-    count = tour.shape[0]
+    number, longest = 0, 0.0
     for i in range(stop_before):
-        for j in range(max(i, begin), stop_before if i < begin else count):
-            before, after = left_before(leaves, tour, i, start), entered_at(enters, tour, j + 1, end)
-            now = leg(distances, before, enters[tour[i]]) + leg(distances, leaves[tour[j]], after)
-            turned = leg(distances, before, leaves[tour[j]]) + leg(distances, enters[tour[i]], after)
+        if i < begin:
+            if number == 0:
+                number, longest = window_groups(stop_of, path, begin, stop_before, nearby)
+            if not is_near(apart, path, i, nearby[:number], longest):
+                continue
+        for j in range(max(i, begin), stop_before if i < begin else tour.shape[0]):
+            now = legs[i] + legs[j + 1]
+            turned = leg(distances, left[i], left[j + 1]) + leg(distances, entered[i], entered[j + 1])
             if now - turned > GAIN:
                 low, high = i, j
                 while low < high:
@@ -63,95 +95,99 @@ def two_opt(distances, enters, leaves, reverse, start, end, tour, begin, stop_be
                     high -= 1
                 if low == high:
                     tour[low] = reverse[tour[low]]
-                gained = True
+                measure(problem, path, i, j + 1)
+                gained, number = True, 0
     return gained
 
 
 @inlined
-def or_opt(distances, enters, leaves, reverse, start, end, tour, part, begin, stop_before):  # type: ignore[no-untyped-def]
+def move(problem, path, part, i, size, place):  # type: ignore[no-untyped-def]
+    """Put a part in place of the stops from position i on, before what is now at another position."""
+    tour = path[0]
+    for m in range(i - 1, place - 1, -1):
+        tour[m + size] = tour[m]
+    for m in range(i + size, place):
+        tour[m - size] = tour[m]
+    for m in range(size):
+        tour[(place if place <= i else place - size) + m] = part[m]
+    measure(problem, path, min(i, place), max(i + size, place))
+
+
+@inlined
+def or_opt(problem, path, members, apart, part, begin, stop_before):  # type: ignore[no-untyped-def]
     """Move one to three stops of a window to another place wherever that shortens the tour: one pass."""
+    distances, _, _, reverse, _, _, _ = problem
+    tour, left, entered, legs, position, _, longest = path
     gained = False
     count = tour.shape[0]
     for size in range(1, min(LONGEST_PART, count - 1) + 1):
         for i in range(begin, min(stop_before, count - size + 1)):
-            before, after = left_before(leaves, tour, i, start), entered_at(enters, tour, i + size, end)
-            first, last = enters[tour[i]], leaves[tour[i + size - 1]]
-            saved = (
-                leg(distances, before, first) + leg(distances, last, after) - leg(distances, before, after)
-            )
+            first, last = entered[i], left[i + size]
+            saved = legs[i] + legs[i + size] - leg(distances, left[i], entered[i + size])
             best, place, turned = GAIN, -1, False
-            for k in range(count + 1):
-                if i <= k <= i + size:
+            for group in range(apart.shape[1]):
+                if saved - (min(apart[first, group], apart[last, group]) - longest[group]) < best:
                     continue
-                here, there = left_before(leaves, tour, k, start), entered_at(enters, tour, k, end)
-                gap = leg(distances, here, there)
-                forward = leg(distances, here, first) + leg(distances, last, there) - gap
-                backward = leg(distances, here, last) + leg(distances, first, there) - gap
-                if saved - forward > best:
-                    best, place, turned = saved - forward, k, False
-                if saved - backward > best:
-                    best, place, turned = saved - backward, k, True
+                for m in range(group * GROUP, min(group * GROUP + GROUP, count + 1)):
+                    k = position[members[m]] + 1
+                    if i <= k <= i + size:
+                        continue
+                    here, there = left[k], entered[k]
+                    forward = leg(distances, first, here) + leg(distances, last, there) - legs[k]
+                    backward = leg(distances, last, here) + leg(distances, first, there) - legs[k]
+                    if saved - forward > best or (saved - forward == best and k < place):
+                        best, place, turned = saved - forward, k, False
+                    if saved - backward > best or (saved - backward == best and k < place):
+                        best, place, turned = saved - backward, k, True
             if place < 0:
                 continue
             for m in range(size):
                 part[m] = reverse[tour[i + size - 1 - m]] if turned else tour[i + m]
-            if place < i:
-                for m in range(i - 1, place - 1, -1):
-                    tour[m + size] = tour[m]
-                for m in range(size):
-                    tour[place + m] = part[m]
-            else:
-                for m in range(i + size, place):
-                    tour[m - size] = tour[m]
-                for m in range(size):
-                    tour[place - size + m] = part[m]
+            move(problem, path, part, i, size, place)
             gained = True
     return gained
 
 
 @inlined
-def reinsert(distances, first, enters, leaves, costs, stop_of, start, end, tour, begin, stop_before):  # type: ignore[no-untyped-def]
+def reinsert(problem, path, members, apart, part, first, costs, begin, stop_before):  # type: ignore[no-untyped-def]
     """Move one stop of a window to another place, in the option that is best there: one pass."""
+    distances, enters, leaves, _, stop_of, _, _ = problem
+    tour, left, entered, legs, position, _, longest = path
     gained = False
     count = tour.shape[0]
     for i in range(begin, stop_before):
-        before, after = left_before(leaves, tour, i, start), entered_at(enters, tour, i + 1, end)
         stop = stop_of[tour[i]]
-        saved = (
-            leg(distances, before, enters[tour[i]])
-            + leg(distances, leaves[tour[i]], after)
-            - leg(distances, before, after)
-            + costs[tour[i]]
-        )
+        skipped = leg(distances, left[i], entered[i + 1])
+        saved = legs[i] + legs[i + 1] - skipped + costs[tour[i]]
         best, place, chosen = GAIN, -1, -1
-        for k in range(count + 1):
-            if k == i + 1:
-                continue
-            here, there = left_before(leaves, tour, k, start), entered_at(enters, tour, k, end)
-            if k == i:
-                there = after
-            gap = leg(distances, here, there)
+        for group in range(apart.shape[1]):
             for option in range(first[stop], first[stop + 1]):
-                more = leg(distances, here, enters[option]) + leg(distances, leaves[option], there) - gap
-                if saved - more - costs[option] > best:
-                    best, place, chosen = saved - more - costs[option], k, option
+                enter, leave, cost = enters[option], leaves[option], costs[option]
+                if saved - (apart[enter, group] - max(longest[group], skipped)) - cost < best:
+                    continue
+                for m in range(group * GROUP, min(group * GROUP + GROUP, count + 1)):
+                    k = position[members[m]] + 1
+                    if k == i + 1:
+                        continue
+                    there, gap = entered[k], legs[k]
+                    if k == i:
+                        there, gap = entered[i + 1], skipped
+                    more = leg(distances, enter, left[k]) + leg(distances, leave, there) - gap
+                    gain = saved - more - cost
+                    if gain > best or (gain == best and (k < place or (k == place and option < chosen))):
+                        best, place, chosen = gain, k, option
         if place < 0:
             continue
-        if place <= i:
-            for m in range(i - 1, place - 1, -1):
-                tour[m + 1] = tour[m]
-            tour[place] = chosen
-        else:
-            for m in range(i + 1, place):
-                tour[m - 1] = tour[m]
-            tour[place - 1] = chosen
+        part[0] = chosen
+        move(problem, path, part, i, 1, place)
         gained = True
     return gained
 
 
 @inlined
-def best_options(distances, first, enters, leaves, costs, stop_of, start, end, tour, totals, before):  # type: ignore[no-untyped-def]
+def best_options(problem, first, costs, tour, totals, before):  # type: ignore[no-untyped-def]
     """Choose the best option of each stop for this order of stops (dynamic programming)."""
+    distances, enters, leaves, _, stop_of, start, end = problem
     count = tour.shape[0]
     stop = stop_of[tour[0]]
     for a in range(first[stop + 1] - first[stop]):
@@ -247,6 +283,12 @@ class Stops:
     def __len__(self) -> int:
         return len(self.first) - 1
 
+    def distinct(self) -> tuple["Stops", Ints]:
+        """Return the stops without options that equal an earlier one, and the options that are left."""
+        left = np.flatnonzero(self.reverse[self.reverse] == np.arange(len(self.reverse)))
+        first, reverse = np.searchsorted(left, self.first), np.searchsorted(left, self.reverse[left])
+        return Stops(first, self.enters[left], self.leaves[left], self.costs[left], reverse), left
+
     @property
     def stop_of(self) -> Ints:
         """Stop of each option."""
@@ -262,7 +304,7 @@ def short_tour(
     ----------
     stops : Stops
     distances : (p, p) float64 array
-        Cost between points: finite, symmetric.
+        Cost between points: finite, symmetric, not negative.
     start, end : int
         The points at which the tour starts and ends; -1 where it may be anywhere.
     rounds : int
@@ -332,20 +374,38 @@ def _fill(distances, stop_of, enters, leaves, costs, start, best, before):  # ty
 
 def local_search_tour(stops: Stops, distances: Floats, start: int, end: int, rounds: int = ROUNDS) -> Ints:
     """Return the options of a short tour, in order (iterated local search); parameters as of `short_tour`."""
+    stops, options_left = stops.distinct()
     tour = _nearest_neighbour(stops, distances, start)
     count, widest = len(stops), int(np.diff(stops.first).max())
-    rounds = min(rounds, EFFORT // count)
-    scratch = np.zeros((4, count), np.int64)
+    options = np.stack([stops.enters, stops.leaves, stops.reverse, stops.stop_of])
+    members, apart = _groups(stops, distances, tour, (start, end))
+    scratch, sums = np.zeros((9, count + 1), np.int64), np.zeros((2, count + 1))
+    scratch[0, :count], scratch[6, members], scratch[8] = tour, np.arange(count + 1) // GROUP, members
+    scratch[7, count] = -1
     totals, before = np.zeros((2, widest)), np.zeros((count, widest), np.int64)
-    options = (stops.first, stops.enters, stops.leaves, stops.costs, stops.reverse, stops.stop_of)
     passes = max(int(AT_ONCE / (8.0 * count * count)), 1)
-    state, lengths = np.zeros(4, np.int64), np.full(3, np.inf)
+    rounds = min(rounds, EFFORT // count)
+    state, lengths = np.array([0, 0, 0, 0, start, end, rounds], np.int64), np.full(3, np.inf)
+    arrays = (stops.first, options, stops.costs, state, lengths, scratch, sums, apart, totals, before)
     while state[0] <= rounds:
-        _search(
-            distances, *options, start, end, rounds, passes, state, lengths, tour, scratch, totals, before
-        )
-    best: Ints = scratch[0]
+        _search(distances, *arrays, passes)
+    best: Ints = options_left[scratch[1, :count]]
     return best
+
+
+def _groups(stops: Stops, distances: Floats, tour: Ints, home: tuple[int, int]) -> tuple[Ints, Floats]:
+    """Return the stops in groups of neighbours, home as the last stop, and each point's distance from them.
+
+    The distances (p, groups) are those from the nearest point of a group; 0 where the tour may end anywhere.
+    """
+    members = np.append(stops.stop_of[tour], len(stops))
+    apart = np.zeros((len(stops) // GROUP + 1, len(distances)))
+    for group, near in enumerate(apart):
+        inside = np.isin(stops.stop_of, members[group * GROUP : (group + 1) * GROUP])
+        points = np.append(stops.enters[inside], home if group == len(apart) - 1 else ())
+        if points.min() >= 0:
+            distances[points.astype(np.int64)].min(axis=0, out=near)
+    return members, np.ascontiguousarray(apart.T)
 
 
 def _nearest_neighbour(stops: Stops, distances: Floats, start: int) -> Ints:
@@ -362,32 +422,21 @@ def _nearest_neighbour(stops: Stops, distances: Floats, start: int) -> Ints:
 
 
 @kernel(
-    "void(f8[:,::1], i8[::1], i8[::1], i8[::1], f8[::1], i8[::1], i8[::1], i8, i8, i8, i8, i8[::1], f8[::1],"
-    " i8[::1], i8[:,::1], f8[:,::1], i8[:,::1])"
+    "void(f8[:,::1], i8[::1], i8[:,::1], f8[::1], i8[::1], f8[::1], i8[:,::1], f8[:,::1], f8[:,::1],"
+    " f8[:,::1], i8[:,::1], i8)"
 )
 def _search(  # type: ignore[no-untyped-def]
-    distances,
-    first,
-    enters,
-    leaves,
-    costs,
-    reverse,
-    stop_of,
-    start,
-    end,
-    rounds,
-    passes,
-    state,
-    lengths,
-    tour,
-    scratch,
-    totals,
-    before,
+    distances, first, options, costs, state, lengths, scratch, sums, apart, totals, before, passes
 ):
-    """Continue the search for some passes; `state` is the turn, whether it is under way, and its window."""
-    count = tour.shape[0]
-    best_tour, kept, copy, part = scratch[0], scratch[1], scratch[2], scratch[3]
-    turn, is_under_way, begin, stop_before = state
+    """Continue the search for some passes; `state` is the turn, whether it is under way, its window, ends."""
+    count = first.shape[0] - 1
+    enters, leaves, reverse, stop_of = options[0], options[1], options[2], options[3]
+    tour, best_tour, kept, copy = scratch[0, :count], scratch[1], scratch[2], scratch[3]
+    left, entered, group_of, position, members = scratch[4], scratch[5], scratch[6], scratch[7], scratch[8]
+    legs, longest = sums[0], sums[1]
+    turn, is_under_way, begin, stop_before, start, end, rounds = state
+    problem = (distances, enters, leaves, reverse, stop_of, start, end)
+    path = (tour, left, entered, legs, position, group_of, longest)
     best, current, total = lengths
     while turn <= rounds and passes > 0:
         if not is_under_way:
@@ -398,14 +447,16 @@ def _search(  # type: ignore[no-untyped-def]
                     begin, stop_before = max(low - WINDOW, 0), min(high + WINDOW, count)
             total = np.inf
             is_under_way = 1
-        improving = two_opt(distances, enters, leaves, reverse, start, end, tour, begin, stop_before)
-        if or_opt(distances, enters, leaves, reverse, start, end, tour, part, begin, stop_before):
+        longest[:] = 0.0
+        measure(problem, path, 0, count)
+        improving = two_opt(problem, path, apart, copy, begin, stop_before)
+        if or_opt(problem, path, members, apart, copy, begin, stop_before):
             improving = True
-        if reinsert(distances, first, enters, leaves, costs, stop_of, start, end, tour, begin, stop_before):
+        longest[:] = 0.0
+        measure(problem, path, 0, count)
+        if reinsert(problem, path, members, apart, copy, first, costs, begin, stop_before):
             improving = True
-        length = best_options(
-            distances, first, enters, leaves, costs, stop_of, start, end, tour, totals, before
-        )
+        length = best_options(problem, first, costs, tour, totals, before)
         if length < total - GAIN:
             total = length
             improving = True

@@ -79,8 +79,8 @@ def region_parts(
     points : sequence of (lon, lat)
     """
     parts = []
-    for region, lonlat in zip(regions, points, strict=True):
-        x, y = map(float, plane.xy_from_lonlat(*lonlat))
+    places = np.column_stack(plane.xy_from_lonlat(*np.array(points).T)).tolist()
+    for region, (x, y) in zip(regions, places, strict=True):
         for polygon in _connected_parts(region):
             point = _point_in(polygon, (x, y))
             lon, lat = plane.lonlat_from_xy(*point)

@@ -61,16 +61,19 @@ def short_route(candidates: Sequence[Sequence[Track]], home: Floats, space: Free
     MissionError
         If there are too many regions, or a region cannot be reached.
     """
+    tracks = _ordered(candidates, home, space)
+    runs = [track.line_runs() for track in tracks]
+    starts = np.array([track.xy[parts[0][0]] for track, parts in zip(tracks, runs, strict=True)])
+    ends = np.array([track.xy[parts[-1][1]] for track, parts in zip(tracks, runs, strict=True)])
+    paths = space.each_path(ends[:-1], starts[1:])
     pieces: list[Track] = []
     transits: list[Track] = []
-    for track in _ordered(candidates, home, space):
-        runs = track.line_runs()
-        if pieces:
-            path = space.path(pieces[-1].xy[-1].tolist(), track.xy[runs[0][0]].tolist())
-            transits.append(Track.transit(path))
-        for k, (first, last) in enumerate(runs):
+    for number, track in enumerate(tracks):
+        if number:
+            transits.append(Track.transit(paths[number - 1]))
+        for k, (first, last) in enumerate(runs[number]):
             if k:
-                transits.append(track.part(runs[k - 1][1], first))
+                transits.append(track.part(runs[number][k - 1][1], first))
             pieces.append(track.part(first, last))
     return RegionRoute(home=home, pieces=tuple(pieces), transits=tuple(transits), space=space)
 
@@ -89,18 +92,21 @@ def _ordered(candidates: Sequence[Sequence[Track]], home: Floats, space: FreeSpa
     ends = np.concatenate([[track.xy[[0, -1]] for track in tracks] for tracks in candidates])
     points, index = np.unique(np.concatenate([home[None], ends.reshape(-1, 2)]), axis=0, return_inverse=True)
     pairs = index.ravel()[1:].reshape(-1, 2)
-    options, costs, flown = [], [], []
+    options, costs = [], []
     first = 0
     for tracks in candidates:
         forward = pairs[first : first + len(tracks)]
         first += len(tracks)
-        flown.append([*tracks, *(track.reversed() for track in tracks)])
         options.append(np.concatenate([forward, forward[:, ::-1]]))
         costs.append(np.array([track.length_m for track in tracks] * 2))
     start = int(index.ravel()[0])
     lengths = space.paths(points).lengths
     tour = short_tour(Stops.of(options, costs), lengths, start, start)
-    return [flown[region][option] for region, option in tour]
+    chosen = [(candidates[region], option) for region, option in tour]
+    return [
+        tracks[option] if option < len(tracks) else tracks[option - len(tracks)].reversed()
+        for tracks, option in chosen
+    ]
 
 
 MIN_LEG_M = 0.7

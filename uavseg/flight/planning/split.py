@@ -84,8 +84,8 @@ def _fits(route: RegionRoute, flight: Track, limits: FlightLimits) -> bool:
 
 def _items(track: Track) -> int:
     """Return the maximum number of items of a track: waypoints, photographs, turns of the camera."""
-    triggers = np.count_nonzero(np.diff(np.r_[0.0, track.trigger_m, 0.0]))
-    turned = np.count_nonzero(np.diff(np.r_[False, np.isfinite(track.look_at[:, 0]), False].astype(np.int8)))
+    triggers = np.count_nonzero(np.diff(track.trigger_m, prepend=0.0, append=0.0))
+    turned = np.count_nonzero(np.diff(np.isfinite(track.look_at[:, 0]), prepend=False, append=False))
     hovering = np.count_nonzero(track.shots & (track.hold_s > 0))  # one item each, others have two
     return int(len(track.xy) + triggers + 2 * np.count_nonzero(track.shots) - hovering + turned)
 
