@@ -512,15 +512,20 @@ def test_what_ends_the_work_leaves_nothing(
         assert files() == {"tile.tif"}
 
 
-def test_a_writer_that_fails_leaves_no_half_file(monkeypatch: pytest.MonkeyPatch) -> None:
-    import pyogrio.raw
-
-    def half(_: Any, path: Path, **__: Any) -> None:
-        path.write_bytes(b"half")
+@pytest.mark.parametrize(
+    ("writer", "output"),
+    [("pyogrio.raw.write", "out.fgb"), ("uavseg.regions.formats.geopackage.add_style", "out.gpkg")],
+)
+def test_a_writer_that_fails_leaves_no_half_file(
+    monkeypatch: pytest.MonkeyPatch, writer: str, output: str
+) -> None:
+    def half(target: Any, *_: Any, **__: Any) -> None:
+        if isinstance(target, Path):
+            target.write_bytes(b"half")
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(pyogrio.raw, "write_arrow", half)
-    assert run("tile.tif", *RANGE, "-o", "out.gpkg").exit_code == 130
+    monkeypatch.setattr(writer, half)
+    assert run("tile.tif", *RANGE, "-o", output).exit_code == 130
     assert files() == {"tile.tif"}
 
 
