@@ -98,27 +98,37 @@ def join_partitions(
     first, windows = tile_pass.windows[0], tiles(source.shape, side)
     tile = whole_blocks(first.rows), whole_blocks(first.cols)
     outline = partial(_outline_partition, source, interval, refine, detail, tile, str(folder.absolute()))
-    contacts, found = Contacts(source.shape, windows[0]), []
-    for window, borders in zip(windows, tile_pass.run(outline, list(enumerate(windows))), strict=True):
-        contacts.add(window, 0 if borders is None else len(borders.firsts), borders)
-        found.append(None if borders is None else borders.firsts)
+    contacts, firsts = Contacts(source.shape, windows[0]), {}
+    for number, borders in enumerate(tile_pass.run(outline, list(enumerate(windows)))):
+        contacts.add(windows[number], 0 if borders is None else len(borders.firsts), borders)
+        if borders is not None:
+            firsts[number] = borders.firsts
     recover(folder)  # what workers left that were killed
-    filled = [number for number, firsts in enumerate(found) if firsts is not None]
-    if not all(_path(folder, "within", number).is_file() for number in filled):
+    if not all(_path(folder, "within", number).is_file() for number in firsts):
         raise OutputError("what workers wrote is not here; workers must share the folder of the output")
-    counts = [0 if firsts is None else len(firsts) for firsts in found]
-    partitions = np.repeat(np.arange(len(windows)), counts)
-    components = np.arange(len(partitions)) - np.repeat(np.cumsum(counts) - counts, counts)
-    regions, width = union_roots(contacts.pairs, contacts.count), source.shape[1]
-    firsts = np.concatenate([np.empty((0, 2), np.int64), *(one for one in found if one is not None)])
+    return _assign(union_roots(contacts.pairs, contacts.count), firsts, source.shape[1], side)
+
+
+def _assign(regions: Integers, firsts: dict[int, Integers], width: int, side: int) -> list[PartitionJob]:
+    """Assign regions to the partitions of their first pixels.
+
+    `regions` are those of all components that reach borders, `firsts` the first pixels of these by partition,
+    and `width` is that of the raster.
+    """
+    partitions = np.repeat(list(firsts), [len(first) for first in firsts.values()])
+    components = np.concatenate([np.empty(0, int), *(np.arange(len(first)) for first in firsts.values())])
+    pixels = np.concatenate([np.empty(0, int), *(first @ (width, 1) for first in firsts.values())])
     first_pixels = np.full(len(regions), np.iinfo(np.int64).max)
-    np.minimum.at(first_pixels, regions, firsts @ (width, 1))
+    np.minimum.at(first_pixels, regions, pixels)
     row, col = np.divmod(first_pixels[regions], width)
     owners = row // side * -(-width // side) + col // side
     order = np.argsort(owners, kind="stable")
-    ends = np.searchsorted(owners[order], np.arange(len(windows) + 1)).tolist()
+    begins, ends = (np.searchsorted(owners[order], list(firsts), at) for at in ("left", "right"))
     columns = [column[order] for column in (partitions, components, regions)]
-    return [PartitionJob(k, *(column[ends[k] : ends[k + 1]] for column in columns)) for k in filled]
+    return [
+        PartitionJob(number, *(column[begin:end] for column in columns))
+        for number, begin, end in zip(firsts, begins.tolist(), ends.tolist(), strict=True)
+    ]
 
 
 def _outline_partition(
