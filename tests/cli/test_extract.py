@@ -550,3 +550,47 @@ def test_the_program_refuses_in_one_sentence() -> None:
     done = program("extract", "missing.tif", *RANGE)
     assert done.returncode == 1 and done.stdout == ""
     assert done.stderr.startswith("uavseg: error: ") and done.stderr.count("\n") == 1
+
+
+# A folder of GeoParquet files
+
+
+def test_a_name_that_ends_in_a_slash_is_a_folder_of_files() -> None:
+    pytest.importorskip("pyarrow", reason="pyarrow is not installed")
+    told = extracted("tile.tif", *RANGE, "-o", "a.parquet/", "--min-confidence", 0).output
+    extracted("tile.tif", *RANGE, "-o", "one.parquet", "--min-confidence", 0)
+    assert files() == {"tile.tif", "a.parquet", "one.parquet"}
+    assert "regions     3 in 1 files -> a.parquet/" in told and "too unsure  0 of 3 left out" in told
+    several, one = (geopandas.read_parquet(name).drop(columns="id") for name in ("a.parquet", "one.parquet"))
+    assert several.equals(one)
+    assert several.crs == one.crs
+
+
+@pytest.mark.parametrize(
+    ("more", "code", "message"),
+    [
+        (("--fill-holes", "9px"), 1, "a folder of regions is written without filled holes"),
+        (("--resume", "run"), 1, "a folder of regions is written without a folder to resume from"),
+        (("--method", "paper"), 1, "a folder of regions is written without the refinement scan"),
+        (("--labels", "a.tif"), 2, "--labels does not go with a folder of regions"),
+        (("--style", "qml"), 2, "--style does not go with a folder of regions"),
+        (("--sequence",), 2, "for standard output"),
+        (("--class", "a=0,0.5", "--class", "b=0.5,1"), 2, "a folder of regions is of one range"),
+        (("--each",), 1, "a folder is written by uavseg extract of one range"),
+    ],
+)
+def test_what_does_not_go_with_a_folder_is_refused(more: tuple[str, ...], code: int, message: str) -> None:
+    pytest.importorskip("pyarrow", reason="pyarrow is not installed")
+    ranges = () if "--class" in more else RANGE
+    result = run("tile.tif", *ranges, "-o", "a.parquet/", *more)
+    assert result.exit_code == code and message in result.stderr
+    assert files() == {"tile.tif"}
+
+
+def test_a_folder_is_replaced_by_a_folder_alone() -> None:
+    pytest.importorskip("pyarrow", reason="pyarrow is not installed")
+    extracted("tile.tif", *RANGE, "-o", "a.parquet/")
+    assert "a.parquet exists; give --overwrite" in run("tile.tif", *RANGE, "-o", "a.parquet/").stderr
+    assert "a.parquet is a folder" in run("tile.tif", *RANGE, "-o", "a.parquet", "--overwrite").stderr
+    extracted("tile.tif", *RANGE, "-o", "a.parquet/", "--overwrite")
+    assert len(geopandas.read_parquet("a.parquet")) == 3

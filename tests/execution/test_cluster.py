@@ -21,6 +21,7 @@ from uavseg.cli import main
 from uavseg.errors import ClusterError, ParameterError, RasterReadError
 from uavseg.execution import cluster
 from uavseg.jobs.extract import ExtractRequest, extract
+from uavseg.jobs.partitions import extract_partitions
 from uavseg.jobs.source.source import Raster
 from uavseg.jobs.source.work import Work
 from uavseg.occupancy.ros.ros_map import write_ros_map
@@ -99,6 +100,16 @@ def test_extract_and_divide_give_the_same_bytes(processes: Any, tmp_path: Path, 
         found.append(contents(out))
     assert found[0].keys() == found[1].keys() and len(found[0]) >= 6
     assert [name for name in found[0] if found[0][name] != found[1][name]] == []
+
+
+def test_files_of_partitions_are_the_same_bytes(work: cluster.Cluster, tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow", reason="pyarrow is not installed")
+    raster = Raster(Dataset.open(write(tmp_path / "tile.tif", scene())))
+    for name, how in (("here", Work(192)), ("there", Work(128, work))):
+        (tmp_path / name).mkdir()
+        extract_partitions(raster, BRIGHT, tmp_path / name / "a.parquet", how, side=256)
+    here, there = (contents(tmp_path / name) for name in ("here", "there"))
+    assert here == there and len(here) > 4
 
 
 def test_levels_and_states_are_the_same_bytes(processes: Any, tmp_path: Path) -> None:

@@ -13,6 +13,9 @@ from uavseg.cli.write import (
     RegionFiles,
     answer_each,
     check_alone,
+    confidence_row,
+    geojson_form,
+    keep_inputs,
     summary_rows,
     transaction,
     write_plan_output,
@@ -21,6 +24,7 @@ from uavseg.options.regions import ExtractOptions
 
 if TYPE_CHECKING:
     from uavseg.jobs.flights.plan import MissionPlan, PlanRequest
+    from uavseg.jobs.requests import RegionJob
     from uavseg.jobs.result.result import Extraction
     from uavseg.jobs.source.source import Source
 
@@ -40,6 +44,7 @@ def command(options: ExtractOptions) -> None:
     _check_ranges(options)
     from uavseg.jobs.requests import region_job
     from uavseg.jobs.source.open_source import open_source
+    from uavseg.regions.formats.export import is_region_folder
 
     reporter = Reporter(options.messages, options.progress)
     job = region_job(options)
@@ -48,6 +53,9 @@ def command(options: ExtractOptions) -> None:
         answer_each(options, job, ".regions.geojson", reporter)
         return
     check_alone(options.each)
+    if is_region_folder(options.outputs.output or ""):
+        _write_partitions(options, job, reporter)
+        return
     flight = None if options.mission is None else _flight(options)
     files = RegionFiles(
         options,
@@ -78,6 +86,33 @@ def command(options: ExtractOptions) -> None:
         report(planned.missions, planned.regions, paths, notes)
     rows = {"regions": f"{len(found.regions):,} -> {files.shown}", **_class_rows(found, job.request)}
     reporter.table(rows | summary_rows(found) | {"seconds": f"{reporter.seconds:.2f}"})
+
+
+def _write_partitions(options: ExtractOptions, job: RegionJob, reporter: Reporter) -> None:
+    """Write the regions of one range to a folder of files, and nothing beside it."""
+    from uavseg.jobs.extract import ExtractRequest
+    from uavseg.jobs.partitions import check_local, extract_partitions
+    from uavseg.jobs.source.open_source import open_source
+
+    outputs, target = options.outputs, options.outputs.output or ""
+    refused = {"--labels": outputs.labels, "--style": outputs.style, "--mission": options.mission}
+    for name in [name for name, given in refused.items() if given is not None]:
+        raise click.UsageError(f"{name} does not go with a folder of regions; leave it out, or write a file")
+    if not isinstance(job.request, ExtractRequest):
+        raise click.UsageError("a folder of regions is of one range, not of classes; write classes to a file")
+    geojson_form(outputs, target)
+    keep_inputs([target], options.source.rasters)
+    work, overwrite = work_of(options.run, reporter), options.files.overwrite
+    check_local(job.request, work)
+    source = open_source(options.source.rasters, job.read)
+    found, written = extract_partitions(source, job.request, target, work, overwrite)
+    reporter.finish(found.warnings)
+    (pixels, area), unit = written.largest, found.area_unit
+    rows = {"regions": f"{written.regions:,} in {written.files:,} files -> {target}"} | summary_rows(found)
+    rows["total area"] = f"{written.area:,.1f} {unit}"
+    rows["largest"] = f"{area:,.1f} {unit} ({pixels:,} pixels)" if written.files else "-"
+    rows |= confidence_row(found, written.regions)
+    reporter.table(rows | {"seconds": f"{reporter.seconds:.2f}"})
 
 
 def _check_ranges(options: ExtractOptions) -> None:

@@ -198,11 +198,12 @@ def summary_rows(found: Extraction) -> dict[str, str]:
     }
 
 
-def confidence_row(found: Extraction) -> dict[str, str]:
+def confidence_row(found: Extraction, kept: int | None = None) -> dict[str, str]:
     """Return how many regions were left out because of their confidence, if there is a minimum."""
     if found.below_minimum is None:
         return {}
-    return {"too unsure": f"{found.below_minimum:,} of {found.below_minimum + len(found.regions):,} left out"}
+    kept = len(found.regions) if kept is None else kept
+    return {"too unsure": f"{found.below_minimum:,} of {found.below_minimum + kept:,} left out"}
 
 
 def _range_row(found: Extraction) -> dict[str, str]:

@@ -131,11 +131,16 @@ def extract(source: Source, request: ExtractRequest, work: Work = SERIAL) -> Ext
         hints.append(f"{source.saved.origin.rasters[0]} is not where it was, so regions end at block edges")
         found = _at_block_edges(source, request)
     hints += [found.nothing] if found.nothing else []
+    return work.finished(with_facts(found, source, request), *hints)
+
+
+def with_facts(found: Extraction, source: Source, request: ExtractRequest) -> Extraction:
+    """Return a result whose regions say what they were made from, and how."""
     how = range_facts(found.detected, found.axis) | segment_facts(request.segment)
     how |= drawing_facts(request.drawing, request.fill_holes, request.min_area, request.detail)
     how |= {"thin_lines": True} if request.thin_lines else {}
     how |= confidence_facts(request.min_confidence)
-    return work.finished(with_metadata(found, source, "extract", how), *hints)
+    return with_metadata(found, source, "extract", how)
 
 
 def regions_of_pixels(source: Pixels, request: ExtractRequest, work: Work) -> Extraction:
@@ -223,7 +228,17 @@ def _measured(
     tile_pass: TilePass | None = None,
 ) -> Extraction:
     """Return regions with their attributes, the small ones dropped; where there are none, why."""
-    info, whole = SourceInfo.of(source), len(outlined.sums.counts)
+    result, whole = measure(outlined, source, detected, request), len(outlined.sums.counts)
+    if len(result.regions):
+        return result
+    return replace(result, nothing=why_none(result, whole, source, detected, request, tile_pass))
+
+
+def measure(
+    outlined: RegionOutlines, source: GreySource | Blocks, detected: DetectedRange, request: ExtractRequest
+) -> Extraction:
+    """Return regions with their attributes, the small ones dropped: no region depends on another."""
+    info = SourceInfo.of(source)
     if request.min_area is not None:
         outlined = drop_small_regions(outlined, info.geobox, request.min_area)
     interval = detected.interval
@@ -231,13 +246,10 @@ def _measured(
     confidence = Confidence.of(
         outlined, lambda: confidence_of(outlined, *ends), request.segment.refine, request.min_confidence
     )
-    result = measured(outlined, info, ends, request.drawing, detected=detected, confidence=confidence)
-    if len(result.regions):
-        return result
-    return replace(result, nothing=_why_none(result, whole, source, detected, request, tile_pass))
+    return measured(outlined, info, ends, request.drawing, detected=detected, confidence=confidence)
 
 
-def _why_none(
+def why_none(
     found: Extraction,
     dropped: int,
     source: GreySource | Blocks,

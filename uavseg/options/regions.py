@@ -155,7 +155,14 @@ class ExtractOptions(TiledJobOptions):
         metavar="FILE",
         label="File of classes",
     )
-    outputs: RegionOutputs = group(RegionOutputs)
+    outputs: RegionOutputs = group(
+        RegionOutputs,
+        output={
+            "help": "The regions: .geojson, .gpkg, .fgb, .parquet, .shp or .kml; - is GeoJSON on stdout. A "
+            "name that ends in .parquet/ is a folder of files, one for each 8192 x 8192 pixels, for rasters "
+            "of any size.  [default: STEM.regions.geojson here]"
+        },
+    )
     creation: StorageOptions = group(StorageOptions)
     read: ReadOptions = group(ReadOptions, *ONLY_MAPS, **RASTER_STRETCH)
     division: DivisionOptions = group(DivisionOptions)

@@ -294,5 +294,6 @@ class Transaction:
 
 
 def _is_single(journal: Journal) -> bool:
-    """Return whether one system call does it: a new file, or one in place of another."""
-    return len(journal.new) <= 1 and set(journal.old) <= {file.name for file in journal.new}
+    """Return whether one system call does it: a new file, or one in place of another; no folder."""
+    files = {file.name for file in journal.new if not file.is_folder}
+    return len(files) == len(journal.new) <= 1 and set(journal.old) <= files

@@ -58,6 +58,11 @@ class NewFile:
         size, mtime_ns = (0, 0) if stat.S_ISDIR(status.st_mode) else (status.st_size, status.st_mtime_ns)
         return cls(folder=path.parent.name, name=path.name, inode=status.st_ino, size=size, mtime_ns=mtime_ns)
 
+    @property
+    def is_folder(self) -> bool:
+        """Whether it has neither size nor time."""
+        return self.size == self.mtime_ns == 0
+
     def is_at(self, place: Path) -> bool:
         """Return whether that is this very file, unchanged."""
         if not os.path.lexists(place):

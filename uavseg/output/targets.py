@@ -32,7 +32,7 @@ _REPLACED: dict[str, tuple[str, ...]] = {  # suffixes in place of its own: t.dbf
     ".vrt": (".tiles",),
 }
 _SHARED = {".tif": (".wld",), ".tiff": (".wld",), ".png": (".wld",)}  # a sidecar of any raster of that stem
-_FOLDERS = {".tiles"}
+_FOLDERS = {".tiles", ".parquet"}  # of files that are one output
 _PLACEHOLDER = re.compile(r"\{\{|\}\}|\{([^{}]*)\}|[{}]")
 _PLACEHOLDERS = "{stem}, {name}, {suffix}, {parent} or {number}"
 
@@ -109,7 +109,7 @@ def find_target(path: Path_, overwrite: bool = False) -> Target:
     check_utf8(target.path)
     if not target.home.is_dir():
         raise OutputError(f"the folder {target.home} does not exist; create it first")
-    if given.is_dir():
+    if given.is_dir() and given.suffix.lower() not in _FOLDERS:
         raise OutputError(f"{given} is a folder; name a file in it")
     files = existing_files(target.path)
     if files and not overwrite:
@@ -138,7 +138,7 @@ def _follow(link: Path) -> Path:
 
 
 def _check_replaceable(target: Target, file: Path) -> None:
-    """Refuse to replace anything but a regular file or the folder of tiles."""
+    """Refuse to replace anything but a regular file or a folder that is one output."""
     mode = file.lstat().st_mode
     if stat.S_ISREG(mode) or (stat.S_ISDIR(mode) and file.suffix.lower() in _FOLDERS):
         return

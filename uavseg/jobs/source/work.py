@@ -75,8 +75,14 @@ class Work:
         """Return the work of one job, with a set of unreadable blocks of its own."""
         return replace(self, bad_blocks=set())
 
-    def over(self, source: "Pixels") -> TilePass:
+    def over(self, source: "Pixels", block_map: bool = True) -> TilePass:
         """Return the pass over the tiles of a source, which collects its unreadable blocks.
+
+        Parameters
+        ----------
+        source : Pixels
+        block_map : bool
+            Whether the work may hold the block map of the whole source.
 
         Raises
         ------
@@ -90,7 +96,8 @@ class Work:
         """
         if self.checkpoint is not None:
             source.check_resumable()
-        check_memory(source.geobox.shape)
+        if block_map:
+            check_memory(source.geobox.shape)
         tile_pass = TilePass(source.dataset.windows(self.tile), self.map, self.progress)
         sides = max((window.rows, window.cols) for window in tile_pass.windows)
         decided("%d tiles of %d x %d pixels at most", len(tile_pass.windows), *sides)

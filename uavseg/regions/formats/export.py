@@ -90,12 +90,32 @@ def check_region_path(path: str | os.PathLike[str], overwrite: bool = False) -> 
     uavseg.errors.OutputError: regions.tif: regions are written to .geojson, .json, .gpkg, .fgb, ...
     """
     suffix = Path(path).suffix.lower()
+    if is_region_folder(path):
+        raise OutputError(
+            f"{path}: a folder is written by uavseg extract of one range; name a file, without / at its end"
+        )
     if suffix == ".parquet":
         import_pyarrow()
+        if Path(path).is_dir():
+            raise OutputError(f"{path} is a folder; name a file in it, or add / to replace it")
     if suffix not in _WRITERS:
         *known, last = _WRITERS
         raise OutputError(f"{path}: regions are written to {', '.join(known)} or {last}")
     return check_target(path, overwrite)
+
+
+def is_region_folder(path: str | os.PathLike[str]) -> bool:
+    """Check whether a name asks for a folder of GeoParquet files: it ends in .parquet/."""
+    return os.fspath(path).endswith(("/", os.sep)) and Path(path).suffix.lower() == ".parquet"
+
+
+def check_region_folder(path: str | os.PathLike[str], overwrite: bool = False) -> None:
+    """Refuse a folder of GeoParquet files that may not be written, before the work whose result it holds."""
+    import_pyarrow()
+    folder = Path(path)
+    if folder.is_dir() and any(file.suffix.lower() != ".parquet" for file in folder.iterdir()):
+        raise OutputError(f"{folder} contains something else than regions; move it away")
+    check_target(folder, overwrite)
 
 
 def format_notes(regions: Regions, path: str | os.PathLike[str]) -> list[str]:

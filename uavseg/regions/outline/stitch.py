@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from uavseg.dataclass import dataclass
 from uavseg.execution.executors import trim_heap
 from uavseg.raster.grid.tiling import Window
-from uavseg.regions.outline.chains import OWNER, Chains, PackedChains, pack_chains, trace_tile
+from uavseg.regions.outline.chains import OWNER, Chains, PackedChains, join_packed, pack_chains, trace_tile
 from uavseg.regions.outline.rings import RegionOutlines, merge_sums, select_sums, size_order
 from uavseg.regions.outline.trace import link_rings
 from uavseg.segmentation.components import (
@@ -90,16 +90,93 @@ def outline_tile(
     )
 
 
+@dataclass(frozen=True, slots=True)
+class Components:
+    """Sums of connected components 0..n - 1, and the chains of their boundaries."""
+
+    sums: Sums
+    chains: PackedChains
+
+    def select(self, which: NDArray[np.int64]) -> "Components":
+        """Return some of the components, by increasing number."""
+        kept = np.flatnonzero(np.isin(self.chains.table[:, OWNER], which))
+        chains = pack_chains(self.chains.unpacked(kept))
+        chains.table[:, OWNER] = np.searchsorted(which, chains.table[:, OWNER])
+        return Components(select_sums(self.sums, which), chains)
+
+
+@dataclass(frozen=True, slots=True)
+class JoinedBorders:
+    """First pixels of components that reach a border of a part of the raster, and labels along borders."""
+
+    firsts: NDArray[np.int64]
+    top: NDArray[np.uint32]
+    bottom: NDArray[np.uint32]
+    left: NDArray[np.uint32]
+    right: NDArray[np.uint32]
+
+
+class Contacts:
+    """Pairs of components that meet at the borders of windows; components are numbered over all windows.
+
+    It holds only the last labels along the border, so each window comes after those above it and to its left.
+
+    Parameters
+    ----------
+    shape : (int, int)
+        Rows and columns of the raster.
+    first : Window
+        The window that is added first, which has the first row and the first column of all.
+    """
+
+    def __init__(self, shape: tuple[int, int], first: Window) -> None:
+        self.count = 0
+        self._first = first
+        self._pairs: list[NDArray[np.int64]] = []
+        # Components along the outer borders of the windows so far, from 1; 0 for none.
+        self.top, self.bottom = np.zeros(shape[1], np.int64), np.zeros(shape[1], np.int64)
+        self.left, self.right = np.zeros(shape[0], np.int64), np.zeros(shape[0], np.int64)
+
+    @property
+    def pairs(self) -> NDArray[np.int64]:
+        """Pairs of components, (k, 2), counted from 0."""
+        return np.concatenate([np.empty((0, 2), np.int64), *self._pairs])
+
+    def add(self, window: Window, count: int, borders: TileOutlines | JoinedBorders | None) -> None:
+        """Add a window with components 1..count; None for one without components."""
+        rows, cols = window.slices
+        if borders is None:
+            self.bottom[cols] = self.right[rows] = 0
+            return
+        top, left = self._numbered(borders.top), self._numbered(borders.left)
+        self._add_pairs(self.bottom[cols], top)
+        self._add_pairs(self.right[rows], left)
+        if window.row == self._first.row:
+            self.top[cols] = top
+        if window.col == self._first.col:
+            self.left[rows] = left
+        self.bottom[cols] = self._numbered(borders.bottom)
+        self.right[rows] = self._numbered(borders.right)
+        self.count += count
+
+    def _numbered(self, border: NDArray[np.uint32]) -> NDArray[np.int64]:
+        return np.where(border > 0, border + np.int64(self.count), 0)
+
+    def _add_pairs(self, first: NDArray[np.int64], second: NDArray[np.int64]) -> None:
+        touching = (first > 0) & (second > 0)
+        if touching.any():
+            self._pairs.append(np.unique(np.stack([first[touching], second[touching]], 1), axis=0) - 1)
+
+
 class TileStitcher:
     """Stitcher that merges the components that meet at tile borders.
-
-    It holds only the last labels along the border, so each tile comes after those above it and to its left.
 
     Parameters
     ----------
     shape : (int, int)
         Rows and columns of the raster.
     windows : sequence of Window
+        In the order of `Contacts`.
     tiles : iterable of TileOutlines or None
         One for each window; None for one without components.
     """
@@ -109,27 +186,18 @@ class TileStitcher:
     ) -> None:
         self._sums: list[Sums] = []
         self._chains: list[PackedChains] = []
-        self._pairs: list[NDArray[np.int64]] = []
-        self._count = 0
-        # Components along the last row, and along the last column, of the tiles so far; 0 for none.
-        self._above = np.zeros(shape[1], np.int64)
-        self._beside = np.zeros(shape[0], np.int64)
+        self._contacts = Contacts(shape, windows[0])
         for window, tile in zip(windows, tiles, strict=True):
             self._add(window, tile)
 
     def _add(self, window: Window, tile: TileOutlines | None) -> None:
-        rows, cols = window.slices
         if tile is None:
-            self._above[cols] = self._beside[rows] = 0
+            self._contacts.add(window, 0, None)
             return
-        self._add_contacts(self._above[cols], self._numbered(tile.top))
-        self._add_contacts(self._beside[rows], self._numbered(tile.left))
-        self._above[cols] = self._numbered(tile.bottom)
-        self._beside[rows] = self._numbered(tile.right)
-        tile.chains.table[:, OWNER] += self._count - 1
+        tile.chains.table[:, OWNER] += self._contacts.count - 1
         self._sums.append(tile.sums)
         self._chains.append(pack_chains(tile.chains))
-        self._count += len(tile.sums.counts)
+        self._contacts.add(window, len(tile.sums.counts), tile)
 
     def finish(
         self, leaves: NDArray[Any] | None = None, classes: NDArray[np.uint8] | None = None
@@ -147,30 +215,46 @@ class TileStitcher:
             Components of different classes stay apart.
         """
         trim_heap()  # tiles are not needed any more
-        sums = _concatenate_sums(self._sums)
-        pairs = np.concatenate([np.empty((0, 2), np.int64), *self._pairs])
+        sums, pairs, count = concatenate_sums(self._sums), self._contacts.pairs, self._contacts.count
         if classes is not None:
             pairs = pairs[classes[pairs[:, 0]] == classes[pairs[:, 1]]]
         if leaves is None:
-            parts = union_roots(pairs, self._count)
-            return _number_regions(sums, parts, parts, self._chains)
+            parts = union_roots(pairs, count)
+            return number_regions(sums, parts, parts, self._chains)
         row, col = sums.firsts.T // CELL
         numbers = leaves[row, col]
-        parts = union_roots(pairs[numbers[pairs[:, 0]] == numbers[pairs[:, 1]]], self._count)
+        parts = union_roots(pairs[numbers[pairs[:, 0]] == numbers[pairs[:, 1]]], count)
         segments, _ = label_equal_values(leaves)
-        return _number_regions(sums, segments[row, col].astype(np.int64), parts, self._chains)
+        return number_regions(sums, segments[row, col].astype(np.int64), parts, self._chains)
 
-    def _numbered(self, border: NDArray[np.uint32]) -> NDArray[np.int64]:
-        """Return the components of a border, numbered from 1 over all tiles; 0 for none."""
-        return np.where(border > 0, border + np.int64(self._count), 0)
+    def join(self, window: Window) -> tuple[JoinedBorders, Components, Components] | None:
+        """Join the tiles of a part of the raster, `window`; None if there is no component.
 
-    def _add_contacts(self, first: NDArray[np.int64], second: NDArray[np.int64]) -> None:
-        touching = (first > 0) & (second > 0)
-        if touching.any():
-            self._pairs.append(np.unique(np.stack([first[touching], second[touching]], 1), axis=0) - 1)
+        Returns
+        -------
+        borders : JoinedBorders
+        reaching, within : Components
+            Those that reach a border with another part, in the order of `borders`, and complete regions.
+        """
+        found, (rows, cols) = self._contacts, window.slices
+        if found.count == 0:
+            return None
+        names, group = np.unique(union_roots(found.pairs, found.count), return_inverse=True)
+        chains = join_packed(self._chains)
+        chains.table[:, OWNER] = group[chains.table[:, OWNER]]
+        joined = Components(merge_sums(concatenate_sums(self._sums), group, len(names)), chains)
+        inner = rows.start > 0, rows.stop < len(found.left), cols.start > 0, cols.stop < len(found.top)
+        sides = found.top[cols], found.bottom[cols], found.left[rows], found.right[rows]
+        of_label = np.append(0, group + 1)
+        labels = [of_label[side * is_inner] for side, is_inner in zip(sides, inner, strict=True)]
+        reached = np.union1d(np.concatenate(labels), 0)
+        borders = [np.searchsorted(reached, side).astype(np.uint32) for side in labels]
+        reaching, within = reached[1:] - 1, np.setdiff1d(np.arange(len(names)), reached[1:] - 1)
+        parts = joined.select(reaching), joined.select(within)
+        return JoinedBorders(joined.sums.firsts[reaching], *borders), *parts
 
 
-def _number_regions(
+def number_regions(
     sums: Sums, groups: NDArray[np.int64], parts: NDArray[np.int64], chains: list[PackedChains]
 ) -> RegionOutlines:
     """Number regions by size: components of one group are one region, those of one part one polygon."""
@@ -186,7 +270,8 @@ def _number_regions(
     return RegionOutlines(link_rings(chains, labels[group], raster_rank[part]), select_sums(merged, order))
 
 
-def _concatenate_sums(parts: Sequence[Sums]) -> Sums:
+def concatenate_sums(parts: Sequence[Sums]) -> Sums:
+    """Return the sums of the components of several tiles, one after the other."""
     if any(part.excess is not None for part in parts):  # None stands for zeros
         parts = [replace(p, excess=np.zeros_like(p.counts)) if p.excess is None else p for p in parts]
     empty = [np.empty(shape, dtype) for shape, dtype in ((0, "i8"), (0, "u8"), (0, "u8"), ((0, 2), "i8"))]

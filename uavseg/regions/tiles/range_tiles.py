@@ -69,9 +69,23 @@ def outline_regions(
     detail : Detail or ThinLines, optional
         Narrower structures are removed after refinement, or thin lines are added; not with "none".
     """
+    stitcher = stitch_tiles(source, cells, interval, refine, tile_pass, expected, detail)
+    return stitcher.finish(cells if refine == "none" else None)
+
+
+def stitch_tiles(
+    source: GreySource,
+    cells: NDArray[np.uint8],
+    interval: IntensityRange,
+    refine: Refinement,
+    tile_pass: TilePass,
+    expected: BlockMap | None = None,
+    detail: Detail | ThinLines | None = None,
+) -> TileStitcher:
+    """Outline and stitch the tiles of a raster, or of a part of it; parameters as of `outline_regions`."""
     jobs = tile_jobs(cells, tile_pass.windows, expected, detail)
     tiles = tile_pass.run(partial(_outline_tile, source, interval, refine, detail), jobs)
-    return TileStitcher(source.shape, tile_pass.windows, tiles).finish(cells if refine == "none" else None)
+    return TileStitcher(source.shape, tile_pass.windows, tiles)
 
 
 @dataclass(frozen=True, slots=True)

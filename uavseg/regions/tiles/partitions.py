@@ -1,0 +1,165 @@
+"""Regions of a range in partitions, squares of a raster of any size whose tiles are joined by one worker.
+
+Joins form a tree of two levels. First a worker outlines each partition. It keeps complete regions, and the
+components that reach a border with another partition, in a shared folder. Labels along borders are united
+(union-find). Then each region is put together by a worker, for the partition that has its first pixel.
+"""
+
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.dataclass import dataclass
+from uavseg.errors import OutputError
+from uavseg.execution.checkpoint import decode_result, encode_result
+from uavseg.output.atomic import atomic_file
+from uavseg.output.renames import recover
+from uavseg.raster.grid.tiling import TilePass, Window, tiles, whole_blocks
+from uavseg.regions.outline.chains import OWNER
+from uavseg.regions.outline.rings import RegionOutlines
+from uavseg.regions.outline.stitch import (
+    Components,
+    Contacts,
+    JoinedBorders,
+    concatenate_sums,
+    number_regions,
+)
+from uavseg.regions.tiles.range_tiles import stitch_tiles
+from uavseg.segmentation.components import union_roots
+from uavseg.segmentation.params.segment import IntensityRange, Refinement
+from uavseg.segmentation.pipeline import every_cell
+from uavseg.segmentation.refine.detail import Detail
+from uavseg.segmentation.refine.thin_lines import ThinLines
+from uavseg.segmentation.source import GreySource
+
+PARTITION = 8192
+"""Side of a partition in pixels; independent of the tiles of the processing, as results are."""
+
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class PartitionJob:
+    """A partition, by number, and the components of its regions: by partition, number in it, and region."""
+
+    number: int
+    partitions: Integers
+    components: Integers
+    regions: Integers
+
+    def outlines(self, folder: str) -> RegionOutlines:
+        """Put the regions of the partition together, from the files of `join_partitions`."""
+        pieces = [_read(folder, "within", self.number)]
+        groups = [np.arange(len(pieces[0].sums.counts))]
+        for number in np.unique(self.partitions):
+            here = self.partitions == number  # components of a partition are in order
+            pieces.append(_read(folder, "reaching", number).select(self.components[here]))
+            groups.append(self.regions[here] + len(groups[0]))
+        offset = 0
+        for piece in pieces:
+            piece.chains.table[:, OWNER] += offset
+            offset += len(piece.sums.counts)
+        sums, group = concatenate_sums([piece.sums for piece in pieces]), np.concatenate(groups)
+        return number_regions(sums, group, group, [piece.chains for piece in pieces])
+
+
+def join_partitions(
+    source: GreySource,
+    interval: IntensityRange,
+    refine: Refinement,
+    tile_pass: TilePass,
+    folder: Path,
+    detail: Detail | ThinLines | None = None,
+    side: int = PARTITION,
+) -> list[PartitionJob]:
+    """Outline the partitions of a raster, and find the components that are one region.
+
+    Parameters
+    ----------
+    source, interval, refine, tile_pass, detail
+        As of `outline_regions`.
+    folder : Path
+        An empty one that the workers share; it holds components until their regions are put together.
+    side : int
+        Of a partition in pixels, a multiple of 64.
+
+    Returns
+    -------
+    list of PartitionJob
+        One for each partition with components, row by row.
+
+    Raises
+    ------
+    OutputError
+        If a worker does not share the folder.
+    """
+    first, windows = tile_pass.windows[0], tiles(source.shape, side)
+    tile = whole_blocks(first.rows), whole_blocks(first.cols)
+    outline = partial(_outline_partition, source, interval, refine, detail, tile, str(folder.absolute()))
+    contacts, firsts = Contacts(source.shape, windows[0]), {}
+    for number, borders in enumerate(tile_pass.run(outline, list(enumerate(windows)))):
+        contacts.add(windows[number], 0 if borders is None else len(borders.firsts), borders)
+        if borders is not None:
+            firsts[number] = borders.firsts
+    recover(folder)  # what workers left that were killed
+    if not all(_path(folder, "within", number).is_file() for number in firsts):
+        raise OutputError("what workers wrote is not here; workers must share the folder of the output")
+    return _assign(union_roots(contacts.pairs, contacts.count), firsts, source.shape[1], side)
+
+
+def _assign(regions: Integers, firsts: dict[int, Integers], width: int, side: int) -> list[PartitionJob]:
+    """Assign regions to the partitions of their first pixels.
+
+    `regions` are those of all components that reach borders, `firsts` the first pixels of these by partition,
+    and `width` is that of the raster.
+    """
+    partitions = np.repeat(list(firsts), [len(first) for first in firsts.values()])
+    components = np.concatenate([np.empty(0, int), *(np.arange(len(first)) for first in firsts.values())])
+    pixels = np.concatenate([np.empty(0, int), *(first @ (width, 1) for first in firsts.values())])
+    first_pixels = np.full(len(regions), np.iinfo(np.int64).max)
+    np.minimum.at(first_pixels, regions, pixels)
+    row, col = np.divmod(first_pixels[regions], width)
+    owners = row // side * -(-width // side) + col // side
+    order = np.argsort(owners, kind="stable")
+    begins, ends = (np.searchsorted(owners[order], list(firsts), at) for at in ("left", "right"))
+    columns = [column[order] for column in (partitions, components, regions)]
+    return [
+        PartitionJob(number, *(column[begin:end] for column in columns))
+        for number, begin, end in zip(firsts, begins.tolist(), ends.tolist(), strict=True)
+    ]
+
+
+def _outline_partition(
+    source: GreySource,
+    interval: IntensityRange,
+    refine: Refinement,
+    detail: Detail | ThinLines | None,
+    tile: tuple[int, int],
+    folder: str,
+    item: tuple[int, Window],
+) -> JoinedBorders | None:
+    """Outline the tiles of a partition one after the other, and keep what was joined of them in a folder."""
+    number, window = item
+    parts = tiles((window.rows, window.cols), tile)
+    windows = [Window(w.row + window.row, w.col + window.col, w.rows, w.cols) for w in parts]
+    cells, serially = every_cell(source.shape), TilePass(windows)
+    joined = stitch_tiles(source, cells, interval, refine, serially, detail=detail).join(window)
+    if joined is None:
+        return None
+    for name, components in (("reaching", joined[1]), ("within", joined[2])):
+        path = _path(folder, name, number)
+        with atomic_file(path, overwrite=True, sync=False) as file:
+            file.write_bytes(encode_result(components, path.name))
+    return joined[0]
+
+
+def _read(folder: str, name: str, number: int) -> Components:
+    path = _path(folder, name, number)
+    components: Components = decode_result(path.read_bytes(), path.name)
+    return components
+
+
+def _path(folder: str | Path, name: str, number: int) -> Path:
+    return Path(folder) / f"{number}.{name}.npz"
