@@ -458,6 +458,39 @@ def test_each_of_many(job: str, sources: Any, words: Words) -> None:
 
 
 @pytest.mark.parametrize(
+    ("source", "words"),
+    [
+        ("tile.tif", {"range": (0.3, 0.7), "min_area": "9px", "threads": 2}),
+        ("deep.tif", {"range": (0.9999, 1)}),
+        ("missing.tif", {"range": (0, 1)}),
+        ("blocks.tif", {"range": (0, 1)}),
+        ("tile.tif", {"range": (0, 1), "fill_holes": "9px"}),
+        ("tile.tif", {"range": (0, 1), "threads": 0}),
+    ],
+)
+def test_a_folder_of_regions(source: str, words: Words) -> None:
+    shutil.rmtree("out.parquet", ignore_errors=True)
+    result = CliRunner().invoke(main, ["extract", source, *options(words), "-o", "out.parquet/"])
+    errors = [
+        text.removeprefix("uavseg: error: ") for text in result.stderr.splitlines() if ": error: " in text
+    ]
+    expected = {path.name: path.read_bytes() for path in Path().glob("out.parquet/*")}
+    shutil.rmtree("out.parquet", ignore_errors=True)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            written = uavseg.extract_to("out.parquet", source, **words)
+            assert not errors and written.files == sum(
+                len(geopandas.read_parquet(f"out.parquet/{n}")) > 0 for n in expected
+            )
+        except uavseg.UavsegError as error:
+            assert errors == [str(error)]
+    assert {path.name: path.read_bytes() for path in Path().glob("out.parquet/*")} == expected
+    said = {str(one.message) for one in caught if one.category is UserWarning}
+    assert said == told(result.stderr)
+
+
+@pytest.mark.parametrize(
     ("words", "text"),
     [
         ({"rang": (0, 1)}, "uavseg.extract has no argument rang"),

@@ -11,6 +11,7 @@ from uavseg._version import __version__
 
 if TYPE_CHECKING:
     from uavseg.api.each import each as each
+    from uavseg.api.each import extract_to as extract_to
     from uavseg.api.maps import build_map as build_map
     from uavseg.api.maps import classify as classify
     from uavseg.api.maps import merge_maps as merge_maps
@@ -50,6 +51,7 @@ _HOMES = {
     "classify": "uavseg.api.maps",
     "levels": "uavseg.api.rasters",
     "each": "uavseg.api.each",
+    "extract_to": "uavseg.api.each",
     "RangeWidget": "uavseg.api.widget",
     "info": "uavseg.api.questions",
     "match": "uavseg.api.questions",

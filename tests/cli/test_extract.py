@@ -575,7 +575,7 @@ def test_a_name_that_ends_in_a_slash_is_a_folder_of_files() -> None:
         (("--labels", "a.tif"), 2, "--labels does not go with a folder of regions"),
         (("--style", "qml"), 2, "--style does not go with a folder of regions"),
         (("--sequence",), 2, "for standard output"),
-        (("--class", "a=0,0.5", "--class", "b=0.5,1"), 2, "a folder of regions is of one range"),
+        (("--class", "a=0,0.5", "--class", "b=0.5,1"), 1, "a folder of regions is of one range"),
         (("--each",), 1, "a folder is written by uavseg extract of one range"),
     ],
 )

@@ -1,21 +1,26 @@
-"""One job over each of many rasters, from Python."""
+"""One job over each of many rasters, and one raster in a folder of files, from Python."""
 
 from __future__ import annotations
 
 import inspect
 import os
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
 from typing import Any
 
 from uavseg.access import Folders, allowing
-from uavseg.api._values import collecting, progress_of, warn
+from uavseg.api._values import collecting, progress_of, warn, work
 from uavseg.api.questions import match
 from uavseg.api.rasters import extract, levels
 from uavseg.arguments import checked
 from uavseg.errors import ParameterError
+from uavseg.execution.cluster import dask
 from uavseg.execution.executors import Progress
 from uavseg.jobs.each.each import OutputNames, grouped_warnings, plan_tasks, run_each
 from uavseg.jobs.each.each_report import Outcome
+from uavseg.jobs.partitions import Written, check_local, extract_partitions
+from uavseg.jobs.source.open_source import open_source
 from uavseg.jobs.source.work import Work
 from uavseg.raster.formats.creation import creation_for
 
@@ -117,6 +122,75 @@ def each(
     failures = [one.failure for one in result if one.error is not None]
     warn([*grouped_warnings(result), *failures])
     return result
+
+
+@checked
+def extract_to(
+    output: str | os.PathLike[str],
+    source: Any,
+    *,
+    overwrite: bool = False,
+    scheduler: str | None = None,
+    progress: Progress | bool | None = None,
+    allow_path: Folders = (),
+    allow_network: bool = False,
+    **words: Any,
+) -> Written:
+    """Extract the regions of a range to a folder of GeoParquet files, for rasters of any size.
+
+    Workers write the files, so the regions are never in one memory; they are those of `extract`. A region has
+    the number of its first pixel as its id, counted from 1 row by row. geopandas, pyarrow and DuckDB read the
+    folder as one table.
+
+    Parameters
+    ----------
+    output : path
+        The folder, such as "regions.parquet/"; workers of a cluster share it.
+    source
+        As of `extract`, but for block maps.
+    overwrite : bool
+        Whether a folder of such files may be replaced.
+    scheduler : str, optional
+        Address of a dask.distributed scheduler whose workers do the work; else threads of this process do.
+    progress, allow_path, allow_network
+        As of `extract`.
+    **words
+        The other arguments of `extract`, such as ``range=(0.55, 1)``; not those that need all regions at
+        once: holes, classes, outlines that are smoothed or simplified, and ``resume``.
+
+    Returns
+    -------
+    written : Written
+        How many regions are in how many files, their area, and the largest.
+
+    Raises
+    ------
+    UavsegError
+        If an argument is wrong, the folder is there, or the raster cannot be read.
+
+    Examples
+    --------
+    >>> import uavseg
+    >>> uavseg.extract_to("regions.parquet/", "tile.tif", range=(0.55, 1))  # doctest: +SKIP
+    """
+    _check_words(extract, words)
+    with collecting() as requested:
+        extract(None, **words)
+    assert requested.job is not None and requested.run is not None, "extract asks for regions"
+    run = requested.run
+    if scheduler is not None and run.threads is not None:
+        raise ParameterError("threads are this machine's, a scheduler has its own; give one of the two")
+    with ExitStack() as stack, allowing(allow_path, allow_network):
+        how = work(run, progress)
+        request = check_local(requested.job.request, how)
+        if scheduler is not None:
+            cluster = dask(scheduler)
+            stack.callback(cluster.close)
+            how = replace(how, executor=cluster)
+        opened = open_source(source, requested.job.read)
+        found, written = extract_partitions(opened, request, output, how, overwrite)
+    warn(found.warnings)
+    return written
 
 
 def _check_words(job: Callable[..., Any], words: dict[str, Any]) -> None:

@@ -90,7 +90,6 @@ def command(options: ExtractOptions) -> None:
 
 def _write_partitions(options: ExtractOptions, job: RegionJob, reporter: Reporter) -> None:
     """Write the regions of one range to a folder of files, and nothing beside it."""
-    from uavseg.jobs.extract import ExtractRequest
     from uavseg.jobs.partitions import check_local, extract_partitions
     from uavseg.jobs.source.open_source import open_source
 
@@ -98,14 +97,12 @@ def _write_partitions(options: ExtractOptions, job: RegionJob, reporter: Reporte
     refused = {"--labels": outputs.labels, "--style": outputs.style, "--mission": options.mission}
     for name in [name for name, given in refused.items() if given is not None]:
         raise click.UsageError(f"{name} does not go with a folder of regions; leave it out, or write a file")
-    if not isinstance(job.request, ExtractRequest):
-        raise click.UsageError("a folder of regions is of one range, not of classes; write classes to a file")
     geojson_form(outputs, target)
     keep_inputs([target], options.source.rasters)
     work, overwrite = work_of(options.run, reporter), options.files.overwrite
-    check_local(job.request, work)
+    request = check_local(job.request, work)
     source = open_source(options.source.rasters, job.read)
-    found, written = extract_partitions(source, job.request, target, work, overwrite)
+    found, written = extract_partitions(source, request, target, work, overwrite)
     reporter.finish(found.warnings)
     (pixels, area), unit = written.largest, found.area_unit
     rows = {"regions": f"{written.regions:,} in {written.files:,} files -> {target}"} | summary_rows(found)

@@ -130,8 +130,10 @@ def extract_partitions(
     return work.finished(found, *([found.nothing] if found.nothing else [])), written
 
 
-def check_local(request: ExtractRequest, work: Work = SERIAL) -> None:
-    """Refuse what needs all regions, or the block map, at once."""
+def check_local(request: object, work: Work = SERIAL) -> ExtractRequest:
+    """Refuse what needs all regions, or the block map, at once, and other jobs; return the request."""
+    if not isinstance(request, ExtractRequest):
+        raise ParameterError("a folder of regions is of one range, not of classes; write classes to a file")
     refused = {
         "filled holes": request.fill_holes is not None,
         "smooth outlines": bool(request.drawing.smooth_m),
@@ -143,6 +145,7 @@ def check_local(request: ExtractRequest, work: Work = SERIAL) -> None:
         raise ParameterError(
             f"a folder of regions is written without {given[0]}; leave it out, or write one file"
         )
+    return request
 
 
 def _write_partition(
