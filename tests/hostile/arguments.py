@@ -160,6 +160,7 @@ BASES: dict[str, Callable[[], dict[str, Any]]] = {
     "match": lambda: {"source": seeds.image(128, 140), "like": (64.0, 64.0, 40.0), "threads": 1},
     "suggest": lambda: {"source": _field(), "threads": 1},
     "suggest like": lambda: {"source": seeds.image(128, 140), "like": (64.0, 64.0, 20.0), "threads": 1},
+    "extract_to": lambda: {"output": "out.parquet", "source": _field(), "range": (0.4, 1), "threads": 1},
     "each": lambda: {
         "job": _extract(),
         "sources": "x.tif",
