@@ -198,7 +198,7 @@ def _check_words(job: Callable[..., Any], words: dict[str, Any]) -> None:
     known = {name: one for name, one in inspect.signature(job).parameters.items() if name != "source"}
     for name in words:
         if name not in known:
-            raise ParameterError(f"uavseg.{job.__name__} has no argument {name} for each of many sources")
+            raise ParameterError(f"uavseg.{job.__name__} has no argument {name} here")
     for name, one in known.items():
         if one.default is inspect.Parameter.empty and name not in words:
             raise ParameterError(f"uavseg.{job.__name__} needs {name}; give it by name")

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavseg.segmentation.params.segment import IntensityRange
+from uavseg.segmentation.refine import total_variation
 from uavseg.segmentation.refine.total_variation import MAX_WEIGHT, _classify_panels, _threshold_panels
 
 seeds = st.integers(0, 100_000)
@@ -76,3 +77,27 @@ def test_kinds_are_those_of_the_greys_of_plain_arrays(
     expected = np.where(u != grey // 2, table[2 * u] * valid, classes)
     _classify_panels(grey, valid, weights, table, classes)
     assert np.array_equal(classes, expected)
+
+
+@pytest.mark.parametrize("share", [0.002, 0.02, 0.2])
+def test_columns_without_weight_may_be_left_out(share: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same as if all were loaded, also where active cells touch across the end of a run at a corner."""
+    rng = np.random.default_rng(5)
+    shape = 160, 1024
+    weights = rng.integers(1, 20_00, (20, 128)).astype(np.int16) * (rng.random((20, 128)) < share)
+    for row, col in ((3, 7), (9, 15), (15, 40)):  # pairs of cells at a corner, where chunks of 64 pixels end
+        weights[row, col], weights[row + 1, col + 1] = 900, 900
+        weights[row + 3, col + 1], weights[row + 4, col] = 900, 900
+    grey, valid = rng.integers(0, 65536, shape, dtype=np.uint16), np.ones(shape, np.uint8)
+    found, expected = np.zeros((2, *shape), np.uint8)
+    arguments = grey, valid, weights.astype(np.int16), (20_000, 65_535)
+    total_variation._threshold_panels(*arguments, found)
+
+    def everything(weights: np.ndarray) -> np.ndarray:
+        runs = np.zeros((2, len(weights), 2, 2), np.int64)
+        runs[:, :, 0, 1] = -(-weights.shape[1] // total_variation._CHUNK) * total_variation._CHUNK
+        return runs
+
+    monkeypatch.setattr(total_variation, "_runs", everything)
+    total_variation._threshold_panels(*arguments, expected)
+    assert found.any() and (found == expected).all()
