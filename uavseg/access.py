@@ -43,10 +43,6 @@ class AccessPolicy:
 
         Symbolic links and `..` are resolved before folders are compared.
 
-        Parameters
-        ----------
-        owner, named : path
-
         Raises
         ------
         AccessError
@@ -83,10 +79,8 @@ class AccessPolicy:
 
         Parameters
         ----------
-        owner : path
         named : str
             A path relative to `folder`, or an address.
-        folder : Path
 
         Returns
         -------
@@ -140,7 +134,6 @@ def allowing(allow_path: Folders = (), allow_network: bool = False) -> Iterator[
     Parameters
     ----------
     allow_path : path or sequence of path
-    allow_network : bool
 
     Raises
     ------

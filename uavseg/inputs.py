@@ -35,7 +35,6 @@ def regular_file(path: str | os.PathLike[str], error: Error = RasterReadError) -
 
     Parameters
     ----------
-    path : path
     error : callable
         Makes the exception from its message.
 
@@ -62,10 +61,8 @@ def read_bytes(path: str | os.PathLike[str], error: Error = RasterReadError, lim
 
     Parameters
     ----------
-    path : path
     error : callable
         Makes the exception from its message.
-    limit : int
     """
     name = os.fspath(path)
     try:
@@ -94,7 +91,6 @@ def parse_json(text: str, **options: Any) -> Any:
 
     Parameters
     ----------
-    text : str
     **options
         Of `json.loads`.
     """
@@ -154,7 +150,6 @@ def read_object(path: str | os.PathLike[str], subject: str, expected: str) -> di
 
     Parameters
     ----------
-    path : path
     subject : str
         What the file describes, for the message.
     expected : str
@@ -176,12 +171,10 @@ def as_number(value: Any, name: str, error: Error, convert: Callable[[Any], Any]
 
     Parameters
     ----------
-    value : object
     name : str
         What it is, for the message.
     error : callable
         Makes the exception from its message.
-    convert : callable
     """
     try:
         if isinstance(value, str | bytes | bool):

@@ -103,7 +103,6 @@ def intermediate_code(kernel: LoopNest, helpers: dict[Any, Any]) -> str:
 
     Parameters
     ----------
-    kernel : LoopNest
     helpers : dict
         Helpers as numba has them, which are compiled once for all kernels that are given the same.
     """

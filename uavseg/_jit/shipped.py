@@ -42,7 +42,6 @@ def load(kernel: LoopNest, baseline: bool = False) -> tuple[Any, int] | None:
 
     Parameters
     ----------
-    kernel : LoopNest
     baseline : bool
         Whether to load what runs on every x86-64 processor.
     """

@@ -42,7 +42,6 @@ def warm(kernels: dict[str, Kernel], processes: int, progress: Callable[[int], N
     ----------
     kernels : dict of Kernel
         By module and name, as of `all_kernels`.
-    processes : int
     progress : callable
         Receives the number of kernels that are ready.
 

@@ -25,7 +25,6 @@ def job_command(name: str, job: type[T]) -> Callable[[Callable[[T], None]], clic
 
     Parameters
     ----------
-    name : str
     job : type
         A dataclass of options, see `uavseg.options`.
     """

@@ -300,11 +300,8 @@ def answer_each(options: RegionOptions, job: RegionJob, ending: str, reporter: R
 
     Parameters
     ----------
-    options : ExtractOptions, LevelsOptions or MatchOptions
-    job : RegionJob
     ending : str
         What follows {stem} in the names of outputs where none are given.
-    reporter : Reporter
 
     Raises
     ------

@@ -82,7 +82,6 @@ def decode_result(data: bytes, key: str) -> Any:
 
     Parameters
     ----------
-    data : bytes
     key : str
         Of its item.
 

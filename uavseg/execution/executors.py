@@ -157,8 +157,6 @@ def in_order(
         Waits for a future and returns its result.
     capacity : callable
         How many items may be started and not yet consumed.
-    items : sequence
-    progress : callable or None
     """
     pending: deque[Any] = deque()
     done = 0
@@ -183,7 +181,6 @@ class LazySequence(Sequence[Element], Generic[Element]):
 
     Parameters
     ----------
-    length : int
     make_item : callable
         From a position 0..length - 1 to the item there.
 

@@ -103,7 +103,6 @@ class Amount:
 
     Parameters
     ----------
-    tiles : int
     pixels : int
         0 if they are not known.
     unit : str
@@ -126,7 +125,6 @@ def bar(share: float, seconds: float, amount: Amount | None = None) -> str:
         How much of the work is done, 0 to 1.
     seconds : float
         That the work took so far.
-    amount : Amount, optional
 
     Examples
     --------

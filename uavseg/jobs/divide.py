@@ -31,8 +31,6 @@ class Division:
 
     Parameters
     ----------
-    saved : SavedBlocks
-    segment : SegmentParams
     warnings : tuple of str
     """
 

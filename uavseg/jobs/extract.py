@@ -56,7 +56,6 @@ class ExtractRequest:
     ----------
     interval : IntensityRange or ValueRange
         Of v, after the stretch; or of values in the units of the raster, or of percentiles of them.
-    segment : SegmentParams
     drawing : Drawing
         How outlines are drawn.
     fill_holes : Area, optional
@@ -144,14 +143,7 @@ def with_facts(found: Extraction, source: Source, request: ExtractRequest) -> Ex
 
 
 def regions_of_pixels(source: Pixels, request: ExtractRequest, work: Work) -> Extraction:
-    """Run the phases of the paper, from pixels to regions: read this first.
-
-    Parameters
-    ----------
-    source : Pixels
-    request : ExtractRequest
-    work : Work
-    """
+    """Run the phases of the paper, from pixels to regions: read this first."""
     stretching, *dividing, outlining = work.over(source).stages(2 + (not request.segment.decides_pixels))
     grey, detected = grey_for(source, request.interval, stretching)  # intensity -> v
     cells = every_cell(grey.shape)

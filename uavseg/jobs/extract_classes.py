@@ -62,12 +62,6 @@ def extract_classes(source: Source, request: ClassesRequest, work: Work = SERIAL
 
     With one class, regions are those of `extract` with its range.
 
-    Parameters
-    ----------
-    source : Raster, ProbabilityMap or Blocks
-    request : ClassesRequest
-    work : Work
-
     Returns
     -------
     Extraction

@@ -41,7 +41,6 @@ class LevelsRequest:
         Its `refine` is "tv", "pixels" or "none"; see `segment_classes.joint_params`.
     drawing : Drawing
         How outlines are drawn.
-    min_area : Area, optional
     small : {"merge", "drop"}
         Segments of less than `min_area` become part of a neighbour, see `eliminate`, or are dropped.
     detail : Length, optional

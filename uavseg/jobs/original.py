@@ -21,7 +21,6 @@ class OriginalSegments:
     Parameters
     ----------
     labels : (rows, cols) uint32 array
-    source : SourceInfo
     warnings : tuple of str
     """
 
@@ -37,8 +36,6 @@ def original(source: Source, request: LbpcParams = DEFAULTS, work: Work = SERIAL
     ----------
     source : Raster or ProbabilityMap
         At most 4096 x 4096 pixels.
-    request : LbpcParams
-    work : Work
 
     Raises
     ------

@@ -78,12 +78,8 @@ def extract_partitions(
 
     Parameters
     ----------
-    source : Raster or ProbabilityMap
-    request : ExtractRequest
     path : path
         Of the folder, which the workers must share.
-    work : Work
-    overwrite : bool
     side : int
         Of a partition in pixels, a multiple of 64.
 

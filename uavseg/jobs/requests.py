@@ -59,10 +59,6 @@ class RegionJob:
 def region_job(options: ExtractOptions | LevelsOptions | MatchOptions) -> RegionJob:
     """Return the job of some options, checked before any work.
 
-    Parameters
-    ----------
-    options : ExtractOptions, LevelsOptions or MatchOptions
-
     Raises
     ------
     UavsegError

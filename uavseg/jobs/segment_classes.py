@@ -39,7 +39,6 @@ class PartitionRequest:
         Or what chooses it from the whole block map.
     segment : SegmentParams
         Its `refine` is "tv", "pixels" or "none".
-    fill_holes : Area, optional
     detail : Length, optional
         Structures that are narrower become part of what is near.
     cover : bool
@@ -59,11 +58,8 @@ class Segmented:
 
     Parameters
     ----------
-    outlined : RegionOutlines
     kinds_at : callable
         The kinds (k,) of segments by their first pixels (k, 2), also after some were dropped or renumbered.
-    info : SourceInfo
-    partition : Partition
     refine : str
         How they were refined: "tv", "pixels", or "none" for those at block edges.
     notes : tuple of str
@@ -86,7 +82,6 @@ def joint_params(segment: SegmentParams, refine: str | None) -> SegmentParams:
 
     Parameters
     ----------
-    segment : SegmentParams
     refine : str, optional
         What was asked for; by default "tv", and "none" with the paper's method.
 
@@ -109,12 +104,6 @@ def segment_classes(source: Source, request: PartitionRequest, work: Work) -> Se
 
     A block map answers without its raster where segments may end at cells; otherwise they are refined with
     it, if it is where it was.
-
-    Parameters
-    ----------
-    source : Raster, ProbabilityMap or Blocks
-    request : PartitionRequest
-    work : Work
 
     Raises
     ------

@@ -92,8 +92,6 @@ class Suggestions:
     intervals : (8 B, 8 C) uint8 array
         Which of `by_intensity` the leaf of each cell of 8 x 8 pixels lies in, or the cell itself where that
         is a part, counted from 1; 0 where the leaf has no valid pixel.
-    blocks : BlockMap
-    source : SourceInfo
     warnings : tuple of str
     by_pixel : bool
         Whether the ranges part populations of pixels, so that pixels show them better than cells.

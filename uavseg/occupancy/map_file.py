@@ -52,7 +52,6 @@ class WritableMap:
 
         Parameters
         ----------
-        path : path
         overwrite : bool
             Whether to replace existing files.
         creation_options : mapping or sequence of str, optional
@@ -78,8 +77,6 @@ def check_map_path(
 
     Parameters
     ----------
-    path : path
-    overwrite : bool
     mode : {"trinary", "scale", "raw"}, optional
         Of a ROS map only.
     """
@@ -110,10 +107,8 @@ def write_map(
 
     Parameters
     ----------
-    path : path
     probabilities : (rows, cols) float32 array
         Unknown where exactly 0.5.
-    geobox : GeoBox
     overwrite : bool
         Whether to replace existing files.
     mode : {"trinary", "scale", "raw"}, optional
@@ -173,8 +168,6 @@ def write_states(
     ----------
     path : path
         .tif, or .yaml.
-    image : StateImage
-    geobox : GeoBox
     overwrite : bool
         Whether to replace existing files.
     mode : {"trinary", "scale", "raw"}

@@ -72,7 +72,6 @@ def merge(maps: Sequence[PlacedMap], geobox: GeoBox) -> tuple[Float32s, int]:
     Parameters
     ----------
     maps : sequence of PlacedMap
-    geobox : GeoBox
 
     Returns
     -------
@@ -99,7 +98,6 @@ def cropped(probabilities: Float32s, geobox: GeoBox) -> tuple[Float32s, GeoBox]:
     Parameters
     ----------
     probabilities : (rows, cols) float32 array
-    geobox : GeoBox
     """
     known = probabilities != 0.5
     rows, cols = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))

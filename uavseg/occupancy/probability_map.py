@@ -58,7 +58,6 @@ def open_map(
 
     Parameters
     ----------
-    path : path
     band : int, optional
         Of a raster: the band to use, counted from 1.
     nodata : float or str, optional

@@ -28,7 +28,6 @@ def parse_range(name: str, text: str) -> AnyRange:
     ----------
     name : str
         "--range", "--values" or "--percentile", or without the dashes as in Python.
-    text : str
 
     Raises
     ------

@@ -37,10 +37,8 @@ class Option:
         Turns text into the value that Python takes; raises `ParameterError`.
     multiple : bool
         Whether it may be repeated.
-    required : bool
     shown : str
         The default in words, where it follows from other options.
-    minimum : int, optional
     basic : bool
         Whether `--help` lists it; `--help-all` lists all.
     label : str

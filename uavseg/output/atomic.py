@@ -42,7 +42,6 @@ def check_target(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
 
     Parameters
     ----------
-    path : path
     overwrite : bool
         Whether an existing file may be replaced.
 

@@ -115,10 +115,6 @@ def put_new(source: Path, place: Path) -> None:
 
     A hard link is made, which fails where the name exists, and the old name removed. File systems without
     hard links (FAT) are asked whether the name is free before the file is renamed.
-
-    Parameters
-    ----------
-    source, place : Path
     """
     if os.name == "nt":
         source.rename(place)  # does not replace there

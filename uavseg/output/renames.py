@@ -40,7 +40,6 @@ class NewFile:
     ----------
     folder : str
         The subfolder of the staging folder in which it was made.
-    name : str
     inode, size, mtime_ns : int
         A folder has neither size nor time: they are 0.
     """
@@ -162,13 +161,7 @@ def _plain(name: Any) -> str:
 
 
 def rename_all(stage: Stage, journal: Journal) -> None:
-    """Make the renames of a journal, which is in the staging folder already.
-
-    Parameters
-    ----------
-    stage : Stage
-    journal : Journal
-    """
+    """Make the renames of a journal, which is in the staging folder already."""
     for name in journal.old:
         (stage.home / name).replace(stage.folder / _OLD / name)
     for file in journal.new:
@@ -176,13 +169,7 @@ def rename_all(stage: Stage, journal: Journal) -> None:
 
 
 def undo(stage: Stage, journal: Journal) -> None:
-    """Undo `rename_all`, which may have stopped anywhere.
-
-    Parameters
-    ----------
-    stage : Stage
-    journal : Journal
-    """
+    """Undo `rename_all`, which may have stopped anywhere."""
     moved = [name for name in journal.old if os.path.lexists(stage.folder / _OLD / name)]
     _check_free(stage, journal, moved)
     for file in reversed(journal.new):

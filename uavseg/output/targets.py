@@ -91,7 +91,6 @@ def find_target(path: Path_, overwrite: bool = False) -> Target:
 
     Parameters
     ----------
-    path : path
     overwrite : bool
         Whether existing files may be replaced.
 
@@ -212,8 +211,6 @@ def fill_template(template: str, source: str, number: int = 1) -> str:
         ``{stem}`` is the name of the source without folder and extension, ``{name}`` with its extension,
         ``{suffix}`` the extension without point, ``{parent}`` the name of its folder, and ``{number}`` its
         place in the list, from 0001; ``{{`` and ``}}`` are braces.
-    source : str
-    number : int
 
     Examples
     --------

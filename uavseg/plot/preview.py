@@ -182,7 +182,6 @@ def make_layers(
 
     Parameters
     ----------
-    frame : Frame
     max_side : int
         Rasters are read with at most this many rows and columns.
     """

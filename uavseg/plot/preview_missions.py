@@ -67,7 +67,6 @@ def flight_profile(mission: Mission, dem: "Dem | None" = None) -> FlightProfile:
 
     Parameters
     ----------
-    mission : Mission
     dem : Dem, optional
         The ground. With it heights are above its zero. Without it they are above home, and heights above the
         terrain count as above home.
@@ -136,7 +135,6 @@ def draw_profiles(ax: Any, profiles: Sequence[FlightProfile], colors: Sequence[s
 
     Parameters
     ----------
-    ax : matplotlib Axes
     profiles : sequence of FlightProfile
     colors : sequence of str
         Of the flights.

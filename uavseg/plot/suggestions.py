@@ -56,7 +56,6 @@ def draw_suggestions(
 
     Parameters
     ----------
-    suggestions : Suggestions
     out : path
         The picture, .png.
     dataset : Dataset, optional
@@ -135,7 +134,6 @@ def upsample_cells(cells: NDArray[np.uint8], frame: Frame, max_side: int) -> tup
     Parameters
     ----------
     cells : (m, n) uint8 array
-    frame : Frame
     max_side : int
         Largest number of rows and columns of the result.
 

@@ -38,11 +38,8 @@ class Summary:
     Parameters
     ----------
     paths : tuple of str
-    driver : str
-    rows, cols : int
     crs : str or None
         Name of the CRS.
-    epsg : int or None
     located : bool
         Whether the raster is georeferenced.
     resolution : (float, float)
@@ -160,11 +157,8 @@ def summarize(
 
     Parameters
     ----------
-    dataset : Dataset
-    stretch : Stretch, StretchSpec or str
     map : Map
         The executor.
-    progress : callable, optional
     collar : {"keep", "auto"}
         With "auto", its collar counts as nodata; that of a larger raster is searched for in what is counted.
     """

@@ -51,7 +51,6 @@ class Weights:
 
     Parameters
     ----------
-    intercept : float
     terms : tuple of float
     """
 
@@ -178,7 +177,6 @@ def texture_terms(outlined: RegionOutlines, parting: Parting) -> Floats:
     ----------
     outlined : RegionOutlines
         Refined to the pixel.
-    parting : Parting
     """
     counts = np.maximum(outlined.sums.counts, 1).astype(np.float64)
     size, shape = np.log(counts / parting.window**2), _shapes(outlined.rings, counts)
@@ -194,9 +192,7 @@ def keep_confident(
 
     Parameters
     ----------
-    outlined : RegionOutlines
     confidence : (n,) float64 array
-    minimum : float
     """
     kept = np.asarray(confidence >= minimum)
     rings = outlined.rings
@@ -208,7 +204,6 @@ def check_minimum(minimum: float | None, refine: str = "") -> None:
 
     Parameters
     ----------
-    minimum : float, optional
     refine : str
         How regions are refined; those that end at block edges have no confidence.
 
@@ -242,7 +237,6 @@ class Confidence:
     ----------
     values : (n,) float64 array
         0 to 1; NaN where it is not known.
-    minimum : float, optional
     """
 
     values: Floats
@@ -260,11 +254,8 @@ class Confidence:
 
         Parameters
         ----------
-        outlined : RegionOutlines
         compute : callable
             Calls one of the functions above, such as `confidence_of`.
-        refine : str
-        minimum : float, optional
         """
         if refine == "none":
             return cls(np.full(len(outlined.sums.counts), np.nan), minimum)

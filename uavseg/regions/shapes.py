@@ -95,7 +95,6 @@ def batch_slices(polygons: PolygonArray, vertices: int = BATCH_VERTICES) -> Iter
     Parameters
     ----------
     polygons : (n,) object array or LazyPolygons
-    vertices : int
     """
     if isinstance(polygons, LazyPolygons):
         ends = np.cumsum(polygons.vertex_counts())

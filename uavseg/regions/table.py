@@ -113,7 +113,6 @@ def make_regions(
         Outlines of regions 1..n on the grid of `geobox`.
     sums : Sums
         Of each region: pixels, and over them the sums of grey levels 0..65535 and of their squares.
-    geobox : GeoBox
     interval : (float, float) or two (n,) arrays
         The requested range of intensity, of all regions or of each.
     source : str
@@ -178,7 +177,6 @@ def with_values(
 
     Parameters
     ----------
-    regions : Regions
     sums : Sums
         Of their pixels.
     axis : ValueAxis or None

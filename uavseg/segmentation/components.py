@@ -29,7 +29,6 @@ def label_components(inside: NDArray[np.uint8], margin: int = 0) -> tuple[NDArra
     -------
     labels : (M, N) uint32 array
         1..n; 0 outside.
-    n : int
 
     Examples
     --------
@@ -55,7 +54,6 @@ def label_equal_values(image: NDArray[Any], margin: int = 0) -> tuple[NDArray[np
     -------
     labels : (M, N) uint32 array
         1..n; 0 where the image is 0.
-    n : int
 
     Examples
     --------
@@ -76,7 +74,6 @@ def component_values(image: NDArray[np.uint32], labels: NDArray[np.uint32], coun
     ----------
     image, labels : (M, N) uint32 arrays
         The image given to `label_equal_values`, and its labels.
-    count : int
     """
     values = np.empty(count, np.int64)
     _component_values(image, labels, values)
@@ -255,7 +252,6 @@ def with_excess(sums: Sums, labels: NDArray[np.uint32], excess: NDArray[np.int32
 
     Parameters
     ----------
-    sums : Sums
     labels : (M, N) uint32 array
     excess : (M, N) int32 array or None
         See `GreyTile.excess`.
@@ -274,7 +270,6 @@ def component_sums(labels: NDArray[np.uint32], count: int, grey: NDArray[np.uint
     Parameters
     ----------
     labels : (M, N) uint32 array
-    count : int
     grey : (M + 2 m, N + 2 m) uint16 array
     margin : int
         m, width of the border of `grey` that has no labels.
@@ -348,7 +343,6 @@ def border_steps(
         Adjacent pixels of equal value, not 0, belong together.
     labels : (M, N) uint32 array
         Their components 1..count, without the margin.
-    count : int
     grey : (M + 2 m, N + 2 m) uint16 array
     valid : (M + 2 m, N + 2 m) uint8 array
         Edges to an invalid pixel do not count.

@@ -55,10 +55,8 @@ def label_regions(
     Parameters
     ----------
     grey : (M, N) uint16 array
-    interval : IntensityRange
     valid : (M, N) bool array, optional
         Valid pixels; all, if left out.
-    params : SegmentParams, optional
 
     Returns
     -------
@@ -92,7 +90,6 @@ def pad_to_blocks(
     ----------
     grey : (M, N) uint16 array
     valid : (M, N) bool array, optional
-    border : int
 
     Returns
     -------

@@ -100,7 +100,6 @@ def segment_lbpc(
     grey : (M, N) uint16 array
     valid : (M, N) bool array, optional
         Valid pixels; all, if left out.
-    params : LbpcParams
 
     Returns
     -------

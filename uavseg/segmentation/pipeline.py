@@ -53,7 +53,6 @@ def measure_block_map(source: GreySource, tile_pass: TilePass) -> BlockMap:
 
     Parameters
     ----------
-    source : GreySource
     tile_pass : TilePass
         Tiles that cover the raster, the executor and the progress.
     """
@@ -72,13 +71,6 @@ def measure_block_map_for(
     """Measure a block map that answers one range, states or levels exactly.
 
     R is computed only where the means of a block's cells do not decide in which interval its leaves lie.
-
-    Parameters
-    ----------
-    source : GreySource
-    intervals : IntensityRange, StateLimits or Levels
-    params : SegmentParams
-    tile_pass : TilePass
     """
     return measure_block_maps_for([source], intervals, params, tile_pass)[0]
 
@@ -139,8 +131,6 @@ def measure_cells(source: GreySource, tile_pass: TilePass, query: LeafQuery | No
 
     Parameters
     ----------
-    source : GreySource
-    tile_pass : TilePass
     query : LeafQuery, optional
         Fills its cache with the blocks that it requires.
     """
@@ -175,12 +165,10 @@ def with_majority_means(
 
     Parameters
     ----------
-    blocks : BlockMap
     source : GreySource
         The raster that the block map was made from.
     edges : sequence of float
         Between populations, increasing; no pixel has one of them for its v.
-    tile_pass : TilePass
     """
     greys = [-1, *(math.floor(edge * GREY_MAX) for edge in edges), GREY_MAX]
     sums = np.zeros_like(blocks.sums)
@@ -201,12 +189,10 @@ def fill_ratios(
 
     Parameters
     ----------
-    source : GreySource
     measured : MeasuredCells
         Its ratios are filled in place; those that are not required stay 0.
     required : (B, C) uint32 array
         Bit k is set where ratio k of a block is required.
-    tile_pass : TilePass
     query : LeafQuery, optional
         Skips the blocks within a required block that is not divided, and reads from its cache.
     """
@@ -219,12 +205,6 @@ def fill_ratios(
 
 def cells_to_refine(blocks: BlockMap, interval: IntensityRange, params: SegmentParams) -> NDArray[np.uint8]:
     """Return the cells that are IN_RANGE by the mean of their leaf; all where no leaf decides.
-
-    Parameters
-    ----------
-    blocks : BlockMap
-    interval : IntensityRange
-    params : SegmentParams
 
     Returns
     -------
@@ -252,13 +232,10 @@ def refine_tile(
 
     Parameters
     ----------
-    source : GreySource
     cells : (m, n) uint8 array
         Cells of the window with a halo of REFINE_HALO, from `cells_to_refine`; 0 outside the raster. Ignored
         by refinements that decide each pixel.
-    interval : IntensityRange
     refine : {"tv", "scan", "none", "smooth", "pixels"}
-    window : Window
 
     Returns
     -------
@@ -293,11 +270,9 @@ def refine_tile_classes(
 
     Parameters
     ----------
-    source : GreySource
     table : (65536,) uint8 array
         The class of each grey.
     refine : {"tv", "pixels"}
-    window : Window
 
     Returns
     -------

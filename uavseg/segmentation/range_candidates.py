@@ -68,7 +68,6 @@ def edge_near(histogram: NDArray[np.int64], grey: float, low: float = 0.0, high:
     ----------
     histogram : (65536,) int64 array
         Valid pixels by the mean grey of their leaf.
-    grey : float
     low, high : float
         Edges, or 0 and 1.
 

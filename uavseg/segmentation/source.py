@@ -80,7 +80,6 @@ class GreySource:
 
         Parameters
         ----------
-        window : Window
         margin : int
             Pixels that are read on every side of it.
         excess : bool
@@ -138,7 +137,6 @@ class BlockCache:
 
         Parameters
         ----------
-        window : Window
         tile : GreyTile
             Grey with a margin of one pixel.
         corners : (k, 2) int64 array

@@ -30,12 +30,7 @@ MAX_ID = 1 << 63
 
 @dataclass(frozen=True, slots=True)
 class Words:
-    """The values of a body of JSON, read by name and type; those that nothing reads are errors.
-
-    Parameters
-    ----------
-    values : dict
-    """
+    """The values of a body of JSON, read by name and type; those that nothing reads are errors."""
 
     values: dict[str, Any]
 
@@ -140,7 +135,6 @@ class PlanQuestion:
     ----------
     job : int
         Whose regions.
-    request : PlanRequest
     zones : list of Polygon
         In degrees.
     """

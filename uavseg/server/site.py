@@ -67,13 +67,7 @@ class Site:
     cells: CellTiles | None = None  # for the slider, where the page does not hold them
 
     def answer(self, method: str, path: str, body: bytes) -> Answer:
-        """Answer a request that is allowed; UavsegError if it is wrong.
-
-        Parameters
-        ----------
-        method, path : str
-        body : bytes
-        """
+        """Answer a request that is allowed; UavsegError if it is wrong."""
         with _naming_fields():
             return self._answer(method, path, body)
 

@@ -33,7 +33,6 @@ class Camera:
 
     Parameters
     ----------
-    name : str
     sensor_mm : (float, float)
         Width and height of the sensor's image area, across and along the direction of flight.
     image_px : (int, int)

@@ -29,8 +29,6 @@ class Photos:
 
     Parameters
     ----------
-    camera : Camera
-    overlap : Overlap
     pitch_deg : float
         Gimbal pitch: -90 is straight down.
     trigger : "distance", "interval", "hover" or "none"

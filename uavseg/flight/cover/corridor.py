@@ -181,7 +181,6 @@ def is_long_and_thin(region: Any, spacing_m: float) -> bool:
     ----------
     region : shapely Polygon
         In metres.
-    spacing_m : float
 
     Examples
     --------

@@ -32,7 +32,6 @@ def flight_space(
     ----------
     region : shapely Polygon
         In metres.
-    spacing_m : float
     lead_m : float
         Length of straight legs out of the region.
     obstacles : sequence of shapely Polygon
@@ -91,11 +90,6 @@ def fly_lines(lines: SurveyLines, space: FreeSpace) -> Iterator[tuple[Floats, Fl
     Each is the lines in the order and direction of flight, the same with the straight legs before and after
     them, and the n - 1 legs from one to the next.
 
-    Parameters
-    ----------
-    lines : SurveyLines
-    space : FreeSpace
-
     Raises
     ------
     MissionError
@@ -130,7 +124,6 @@ def join_cells(candidates: list[list[Ints]], ends: Floats, space: FreeSpace) -> 
         For each cell its orders, as of `to_and_fro`.
     ends : (m, 2) float64 array
         Ends of lines: 2 k and 2 k + 1 are those of line k.
-    space : FreeSpace
     """
     entries = np.array([[(order[0], order[-1] ^ 1) for order in orders] for orders in candidates])
     points, index = np.unique(entries.ravel(), return_inverse=True)

@@ -198,7 +198,6 @@ def surveys(region: Any, params: CoverParams, obstacles: Sequence[Any] = ()) -> 
     ----------
     region : shapely Polygon
         In metres; may be concave and have holes.
-    params : CoverParams
     obstacles : sequence of shapely Polygon
         Areas that no line or leg may cross.
 

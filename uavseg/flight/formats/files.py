@@ -64,7 +64,6 @@ def write_mission(
 
     Parameters
     ----------
-    mission : Mission
     path : path
         Its extension selects the format: .plan (QGroundControl, MAVSDK), .waypoints (Mission Planner, mavwp,
         QGroundControl), .kmz (DJI), .csv (Litchi), and for display .kml and .geojson. A .waypoints file does

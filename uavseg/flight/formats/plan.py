@@ -93,7 +93,6 @@ def survey_item(
 
     Parameters
     ----------
-    block : SurveyBlock
     items : sequence of MissionItem
         That fly it.
     written : sequence of dict
@@ -221,7 +220,6 @@ def plan_text(mission: Mission, editable: bool = False) -> str:
 
     Parameters
     ----------
-    mission : Mission
     editable : bool
         Whether the survey lines of convex parts are written as survey items, which QGroundControl can edit,
         with the same waypoints and triggers in them.

@@ -24,7 +24,6 @@ def station_refusals(content: bytes, suffix: str) -> dict[str, str]:
     ----------
     content : bytes
         Of a file that `read_mission` reads.
-    suffix : str
     """
     if suffix == ".plan":
         plan = parse_json(content.decode())

@@ -156,7 +156,6 @@ def wayline_of(mission: Mission, format_name: str) -> Wayline:
 
     Parameters
     ----------
-    mission : Mission
     format_name : str
         Such as "a .kmz", for messages.
 
@@ -225,8 +224,6 @@ def mission_of_wayline(wayline: Wayline, name: str, notes: Sequence[str]) -> Mis
 
     Parameters
     ----------
-    wayline : Wayline
-    name : str
     notes : sequence of str
 
     Raises

@@ -31,7 +31,6 @@ def download_mission(link: Link, progress: Progress | None = None) -> Mission:
 
     Parameters
     ----------
-    link : Link
     progress : callable, optional
         Called with the number of items of the mission that were received, and of all.
 

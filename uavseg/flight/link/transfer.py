@@ -45,8 +45,6 @@ def send_items(link: Link, list_type: MissionType, items: Sequence[LinkItem], co
 
     Parameters
     ----------
-    link : Link
-    list_type : MissionType
     items : sequence of LinkItem
     count : callable
         Called with the number of items that were requested.
@@ -213,8 +211,6 @@ def receive_items(link: Link, list_type: MissionType, progress: Progress) -> lis
 
     Parameters
     ----------
-    link : Link
-    list_type : MissionType
     progress : callable
         Called with the number of items that were received, and of all.
 

@@ -59,7 +59,6 @@ def differences(
     Parameters
     ----------
     sent, kept : sequence of LinkItem
-    list_type : MissionType
     autopilot : "ardupilot", "px4" or "generic"
     """
     if len(sent) != len(kept):
@@ -78,7 +77,6 @@ def rounded(
     ----------
     sent, kept : sequence of LinkItem
         Without `differences`.
-    list_type : MissionType
     autopilot : "ardupilot", "px4" or "generic"
     """
     if list_type != MissionType.MISSION:
@@ -203,8 +201,6 @@ def upload_mission(
 
     Parameters
     ----------
-    link : Link
-    mission : Mission
     progress : callable, optional
         Called with the number of items that were sent or read back, and of all.
     while_armed : bool

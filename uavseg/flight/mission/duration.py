@@ -95,7 +95,6 @@ def leg_seconds(
         Corners of the path in metres: east, north and up.
     speed_m_s : float or (n - 1,) float64 array
         Speed over ground, of each leg.
-    vehicle : Vehicle
     stops : (n,) bool array, optional
         Corners at which the vehicle stops, as for a hold; it always stops at the first and the last.
     hold_s : (n,) float64 array, optional

@@ -56,7 +56,6 @@ def estimate(mission: Mission, vehicle: Vehicle | None = None, photos: Photos | 
 
     Parameters
     ----------
-    mission : Mission
     vehicle : Vehicle, optional
         By default that of the mission, or else a multirotor with the default parameters of its autopilot.
     photos : Photos, optional
@@ -156,7 +155,6 @@ def footprints(mission: Mission, photos: Photos | None = None) -> Footprints:
 
     Parameters
     ----------
-    mission : Mission
     photos : Photos, optional
         By default those of the mission. A gimbal pitch that items of the mission set takes precedence.
     """

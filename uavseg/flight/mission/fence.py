@@ -58,7 +58,6 @@ class FenceCircle:
     ----------
     lat, lon : float
         Centre in degrees, WGS 84.
-    radius_m : float
     inclusion : bool
         Whether the vehicle stays inside; False is a keep-out zone.
 

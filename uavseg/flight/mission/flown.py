@@ -102,13 +102,7 @@ class _Walk:
 
 
 def flown_path(mission: Mission, vehicle: Vehicle) -> FlownPath:
-    """Return the legs of a mission as a vehicle flies them: up, along its items, back where it returns.
-
-    Parameters
-    ----------
-    mission : Mission
-    vehicle : Vehicle
-    """
+    """Return the legs of a mission as a vehicle flies them: up, along its items, back where it returns."""
     plane = Plane(mission.home.lat, mission.home.lon)
     walk = _Walk([(0.0, 0.0, 0.0)])
     speed, trigger, ends = CRUISE_M_S, (0.0, 0.0), ""

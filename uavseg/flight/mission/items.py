@@ -178,7 +178,6 @@ def check_accepted(item: MissionItem, autopilot: str, number: int) -> None:
 
     Parameters
     ----------
-    item : MissionItem
     autopilot : str
         For "generic", ArduPilot and PX4 must both accept the item.
     number : int

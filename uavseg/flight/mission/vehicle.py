@@ -39,7 +39,6 @@ class Vehicle:
 
     Parameters
     ----------
-    name : str
     turns : "blend" or "slow"
         At corners the legs before and after overlap in time, as ArduCopter does it, or the vehicle slows down
         to a speed for each corner, as PX4 does it.
@@ -51,7 +50,6 @@ class Vehicle:
         Maximum acceleration in a corner.
     radius_m : float
         A waypoint is passed within this distance.
-    climb_m_s, descent_m_s, vertical_acceleration_m_s2 : float
     return_speed_m_s : float
         Speed over ground of a return, which the speed of the mission does not set.
     return_height_m, return_slope : float
@@ -178,7 +176,6 @@ def read_vehicle(path: str | os.PathLike[str], autopilot: str = "ardupilot") -> 
 
     Parameters
     ----------
-    path : path
     autopilot : str
         Its default vehicle has the parameters that are not in the file.
 

@@ -302,7 +302,6 @@ def short_tour(
 
     Parameters
     ----------
-    stops : Stops
     distances : (p, p) float64 array
         Cost between points: finite, symmetric, not negative.
     start, end : int

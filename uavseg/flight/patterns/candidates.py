@@ -331,7 +331,6 @@ def orbit(region: Any, margin_m: float, speed_m_s: float) -> Orbit:
     ----------
     region : shapely Polygon
         In metres.
-    margin_m, speed_m_s : float
 
     Examples
     --------
@@ -362,8 +361,6 @@ def orbit_trigger_m(photos: Photos, circle: Orbit, region: Any, height_m: float)
 
     Parameters
     ----------
-    photos : Photos
-    circle : Orbit
     region : shapely Polygon
         In metres.
     height_m : float

@@ -35,7 +35,6 @@ def offset_rings(region: Any, params: PerimeterParams, tolerance_m: float, min_l
     ----------
     region : shapely Polygon
         In metres.
-    params : PerimeterParams
     tolerance_m : float
         No point of a ring is moved farther than this to save corners.
     min_leg_m : float
@@ -68,7 +67,6 @@ def long_legs(ring: Floats, min_leg_m: float) -> Floats:
     Parameters
     ----------
     ring : (n, 2) float64 array
-    min_leg_m : float
 
     Examples
     --------

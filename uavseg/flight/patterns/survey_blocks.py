@@ -27,8 +27,6 @@ def blocks_of_surveys(surveys: Iterable[Survey], plane: Plane, params: PlanParam
     Parameters
     ----------
     surveys : iterable of Survey
-    plane : Plane
-    params : PlanParams
     """
     if params.spacing_m is None or (params.photos is not None and params.photos.trigger != "distance"):
         return ()

@@ -70,8 +70,6 @@ def items_along(
     ----------
     track : Track
         With places as longitude and latitude in degrees.
-    home : HomePosition
-    params : PlanParams
     heights : WaypointHeights, optional
         Of the waypoints; by default that of `params`, above home.
     """

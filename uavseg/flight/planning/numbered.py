@@ -37,9 +37,6 @@ def write_flights(
     missions : sequence of Mission
     path : path
         Of the file of a single mission; see `flight_paths`.
-    check : SafetyCheck
-    overwrite : bool
-    options : FileOptions, optional
 
     Raises
     ------

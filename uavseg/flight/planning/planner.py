@@ -46,7 +46,6 @@ def plane_of(polygons: Sequence[Any], points: Sequence[tuple[float, float]], hom
         In degrees (lon, lat).
     points : sequence of (lon, lat)
         A point inside each region.
-    home : HomePosition
     """
     bounds = shapely.bounds(shapely.get_parts(np.array(polygons, dtype=object)))
     (west, south), (east, north) = bounds[:, :2].min(axis=0), bounds[:, 2:].max(axis=0)
@@ -75,7 +74,6 @@ def region_parts(
     ----------
     regions : iterable of shapely Polygon or MultiPolygon
         In metres.
-    plane : Plane
     points : sequence of (lon, lat)
     """
     parts = []
@@ -110,7 +108,6 @@ def clear_parts(parts: list[RegionPart], keep_out: KeepOut) -> tuple[list[Region
     Parameters
     ----------
     parts : list of RegionPart
-    keep_out : KeepOut
     """
     cleared, taken_m2 = [], 0.0
     lost: list[str] = []
@@ -155,12 +152,8 @@ def missions_over(
 
     Parameters
     ----------
-    route : RegionRoute
-    home : HomePosition
     plane : Plane
         Of the route.
-    keep_out : KeepOut
-    params : PlanParams
     notes : list of str
         For all missions; some are added.
     """
@@ -315,7 +308,6 @@ def plan_missions(
         touch, as at the antimeridian, are merged.
     points : sequence of (lon, lat)
         A point inside each region.
-    params : PlanParams
     home : (lat, lon) or (lat, lon, altitude_m)
         Where the vehicle starts; its altitude is in metres above the sea.
     zones : sequence of shapely Polygon or MultiPolygon

@@ -54,7 +54,6 @@ def short_route(candidates: Sequence[Sequence[Track]], home: Floats, space: Free
     candidates : sequence of sequences of Track
         For each region; each may be flown in either direction.
     home : (2,) float64 array
-    space : FreeSpace
 
     Raises
     ------
@@ -118,11 +117,6 @@ def without_short_legs(track: Track, space: FreeSpace) -> Track:
 
     A corner of a transit too near to another one is left out if the leg past it is free. Else the line that
     ends beside it ends that much earlier.
-
-    Parameters
-    ----------
-    track : Track
-    space : FreeSpace
     """
     track, k = replace(track, xy=track.xy.copy()), 1
     while k < len(track.xy) - 1:

@@ -55,11 +55,6 @@ class FlightLimits:
 def split_route(route: RegionRoute, limits: FlightLimits) -> list[Track]:
     """Split a route into flights, each from the first corner after home to the last before it.
 
-    Parameters
-    ----------
-    route : RegionRoute
-    limits : FlightLimits
-
     Raises
     ------
     MissionError

@@ -27,7 +27,6 @@ class SafetyCheck:
 
     Parameters
     ----------
-    safety : SafetyParams
     zones : sequence of shapely Polygon or MultiPolygon
         Keep-out zones in degrees (lon, lat; WGS 84).
     clearance : Clearance, optional

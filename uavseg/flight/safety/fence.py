@@ -31,10 +31,8 @@ def fence_around(
     ----------
     path : (n, 2) float64 array
         All corners of the flight with home, in metres.
-    keep_out : KeepOut
     margin_m : float
         Distance from the path to the hull, at least.
-    plane : Plane
 
     Returns
     -------

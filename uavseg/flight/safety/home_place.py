@@ -41,13 +41,8 @@ def home_outside(
         A point inside each.
     zones : sequence of shapely Polygon or MultiPolygon
         In degrees.
-    avoid_margin_m : float
     is_ground : function, optional
         Whether a place (lat, lon) may be home; by default every place may.
-
-    Returns
-    -------
-    lat, lon : float
 
     Raises
     ------

@@ -257,9 +257,6 @@ def return_notes(path: Floats, keep_out: KeepOut, plane: Plane, params: PlanPara
     ----------
     path : (n, 2) float64 array
         Corners of the flight in metres, home first and last.
-    keep_out : KeepOut
-    plane : Plane
-    params : PlanParams
     """
     name, setting = NAMES[params.autopilot]
     maximum_m, height_m = params.safety.max_altitude_m, _return_height_m(path, params)

@@ -52,7 +52,6 @@ def fly_over(dem: Dem, lon: Floats, lat: Floats, params: PlanParams, speeds: Flo
 
     Parameters
     ----------
-    dem : Dem
     lon, lat : (k,) float64 arrays
         Corners of the path in degrees, home first.
     params : PlanParams
@@ -109,9 +108,7 @@ def points_of_leg(dem: Dem, leg: tuple[float, ...], params: PlanParams) -> LegPo
 
     Parameters
     ----------
-    dem : Dem
     leg : (lon, lat, lon, lat, speed_m_s)
-    params : PlanParams
 
     Raises
     ------
@@ -167,8 +164,6 @@ def points_climbed_early(along_m: Floats, height_m: Floats, tolerance_m: float, 
     ----------
     along_m, height_m : (n,) float64 arrays
         Distance along the path and height of all samples, before they are simplified.
-    tolerance_m : float
-    rates : Rates
 
     Examples
     --------

@@ -24,7 +24,6 @@ class Clearance:
 
     Parameters
     ----------
-    dem : Dem
     minimum_m : float
         On any leg, from above home on.
     early : (climb, descent), optional
@@ -49,7 +48,6 @@ class Clearance:
 
         Parameters
         ----------
-        mission : Mission
         maximum_m : float
                 Maximum height above the ground.
         """

@@ -43,7 +43,6 @@ def terrain_notes(
 
     Parameters
     ----------
-    flight : AltitudeProfile
     added : int
         How many points were added on legs for their height.
     speed_m_s, requested_m_s : (n,) float64 arrays
@@ -247,8 +246,6 @@ def follow_ground(track: Track, home: HomePosition, params: PlanParams) -> Groun
     ----------
     track : Track
         Places as longitude and latitude in degrees.
-    home : HomePosition
-    params : PlanParams
 
     Raises
     ------
@@ -292,7 +289,6 @@ def _with_added(track: Track, places: Floats, added: NDArray[np.bool_], leg: Int
 
     Parameters
     ----------
-    track : Track
     places : (n, 2) float64 array
         Of all corners, in degrees.
     added : (n,) bool array
@@ -370,7 +366,6 @@ def home_on_ground(home: tuple[float, ...], params: PlanParams) -> tuple[tuple[f
     Parameters
     ----------
     home : (lat, lon) or (lat, lon, altitude_m)
-    params : PlanParams
 
     Raises
     ------

@@ -36,7 +36,6 @@ def with_speeds(track: Track, home: Floats, params: PlanParams) -> Track:
         In metres, without repeated corners.
     home : (2,) float64 array
         Where the leg to the first corner starts.
-    params : PlanParams
 
     Returns
     -------

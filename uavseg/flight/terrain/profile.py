@@ -54,7 +54,6 @@ def profile_along(dem: Dem, lon: Floats, lat: Floats, gap_m: float) -> GroundPro
 
     Parameters
     ----------
-    dem : Dem
     lon, lat : (k,) float64 arrays
         Corners of the path in degrees.
     gap_m : float

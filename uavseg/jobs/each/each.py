@@ -49,7 +49,6 @@ class OutputNames:
         Whether sources are left out whose outputs are all there.
     report : str, optional
         A table of all outcomes, see `write_report`.
-    creation : CreationOptions
     """
 
     regions: str
@@ -62,13 +61,7 @@ class OutputNames:
 
 @dataclass(frozen=True, slots=True)
 class SourceTask:
-    """A source and its outputs.
-
-    Parameters
-    ----------
-    source, output : str
-    labels : str, optional
-    """
+    """A source and its outputs."""
 
     source: str
     output: str
@@ -87,7 +80,6 @@ def plan_tasks(sources: Sequence[Path_], names: OutputNames) -> tuple[list[Sourc
     ----------
     sources : sequence of path
         Folders, patterns and lists stand for their rasters, see `expand_sources`.
-    names : OutputNames
 
     Returns
     -------
@@ -134,8 +126,6 @@ def run_each(
     Parameters
     ----------
     tasks : sequence of SourceTask
-    job : RegionJob
-    names : OutputNames
     work : Work
         Its tile size and progress are used.
     count : int, optional

@@ -47,10 +47,8 @@ def check_report(path: str, outputs: Iterable[str], overwrite: bool = False) -> 
 
     Parameters
     ----------
-    path : str
     outputs : iterable of str
         The other files of the run.
-    overwrite : bool
 
     Raises
     ------

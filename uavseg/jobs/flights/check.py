@@ -95,7 +95,6 @@ class MissionCheck:
 
     Parameters
     ----------
-    mission : Mission
     autopilot : str
         For which the mission was checked.
     verdicts : tuple of Verdict

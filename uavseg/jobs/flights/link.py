@@ -54,7 +54,6 @@ class Uploaded:
 
     Parameters
     ----------
-    mission : Mission
     vehicle : str
         Autopilot and system id.
     warnings : tuple of str

@@ -34,7 +34,6 @@ class PlanRequest:
 
     Parameters
     ----------
-    flight : PlanParams
     home : (lat, lon), (lat, lon, altitude_m) or "auto"
         Where the vehicle starts; with "auto", near the chosen regions and outside of all of them and of
         keep-out zones.

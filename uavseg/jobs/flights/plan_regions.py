@@ -23,7 +23,6 @@ def open_regions(
 
     Parameters
     ----------
-    source : path, bytes, GeoDataFrame or Regions
     layer : str, optional
         Which layer of a file.
 

@@ -53,7 +53,6 @@ def mission_request(options: MissionOptions, **chosen: Any) -> PlanRequest:
 
     Parameters
     ----------
-    options : MissionOptions
     **chosen
         Fields of `PlanRequest` that choose regions.
 
@@ -192,7 +191,6 @@ def photos_of(options: PhotoOptions, pattern: str | None = None) -> Photos | Non
 
     Parameters
     ----------
-    options : PhotoOptions
     pattern : str, optional
         On a visit, photographs are by default taken in hover.
 

@@ -29,7 +29,6 @@ class WarmUp:
         Number of kernels that were compiled now.
     libraries : int
         Number of libraries that were loaded.
-    seconds : float
     """
 
     shipped: int

@@ -48,14 +48,7 @@ class BuiltMap(WritableMap):
 
 
 def topics_of(scan: str, odom: str | None, tf: bool) -> BagTopics:
-    """Choose the topics: poses from odometry, by default of /odom, or from the tree of /tf, not from both.
-
-    Parameters
-    ----------
-    scan : str
-    odom : str, optional
-    tf : bool
-    """
+    """Choose the topics: poses from odometry, by default of /odom, or from the tree of /tf, not from both."""
     if tf and odom is not None:
         raise ParameterError("poses come from --odom or from --tf (odom and tf in Python), not from both")
     return BagTopics(scan, None if tf else odom or DEFAULT_ODOM)

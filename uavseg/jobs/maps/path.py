@@ -33,7 +33,6 @@ def path_params(segment: SegmentParams, refine: str | None) -> SegmentParams:
 
     Parameters
     ----------
-    segment : SegmentParams
     refine : {"pixels", "scan"}, optional
     """
     if refine is None:
@@ -77,14 +76,7 @@ def path(source: ProbabilityMap | Blocks, request: PathRequest, work: Work = SER
 
 
 def free_cells(source: ProbabilityMap, request: PathRequest, work: Work = SERIAL) -> FreeCells:
-    """Find the cells that a path may enter: in a region of `extract`, and their value in range.
-
-    Parameters
-    ----------
-    source : ProbabilityMap
-    request : PathRequest
-    work : Work
-    """
+    """Find the cells that a path may enter: in a region of `extract`, and their value in range."""
     regions = regions_of_pixels(source, ExtractRequest(request.interval, request.segment), work)
     assert regions.detected is not None, "an extraction holds its range"
     grey = GreySource(source.dataset, regions.stretch)

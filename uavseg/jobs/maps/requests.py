@@ -16,7 +16,6 @@ def classify_request(options: ClassifyOptions, with_objects: bool | None = None)
 
     Parameters
     ----------
-    options : ClassifyOptions
     with_objects : bool, optional
         Whether objects are outlined; by default where a file of them is written.
     """

@@ -45,7 +45,6 @@ def simulate(scene: str, request: SimulateRequest = SimulateRequest()) -> Simula
     ----------
     scene : str
         "lens", "circles", or the path of a scene's JSON file.
-    request : SimulateRequest
     """
     whole = BUILT_IN_SCENES[scene]() if scene in BUILT_IN_SCENES else load_scene(scene)
     count = request.poses or len(whole.poses)

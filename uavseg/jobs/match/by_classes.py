@@ -46,7 +46,6 @@ class MatchClassesRequest:
         A file of polygons with a column `class`.
     refine : {"pixel", "none"}
         As of `MatchRequest`.
-    drawing : Drawing
     fill_holes, min_area : Area, optional
         As of `ClassesRequest`.
     bands : tuple of int or str
@@ -79,12 +78,6 @@ class MatchClassesRequest:
 
 def match_classes(source: Source, request: MatchClassesRequest, work: Work = SERIAL) -> Extraction:
     """Return regions of the classes of samples.
-
-    Parameters
-    ----------
-    source : Raster
-    request : MatchClassesRequest
-    work : Work
 
     Returns
     -------
@@ -177,9 +170,7 @@ def outlines_by_classes(
         The intensity that regions are measured in.
     likenesses : sequence of SimilaritySource
         Of `learn_classes`.
-    params : SegmentParams
     passes : two of TilePass
-    detail : Detail, optional
     """
     with phase("division"):
         maps = measure_block_maps_for(likenesses, LIKELY, params, passes[0])

@@ -55,8 +55,6 @@ def outlines_by_color(
 
     Parameters
     ----------
-    similarity : SimilaritySource
-    request : MatchRequest
     samples : sequence of SampleMask
         All that were given.
     passes : two of TilePass
@@ -87,11 +85,8 @@ def regions_by_color(
     ----------
     grey : GreySource
         The intensity that their attributes are of.
-    similarity : SimilaritySource
     outlined : RegionOutlines
         Of `outlines_by_color`.
-    request : MatchRequest
-    tile_pass : TilePass
     """
     outlined = filled(similarity, outlined, request.fill_holes, tile_pass)
     if request.min_area is not None:

@@ -43,7 +43,6 @@ class TextureSample:
 
     Parameters
     ----------
-    sample : Sample
     limit : float
         The largest G per pixel, beyond chance, of a window that is like the sample.
     window : int
@@ -66,14 +65,8 @@ class TextureSearch:
 
     Parameters
     ----------
-    grey : GreySource
-    place : SampleMask
-    request : MatchRequest
     side : int
         Of a window, in cells.
-    sample : Sample
-    criterion : Criterion
-    scores : CellScores
     valid : (8 B, 8 C) bool array
         Cells with valid pixels.
     """
@@ -104,11 +97,8 @@ def search_texture(
 
     Parameters
     ----------
-    grey : GreySource
     bands : sequence of GreySource
         Further bands whose intensity is compared.
-    place : SampleMask
-    request : MatchRequest
     passes : two of TilePass
     """
     side = (request.window or fitting_window(place) or USUAL_WINDOWS[-1]) // CELL
@@ -143,7 +133,6 @@ def outlines_by_texture(
 
     Parameters
     ----------
-    search : TextureSearch
     passes : two of TilePass
     within : Rings, optional
         Outlines beyond which nothing is of interest. What remains of them in pieces of less than a cell is
@@ -203,11 +192,6 @@ def _measured(
 
 
 def parting_of(search: TextureSearch) -> Parting:
-    """Return how clearly texture parts the sample from the rest of the raster.
-
-    Parameters
-    ----------
-    search : TextureSearch
-    """
+    """Return how clearly texture parts the sample from the rest of the raster."""
     pixels = int(search.valid.sum()) * CELL * CELL
     return Parting(search.side * CELL, separability(search.scores.best.ravel()), pixels)

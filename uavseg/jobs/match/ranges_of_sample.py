@@ -128,7 +128,6 @@ class SampleRanges:
     ----------
     ranges : tuple of SampleRange
         The best of each kind of feature: a band or the luminance, an index or a ratio, a weighted sum.
-    source : SourceInfo
     warnings : tuple of str
     """
 
@@ -166,8 +165,6 @@ def ranges_of_sample(raster: Raster, request: SuggestLikeRequest, work: Work = S
     ----------
     raster : Raster
         Where a band or a formula of it is chosen, that alone is looked at.
-    request : SuggestLikeRequest
-    work : Work
 
     Raises
     ------

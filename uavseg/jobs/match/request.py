@@ -32,7 +32,6 @@ class MatchRequest:
         infinite for texture alone.
     refine : {"pixel", "none"}
         Whether pixels near boundaries are decided one by one, or regions end at cells of 8 pixels.
-    drawing : Drawing
     fill_holes, min_area : Area, optional
         As of `ExtractRequest`.
     bands : tuple of int or str

@@ -72,7 +72,6 @@ def quantile_breaks(histogram: NDArray[np.int64], count: int) -> tuple[float, ..
     ----------
     histogram : (65536,) int64 array
         Pixels by grey.
-    count : int
 
     Examples
     --------

@@ -62,10 +62,8 @@ def grey_for(source: Pixels, requested: AnyRange, tile_pass: TilePass) -> tuple[
 
     Parameters
     ----------
-    source : Pixels
     requested : IntensityRange or ValueRange
         A range of v leaves the ends of the stretch as they are.
-    tile_pass : TilePass
 
     Raises
     ------

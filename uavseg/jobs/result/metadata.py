@@ -40,9 +40,6 @@ def with_metadata(found: Extraction, source: Source, job: str, how: Mapping[str,
 
     Parameters
     ----------
-    found : Extraction
-    source : Source
-    job : str
     how : mapping
         The parameters of the job, as JSON has them; None is left out.
     """
@@ -69,7 +66,6 @@ def same_reading(metadata: Mapping[str, Any], raster: Raster) -> ReadOptions | N
     ----------
     metadata : mapping
         Of the regions, as `with_metadata` writes it.
-    raster : Raster
 
     Returns
     -------

@@ -41,14 +41,12 @@ class Extraction:
 
     Parameters
     ----------
-    regions : Regions
     rings : Rings
         Their outlines on pixel edges, neither smoothed nor simplified.
     geobox : GeoBox
         Of the raster.
     stretch : Stretch
         The one that was used.
-    band_names : str
     warnings : tuple of str
     in_metres : bool
         Whether lengths are metres rather than units of the map.
@@ -90,9 +88,6 @@ class SourceInfo:
     ----------
     name : str
         Name of the first file, without folder.
-    geobox : GeoBox
-    stretch : Stretch
-    band_names : str
     warnings : tuple of str
     in_metres : bool
         Whether lengths are metres rather than units of the map.
@@ -158,10 +153,8 @@ class Drawing:
 
         Parameters
         ----------
-        regions : Regions
         rings : Rings
             Their outlines on the pixel edges.
-        geobox : GeoBox
         """
         if self.smooth_m:
             from uavseg.regions.smooth.smooth_outlines import smooth_outlines
@@ -188,8 +181,6 @@ def measured(
 
     Parameters
     ----------
-    outlined : RegionOutlines
-    info : SourceInfo
     interval : (float, float) or two (n,) arrays
         Low and high v of all regions, or of each.
     drawing : Drawing

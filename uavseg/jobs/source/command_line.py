@@ -23,7 +23,6 @@ def extract_line(sources: Sequence[str], options: ReadOptions, interval: str, ki
     ----------
     sources : sequence of str
         As the user named them.
-    options : ReadOptions
     interval : str
         As --range takes it, or another option.
     kind : str

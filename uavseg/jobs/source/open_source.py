@@ -29,7 +29,6 @@ def open_source(source: Any, options: ReadOptions = ReadOptions()) -> Source:
     source : path, array, DataArray, open raster of rasterio, sequence of these, Dataset or OccupancyGrid
         Many are one mosaic. A path may name a block map, the YAML file of a ROS map, or several
         rasters, see `expand_sources`.
-    options : ReadOptions
 
     Raises
     ------
@@ -111,7 +110,6 @@ def pixels_of(source: Source, refusal: str = "") -> Raster | ProbabilityMap:
 
     Parameters
     ----------
-    source : Source
     refusal : str
         The message where it is a block map.
 
@@ -130,7 +128,6 @@ def raster_of(source: Source, refusal: str = "") -> Raster:
 
     Parameters
     ----------
-    source : Source
     refusal : str
         The message where it is a block map.
 

@@ -25,8 +25,6 @@ def detail_of(length: Length | None, geobox: GeoBox, refine: str, cover: bool = 
 
     Parameters
     ----------
-    length : Length, optional
-    geobox : GeoBox
     refine : str
         The refinement; with "none" regions end at cells, and no detail applies.
     cover : bool
@@ -162,7 +160,6 @@ class Pixels:
 
     Parameters
     ----------
-    dataset : Dataset
     stretch : Stretch or StretchSpec
         How values become v: fitted already, or to be fitted to the pixels.
     """
@@ -293,7 +290,6 @@ class Blocks:
 
     Parameters
     ----------
-    saved : SavedBlocks
     path : str
         The file.
     skip_bad_tiles : bool

@@ -28,7 +28,6 @@ def check_unchanged(grey: GreySource, source: Blocks) -> None:
     ----------
     grey : GreySource
         The raster, through the stretch of the block map.
-    source : Blocks
 
     Raises
     ------

@@ -80,7 +80,6 @@ class Work:
 
         Parameters
         ----------
-        source : Pixels
         block_map : bool
             Whether the work may hold the block map of the whole source.
 

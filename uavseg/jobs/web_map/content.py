@@ -36,7 +36,6 @@ class FieldMapRequest:
 
     Parameters
     ----------
-    segment : SegmentParams
     size : int
         Longest side of the picture in pixels, 64 to 8192.
     all_cells : bool
@@ -87,12 +86,6 @@ class FieldMap:
 def field_map(source: Source, request: FieldMapRequest = FieldMapRequest(), work: Work = SERIAL) -> FieldMap:
     """Compute the picture and the block means of a raster.
 
-    Parameters
-    ----------
-    source : Raster
-    request : FieldMapRequest
-    work : Work
-
     Raises
     ------
     RasterError
@@ -141,7 +134,6 @@ def colored(
     ----------
     values : (1 or 3, rows, cols) array
     valid : (rows, cols) bool array, optional
-    stretch : Stretch
     source : Dataset
         Of the values.
     """

@@ -176,7 +176,6 @@ def areas_by_code(cells: CellCodes, ground: GroundGrid) -> NDArray[np.float64]:
 
     Parameters
     ----------
-    cells : CellCodes
     ground : GroundGrid
         Its areas of pixels are those of the parts in which the centres of cells lie.
 

@@ -150,7 +150,6 @@ def check_overlap(chunks: list[Any], path: str) -> None:
     ----------
     chunks : list of ChunkInfo
         Of rosbags' reader, which checks the unpacked size of each when it unpacks it.
-    path : str
     """
     changes = [(chunk.message_start_time, chunk.uncompressed_size) for chunk in chunks]
     changes += [(chunk.message_end_time + 1, -chunk.uncompressed_size) for chunk in chunks]

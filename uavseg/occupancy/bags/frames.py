@@ -160,13 +160,7 @@ def _add(log: PoseLog, header: Any, place: Any, turn: Any) -> bool:
 
 
 def read_odometry(bag: Bag, topic: str) -> FrameTree:
-    """Read poses from a topic of odometry, and fixed ones from /tf_static where there is one.
-
-    Parameters
-    ----------
-    bag : Bag
-    topic : str
-    """
+    """Read poses from a topic of odometry, and fixed ones from /tf_static where there is one."""
     bag.check_topic(topic, ODOMETRY)
     tree, log = FrameTree(), PoseLog()
     links: set[tuple[str, str]] = set()

@@ -154,8 +154,6 @@ def merge_bag(
     ----------
     path : path
         A .bag of ROS 1; a folder, .mcap or .db3 of ROS 2.
-    topics : BagTopics
-    params : MergeParams
     """
     with open_bag(path) as bag:
         bag.check_topic(topics.scan, LASERSCAN, MULTI_ECHO, POINT_CLOUD)

@@ -58,8 +58,6 @@ def write_grid_file(
     path : path
         Ends in .tif or .tiff.
     log_odds : (rows, cols) float32 array
-    geobox : GeoBox
-    overwrite : bool
     """
     check_geotiff_name(path, "a grid")
     check_cells(log_odds.shape, "this grid")
@@ -90,7 +88,6 @@ def read_grid_message(message: Any) -> tuple[Float32s, GeoBox]:
     -------
     probabilities : (rows, cols) float32 array
         In 0..1, exactly 0.5 where unknown; the first row is the highest.
-    geobox : GeoBox
     """
     resolution = _number_of(message, "info.resolution")
     shape = (_count(message, "info.height"), _count(message, "info.width"))

@@ -33,7 +33,6 @@ def read_laserscan(
 
     Parameters
     ----------
-    message : LaserScan or MultiEchoLaserScan
     max_range_m : float, optional
         Returns from farther become beams without a return; by default `range_max`.
     no_return : {"inf", "range_max"}
@@ -78,8 +77,6 @@ def scan_duration_s(message: Any, beams: int, by_increment: bool = False) -> flo
 
     Parameters
     ----------
-    message : LaserScan
-    beams : int
     by_increment : bool
         Whether only its `time_increment` counts: `scan_time` alone may be that between two scans.
     """

@@ -51,7 +51,6 @@ def is_at_least(distance: Any, metres: float) -> Any:
     ----------
     distance : float or float array
         In metres.
-    metres : float
     """
     return distance >= metres * (1 - _TOLERANCE)
 

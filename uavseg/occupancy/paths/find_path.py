@@ -32,8 +32,6 @@ def why_apart(free: FreeCells, start: MapPosition, goal: MapPosition, map: Map) 
 
     Parameters
     ----------
-    free : FreeCells
-    start, goal : MapPosition
     map : Map
         Executor that reads the map.
     """
@@ -66,7 +64,6 @@ def why_closed(
 
     Parameters
     ----------
-    free : FreeCells
     ends : (MapPosition, MapPosition)
         Start and goal.
     window : Window
@@ -75,7 +72,6 @@ def why_closed(
         The free cells of the regions of both ends.
     sides : (float, float)
         Width and height of a cell in metres.
-    clearance_m : float
     """
     offset = np.array([window.row, window.col])
     start, goal = ((end.cell[0] - window.row, end.cell[1] - window.col) for end in ends)
@@ -222,10 +218,8 @@ def find_path(
 
     Parameters
     ----------
-    free : FreeCells
     start, goal : (float, float)
         x and y on the map.
-    params : PathParams
     map : Map
         Executor that reads the region's cells.
     """

@@ -127,8 +127,6 @@ class FreeCells:
 
         Parameters
         ----------
-        place : MapPosition
-        region : int, optional
         map : Map
             Executor that reads the map.
         """

@@ -36,7 +36,6 @@ def path_lonlat(path: PlannedPath, corners: Floats | None = None) -> tuple[Float
 
     Parameters
     ----------
-    path : PlannedPath
     corners : (n, 2) float64 array, optional
         Other positions: row and column, pixel corners are whole numbers.
 

@@ -115,9 +115,6 @@ def check_ros_map(
 
     Parameters
     ----------
-    path : path
-    geobox : GeoBox
-    overwrite : bool
     mode : {"trinary", "scale", "raw"}
     """
     for target in (Path(path), image_path(path, mode)):
@@ -237,7 +234,6 @@ def transform_of(origin: tuple[float, float, float], resolution: float, rows: in
     origin : (float, float, float)
     resolution : float
         Metres per cell.
-    rows : int
     """
     x, y, yaw = origin
     along, up = resolution * math.cos(yaw), resolution * math.sin(yaw)
@@ -270,7 +266,6 @@ def read_pgm(path: str | os.PathLike[str]) -> tuple[NDArray[np.integer[Any]], in
     -------
     samples : (rows, cols) integer array
         Not negative; those above the maximum are white too.
-    maximum : int
     """
     content = read_bytes(path, limit=MAX_BYTES)
     header = _HEADER.match(content)

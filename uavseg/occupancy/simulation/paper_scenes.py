@@ -46,7 +46,6 @@ def lens_outline(
     ----------
     x, y : float
         Its centre. All lengths are in metres.
-    height : float
     edge, waist : float
         Width at the top and bottom, and in the middle.
     arc_corners : int

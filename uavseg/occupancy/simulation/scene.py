@@ -54,7 +54,6 @@ class Scene:
 
         Parameters
         ----------
-        x, y : float
         angles : (n,) array
             In radians, counterclockwise from the x axis.
 

@@ -26,7 +26,6 @@ class RangeFinder:
     ----------
     sigma_m : float
         Standard deviation of the Gaussian noise on ranges.
-    max_range_m : float
     fov_deg : float
         Field of view, up to 360.
     step_deg : float
@@ -71,8 +70,6 @@ class RangeFinder:
 
         Parameters
         ----------
-        scene : Scene
-        pose : Pose
         random : numpy.random.Generator
             Source of the noise.
         """

@@ -48,8 +48,6 @@ class LabelsLayer:
 
         Parameters
         ----------
-        source : Dataset or path
-        frame : Frame
         max_side : int
             Rows and columns that two pixels of the picture show; half of them are read, since a line is a
             pixel wide.

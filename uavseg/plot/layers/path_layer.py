@@ -30,13 +30,7 @@ class PathLayer:
 
     @classmethod
     def of(cls, source: "PlannedPath | str | os.PathLike[str]", frame: Frame) -> "PathLayer":
-        """Place a path of `uavseg.path`, or of a file of `uavseg path`: GeoJSON or a mission.
-
-        Parameters
-        ----------
-        source : PlannedPath or path
-        frame : Frame
-        """
+        """Place a path of `uavseg.path`, or of a file of `uavseg path`: GeoJSON or a mission."""
         if isinstance(source, PlannedPath):
             return cls((frame.plot_from_xy(source.xy),), source.length_m)
         if not isinstance(source, str | os.PathLike):

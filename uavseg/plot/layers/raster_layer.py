@@ -25,10 +25,6 @@ def draw_raster(
 
     Parameters
     ----------
-    ax : matplotlib Axes
-    dataset : Dataset
-    frame : Frame
-    stretch : Stretch, StretchSpec or str
     collar : {"auto", "keep"}
         With "auto", its collar is searched for in what is drawn and left out, with a warning.
     """
@@ -96,12 +92,10 @@ def draw_image(ax: Any, picture: NDArray[np.uint8], transform: Affine, zorder: f
 
     Parameters
     ----------
-    ax : matplotlib Axes
     picture : (rows, cols, 4) uint8 array
         Red, green, blue and alpha.
     transform : Affine
         From pixel corners (col, row) to plot coordinates.
-    zorder : float
     """
     from matplotlib.transforms import Affine2D
 
@@ -118,14 +112,7 @@ def draw_image(ax: Any, picture: NDArray[np.uint8], transform: Affine, zorder: f
 
 
 def read_overview(dataset: Dataset, frame: Frame, max_side: int) -> DatasetOverview:
-    """Reduce another raster over that of the picture to at most `max_side` rows and columns.
-
-    Parameters
-    ----------
-    dataset : Dataset
-    frame : Frame
-    max_side : int
-    """
+    """Reduce another raster over that of the picture to at most `max_side` rows and columns."""
     if dataset.geobox.crs != frame.geobox.crs:
         raise RasterError(
             f"{dataset.source} has another coordinate system than the raster of the picture; "

@@ -26,7 +26,6 @@ def check_png_target(path: str | os.PathLike[str], overwrite: bool) -> Path:
 
     Parameters
     ----------
-    path : path
     overwrite : bool
         Whether an existing picture may be replaced.
     """
@@ -62,8 +61,6 @@ def fit_axes(ax: Any, view: View, width: float, height: float) -> float:
 
     Parameters
     ----------
-    ax : matplotlib Axes
-    view : View
     width, height : float
         Of the axes in inches.
 
@@ -96,8 +93,6 @@ def draw_furniture(ax: Any, frame: Frame, point: float) -> None:
 
     Parameters
     ----------
-    ax : matplotlib Axes
-    frame : Frame
     point : float
         Length of one point (1/72 inch) in plot coordinates.
     """
@@ -194,10 +189,8 @@ def write_text(figure: Any, x: float, title: str, subtitle: str, caption: str, c
 
     Parameters
     ----------
-    figure : matplotlib Figure
     x : float
         Left end of the lines, as a share of the width.
-    title, subtitle, caption : str
     caption_in : float
         Height of the caption above the lower edge in inches.
     """
@@ -212,7 +205,6 @@ def raster_caption(box: GeoBox, band_names: str, grey_name: str, local_metres: b
 
     Parameters
     ----------
-    box : GeoBox
     band_names, grey_name : str
         Of the bands that are used, and of their stretch.
     local_metres : bool

@@ -44,7 +44,6 @@ def page_of(
 
     Parameters
     ----------
-    field_map : FieldMap
     regions : dict, optional
         A GeoJSON FeatureCollection in WGS 84, see `read_collection`.
     missions : sequence of dict
@@ -168,10 +167,6 @@ def _packed(values: NDArray[Any]) -> str:
 
 def read_collection(regions: Any) -> dict[str, Any]:
     """Convert regions of a file or a GeoDataFrame to a GeoJSON FeatureCollection in WGS 84.
-
-    Parameters
-    ----------
-    regions : path or GeoDataFrame
 
     Returns
     -------

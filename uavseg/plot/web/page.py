@@ -27,7 +27,6 @@ def render_page(title: str, data: dict[str, Any], served: bool = False, embedded
 
     Parameters
     ----------
-    title : str
     data : dict
         For the page's program; values of JSON.
     served : bool

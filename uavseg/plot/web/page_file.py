@@ -42,14 +42,11 @@ class PageFile:
 
         Parameters
         ----------
-        output : path
         overwrite : bool
             Whether an existing page may be replaced.
         source : Any
             Rasters, which the page must not replace.
-        regions : path or GeoDataFrame, optional
         missions : Mission, path or sequence of these, optional
-        camera : str, path or Camera, optional
         """
         if Path(output).suffix.lower() not in {".html", ".htm"}:
             raise OutputError(
@@ -68,7 +65,6 @@ class PageFile:
         ----------
         source : Any
             Rasters.
-        options : ReadOptions
         """
         raster = open_source(source, options)
         made = (self.regions or {}).get(METADATA_KEY, {})

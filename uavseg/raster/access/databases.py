@@ -47,7 +47,6 @@ def check_database(
 
     Parameters
     ----------
-    source : path or bytes
     name : str
         For messages.
     error : callable

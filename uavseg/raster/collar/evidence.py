@@ -25,7 +25,6 @@ def straight_share(points: NDArray[np.float64], tolerance: float, length: float,
         Largest distance from a line, in pixels.
     length : float
         The points of a line extend at least so far.
-    max_lines : int
 
     Examples
     --------

@@ -65,7 +65,6 @@ def without_collar(dataset: AnyDataset, tile_pass: TilePass) -> AnyDataset:
 
     Parameters
     ----------
-    dataset : Dataset
     tile_pass : TilePass
         Its executor is used; the result depends neither on it nor on its tiles.
     """

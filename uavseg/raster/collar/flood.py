@@ -31,7 +31,6 @@ class Shore:
 
     Parameters
     ----------
-    window : Window
     around : (4,) tuple of bool arrays
         The rows above and below with their corners, (cols + 2,), and the columns left and right, (rows,).
     """
@@ -46,7 +45,6 @@ class Flooded:
 
     Parameters
     ----------
-    mask : PixelMask
     borders, open_borders : (4,) tuple of bool arrays
         Its first and last row, its first and last column: what is flooded, and what could be but is not.
     """
@@ -61,7 +59,6 @@ def flood_from_edges(dataset: Dataset, value: int | None, tile_pass: TilePass) -
 
     Parameters
     ----------
-    dataset : Dataset
     value : int or None
         The value of all bands that counts as nodata does; None for nodata alone.
     tile_pass : TilePass

@@ -138,8 +138,6 @@ class Heights:
     ----------
     wkt : str
         The CRS, with its vertical part where the file has one.
-    reference : VerticalReference
-    scale_m, offset_m : float
     has_unit : bool
         Whether the file says what its unit is; else it is taken for the metre.
     """
@@ -157,8 +155,6 @@ class Dem:
 
     Parameters
     ----------
-    sampler : BilinearSampler
-    heights : Heights
     to_xy : Transform
         From longitude and latitude (WGS 84) to coordinates of the raster.
     to_sea : SeaHeights, optional

@@ -63,7 +63,6 @@ def write_label_geotiff(
 
     Parameters
     ----------
-    path : path
     tiles : iterable of (Window, (rows, cols) array)
         Cover the raster once, row of tiles after row of tiles, from the top.
     geobox : GeoBox
@@ -72,8 +71,6 @@ def write_label_geotiff(
         Whether to replace an existing file.
     tags : mapping of str to str, optional
         Metadata items.
-    band : LabelBand
-    creation : CreationOptions
 
     Raises
     ------
@@ -144,16 +141,13 @@ def write_geotiff(
 
     Parameters
     ----------
-    path : path
     bands : sequence of (rows, cols) arrays
-    geobox : GeoBox
     descriptions : sequence of str, optional
         Names of the bands in GIS programs.
     tags : mapping of str to str, optional
         Metadata items of the file.
     overwrite : bool
         Whether to replace an existing file.
-    creation : CreationOptions
 
     Raises
     ------
@@ -203,7 +197,6 @@ def read_geotiff(
 
     Parameters
     ----------
-    path : path
     page : int
         Which image of the file, counted from 1.
     shape : (int, int), optional
@@ -213,7 +206,6 @@ def read_geotiff(
     Returns
     -------
     bands : (bands, rows, cols) array
-    geobox : GeoBox
     descriptions : list of str
         Names of the bands, "" where one has none.
     tags : dict of str to str

@@ -54,7 +54,6 @@ def write_png(path: Path_, grey: Bytes, overwrite: bool = False, opaque: Opaque 
 
     Parameters
     ----------
-    path : path
     grey : (rows, cols) uint8 array
     overwrite : bool
         Whether to replace an existing file.

@@ -54,7 +54,6 @@ class CrsDefinition:
 
     Parameters
     ----------
-    name : str
     authority : str or None
         Such as "EPSG"; None for a CRS that none has numbered.
     number : int
@@ -168,12 +167,7 @@ def _utm_zone(wkt: str) -> CRS | None:
 
 
 def define_crs(wkt: str) -> CrsDefinition:
-    """Return the definition of a CRS; with the number of a registered one that is the same, if it has none.
-
-    Parameters
-    ----------
-    wkt : str
-    """
+    """Return the definition of a CRS; if it has no number, with that of a registered one that is the same."""
     with Env():  # in which messages of GDAL are not printed
         crs = CRS.from_user_input(wkt)
         named = crs.to_authority(confidence_threshold=100)  # by itself

@@ -33,7 +33,6 @@ def ring_areas(geobox: GeoBox, vertices: Integers, starts: Integers) -> Floats:
 
     Parameters
     ----------
-    geobox : GeoBox
     vertices : (v, 2) integer array
         (row, col) pixel corners; each edge is horizontal or vertical. A ring is not closed.
     starts : (r + 1,) integer array
@@ -89,7 +88,6 @@ def pixel_on_ground(geobox: GeoBox, row: Floats, col: Floats) -> tuple[Floats, F
 
     Parameters
     ----------
-    geobox : GeoBox
     row, col : float64 arrays that broadcast
         Pixel positions; whole numbers are pixel corners.
 
@@ -139,7 +137,6 @@ def line_length(geobox: GeoBox, row: Floats, col: Floats) -> float:
 
     Parameters
     ----------
-    geobox : GeoBox
     row, col : (n,) float64 arrays
         Pixel corners are whole numbers.
 

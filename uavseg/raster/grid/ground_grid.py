@@ -37,10 +37,6 @@ class GroundGrid:
 def ground_grid(geobox: GeoBox) -> GroundGrid:
     """Return the coarsest table between whose places interpolation errs by half a centimetre at most.
 
-    Parameters
-    ----------
-    geobox : GeoBox
-
     Raises
     ------
     RasterError

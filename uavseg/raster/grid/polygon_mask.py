@@ -17,7 +17,6 @@ def pixels_inside(polygons: NDArray[np.object_], window: Window) -> NDArray[np.b
     ----------
     polygons : (n,) object array of shapely Polygon or MultiPolygon
         In pixels as (col, row); the outer corner of the first pixel is (0, 0).
-    window : Window
 
     Returns
     -------

@@ -71,7 +71,6 @@ def features_of(
 
     Parameters
     ----------
-    layout : BandLayout
     bands : sequence of int
         The ones to use.
     rgb : three ints or texts, optional

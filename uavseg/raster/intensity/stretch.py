@@ -184,7 +184,6 @@ def fit_stretch(
 
     Parameters
     ----------
-    dataset : Dataset
     spec : Stretch, StretchSpec or str
         A fitted stretch is returned unchanged.
     tile_pass : TilePass
@@ -320,7 +319,6 @@ def greys_beyond(
     valid : (rows, cols) bool array, optional
     grey : (rows, cols) uint16 array
         Of the pixels, by that stretch.
-    stretch : Stretch
 
     Returns
     -------

@@ -55,7 +55,6 @@ def fit_values(
 
     Parameters
     ----------
-    dataset : Dataset
     spec : Stretch or StretchSpec
         A fitted stretch keeps its ends.
     requested : sequence of ValueRange
@@ -65,7 +64,6 @@ def fit_values(
 
     Returns
     -------
-    stretch : Stretch
     fitted : list of FittedRange
         One for each range, in v of that stretch.
 
@@ -237,8 +235,6 @@ def decided_at(
 
     Parameters
     ----------
-    dataset : Dataset
-    stretch : Stretch
     edges : sequence of float
         Increasing; a value on an edge belongs to the interval below it.
     bounds : sequence of float

@@ -232,8 +232,6 @@ class PartReader:
 
     Parameters
     ----------
-    choice : BandChoice
-    handles : OpenFiles
     skip_bad_tiles : bool
         Whether blocks that cannot be read count as nodata.
     """

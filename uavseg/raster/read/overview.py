@@ -21,7 +21,6 @@ class DatasetOverview(Dataset):
     ----------
     values : (1 or 3, rows, cols) array
     valid : (rows, cols) bool array or None
-    grid : GeoBox
     whole : Dataset
         What it is downsampled from.
     """

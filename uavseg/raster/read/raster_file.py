@@ -56,12 +56,10 @@ def check_mask_blocks(path: str, source: DatasetReader, bands: Sequence[int], wi
 
     Parameters
     ----------
-    path : str
     source : DatasetReader
         Nothing is checked if it lies in an archive or is remote.
     bands : sequence of int
         Whose masks are checked, where each band has its own.
-    window : Window
 
     Raises
     ------
@@ -99,12 +97,9 @@ class RasterFile:
 
     Parameters
     ----------
-    path : str
     shape : (int, int)
     transform : affine.Affine
         The identity if the file is not georeferenced.
-    crs : rasterio.crs.CRS or None
-    layout : BandLayout
     nodatas : tuple of float or None
         The nodata value of each band.
     added_nodata : float or None
@@ -116,7 +111,6 @@ class RasterFile:
     white_is_zero : bool
         Whether large values are dark.
     palette : tuple of (red, green, blue, alpha), or None
-    driver : str
     online : bool
         Whether reading it may make requests.
     overviews : tuple of int
@@ -224,7 +218,6 @@ class RasterFile:
         alpha : (rows, cols) array, optional
         mask : (rows, cols) bool array, optional
             Of the mask of the file, and where there are pixels.
-        choice : BandChoice
         """
         nodatas = [self.nodatas[band - 1] for band in choice.bands]
         valid = valid_pixels(values, nodatas, alpha, mask, choice.formula is not None, self.added_nodata)

@@ -293,7 +293,6 @@ def renamed(layout: BandLayout, given: str | None) -> BandLayout:
 
     Parameters
     ----------
-    layout : BandLayout
     given : str, optional
         A name for each band, with nothing for a band that keeps its own ("red,green,blue,nir", ",,,nir"), or
         names with numbers ("nir=4,red=1").

@@ -28,7 +28,6 @@ class BandScale:
     ----------
     scale : float
         Not 0.
-    offset : float
     unit : str
         Such as "m" or "degC"; empty where it is not known.
     """
@@ -80,7 +79,6 @@ class ValueAxis:
     ----------
     low, high : float
         The stored intensities that are v = 0 and v = 1.
-    scale : BandScale
     limits : (float, float)
         The smallest and the largest intensity that can be stored.
 

@@ -38,7 +38,6 @@ class Expression:
 
     Parameters
     ----------
-    text : str
     bands : tuple of int
         The bands that it uses, counted from 1, in the order of their first use.
     names : tuple of (str, int)
@@ -91,7 +90,6 @@ def parse_expression(text: str, find: Callable[[str], int]) -> Expression:
 
     Parameters
     ----------
-    text : str
     find : callable
         The number of the band of a name; BandError if there is none.
 

@@ -60,7 +60,6 @@ class Formula:
     ----------
     title : str
         Such as "ndvi".
-    expression : Expression
     limits : (float, float), optional
         Between which all values lie.
     of_reflectance : bool

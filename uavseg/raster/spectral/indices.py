@@ -18,8 +18,6 @@ class SpectralIndex:
     ----------
     name : str
         In full.
-    formula : str
-    reference : str
     limits : (float, float), optional
         Between which every value lies, of bands that are not negative.
     of_reflectance : bool

@@ -36,7 +36,6 @@ def check_deflate_blocks(
     source : DatasetReader
         Nothing is checked if it is compressed in another manner, lies in an archive or is remote.
     bands : sequence of int
-    window : Window
     values : (bands, rows, cols) array, optional
         What was read; without it blocks are read again.
 

@@ -46,8 +46,6 @@ def are_cut_off(
 
     Parameters
     ----------
-    path : str
-    source : DatasetReader
     bands : sequence of int
         Counted from 1; a block is cut off if it is in one of them.
     blocks : sequence of (row, column)

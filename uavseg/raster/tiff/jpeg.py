@@ -39,7 +39,6 @@ def check_jpeg_blocks(path: str, source: DatasetReader, bands: Sequence[int], wi
         Nothing is checked if it is compressed in another manner, lies in an archive or is remote, or if its
         chrominance lies in planes of its own, which may be smaller.
     bands : sequence of int
-    window : Window
 
     Raises
     ------

@@ -21,7 +21,6 @@ class SparseBlocks:
 
     Parameters
     ----------
-    source : DatasetReader
     path : str
         Of the file.
     bands : sequence of int

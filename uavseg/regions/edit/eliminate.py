@@ -33,8 +33,6 @@ def eliminate(
         Segments; no two of one class share an edge.
     classes : (n,) int64 array
         The class of each, such as its level; a merged segment takes that of the neighbour it became part of.
-    geobox : GeoBox
-    min_area : Area
 
     Returns
     -------

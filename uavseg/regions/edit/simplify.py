@@ -29,7 +29,6 @@ def simplify(regions: Regions, metres: float, geobox: GeoBox) -> Regions:
     metres : float
         Tolerance: removing a vertex may move an area of about this length squared from one side of an outline
         to the other. Units of the transform where there is no CRS.
-    geobox : GeoBox
 
     Returns
     -------

@@ -48,12 +48,6 @@ def fill_small_holes(outlined: RegionOutlines, geobox: GeoBox, min_area: Area) -
     """Fill holes below a minimum area; regions inside such a hole become part of the region around it.
 
     The sums stay those of the original pixels: `extract` measures filled regions again.
-
-    Parameters
-    ----------
-    outlined : RegionOutlines
-    geobox : GeoBox
-    min_area : Area
     """
     rings = outlined.rings
     small = ~rings.exteriors & (-_areas(rings, geobox, min_area) < min_area.value)
@@ -64,14 +58,7 @@ def fill_small_holes(outlined: RegionOutlines, geobox: GeoBox, min_area: Area) -
 
 
 def drop_small_regions(outlined: RegionOutlines, geobox: GeoBox, min_area: Area) -> RegionOutlines:
-    """Drop regions below a minimum area, and number the others 1..n in order.
-
-    Parameters
-    ----------
-    outlined : RegionOutlines
-    geobox : GeoBox
-    min_area : Area
-    """
+    """Drop regions below a minimum area, and number the others 1..n in order."""
     rings = outlined.rings
     areas = region_areas(outlined, geobox, min_area)
     return renumber_by_size(rings, outlined.sums, areas[rings.labels - 1] >= min_area.value)
@@ -84,8 +71,6 @@ def region_areas(outlined: RegionOutlines, geobox: GeoBox, unit: Area) -> NDArra
 
     Parameters
     ----------
-    outlined : RegionOutlines
-    geobox : GeoBox
     unit : Area
         Its unit is used: square metres or pixels.
     """

@@ -23,7 +23,6 @@ class RegionFile:
 
     Parameters
     ----------
-    path : str
     format : str
         Such as "GeoPackage".
     layer : str or None
@@ -32,7 +31,6 @@ class RegionFile:
         Number of other layers.
     geometry : str
         Type of its geometries.
-    regions : int
     crs : str or None
         Name of the CRS.
     bounds : (float, float, float, float) or None

@@ -29,7 +29,6 @@ def check_feature_count(source: str | os.PathLike[str] | bytes, name: str, layer
 
     Parameters
     ----------
-    source : path or bytes
     name : str
         For messages.
     layer : str, optional
@@ -87,7 +86,6 @@ def check_attributes(source: str | os.PathLike[str] | bytes, name: str, count: i
 
     Parameters
     ----------
-    source : path or bytes
     name : str
         For messages.
     count : int

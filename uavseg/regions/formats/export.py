@@ -45,7 +45,6 @@ def write_regions(
 
     Parameters
     ----------
-    regions : Regions
     path : path or file
         .geojson, .json, .gpkg, .fgb, .parquet, .shp or .kml. GeoJSON and KML are in WGS 84; the others keep
         the CRS of the regions. A stream may be binary or text.
@@ -71,11 +70,6 @@ def write_regions(
 
 def check_region_path(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
     """Return the path, if regions can be written there; call it before computing them.
-
-    Parameters
-    ----------
-    path : path
-    overwrite : bool
 
     Raises
     ------
@@ -123,7 +117,6 @@ def format_notes(regions: Regions, path: str | os.PathLike[str]) -> list[str]:
 
     Parameters
     ----------
-    regions : Regions
     path : path
         Of the file that they are written to.
     """
@@ -152,7 +145,6 @@ def check_region_crs(path: str | os.PathLike[str], wkt: str | None, form: GeoJso
     ----------
     path : path
         Of the file; "-" for a stream.
-    wkt : str or None
     form : GeoJsonForm
         Of the GeoJSON on a stream.
     """
@@ -284,7 +276,6 @@ def is_complete(path: Path, count: int) -> bool:
 
     Parameters
     ----------
-    path : Path
     count : int
         Regions that were written.
     """

@@ -122,12 +122,6 @@ def write_geojson(regions: Regions, stream: IO[bytes], form: GeoJsonForm = COLLE
     run counter-clockwise, and polygons that cross the antimeridian are split there. Without a CRS the local
     coordinates are written unchanged. A collection has the metadata of the regions as its foreign member
     ``uavseg``. Regions that are not on the Earth are refused with an OutputError.
-
-    Parameters
-    ----------
-    regions : Regions
-    stream : binary file
-    form : GeoJsonForm
     """
     features = _features(regions, form.projected)
     if form.sequence:

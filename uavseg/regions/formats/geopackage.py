@@ -150,10 +150,8 @@ def write_geopackage(regions: Regions, path: Path, layer: str, date: str) -> Non
 
     Parameters
     ----------
-    regions : Regions
     path : Path
         Of a file that is not there; after an error, a part of it is.
-    layer : str
     date : str
         Of the last change, such as "2000-01-01T00:00:00Z".
 
@@ -258,7 +256,6 @@ def _pack_index(base: sqlite3.Connection, index: str, bounds: NDArray[np.float64
     Parameters
     ----------
     base : sqlite3.Connection
-    index : str
     bounds : (n, 4) float64
         Of rows 1 to n: least and greatest x, least and greatest y.
     """

@@ -40,11 +40,6 @@ _RING = b"<LinearRing><coordinates>%b</coordinates></LinearRing>"
 def write_kml(regions: Regions, stream: IO[bytes]) -> None:
     """Write regions as KML, in WGS 84 with decimals as the pixels need, cut at the antimeridian.
 
-    Parameters
-    ----------
-    regions : Regions
-    stream : binary file
-
     Raises
     ------
     OutputError
@@ -67,12 +62,7 @@ def write_kml(regions: Regions, stream: IO[bytes]) -> None:
 
 
 def kml_notes(regions: Regions) -> list[str]:
-    """Return what Google Earth cannot draw of regions; empty where it draws all.
-
-    Parameters
-    ----------
-    regions : Regions
-    """
+    """Return what Google Earth cannot draw of regions; empty where it draws all."""
     counts = corner_counts(regions.polygons)
     many = int(np.count_nonzero(counts > MAX_CORNERS))
     if not many:

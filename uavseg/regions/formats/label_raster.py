@@ -25,11 +25,6 @@ Path_ = str | os.PathLike[str]
 def check_labels(path: Path_, overwrite: bool = False) -> None:
     """Refuse a path where labels cannot be written; call it before computing them.
 
-    Parameters
-    ----------
-    path : path
-    overwrite : bool
-
     Raises
     ------
     ParameterError
@@ -68,11 +63,6 @@ def write_label_raster(
     ----------
     path : path
         .tif, .tiff or .vrt, see `check_labels`.
-    rings : Rings
-    geobox : GeoBox
-    map : Map
-    overwrite : bool
-    creation : CreationOptions
     """
     if is_vrt(path):
         parts = edge_tables(rings, label_windows(geobox.shape))
@@ -89,10 +79,8 @@ def label_strips(
 
     Parameters
     ----------
-    rings : Rings
     shape : (int, int)
         Rows and columns of the raster.
-    map : Map
     """
     rows, cols = shape
     strip = max((1 << 24) // cols // BLOCK, 1) * BLOCK

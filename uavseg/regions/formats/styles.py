@@ -33,7 +33,6 @@ def classes_of(regions: Regions, colors: Sequence[Class] = ()) -> tuple[str, tup
 
     Parameters
     ----------
-    regions : Regions
     colors : sequence of (name, colour)
         Of classes; others get colours from a palette, in the order of their names.
     """
@@ -62,7 +61,6 @@ def qml(regions: Regions, colors: Sequence[Class] = ()) -> str:
 
     Parameters
     ----------
-    regions : Regions
     colors : sequence of (name, colour)
     """
     classes = classes_of(regions, colors)
@@ -95,7 +93,6 @@ def sld(regions: Regions, layer: str = "regions", colors: Sequence[Class] = ()) 
 
     Parameters
     ----------
-    regions : Regions
     layer : str
         Name of the layer that it is for.
     colors : sequence of (name, colour)
@@ -186,7 +183,6 @@ def check_style(target: str | os.PathLike[str], format: str, overwrite: bool = F
     target : path
         The file of the regions.
     format : {"qml", "sld"}
-    overwrite : bool
 
     Raises
     ------
@@ -209,7 +205,6 @@ def write_style(
 
     Parameters
     ----------
-    regions : Regions
     target, format, overwrite
         As of `check_style`.
     colors : sequence of (name, colour)
@@ -229,7 +224,6 @@ def add_style(base: sqlite3.Connection, regions: Regions, layer: str, geometry: 
     ----------
     base : sqlite3.Connection
         To a GeoPackage.
-    regions : Regions
     layer, geometry : str
         Names of the layer and of its column of geometries.
     date : str

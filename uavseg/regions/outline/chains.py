@@ -110,10 +110,6 @@ def trace_tile(
         Row and column of the tile's first pixel in the raster.
     width : int
         Columns of the raster: keys of edges are unique in it.
-
-    Returns
-    -------
-    Chains
     """
     seen = np.zeros(labels.shape, np.uint8)
     # Pages of these buffers that are not written to take no memory.

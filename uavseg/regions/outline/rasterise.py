@@ -21,7 +21,6 @@ def rasterise(rings: Rings, window: Window) -> NDArray[np.uint32]:
 
     Parameters
     ----------
-    rings : Rings
     window : Window
         The part of the raster that is rasterised.
     """
@@ -33,7 +32,6 @@ def edge_tables(rings: Rings, windows: Sequence[Window]) -> "LazySequence[EdgeTa
 
     Parameters
     ----------
-    rings : Rings
     windows : sequence of Window
     """
     return LazySequence(len(windows), partial(_edge_table_of, Rasteriser(rings), windows))
@@ -49,7 +47,6 @@ class EdgeTable:
 
     Parameters
     ----------
-    window : Window
     first : (rows,) uint32 array
         Labels of the first column.
     edges : (e, 3) int32 array
@@ -77,7 +74,6 @@ class LazyLabels:
 
     Parameters
     ----------
-    rasteriser : Rasteriser
     shape : (int, int)
         Rows and columns of the raster.
     numbers : (n + 1,) uint32 array, optional

@@ -149,7 +149,6 @@ class RegionOutlines:
 
     Parameters
     ----------
-    rings : Rings
     sums : Sums
         Of each region, in the order of the labels.
     """
@@ -163,7 +162,6 @@ def renumber_by_size(rings: Rings, sums: Sums, kept: NDArray[np.bool_] | None = 
 
     Parameters
     ----------
-    rings : Rings
     sums : Sums
         Of the regions of `rings`, in the order of their labels.
     kept : (r,) bool array, optional
@@ -190,7 +188,6 @@ def select_sums(sums: Sums, which: NDArray[np.int64] | NDArray[np.bool_]) -> Sum
 
     Parameters
     ----------
-    sums : Sums
     which : (k,) int64 or (n,) bool array
     """
     parts = {field.name: getattr(sums, field.name) for field in fields(sums)}
@@ -207,7 +204,6 @@ def merge_sums(sums: Sums, group: NDArray[np.int64], count: int) -> Sums:
         Of n components.
     group : (n,) int64 array
         The group of each.
-    count : int
     """
     merged: dict[str, Any] = {}
     for field in fields(sums):

@@ -33,7 +33,6 @@ class TileOutlines:
     ----------
     sums : Sums
         Of components 1..n.
-    chains : Chains
     top, bottom, left, right : uint32 arrays
         The component of each pixel along a border, 0 for none.
     """
@@ -58,7 +57,6 @@ def outline_tile(
         together.
     labels : (M, N) uint32 array
         Connected components 1..count of the tile without its halo.
-    count : int
     tile : GreyTile
         Grey levels 0..65535 of the tile with its halo.
     window : Window
@@ -232,7 +230,6 @@ class TileStitcher:
 
         Returns
         -------
-        borders : JoinedBorders
         reaching, within : Components
             Those that reach a border with another part, in the order of `borders`, and complete regions.
         """

@@ -77,7 +77,6 @@ def trace_strips(labels: LabelRows, map: Map = serial) -> list["_Strip"]:
     Parameters
     ----------
     labels : (M, N) uint32 array or LabelRows
-    map : Map
     """
     return list(map(partial(_trace_strip, labels), range(0, labels.shape[0], STRIP)))
 
@@ -249,7 +248,6 @@ def split_simple_rings(
 
     Returns
     -------
-    vertices, starts, owners
     hole : (r,) uint8 array
         1 where a ring is a hole.
     """

@@ -30,7 +30,6 @@ class ColorBand:
 
     Parameters
     ----------
-    source : GreySource
     bounds : GreyBounds
         Of the mean of a window that is like the sample.
     counts : (64,) int64 array
@@ -48,7 +47,6 @@ def fit_colors(sources: Sequence[GreySource], place: SampleMask, deviations: flo
     Parameters
     ----------
     sources : sequence of GreySource
-    place : SampleMask
     deviations : float
         By how many standard deviations of the sample the mean of a window may differ.
     """

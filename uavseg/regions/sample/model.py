@@ -39,7 +39,6 @@ class Sample:
 
     Parameters
     ----------
-    model : TextureModel
     own : int
         The score that nineteen of twenty of its windows do not exceed, each compared with the rest of the
         sample; at least the expected score under the null hypothesis.
@@ -94,13 +93,10 @@ def fit_sample(
 
     Parameters
     ----------
-    source : GreySource
     bin_edges : (7,) int32 array
         Of the histogram of contrast, over the whole raster.
-    place : SampleMask
     side : int
         Side of a window in cells.
-    map : Map
 
     Raises
     ------
@@ -154,7 +150,6 @@ def symbol_pair(tile: GreyTile, bin_edges: NDArray[np.int32]) -> SymbolPair:
 
     Parameters
     ----------
-    tile : GreyTile
     bin_edges : (7,) int32 array
     """
     inner = np.s_[COARSE_HALO - 1 : 1 - COARSE_HALO, COARSE_HALO - 1 : 1 - COARSE_HALO]

@@ -40,7 +40,6 @@ def next_place(
 
     Parameters
     ----------
-    source : SimilaritySource
     blocks : BlockMap
         Of the similarity.
     samples : sequence of SampleMask

@@ -45,14 +45,10 @@ def outline_matches(
 
     Parameters
     ----------
-    source : GreySource
     cells : (8 B, 8 C) uint8 array
         0 outside, 1 inside, 2 undecided.
-    criterion : Criterion
-    weights : PixelWeights
     rest_colors : (bands, 64) int64 array
         See `CellScores`.
-    tile_pass : TilePass
     within : Rings, optional
         Outlines of other regions, to which matches are clipped.
     detail : Detail, optional

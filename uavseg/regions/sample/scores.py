@@ -75,7 +75,6 @@ class Criterion:
 
         Parameters
         ----------
-        sample : Sample
         bin_edges, side, colors
             As of the class.
         similarity : float
@@ -116,14 +115,7 @@ class CellScores:
 
 
 def score_cells(source: GreySource, criterion: Criterion, tile_pass: TilePass) -> CellScores:
-    """Compute the best score of every cell.
-
-    Parameters
-    ----------
-    source : GreySource
-    criterion : Criterion
-    tile_pass : TilePass
-    """
+    """Compute the best score of every cell."""
     best = np.full(BlockMap.empty(source.shape).counts.shape, NO_SCORE, np.uint16)
     rest, whole = TextureModel(), np.zeros((2, SYMBOLS), np.int64)
     rest_colors = np.zeros((len(criterion.colors), GREY_BINS), np.int64)
@@ -174,7 +166,6 @@ def reject_unlike(
     ----------
     source, criterion, tile_pass
         As of `score_cells`.
-    scores : CellScores
     weights : (2, 2048) int64 array
         Of symbols at both scales, see `SampleWeights`.
     minimum : int
@@ -229,10 +220,8 @@ def mean_scores(
 
     Parameters
     ----------
-    outlined : RegionOutlines
     best : (8 B, 8 C) uint16 array
         Scores of cells.
-    tile_pass : TilePass
     """
     sums, counts = np.zeros((2, len(outlined.sums.counts) + 1), np.int64)
     tables = edge_tables(outlined.rings, tile_pass.windows)
@@ -273,7 +262,6 @@ def inner_cells(rings: Rings, shape: tuple[int, int], tile_pass: TilePass) -> ND
         Outlines of the regions.
     shape : (int, int)
         Rows and columns of the raster.
-    tile_pass : TilePass
     """
     inner = np.zeros(BlockMap.empty(shape).counts.shape, bool)
     tiles = tile_pass.run(_whole_cells, edge_tables(rings, tile_pass.windows))

@@ -22,13 +22,7 @@ _STEP = 4  # pixels between those that are sampled
 
 @dataclass(frozen=True)
 class SimilaritySource(GreySource):
-    """Similarity to a sample in place of grey, 65535 for certain; valid where all bands are.
-
-    Parameters
-    ----------
-    bands : BlurredBands
-    table : SimilarityTable
-    """
+    """Similarity to a sample in place of grey, 65535 for certain; valid where all bands are."""
 
     bands: "BlurredBands"
     table: SimilarityTable
@@ -72,7 +66,6 @@ class BlurredBands:
 
         Parameters
         ----------
-        window : Window
         margin : int
             In pixels.
         """
@@ -155,7 +148,6 @@ def spread_colors(bands: Sequence[GreySource], tile_pass: TilePass) -> NDArray[n
     ----------
     bands : sequence of GreySource
         Of one raster.
-    tile_pass : TilePass
     """
     windows = _spread_windows(bands[0].shape)
     return np.concatenate(list(tile_pass.silent.run(partial(_colors, bands), windows)))

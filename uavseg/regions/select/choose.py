@@ -22,7 +22,6 @@ def select_regions(
 
     Parameters
     ----------
-    regions : Regions
     ids : sequence of int, optional
         At least one; all of them must exist.
     largest : int, optional

@@ -29,7 +29,6 @@ def where(columns: Mapping[str, NDArray[Any]], condition: str) -> NDArray[np.boo
         Numbers, booleans or texts. A comparison with a missing number (NaN) is neither true nor false, with
         `!=` and under `not` as well; `mean > 0.6 or id == 4` is true where its other side is. A missing
         text is the empty text.
-    condition : str
 
     Raises
     ------

@@ -38,7 +38,6 @@ def find_nodes(rings: Rings, shape: tuple[int, int]) -> Nodes:
 
     Parameters
     ----------
-    rings : Rings
     shape : (int, int)
         Rows and columns of the raster.
 

@@ -141,7 +141,6 @@ def smooth_outlines(rings: Rings, metres: float, geobox: GeoBox) -> tuple[Rings,
     metres : float
         Largest distance of outlines from the pixel edges. More than half a pixel counts as half a pixel; with
         less, stairs are flattened, not removed. Units of the transform where there is no CRS.
-    geobox : GeoBox
 
     Returns
     -------
@@ -261,7 +260,6 @@ def smooth_rings(
     ----------
     rings : Rings
         Along pixel edges.
-    nodes : Nodes
     shape : (int, int)
         Rows and columns of the raster.
     unsmoothed : (k,) int64 array

@@ -71,10 +71,7 @@ def outline_refined_classes(
 
     Parameters
     ----------
-    source : GreySource
-    partition : Partition
     refine : {"tv", "pixels"}
-    tile_pass : TilePass
     expected : BlockMap, optional
         The sums and counts that cells must have, if the block map was made earlier; see `check_sums`.
     detail : Detail, optional
@@ -104,7 +101,6 @@ def outline_likely_classes(
     cells : sequence of (m, n) uint8 array
         Of each class, from `pipeline.cells_to_refine`.
     refine : {"tv", "none"}
-    tile_pass : TilePass
     detail : Detail, optional
         Narrower structures are assigned to adjacent classes, or to none; not with "none".
 

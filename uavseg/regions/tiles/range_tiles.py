@@ -57,13 +57,10 @@ def outline_regions(
 
     Parameters
     ----------
-    source : GreySource
     cells : (m, n) uint8 array
         Bit flags of cells, from `pipeline.cells_to_refine`.
-    interval : IntensityRange
     refine : {"none", "scan", "smooth", "tv", "pixels"}
         With "none", leaves that share an edge are one region also where invalid pixels separate their pixels.
-    tile_pass : TilePass
     expected : BlockMap, optional
         The sums and counts that cells must have, if the block map was made earlier; see `check_sums`.
     detail : Detail or ThinLines, optional
@@ -151,7 +148,6 @@ def with_detail(pixels: NDArray[np.uint8], tile: GreyTile, detail: Detail) -> Re
         Class of each pixel, exact on the tile grown by `detail.halo` and one pixel more.
     tile : GreyTile
         Of the same pixels.
-    detail : Detail
     """
     halo = detail.halo
     inner = np.s_[halo : pixels.shape[0] - halo, halo : pixels.shape[1] - halo]
@@ -179,8 +175,6 @@ def check_sums(source: GreySource, job: TileJob, tile: GreyTile) -> None:
 
     Parameters
     ----------
-    source : GreySource
-    job : TileJob
     tile : GreyTile
         With a halo of REFINE_HALO pixels.
     """
@@ -201,12 +195,6 @@ def sum_regions(source: GreySource, outlined: RegionOutlines, tile_pass: TilePas
     """Sum each region over all valid pixels that its outlines enclose, read again from the raster.
 
     The contrast across borders, and the similarity to classes, stay as they were.
-
-    Parameters
-    ----------
-    source : GreySource
-    outlined : RegionOutlines
-    tile_pass : TilePass
     """
     sums = outlined.sums
     greys, squares = np.zeros_like(sums.greys), np.zeros_like(sums.squares)
@@ -266,10 +254,8 @@ def estimate_regions(
 
     Parameters
     ----------
-    source : GreySource
     cells : (m, n) uint8 array
         1 where the leaf of a cell is in range, from `leaves.cells_in_range`.
-    interval : IntensityRange
     refine : {"none", "scan", "smooth", "tv", "pixels"}
     tile_pass : TilePass
         Its executor and its progress are used.
@@ -290,8 +276,6 @@ def count_greys(source: GreySource, tile_pass: TilePass, exact: bool = True) -> 
 
     Parameters
     ----------
-    source : GreySource
-    tile_pass : TilePass
     exact : bool
         All pixels; otherwise those of `sample_parts`.
     """
@@ -306,23 +290,14 @@ def count_pixels(source: GreySource, table: NDArray[np.uint8], tile_pass: TilePa
 
     Parameters
     ----------
-    source : GreySource
     table : (65536,) uint8 array
         The class of each grey, see `Partition.grey_table`.
-    tile_pass : TilePass
     """
     return np.bincount(table, count_greys(source, tile_pass), 256).astype(np.int64)
 
 
 def has_thin_lines(source: GreySource, interval: IntensityRange, tile_pass: TilePass) -> bool:
-    """Check whether there are thin lines in the `sample_parts` of a raster.
-
-    Parameters
-    ----------
-    source : GreySource
-    interval : IntensityRange
-    tile_pass : TilePass
-    """
+    """Check whether there are thin lines in the `sample_parts` of a raster."""
     parts = tile_pass.run(partial(_has_lines, source, interval), sample_parts(source.shape))
     return any(list(parts))
 

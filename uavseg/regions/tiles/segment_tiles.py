@@ -30,10 +30,8 @@ def outline_segments(source: GreySource, cells: NDArray[Any], tile_pass: TilePas
 
     Parameters
     ----------
-    source : GreySource
     cells : (m, n) uint8 or uint32 array
         The class of each cell, such as its level; 0 for no segment.
-    tile_pass : TilePass
     """
     tiles = tile_pass.run(partial(_outline_cells, source), cell_jobs(cells, tile_pass.windows, CELL))
     return TileStitcher(source.shape, tile_pass.windows, tiles).finish(cells)
@@ -50,9 +48,6 @@ def outline_state(
 
     Parameters
     ----------
-    source : GreySource
-    image : StateImage
-    state : int
     tile_pass : TilePass
         It is quickest if tiles of the same rows follow each other.
     leaves : (m, n) uint8 array, optional
@@ -125,7 +120,6 @@ def outline_block_map(blocks: BlockMap, classes: NDArray[Any]) -> RegionOutlines
 
     Parameters
     ----------
-    blocks : BlockMap
     classes : (8 B, 8 C) uint8 or uint32 array
         1 for cells in range, or the level of each cell; 0 for no segment.
 
@@ -148,10 +142,8 @@ def count_segments(blocks: BlockMap, classes: NDArray[Any], count: int) -> NDArr
 
     Parameters
     ----------
-    blocks : BlockMap
     classes : (8 B, 8 C) uint8 or uint32 array
         Class 1..count of each cell; 0 for no segment.
-    count : int
     """
     rows, cols = _cell_shape(blocks)
     cells = np.ascontiguousarray(classes[:rows, :cols])
@@ -166,7 +158,6 @@ def sum_enclosed_cells(blocks: BlockMap, outlined: RegionOutlines) -> RegionOutl
 
     Parameters
     ----------
-    blocks : BlockMap
     outlined : RegionOutlines
         From `outline_block_map`.
     """

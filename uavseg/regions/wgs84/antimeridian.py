@@ -44,10 +44,6 @@ def cut_at_antimeridian(rings: Sequence[Floats], jumping: bool, degree: float = 
     degree : float
         A degree in the unit of the rings, and of the result.
 
-    Returns
-    -------
-    shapely Polygon or MultiPolygon
-
     Examples
     --------
     >>> ring = np.array([[170, 0], [190, 0], [190, 10], [170, 10], [170, 0]])

@@ -74,8 +74,6 @@ def write_block_map(
 
     Parameters
     ----------
-    path : path
-    saved : SavedBlocks
     division : DivisionParams
         Of the leaves in the first page.
     overwrite : bool

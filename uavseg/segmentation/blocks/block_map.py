@@ -88,8 +88,6 @@ def find_leaves(
 
     Parameters
     ----------
-    blocks : BlockMap
-    division : DivisionParams
     rows : slice
         Rows of blocks to divide, so that a large map can be processed in strips.
 
@@ -112,11 +110,6 @@ def leaf_means_by_strip(
     blocks: BlockMap, division: DivisionParams
 ) -> Iterator[tuple[slice, NDArray[np.float64]]]:
     """Yield the means of `find_leaves` strip by strip.
-
-    Parameters
-    ----------
-    blocks : BlockMap
-    division : DivisionParams
 
     Yields
     ------

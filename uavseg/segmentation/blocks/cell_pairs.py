@@ -180,11 +180,6 @@ def count_cell_pairs(blocks: BlockMap) -> CellPairs | None:
 def cells_with_mean_in_range(blocks: BlockMap, interval: IntensityRange) -> NDArray[np.uint8]:
     """Return the cells whose mean lies in a range, whatever the mean of their leaf.
 
-    Parameters
-    ----------
-    blocks : BlockMap
-    interval : IntensityRange
-
     Returns
     -------
     inside : (8 B, 8 C) uint8 array, 1 in range

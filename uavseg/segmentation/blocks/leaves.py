@@ -23,12 +23,6 @@ NO_CODE = 65535
 def cell_states(blocks: BlockMap, limits: StateLimits, division: DivisionParams) -> NDArray[np.uint8]:
     """Return the state of each cell: that of the mean of its leaf.
 
-    Parameters
-    ----------
-    blocks : BlockMap
-    limits : StateLimits
-    division : DivisionParams
-
     Returns
     -------
     states : (8 B, 8 C) uint8 array
@@ -44,10 +38,8 @@ def cell_intervals(
 
     Parameters
     ----------
-    blocks : BlockMap
     edges : sequence of float
         Edges between the intervals, increasing; a mean on an edge lies in the interval below it.
-    division : DivisionParams
     dtype
         An unsigned integer type that holds the number of intervals.
 
@@ -66,12 +58,6 @@ def cell_intervals(
 def cells_in_range(blocks: BlockMap, interval: IntensityRange, division: DivisionParams) -> NDArray[np.uint8]:
     """Return the cells of the leaves whose mean lies in a range.
 
-    Parameters
-    ----------
-    blocks : BlockMap
-    interval : IntensityRange
-    division : DivisionParams
-
     Returns
     -------
     inside : (8 B, 8 C) uint8 array, 1 in range
@@ -84,12 +70,6 @@ def cells_in_range(blocks: BlockMap, interval: IntensityRange, division: Divisio
 
 def cell_classes(blocks: BlockMap, partition: Partition, division: DivisionParams) -> NDArray[Any]:
     """Return the class of each cell: that of the interval in which the mean of its leaf lies.
-
-    Parameters
-    ----------
-    blocks : BlockMap
-    partition : Partition
-    division : DivisionParams
 
     Returns
     -------
@@ -191,11 +171,6 @@ def _pixels_in_range(grey, valid, low, high, in_range):  # type: ignore[no-untyp
 def histogram_of_means(blocks: BlockMap, division: DivisionParams) -> NDArray[np.int64]:
     """Count the valid pixels by the mean grey of their leaf.
 
-    Parameters
-    ----------
-    blocks : BlockMap
-    division : DivisionParams
-
     Returns
     -------
     histogram : (65536,) int64 array
@@ -214,10 +189,8 @@ def means_among(blocks: BlockMap, values: Sequence[float], division: DivisionPar
 
     Parameters
     ----------
-    blocks : BlockMap
     values : sequence of float
         Values of v.
-    division : DivisionParams
     """
     means: set[float] = set()
     for _, mean in leaf_means_by_strip(blocks, division):
@@ -230,11 +203,6 @@ def leaf_codes(blocks: BlockMap, division: DivisionParams) -> NDArray[np.uint16]
 
     The mean lies in low / 1000 .. high / 1000, both ends included, exactly where the code lies in
     2 low .. 2 high.
-
-    Parameters
-    ----------
-    blocks : BlockMap
-    division : DivisionParams
 
     Returns
     -------

@@ -218,7 +218,6 @@ def axis_of_header(header: dict[str, Any], stretch: Stretch) -> ValueAxis | None
     ----------
     header : dict
         From `checked_header`.
-    stretch : Stretch
     """
     values = header.get("values")
     if values is None:

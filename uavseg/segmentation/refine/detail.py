@@ -123,7 +123,6 @@ def apply_detail(classes: Image, valid: Image, detail: Detail) -> Image:
         0 for none, which counts as a class while discs grow.
     valid : (M, N) uint8 array
         Pixels that are not valid stay 0 and fit every class.
-    detail : Detail
 
     Returns
     -------
@@ -227,7 +226,6 @@ def opening_mask(classes: Image, valid: Image, disc: PixelDisc) -> Image:
     ----------
     classes : (M, N) uint8 array
     valid : (M, N) uint8 array
-    disc : PixelDisc
 
     Returns
     -------

@@ -21,7 +21,6 @@ class Interval:
 
     Parameters
     ----------
-    low, high : float
     agreement : float
         Expected pixels that are of the class and in the interval, as a share of those that are either.
     share : float

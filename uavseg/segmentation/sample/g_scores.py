@@ -127,7 +127,6 @@ def window_scores(
     ----------
     symbols, grey : (M, N) uint16 arrays
         From `lbp_symbols`, and the grey of the same pixels; M and N are multiples of 8.
-    model : TextureModel
     side : int
         Side of a window, in cells.
     bounds : GreyBounds
@@ -163,7 +162,6 @@ def best_scores(scores: NDArray[T], side: int) -> NDArray[T]:
     ----------
     scores : (m + side - 1, n + side - 1) array of integers
         Scores of windows, the first of which begins ``side - 1`` cells before the first cell.
-    side : int
 
     Returns
     -------

@@ -48,7 +48,6 @@ class PixelWeights:
 
         Parameters
         ----------
-        one, other : TextureModel
         by_grey : bool
             Whether grey is used in addition to texture.
         """
@@ -92,7 +91,6 @@ def classify_pixels(
         From `lbp_symbols`: without a border of one pixel, which has no weight.
     coarse : (M - 6, N - 6) uint16 array
         From `coarse_symbols`: without a border of three pixels.
-    weights : PixelWeights
 
     Returns
     -------

@@ -67,7 +67,6 @@ class ClassifiedStates:
 
     Parameters
     ----------
-    image : StateImage
     codes : (16,) int64 array
         Number of pixels by code, see `state_scans`.
     thin : ThinObstacles
@@ -119,10 +118,8 @@ def classify_states(
 
     Parameters
     ----------
-    source : GreySource
     cells : (8 B, 8 C) uint8 array
         The states of the leaves, from `leaves.cell_states`.
-    limits : StateLimits
     refine : {"scan", "none"}
         With "none", states end at block edges.
     tile_pass : TilePass
@@ -171,8 +168,6 @@ def states_by_value(source: GreySource, limits: StateLimits, tile_pass: TilePass
 
     Parameters
     ----------
-    source : GreySource
-    limits : StateLimits
     tile_pass : TilePass
         As for `classify_states`.
     """

@@ -71,7 +71,6 @@ def evidence_rule(limits: StateLimits, cells: int, noise: float, trinary: bool) 
 
     Parameters
     ----------
-    limits : StateLimits
     cells : int
         Number of valid cells.
     noise : float

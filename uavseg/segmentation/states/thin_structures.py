@@ -65,10 +65,8 @@ def find_thin_obstacles(
 
     Parameters
     ----------
-    source : GreySource
     image : StateImage
         Changed in place if `restore` is set.
-    rule : EvidenceRule
     tile_pass : TilePass
         Over the tiles of `state_strips`; the result does not depend on them.
     restore : bool
