@@ -1,7 +1,7 @@
 """Regions in partitioned GeoParquet: the same as in one file, whatever partitions, tiles and workers are."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
@@ -22,7 +22,8 @@ import geopandas
 from pyarrow import dataset as arrow_dataset
 
 from uavseg.errors import OutputError, OutputExistsError, ParameterError
-from uavseg.execution.executors import threads
+from uavseg.execution.checkpoint import stage_name
+from uavseg.execution.executors import Progress, threads
 from uavseg.jobs.extract import ExtractRequest, extract
 from uavseg.jobs.partitions import extract_partitions
 from uavseg.jobs.result.result import Drawing
@@ -40,6 +41,9 @@ BRIGHT = ExtractRequest(IntensityRange(0.5, 0.8))
 REQUESTS = {
     "tv": BRIGHT,
     "pixels": replace(BRIGHT, segment=SegmentParams(refine="pixels")),
+    "paper": replace(BRIGHT, segment=SegmentParams(method="paper")),
+    "scan": replace(BRIGHT, segment=SegmentParams(refine="scan")),
+    "smooth": replace(BRIGHT, segment=SegmentParams(refine="smooth", threshold=2)),
     "detail": replace(BRIGHT, detail=Length(5, in_pixels=True)),
     "thin lines": replace(BRIGHT, thin_lines=True),
     "area": replace(BRIGHT, min_area=Area(30, in_pixels=True)),
@@ -120,6 +124,48 @@ def test_ids_are_first_pixels_counted_row_by_row(written: Written, seed: int) ->
     assert not inside[row - 1, col][row > 0].any(), "a first pixel has no pixel of its region above it"
 
 
+@pytest.mark.parametrize("name", ["tv", "paper"])
+def test_a_stopped_run_goes_on(written: Written, tmp_path: Path, name: str) -> None:
+    raster, request = written(scene(4)), REQUESTS[name]
+    extract_partitions(raster, request, tmp_path / "whole.parquet", side=64)
+    outlined: list[Any] = []
+
+    def stopping(function: Any, items: Sequence[Any], progress: Progress | None = None) -> Iterator[Any]:
+        for item in items:
+            if stage_name(function) == "outline_partition":
+                outlined.append(item)
+            if len(outlined) == 4:
+                raise KeyboardInterrupt
+            yield function(item)
+
+    kept = tmp_path / "kept"
+    with pytest.raises(KeyboardInterrupt):
+        extract_partitions(
+            raster, request, tmp_path / "a.parquet", Work(64, stopping, checkpoint=kept), side=64
+        )
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["kept", "whole.parquet"]
+    again: list[tuple[str, int, int]] = []
+    work = Work(64, checkpoint=kept, resumed=lambda *stage: again.append(stage))
+    extract_partitions(
+        raster, replace(request, interval=IntensityRange(0.2, 0.4)), tmp_path / "b.parquet", work
+    )
+    again.clear()
+    extract_partitions(raster, request, tmp_path / "a.parquet", work, side=64)
+    [(_, done, total)] = [stage for stage in again if stage[0] == "outline_partition"]
+    assert (done, total > 4) == (3, True)
+    assert contents(tmp_path / "a.parquet") == contents(tmp_path / "whole.parquet")
+
+
+def test_damaged_components_are_named(written: Written, tmp_path: Path) -> None:
+    raster, work = written(scene(4)), Work(checkpoint=tmp_path / "kept")
+    extract_partitions(raster, BRIGHT, tmp_path / "a.parquet", work, side=64)
+    damaged = max((tmp_path / "kept").rglob("*.within.npz"), key=lambda path: path.stat().st_size)
+    damaged.write_bytes(damaged.read_bytes()[:-20])
+    with pytest.raises(OutputError, match=f"{damaged.name} is damaged: .*; delete its folder"):
+        extract_partitions(raster, BRIGHT, tmp_path / "b.parquet", work, side=64)
+    assert not (tmp_path / "b.parquet").exists()
+
+
 def contents(folder: Path) -> dict[str, bytes]:
     return {file.name: file.read_bytes() for file in folder.iterdir()}
 
@@ -157,7 +203,7 @@ def test_no_region_is_an_empty_file_and_a_reason(written: Written, tmp_path: Pat
         ({"fill_holes": Area(5)}, "filled holes"),
         ({"drawing": Drawing(smooth_m=1)}, "smooth outlines"),
         ({"drawing": Drawing(simplify_m=1)}, "simplified outlines"),
-        ({"segment": SegmentParams(refine="scan")}, "the refinement scan"),
+        ({"segment": SegmentParams(refine="none")}, "the refinement none"),
     ],
 )
 def test_what_needs_all_regions_is_refused(

@@ -156,7 +156,7 @@ def extract_to(
         As of `extract`.
     **words
         The other arguments of `extract`, such as ``range=(0.55, 1)``; not those that need all regions at
-        once: holes, classes, outlines that are smoothed or simplified, and ``resume``.
+        once: holes, classes, the refinement "none", and outlines that are smoothed or simplified.
 
     Returns
     -------
@@ -182,7 +182,7 @@ def extract_to(
         raise ParameterError("threads are this machine's, a scheduler has its own; give one of the two")
     with ExitStack() as stack, allowing(allow_path, allow_network):
         how = work(run, progress)
-        request = check_local(requested.job.request, how)
+        request = check_local(requested.job.request)
         if scheduler is not None:
             cluster = dask(scheduler)
             stack.callback(cluster.close)

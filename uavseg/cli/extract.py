@@ -100,7 +100,7 @@ def _write_partitions(options: ExtractOptions, job: RegionJob, reporter: Reporte
     geojson_form(outputs, target)
     keep_inputs([target], options.source.rasters)
     work, overwrite = work_of(options.run, reporter), options.files.overwrite
-    request = check_local(job.request, work)
+    request = check_local(job.request)
     source = open_source(options.source.rasters, job.read)
     found, written = extract_partitions(source, request, target, work, overwrite)
     reporter.finish(found.warnings)

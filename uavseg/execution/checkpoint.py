@@ -145,8 +145,8 @@ def _dataclass(module: str, name: str) -> Any:
     return cls
 
 
-UNSAVED = ("corners", "is_filled_white")
-"""Stages that read a few pixels, which takes less time than their results' files would."""
+UNSAVED = ("corners", "is_filled_white", "write_partition")
+"""Stages that read a few pixels, which takes less time than their results' files would, or write files."""
 
 _PLAIN = (bool, int, float, str, bytes, Fraction, np.dtype, np.generic)
 _Feed = Callable[[bytes], object]
@@ -189,8 +189,7 @@ def with_checkpoint(map: Map, folder: str | os.PathLike[str], on_resume: OnResum
         if name in UNSAVED:
             yield from map(function, items, progress)
             return
-        stage = root / f"{name}-{fingerprint(__version__, _code_hash(), function)}"
-        _make_folder(stage)
+        stage = stage_folder(root, function)
         keys = [fingerprint(item) for item in items]
         recover(stage)
         existing = {path.name for path in stage.iterdir()}
@@ -211,6 +210,13 @@ def with_checkpoint(map: Map, folder: str | os.PathLike[str], on_resume: OnResum
                     progress(k + 1, len(keys))
 
     return run
+
+
+def stage_folder(root: Path, function: Any) -> Path:
+    """Return the subfolder of a stage, which is made if it is not there."""
+    folder = root / f"{stage_name(function)}-{fingerprint(__version__, _code_hash(), function)}"
+    _make_folder(folder)
+    return folder
 
 
 def stage_name(function: Any) -> str:

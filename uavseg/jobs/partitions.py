@@ -4,7 +4,8 @@ Workers outline, join, measure and write the regions; the driver holds what reac
 """
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -90,7 +91,7 @@ def extract_partitions(
     UavsegError
         As `extract`, and if the folder cannot be written.
     """
-    check_local(request, work)
+    check_local(request)
     if isinstance(source, Blocks):
         raise ParameterError(f"a folder of regions is made from rasters; {source.name} is a block map")
     work = work.begun()
@@ -105,10 +106,10 @@ def extract_partitions(
     with atomic_file(path, overwrite) as made:
         folder = made.absolute()
         folder.mkdir()
-        with TemporaryDirectory(prefix="joins-", dir=folder) as scratch:
+        join = partial(join_partitions, grey, detected.interval, request.segment, detail=detail, side=side)
+        with _components_in(folder, work, partial(join, joining.windows[0])) as scratch:
             with phase("refinement and outlines"):
-                what = grey, detected.interval, request.segment.refine
-                jobs = join_partitions(*what, joining, Path(scratch), detail, side)
+                jobs = join(joining, Path(scratch))
             with phase("attributes and files"):
                 how = request, found.regions.metadata, scratch, str(folder)
                 write = partial(_write_partition, grey, detected, *how)
@@ -126,16 +127,27 @@ def extract_partitions(
     return work.finished(found, *([found.nothing] if found.nothing else [])), written
 
 
-def check_local(request: object, work: Work = SERIAL) -> ExtractRequest:
-    """Refuse what needs all regions, or the block map, at once, and other jobs; return the request."""
+@contextmanager
+def _components_in(folder: Path, work: Work, stage: Callable[..., Any]) -> Iterator[str]:
+    """Enter a folder for components: one that is deleted, or that of a stage in the checkpoint."""
+    if work.checkpoint is None:
+        with TemporaryDirectory(prefix="joins-", dir=folder) as scratch:
+            yield scratch
+    else:
+        from uavseg.execution.checkpoint import stage_folder
+
+        yield str(stage_folder(Path(work.checkpoint).absolute(), stage))
+
+
+def check_local(request: object) -> ExtractRequest:
+    """Refuse what needs all regions at once, and other jobs; return the request."""
     if not isinstance(request, ExtractRequest):
         raise ParameterError("a folder of regions is of one range, not of classes; write classes to a file")
     refused = {
         "filled holes": request.fill_holes is not None,
         "smooth outlines": bool(request.drawing.smooth_m),
         "simplified outlines": bool(request.drawing.simplify_m),
-        f"the refinement {request.segment.refine}": not request.segment.decides_pixels,
-        "a folder to resume from": work.checkpoint is not None,
+        "the refinement none": request.segment.refine == "none",
     }
     if given := [what for what, is_given in refused.items() if is_given]:
         raise ParameterError(

@@ -48,6 +48,22 @@ class MeasuredCells:
     bin_edges: NDArray[np.int32] = field(repr=False)
 
 
+@dataclass(frozen=True)
+class Part:
+    """A part of a raster that has a block map of its own, for rasters whose block map is too large.
+
+    Parameters
+    ----------
+    window : Window
+        Begins at a block.
+    bin_edges : (7,) int32 array
+        Of the contrast of the whole raster.
+    """
+
+    window: Window
+    bin_edges: NDArray[np.int32] = field(repr=False)
+
+
 def measure_block_map(source: GreySource, tile_pass: TilePass) -> BlockMap:
     """Measure the whole block map of a raster: sums and counts of all cells, R of all blocks.
 
@@ -66,34 +82,43 @@ def measure_block_map(source: GreySource, tile_pass: TilePass) -> BlockMap:
 
 
 def measure_block_map_for(
-    source: GreySource, intervals: Intervals, params: SegmentParams, tile_pass: TilePass
+    source: GreySource,
+    intervals: Intervals,
+    params: SegmentParams,
+    tile_pass: TilePass,
+    part: Part | None = None,
 ) -> BlockMap:
-    """Measure a block map that answers one range, states or levels exactly.
+    """Measure a block map that answers one range, states or levels exactly, of a raster or of a part of it.
 
     R is computed only where the means of a block's cells do not decide in which interval its leaves lie.
+    `tile_pass` has the tiles of the part.
     """
-    return measure_block_maps_for([source], intervals, params, tile_pass)[0]
+    return measure_block_maps_for([source], intervals, params, tile_pass, part)[0]
 
 
 def measure_block_maps_for(
-    sources: Sequence[GreySource], intervals: Intervals, params: SegmentParams, tile_pass: TilePass
+    sources: Sequence[GreySource],
+    intervals: Intervals,
+    params: SegmentParams,
+    tile_pass: TilePass,
+    part: Part | None = None,
 ) -> list[BlockMap]:
     """Measure the block maps of several sources of one shape in one pass; see `measure_block_map_for`.
 
     Parameters
     ----------
     sources : sequence of GreySource
-    intervals, params, tile_pass
+    intervals, params, tile_pass, part
         As of `measure_block_map_for`.
     """
     measuring, *dividing = tile_pass.stages(1 + len(sources))
     queries = [
         LeafQuery(intervals.edges, params.division, BlockCache(CAPACITY // len(sources))) for _ in sources
     ]
-    several = _measure_several(sources, measuring, queries)
+    several = _measure_several(sources, measuring, queries, part)
     for source, measured, query, tiles in zip(sources, several, queries, dividing, strict=True):
         required = query.required_ratios(measured.blocks.sums, measured.blocks.counts)
-        fill_ratios(source, measured, required, tiles, query)
+        fill_ratios(source, measured, required, tiles, query, part)
     return [measured.blocks for measured in several]
 
 
@@ -138,22 +163,40 @@ def measure_cells(source: GreySource, tile_pass: TilePass, query: LeafQuery | No
 
 
 def _measure_several(
-    sources: Sequence[GreySource], tile_pass: TilePass, queries: Sequence[LeafQuery | None]
+    sources: Sequence[GreySource],
+    tile_pass: TilePass,
+    queries: Sequence[LeafQuery | None],
+    part: Part | None = None,
 ) -> list[MeasuredCells]:
-    maps = [BlockMap.empty(source.shape) for source in sources]
+    whole = _window_of(sources[0], part)
+    maps = [BlockMap.empty((whole.rows, whole.cols)) for _ in sources]
     histograms = [np.zeros(GREY_LEVELS, np.int64) for _ in sources]
     caches = [_CacheBlocks(query) for query in queries]
     measure_tile = partial(_measure_tile, list(zip(sources, caches, strict=True)))
     for window, results in zip(tile_pass.windows, tile_pass.run(measure_tile), strict=True):
-        cells = window_cells(window)
+        cells = window_cells(window.relative_to(whole))
         for blocks, histogram, result in zip(maps, histograms, results, strict=True):
             if result is None:
                 continue
             sums, counts, contrasts = result
             blocks.sums[cells], blocks.counts[cells] = sums, counts
             histogram += contrasts
-    edges = [contrast_bin_edges(histogram) for histogram in histograms]
+    edges = [part.bin_edges if part else contrast_bin_edges(histogram) for histogram in histograms]
     return list(map(MeasuredCells, maps, edges))
+
+
+def _window_of(source: GreySource, part: Part | None) -> Window:
+    return part.window if part else Window(0, 0, *source.shape)
+
+
+def sum_contrasts(source: GreySource, windows: Sequence[Window]) -> NDArray[np.int64]:
+    """Count the pixels of some windows by contrast, (65536,) int64; see `lbp.contrast_bin_edges`."""
+    histogram = np.zeros(GREY_LEVELS, np.int64)
+    for window in windows:
+        if not source.dataset.is_empty(window):
+            tile = source.read(window, 1)
+            histogram += contrast_histogram(tile.grey, tile.mask)
+    return histogram
 
 
 def with_majority_means(
@@ -184,6 +227,7 @@ def fill_ratios(
     required: NDArray[np.uint32],
     tile_pass: TilePass,
     query: LeafQuery | None = None,
+    part: Part | None = None,
 ) -> None:
     """Fill in the required ratios of the block map (second pass).
 
@@ -196,11 +240,12 @@ def fill_ratios(
     query : LeafQuery, optional
         Skips the blocks within a required block that is not divided, and reads from its cache.
     """
-    jobs = [(window, here) for window in tile_pass.windows if (here := required[window_blocks(window)]).any()]
+    whole = _window_of(source, part)
+    jobs = [(window, required[window_blocks(window.relative_to(whole))]) for window in tile_pass.windows]
+    jobs = [job for job in jobs if job[1].any()]
     divide_tile = partial(_divide_tile, source, measured.bin_edges, query)
     for (window, bits), ratios in zip(jobs, tile_pass.run(divide_tile, jobs), strict=True):
-        rows, cols = np.nonzero(bits)
-        measured.blocks.ratios[rows + window.row // BLOCK, cols + window.col // BLOCK] = ratios
+        measured.blocks.ratios[window_blocks(window.relative_to(whole))][bits > 0] = ratios
 
 
 def cells_to_refine(blocks: BlockMap, interval: IntensityRange, params: SegmentParams) -> NDArray[np.uint8]:

@@ -22,13 +22,14 @@ from uavseg.raster.read.dataset import Dataset
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.tiles.partitions import PartitionJob, join_partitions
 from uavseg.regions.tiles.range_tiles import outline_regions
-from uavseg.segmentation.params.segment import IntensityRange
+from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
 from uavseg.segmentation.pipeline import every_cell
 from uavseg.segmentation.source import GreySource
 
 Image = NDArray[np.uint8]
 Sourced = Callable[[Image], GreySource]
 BRIGHT = IntensityRange(0.5, 0.8)
+PIXELS = SegmentParams(refine="pixels")
 SIDES = [64, 128, 192, 512]
 
 
@@ -64,7 +65,7 @@ def outlines_of(
     source: GreySource, side: int, tile: int, folder: str, run: Map = serial
 ) -> list[tuple[PartitionJob, RegionOutlines]]:
     tile_pass = TilePass(tiles(source.shape, tile), run)
-    jobs = join_partitions(source, BRIGHT, "pixels", tile_pass, Path(folder), side=side)
+    jobs = join_partitions(source, BRIGHT, PIXELS, tile_pass, Path(folder), side=side)
     return [(job, job.outlines(folder)) for job in jobs]
 
 

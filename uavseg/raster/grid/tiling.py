@@ -43,6 +43,10 @@ class Window:
         cols = max(min(self.col + self.cols, shape[1]) - col, 0)
         return Window(row, col, rows, cols)
 
+    def relative_to(self, other: "Window") -> "Window":
+        """Return the window, counted from the first pixel of another."""
+        return Window(self.row - other.row, self.col - other.col, self.rows, self.cols)
+
     def common(self, other: "Window") -> "Window":
         """Return the part that two windows have in common; it may be empty."""
         row, col = max(self.row, other.row), max(self.col, other.col)

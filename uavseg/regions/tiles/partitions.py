@@ -3,6 +3,9 @@
 Joins form a tree of two levels. First a worker outlines each partition. It keeps complete regions, and the
 components that reach a border with another partition, in a shared folder. Labels along borders are united
 (union-find). Then each region is put together by a worker, for the partition that has its first pixel.
+
+Where leaves decide, the contrast of the whole raster is counted before, and the worker of a partition
+measures the block map of its partition.
 """
 
 from functools import partial
@@ -13,7 +16,7 @@ from numpy.typing import NDArray
 
 from uavseg.dataclass import dataclass
 from uavseg.errors import OutputError
-from uavseg.execution.checkpoint import decode_result, encode_result
+from uavseg.execution.checkpoint import DamagedResultError, decode_result, encode_result
 from uavseg.output.atomic import atomic_file
 from uavseg.output.renames import recover
 from uavseg.raster.grid.tiling import TilePass, Window, tiles, whole_blocks
@@ -26,13 +29,22 @@ from uavseg.regions.outline.stitch import (
     concatenate_sums,
     number_regions,
 )
-from uavseg.regions.tiles.range_tiles import stitch_tiles
+from uavseg.regions.tiles.range_tiles import stitch_tiles, tile_jobs
+from uavseg.segmentation.blocks.lbp import contrast_bin_edges
 from uavseg.segmentation.components import union_roots
-from uavseg.segmentation.params.segment import IntensityRange, Refinement
-from uavseg.segmentation.pipeline import every_cell
+from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
+from uavseg.segmentation.pipeline import (
+    Part,
+    cells_to_refine,
+    every_cell,
+    measure_block_map_for,
+    sum_contrasts,
+)
 from uavseg.segmentation.refine.detail import Detail
+from uavseg.segmentation.refine.range_scans import REFINE_HALO
 from uavseg.segmentation.refine.thin_lines import ThinLines
 from uavseg.segmentation.source import GreySource
+from uavseg.units import GREY_LEVELS
 
 PARTITION = 8192
 """Side of a partition in pixels; independent of the tiles of the processing, as results are."""
@@ -68,7 +80,7 @@ class PartitionJob:
 def join_partitions(
     source: GreySource,
     interval: IntensityRange,
-    refine: Refinement,
+    segment: SegmentParams,
     tile_pass: TilePass,
     folder: Path,
     detail: Detail | ThinLines | None = None,
@@ -78,10 +90,12 @@ def join_partitions(
 
     Parameters
     ----------
-    source, interval, refine, tile_pass, detail
+    source, interval, tile_pass, detail
         As of `outline_regions`.
+    segment : SegmentParams
+        Its refinement is not "none".
     folder : Path
-        An empty one that the workers share; it holds components until their regions are put together.
+        One that the workers share; it holds components until their regions are put together.
     side : int
         Of a partition in pixels, a multiple of 64.
 
@@ -97,9 +111,18 @@ def join_partitions(
     """
     first, windows = tile_pass.windows[0], tiles(source.shape, side)
     tile = whole_blocks(first.rows), whole_blocks(first.cols)
-    outline = partial(_outline_partition, source, interval, refine, detail, tile, str(folder.absolute()))
+    counting, outlining = tile_pass.stages(2) if not segment.decides_pixels else (tile_pass, tile_pass)
+    edges = None
+    if not segment.decides_pixels:
+        contrasts = np.zeros(GREY_LEVELS, np.int64)
+        for part in counting.run(partial(_sum_contrasts, source, tile), windows):
+            contrasts += part
+        edges = contrast_bin_edges(contrasts)
+    outline = partial(
+        _outline_partition, source, interval, segment, edges, detail, tile, str(folder.absolute())
+    )
     contacts, firsts = Contacts(source.shape, windows[0]), {}
-    for number, borders in enumerate(tile_pass.run(outline, list(enumerate(windows)))):
+    for number, borders in enumerate(outlining.run(outline, list(enumerate(windows)))):
         contacts.add(windows[number], 0 if borders is None else len(borders.firsts), borders)
         if borders is not None:
             firsts[number] = borders.firsts
@@ -134,7 +157,8 @@ def _assign(regions: Integers, firsts: dict[int, Integers], width: int, side: in
 def _outline_partition(
     source: GreySource,
     interval: IntensityRange,
-    refine: Refinement,
+    segment: SegmentParams,
+    bin_edges: NDArray[np.int32] | None,
     detail: Detail | ThinLines | None,
     tile: tuple[int, int],
     folder: str,
@@ -142,10 +166,16 @@ def _outline_partition(
 ) -> JoinedBorders | None:
     """Outline the tiles of a partition one after the other, and keep what was joined of them in a folder."""
     number, window = item
-    parts = tiles((window.rows, window.cols), tile)
-    windows = [Window(w.row + window.row, w.col + window.col, w.rows, w.cols) for w in parts]
-    cells, serially = every_cell(source.shape), TilePass(windows)
-    joined = stitch_tiles(source, cells, interval, refine, serially, detail=detail).join(window)
+    around, windows = window, _tiles_of(window, tile)
+    if bin_edges is None:
+        cells = every_cell((window.rows, window.cols))
+    else:
+        around = window.grown(whole_blocks(REFINE_HALO)).clipped(source.shape)
+        part = Part(around, bin_edges)
+        blocks = measure_block_map_for(source, interval, segment, TilePass(_tiles_of(around, tile)), part)
+        cells = cells_to_refine(blocks, interval, segment)
+    jobs = tile_jobs(cells, windows, detail=detail, part=around)
+    joined = stitch_tiles(source, interval, segment.refine, TilePass(windows), jobs, detail).join(window)
     if joined is None:
         return None
     for name, components in (("reaching", joined[1]), ("within", joined[2])):
@@ -155,9 +185,22 @@ def _outline_partition(
     return joined[0]
 
 
+def _sum_contrasts(source: GreySource, tile: tuple[int, int], window: Window) -> NDArray[np.int64]:
+    return sum_contrasts(source, _tiles_of(window, tile))
+
+
+def _tiles_of(part: Window, tile: tuple[int, int]) -> list[Window]:
+    """Return the tiles of a part of a raster that begins at a block."""
+    origin = Window(-part.row, -part.col, 0, 0)
+    return [window.relative_to(origin) for window in tiles((part.rows, part.cols), tile)]
+
+
 def _read(folder: str, name: str, number: int) -> Components:
     path = _path(folder, name, number)
-    components: Components = decode_result(path.read_bytes(), path.name)
+    try:
+        components: Components = decode_result(path.read_bytes(), path.name)
+    except DamagedResultError as error:
+        raise OutputError(f"{path} is damaged: {error}; delete its folder, and start again") from None
     return components
 
 

@@ -66,21 +66,20 @@ def outline_regions(
     detail : Detail or ThinLines, optional
         Narrower structures are removed after refinement, or thin lines are added; not with "none".
     """
-    stitcher = stitch_tiles(source, cells, interval, refine, tile_pass, expected, detail)
+    jobs = tile_jobs(cells, tile_pass.windows, expected, detail)
+    stitcher = stitch_tiles(source, interval, refine, tile_pass, jobs, detail)
     return stitcher.finish(cells if refine == "none" else None)
 
 
 def stitch_tiles(
     source: GreySource,
-    cells: NDArray[np.uint8],
     interval: IntensityRange,
     refine: Refinement,
     tile_pass: TilePass,
-    expected: BlockMap | None = None,
+    jobs: Sequence["TileJob"],
     detail: Detail | ThinLines | None = None,
 ) -> TileStitcher:
     """Outline and stitch the tiles of a raster, or of a part of it; parameters as of `outline_regions`."""
-    jobs = tile_jobs(cells, tile_pass.windows, expected, detail)
     tiles = tile_pass.run(partial(_outline_tile, source, interval, refine, detail), jobs)
     return TileStitcher(source.shape, tile_pass.windows, tiles)
 
@@ -103,20 +102,31 @@ def tile_jobs(
     windows: Sequence[Window],
     expected: BlockMap | None = None,
     detail: Detail | ThinLines | None = None,
+    part: Window | None = None,
 ) -> LazySequence[TileJob]:
-    """Return the input of the refinement of each tile; parameters as of `outline_regions`."""
-    return LazySequence(len(windows), partial(_job, cells, windows, expected, detail.halo if detail else 0))
+    """Return the input of the refinement of each tile; parameters as of `outline_regions`.
+
+    `part` is the window of the raster to which the cells belong, by default all of it.
+    """
+    halo = detail.halo if detail else 0
+    make = partial(_job, cells, windows, expected, halo, part or Window(0, 0, 0, 0))
+    return LazySequence(len(windows), make)
 
 
 def _job(
-    cells: NDArray[np.uint8], windows: Sequence[Window], expected: BlockMap | None, halo: int, k: int
+    cells: NDArray[np.uint8],
+    windows: Sequence[Window],
+    expected: BlockMap | None,
+    halo: int,
+    part: Window,
+    k: int,
 ) -> TileJob:
     window = windows[k]
     refined = window.grown(halo)
     here = window_cells(window)
     return TileJob(
         window=window,
-        cells=cells_around(cells, refined, REFINE_HALO),
+        cells=cells_around(cells, refined.relative_to(part), REFINE_HALO),
         expected=None if expected is None else (expected.sums[here], expected.counts[here]),
         refined=refined,
     )
