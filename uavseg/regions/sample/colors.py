@@ -26,15 +26,7 @@ Counts = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class ColorBand:
-    """One band of a sample.
-
-    Parameters
-    ----------
-    bounds : GreyBounds
-        Of the mean of a window that is like the sample.
-    counts : (64,) int64 array
-        Histogram of the sample.
-    """
+    """One band of a sample: bounds of the mean of a window that is like it, and its histogram, (64,)."""
 
     source: GreySource
     bounds: GreyBounds
@@ -44,11 +36,7 @@ class ColorBand:
 def fit_colors(sources: Sequence[GreySource], place: SampleMask, deviations: float) -> tuple[ColorBand, ...]:
     """Measure a sample in each band; refuse one without valid pixels in a band, with a SampleError.
 
-    Parameters
-    ----------
-    sources : sequence of GreySource
-    deviations : float
-        By how many standard deviations of the sample the mean of a window may differ.
+    The mean of a window may differ by a number of standard `deviations` of the sample.
     """
     return tuple(_fit_band(source, place, deviations) for source in sources)
 
@@ -67,15 +55,7 @@ def limit_scores(
 ) -> NDArray[np.uint16]:
     """Set scores of windows around a tile to the maximum where the mean of a band is out of bounds.
 
-    Parameters
-    ----------
-    colors : sequence of ColorBand
-    scores : (m, n) uint16 array
-        From `window_scores`, of a tile with a halo of ``side - 1`` cells.
-    window : Window
-        The tile.
-    side : int
-        Of a window of `scores`, in cells.
+    The scores are those of `window_scores`, of the tile at `window` with a halo of ``side - 1`` cells.
     """
     for color in colors:
         tile = color.source.read(window, CELL * (side - 1))
@@ -98,15 +78,7 @@ def _window_sums(pixels: Counts, side: int) -> Counts:
 
 
 def count_colors(colors: Sequence[ColorBand], window: Window, cells: NDArray[np.bool_]) -> Counts:
-    """Return histograms of the chosen cells of a tile in each band, (bands, 64) int64.
-
-    Parameters
-    ----------
-    colors : sequence of ColorBand
-    window : Window
-        The tile.
-    cells : (m, n) bool array
-    """
+    """Return histograms of the chosen cells of the tile at `window` in each band, (bands, 64) int64."""
     counts = np.zeros((len(colors), GREY_BINS), np.int64)
     chosen = cells.repeat(CELL, 0).repeat(CELL, 1)
     for k, color in enumerate(colors):
@@ -118,17 +90,9 @@ def count_colors(colors: Sequence[ColorBand], window: Window, cells: NDArray[np.
 def color_planes(
     colors: Sequence[ColorBand], rest: Counts, window: Window, margin: int
 ) -> tuple[ColorPlane, ...]:
-    """Read the bands of a tile with a margin, each with its weights of the sample against the rest.
+    """Read the bands of a tile with a margin in pixels, each with its weights of the sample against the rest.
 
-    Parameters
-    ----------
-    colors : sequence of ColorBand
-    rest : (bands, 64) int64 array
-        Histograms of unlike cells.
-    window : Window
-        The tile.
-    margin : int
-        In pixels.
+    `rest`, (bands, 64), are histograms of unlike cells.
     """
     tiles = (color.source.read(window, margin) for color in colors)
     return tuple(
