@@ -158,18 +158,11 @@ class MissionPlan:
 def plan(
     regions: Regions, request: PlanRequest, zones: Sequence[Any] = (), raster: "Source | None" = None
 ) -> MissionPlan:
-    """Missions over regions: take off, fly their pattern in a short order, return.
+    """Plan missions over regions: take off, fly their pattern in a short order, return.
 
-    Parameters
-    ----------
-    regions : Regions
-        In degrees (lon, lat; WGS 84), see `uavseg.jobs.flights.plan_regions`.
-    request : PlanRequest
-    zones : sequence of shapely Polygon or MultiPolygon
-        Keep-out zones in degrees.
-    raster : Source, optional
-        That the regions are of: those that touch its edge are left out, and a home that is found lies on one
-        of its valid pixels.
+    Regions and keep-out zones are in degrees (lon, lat; WGS 84), see `uavseg.jobs.flights.plan_regions`. With
+    the raster that the regions are of, those that touch its edge are left out, and a home that is found lies
+    on one of its valid pixels.
 
     Raises
     ------
