@@ -100,27 +100,6 @@ def write_region_output(
         export.write_regions(found.regions, stream, form=form or COLLECTION)
 
 
-def write_regions_and_labels(
-    found: Extraction,
-    target: str,
-    labels: LabelFile,
-    work: Work,
-    overwrite: bool,
-    form: GeoJsonForm | None = None,
-    style: str | None = None,
-) -> None:
-    """Write regions, their style and labels; what goes to stdout comes after all that can fail."""
-    if target != "-":
-        write_region_output(found, target, overwrite)
-    if style is not None:
-        from uavseg.regions.formats.styles import write_style
-
-        write_style(found.regions, target, style, overwrite)
-    write_label_output(found, labels, work, overwrite)
-    if target == "-":
-        write_region_output(found, target, overwrite, form)
-
-
 def write_label_output(found: Extraction, labels: LabelFile, work: Work, overwrite: bool) -> None:
     """Write the labels of regions, if asked for; the executor writes them where they are many tiles."""
     if labels.path is None:
@@ -237,8 +216,16 @@ class RegionFiles:
         return [*_stream_warnings(self.form, wkt), *export.format_notes(found.regions, self.target)]
 
     def write(self, found: Extraction, work: Work) -> None:
-        """Write all of them; what goes to stdout comes last."""
-        write_regions_and_labels(found, self.target, self.labels, work, self.overwrite, self.form, self.style)
+        """Write all of them; what goes to stdout comes after all that can fail."""
+        if self.target != "-":
+            write_region_output(found, self.target, self.overwrite)
+        if self.style is not None:
+            from uavseg.regions.formats.styles import write_style
+
+            write_style(found.regions, self.target, self.style, self.overwrite)
+        write_label_output(found, self.labels, work, self.overwrite)
+        if self.target == "-":
+            write_region_output(found, self.target, self.overwrite, self.form)
 
     @property
     def shown(self) -> str:

@@ -230,9 +230,7 @@ def _write_legend(figure: Any, x: float, suggestions: Suggestions) -> None:
     y = 1 - (_HEAD_IN + 0.02) / page
     if not suggestions.ranges:
         figure.text(x, y, "one class: no range to choose", size=8, color=TEXT_COLOR, va="top")
-    colored = sorted(
-        zip(suggestions.by_intensity, _colors(suggestions), strict=True), key=lambda pair: pair[0].range
-    )
+    colored = zip(suggestions.by_intensity, _colors(suggestions), strict=True)
     for chosen, color in sorted(colored, key=lambda pair: pair[0].range)[::-1]:
         figure.text(x, y, "◆" if chosen.part else "■", size=10, color=color, va="top")
         for x_in, text, side in _columns(chosen):

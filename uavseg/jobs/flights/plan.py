@@ -192,7 +192,11 @@ def plan(
     if home == "auto":
         everywhere = list(regions.polygons)
         margin_m = flight.safety.avoid_margin_m
-        is_ground = None if raster is None else _valid_ground(raster)
+        is_ground: IsGround | None = None
+        if raster is not None:
+            from uavseg.jobs.source.valid_ground import valid_ground
+
+            is_ground = valid_ground(raster)
         with phase("place for home"):
             home = home_outside(everywhere, points or _points(regions), zones, margin_m, is_ground)
         notes.append(
@@ -228,12 +232,6 @@ def _flights_text(numbers: Sequence[int]) -> str:
         else:
             runs.append([number])
     return f"flight{'s' * (len(numbers) > 1)} {', '.join('-'.join(map(str, run)) for run in runs)}"
-
-
-def _valid_ground(raster: "Source") -> IsGround | None:
-    from uavseg.jobs.source.valid_ground import valid_ground
-
-    return valid_ground(raster)
 
 
 def _points(regions: Regions) -> list[tuple[float, float]]:

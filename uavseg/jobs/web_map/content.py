@@ -47,11 +47,6 @@ class FieldMapRequest:
                 f"the longest side of the picture is {MIN_SIZE} to {MAX_SIZE} pixels, not {self.size}"
             )
 
-    @classmethod
-    def from_words(cls, method: str, threshold: float, intensity_step: float, size: int) -> "FieldMapRequest":
-        """Make a request from options of the command line or of Python."""
-        return cls(SegmentParams.from_options(method, threshold, intensity_step, None), size)
-
 
 @dataclass(frozen=True)
 class CellCodes:

@@ -5,6 +5,7 @@ histogram to the decision of a pixel.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +15,11 @@ from uavseg.errors import SampleError
 from uavseg.raster.grid.tiling import Window
 from uavseg.regions.sample.model import bounds_around
 from uavseg.regions.sample.place import SampleMask
-from uavseg.segmentation.sample.g_scores import MAX_SCORE, NO_SCORE, GreyBounds, min_count
+from uavseg.segmentation.sample.g_scores import GREY_BINS, MAX_SCORE, NO_SCORE, GreyBounds, min_count
+from uavseg.segmentation.sample.likelihood_weights import window_sums
 from uavseg.segmentation.sample.pixel_decision import ColorPlane, log_ratio
 from uavseg.segmentation.source import GreySource
 from uavseg.units import CELL
-
-GREY_BINS = 64
 
 Counts = NDArray[np.int64]
 
@@ -59,21 +59,16 @@ def limit_scores(
     """
     for color in colors:
         tile = color.source.read(window, CELL * (side - 1))
-        totals = _window_sums(tile.grey.astype(np.int64), side)
-        counts = _window_sums(tile.valid.astype(np.int64), side)
+        totals, counts = window_sums(_cell_sums(tile.grey), side), window_sums(_cell_sums(tile.valid), side)
         out = (totals < color.bounds.low * counts) | (totals > color.bounds.high * counts)
         scores = np.where(out & (scores != NO_SCORE), np.uint16(MAX_SCORE), scores)
         scores[counts < min_count(side)] = NO_SCORE
     return scores
 
 
-def _window_sums(pixels: Counts, side: int) -> Counts:
-    """Return sums over the windows of cells that begin at each cell."""
+def _cell_sums(pixels: NDArray[np.integer[Any]]) -> Counts:
     rows, cols = (length // CELL for length in pixels.shape)
-    sums: Counts = pixels.reshape(rows, CELL, cols, CELL).sum(axis=(1, 3))
-    for axis in (0, 1):
-        length = sums.shape[axis] - side + 1
-        sums = np.sum([sums.take(range(k, k + length), axis) for k in range(side)], axis=0)
+    sums: Counts = pixels.reshape(rows, CELL, cols, CELL).sum(axis=(1, 3), dtype=np.int64)
     return sums
 
 

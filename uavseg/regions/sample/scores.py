@@ -12,13 +12,14 @@ from uavseg.execution.executors import LazySequence
 from uavseg.raster.grid.tiling import TilePass, Window, window_cells
 from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
 from uavseg.regions.outline.rings import RegionOutlines, Rings
-from uavseg.regions.sample.colors import GREY_BINS, ColorBand, count_colors, limit_scores
+from uavseg.regions.sample.colors import ColorBand, count_colors, limit_scores
 from uavseg.regions.sample.model import Sample, symbol_pair
 from uavseg.regions.tiles.segment_tiles import cell_jobs
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.dilation import dilate
 from uavseg.segmentation.blocks.lbp import COARSE_HALO, SYMBOLS, coarse_symbols, lbp_symbols
 from uavseg.segmentation.sample.g_scores import (
+    GREY_BINS,
     MAX_SCORE,
     NO_SCORE,
     GreyBounds,

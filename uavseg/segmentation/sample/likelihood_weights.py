@@ -113,13 +113,13 @@ def best_mean_weights(symbols: SymbolPair, weights: NDArray[np.int64], side: int
     cells = tuple(length // CELL for length in symbols[0].shape)
     sums, counts = np.zeros(cells, np.int64), np.zeros(cells, np.int64)
     _sum_weights(*symbols, weights, sums, counts)
-    totals, numbers = _window_sums(sums, side), _window_sums(counts, side)
+    totals, numbers = window_sums(sums, side), window_sums(counts, side)
     means = np.where(numbers >= min_count(side), totals // np.maximum(numbers, 1), _NO_WINDOW)
     return -best_scores(-means, side)
 
 
-def _window_sums(sums: NDArray[np.int64], side: int) -> NDArray[np.int64]:
-    """Sum over the window of cells that begins at each cell."""
+def window_sums(sums: NDArray[np.int64], side: int) -> NDArray[np.int64]:
+    """Sum over the window, of `side` cells, that begins at each cell."""
     for axis in (0, 1):
         length = sums.shape[axis] - side + 1
         sums = np.sum([sums.take(range(k, k + length), axis) for k in range(side)], axis=0)
