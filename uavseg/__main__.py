@@ -7,7 +7,7 @@ import sys
 
 def run() -> None:
     """Run the command line."""
-    gc.set_threshold(50_000)  # imports and polygons are many objects and few cycles
+    gc.set_threshold(500_000)  # imports and polygons are many objects and few cycles
     atexit.register(gc.freeze)  # else the end searches all objects for cycles, for 70 ms of a short command
     try:
         from uavseg.cli import main

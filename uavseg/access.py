@@ -27,12 +27,7 @@ _LOCAL_SCHEMES = ("file://", "zip://", "tar://", "gzip://", "vrt://")
 class AccessPolicy:
     """Folders and addresses that the content of a file may name, beside its folder.
 
-    Parameters
-    ----------
-    allow_paths : tuple of str
-        Folders from which, and from below which, files may be opened.
-    allow_network : bool
-        Whether addresses may be opened.
+    Files may be opened from `allow_paths` and from below them.
     """
 
     allow_paths: tuple[str, ...] = ()
@@ -77,15 +72,7 @@ class AccessPolicy:
     def check_name(self, owner: str | os.PathLike[str], named: str, folder: Path) -> Path | None:
         """Refuse a path or an address that the content of `owner` may not name (AccessError).
 
-        Parameters
-        ----------
-        named : str
-            A path relative to `folder`, or an address.
-
-        Returns
-        -------
-        path : Path or None
-            As of `check_file`; None for an address.
+        A path is relative to `folder`, and returned as of `check_file`; None for an address.
         """
         if is_address(named):
             self.check_address(owner, named)
@@ -131,14 +118,7 @@ Folders = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
 def allowing(allow_path: Folders = (), allow_network: bool = False) -> Iterator[None]:
     """Allow files to name others in these folders, and addresses if the network is allowed.
 
-    Parameters
-    ----------
-    allow_path : path or sequence of path
-
-    Raises
-    ------
-    AccessError
-        If one is not a folder.
+    AccessError is raised if one is not a folder.
     """
     folders = [allow_path] if isinstance(allow_path, str | os.PathLike) else list(allow_path)
     for folder in folders:

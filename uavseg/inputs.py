@@ -33,15 +33,8 @@ Error = Callable[[str], UavsegError]
 def regular_file(path: str | os.PathLike[str], error: Error = RasterReadError) -> Path:
     """Refuse an input that is not a regular file, without opening it, else return its path.
 
-    Parameters
-    ----------
-    error : callable
-        Makes the exception from its message.
-
-    Raises
-    ------
-    UavsegError
-        If there is no such file, or it is a folder, a named pipe, a socket or a device.
+    It is refused with an `error` if there is no such file, or it is a folder, a named pipe, a socket or a
+    device.
     """
     name = os.fspath(path)
     try:
@@ -57,13 +50,7 @@ def regular_file(path: str | os.PathLike[str], error: Error = RasterReadError) -
 
 
 def read_bytes(path: str | os.PathLike[str], error: Error = RasterReadError, limit: int = MAX_TEXT) -> bytes:
-    """Read a regular file of at most `limit` bytes.
-
-    Parameters
-    ----------
-    error : callable
-        Makes the exception from its message.
-    """
+    """Read a regular file of at most `limit` bytes; an `error` if it cannot be read or is longer."""
     name = os.fspath(path)
     try:
         with regular_file(path, error).open("rb") as file:
@@ -87,13 +74,7 @@ def read_start(path: str | os.PathLike[str], count: int = 4096, error: Error = R
 
 
 def parse_json(text: str, **options: Any) -> Any:
-    """Parse JSON as `json.loads`; ValueError where objects are nested too deeply or numbers too long.
-
-    Parameters
-    ----------
-    **options
-        Of `json.loads`.
-    """
+    """Parse JSON as `json.loads`; ValueError where objects are nested too deeply or numbers too long."""
     _check_depth(text)
     return json.loads(text, parse_int=_integer, parse_float=_float, **options)
 
@@ -148,12 +129,7 @@ def _check_digits(digits: str) -> None:
 def read_object(path: str | os.PathLike[str], subject: str, expected: str) -> dict[str, Any]:
     """Read a JSON file that describes one thing, such as a camera; ParameterError where it holds no object.
 
-    Parameters
-    ----------
-    subject : str
-        What the file describes, for the message.
-    expected : str
-        Content of the object, for the message.
+    The message has what the file describes, the subject, and the expected content of the object.
     """
     try:
         content = parse_json(read_bytes(path, ParameterError, _MAX_OBJECT_BYTES).decode("utf-8"))
@@ -167,15 +143,7 @@ def read_object(path: str | os.PathLike[str], subject: str, expected: str) -> di
 
 
 def as_number(value: Any, name: str, error: Error, convert: Callable[[Any], Any] = float) -> Any:
-    """Convert a number that is neither text nor a truth value.
-
-    Parameters
-    ----------
-    name : str
-        What it is, for the message.
-    error : callable
-        Makes the exception from its message.
-    """
+    """Convert a number that is neither text nor a truth value; name it in an `error` else."""
     try:
         if isinstance(value, str | bytes | bool):
             raise TypeError

@@ -14,12 +14,8 @@ def changing_filters(record: bool = False) -> Iterator[list[warnings.WarningMess
     """Catch warnings as `warnings.catch_warnings`, while no other thread is in such a context.
 
     Two threads that leave `catch_warnings` in the order in which they entered it leave filters of the second
-    one behind, and one records what the other ignores.
-
-    Parameters
-    ----------
-    record : bool
-        Whether warnings are collected in the list that is yielded.
+    one behind, and one records what the other ignores. With `record`, warnings are collected in the list that
+    is yielded.
     """
     with _lock:
         caught: Any

@@ -22,11 +22,8 @@ _object_files_failed = False
 def kernel(signature: str) -> Callable[[Callable[..., Any]], "Kernel"]:
     """Compile a loop nest, for instance ``@kernel("i8(u2[:,::1], f8)")``.
 
-    Parameters
-    ----------
-    signature : str
-        Type of the result (or void) and of the arguments: i, u or f with a size in bytes, b1 for booleans;
-        arrays are C-contiguous.
+    The signature has the type of the result (or void) and of the arguments: i, u or f with a size in bytes,
+    b1 for booleans; arrays are C-contiguous.
     """
 
     def wrap(function: Callable[..., Any]) -> Kernel:

@@ -38,12 +38,8 @@ _NEEDED = dict(zip(LEVELS, (_V4, _V3, frozenset[str]()), strict=True))
 def load(kernel: LoopNest, baseline: bool = False) -> tuple[Any, int] | None:
     """Return the library that has a kernel for this processor, and the address of its function.
 
-    None where no library has the kernel as it is now, or it is damaged or cannot be loaded.
-
-    Parameters
-    ----------
-    baseline : bool
-        Whether to load what runs on every x86-64 processor.
+    None where no library has the kernel as it is now, or it is damaged or cannot be loaded. The `baseline`
+    runs on every x86-64 processor.
     """
     symbol = symbol_of(kernel)
     if not runs_here() or not symbol:

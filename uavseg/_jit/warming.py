@@ -38,17 +38,8 @@ def all_kernels() -> dict[str, Kernel]:
 def warm(kernels: dict[str, Kernel], processes: int, progress: Callable[[int], None]) -> Counter[str]:
     """Load kernels, after those that need it are compiled into the cache by several processes at once.
 
-    Parameters
-    ----------
-    kernels : dict of Kernel
-        By module and name, as of `all_kernels`.
-    progress : callable
-        Receives the number of kernels that are ready.
-
-    Returns
-    -------
-    Counter
-        How many were "shipped" with the package, "kept" in the cache and "compiled".
+    Return how many were "shipped" with the package, "kept" in the cache and "compiled"; `progress` receives
+    the number of kernels that are ready.
     """
     counts = Counter({"shipped": 0, "kept": 0, "compiled": 0})
     rest = [name for name, kernel in kernels.items() if not kernel.load_shipped()]

@@ -21,13 +21,7 @@ _HELP_ALL = "--help-all"
 
 
 def job_command(name: str, job: type[T]) -> Callable[[Callable[[T], None]], click.Command]:
-    """Make a command of a function that takes the options of a job.
-
-    Parameters
-    ----------
-    job : type
-        A dataclass of options, see `uavseg.options`.
-    """
+    """Make a command of a function that takes the options of a job, a dataclass; see `uavseg.options`."""
 
     def wrap(function: Callable[[T], None]) -> click.Command:
         def run(**values: Any) -> None:
@@ -80,7 +74,7 @@ class JobCommand(click.Command):
 
 
 def _order(described: dict[str, Option]) -> Callable[[str], int]:
-    """Order of groups by their first option, so that a group is listed in one piece."""
+    """Return the order of groups by their first option, so that a group is listed in one piece."""
     first: dict[str, int] = {}
     for number, one in enumerate(described.values()):
         first.setdefault(one.group, number)

@@ -44,6 +44,7 @@ def command(options: ExtractOptions) -> None:
     _check_ranges(options)
     from uavseg.jobs.requests import region_job
     from uavseg.jobs.source.open_source import open_source
+    from uavseg.output.atomic import check_target
     from uavseg.regions.formats.export import is_region_folder
 
     reporter = Reporter(options.messages, options.progress)
@@ -60,11 +61,12 @@ def command(options: ExtractOptions) -> None:
     files = RegionFiles(
         options,
         ".regions.geojson",
-        _zone_files(options),
+        [zone for zone in options.flight.safety.avoid if isinstance(zone, str)],
         options.flight.terrain.dem,
         others=[options.mission],
     )
-    _check_mission_target(options)
+    if options.mission is not None:
+        check_target(options.mission, options.files.overwrite)
     source = open_source(options.source.rasters, job.read)
     _check_place(options, files, source.geobox.wkt)
     work = work_of(options.run, reporter)
@@ -178,10 +180,6 @@ def _class_rows(found: Extraction, request: Any) -> dict[str, str]:
     return {"classes": ", ".join(counts[:_LISTED]) + more}
 
 
-def _zone_files(options: ExtractOptions) -> list[str]:
-    return [zone for zone in options.flight.safety.avoid if isinstance(zone, str)]
-
-
 def _flight(options: ExtractOptions) -> PlanRequest:
     """Return how to fly, checked before any work is done."""
     from uavseg.flight.formats import files
@@ -191,13 +189,6 @@ def _flight(options: ExtractOptions) -> PlanRequest:
     return mission_request(
         options.flight, classes=options.mission_classes or None, avoid_classes=options.avoid_classes
     )
-
-
-def _check_mission_target(options: ExtractOptions) -> None:
-    from uavseg.output.atomic import check_target
-
-    if options.mission is not None:
-        check_target(options.mission, options.files.overwrite)
 
 
 def _check_place(options: ExtractOptions, files: RegionFiles, wkt: str | None) -> None:

@@ -33,12 +33,7 @@ def report(
 
 
 def flight_table(flights: Sequence[tuple[str, Estimate]]) -> list[str]:
-    """Return lines of a table: what each flight takes and gives; without the columns that no flight has.
-
-    Parameters
-    ----------
-    flights : sequence of (name, Estimate)
-    """
+    """Return lines of a table: what each flight takes and gives; without the columns that no flight has."""
     rows = [_cells(name, found) for name, found in flights]
     kept = [head for head in rows[0] if any(row[head] for row in rows)]
     widths = {head: max(len(head), *(len(row[head]) for row in rows)) for head in kept}
@@ -96,7 +91,7 @@ def missions_json(
 
 
 def _footprints(mission: Mission) -> dict[str, Any]:
-    """Corners of what each photograph shows, (lon, lat) in degrees to a millimetre; or why there are none."""
+    """Return the corners (lon, lat) of what each photograph shows, in degrees to a millimetre; or why not."""
     from uavseg.flight.mission.estimate import footprints
 
     found = footprints(mission)

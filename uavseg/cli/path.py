@@ -35,12 +35,14 @@ def command(options: PathOptions) -> None:
     from uavseg.jobs.maps.path import path
     from uavseg.jobs.maps.requests import path_request
     from uavseg.jobs.source.open_source import open_probability_map
+    from uavseg.output.atomic import check_target
 
     reporter = Reporter(options.messages, options.progress)
     output, overwrite = options.output, options.files.overwrite
     _check_range(options)
     request, flight = path_request(options), _flight(options)
-    _check_target(output, overwrite)
+    if output != "-":
+        check_target(output, overwrite)
     keep_inputs([output], options.map_)
     source = open_probability_map(options.map_, options.read)
     _check_place(source.geobox, flight)
@@ -87,13 +89,6 @@ def _flight(options: PathOptions) -> PlanParams | None:
     if options.home is None:
         raise ParameterError("a mission needs --home LAT,LON, where the vehicle starts (or --home auto)")
     return PlanParams(options.altitude, speed_m_s=options.speed, autopilot=options.autopilot)
-
-
-def _check_target(output: str, overwrite: bool) -> None:
-    from uavseg.output.atomic import check_target
-
-    if output != "-":
-        check_target(output, overwrite)
 
 
 def _check_place(geobox: GeoBox, flight: PlanParams | None) -> None:

@@ -44,26 +44,14 @@ class LabelFile:
 
 
 def creation_of(stored: StorageOptions, targets: dict[str | None, str]) -> CreationOptions:
-    """Return how the GeoTIFFs of a command are stored.
-
-    Parameters
-    ----------
-    stored : CreationOptions of `uavseg.options`
-    targets : dict
-        Its outputs, or None, with the type of their pixels.
-
-    Raises
-    ------
-    ParameterError
-        As `creation_for`.
-    """
+    """Return how the GeoTIFFs of a command are stored, by its outputs and the types of their pixels."""
     from uavseg.raster.formats.creation import creation_for
 
     return creation_for(stored.creation_options, targets)
 
 
 def check_targets(output: str | None, labels: str | None, overwrite: bool) -> None:
-    """Nothing that is there is touched, and nothing is computed that could not be written."""
+    """Check, before any work, that outputs can be written and replace nothing."""
     if output is not None and output != "-":
         from uavseg.regions.formats.export import check_region_path
 
@@ -75,13 +63,7 @@ def check_targets(output: str | None, labels: str | None, overwrite: bool) -> No
 
 
 def check_distinct(*paths: str | None) -> None:
-    """Refuse outputs that have the same name.
-
-    Raises
-    ------
-    OutputError
-        If two have the same.
-    """
+    """Refuse outputs that have the same name, with OutputError."""
     from uavseg.errors import OutputError
 
     named = [Path(path).resolve() for path in paths if path and path != "-"]
@@ -90,20 +72,14 @@ def check_distinct(*paths: str | None) -> None:
 
 
 def keep_inputs(outputs: Sequence[str | None], *inputs: Any) -> None:
-    """Refuse an output that is one of the files that the command reads.
-
-    Raises
-    ------
-    OutputError
-        If one is.
-    """
+    """Refuse an output that is one of the files that the command reads, with OutputError."""
     from uavseg.jobs.source import inputs as read
 
     read.keep_inputs(outputs, inputs)
 
 
 def transaction() -> AbstractContextManager[None]:
-    """Return context whose files appear together at its end."""
+    """Return a context whose files appear together at its end."""
     from uavseg.output import atomic as files
 
     return files.transaction()
@@ -122,27 +98,6 @@ def write_region_output(
         return
     with noted_stream("stdout"), standard_output() as stream:
         export.write_regions(found.regions, stream, form=form or COLLECTION)
-
-
-def write_regions_and_labels(
-    found: Extraction,
-    target: str,
-    labels: LabelFile,
-    work: Work,
-    overwrite: bool,
-    form: GeoJsonForm | None = None,
-    style: str | None = None,
-) -> None:
-    """Write regions, their style and labels; what goes to stdout comes after all that can fail."""
-    if target != "-":
-        write_region_output(found, target, overwrite)
-    if style is not None:
-        from uavseg.regions.formats.styles import write_style
-
-        write_style(found.regions, target, style, overwrite)
-    write_label_output(found, labels, work, overwrite)
-    if target == "-":
-        write_region_output(found, target, overwrite, form)
 
 
 def write_label_output(found: Extraction, labels: LabelFile, work: Work, overwrite: bool) -> None:
@@ -187,7 +142,7 @@ def shown(target: str) -> str:
 
 
 def summary_rows(found: Extraction) -> dict[str, str]:
-    """Total area, largest region, stretch and band, for the table at the end."""
+    """Return total area, largest region, stretch and band, for the table at the end."""
     return {
         **_range_row(found),
         "total area": f"{found.regions.columns['area_m2'].sum():,.1f} {found.area_unit}",
@@ -228,22 +183,10 @@ def largest(found: Extraction) -> str:
 
 
 class RegionFiles:
-    """The regions, their labels and their style.
+    """The regions, their labels and their style, which no command may write over its inputs or each other.
 
-    Parameters
-    ----------
-    options : ExtractOptions, LevelsOptions or MatchOptions
-    ending : str
-        What follows the name of the first raster in that of the regions, where none is given.
-    inputs : object
-        Files that no output may replace.
-    others : sequence of str
-        Other files that the command writes.
-
-    Raises
-    ------
-    UavsegError
-        If a file may not be made.
+    `ending` is what follows the name of the first raster in that of the regions, where none is given;
+    `inputs` are files that no output may replace, `others` those that the command writes beside.
     """
 
     def __init__(
@@ -273,8 +216,16 @@ class RegionFiles:
         return [*_stream_warnings(self.form, wkt), *export.format_notes(found.regions, self.target)]
 
     def write(self, found: Extraction, work: Work) -> None:
-        """Write all of them; what goes to stdout comes last."""
-        write_regions_and_labels(found, self.target, self.labels, work, self.overwrite, self.form, self.style)
+        """Write all of them; what goes to stdout comes after all that can fail."""
+        if self.target != "-":
+            write_region_output(found, self.target, self.overwrite)
+        if self.style is not None:
+            from uavseg.regions.formats.styles import write_style
+
+            write_style(found.regions, self.target, self.style, self.overwrite)
+        write_label_output(found, self.labels, work, self.overwrite)
+        if self.target == "-":
+            write_region_output(found, self.target, self.overwrite, self.form)
 
     @property
     def shown(self) -> str:
@@ -283,13 +234,7 @@ class RegionFiles:
 
 
 def check_alone(options: EachOptions) -> None:
-    """Refuse what is for many rasters where --each is not given.
-
-    Raises
-    ------
-    UsageError
-        If it is given.
-    """
+    """Refuse what is for many rasters where --each is not given, with UsageError."""
     for given, flag in ((options.report, "--report"), (options.skip_existing, "--skip-existing")):
         if given:
             raise click.UsageError(f"{flag} is for each of many rasters; give it with --each")
@@ -298,17 +243,8 @@ def check_alone(options: EachOptions) -> None:
 def answer_each(options: RegionOptions, job: RegionJob, ending: str, reporter: Reporter) -> None:
     """Run a job for each raster, list those that failed, and end with exit code 1 if there are any.
 
-    Parameters
-    ----------
-    ending : str
-        What follows {stem} in the names of outputs where none are given.
-
-    Raises
-    ------
-    UsageError
-        If an option does not go with --each.
-    UavsegError
-        If the outputs cannot be as they are named.
+    `ending` is what follows {stem} in the names of outputs where none are given. Options that do not go with
+    --each are refused with UsageError.
     """
     _check_each(options)
     from uavseg.cli.terminal.say import say
@@ -369,10 +305,7 @@ def _check_each(options: RegionOptions) -> None:
 def geojson_form(outputs: RegionOutputs, target: str) -> GeoJsonForm:
     """Return the form of GeoJSON on standard output.
 
-    Raises
-    ------
-    UsageError
-        If one is given and the output is a file, or a collection is to have RS.
+    UsageError is raised if one is given and the output is a file, or a collection is to have RS.
     """
     from uavseg.regions.formats.geojson import GeoJsonForm
 

@@ -14,25 +14,14 @@ from uavseg.segmentation.pipeline import measure_block_map
 
 @dataclass(frozen=True, slots=True)
 class DivideRequest:
-    """Which leaves a block map's file shows.
-
-    Parameters
-    ----------
-    segment : SegmentParams
-        The block map itself does not depend on it.
-    """
+    """Which leaves a block map's file shows; the block map itself does not depend on it."""
 
     segment: SegmentParams = SegmentParams()
 
 
 @dataclass(frozen=True)
 class Division:
-    """A block map, ready to be saved.
-
-    Parameters
-    ----------
-    warnings : tuple of str
-    """
+    """A block map, ready to be saved."""
 
     saved: SavedBlocks
     segment: SegmentParams
@@ -40,19 +29,7 @@ class Division:
 
 
 def divide(source: Source, request: DivideRequest = DivideRequest(), work: Work = SERIAL) -> Division:
-    """Compute the whole block map of a raster.
-
-    Parameters
-    ----------
-    source : Raster or ProbabilityMap
-    request : DivideRequest
-    work : Work
-
-    Raises
-    ------
-    UavsegError
-        If the raster cannot be read or a parameter does not fit it.
-    """
+    """Compute the whole block map of a raster or a map of probabilities."""
     work = work.begun()
     pixels = pixels_of(source, "a block map is divided already; name the raster itself")
     saved, info = block_map_of(pixels, work.over(pixels))

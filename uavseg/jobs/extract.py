@@ -102,20 +102,7 @@ def extract(source: Source, request: ExtractRequest, work: Work = SERIAL) -> Ext
     """Extract regions of a raster whose mean intensity lies in a range.
 
     A block map answers without its raster where regions may end at cells; otherwise they are refined with it,
-    if it is where it was.
-
-    Parameters
-    ----------
-    source : Raster, ProbabilityMap or Blocks
-    request : ExtractRequest
-    work : Work
-
-    Raises
-    ------
-    RasterError
-        If the raster is not as it was when its block map was made.
-    UavsegError
-        If the raster cannot be read or a parameter does not fit it.
+    if it is where it was. RasterError is raised if the raster is not as it was when its block map was made.
     """
     work = work.begun()
     detail_of(request.detail, source.geobox, request.segment.refine)  # refused before any work
@@ -249,7 +236,7 @@ def why_none(
     request: ExtractRequest,
     tile_pass: TilePass | None,
 ) -> str:
-    """Why there is no region, for messages: pixels in range are counted where there is a pass to do so."""
+    """Tell why there is no region, for messages; pixels in range are counted where there is a pass."""
     sought = f"a mean {range_text(request.interval, found.axis)}"
     if found.below_minimum:
         return none_confident(found.below_minimum, request.min_confidence)

@@ -60,18 +60,8 @@ class ClassesRequest:
 def extract_classes(source: Source, request: ClassesRequest, work: Work = SERIAL) -> Extraction:
     """Extract regions of classes, decided together: no pixel is in two, and adjacent ones share borders.
 
-    With one class, regions are those of `extract` with its range.
-
-    Returns
-    -------
-    Extraction
-        Its regions have the column `class`, and `color` where a class has one ("" for the others);
-        `range_low` and `range_high` are those of the class.
-
-    Raises
-    ------
-    UavsegError
-        If the raster cannot be read or a parameter does not fit it.
+    With one class, regions are those of `extract` with its range. They have the column `class`, and `color`
+    where a class has one ("" for the others); `range_low` and `range_high` are those of the class.
     """
     work = work.begun()
     classes = request.classes.classes
@@ -113,7 +103,7 @@ def _named(classes: Sequence[ValueClass], numbers: Sequence[int]) -> str:
 
 
 def _why_none(classes: list[int], found: Segmented, request: ClassesRequest, source: Source) -> str:
-    """Why there is no region of some classes, for messages."""
+    """Tell why there is no region of some classes, for messages."""
     left = "is there" if request.fill_holes is None else "is left once holes are filled"
     left += "" if request.detail is None else f" and is {request.detail} wide"
     none = f"no region of {_named(request.classes.classes, classes)} {left}"

@@ -17,13 +17,7 @@ from uavseg.raster.summary import Summary, summarize
 
 
 def open_to_describe(source: Any, options: ReadOptions = ReadOptions()) -> Raster | ProbabilityMap:
-    """Open a source as `open_pixels`; where no band is chosen, its first one, with a note.
-
-    Raises
-    ------
-    UavsegError
-        As of `open_source`.
-    """
+    """Open a source as `open_pixels`; where no band is chosen, its first one, with a note."""
     try:
         return open_pixels(source, options)
     except UnchosenBandsError:
@@ -39,18 +33,8 @@ def open_to_describe(source: Any, options: ReadOptions = ReadOptions()) -> Raste
 def info(source: Pixels, work: Work = SERIAL, named: Sequence[str] = ()) -> Summary:
     """Return what a raster is, with the blocks of it that could not be read.
 
-    Parameters
-    ----------
-    source : Raster or ProbabilityMap
-    work : Work
-    named : sequence of str
-        The sources as they were named, for the command to try next; by default the files. Pixels in memory
-        have no command.
-
-    Raises
-    ------
-    UavsegError
-        If the raster cannot be read.
+    `named` are the sources as they were named, for the command to try next; by default the files. Pixels in
+    memory have no command.
     """
     work = work.begun()
     options = source.options if isinstance(source, Raster) else ReadOptions()

@@ -15,15 +15,7 @@ def names_regions(source: Any) -> bool:
 
 
 def info_regions(source: Any, options: ReadOptions = ReadOptions()) -> RegionFile:
-    """Return what a file of regions holds.
-
-    Raises
-    ------
-    ParameterError
-        If an option of reading rasters is given.
-    RegionError, AccessError
-        As of `about_file`.
-    """
+    """Return what a file of regions holds, see `about_file`; refuse options of reading rasters."""
     path = os.fspath(source[0] if isinstance(source, list | tuple) else source)
     if options.chooses_pixels or options.stretches("auto") or options.skip_bad_tiles:
         raise ParameterError(

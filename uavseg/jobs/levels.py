@@ -72,13 +72,7 @@ class LevelsRequest:
 def level_params(
     segment: SegmentParams, refine: str | None, levels: Levels | Breaks | BreakChoice
 ) -> SegmentParams:
-    """Return how segments of levels are found; see `joint_params`. More than 127 levels end at block edges.
-
-    Raises
-    ------
-    ParameterError
-        If they are to be refined otherwise.
-    """
+    """Return how segments of levels are found, see `joint_params`; more than 127 end at block edges."""
     if refine is None and not isinstance(levels, BreakChoice) and levels.count > MAX_PIXEL_CLASSES:
         refine = "none"
     return joint_params(segment, refine)
@@ -87,23 +81,8 @@ def level_params(
 def levels(source: Source, request: LevelsRequest, work: Work = SERIAL) -> Extraction:
     """Find the segments of all levels: adjacent pixels, or leaves if not refined, of the same interval.
 
-    A block map answers without its raster where segments may end at cells; then `std` is not known.
-
-    Parameters
-    ----------
-    source : Raster, Blocks or ProbabilityMap
-    request : LevelsRequest
-    work : Work
-
-    Returns
-    -------
-    Extraction
-        Its regions have the column `level`, from 0, and `range_low` and `range_high` of that level.
-
-    Raises
-    ------
-    UavsegError
-        If the source cannot be read or a parameter does not fit it.
+    A block map answers without its raster where segments may end at cells; then `std` is not known. Regions
+    have the column `level`, from 0, and `range_low` and `range_high` of that level.
     """
     work = work.begun()
     classes = PartitionRequest(_partition(request), request.segment, detail=request.detail, cover=True)

@@ -16,13 +16,7 @@ DEFAULTS = LbpcParams()
 
 @dataclass(frozen=True)
 class OriginalSegments:
-    """Labels of segments.
-
-    Parameters
-    ----------
-    labels : (rows, cols) uint32 array
-    warnings : tuple of str
-    """
+    """Labels of segments, (rows, cols)."""
 
     labels: NDArray[np.uint32]
     source: SourceInfo
@@ -32,15 +26,7 @@ class OriginalSegments:
 def original(source: Source, request: LbpcParams = DEFAULTS, work: Work = SERIAL) -> OriginalSegments:
     """Return segments of a raster by texture alone, as Ojala and Pietikäinen found them in 1999.
 
-    Parameters
-    ----------
-    source : Raster or ProbabilityMap
-        At most 4096 x 4096 pixels.
-
-    Raises
-    ------
-    RasterError
-        If the raster is larger.
+    RasterError is raised if it has more than 4096 x 4096 pixels.
     """
     work = work.begun()
     pixels = pixels_of(source, "a block map is divided already; name the raster itself")

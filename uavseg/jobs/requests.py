@@ -39,17 +39,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class RegionJob:
-    """A job that finds regions in a source.
-
-    Parameters
-    ----------
-    read : ReadOptions
-        How the source is read.
-    find : callable
-        Finds the regions of a source.
-    request : object
-        What `find` answers.
-    """
+    """A job that finds regions in a source: how that is read, and what `find` answers, the request."""
 
     read: ReadOptions
     find: Callable[[Source, Work], Extraction]
@@ -57,13 +47,7 @@ class RegionJob:
 
 
 def region_job(options: ExtractOptions | LevelsOptions | MatchOptions) -> RegionJob:
-    """Return the job of some options, checked before any work.
-
-    Raises
-    ------
-    UavsegError
-        If a value is out of bounds, or values do not go together.
-    """
+    """Return the job of some options, checked before any work."""
     if isinstance(options, ExtractOptions):
         return _extract_job(options)
     if isinstance(options, LevelsOptions):
@@ -167,13 +151,7 @@ def _match_classes_request(options: MatchOptions) -> MatchClassesRequest:
 
 
 def suggest_request(options: SuggestOptions) -> SuggestRequest:
-    """Return which ranges are suggested.
-
-    Raises
-    ------
-    ParameterError
-        If the number of classes is none.
-    """
+    """Return which ranges are suggested; refuse a number of classes that is none with ParameterError."""
     from uavseg.jobs.suggest import SuggestRequest
 
     classes = options.classes
@@ -192,10 +170,7 @@ def suggest_like_request(options: SuggestOptions) -> SuggestLikeRequest:
 def samples_of(given: Any) -> tuple[Disc | str, ...]:
     """Return one sample or several, as the requests of jobs have them.
 
-    Parameters
-    ----------
-    given : path, (float, float, float), or sequence of them
-        A file of polygons, X,Y,RADIUS as text, or a disc.
+    A sample is a file of polygons, X,Y,RADIUS as text, or a disc.
     """
     from uavseg.regions.sample.place import Disc, parse_like
 

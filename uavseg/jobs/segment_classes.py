@@ -31,18 +31,11 @@ ChoosePartition = Callable[[BlockMap], Partition]
 
 @dataclass(frozen=True, slots=True)
 class PartitionRequest:
-    """Which intervals, and how their segments are found.
+    """Which intervals, or what chooses them from the whole block map, and how their segments are found.
 
-    Parameters
-    ----------
-    partition : Partition or callable
-        Or what chooses it from the whole block map.
-    segment : SegmentParams
-        Its `refine` is "tv", "pixels" or "none".
-    detail : Length, optional
-        Structures that are narrower become part of what is near.
-    cover : bool
-        Whether kinds cover the raster, so that a detail leaves no pixel without one.
+    Segments are refined by "tv", "pixels" or "none". Structures that are narrower than a detail become part
+    of what is near; `cover` tells whether kinds cover the raster, so that a detail leaves no pixel without
+    one.
     """
 
     partition: Partition | ChoosePartition
@@ -80,15 +73,8 @@ class Segmented:
 def joint_params(segment: SegmentParams, refine: str | None) -> SegmentParams:
     """Return how segments of several intervals are found: refined together, by tv or pixels, or not at all.
 
-    Parameters
-    ----------
-    refine : str, optional
-        What was asked for; by default "tv", and "none" with the paper's method.
-
-    Raises
-    ------
-    ParameterError
-        If it is another refinement, which decides for one range alone.
+    By default they are refined by tv, and with the paper's method not at all. ParameterError is raised for
+    another refinement, which decides for one range alone.
     """
     if refine is None:
         refine = "none" if segment.method == "paper" else "tv"
@@ -103,12 +89,8 @@ def segment_classes(source: Source, request: PartitionRequest, work: Work) -> Se
     """Return segments of several intervals, each pixel in one of them at most.
 
     A block map answers without its raster where segments may end at cells; otherwise they are refined with
-    it, if it is where it was.
-
-    Raises
-    ------
-    UavsegError
-        If the source cannot be read, or is not as it was when its block map was made.
+    it, if it is where it was. RasterError is raised if the raster is not as it was when its block map was
+    made.
     """
     detail_of(request.detail, source.geobox, request.segment.refine)  # refused before any work
     if not isinstance(source, Blocks):
@@ -137,7 +119,7 @@ def segment_classes(source: Source, request: PartitionRequest, work: Work) -> Se
 def _divided(
     grey: GreySource, request: PartitionRequest, tile_pass: TilePass | None = None
 ) -> tuple[Partition, NDArray[Any] | None]:
-    """The intervals, and the kind of each cell where leaves decide; no pass where nothing needs leaves."""
+    """Return the intervals, and the kinds of cells where leaves decide; no pass where none needs leaves."""
     partition, segment = request.partition, request.segment
     if tile_pass is None:
         assert isinstance(partition, Partition)
@@ -165,7 +147,7 @@ def _check_count(partition: Partition, segment: SegmentParams) -> None:
 def _refined(
     source: Blocks, raster: Pixels, partition: Partition, request: PartitionRequest, work: Work
 ) -> Segmented:
-    """From the division on, with blocks that are known."""
+    """Refine and outline with blocks that are known."""
     outlining = work.over(raster)
     grey = source.grey(raster, outlining)
     with work.reading_here():
@@ -210,7 +192,7 @@ def _outlined(
 def _at_block_edges(
     source: Blocks, partition: Partition, request: PartitionRequest, notes: tuple[str, ...] = ()
 ) -> Segmented:
-    """Segments of whole cells with valid pixels, from the block map alone; their `std` is not known."""
+    """Return segments of whole cells with valid pixels, from the block map alone; `std` is not known."""
     from uavseg.regions.tiles.segment_tiles import outline_block_map, sum_enclosed_cells
 
     refuse_without_pixels(request.detail, request.segment.refine)

@@ -41,19 +41,10 @@ EXACT_PIXELS = 400_000_000  # of larger rasters, the number of regions is estima
 
 @dataclass(frozen=True, slots=True)
 class SuggestRequest:
-    """How many ranges, and of which leaves.
+    """How many ranges, 2 to 8, by default as many as the histogram of means has, and of which leaves.
 
-    Parameters
-    ----------
-    classes : int, optional
-        Number of ranges, 2 to 8; by default as many as the histogram of means has.
-    segment : SegmentParams
-        That regions are counted with; with refine "none", those of cells of the block map.
-
-    Raises
-    ------
-    ParameterError
-        If the number is another.
+    Regions are counted with `segment`; with refine "none", those of cells of the block map. Another number is
+    refused with ParameterError.
     """
 
     classes: int | None = None
@@ -65,19 +56,9 @@ class SuggestRequest:
 
 
 def suggest(source: Source, request: SuggestRequest = SuggestRequest(), work: Work = SERIAL) -> Suggestions:
-    """Return ranges of v of a raster, answered from its block map.
+    """Return ranges of v of a raster, answered from its block map; any other source is divided first.
 
-    Parameters
-    ----------
-    source : Raster, ProbabilityMap or Blocks
-        Unless it is a block map, it is divided first.
-    request : SuggestRequest
-    work : Work
-
-    Raises
-    ------
-    UavsegError
-        If the raster cannot be read or has no valid pixel.
+    RasterError is raised if it has no valid pixel.
     """
     work = work.begun()
     pixels: Pixels | None

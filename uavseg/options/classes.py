@@ -22,17 +22,10 @@ _EXAMPLES = {"range": "0.55,1", "values": "20,40 (or 300, or ,35)", "percentile"
 
 
 def parse_range(name: str, text: str) -> AnyRange:
-    """LO,HI of an option or an argument; an end of values or percentiles may be left out.
+    """Read LO,HI of an option or an argument; an end of values or percentiles may be left out.
 
-    Parameters
-    ----------
-    name : str
-        "--range", "--values" or "--percentile", or without the dashes as in Python.
-
-    Raises
-    ------
-    ParameterError
-        If it is not such a range.
+    The name is "--range", "--values" or "--percentile", or without the dashes as in Python. ParameterError is
+    raised if it is not such a range.
 
     Examples
     --------
@@ -52,10 +45,7 @@ def parse_range(name: str, text: str) -> AnyRange:
 def requested_range(options: RangeOptions) -> AnyRange:
     """Return the range of a job: exactly one of three, each two numbers (None for an open end) or a text.
 
-    Raises
-    ------
-    ParameterError
-        If there is none or more than one, or it is not a range.
+    ParameterError is raised if there is none or more than one, or it is not a range.
     """
     named = {"range": options.range, "values": options.values, "percentile": options.percentile}
     given = {name: value for name, value in named.items() if value is not None}
@@ -124,12 +114,7 @@ _EXPECTED = "columns name and range (or low and high), and color if you like"
 
 
 def parse_class_range(text: str, what: str = "a range") -> IntensityRange:
-    """LO,HI as a range of v; either end may be left out.
-
-    Raises
-    ------
-    ParameterError
-        If it is not two numbers.
+    """Read LO,HI as a range of v; either end may be left out. What is not two numbers is a ParameterError.
 
     Examples
     --------
@@ -149,10 +134,7 @@ def parse_class_range(text: str, what: str = "a range") -> IntensityRange:
 def classes_of_texts(texts: Sequence[str]) -> ValueClasses:
     """Return classes from texts such as "water=0,0.2".
 
-    Raises
-    ------
-    ParameterError
-        If one is not understood, or the classes do not go together.
+    ParameterError is raised if one is not understood, or the classes do not go together.
 
     Examples
     --------
@@ -169,12 +151,7 @@ def classes_of_texts(texts: Sequence[str]) -> ValueClasses:
 
 
 def classes_of_ranges(texts: Sequence[str]) -> ValueClasses:
-    """Return classes from texts of ranges, after which they are named.
-
-    Raises
-    ------
-    ParameterError
-        If one is not a range, or two overlap.
+    """Return classes from texts of ranges, after which they are named; errors as of `classes_of_texts`.
 
     Examples
     --------
@@ -186,21 +163,10 @@ def classes_of_ranges(texts: Sequence[str]) -> ValueClasses:
 
 
 def classes_of_options(ranges: Any, texts: Sequence[str], classes: Any) -> ValueClasses | None:
-    """Return the classes of a job, None where it has one range.
+    """Return the classes of a job, None where it has one range; errors as of `classes_of_texts`.
 
-    Parameters
-    ----------
-    ranges : object
-        Several ranges are a list of their texts.
-    texts : sequence of str
-        Such as "water=0,0.2".
-    classes : mapping or path, optional
-        See `classes_of_mapping` and `read_classes`.
-
-    Raises
-    ------
-    ParameterError
-        If they are not understood, or do not go together.
+    Several ranges are a list of their texts. For a mapping or a path see `classes_of_mapping` and
+    `read_classes`.
     """
     if isinstance(classes, str | os.PathLike):
         return read_classes(classes)
@@ -220,10 +186,7 @@ def classes_of_options(ranges: Any, texts: Sequence[str], classes: Any) -> Value
 def classes_of_mapping(classes: Mapping[str, Any]) -> ValueClasses:
     """Return classes from a mapping of names to (low, high) or (low, high, color).
 
-    Raises
-    ------
-    ParameterError
-        If a value is neither, or the classes do not go together.
+    ParameterError is raised if a value is neither, or the classes do not go together.
 
     Examples
     --------
@@ -244,10 +207,7 @@ def classes_of_mapping(classes: Mapping[str, Any]) -> ValueClasses:
 def read_classes(path: str | os.PathLike[str]) -> ValueClasses:
     """Read classes from a file: CSV with a header, or a list in YAML, each with a name and a range.
 
-    Raises
-    ------
-    ParameterError
-        If it cannot be read or understood, or the classes do not go together.
+    ParameterError is raised if it cannot be read or understood, or the classes do not go together.
     """
     name = os.fspath(path)
     suffix = Path(path).suffix.lower()

@@ -152,15 +152,7 @@ def arguments_of(job: type) -> dict[str, Option]:
 
 
 def build(job: type[T], values: Mapping[str, Any]) -> T:
-    """Build the options of a job from flat arguments; names that it does not have are left aside.
-
-    Parameters
-    ----------
-    job : type
-        A dataclass of options.
-    values : mapping of str to object
-        By the names of options; defaults stand for the others.
-    """
+    """Build the options of a job from flat arguments, by name; those that it does not have are left aside."""
     made: dict[str, Any] = {}
     for one in fields(job):  # type: ignore[arg-type]
         taken: Group | None = one.metadata.get("group")

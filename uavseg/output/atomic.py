@@ -40,11 +40,6 @@ def check_target(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
 
     Before that, what a killed run left in its folder is undone and removed.
 
-    Parameters
-    ----------
-    overwrite : bool
-        Whether an existing file may be replaced.
-
     Raises
     ------
     OutputExistsError
@@ -62,18 +57,10 @@ def atomic_file(path: str | os.PathLike[str], overwrite: bool = False, sync: boo
     The temporary path keeps the file name, and lies in a temporary folder beside `path`. Drivers may write
     several files (the parts of a shapefile) or a subfolder there: all of them are renamed, and files of an
     older output that a reader would take for parts of this one are removed. Inside of a `transaction`, files
-    are renamed at its end.
+    are renamed at its end. Where `path` is a symbolic link, the file to which it points is written.
 
-    Parameters
-    ----------
-    path : path
-        Of the target. Where it is a symbolic link, the file to which it points is written.
-    overwrite : bool
-        Whether to replace existing files.
-    sync : bool
-        Whether to sync the file to disk, so that it survives a power cut. Without that, it may be empty or
-        torn afterwards, and is not part of a transaction: for single files that are checked when they are
-        read and can be computed again.
+    Without `sync` to disk, a file may be empty or torn after a power cut, and is not part of a transaction:
+    for single files that are checked when they are read and can be computed again.
 
     Raises
     ------

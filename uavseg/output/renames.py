@@ -34,14 +34,9 @@ class UndoError(OutputError):
 
 @dataclass(frozen=True, slots=True)
 class NewFile:
-    """A file or folder that gets its name, with what identifies it.
+    """A file or folder that gets its name, with what identifies it, in a subfolder of the staging folder.
 
-    Parameters
-    ----------
-    folder : str
-        The subfolder of the staging folder in which it was made.
-    inode, size, mtime_ns : int
-        A folder has neither size nor time: they are 0.
+    A folder has neither size nor time: they are 0.
     """
 
     folder: str
@@ -74,12 +69,8 @@ class NewFile:
 class Journal:
     """The renames between a staging folder and the folder in which it lies.
 
-    Parameters
-    ----------
-    old : tuple of str
-        Names that are moved into the subfolder `old`, main files first.
-    new : tuple of NewFile
-        Files that are moved out of the staging folder afterwards, main files last.
+    First the `old` names are moved into the subfolder `old`, main files first; then `new` files are moved out
+    of the staging folder, main files last.
     """
 
     old: tuple[str, ...]

@@ -39,14 +39,9 @@ _PLACEHOLDERS = "{stem}, {name}, {suffix}, {parent} or {number}"
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """A file to be made, with the files that a reader takes as parts of it.
+    """A file to be made, as it was named (`given`), with the files that a reader takes as parts of it.
 
-    Parameters
-    ----------
-    given : Path
-        As it was named.
-    path : Path
-        The file itself: where the name is a symbolic link, the file to which it points.
+    `path` is the file itself: where the name is a symbolic link, the file to which it points.
     """
 
     given: Path
@@ -88,11 +83,6 @@ def check_utf8(path: Path) -> None:
 
 def find_target(path: Path_, overwrite: bool = False) -> Target:
     """Return the target of a name, if it may be written.
-
-    Parameters
-    ----------
-    overwrite : bool
-        Whether existing files may be replaced.
 
     Raises
     ------
@@ -162,12 +152,8 @@ def _check_shared(target: Target) -> None:
 def check_not_inputs(outputs: Iterable[Path_ | None], inputs: Iterable[Path_]) -> None:
     """Refuse outputs that would replace an input of the same command, by whatever name.
 
-    Parameters
-    ----------
-    outputs : iterable of path or None
-        None for no output; "-" is standard output.
-    inputs : iterable of path
-        Their sidecar files are inputs too. Whatever is not a local file is left out.
+    The output "-" is standard output. Sidecar files of inputs are inputs too; whatever is not a local file is
+    left out.
     """
     made = {
         file: path
@@ -205,12 +191,9 @@ def _identity(file: Path) -> tuple[int, int] | None:
 def fill_template(template: str, source: str, number: int = 1) -> str:
     """Fill in the name of the output of a source.
 
-    Parameters
-    ----------
-    template : str
-        ``{stem}`` is the name of the source without folder and extension, ``{name}`` with its extension,
-        ``{suffix}`` the extension without point, ``{parent}`` the name of its folder, and ``{number}`` its
-        place in the list, from 0001; ``{{`` and ``}}`` are braces.
+    In a template ``{stem}`` is the name of the source without folder and extension, ``{name}`` with its
+    extension, ``{suffix}`` the extension without point, ``{parent}`` the name of its folder, and ``{number}``
+    its place in the list, from 0001; ``{{`` and ``}}`` are braces.
 
     Examples
     --------
@@ -247,14 +230,7 @@ def outputs_of(template: str, sources: Sequence[str]) -> list[str]:
 
 
 def check_distinct_outputs(sources: Sequence[str], outputs: Iterable[Sequence[str]]) -> None:
-    """Refuse two outputs of the same name.
-
-    Parameters
-    ----------
-    sources : sequence of str
-    outputs : iterable of sequences of str
-        Those of each source.
-    """
+    """Refuse two outputs of the same name; `outputs` are those of each source."""
     owners: dict[str, str] = {}
     for source, names in zip(sources, outputs, strict=True):
         for name in names:

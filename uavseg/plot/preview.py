@@ -180,10 +180,7 @@ def make_layers(
 ) -> list[Layer]:
     """Read the layers that have a source, the lowest first; sources are as of `preview`.
 
-    Parameters
-    ----------
-    max_side : int
-        Rasters are read with at most this many rows and columns.
+    Rasters are read with at most `max_side` rows and columns.
     """
     flights = None if mission is None else read_missions(mission)
     layers: list[Layer | None] = [

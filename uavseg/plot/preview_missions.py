@@ -65,11 +65,8 @@ class FlightProfile:
 def flight_profile(mission: Mission, dem: "Dem | None" = None) -> FlightProfile:
     """Compute the heights of a mission, from takeoff to where it ends.
 
-    Parameters
-    ----------
-    dem : Dem, optional
-        The ground. With it heights are above its zero. Without it they are above home, and heights above the
-        terrain count as above home.
+    With a DEM they are above its zero. Without it they are above home, and heights above the terrain count as
+    above home.
     """
     known = mission if dem is None else replace(mission, ground=_ground(mission, dem))
     path = flown_path(known, mission.vehicle or default_vehicle(mission.autopilot))
@@ -131,14 +128,7 @@ def _zero_m(mission: Mission, dem: "Dem", ground_m: float) -> float:
 
 
 def draw_profiles(ax: Any, profiles: Sequence[FlightProfile], colors: Sequence[str]) -> None:
-    """Draw the heights of flights, one after another along the path, and the ground below.
-
-    Parameters
-    ----------
-    profiles : sequence of FlightProfile
-    colors : sequence of str
-        Of the flights.
-    """
+    """Draw the heights of flights, one after another along the path, and the ground below."""
     from matplotlib.collections import LineCollection
 
     total = sum(float(profile.along_m[-1]) for profile in profiles)

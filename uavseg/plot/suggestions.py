@@ -54,14 +54,7 @@ def draw_suggestions(
 ) -> Path:
     """Draw the ranges in colour over the raster in grey, beside the histogram with their bounds, as PNG.
 
-    Parameters
-    ----------
-    out : path
-        The picture, .png.
-    dataset : Dataset, optional
-        The raster; without it, the cells of the block map are drawn instead.
-    overwrite : bool
-        Whether an existing picture may be replaced.
+    Without a dataset, the cells of the block map are drawn in place of the raster.
     """
     target = check_png_target(out, overwrite)
     keep_inputs([target], dataset.paths if dataset is not None else ())
@@ -131,17 +124,8 @@ def _draw_cells(ax: Any, greys: NDArray[np.uint8], valid: NDArray[np.bool_], fra
 def upsample_cells(cells: NDArray[np.uint8], frame: Frame, max_side: int) -> tuple[NDArray[np.uint8], Affine]:
     """Upsample cells of 8 x 8 pixels to the extent of the raster (nearest neighbour).
 
-    Parameters
-    ----------
-    cells : (m, n) uint8 array
-    max_side : int
-        Largest number of rows and columns of the result.
-
-    Returns
-    -------
-    picture : (rows, cols) uint8 array
-    plot_from_pixel : Affine
-        From its pixel corners (col, row) to plot coordinates.
+    The picture has `max_side` rows and columns at most. The transform is from its pixel corners (col, row) to
+    plot coordinates.
     """
     box = frame.geobox
     step = max(-(-max(box.shape) // max_side), 1)
@@ -246,9 +230,7 @@ def _write_legend(figure: Any, x: float, suggestions: Suggestions) -> None:
     y = 1 - (_HEAD_IN + 0.02) / page
     if not suggestions.ranges:
         figure.text(x, y, "one class: no range to choose", size=8, color=TEXT_COLOR, va="top")
-    colored = sorted(
-        zip(suggestions.by_intensity, _colors(suggestions), strict=True), key=lambda pair: pair[0].range
-    )
+    colored = zip(suggestions.by_intensity, _colors(suggestions), strict=True)
     for chosen, color in sorted(colored, key=lambda pair: pair[0].range)[::-1]:
         figure.text(x, y, "◆" if chosen.part else "■", size=10, color=color, va="top")
         for x_in, text, side in _columns(chosen):

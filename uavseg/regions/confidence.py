@@ -47,12 +47,7 @@ class Parting:
 
 @dataclass(frozen=True, slots=True)
 class Weights:
-    """Constants of a logistic regression.
-
-    Parameters
-    ----------
-    terms : tuple of float
-    """
+    """Constants of a logistic regression."""
 
     intercept: float
     terms: tuple[float, ...]
@@ -73,17 +68,9 @@ OF_TEXTURES = Weights(-7.448, (1.305, -0.751, 9.572, -5.778))
 def confidence_of(outlined: RegionOutlines, low: ArrayLike, high: ArrayLike) -> Floats:
     """Compute the probability that each region is right, from its size, shape, margin and contrast.
 
-    Parameters
-    ----------
-    outlined : RegionOutlines
-        Refined to the pixel, with the sums of the intensity of the range.
-    low, high : float or (n,) array
-        The range of v, of all regions or of each; 0 and 1 are no bounds.
-
-    Returns
-    -------
-    confidence : (n,) float64 array
-        0 to 1, in thousandths; NaN where the sums of squares or the contrast are not known.
+    The regions are refined to the pixel, with the sums of the intensity of the range. `low` and `high` are
+    the range of v, of all regions or of each; 0 and 1 are no bounds. The confidence, (n,), is 0 to 1, in
+    thousandths; NaN where the sums of squares or the contrast are not known.
     """
     return OF_RANGES.probability(region_terms(outlined, low, high))
 
@@ -104,17 +91,12 @@ def texture_confidence_of(outlined: RegionOutlines, parting: Parting) -> Floats:
 
 
 def region_terms(outlined: RegionOutlines, low: ArrayLike, high: ArrayLike) -> Floats:
-    """Compute the terms of the confidence of regions of a range: (n, 5) float64.
+    """Compute the terms of the confidence of regions of a range, arguments of `confidence_of`: (n, 5).
 
     In order: logarithm of the number of pixels; logarithm of the squared perimeter over that of a square of
     the same area; logarithms of one more than the distance of the mean from the nearest bound, and than the
     mean step across the border, both in standard deviations of the region; the product of the first and the
     last.
-
-    Parameters
-    ----------
-    outlined, low, high
-        As of `confidence_of`.
     """
     sums = outlined.sums
     counts = np.maximum(sums.counts, 1).astype(np.float64)
@@ -129,16 +111,9 @@ def region_terms(outlined: RegionOutlines, low: ArrayLike, high: ArrayLike) -> F
 def match_terms(outlined: RegionOutlines, similarity: Floats, parting: ArrayLike) -> Floats:
     """Compute the terms of the confidence of matches: (n, 7) float64.
 
-    Those of `region_terms` with similarity in place of grey, the logarithm of the similarity, and `parting`.
-
-    Parameters
-    ----------
-    outlined : RegionOutlines
-        Refined to the pixel, with the sums of similarity to the sample in place of grey.
-    similarity : (n,) float64 array
-        0 to 1.
-    parting : float or (n,) array
-        Difference of the mean similarities of the sample and of the raster.
+    Those of `region_terms` with similarity in place of grey, also in the sums of the outlines, the logarithm
+    of the `similarity` of each, 0 to 1, and `parting`, the difference of the mean similarities of the sample
+    and of the raster.
     """
     logarithm = np.log(np.maximum(similarity, MIN_SIMILARITY))
     parts = np.broadcast_to(np.asarray(parting, np.float64), logarithm.shape)
@@ -148,14 +123,9 @@ def match_terms(outlined: RegionOutlines, similarity: Floats, parting: ArrayLike
 def class_terms(outlined: RegionOutlines, own: Floats, parting: Floats) -> Floats:
     """Compute the terms of the confidence of regions of classes: (n, 7) float64, as of `match_terms`.
 
-    Parameters
-    ----------
-    outlined : RegionOutlines
-        Refined to the pixel, with the sums of similarity to the class of each region in `alike`.
-    own : (n,) float64 array
-        Mean similarity of the samples of its class to this class.
-    parting : (n,) float64 array
-        Difference of that and the mean similarity of the raster to this class.
+    The outlines are refined to the pixel, with the sums of similarity to the class of each region. `own`,
+    (n,), is the mean similarity of the samples of its class to this class, `parting`, (n,), the difference of
+    that and the mean similarity of the raster to this class.
     """
     sums = outlined.sums
     assert sums.similarity is not None, "regions of classes have it"
@@ -168,15 +138,10 @@ def class_terms(outlined: RegionOutlines, own: Floats, parting: Floats) -> Float
 
 
 def texture_terms(outlined: RegionOutlines, parting: Parting) -> Floats:
-    """Compute the terms of the confidence of regions by texture: (n, 4) float64.
+    """Compute the terms of the confidence of regions by texture, refined to the pixel: (n, 4) float64.
 
     In order: logarithm of the number of pixels over that of a window; the term of shape of `region_terms`;
     the separability; the share of the raster, which is large where nothing ends a region.
-
-    Parameters
-    ----------
-    outlined : RegionOutlines
-        Refined to the pixel.
     """
     counts = np.maximum(outlined.sums.counts, 1).astype(np.float64)
     size, shape = np.log(counts / parting.window**2), _shapes(outlined.rings, counts)
@@ -188,24 +153,14 @@ def texture_terms(outlined: RegionOutlines, parting: Parting) -> Floats:
 def keep_confident(
     outlined: RegionOutlines, confidence: Floats, minimum: float
 ) -> tuple[RegionOutlines, NDArray[np.bool_]]:
-    """Keep regions of a minimum confidence, in order, and number them 1..n; also which were kept, (n,) bool.
-
-    Parameters
-    ----------
-    confidence : (n,) float64 array
-    """
+    """Keep regions of a minimum confidence, in order, and number them 1..n; return which were kept, too."""
     kept = np.asarray(confidence >= minimum)
     rings = outlined.rings
     return renumber_by_size(rings, outlined.sums, kept[rings.labels - 1]), kept
 
 
 def check_minimum(minimum: float | None, refine: str = "") -> None:
-    """Check a minimum confidence before any work.
-
-    Parameters
-    ----------
-    refine : str
-        How regions are refined; those that end at block edges have no confidence.
+    """Check a minimum confidence before any work; regions that end at block edges have no confidence.
 
     Raises
     ------
@@ -231,13 +186,7 @@ def none_confident(count: int, minimum: float | None) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Confidence:
-    """The confidence of regions, and the minimum that is asked for.
-
-    Parameters
-    ----------
-    values : (n,) float64 array
-        0 to 1; NaN where it is not known.
-    """
+    """The confidence of regions, 0 to 1, NaN where it is not known, and the minimum that is asked for."""
 
     values: Floats
     minimum: float | None = None
@@ -252,10 +201,7 @@ class Confidence:
     ) -> "Confidence":
         """Compute the confidence of regions, unless they are not refined: then it is not known.
 
-        Parameters
-        ----------
-        compute : callable
-            Calls one of the functions above, such as `confidence_of`.
+        `compute` calls one of the functions above, such as `confidence_of`.
         """
         if refine == "none":
             return cls(np.full(len(outlined.sums.counts), np.nan), minimum)
@@ -264,10 +210,7 @@ class Confidence:
     def applied(self, outlined: RegionOutlines) -> tuple[RegionOutlines, NDArray[np.bool_]]:
         """Return the regions of at least the minimum, numbered anew, and which were kept.
 
-        Raises
-        ------
-        ParameterError
-            If their confidence is not known, and there is a minimum.
+        ParameterError is raised if their confidence is not known, and there is a minimum.
         """
         if self.minimum is None:
             return outlined, np.ones(len(self.values), bool)

@@ -25,14 +25,7 @@ class LazyPolygons:
     """Polygons of regions 1..n in map coordinates, indexed like an array of shapely Polygons.
 
     Exteriors run counter-clockwise on the map, holes clockwise. A region with several exteriors is a
-    MultiPolygon.
-
-    Parameters
-    ----------
-    rings : Rings
-        Outlines of regions 1..n.
-    transform : affine.Affine
-        From pixel corners (col, row) to map coordinates.
+    MultiPolygon. The transform is from pixel corners (col, row) to map coordinates.
     """
 
     def __init__(self, rings: "Rings", transform: Affine) -> None:
@@ -90,12 +83,7 @@ PolygonArray = Objects | LazyPolygons
 
 
 def batch_slices(polygons: PolygonArray, vertices: int = BATCH_VERTICES) -> Iterator[slice]:
-    """Split regions into slices, in order, of at most `vertices` each, and at least one region.
-
-    Parameters
-    ----------
-    polygons : (n,) object array or LazyPolygons
-    """
+    """Split regions into slices, in order, of at most `vertices` each, and at least one region."""
     if isinstance(polygons, LazyPolygons):
         ends = np.cumsum(polygons.vertex_counts())
     else:
@@ -125,12 +113,7 @@ def total_area(polygons: PolygonArray) -> float:
 
 
 def as_multipolygons(polygons: Objects) -> Objects:
-    """Convert polygons to multipolygons, each of its parts.
-
-    Parameters
-    ----------
-    polygons : array (n,) of shapely Polygons and MultiPolygons
-    """
+    """Convert (n,) polygons to multipolygons, each of its parts."""
     parts, owners = shapely.get_parts(polygons, return_index=True)
     multipolygons: Objects = shapely.multipolygons(parts, indices=owners)
     return multipolygons

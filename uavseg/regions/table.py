@@ -175,15 +175,8 @@ def with_values(
 ) -> Regions:
     """Return regions with columns in the units of the raster after `range_high`, see `VALUE_COLUMNS`.
 
-    Parameters
-    ----------
-    sums : Sums
-        Of their pixels.
-    axis : ValueAxis or None
-        Map of v to values; None where it is not known: NaN and an empty unit then.
-    ends : (float, float) or two (n,) arrays, optional
-        The range in values of all regions or of each, NaN where it is open; by default that of `range_low`
-        and `range_high`.
+    `axis` maps v to values; where it is None they are NaN and the unit is empty. `ends` are the range in
+    values of all regions or of each, NaN where it is open; by default that of `range_low` and `range_high`.
     """
     columns, n = regions.columns, len(regions)
     if ends is None:

@@ -16,19 +16,10 @@ WORD = 8  # pixels of a uint8 image that are compared at once
 
 
 def label_components(inside: NDArray[np.uint8], margin: int = 0) -> tuple[NDArray[np.uint32], int]:
-    """Label the connected components of a mask in raster order of their first pixels.
+    """Label the connected components of a mask, 1..n in raster order of their first pixels; return n, too.
 
-    Parameters
-    ----------
-    inside : (M + 2 m, N + 2 m) uint8 array
-        1 where a pixel belongs to a component.
-    margin : int
-        m, width of a border that is left out.
-
-    Returns
-    -------
-    labels : (M, N) uint32 array
-        1..n; 0 outside.
+    `inside`, (M + 2 m, N + 2 m), is 1 where a pixel belongs to a component; its border of m pixels, the
+    `margin`, is left out of the labels, (M, N), which are 0 outside.
 
     Examples
     --------
@@ -42,18 +33,9 @@ def label_components(inside: NDArray[np.uint8], margin: int = 0) -> tuple[NDArra
 
 
 def label_equal_values(image: NDArray[Any], margin: int = 0) -> tuple[NDArray[np.uint32], int]:
-    """Label connected components of equal value other than 0 in raster order of their first pixels.
+    """Label connected components of equal value other than 0 as `label_components` labels those of a mask.
 
-    Parameters
-    ----------
-    image : (M + 2 m, N + 2 m) uint8 or uint32 array
-    margin : int
-        m, width of a border that is left out.
-
-    Returns
-    -------
-    labels : (M, N) uint32 array
-        1..n; 0 where the image is 0.
+    The image is of uint8 or uint32.
 
     Examples
     --------
@@ -68,12 +50,9 @@ def label_equal_values(image: NDArray[Any], margin: int = 0) -> tuple[NDArray[np
 
 
 def component_values(image: NDArray[np.uint32], labels: NDArray[np.uint32], count: int) -> NDArray[np.int64]:
-    """Return the value of each component 1..count of an image, (count,) int64.
+    """Return the value of each component 1..count of an image for `label_equal_values`: (count,) int64.
 
-    Parameters
-    ----------
-    image, labels : (M, N) uint32 arrays
-        The image given to `label_equal_values`, and its labels.
+    `image` and `labels` are (M, N) arrays.
     """
     values = np.empty(count, np.int64)
     _component_values(image, labels, values)
@@ -89,18 +68,9 @@ def view_as_words(image: NDArray[Any], margin: int = 0) -> NDArray[np.uint64]:
 
 
 def union_roots(pairs: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-    """Return the smallest item of the set that each item belongs to (union-find).
+    """Return the smallest item of the set that each of the items 0..count - 1 belongs to (union-find).
 
-    Parameters
-    ----------
-    pairs : (k, 2) int64 array
-        Items of the same set.
-    count : int
-        The items are 0..count - 1.
-
-    Returns
-    -------
-    roots : (count,) int64 array
+    The (k, 2) `pairs` are of items of the same set.
 
     Examples
     --------
@@ -248,14 +218,7 @@ class Sums:
 
 
 def with_excess(sums: Sums, labels: NDArray[np.uint32], excess: NDArray[np.int32] | None) -> Sums:
-    """Add the sums of the greys outside the ends of the stretch.
-
-    Parameters
-    ----------
-    labels : (M, N) uint32 array
-    excess : (M, N) int32 array or None
-        See `GreyTile.excess`.
-    """
+    """Add the sums of the greys outside the ends of the stretch, an (M, N) array as of `GreyTile.excess`."""
     if excess is None:
         return sums
     at = np.flatnonzero(excess)
@@ -265,15 +228,7 @@ def with_excess(sums: Sums, labels: NDArray[np.uint32], excess: NDArray[np.int32
 
 
 def component_sums(labels: NDArray[np.uint32], count: int, grey: NDArray[np.uint16], margin: int = 0) -> Sums:
-    """Sum over the components 1..count of a label image.
-
-    Parameters
-    ----------
-    labels : (M, N) uint32 array
-    grey : (M + 2 m, N + 2 m) uint16 array
-    margin : int
-        m, width of the border of `grey` that has no labels.
-    """
+    """Sum over the components 1..count of an (M, N) label image; `grey` has a border of `margin` pixels."""
     counts = np.zeros(count, np.int64)
     greys = np.zeros(count, np.uint64)
     squares = np.zeros(count, np.uint64)
@@ -285,12 +240,8 @@ def component_sums(labels: NDArray[np.uint32], count: int, grey: NDArray[np.uint
 def number_by_size(labels: NDArray[np.uint32], count: int, grey: NDArray[np.uint16]) -> NDArray[np.uint32]:
     """Return the number of each label when labels are ordered by size, largest first; 0 for label 0.
 
-    Parameters
-    ----------
-    labels : (M, N) uint32 array
-    count : int
-        The labels are 1..count; those of equal size are numbered in raster order of their first pixels.
-    grey : (M, N) uint16 array
+    The labels are 1..count in an (M, N) array; those of equal size are numbered in raster order of their
+    first pixels.
     """
     sums = component_sums(labels, count, grey)
     order = np.lexsort((sums.firsts[:, 1], sums.firsts[:, 0], -sums.counts))
@@ -343,8 +294,7 @@ def border_steps(
         Adjacent pixels of equal value, not 0, belong together.
     labels : (M, N) uint32 array
         Their components 1..count, without the margin.
-    grey : (M + 2 m, N + 2 m) uint16 array
-    valid : (M + 2 m, N + 2 m) uint8 array
+    grey, valid : (M + 2 m, N + 2 m) uint16 and uint8 arrays
         Edges to an invalid pixel do not count.
 
     Returns

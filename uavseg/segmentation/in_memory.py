@@ -17,14 +17,7 @@ from uavseg.units import BLOCK
 
 @checked
 def block_map_of_array(grey: NDArray[np.uint16], valid: NDArray[np.bool_] | None = None) -> BlockMap:
-    """Measure the block map of an image.
-
-    Parameters
-    ----------
-    grey : (M, N) uint16 array
-        v = grey / 65535.
-    valid : (M, N) bool array, optional
-        Valid pixels; all, if left out.
+    """Measure the block map of an (M, N) image, v = grey / 65535; all pixels are valid without `valid`.
 
     Examples
     --------
@@ -50,18 +43,9 @@ def label_regions(
     valid: NDArray[np.bool_] | None = None,
     params: SegmentParams | None = None,
 ) -> NDArray[np.uint32]:
-    """Label the regions of an image whose mean lies in a range.
+    """Label the regions of an (M, N) image whose mean lies in a range; all pixels are valid without `valid`.
 
-    Parameters
-    ----------
-    grey : (M, N) uint16 array
-    valid : (M, N) bool array, optional
-        Valid pixels; all, if left out.
-
-    Returns
-    -------
-    labels : (M, N) uint32 array
-        1..n, most pixels first; 0 outside all regions.
+    The labels are 1..n, most pixels first; 0 outside all regions.
     """
     params = params or SegmentParams()
     image, mask = pad_to_blocks(grey, valid, 0)
@@ -84,18 +68,9 @@ def label_regions(
 def pad_to_blocks(
     grey: NDArray[np.uint16], valid: NDArray[np.bool_] | None, border: int = 1
 ) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:
-    """Pad an image to whole blocks with a border on every side.
+    """Pad an (M, N) image to whole blocks with a border on every side; return it with a mask of valid pixels.
 
-    Parameters
-    ----------
-    grey : (M, N) uint16 array
-    valid : (M, N) bool array, optional
-
-    Returns
-    -------
-    image : (64 B + 2 border, 64 C + 2 border) uint16 array
-    mask : uint8 array of the same shape
-        1 where a pixel is valid.
+    Both are (64 B + 2 border, 64 C + 2 border); the mask is 1 where a pixel is valid.
     """
     rows, cols = (-(-length // BLOCK) * BLOCK + 2 * border for length in grey.shape)
     image, mask = np.zeros((rows, cols), np.uint16), np.zeros((rows, cols), np.uint8)

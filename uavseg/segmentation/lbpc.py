@@ -93,18 +93,9 @@ def segment_lbpc(
     valid: NDArray[np.bool_] | None = None,
     params: LbpcParams = LbpcParams(),
 ) -> Labels:
-    """Label the segments of an image by LBP/C.
+    """Label the segments of an (M, N) image by LBP/C; all pixels are valid without `valid`.
 
-    Parameters
-    ----------
-    grey : (M, N) uint16 array
-    valid : (M, N) bool array, optional
-        Valid pixels; all, if left out.
-
-    Returns
-    -------
-    labels : (M, N) uint32 array
-        1..n, most pixels first, ties in raster order of the first pixel; 0 where invalid.
+    The labels are 1..n, most pixels first, ties in raster order of the first pixel; 0 where invalid.
 
     Raises
     ------
@@ -232,14 +223,9 @@ def _merge_regions(
     """Merge adjacent regions by texture, the most similar pair first, until MI exceeds Y times the largest.
 
     Of two pairs with the same MI, the one with the smaller lower label comes first, then the one with the
-    smaller upper label. The stop is not tested during the share `untested` of all possible merges.
-
-    Returns
-    -------
-    labels : (M, N) uint32 array
-        1..k in the order of the smallest label merged into each.
-    models : (k + 1, 2048) uint32 array
-        The histogram of each region; row 0 is empty.
+    smaller upper label. The stop is not tested during the share `untested` of all possible merges. The new
+    labels are 1..k in the order of the smallest label merged into each. The models, (k + 1, 2048), are the
+    histograms of the regions; row 0 is empty.
     """
     count = int(labels.max(initial=0))
     regions = _Regions.of(labels, symbols, count)
@@ -252,16 +238,7 @@ def _merge_regions(
 
 @dataclass(frozen=True)
 class _Regions:
-    """Histograms of regions; region 0 is empty.
-
-    Parameters
-    ----------
-    histograms : (n + 1, 2048) uint32 array
-    totals : (n + 1,) int64 array
-        Counted pixels.
-    table : float64 array
-        n ln n, see `n_ln_n_table`.
-    """
+    """Histograms of regions, (n + 1, 2048), their sums, and a table of n ln n; region 0 is empty."""
 
     histograms: NDArray[np.uint32]
     totals: NDArray[np.int64]

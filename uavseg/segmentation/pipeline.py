@@ -65,13 +65,7 @@ class Part:
 
 
 def measure_block_map(source: GreySource, tile_pass: TilePass) -> BlockMap:
-    """Measure the whole block map of a raster: sums and counts of all cells, R of all blocks.
-
-    Parameters
-    ----------
-    tile_pass : TilePass
-        Tiles that cover the raster, the executor and the progress.
-    """
+    """Measure the whole block map of a raster: sums and counts of all cells, R of all blocks."""
     measuring, dividing = tile_pass.stages(2)
     measured = measure_cells(source, measuring)
     rows, cols = measured.blocks.blocks
@@ -103,14 +97,7 @@ def measure_block_maps_for(
     tile_pass: TilePass,
     part: Part | None = None,
 ) -> list[BlockMap]:
-    """Measure the block maps of several sources of one shape in one pass; see `measure_block_map_for`.
-
-    Parameters
-    ----------
-    sources : sequence of GreySource
-    intervals, params, tile_pass, part
-        As of `measure_block_map_for`.
-    """
+    """Measure the block maps of several sources of one shape in one pass; see `measure_block_map_for`."""
     measuring, *dividing = tile_pass.stages(1 + len(sources))
     queries = [
         LeafQuery(intervals.edges, params.division, BlockCache(CAPACITY // len(sources))) for _ in sources
@@ -154,10 +141,7 @@ class _CacheBlocks:
 def measure_cells(source: GreySource, tile_pass: TilePass, query: LeafQuery | None = None) -> MeasuredCells:
     """Measure sums and counts of all cells, and the bin edges of contrast over the whole raster (first pass).
 
-    Parameters
-    ----------
-    query : LeafQuery, optional
-        Fills its cache with the blocks that it requires.
+    The cache of `query` is filled with the blocks that it requires.
     """
     return _measure_several([source], tile_pass, [query])[0]
 
@@ -205,13 +189,8 @@ def with_majority_means(
     """Replace the mean of each cell by that of the population that most of its pixels belong to.
 
     The mean of two populations is a value that neither has, so thresholds of such means separate no pixels.
-
-    Parameters
-    ----------
-    source : GreySource
-        The raster that the block map was made from.
-    edges : sequence of float
-        Between populations, increasing; no pixel has one of them for its v.
+    `source` is the raster that the block map was made from. The edges between populations increase; no pixel
+    has one of them for its v.
     """
     greys = [-1, *(math.floor(edge * GREY_MAX) for edge in edges), GREY_MAX]
     sums = np.zeros_like(blocks.sums)
@@ -229,16 +208,10 @@ def fill_ratios(
     query: LeafQuery | None = None,
     part: Part | None = None,
 ) -> None:
-    """Fill in the required ratios of the block map (second pass).
+    """Fill in the required ratios of the block map, in place (second pass); others stay 0.
 
-    Parameters
-    ----------
-    measured : MeasuredCells
-        Its ratios are filled in place; those that are not required stay 0.
-    required : (B, C) uint32 array
-        Bit k is set where ratio k of a block is required.
-    query : LeafQuery, optional
-        Skips the blocks within a required block that is not divided, and reads from its cache.
+    Bit k of `required`, (B, C), is set where ratio k of a block is required. With `query`, the blocks within
+    a required block that is not divided are skipped, and its cache is read.
     """
     whole = _window_of(source, part)
     jobs = [(window, required[window_blocks(window.relative_to(whole))]) for window in tile_pass.windows]
@@ -249,12 +222,7 @@ def fill_ratios(
 
 
 def cells_to_refine(blocks: BlockMap, interval: IntensityRange, params: SegmentParams) -> NDArray[np.uint8]:
-    """Return the cells that are IN_RANGE by the mean of their leaf; all where no leaf decides.
-
-    Returns
-    -------
-    cells : (8 B, 8 C) uint8 array
-    """
+    """Return the cells that are IN_RANGE by the mean of their leaf, (8 B, 8 C); all where no leaf decides."""
     if params.decides_pixels:
         return every_cell(blocks.shape)
     return cells_in_range(blocks, interval, params.division)
@@ -273,21 +241,12 @@ def refine_tile(
     refine: Refinement,
     window: Window,
 ) -> tuple[NDArray[np.uint8], GreyTile] | None:
-    """Refine the regions of a tile to the pixel.
+    """Refine the regions of a tile to the pixel; None where no cell is in range, or no pixel is valid.
 
-    Parameters
-    ----------
-    cells : (m, n) uint8 array
-        Cells of the window with a halo of REFINE_HALO, from `cells_to_refine`; 0 outside the raster. Ignored
-        by refinements that decide each pixel.
-    refine : {"tv", "scan", "none", "smooth", "pixels"}
-
-    Returns
-    -------
-    pixels : (M + 2 REFINE_HALO, N + 2 REFINE_HALO) uint8 array
-        1 in regions; exact on the window and a border of one pixel.
-    tile : GreyTile
-        Grey of the same pixels; None in place of both where no cell is in range, or no pixel is valid.
+    `cells` are those of the window with a halo of REFINE_HALO, from `cells_to_refine`; 0 outside the raster,
+    and ignored by refinements that decide each pixel. The pixels, (M + 2 REFINE_HALO, N + 2 REFINE_HALO)
+    uint8, are 1 in regions, exact on the window and a border of one pixel. The tile has the grey of the same
+    pixels.
     """
     if refine in PIXELWISE:
         if source.dataset.is_empty(window.grown(REFINE_HALO).clipped(source.shape)):
@@ -311,20 +270,10 @@ def refine_tile(
 def refine_tile_classes(
     source: GreySource, table: NDArray[np.uint8], refine: Refinement, window: Window
 ) -> tuple[NDArray[np.uint8], GreyTile] | None:
-    """Decide the classes of the pixels of a tile; see `refine_tile`.
+    """Decide the classes of a tile's pixels by the (65536,) `table` of greys; None where no pixel is valid.
 
-    Parameters
-    ----------
-    table : (65536,) uint8 array
-        The class of each grey.
-    refine : {"tv", "pixels"}
-
-    Returns
-    -------
-    classes : (M + 2 REFINE_HALO, N + 2 REFINE_HALO) uint8 array
-        The class of each pixel, 0 for none; exact on the window and a border of one pixel.
-    tile : GreyTile
-        Grey of the same pixels; None in place of both where no pixel is valid.
+    The classes and the tile have the shape that those of `refine_tile` have; 0 is for no class. `refine` is
+    "tv" or "pixels".
     """
     if source.dataset.is_empty(window.grown(REFINE_HALO).clipped(source.shape)):
         return None

@@ -22,14 +22,9 @@ _MIN_DECIMALS = 5  # see `edge_beside_means`
 
 @dataclass(frozen=True, slots=True)
 class RangeCandidates:
-    """Thresholds that split a histogram of means into ranges.
+    """Thresholds that split a histogram of means into ranges: decimal numbers of few digits, increasing.
 
-    Parameters
-    ----------
-    edges : tuple of float
-        Edges between the ranges, increasing; decimal numbers of few digits.
-    clear : bool
-        Whether valleys of the histogram separate all classes.
+    `clear` tells whether valleys of the histogram separate all classes.
     """
 
     edges: tuple[float, ...]
@@ -39,13 +34,9 @@ class RangeCandidates:
 def propose_ranges(histogram: NDArray[np.int64], n_classes: int | None = None) -> RangeCandidates:
     """Split a histogram into the classes with the smallest variance within (multi-level Otsu).
 
-    Parameters
-    ----------
-    histogram : (65536,) int64 array
-        Valid pixels by the mean grey of their leaf; not all 0.
-    n_classes : int, optional
-        Number of classes; there are fewer if the histogram has fewer different means. By default the largest
-        number from 2 to 6 for which valleys separate the classes.
+    The histogram, (65536,), is of valid pixels by the mean grey of their leaf, not all 0. There are fewer
+    than `n_classes` if it has fewer different means. By default there are the largest number from 2 to 6 for
+    which valleys separate the classes.
     """
     first, last = np.flatnonzero(histogram)[[0, -1]]
     width = -(-(int(last) - int(first) + 1) // _BINS)
@@ -62,19 +53,10 @@ def propose_ranges(histogram: NDArray[np.int64], n_classes: int | None = None) -
 
 
 def edge_near(histogram: NDArray[np.int64], grey: float, low: float = 0.0, high: float = 1.0) -> float | None:
-    """Return a number of few digits near a grey that splits the range between two edges.
+    """Return a number of few digits near a grey that splits the range between two edges, or 0 and 1.
 
-    Parameters
-    ----------
-    histogram : (65536,) int64 array
-        Valid pixels by the mean grey of their leaf.
-    low, high : float
-        Edges, or 0 and 1.
-
-    Returns
-    -------
-    edge : float or None
-        There are means between it and both edges; None where a threshold at the grey has none on one side.
+    There are means of the histogram, as of `propose_ranges`, between it and both edges; None where a
+    threshold at the grey has none on one side.
     """
     below = np.concatenate([[0], np.cumsum(histogram)])
     first = math.floor(low * GREY_MAX) + 1 if low > 0 else 0
@@ -90,11 +72,6 @@ def edge_near(histogram: NDArray[np.int64], grey: float, low: float = 0.0, high:
 
 def explained_variance(histogram: NDArray[np.int64], edges: Sequence[float]) -> float:
     """Compute the share of the variance of a histogram that lies between the ranges of some edges.
-
-    Parameters
-    ----------
-    histogram : (65536,) int64 array
-    edges : sequence of float
 
     Examples
     --------

@@ -61,14 +61,9 @@ class ChosenRange:
 
 @dataclass(frozen=True, slots=True)
 class RangeChoice:
-    """Ranges of a raster.
+    """Ranges of a raster: the classes, the darkest first, then the part of the darkest and of the brightest.
 
-    Parameters
-    ----------
-    ranges : tuple of ChosenRange
-        The classes, the darkest first, then the part of the darkest and that of the brightest.
-    explained : float
-        Share of the variance of the leaf means that lies between the classes.
+    `explained` is the share of the variance of the leaf means that lies between the classes.
     """
 
     ranges: tuple[ChosenRange, ...]

@@ -76,15 +76,10 @@ class GreySource:
         return self.illumination is not None
 
     def read(self, window: Window, margin: int, excess: bool = False) -> GreyTile:
-        """Read the grey of a window.
+        """Read the grey of a window with `margin` pixels on every side.
 
-        Parameters
-        ----------
-        margin : int
-            Pixels that are read on every side of it.
-        excess : bool
-            Whether to return by how much pixels lie outside the ends of the stretch too; not with
-            illumination.
+        With `excess`, the tile tells by how much pixels lie outside the ends of the stretch too; not with
+        illumination.
         """
         shape = (whole_blocks(window.rows) + 2 * margin, whole_blocks(window.cols) + 2 * margin)
         part = window.grown(margin).clipped(self.shape)
@@ -135,12 +130,8 @@ class BlockCache:
     def put(self, window: Window, tile: GreyTile, corners: NDArray[np.int64]) -> None:
         """Cache the blocks of a tile that begin at `corners`, if there is room for them.
 
-        Parameters
-        ----------
-        tile : GreyTile
-            Grey with a margin of one pixel.
-        corners : (k, 2) int64 array
-            Row and column of each block's first pixel within the window.
+        The tile has a margin of one pixel. The corners, (k, 2), are the row and column of each block's first
+        pixel within the window.
         """
         size = len(corners) * CACHED_SIDE * CACHED_SIDE * (2 if tile.all_valid else 3)
         with self._lock:
@@ -166,14 +157,8 @@ def _crop_blocks(image: NDArray[Any], corners: NDArray[np.int64]) -> NDArray[Any
 def measure_illumination(source: GreySource, width: tuple[int, int], tile_pass: TilePass) -> Illumination:
     """Measure the illumination of a raster; sums are integers, so tiles and their order change nothing.
 
-    Parameters
-    ----------
-    source : GreySource
-        Not flattened.
-    width : (int, int)
-        Rows and columns of pixels; variation over less than that stays.
-    tile_pass : TilePass
-        Tiles that cover the raster, the executor and the progress.
+    The source is not flattened. `width` is in rows and columns of pixels; variation over less than that
+    stays.
     """
     step = square_side(width)
     shape = -(-source.shape[0] // step), -(-source.shape[1] // step)

@@ -59,12 +59,7 @@ class Gate:
     def path_of(self, method: str, target: str, headers: Mapping[str, list[str]]) -> str | Refusal:
         """Return the path behind the token of a request that is allowed, such as "jobs/1".
 
-        Parameters
-        ----------
-        method, target : str
-            Of the first line of the request.
-        headers : mapping of str to list of str
-            All values of each header, by its name in lower case.
+        `headers` has all values of each header, by its name in lower case.
         """
         if method not in {"GET", "POST"}:
             return Refusal(405, "only GET and POST are known here")
@@ -116,14 +111,9 @@ Answering = Callable[[str, str, bytes], Answer]
 
 
 class LocalServer(ThreadingHTTPServer):
-    """Server for requests of this computer that know the token.
+    """Server for requests of this computer that know the token; port 0 is any that is free.
 
-    Parameters
-    ----------
-    answering : callable
-        Called with method, path and body, in a thread of the request.
-    port : int
-        0 is any that is free.
+    `answering` is called with method, path and body, in a thread of the request.
     """
 
     daemon_threads = True

@@ -36,13 +36,7 @@ class Words:
 
     @classmethod
     def of(cls, body: bytes, known: Sequence[str]) -> "Words":
-        """Return the object of a body.
-
-        Raises
-        ------
-        ParameterError
-            If it is not one, or has other names.
-        """
+        """Return the object of a body; raise ParameterError if it is not one, or has other names."""
         try:
             found = parse_json(body.decode())
         except (UnicodeDecodeError, json.JSONDecodeError, RecursionError, ValueError) as error:
@@ -129,15 +123,7 @@ def _disc(ends: Sequence[tuple[float, float]], geobox: GeoBox) -> Disc:
 
 @dataclass(frozen=True)
 class PlanQuestion:
-    """How to fly over regions of a job.
-
-    Parameters
-    ----------
-    job : int
-        Whose regions.
-    zones : list of Polygon
-        In degrees.
-    """
+    """How to fly over regions of a job, and keep-out zones in degrees."""
 
     job: int
     request: PlanRequest

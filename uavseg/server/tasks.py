@@ -65,13 +65,7 @@ Job = Callable[[Path, Progress], tuple[Any, dict[str, Path]]]
 
 
 class Tasks:
-    """Queue that runs one job at a time in another thread.
-
-    Parameters
-    ----------
-    folder : Path
-        For the files of all jobs.
-    """
+    """Queue that runs one job at a time in another thread; the folder is for the files of all jobs."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder

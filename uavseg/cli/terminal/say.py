@@ -31,26 +31,14 @@ def say(text: str) -> None:
 
 
 def show(text: str) -> None:
-    """Print lines of a result on stdout.
-
-    Raises
-    ------
-    OutputError
-        If stdout is closed or full.
-    """
+    """Print lines of a result on stdout; raise OutputError if it is closed or full."""
     with _written_out():
         click.echo("\n".join(map(printable, text.split("\n"))), file=_standard_output())
 
 
 @contextmanager
 def standard_output() -> Iterator[BinaryIO]:
-    """Enter a context that yields stdout for bytes.
-
-    Raises
-    ------
-    OutputError
-        If it is closed or full.
-    """
+    """Enter a context that yields stdout for bytes; raise OutputError if it is closed or full."""
     with _written_out():
         stream = _standard_output().buffer
         yield stream
@@ -65,7 +53,7 @@ def _standard_output() -> Any:
 
 @contextmanager
 def _written_out() -> Iterator[None]:
-    """Errors on writing to stdout as OutputError; what it still holds is dropped then."""
+    """Raise errors on writing to stdout as OutputError; what it still holds is dropped then."""
     try:
         yield
     except OSError as error:
@@ -209,11 +197,11 @@ class Reporter:
             self.warn(warning)
 
     def resumed(self, stage: str, done: int, total: int) -> None:
-        """Some tiles of a stage were found in the checkpoint."""
+        """Print that some tiles of a stage were found in the checkpoint."""
         self.say(f"resumed: {done:,} of {total:,} tiles were done ({stage})")
 
     def warn(self, text: str) -> None:
-        """Something that the user should know."""
+        """Print something that the user should know."""
         if not self.quiet:
             say(f"uavseg: warning: {text}")
 

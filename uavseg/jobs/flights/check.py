@@ -91,16 +91,9 @@ class Verdict:
 
 @dataclass(frozen=True)
 class MissionCheck:
-    """What a check found.
+    """What a check for an autopilot found: verdicts of autopilots, programs and aircraft, and problems.
 
-    Parameters
-    ----------
-    autopilot : str
-        For which the mission was checked.
-    verdicts : tuple of Verdict
-        Autopilots, programs, aircraft.
-    problems : tuple of str
-        Why the mission must not be flown with that autopilot; empty if it may.
+    These are why the mission must not be flown with that autopilot; there are none if it may.
     """
 
     mission: Mission
@@ -158,11 +151,6 @@ class MissionCheck:
 def check(source: str | os.PathLike[str] | Mission, request: CheckRequest) -> MissionCheck:
     """Read a mission back, and say what it is and who would refuse it.
 
-    Parameters
-    ----------
-    source : path or Mission
-    request : CheckRequest
-
     Raises
     ------
     MissionError
@@ -195,13 +183,7 @@ def check(source: str | os.PathLike[str] | Mission, request: CheckRequest) -> Mi
 
 
 def check_request(options: CheckOptions) -> CheckRequest:
-    """Return what a mission is checked for, with keep-out zones and an elevation model opened.
-
-    Raises
-    ------
-    UavsegError
-        If a value is out of bounds, or a file cannot be read.
-    """
+    """Return what a mission is checked for, with keep-out zones and an elevation model opened."""
     limits, dem = options.safety, options.terrain.dem
     highest = MAX_HEIGHT_M if limits.max_altitude is None else limits.max_altitude
     safety = SafetyParams(limits.avoid_margin, max_altitude_m=highest, max_distance_m=limits.max_distance)
@@ -231,7 +213,7 @@ def _check_items(mission: Mission, autopilot: str) -> None:
 
 
 def _reason(test: Callable[[], None]) -> str:
-    """Why a test fails; empty if it passes."""
+    """Tell why a test fails; empty if it passes."""
     try:
         test()
     except MissionError as error:

@@ -22,19 +22,10 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True, slots=True)
 class LinkRequest:
-    """Which vehicle, and how patiently.
+    """Which vehicle, at an address, and how many seconds to wait for an answer, and without progress.
 
-    Parameters
-    ----------
-    connect : str
-        udpout:HOST:PORT, udpin:HOST:PORT, tcp:HOST:PORT or serial:DEVICE[:BAUD].
-    timeout_s : float
-        How long to wait for an answer, and without progress of a transfer.
-
-    Raises
-    ------
-    ParameterError
-        If the address is none, or the time not above 0 and at most 600 s.
+    An address is udpout:HOST:PORT, udpin:HOST:PORT, tcp:HOST:PORT or serial:DEVICE[:BAUD]. Another one, or a
+    time not above 0 and at most 600 s, is refused with ParameterError.
     """
 
     connect: str
@@ -50,14 +41,10 @@ class LinkRequest:
 
 @dataclass(frozen=True)
 class Uploaded:
-    """A mission that a vehicle holds, which reading it back has shown.
+    """A mission that a vehicle holds, as reading it back has shown.
 
-    Parameters
-    ----------
-    vehicle : str
-        Autopilot and system id.
-    warnings : tuple of str
-        Those of the mission, and what the upload found.
+    `vehicle` names its autopilot and system id; the warnings are those of the mission, and what the upload
+    found.
     """
 
     mission: Mission
@@ -86,14 +73,8 @@ def upload(
 ) -> Uploaded:
     """Send a mission to a vehicle with its fence and rally points, read them back and compare.
 
-    Parameters
-    ----------
-    source : path or Mission
-    request : LinkRequest
-    progress : callable, optional
-        Called with the number of items that were sent or read back, and of all.
-    while_armed : bool
-        Whether the mission of a vehicle whose motors are armed may be replaced.
+    `progress` is called with the number of items that were sent or read back, and of all. With `while_armed`,
+    the mission of a vehicle whose motors are armed may be replaced.
 
     Raises
     ------

@@ -158,18 +158,11 @@ class MissionPlan:
 def plan(
     regions: Regions, request: PlanRequest, zones: Sequence[Any] = (), raster: "Source | None" = None
 ) -> MissionPlan:
-    """Missions over regions: take off, fly their pattern in a short order, return.
+    """Plan missions over regions: take off, fly their pattern in a short order, return.
 
-    Parameters
-    ----------
-    regions : Regions
-        In degrees (lon, lat; WGS 84), see `uavseg.jobs.flights.plan_regions`.
-    request : PlanRequest
-    zones : sequence of shapely Polygon or MultiPolygon
-        Keep-out zones in degrees.
-    raster : Source, optional
-        That the regions are of: those that touch its edge are left out, and a home that is found lies on one
-        of its valid pixels.
+    Regions and keep-out zones are in degrees (lon, lat; WGS 84), see `uavseg.jobs.flights.plan_regions`. With
+    the raster that the regions are of, those that touch its edge are left out, and a home that is found lies
+    on one of its valid pixels.
 
     Raises
     ------
@@ -199,7 +192,11 @@ def plan(
     if home == "auto":
         everywhere = list(regions.polygons)
         margin_m = flight.safety.avoid_margin_m
-        is_ground = None if raster is None else _valid_ground(raster)
+        is_ground: IsGround | None = None
+        if raster is not None:
+            from uavseg.jobs.source.valid_ground import valid_ground
+
+            is_ground = valid_ground(raster)
         with phase("place for home"):
             home = home_outside(everywhere, points or _points(regions), zones, margin_m, is_ground)
         notes.append(
@@ -235,12 +232,6 @@ def _flights_text(numbers: Sequence[int]) -> str:
         else:
             runs.append([number])
     return f"flight{'s' * (len(numbers) > 1)} {', '.join('-'.join(map(str, run)) for run in runs)}"
-
-
-def _valid_ground(raster: "Source") -> IsGround | None:
-    from uavseg.jobs.source.valid_ground import valid_ground
-
-    return valid_ground(raster)
 
 
 def _points(regions: Regions) -> list[tuple[float, float]]:

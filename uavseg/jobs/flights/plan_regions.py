@@ -19,12 +19,7 @@ if TYPE_CHECKING:
 def open_regions(
     source: "str | os.PathLike[str] | bytes | GeoDataFrame | Regions", layer: str | None = None
 ) -> Regions:
-    """Return regions in degrees from a file, from the content of one, from a frame or from another job.
-
-    Parameters
-    ----------
-    layer : str, optional
-        Which layer of a file.
+    """Return regions in degrees from a file (a layer of it), the content of one, a frame or another job.
 
     Raises
     ------
@@ -46,10 +41,7 @@ def open_regions(
 def in_degrees(regions: Regions) -> Regions:
     """Return regions of a raster in WGS 84, with the coordinates that GeoJSON gets.
 
-    Raises
-    ------
-    OutputError
-        If they have no place on the Earth.
+    OutputError is raised if they have no place on the Earth.
     """
     from uavseg.regions.wgs84.to_wgs84 import wgs84_geometries
 
@@ -58,14 +50,9 @@ def in_degrees(regions: Regions) -> Regions:
 
 
 def zone_polygons(avoid: Sequence[Any], raster: "Source | None" = None) -> list[Any]:
-    """Return polygons in degrees of keep-out zones.
+    """Return polygons in degrees of keep-out zones: files, frames, regions, or ranges of intensity.
 
-    Parameters
-    ----------
-    avoid : sequence of path, GeoDataFrame, Regions or (low, high)
-        Polygons; or a range of intensity, whose regions in the raster they are.
-    raster : Raster or Blocks, optional
-        Where ranges are looked for.
+    A range stands for its regions in the raster.
 
     Raises
     ------

@@ -31,13 +31,7 @@ MAX_GSD_CM = 100.0
 
 
 def plan_request(options: PlanOptions) -> PlanRequest:
-    """Return the request of a plan, checked before any work.
-
-    Raises
-    ------
-    ParameterError
-        If a value is out of bounds, or values do not go together.
-    """
+    """Return the request of a plan, checked before any work: ParameterError as of `mission_request`."""
     return mission_request(
         options.mission,
         ids=options.ids,
@@ -49,17 +43,9 @@ def plan_request(options: PlanOptions) -> PlanRequest:
 
 
 def mission_request(options: MissionOptions, **chosen: Any) -> PlanRequest:
-    """Return the request of a mission over regions that are chosen.
+    """Return the request of a mission over regions, which fields of `PlanRequest` choose.
 
-    Parameters
-    ----------
-    **chosen
-        Fields of `PlanRequest` that choose regions.
-
-    Raises
-    ------
-    ParameterError
-        If a value is out of bounds, or values do not go together.
+    ParameterError is raised if a value is out of bounds, or values do not go together.
     """
     flight = flight_params(options)
     home = options.flight.home
@@ -82,11 +68,6 @@ def flight_params(options: MissionOptions) -> PlanParams:
 
     With a camera, the height follows from the ground sampling distance where that is given, and the spacing
     from the overlap.
-
-    Raises
-    ------
-    ParameterError
-        If a value is out of bounds, or values do not go together.
     """
     flight = options.flight
     photos = photos_of(options.photos, flight.pattern)
@@ -189,15 +170,8 @@ def _safety_params(options: SafetyOptions) -> SafetyParams:
 def photos_of(options: PhotoOptions, pattern: str | None = None) -> Photos | None:
     """Return how to photograph with a camera that is named or described; None without one.
 
-    Parameters
-    ----------
-    pattern : str, optional
-        On a visit, photographs are by default taken in hover.
-
-    Raises
-    ------
-    ParameterError
-        If the camera is not known, a number is out of bounds, or options do not go together.
+    With the pattern "visit", photographs are by default taken in hover. ParameterError is raised if the
+    camera is not known, a number is out of bounds, or options do not go together.
     """
     camera = _camera(options)
     if camera is None:

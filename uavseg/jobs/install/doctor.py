@@ -98,7 +98,7 @@ Findings = tuple[dict[str, str], list[str]]
 
 
 def _libraries() -> Findings:
-    """Versions of libraries; those that are needed are loaded."""
+    """Return versions of libraries; those that are needed are loaded."""
     facts, problems = {}, []
     for name in _NEEDED:
         facts[name], failure = _loaded(name)
@@ -118,7 +118,7 @@ def _remedy(failure: str) -> str:
 
 
 def _loaded(name: str) -> tuple[str, str]:
-    """Version of a library with those of the libraries inside it, and why it cannot be loaded."""
+    """Return the version of a library with those of the libraries inside it, and why it cannot be loaded."""
     version = _version_of(name)
     try:
         module = importlib.import_module(name)
@@ -145,7 +145,7 @@ _INSIDE: dict[str, tuple[tuple[str, Callable[[Any], str]], ...]] = {
 
 
 def _version_of(name: str) -> str:
-    """Version of an installed distribution by the name of its module; empty where there is none."""
+    """Return the version of a distribution by the name of its module; empty where it is not installed."""
     try:
         return importlib.metadata.version(_DISTRIBUTIONS.get(name, name))
     except importlib.metadata.PackageNotFoundError:
@@ -208,7 +208,7 @@ def _threads() -> Findings:
 
 
 def _environment() -> Findings:
-    """Variables that change what is loaded, by name: their values are paths of the user."""
+    """List the variables that change what is loaded, by name: their values are paths of the user."""
     said = [name for name in _NAMED if os.environ.get(name)]
     choice = os.environ.get("UAVSEG_JIT")
     said += [f"UAVSEG_JIT={choice}"] if choice else []
@@ -216,7 +216,7 @@ def _environment() -> Findings:
 
 
 def _neighbours() -> Findings:
-    """QGIS and serial ports."""
+    """Look for QGIS and serial ports."""
     ports = serial_ports()
     facts = {
         "QGIS": find_qgis() or "not found",

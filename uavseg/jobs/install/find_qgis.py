@@ -12,7 +12,7 @@ _TIMEOUT_S = 20.0
 
 
 def find_qgis() -> str:
-    """Version of the QGIS on the search path, such as "3.22.16-Białowieża"; empty where there is none.
+    """Return the version of the QGIS on the search path, such as "3.22.16-Białowieża"; empty where none is.
 
     It is started to ask for its version, without the variables of this environment.
     """

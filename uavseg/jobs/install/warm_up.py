@@ -17,18 +17,10 @@ _LIBRARIES = (
 
 @dataclass(frozen=True, slots=True)
 class WarmUp:
-    """What was done before the work begins.
+    """What was done before the work begins: numbers of kernels, of libraries that were loaded, and seconds.
 
-    Parameters
-    ----------
-    shipped : int
-        Number of kernels whose machine code came with the package.
-    kept : int
-        Number of kernels that were compiled on this machine before.
-    compiled : int
-        Number of kernels that were compiled now.
-    libraries : int
-        Number of libraries that were loaded.
+    The machine code of kernels came with the package (`shipped`), was compiled on this machine before
+    (`kept`), or now.
     """
 
     shipped: int

@@ -55,14 +55,7 @@ def topics_of(scan: str, odom: str | None, tf: bool) -> BagTopics:
 
 
 def build_map(bag: str | os.PathLike[str], topics: BagTopics, params: MergeParams) -> BuiltMap:
-    """Merge the scans of a recorded bag into a map; see `merge_bag`.
-
-    Parameters
-    ----------
-    bag : path
-    topics : BagTopics
-    params : MergeParams
-    """
+    """Merge the scans of a recorded bag into a map; see `merge_bag`."""
     decided("scans of %s, poses of %s, cells of %g m", topics.scan, topics.odom or "/tf", params.resolution_m)
     with phase("scans"):
         merged = merge_bag(bag, topics, params)

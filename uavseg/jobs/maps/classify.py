@@ -111,12 +111,6 @@ def classify(
 
     Beside the block map, this takes half a byte per cell, in a temporary file where the map is large; see
     `segmentation.states.classify_strips`.
-
-    Parameters
-    ----------
-    source : ProbabilityMap
-    request : ClassifyRequest
-    work : Work
     """
     work = work.begun()
     if isinstance(source, Blocks):

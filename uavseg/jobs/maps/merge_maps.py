@@ -55,13 +55,7 @@ class MergedMap(WritableMap):
 
 
 def merge_maps(sources: Sequence[Any], request: MergeRequest = MergeRequest()) -> MergedMap:
-    """Merge maps of probabilities; see `occupancy.merge_maps`.
-
-    Parameters
-    ----------
-    sources : sequence of paths, OccupancyGrids or other sources of `open_probability_map`
-    request : MergeRequest
-    """
+    """Merge maps of probabilities, sources of `open_probability_map`; see `occupancy.merge_maps`."""
     if not sources:
         raise ParameterError("name at least one map")
     warnings: list[str] = []

@@ -29,12 +29,7 @@ class PathRequest:
 
 
 def path_params(segment: SegmentParams, refine: str | None) -> SegmentParams:
-    """Set the refinement of a path's regions: "pixels" by default, and "scan" with the paper's method.
-
-    Parameters
-    ----------
-    refine : {"pixels", "scan"}, optional
-    """
+    """Set the refinement of a path's regions: "pixels" by default, and "scan" with the paper's method."""
     if refine is None:
         refine = "scan" if segment.method == "paper" else "pixels"
     if refine not in ("pixels", "scan"):
@@ -53,14 +48,7 @@ class PathFound:
 
 
 def path(source: ProbabilityMap | Blocks, request: PathRequest, work: Work = SERIAL) -> PathFound:
-    """Find the shortest path between two positions in one region, over cells whose value is in range.
-
-    Parameters
-    ----------
-    source : ProbabilityMap
-    request : PathRequest
-    work : Work
-    """
+    """Find the shortest path between two positions in one region, over cells whose value is in range."""
     work = work.begun()
     if isinstance(source, Blocks):
         raise ParameterError(

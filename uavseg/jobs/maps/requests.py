@@ -14,10 +14,7 @@ if TYPE_CHECKING:
 def classify_request(options: ClassifyOptions, with_objects: bool | None = None) -> ClassifyRequest:
     """Return the states of which a map is classified.
 
-    Parameters
-    ----------
-    with_objects : bool, optional
-        Whether objects are outlined; by default where a file of them is written.
+    Objects are outlined by default where a file of them is written.
     """
     from uavseg.jobs.maps.classify import ClassifyRequest
     from uavseg.jobs.result.result import Drawing

@@ -39,13 +39,7 @@ class Simulated:
 
 
 def simulate(scene: str, request: SimulateRequest = SimulateRequest()) -> Simulated:
-    """Simulate the map that a laser range finder makes of a scene.
-
-    Parameters
-    ----------
-    scene : str
-        "lens", "circles", or the path of a scene's JSON file.
-    """
+    """Simulate the map that a laser range finder makes of a scene: "lens", "circles" or a JSON file."""
     whole = BUILT_IN_SCENES[scene]() if scene in BUILT_IN_SCENES else load_scene(scene)
     count = request.poses or len(whole.poses)
     if count > len(whole.poses):

@@ -38,27 +38,10 @@ _LEAST_PARTING = 0.15  # of the likeness of a class: that of its samples less th
 
 @dataclass(frozen=True, slots=True)
 class MatchClassesRequest:
-    """Samples of several classes, and how their regions are drawn.
+    """Samples of several classes, in a file of polygons, and how their regions are drawn.
 
-    Parameters
-    ----------
-    classes : str
-        A file of polygons with a column `class`.
-    refine : {"pixel", "none"}
-        As of `MatchRequest`.
-    fill_holes, min_area : Area, optional
-        As of `ClassesRequest`.
-    bands : tuple of int or str
-        Bands whose intensity is compared, each by itself, by number or name.
-    detail : Length, optional
-        As of `MatchRequest`.
-    min_confidence : float, optional
-        As of `MatchRequest`.
-
-    Raises
-    ------
-    ParameterError
-        If the refinement is another one, or as of `MatchRequest` for the minimum confidence.
+    The classes are in a column `class`. Bands are those whose intensity is compared, each by itself, by
+    number or name. Sizes are as of `ClassesRequest`, all else as of `MatchRequest`.
     """
 
     classes: str
@@ -77,20 +60,13 @@ class MatchClassesRequest:
 
 
 def match_classes(source: Source, request: MatchClassesRequest, work: Work = SERIAL) -> Extraction:
-    """Return regions of the classes of samples.
-
-    Returns
-    -------
-    Extraction
-        Its regions have the column `class`; none overlap, and adjacent ones share borders.
+    """Return regions of the classes of samples, in the column `class`; adjacent ones share borders.
 
     Raises
     ------
     SampleError
         If a sample is not on the raster, too small, on nodata or in common with one of another class, or the
         file has fewer than two classes, or too many.
-    UavsegError
-        If the raster cannot be read or a parameter does not fit it.
     """
     work = work.begun()
     raster = raster_of(source, "a block map holds no colors to be compared; name the raster itself")
@@ -164,13 +140,8 @@ def outlines_by_classes(
 ) -> tuple[RegionOutlines, ClassesByPixel]:
     """Return outlines of the likeliest class of each pixel, and the class of each by its first pixel, from 1.
 
-    Parameters
-    ----------
-    grey : GreySource
-        The intensity that regions are measured in.
-    likenesses : sequence of SimilaritySource
-        Of `learn_classes`.
-    passes : two of TilePass
+    Regions are measured in the intensity `grey`; likenesses are those of `learn_classes`. There are two
+    passes.
     """
     with phase("division"):
         maps = measure_block_maps_for(likenesses, LIKELY, params, passes[0])
@@ -184,13 +155,8 @@ def alike(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return how alike the samples of the class of each region are: two (n,) float64 arrays.
 
-    Their mean likeness to it, and by how much that exceeds the mean of the raster.
-
-    Parameters
-    ----------
-    likenesses : sequence of SimilaritySource
-    kind : (n,) int64 array
-        The class of each region, from 0.
+    Their mean likeness to it, and by how much that exceeds the mean of the raster. `kind` is the class of
+    each region, from 0.
     """
     own = np.array([found.table.sample_mean for found in likenesses])
     share = np.array([found.table.raster_mean for found in likenesses])

@@ -53,11 +53,7 @@ def outlines_by_color(
 ) -> tuple[RegionOutlines, Disc | None]:
     """Return outlines where the likeness is one half and more, and where the next sample would help most.
 
-    Parameters
-    ----------
-    samples : sequence of SampleMask
-        All that were given.
-    passes : two of TilePass
+    Samples are all that were given. There are two passes.
     """
     params = SegmentParams(refine="none") if request.refine == "none" else SegmentParams()
     with phase("division"):
@@ -79,15 +75,7 @@ def regions_by_color(
     request: MatchRequest,
     tile_pass: TilePass,
 ) -> Extraction:
-    """Return outlines by color as regions.
-
-    Parameters
-    ----------
-    grey : GreySource
-        The intensity that their attributes are of.
-    outlined : RegionOutlines
-        Of `outlines_by_color`.
-    """
+    """Return outlines of `outlines_by_color` as regions, with attributes of the intensity `grey`."""
     outlined = filled(similarity, outlined, request.fill_holes, tile_pass)
     if request.min_area is not None:
         outlined = drop_small_regions(outlined, grey.dataset.geobox, request.min_area)
@@ -106,12 +94,7 @@ def regions_by_color(
 def similarity_of(outlined: RegionOutlines, own: float) -> NDArray[np.float64]:
     """Return mean likeness of regions as a share of that of the sample, at most 1: (n,) float64.
 
-    Parameters
-    ----------
-    outlined : RegionOutlines
-        With the sums of likeness.
-    own : float
-        Mean likeness of the sample.
+    The outlines have the sums of likeness; `own` is the mean likeness of the sample.
     """
     means = outlined.sums.greys / np.maximum(outlined.sums.counts, 1) / GREY_MAX
     return np.asarray(np.minimum(means / max(own, 1e-9), 1))

@@ -41,12 +41,8 @@ _PIECE = Area(CELL * CELL, in_pixels=True)
 class TextureSample:
     """A sample's texture, and how unlike it a window may be.
 
-    Parameters
-    ----------
-    limit : float
-        The largest G per pixel, beyond chance, of a window that is like the sample.
-    window : int
-        Its side in pixels.
+    `limit` is the largest G per pixel, beyond chance, of a window that is like the sample; `window` is the
+    side of a window in pixels.
     """
 
     sample: Sample
@@ -63,12 +59,7 @@ class TextureSample:
 class TextureSearch:
     """A raster whose cells are scored by how unlike a sample's texture they are.
 
-    Parameters
-    ----------
-    side : int
-        Of a window, in cells.
-    valid : (8 B, 8 C) bool array
-        Cells with valid pixels.
+    `side` is that of a window, in cells; `valid`, (8 B, 8 C), are cells with valid pixels.
     """
 
     grey: GreySource
@@ -93,14 +84,7 @@ def search_texture(
     request: MatchRequest,
     passes: Sequence[TilePass],
 ) -> TextureSearch:
-    """Score all cells of a raster against a sample.
-
-    Parameters
-    ----------
-    bands : sequence of GreySource
-        Further bands whose intensity is compared.
-    passes : two of TilePass
-    """
+    """Score all cells of a raster against a sample, in two passes; the intensity of `bands` counts too."""
     side = (request.window or fitting_window(place) or USUAL_WINDOWS[-1]) // CELL
     with phase("cells and the sample"):
         known = measure_cells(grey, passes[0])
@@ -115,13 +99,7 @@ def search_texture(
 def regions_by_texture(
     search: TextureSearch, passes: Sequence[TilePass], within: Rings | None = None
 ) -> Extraction:
-    """Return regions whose texture and intensity are like those of a sample.
-
-    Parameters
-    ----------
-    search, passes, within
-        As of `outlines_by_texture`.
-    """
+    """Return regions whose texture and intensity are like a sample's; arguments of `outlines_by_texture`."""
     outlined, scores = outlines_by_texture(search, passes, within)
     return _measured(search, outlined, scores, passes[1])
 
@@ -129,14 +107,10 @@ def regions_by_texture(
 def outlines_by_texture(
     search: TextureSearch, passes: Sequence[TilePass], within: Rings | None = None
 ) -> tuple[RegionOutlines, CellScores]:
-    """Outline regions whose texture and intensity are like a sample's, and score their cells.
+    """Outline regions whose texture and intensity are like a sample's, and score their cells, in two passes.
 
-    Parameters
-    ----------
-    passes : two of TilePass
-    within : Rings, optional
-        Outlines beyond which nothing is of interest. What remains of them in pieces of less than a cell is
-        left out.
+    Beyond the outlines `within` nothing is of interest. What remains of them in pieces of less than a cell is
+    left out.
     """
     grey, request, edges = search.grey, search.request, search.criterion.bin_edges
     with phase("comparison with the background"):

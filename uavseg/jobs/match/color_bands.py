@@ -11,7 +11,7 @@ from uavseg.segmentation.source import GreySource
 def color_sources(
     raster: Raster, grey: GreySource, bands: Sequence[int | str], tile_pass: TilePass
 ) -> list[GreySource]:
-    """The bands that are chosen, or those whose luminance is the intensity, or the intensity itself."""
+    """Return the chosen bands, or those whose luminance is the intensity, or the intensity itself."""
     if bands or (raster.dataset.choice.formula is None and len(raster.dataset.bands) > 1):
         return band_sources(raster, bands or raster.dataset.bands, tile_pass)
     return [grey]

@@ -89,18 +89,10 @@ class Match:
 def match(source: Source, request: MatchRequest, work: Work = SERIAL) -> Match:
     """Return regions of a raster that are like a sample of it.
 
-    Parameters
-    ----------
-    source : Raster
-    request : MatchRequest
-    work : Work
-
     Raises
     ------
     SampleError
         If the sample is not on the raster, too small, or on nodata.
-    UavsegError
-        If the raster cannot be read or a parameter does not fit it.
     """
     work = work.begun()
     raster = raster_of(source, "a block map holds no texture to be compared; name the raster itself")

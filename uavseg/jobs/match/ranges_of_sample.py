@@ -50,20 +50,9 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class SuggestLikeRequest:
-    """Samples of what is wanted, and of what is not.
+    """Samples of what is wanted, at least one, and of what is not; the bands to use, all if there are none.
 
-    Parameters
-    ----------
-    like : tuple of Disc or str
-        At least one.
-    unlike : tuple of Disc or str
-    bands : tuple of int or str
-        The ones to use; all, if there are none.
-
-    Raises
-    ------
-    ParameterError
-        If there is no sample of what is wanted.
+    ParameterError is raised if there is no sample of what is wanted.
     """
 
     like: tuple[Disc | str, ...]
@@ -122,13 +111,9 @@ class SampleRange:
 
 @dataclass(frozen=True, slots=True)
 class SampleRanges:
-    """Ranges that part a sample from the rest of a raster, the best first.
+    """Ranges that part a sample from the rest of a raster, the best first: one of each kind of feature.
 
-    Parameters
-    ----------
-    ranges : tuple of SampleRange
-        The best of each kind of feature: a band or the luminance, an index or a ratio, a weighted sum.
-    warnings : tuple of str
+    These are a band or the luminance, an index or a ratio, and a weighted sum.
     """
 
     ranges: tuple[SampleRange, ...]
@@ -137,14 +122,9 @@ class SampleRanges:
 
 
 def open_all_bands(source: Any, options: ReadOptions) -> Raster:
-    """Return a raster of which no band has to be chosen, however many it has.
+    """Return a raster of which no band has to be chosen, however many it has; see `open_source`.
 
-    Raises
-    ------
-    ParameterError
-        If slow light is to be taken away: ranges that part a sample are of values.
-    UavsegError
-        As of `open_source`.
+    ParameterError is raised if slow light is to be taken away: ranges that part a sample are of values.
     """
     if options.flatten is not None:
         raise ParameterError(
@@ -161,17 +141,14 @@ def open_all_bands(source: Any, options: ReadOptions) -> Raster:
 def ranges_of_sample(raster: Raster, request: SuggestLikeRequest, work: Work = SERIAL) -> SampleRanges:
     """Return ranges of bands, indices and sums of bands that part samples best from the rest of a raster.
 
-    Parameters
-    ----------
-    raster : Raster
-        Where a band or a formula of it is chosen, that alone is looked at.
+    Where a band or a formula of it is chosen, that alone is looked at.
 
     Raises
     ------
     SampleError
         If a sample is not on the raster, too small, or on nodata.
-    UavsegError
-        If the raster cannot be read, or has too many bands of which none is chosen.
+    ParameterError
+        If the raster has too many bands of which none is chosen.
     """
     work = work.begun()
     [tile_pass] = work.over(raster).stages(1)

@@ -50,13 +50,7 @@ class BreakChoice:
             raise ParameterError(f"levels by {self.rule} are 2 to {most} in number, not {self.count}")
 
     def breaks(self, blocks: BlockMap, division: DivisionParams) -> Breaks:
-        """Return the breaks that a block map gives.
-
-        Raises
-        ------
-        RasterError
-            If it has no valid pixel.
-        """
+        """Return the breaks that a block map gives; raise RasterError if it has no valid pixel."""
         histogram = histogram_of_means(blocks, division)
         if not histogram.any():
             raise RasterError("no pixel is valid, so there are no breaks; look at nodata with uavseg info")
@@ -66,12 +60,9 @@ class BreakChoice:
 
 
 def quantile_breaks(histogram: NDArray[np.int64], count: int) -> tuple[float, ...]:
-    """Breaks below which 1 / count, 2 / count, ... of the pixels lie; fewer where many have one value.
+    """Return breaks below which 1 / count, 2 / count, ... of the pixels lie; fewer where many have one value.
 
-    Parameters
-    ----------
-    histogram : (65536,) int64 array
-        Pixels by grey.
+    The histogram, (65536,), is of pixels by grey.
 
     Examples
     --------
@@ -90,7 +81,7 @@ def quantile_breaks(histogram: NDArray[np.int64], count: int) -> tuple[float, ..
 
 
 def _break_between(low: int, high: int) -> float:
-    """The number above 0 of the fewest decimals from a grey on that is not nearer to another, higher one."""
+    """Return the number above 0 of the fewest decimals from a grey on that is not nearer to a higher one."""
     for decimals in range(1, 7):  # six decimals, a fifteenth of a grey, always do
         unit = 10**decimals
         found = max(-(-low * unit // GREY_MAX), 1) / unit
@@ -100,25 +91,16 @@ def _break_between(low: int, high: int) -> float:
 
 
 def breaks_of(breaks: Sequence[float] | str | None) -> Breaks | BreakChoice:
-    """Breaks from numbers or text; see `breaks_of_words`.
-
-    Raises
-    ------
-    ParameterError
-        If they are not understood.
-    """
+    """Return breaks from numbers or text; see `breaks_of_words`."""
     if breaks is None or isinstance(breaks, str):
         return breaks_of_words(breaks or "")
     return Breaks(tuple(float(one) for one in breaks))
 
 
 def breaks_of_words(text: str) -> Breaks | BreakChoice:
-    """Breaks from text: numbers between commas, otsu, quantile, or one of these with a number of levels.
+    """Return breaks from text: numbers between commas, or otsu or quantile, perhaps with a number of levels.
 
-    Raises
-    ------
-    ParameterError
-        If it is none of them.
+    ParameterError is raised if it is none of them.
 
     Examples
     --------

@@ -19,15 +19,7 @@ AnyRange = IntensityRange | ValueRange
 
 @dataclass(frozen=True, slots=True)
 class DetectedRange:
-    """A range in both units.
-
-    Parameters
-    ----------
-    interval : IntensityRange
-        Of v, after the stretch.
-    ends : (float, float)
-        The same in values; NaN where it is open, or values are not known.
-    """
+    """A range of v, after the stretch, and its ends in values; NaN where it is open or values are unknown."""
 
     interval: IntensityRange
     ends: tuple[float, float]
@@ -60,10 +52,7 @@ def where_to_look(source: Pixels | Blocks | GreySource) -> str:
 def grey_for(source: Pixels, requested: AnyRange, tile_pass: TilePass) -> tuple[GreySource, DetectedRange]:
     """Return the pixels of a source through a stretch that suits a range, and the range in v of that stretch.
 
-    Parameters
-    ----------
-    requested : IntensityRange or ValueRange
-        A range of v leaves the ends of the stretch as they are.
+    A range of v leaves the ends of the stretch as they are.
 
     Raises
     ------

@@ -23,16 +23,8 @@ def without_edge_regions(
 ) -> tuple[Regions, list[str]]:
     """Return regions that do not touch the edge of a raster, and a note of those that are left out.
 
-    Parameters
-    ----------
-    regions : Regions
-        In degrees.
-    raster : Source
-        With a CRS.
-    ids : collection of int, optional
-        Regions that were asked for by id are not left out: they are refused.
-    condition : str, optional
-        The note is about regions that fulfil it.
+    The regions are in degrees; those that were asked for by id are not left out: they are refused. The note
+    is about regions that fulfil the condition.
 
     Raises
     ------
@@ -66,20 +58,9 @@ def without_edge_regions(
 
 
 def touches_edge(polygons: Any, geobox: GeoBox) -> NDArray[np.bool_]:
-    """Return which polygons come nearer than a pixel to the edge of a raster, from either side.
+    """Return which polygons, in degrees (lon, lat; WGS 84), come nearer than a pixel to the edge of a raster.
 
-    Edges of valid pixels inside of a raster do not count.
-
-    Parameters
-    ----------
-    polygons : sequence of shapely Polygon or MultiPolygon
-        In degrees (lon, lat; WGS 84).
-    geobox : GeoBox
-        Of the raster, with a CRS.
-
-    Returns
-    -------
-    touches : (n,) bool array
+    They do from either side. Edges of valid pixels inside of a raster do not count. The raster has a CRS.
     """
     lonlat, owner = shapely.get_coordinates(np.asarray(list(polygons), object), return_index=True)
     x, y = transform_between(WGS84, geobox.wkt)(*lonlat.T)

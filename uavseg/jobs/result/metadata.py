@@ -38,10 +38,7 @@ _SAID_OTHERWISE = (
 def with_metadata(found: Extraction, source: Source, job: str, how: Mapping[str, Any]) -> Extraction:
     """Return a result whose regions say what they were made from, and how.
 
-    Parameters
-    ----------
-    how : mapping
-        The parameters of the job, as JSON has them; None is left out.
+    `how` are the parameters of the job, as JSON has them; None is left out.
     """
     stretch = found.stretch
     facts = {
@@ -60,17 +57,9 @@ def with_metadata(found: Extraction, source: Source, job: str, how: Mapping[str,
 
 
 def same_reading(metadata: Mapping[str, Any], raster: Raster) -> ReadOptions | None:
-    """Return the options that make of a raster the intensity that regions of it were made from.
+    """Return the options that make of a raster the intensity that regions with some metadata were made from.
 
-    Parameters
-    ----------
-    metadata : mapping
-        Of the regions, as `with_metadata` writes it.
-
-    Returns
-    -------
-    options : ReadOptions or None
-        None where the regions are of other files, or their metadata is not what is written here.
+    None where the regions are of other files, or their metadata is not what `with_metadata` writes.
     """
     named = metadata.get("sources")
     ours = [Path(name).name for name in _names(raster)]

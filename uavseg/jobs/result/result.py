@@ -84,15 +84,8 @@ class Extraction:
 class SourceInfo:
     """What a result says of its source.
 
-    Parameters
-    ----------
-    name : str
-        Name of the first file, without folder.
-    warnings : tuple of str
-    in_metres : bool
-        Whether lengths are metres rather than units of the map.
-    axis : ValueAxis or None
-        How v maps to values in the raster's own units, where that is known.
+    The name is that of the first file, without folder. `in_metres` tells whether lengths are metres rather
+    than units of the map, `axis` how v maps to values in the raster's own units, where that is known.
     """
 
     name: str
@@ -105,7 +98,7 @@ class SourceInfo:
 
     @classmethod
     def of(cls, source: GreySource | Blocks) -> "SourceInfo":
-        """About pixels that were read, or about a block map."""
+        """Describe pixels that were read, or a block map."""
         if isinstance(source, Blocks):
             saved = source.saved
             metadata = saved.stretch, saved.band_names, saved.stretch.warnings
@@ -149,13 +142,7 @@ class Drawing:
                 raise ParameterError(f"outlines are {what} by {_MAX_METRES:g} m at most, not {metres:g}")
 
     def drawn(self, regions: Regions, rings: Rings, geobox: GeoBox) -> Regions:
-        """Return the regions with their outlines smoothed and simplified.
-
-        Parameters
-        ----------
-        rings : Rings
-            Their outlines on the pixel edges.
-        """
+        """Return the regions with their outlines, the rings on pixel edges, smoothed and simplified."""
         if self.smooth_m:
             from uavseg.regions.smooth.smooth_outlines import smooth_outlines
 
@@ -190,12 +177,8 @@ def measured(
     detected : DetectedRange, optional
         The range that was asked for, in both units; by default its values follow from `interval`.
     confidence : Confidence, optional
-        A column after `more`; regions of less than its minimum are left out.
-
-    Raises
-    ------
-    ParameterError
-        If a confidence is wanted that is not known.
+        A column after `more`; regions of less than its minimum are left out. One that is not known is refused
+        with ParameterError.
     """
     below_minimum = None
     if confidence is not None:

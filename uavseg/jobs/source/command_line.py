@@ -19,14 +19,7 @@ _FEW = 8  # names that are spelled out where a pattern stands for them
 def extract_line(sources: Sequence[str], options: ReadOptions, interval: str, kind: str = "--range") -> str:
     """Return the line that extracts a range from the same sources, read in the same way.
 
-    Parameters
-    ----------
-    sources : sequence of str
-        As the user named them.
-    interval : str
-        As --range takes it, or another option.
-    kind : str
-        That option.
+    Sources are as the user named them. The interval is as --range takes it, or another option, the `kind`.
 
     Examples
     --------

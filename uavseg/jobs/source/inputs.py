@@ -16,19 +16,10 @@ _ROS = (".yaml", ".yml")
 
 
 def keep_inputs(outputs: Iterable[Path_ | None], inputs: Iterable[Any]) -> None:
-    """Check that no output would replace a file that is read, before the work.
+    """Check that no output would replace a file that is read, before the work; refuse it with OutputError.
 
-    Parameters
-    ----------
-    outputs : iterable of path or None
-    inputs : iterable
-        Sources as they were given: paths count, with the files that they name (the sources of a VRT, the
-        image of a ROS map, the rasters of a block map). Other values are left out.
-
-    Raises
-    ------
-    OutputError
-        If one would.
+    Of sources as they were given, paths count, with the files that they name (the sources of a VRT, the image
+    of a ROS map, the rasters of a block map).
     """
     there = [path for path in outputs if path is not None and path != "-" and _has_files(path)]
     if there:

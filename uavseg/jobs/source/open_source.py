@@ -24,11 +24,9 @@ _PICTURES = (".pgm", ".png", ".bmp", ".jpg", ".jpeg")  # formats of the pictures
 def open_source(source: Any, options: ReadOptions = ReadOptions()) -> Source:
     """Return a source, whatever it is given as; no pixel is read.
 
-    Parameters
-    ----------
-    source : path, array, DataArray, open raster of rasterio, sequence of these, Dataset or OccupancyGrid
-        Many are one mosaic. A path may name a block map, the YAML file of a ROS map, or several
-        rasters, see `expand_sources`.
+    It is a path, an array, a DataArray, an open raster of rasterio, a sequence of these, a Dataset or an
+    OccupancyGrid. Many are one mosaic. A path may name a block map, the YAML file of a ROS map, or several
+    rasters, see `expand_sources`.
 
     Raises
     ------
@@ -55,24 +53,12 @@ def open_source(source: Any, options: ReadOptions = ReadOptions()) -> Source:
 
 
 def open_raster(source: Any, options: ReadOptions = ReadOptions()) -> Raster:
-    """Return a source that has to be a raster; the pixels of a block map's file are one too.
-
-    Raises
-    ------
-    UavsegError
-        As of `open_source`.
-    """
+    """Return a source that has to be a raster; the pixels of a block map's file are one too."""
     return _raster(_expanded(source), options)
 
 
 def open_pixels(source: Any, options: ReadOptions = ReadOptions()) -> Raster | ProbabilityMap:
-    """Return a raster, or the YAML file of a ROS map; the pixels of a block map's file are a raster too.
-
-    Raises
-    ------
-    UavsegError
-        As of `open_source`.
-    """
+    """Return a raster, or the YAML file of a ROS map; the pixels of a block map's file are a raster too."""
     parts = [source] if _is_path(source) else source if isinstance(source, list | tuple) else []
     if any(_is_path(part) and _is_ros_map(part) for part in parts):
         return _ros_map(parts, options)
@@ -83,14 +69,8 @@ def open_probability_map(source: Any, options: ReadOptions = ReadOptions()) -> P
     """Return a source that holds probabilities; a raster is taken for a map of them.
 
     Integers are divided by the largest of their type, floats are taken as they are, unless a stretch is
-    chosen. A picture (PGM, PNG, ...) does not say whether free is white or black, so that has to be chosen.
-
-    Raises
-    ------
-    MapError
-        If a picture without its YAML file is given, and it is not said whether free is white or black.
-    UavsegError
-        As of `open_source`.
+    chosen. A picture (PGM, PNG, ...) does not say whether free is white or black, so that has to be chosen:
+    MapError is raised if it is given without its YAML file and this is not said.
     """
     picture = _is_path(source) and Path(source).suffix.lower() in _PICTURES
     if options.free_is_white is not None and not picture:
@@ -106,37 +86,16 @@ def open_probability_map(source: Any, options: ReadOptions = ReadOptions()) -> P
 
 
 def pixels_of(source: Source, refusal: str = "") -> Raster | ProbabilityMap:
-    """Return the source, which has to have pixels.
-
-    Parameters
-    ----------
-    refusal : str
-        The message where it is a block map.
-
-    Raises
-    ------
-    ParameterError
-        If it is a block map.
-    """
+    """Return the source, which has to have pixels; refuse a block map with ParameterError."""
     if isinstance(source, Blocks):
         raise ParameterError(refusal)
     return source
 
 
 def raster_of(source: Source, refusal: str = "") -> Raster:
-    """Return the source, which has to be a raster.
+    """Return the source, which has to be a raster; a block map is refused as by `pixels_of`.
 
-    Parameters
-    ----------
-    refusal : str
-        The message where it is a block map.
-
-    Raises
-    ------
-    ParameterError
-        If it is a block map.
-    RasterReadError
-        If it is a map of probabilities that is no raster.
+    RasterReadError is raised if it is a map of probabilities that is no raster.
     """
     pixels = pixels_of(source, refusal)
     if isinstance(pixels, Raster):
@@ -183,7 +142,7 @@ def _is_grid(source: Any) -> bool:
 
 
 def _is_ros_map(path: str | os.PathLike[str]) -> bool:
-    """As `ros_map.is_ros_map`, which is not loaded for rasters."""
+    """Do as `ros_map.is_ros_map`, which is not loaded for rasters."""
     return Path(path).suffix.lower() in (".yaml", ".yml")
 
 
@@ -237,7 +196,7 @@ def _white_picture(source: Any, options: ReadOptions) -> ProbabilityMap:
 
 
 def _unknown_polarity(picture: Path) -> str:
-    """Why a picture alone is refused, with its YAML file if there is one of the same name."""
+    """Tell why a picture alone is refused, with its YAML file if there is one of the same name."""
     described = next(
         (path for ending in (".yaml", ".yml") if (path := picture.with_suffix(ending)).exists()), None
     )

@@ -21,19 +21,9 @@ from uavseg.units import GREY_MAX
 
 
 def detail_of(length: Length | None, geobox: GeoBox, refine: str, cover: bool = False) -> Detail | None:
-    """Return a length in whole pixels along columns and rows, at the centre of a raster.
+    """Return a length in whole pixels along columns and rows, at the centre of a raster; None without one.
 
-    Parameters
-    ----------
-    refine : str
-        The refinement; with "none" regions end at cells, and no detail applies.
-    cover : bool
-        See `Detail`.
-
-    Returns
-    -------
-    Detail or None
-        None without a length.
+    With the refinement "none" regions end at cells, and no detail applies. For `cover` see `Detail`.
 
     Raises
     ------
@@ -63,12 +53,9 @@ def detail_of(length: Length | None, geobox: GeoBox, refine: str, cover: bool = 
 
 
 def refuse_without_pixels(length: Length | None, refine: str) -> None:
-    """Refuse what is decided to the pixel where a block map is all there is.
+    """Refuse what needs pixels where a block map is all there is, with ParameterError.
 
-    Raises
-    ------
-    ParameterError
-        If there is a detail, or every pixel is to be taken by its own value.
+    That is a detail, or a refinement that takes every pixel by its own value.
     """
     if refine == "pixels":
         raise ParameterError(
@@ -85,10 +72,7 @@ def refuse_without_pixels(length: Length | None, refine: str) -> None:
 def in_pixels(length: Length, geobox: GeoBox) -> tuple[int, int]:
     """Return the nearest whole numbers of rows and columns, at least 1.
 
-    Raises
-    ------
-    ParameterError
-        If metres are given and there is no CRS.
+    ParameterError is raised if metres are given and there is no CRS.
     """
     if length.in_pixels:
         along_row = along_col = 1.0
@@ -130,13 +114,7 @@ def flatten_width(length: Length, geobox: GeoBox) -> tuple[int, int]:
 
 
 def flattened(grey: GreySource, length: Length, tile_pass: TilePass) -> GreySource:
-    """Return grey without its slow light, which is measured in one pass.
-
-    Raises
-    ------
-    ParameterError
-        As of `flatten_width`.
-    """
+    """Return grey without its slow light, which is measured in one pass; see `flatten_width` for errors."""
     from uavseg.segmentation.source import measure_illumination
 
     width = flatten_width(length, grey.dataset.geobox)
@@ -158,10 +136,7 @@ AUTO = StretchSpec("auto")
 class Pixels:
     """A source whose pixels are read: a raster or a map of probabilities.
 
-    Parameters
-    ----------
-    stretch : Stretch or StretchSpec
-        How values become v: fitted already, or to be fitted to the pixels.
+    `stretch` is how values become v: fitted already, or to be fitted to the pixels.
     """
 
     dataset: Dataset
@@ -205,15 +180,7 @@ class Pixels:
 
 @dataclass(frozen=True)
 class Raster(Pixels):
-    """A raster or a mosaic.
-
-    Parameters
-    ----------
-    options : ReadOptions
-        How it was opened.
-    given : tuple of str
-        Its files as they were named.
-    """
+    """A raster or a mosaic: how it was opened, and its files as they were named."""
 
     options: ReadOptions = ReadOptions()
     given: tuple[str, ...] = ()
@@ -259,10 +226,7 @@ class Raster(Pixels):
 class ProbabilityMap(Pixels):
     """A map of the probability that a cell is occupied.
 
-    Parameters
-    ----------
-    ros_map : str
-        The YAML file of a ROS map, which is in metres and held in memory; empty for other maps.
+    `ros_map` is the YAML file of a ROS map, which is in metres and held in memory; empty for other maps.
     """
 
     ros_map: str = ""
@@ -273,28 +237,14 @@ class ProbabilityMap(Pixels):
         return Origin((self.ros_map or self.name,), str(Path.cwd()))
 
     def check_resumable(self) -> None:
-        """Refuse a checkpoint where tiles come from no file.
-
-        Raises
-        ------
-        ParameterError
-            If it is a ROS map.
-        """
+        """Refuse a checkpoint for a ROS map with ParameterError."""
         if self.ros_map:
             raise ParameterError("a ROS map is read whole, so there is nothing to resume; leave resume out")
 
 
 @dataclass(frozen=True)
 class Blocks:
-    """A block map from a file.
-
-    Parameters
-    ----------
-    path : str
-        The file.
-    skip_bad_tiles : bool
-        How its raster is read.
-    """
+    """A block map from a file; `skip_bad_tiles` is how its raster is read."""
 
     saved: SavedBlocks
     path: str

@@ -17,17 +17,12 @@ _AGAIN = "make the block map again with uavseg divide, or give --refine none"
 
 
 def check_unchanged(grey: GreySource, source: Blocks) -> None:
-    """Check size, place and a sample of the pixels of a raster against its block map.
+    """Check size, place and a sample of the pixels of a raster, in its stretch, against its block map.
 
     The block map itself is what pixels are compared with: the sums and counts of the cells of up to 64
     blocks, which are spread over the raster and the same each time. Tiles with cells in range are compared as
     a whole when they are refined. So nothing else has to be stored, copies of both files pass, and block
     maps of earlier versions are checked too.
-
-    Parameters
-    ----------
-    grey : GreySource
-        The raster, through the stretch of the block map.
 
     Raises
     ------

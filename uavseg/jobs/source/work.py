@@ -60,12 +60,9 @@ class Work:
         progress: Progress | None = None,
         resume: str | os.PathLike[str] | None = None,
     ) -> "Work":
-        """Work of threads of this process, with finished tiles kept in a folder if one is given.
+        """Run work by threads of this process, with finished tiles kept in a folder if one is given.
 
-        Raises
-        ------
-        ParameterError
-            If the number of threads is below 1.
+        ParameterError is raised if the number of threads is below 1.
         """
         run = thread_pool(threads)
         decided("%d threads", threads or usable_cores())
@@ -78,10 +75,7 @@ class Work:
     def over(self, source: "Pixels", block_map: bool = True) -> TilePass:
         """Return the pass over the tiles of a source, which collects its unreadable blocks.
 
-        Parameters
-        ----------
-        block_map : bool
-            Whether the work may hold the block map of the whole source.
+        `block_map` tells whether the work may hold the block map of the whole source.
 
         Raises
         ------

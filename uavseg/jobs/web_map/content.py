@@ -32,14 +32,9 @@ MAX_CELLS = 1 << 22  # about 16384 x 16384 pixels
 
 @dataclass(frozen=True, slots=True)
 class FieldMapRequest:
-    """Options of a web map.
+    """Options of a web map: the longest side of the picture in pixels, 64 to 8192, and the division.
 
-    Parameters
-    ----------
-    size : int
-        Longest side of the picture in pixels, 64 to 8192.
-    all_cells : bool
-        Whether cells are computed even where they are too many for a page.
+    `all_cells` tells whether cells are computed even where they are too many for a page.
     """
 
     segment: SegmentParams = SegmentParams()
@@ -51,11 +46,6 @@ class FieldMapRequest:
             raise ParameterError(
                 f"the longest side of the picture is {MIN_SIZE} to {MAX_SIZE} pixels, not {self.size}"
             )
-
-    @classmethod
-    def from_words(cls, method: str, threshold: float, intensity_step: float, size: int) -> "FieldMapRequest":
-        """Make a request from options of the command line or of Python."""
-        return cls(SegmentParams.from_options(method, threshold, intensity_step, None), size)
 
 
 @dataclass(frozen=True)
@@ -86,12 +76,7 @@ class FieldMap:
 def field_map(source: Source, request: FieldMapRequest = FieldMapRequest(), work: Work = SERIAL) -> FieldMap:
     """Compute the picture and the block means of a raster.
 
-    Raises
-    ------
-    RasterError
-        If it has no place on Earth, or one that a map in Web Mercator cannot show.
-    UavsegError
-        If it cannot be read, or a parameter does not fit it.
+    RasterError is raised if it has no place on Earth, or one that a map in Web Mercator cannot show.
     """
     work = work.begun()
     raster = raster_of(source, "a block map holds no picture; name the raster that it was made from")
@@ -130,12 +115,7 @@ def colored(
 ) -> NDArray[np.uint8]:
     """Return red, green, blue and alpha: bytes as they are in three bands, else grey through the stretch.
 
-    Parameters
-    ----------
-    values : (1 or 3, rows, cols) array
-    valid : (rows, cols) bool array, optional
-    source : Dataset
-        Of the values.
+    The values of the source are (1 or 3, rows, cols).
     """
     image = np.full((4, *values.shape[1:]), 255, np.uint8)
     if len(values) == 3 and values.dtype == np.uint8 and source.choice.formula is None:

@@ -28,16 +28,9 @@ QUALITY = 80
 
 @dataclass(frozen=True)
 class MercatorImage:
-    """A picture that is north-up in Web Mercator.
+    """A picture that is north-up in Web Mercator: its WebP file, with transparency, and its rows and columns.
 
-    Parameters
-    ----------
-    webp : bytes
-        Its file, with transparency.
-    shape : (int, int)
-        Rows and columns.
-    bounds : (west, south, east, north)
-        Of its outer edges, in degrees.
+    `bounds` are west, south, east and north of its outer edges, in degrees.
     """
 
     webp: bytes
@@ -46,23 +39,11 @@ class MercatorImage:
 
 
 def to_mercator(image: NDArray[np.uint8], geobox: GeoBox, ground: GroundGrid, size: int) -> MercatorImage:
-    """Reproject a picture to Web Mercator.
+    """Reproject an RGBA picture, (4, rows, cols), to Web Mercator.
 
-    Parameters
-    ----------
-    image : (4, rows, cols) uint8 array
-        Red, green, blue and alpha.
-    geobox : GeoBox
-        The grid of the picture.
-    ground : GroundGrid
-        Places of the same extent.
-    size : int
-        Longest side of the result in pixels, at most; the picture is not enlarged.
-
-    Raises
-    ------
-    RasterError
-        If it cannot be reprojected or encoded.
+    `geobox` is its grid, `ground` are places of the same extent. `size` is the longest side of the result in
+    pixels, at most; the picture is not enlarged. RasterError is raised if it cannot be reprojected or
+    encoded.
     """
     x, y = transform_between(WGS84, WEB_MERCATOR)(ground.lon, ground.lat)
     left, right, bottom, top = float(x.min()), float(x.max()), float(y.min()), float(y.max())

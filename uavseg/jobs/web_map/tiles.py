@@ -41,14 +41,8 @@ def has_map_tiles(dataset: Dataset) -> bool:
 def map_tile(dataset: Dataset, stretch: Stretch, place: tuple[int, int, int]) -> bytes | None:
     """Draw a tile of a web map in the colours of its picture, as WebP; None where the raster has nothing.
 
-    Parameters
-    ----------
-    dataset : Dataset
-        Without its collar.
-    stretch : Stretch
-        That of the picture.
-    place : (zoom, x, y)
-        In the usual numbering of tiles of Web Mercator.
+    The dataset is without its collar, the stretch that of the picture. The place is zoom, x and y in the
+    usual numbering of tiles of Web Mercator.
     """
     tile = read_map_tile(dataset, place)
     return None if tile is None else webp_of(colored(*tile, stretch, dataset))
@@ -57,16 +51,7 @@ def map_tile(dataset: Dataset, stretch: Stretch, place: tuple[int, int, int]) ->
 def read_map_tile(dataset: Dataset, place: tuple[int, int, int]) -> Tile | None:
     """Read the values of a tile and where they are valid; of several files the first valid pixel wins.
 
-    Parameters
-    ----------
-    dataset : Dataset
-        One of `has_map_tiles`. Its collar is not valid.
-    place : (zoom, x, y)
-
-    Returns
-    -------
-    values, valid : (1 or 3, 256, 256) array, (256, 256) bool array
-        Or None where no pixel is valid.
+    The dataset is one of `has_map_tiles`, whose collar is not valid. None where no pixel is.
     """
     tile: Tile | None = None
     for file in dataset.mosaic.files:
@@ -130,14 +115,8 @@ def _file_tile(
 class CellTiles:
     """Tiles of the codes of cells, which a page colours for any range of a slider, where it cannot hold all.
 
-    Parameters
-    ----------
-    codes : (m, n) uint16 array
-        See `leaf_codes`; 65535 where a cell has no valid pixel.
-    geobox : GeoBox
-        Of the raster.
-    areas : (2001,) float64 array
-        Square metres of the cells of each code.
+    For codes, (m, n), see `leaf_codes`; they are 65535 where a cell has no valid pixel. `areas`, (2001,), are
+    the square metres of the cells of each code.
     """
 
     codes: NDArray[np.uint16]
@@ -152,17 +131,10 @@ class CellTiles:
         return cls(codes, field_map.info.geobox, areas_by_code(field_map.cells, field_map.ground))
 
     def tile(self, place: tuple[int, int, int]) -> bytes | None:
-        """Look up the code of the cell below the centre of each pixel of a tile.
+        """Look up the code of the cell below the centre of each pixel of a tile, at a place as of `map_tile`.
 
-        Parameters
-        ----------
-        place : (zoom, x, y)
-            In the usual numbering of tiles of Web Mercator.
-
-        Returns
-        -------
-        content : bytes or None
-            256 rows of 256 little-endian 16-bit integers, 65535 beside the raster; None where all are.
+        The content is 256 rows of 256 little-endian 16-bit integers, 65535 beside the raster; None where all
+        are.
         """
         pixels = tile_pixels(self.geobox, place)
         if pixels is None:
@@ -172,16 +144,9 @@ class CellTiles:
 
 
 def areas_by_code(cells: CellCodes, ground: GroundGrid) -> NDArray[np.float64]:
-    """Sum the square metres of the cells with valid pixels, by their codes from 0 to 2000.
+    """Sum the square metres of the cells with valid pixels, by their codes from 0 to 2000: (2001,).
 
-    Parameters
-    ----------
-    ground : GroundGrid
-        Its areas of pixels are those of the parts in which the centres of cells lie.
-
-    Returns
-    -------
-    areas : (2001,) float64 array
+    The areas of pixels are those of the parts of the ground in which the centres of cells lie.
     """
     heights, widths = (_sides(length) for length in cells.shape)
     row, col = (_parts(*pair) for pair in zip(cells.shape, ground.pixel_m2.shape, strict=True))

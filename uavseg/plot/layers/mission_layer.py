@@ -164,18 +164,9 @@ def mission_title(layers: Sequence[MissionLayer]) -> list[str]:
 
 
 def arrow_heads(path: Floats, min_leg: float, size: float) -> Floats:
-    """Compute arrow heads: triangles in the middle of the legs that are longer than `min_leg`.
+    """Compute arrow heads, (n, 3, 2), tip first: triangles in the middle of legs longer than `min_leg`.
 
-    Parameters
-    ----------
-    path : (n, 2) float64 array
-    min_leg, size : float
-        In plot coordinates.
-
-    Returns
-    -------
-    heads : (n, 3, 2) float64 array
-        Tip first.
+    All lengths are in plot coordinates.
     """
     legs = np.diff(path, axis=0)
     lengths = np.hypot(*legs.T)
@@ -190,13 +181,7 @@ def arrow_heads(path: Floats, min_leg: float, size: float) -> Floats:
 def choose_numbered(path: Floats, numbers: NDArray[np.int64], min_distance: float) -> list[int]:
     """Choose the positions that get a number: the first, the last, and others at a distance from these.
 
-    Parameters
-    ----------
-    path : (n, 2) float64 array
-    numbers : (n,) int64 array
-        0 where there is none.
-    min_distance : float
-        In plot coordinates.
+    The path, (n, 2), and the distance are in plot coordinates; numbers, (n,), are 0 where there is none.
 
     Examples
     --------

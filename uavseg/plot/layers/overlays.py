@@ -46,11 +46,8 @@ class LabelsLayer:
     def of(cls, source: Dataset | File, frame: Frame, max_side: int) -> "LabelsLayer":
         """Read the labels of a file that `uavseg original` wrote, or another command with `--labels`.
 
-        Parameters
-        ----------
-        max_side : int
-            Rows and columns that two pixels of the picture show; half of them are read, since a line is a
-            pixel wide.
+        Two pixels of the picture show `max_side` rows and columns; half of them are read, since a line is a
+        pixel wide.
         """
         dataset = source if isinstance(source, Dataset) else Dataset.open(source, band=1)
         labels, box = _read_band(dataset, frame, max_side // 2)
@@ -88,17 +85,9 @@ def _read_band(dataset: Dataset, frame: Frame, max_side: int) -> tuple[NDArray[A
 
 
 def contours_of(labels: NDArray[np.uint32], plot_from_pixel: Affine) -> Contours:
-    """Trace closed lines around the segments of a label image.
+    """Trace closed lines, (n, 2), around the segments of a label image.
 
-    Parameters
-    ----------
-    labels : (rows, cols) uint32 array
-    plot_from_pixel : Affine
-        From pixel corners (col, row) to plot coordinates.
-
-    Returns
-    -------
-    contours : tuple of (n, 2) float64 arrays
+    The transform is from pixel corners (col, row) to plot coordinates.
     """
     rings = trace(labels)
     x, y = plot_from_pixel * rings.vertices[:, ::-1].T.astype(np.float64)
@@ -217,20 +206,10 @@ class LeavesLayer:
 def leaf_squares(
     sides: NDArray[np.int64], shape: tuple[int, int]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """List the leaves that cells of 8 x 8 pixels belong to.
+    """List the leaves that cells of 8 x 8 pixels belong to: corners, (k, 4, 2), and sides, (k,), in pixels.
 
-    Parameters
-    ----------
-    sides : (m, n) int64 array
-        Side of the leaf of each cell, in pixels.
-    shape : (int, int)
-        Of the raster, to which leaves are clipped.
-
-    Returns
-    -------
-    corners : (k, 4, 2) int64 array
-        Row and column of each leaf's corners in pixels.
-    sides : (k,) int64 array
+    `sides`, (m, n), are those of the leaf of each cell in pixels. Leaves are clipped to the shape of the
+    raster.
 
     Examples
     --------

@@ -23,10 +23,7 @@ def draw_raster(
 ) -> str:
     """Draw a raster in grey, hatched where it is invalid, and return the name of the stretch.
 
-    Parameters
-    ----------
-    collar : {"auto", "keep"}
-        With "auto", its collar is searched for in what is drawn and left out, with a warning.
+    With `collar` "auto", the raster's collar is searched for in what is drawn and left out, with a warning.
     """
     from matplotlib.patches import Polygon
 
@@ -57,18 +54,8 @@ def mean_of_four(
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint8] | None]:
     """Downsample a picture by two: matplotlib takes 90 bytes for each pixel that it is given.
 
-    Parameters
-    ----------
-    grey : (rows, cols) uint8 array
-    opaque : (rows, cols) uint8 array, optional
-        255 where a pixel is valid, and 0 elsewhere; None where all are.
-
-    Returns
-    -------
-    grey : (rows / 2, cols / 2) uint8 array
-        Rounded up. The mean of the valid pixels.
-    opaque : (rows / 2, cols / 2) uint8 array, optional
-        The share of valid pixels.
+    Both arrays are (rows, cols): `opaque` is 255 where a pixel is valid, and 0 elsewhere; None where all are.
+    Those that are returned are half as large, rounded up: the mean of the valid pixels, and their share.
 
     Examples
     --------
@@ -88,14 +75,9 @@ def _sum_of_four(image: NDArray[np.uint16]) -> NDArray[np.uint16]:
 
 
 def draw_image(ax: Any, picture: NDArray[np.uint8], transform: Affine, zorder: float) -> None:
-    """Draw an image that an affine transform places.
+    """Draw an RGBA image, (rows, cols, 4), that an affine transform places.
 
-    Parameters
-    ----------
-    picture : (rows, cols, 4) uint8 array
-        Red, green, blue and alpha.
-    transform : Affine
-        From pixel corners (col, row) to plot coordinates.
+    It is from pixel corners (col, row) to plot coordinates.
     """
     from matplotlib.transforms import Affine2D
 

@@ -109,20 +109,10 @@ def _is_scalar(value: Any) -> bool:
 def class_colors(
     columns: Columns, palette: Sequence[str] = PALETTE
 ) -> tuple[NDArray[np.object_], dict[str, str]] | None:
-    """Return a colour for each region, and the colours of the legend by class.
+    """Return a colour for each region, and those of the legend by class; None with too many classes or none.
 
-    Parameters
-    ----------
-    columns : dict of (n,) arrays
-        With the names of classes in `class`, and colours such as "#ff8c1a" in `color` where they have some.
-    palette : sequence of str
-        For classes without a colour.
-
-    Returns
-    -------
-    colors : (n,) object array of str
-    legend : dict of str to str
-        Or None for both without classes, or with too many for a legend.
+    The columns, (n,), have the names of classes in `class`, and colours such as "#ff8c1a" in `color` where
+    they have some. The palette is for classes without a colour.
     """
     if "class" not in columns:
         return None
@@ -144,14 +134,7 @@ def _text(value: Any) -> str:
 
 
 def styles_by_confidence(columns: Columns, count: int) -> list[tuple[Style, NDArray[np.bool_]]]:
-    """Return styles, each with a mask (n,) of the regions that have it; without a confidence they are plain.
-
-    Parameters
-    ----------
-    columns : dict of (n,) arrays
-    count : int
-        n.
-    """
+    """Return styles, each with a mask of the `count` regions that have it; plain without a confidence."""
     values = columns.get("confidence", np.empty(0))
     if values.dtype.kind not in "iuf" or not np.isfinite(values).any():
         return [(PLAIN, np.ones(count, bool))]
@@ -162,19 +145,9 @@ def styles_by_confidence(columns: Columns, count: int) -> list[tuple[Style, NDAr
 
 
 def assign_colors(shapes: PolygonArray, reach: float, count: int) -> NDArray[np.intp]:
-    """Colour a graph greedily: each shape gets an index that differs from its neighbours' if possible.
+    """Colour a graph greedily: each shape gets an index below `count`, unlike its neighbours' if possible.
 
-    Parameters
-    ----------
-    shapes : (n,) object array of shapely geometries
-    reach : float
-        Distance up to which the bounding boxes of two shapes make them neighbours.
-    count : int
-        Number of colours.
-
-    Returns
-    -------
-    indices : (n,) intp array
+    Shapes are neighbours where their bounding boxes are at a distance of up to `reach`.
     """
     left, bottom, right, top = shapely.bounds(shapes).T
     around = shapely.box(left - reach, bottom - reach, right + reach, top + reach)

@@ -17,17 +17,11 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Frame:
-    """Transforms from map coordinates to plot coordinates.
+    """Transforms from map coordinates of the raster in the picture to plot coordinates.
 
     Map coordinates are large numbers and, in degrees, not equally long in x and y. In plot coordinates the
     middle of the raster is (0, 0), x points right, y up, and one unit is equally long in both directions.
-
-    Parameters
-    ----------
-    geobox : GeoBox
-        Of the raster in the picture.
-    local_metres : bool
-        Whether coordinates without a CRS are metres.
+    `local_metres` tells whether coordinates without a CRS are metres.
     """
 
     geobox: GeoBox
@@ -65,16 +59,7 @@ class Frame:
         return placed
 
     def plot_from_lonlat(self, lon: ArrayLike, lat: ArrayLike) -> Floats:
-        """Convert degrees (WGS 84) to plot coordinates.
-
-        Parameters
-        ----------
-        lon, lat : (n,) array
-
-        Returns
-        -------
-        xy : (n, 2) float64 array
-        """
+        """Convert degrees (WGS 84), each (n,), to plot coordinates, (n, 2)."""
         if self.geobox.crs is None:
             raise RasterError(
                 "a mission has a place on the globe and this raster has none; "

@@ -22,13 +22,7 @@ View = tuple[float, float, float, float]
 
 
 def check_png_target(path: str | os.PathLike[str], overwrite: bool) -> Path:
-    """Refuse a path to which a picture may not be written, else return it.
-
-    Parameters
-    ----------
-    overwrite : bool
-        Whether an existing picture may be replaced.
-    """
+    """Refuse a path to which a picture may not be written, else return it."""
     if Path(path).suffix.lower() != ".png":
         raise OutputError(f"a preview is a PNG picture; call it {Path(path).stem}.png, not {Path(path).name}")
     return check_target(path, overwrite)
@@ -57,17 +51,9 @@ def save_figure(figure: Any, path: Path) -> None:
 
 
 def fit_axes(ax: Any, view: View, width: float, height: float) -> float:
-    """Fit the axes to a view, with equal units in x and y.
+    """Fit axes of a size in inches to a view, with equal units in x and y.
 
-    Parameters
-    ----------
-    width, height : float
-        Of the axes in inches.
-
-    Returns
-    -------
-    point : float
-        Length of one point (1/72 inch) in plot coordinates.
+    Returns the length of one point (1/72 inch) in plot coordinates.
     """
     left, right, bottom, top = view
     point = max((right - left) / width, (top - bottom) / height) / _POINTS
@@ -89,12 +75,7 @@ def draw_furniture(ax: Any, frame: Frame, point: float) -> None:
     """Draw the map furniture: a scale bar in the lower left corner, a north arrow in the upper right one.
 
     The scale bar is in ground metres, or in map units where these are not known; without a CRS there is no
-    arrow.
-
-    Parameters
-    ----------
-    point : float
-        Length of one point (1/72 inch) in plot coordinates.
+    arrow. `point` is the length of one point (1/72 inch) in plot coordinates.
     """
     _draw_scale_bar(ax, frame, point)
     if frame.north is not None:
@@ -187,12 +168,8 @@ def draw_legend(ax: Any) -> None:
 def write_text(figure: Any, x: float, title: str, subtitle: str, caption: str, caption_in: float) -> None:
     """Write the title and the line below it at the top of a page, and the caption at its foot.
 
-    Parameters
-    ----------
-    x : float
-        Left end of the lines, as a share of the width.
-    caption_in : float
-        Height of the caption above the lower edge in inches.
+    `x` is the left end of the lines, as a share of the width, `caption_in` the height of the caption above
+    the lower edge in inches.
     """
     page = figure.get_figheight()
     figure.text(x, 1 - 0.14 / page, title, size=12, weight="bold", color=TEXT_COLOR, va="top")
@@ -201,14 +178,9 @@ def write_text(figure: Any, x: float, title: str, subtitle: str, caption: str, c
 
 
 def raster_caption(box: GeoBox, band_names: str, grey_name: str, local_metres: bool = False) -> str:
-    """Describe a raster in one line: size, CRS, resolution, bands and grey.
+    """Describe a raster in one line: size, CRS, resolution, bands that are used, and the stretch of the grey.
 
-    Parameters
-    ----------
-    band_names, grey_name : str
-        Of the bands that are used, and of their stretch.
-    local_metres : bool
-        Whether coordinates without a CRS are metres.
+    `local_metres` tells whether coordinates without a CRS are metres.
     """
     rows, cols = box.shape
     parts = [f"{cols} x {rows} pixels"]

@@ -65,15 +65,9 @@ class PolygonTable:
 
 
 def simplified(shapes: PolygonArray, tolerance: float) -> PolygonArray:
-    """Simplify polygons; of collections, the polygons in them.
+    """Simplify polygons; of collections, the polygons in them. The tolerance is in plot coordinates.
 
     What would not be a polygon afterwards stays as it is: an invalid polygon may become a ring.
-
-    Parameters
-    ----------
-    shapes : (n,) object array of shapely geometries
-    tolerance : float
-        In plot coordinates.
     """
     flat = np.array([_polygonal(shape) for shape in shapes], dtype=object)
     simple = np.asarray(shapely.simplify(flat, tolerance), dtype=object)

@@ -40,16 +40,9 @@ def page_of(
     missions: Sequence[dict[str, Any]],
     server: dict[str, Any] | None = None,
 ) -> bytes:
-    """Render the HTML file.
+    """Render a map as HTML, with a collection of `read_collection` and missions of `read_flights`.
 
-    Parameters
-    ----------
-    regions : dict, optional
-        A GeoJSON FeatureCollection in WGS 84, see `read_collection`.
-    missions : sequence of dict
-        See `read_flights`.
-    server : dict, optional
-        What a server offers, for a page that sends requests to one.
+    `server` is what a server offers, for a page that sends requests to one.
     """
     data = data_of(field_map, regions, missions) | {"server": server}
     return render_page(title_of(field_map), data, served=server is not None)
@@ -90,11 +83,7 @@ def size_notes(content: bytes) -> list[str]:
 def read_flights(missions: Any, camera: Any = None) -> list[dict[str, Any]]:
     """Convert missions or mission files to values of JSON: features, path, numbers, estimates, warnings.
 
-    Parameters
-    ----------
-    missions : Mission, path or sequence of these
-    camera : str, path or Camera, optional
-        For footprints; by default that of the missions, which files do not hold.
+    The camera is for footprints; by default it is that of the missions, which files do not hold.
     """
     photos = photos_of(PhotoOptions(camera=camera))
     return [_flight(printable(name), mission, photos) for name, mission in read_missions(missions)]
@@ -168,10 +157,7 @@ def _packed(values: NDArray[Any]) -> str:
 def read_collection(regions: Any) -> dict[str, Any]:
     """Convert regions of a file or a GeoDataFrame to a GeoJSON FeatureCollection in WGS 84.
 
-    Returns
-    -------
-    collection : dict
-        With the metadata of the regions, where they have some, as in a GeoJSON file.
+    It has the metadata of the regions, where they have some, as in a GeoJSON file.
     """
     table = open_regions(regions)
     columns = {name: _values(column) for name, column in table.columns.items()}
@@ -207,12 +193,7 @@ def other_intensity(collection: dict[str, Any] | None, info: SourceInfo) -> str 
 def first_range(collection: dict[str, Any] | None, info: SourceInfo) -> tuple[int, int]:
     """Return the range with which the slider begins, in steps: that of all regions, if of the same intensity.
 
-    Parameters
-    ----------
-    collection : dict or None
-        See `read_collection`.
-    info : SourceInfo
-        Of the raster that is shown.
+    The collection is one of `read_collection`, `info` that of the raster that is shown.
     """
     if other_intensity(collection, info):
         return DEFAULT_RANGE

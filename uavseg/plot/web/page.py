@@ -19,20 +19,12 @@ _MAPPED = "//# sourceMappingURL"
 
 
 def render_page(title: str, data: dict[str, Any], served: bool = False, embedded: bool = False) -> bytes:
-    """Render the content of an HTML file.
+    """Render the content of an HTML file with data for its program, values of JSON.
 
     The page has a Content-Security-Policy that allows nothing but its own script and style, by their hashes,
     workers that this script makes, and images within the file: content of data can neither run nor load
-    anything.
-
-    Parameters
-    ----------
-    data : dict
-        For the page's program; values of JSON.
-    served : bool
-        Whether a server sends the page, which may send requests to that server, and no other.
-    embedded : bool
-        Whether the page exchanges its range with the window that frames it.
+    anything. A `served` page may send requests to its server, and no other; an `embedded` one exchanges its
+    range with the window that frames it.
     """
     script, style = _script(served, embedded), _style()
     sources = "img-src data: 'self'; connect-src 'self'" if served else "img-src data:"

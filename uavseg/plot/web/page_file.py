@@ -40,13 +40,7 @@ class PageFile:
     ) -> "PageFile":
         """Check that the page may be written, and read what is shown; call it before the work.
 
-        Parameters
-        ----------
-        overwrite : bool
-            Whether an existing page may be replaced.
-        source : Any
-            Rasters, which the page must not replace.
-        missions : Mission, path or sequence of these, optional
+        `source` are rasters, which the page must not replace.
         """
         if Path(output).suffix.lower() not in {".html", ".htm"}:
             raise OutputError(
@@ -59,13 +53,7 @@ class PageFile:
         return cls(path=target, overwrite=overwrite, regions=collection, flights=flights, camera=camera)
 
     def open_source(self, source: Any, options: ReadOptions) -> Source:
-        """Open the raster of the page, in the intensity of its regions where no other one is chosen.
-
-        Parameters
-        ----------
-        source : Any
-            Rasters.
-        """
+        """Open the raster of the page, in the intensity of its regions where no other one is chosen."""
         raster = open_source(source, options)
         made = (self.regions or {}).get(METADATA_KEY, {})
         if options.chooses_pixels or options.stretches("auto") or not isinstance(raster, Raster):

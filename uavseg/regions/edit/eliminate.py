@@ -27,18 +27,9 @@ def eliminate(
     merged with it. This repeats until all segments below the minimum have no neighbour. An area in square
     metres without a CRS is refused with a ParameterError.
 
-    Parameters
-    ----------
-    outlined : RegionOutlines
-        Segments; no two of one class share an edge.
-    classes : (n,) int64 array
-        The class of each, such as its level; a merged segment takes that of the neighbour it became part of.
-
-    Returns
-    -------
-    outlined : RegionOutlines
-        Labels are 1..m, the segment that encloses most pixels first; ties in raster order.
-    classes : (m,) int64 array
+    No two of the segments of one class, such as a level, share an edge. A merged segment takes the class of
+    the neighbour it became part of. Labels are 1..m, the segment that encloses most pixels first; ties in
+    raster order.
     """
     areas = region_areas(outlined, geobox, min_area)
     if not (areas < min_area.value).any():
@@ -60,17 +51,8 @@ def eliminate(
 def border_lengths(labels: LabelRows) -> tuple[Integers, Integers]:
     """Measure the border that each pair of adjacent regions shares (region adjacency graph).
 
-    Parameters
-    ----------
-    labels : (M, N) uint32 array or LabelRows
-        0 is background.
-
-    Returns
-    -------
-    pairs : (k, 2) int64 array
-        Labels of adjacent regions, the smaller one first, in ascending order.
-    lengths : (k,) int64 array
-        Pixel edges that each pair shares.
+    The pairs, (k, 2), are labels other than 0, the smaller one first, in ascending order; the lengths, (k,),
+    are the numbers of pixel edges that they share.
 
     Examples
     --------

@@ -20,20 +20,10 @@ def simplify(regions: Regions, metres: float, geobox: GeoBox) -> Regions:
     """Remove vertices of little effect; no region vanishes, overlaps another or becomes invalid.
 
     All outlines are simplified together (Visvalingam and Whyatt, coverage simplification of GEOS): a border
-    between two regions stays one line. Attributes stay those of the pixels.
-
-    Parameters
-    ----------
-    regions : Regions
-        Polygons whose vertices are pixel corners of `geobox`, a finer grid for smoothed outlines.
-    metres : float
-        Tolerance: removing a vertex may move an area of about this length squared from one side of an outline
-        to the other. Units of the transform where there is no CRS.
-
-    Returns
-    -------
-    Regions
-        Vertices are pixel corners of `geobox`.
+    between two regions stays one line. Attributes stay those of the pixels. Vertices are pixel corners of
+    `geobox`, a finer grid for smoothed outlines. `metres` is the tolerance: removing a vertex may move an
+    area of about this length squared from one side of an outline to the other; in units of the transform
+    where there is no CRS.
     """
     if not 0 <= metres < np.inf:
         raise ParameterError(f"expected a simplification tolerance of 0 or more metres, got {metres:g}")

@@ -65,14 +65,9 @@ def drop_small_regions(outlined: RegionOutlines, geobox: GeoBox, min_area: Area)
 
 
 def region_areas(outlined: RegionOutlines, geobox: GeoBox, unit: Area) -> NDArray[np.float64]:
-    """Return the area of each region, (n,).
+    """Return the area of each region, (n,), in the unit of `unit`: square metres or pixels.
 
     Square metres are refused with a ParameterError where there is no CRS.
-
-    Parameters
-    ----------
-    unit : Area
-        Its unit is used: square metres or pixels.
     """
     rings = outlined.rings
     areas = np.bincount(rings.labels, _areas(rings, geobox, unit), len(outlined.sums.counts) + 1)

@@ -98,18 +98,10 @@ def trace_tile(
 ) -> Chains:
     """Trace the boundaries of a tile's pixels.
 
-    Parameters
-    ----------
-    image : (M + 2 m, N + 2 m) uint8 or uint32 array
-        Pixels of equal value, not 0, that share an edge belong together; m is at least 1.
-    labels : (M, N) uint32 array
-        The owner of the chains of each pixel.
-    margin : int
-        m, the halo of `image`.
-    corner : (int, int)
-        Row and column of the tile's first pixel in the raster.
-    width : int
-        Columns of the raster: keys of edges are unique in it.
+    Pixels of `image`, (M + 2 m, N + 2 m), of equal value, not 0, that share an edge belong together; m, the
+    `margin`, is at least 1. `labels`, (M, N), are the owners of the chains of each pixel. `corner` is the row
+    and column of the tile's first pixel in the raster, `width` the columns of the raster: keys of edges are
+    unique in it.
     """
     seen = np.zeros(labels.shape, np.uint8)
     # Pages of these buffers that are not written to take no memory.

@@ -17,23 +17,12 @@ _COLUMN_0 = np.array([1, 1, 0], np.int32)
 
 
 def rasterise(rings: Rings, window: Window) -> NDArray[np.uint32]:
-    """Rasterise regions to a label image, (rows, cols) uint32; the inverse of `trace`.
-
-    Parameters
-    ----------
-    window : Window
-        The part of the raster that is rasterised.
-    """
+    """Rasterise the regions in a window to a label image, (rows, cols) uint32; the inverse of `trace`."""
     return Rasteriser(rings)(window)
 
 
 def edge_tables(rings: Rings, windows: Sequence[Window]) -> "LazySequence[EdgeTable]":
-    """Return the edge table of each window, made when it is indexed: workers get only what they need.
-
-    Parameters
-    ----------
-    windows : sequence of Window
-    """
+    """Return the edge table of each window, made when it is indexed: workers get only what they need."""
     return LazySequence(len(windows), partial(_edge_table_of, Rasteriser(rings), windows))
 
 
@@ -72,12 +61,7 @@ class EdgeTable:
 class LazyLabels:
     """Label image whose rows are rasterised when they are indexed.
 
-    Parameters
-    ----------
-    shape : (int, int)
-        Rows and columns of the raster.
-    numbers : (n + 1,) uint32 array, optional
-        Replacement of each label.
+    `shape` is that of the raster; `numbers`, (n + 1,), replace the labels, if given.
     """
 
     rasteriser: "Rasteriser"
@@ -97,10 +81,6 @@ class Rasteriser:
     Along a row a label starts at an edge that runs up and ends at one that runs down; the running sum of
     these steps, modulo 2^32, is the label. So only the vertical edges are needed, sorted by their upper ends.
     Long edges are split, so that those of a window are neighbours in that order.
-
-    Parameters
-    ----------
-    rings : Rings
     """
 
     def __init__(self, rings: Rings) -> None:

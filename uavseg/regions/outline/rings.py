@@ -61,19 +61,9 @@ class Rings:
         return lengths
 
     def select(self, rings: NDArray[np.bool_], labels: NDArray[np.int64] | None = None) -> "Rings":
-        """Return a subset of the rings, relabelled if labels are given.
+        """Return a subset of the rings, in the order of the labels; rings of one label keep their order.
 
-        Parameters
-        ----------
-        rings : (r,) bool array
-            The rings to keep.
-        labels : (k,) int64 array, optional
-            New label of each ring that is kept; all rings of a polygon have the same.
-
-        Returns
-        -------
-        Rings
-            In the order of the labels; rings of one label keep their order.
+        With `labels`, those that are kept are relabelled; all rings of a polygon have the same.
         """
         kept_labels = self.labels[rings] if labels is None else labels
         order = np.flatnonzero(rings)[np.argsort(kept_labels, kind="stable")]
@@ -94,15 +84,7 @@ def dense_parts(parts: NDArray[np.int64]) -> NDArray[np.int64]:
 def reorder_rings(
     vertices: NDArray[np.int32], starts: NDArray[np.int64], order: NDArray[np.int64]
 ) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-    """Return vertices and starts of rings in another order.
-
-    Parameters
-    ----------
-    vertices : (v, 2) int32 array
-    starts : (r + 1,) int64 array
-    order : (k,) int64 array
-        Indices of rings.
-    """
+    """Return vertices, (v, 2), and starts, (r + 1,), of the rings with the indices in `order`, (k,)."""
     new_starts = np.concatenate([[0], np.cumsum(np.diff(starts)[order])])
     reordered = np.empty((int(new_starts[-1]), 2), np.int32)
     _gather(vertices, starts, order, reordered)
@@ -145,13 +127,7 @@ def _pixel_perimeters(vertices, starts, lengths):  # type: ignore[no-untyped-def
 
 @dataclass(frozen=True)
 class RegionOutlines:
-    """Rings and pixel sums of regions 1..n, largest first; ties in raster order of the first pixel.
-
-    Parameters
-    ----------
-    sums : Sums
-        Of each region, in the order of the labels.
-    """
+    """Rings and pixel sums of regions 1..n, largest first; ties in raster order of the first pixel."""
 
     rings: Rings
     sums: Sums
@@ -160,12 +136,8 @@ class RegionOutlines:
 def renumber_by_size(rings: Rings, sums: Sums, kept: NDArray[np.bool_] | None = None) -> RegionOutlines:
     """Number regions 1..n: the one that encloses most pixels first, ties in raster order.
 
-    Parameters
-    ----------
-    sums : Sums
-        Of the regions of `rings`, in the order of their labels.
-    kept : (r,) bool array, optional
-        The rings that are kept; all by default.
+    `sums` are in the order of the labels of `rings`; `kept`, (r,), tells which rings are kept, all by
+    default.
     """
     kept = np.ones(len(rings.labels), bool) if kept is None else kept
     left = np.unique(rings.labels[kept])
@@ -184,27 +156,14 @@ def size_order(sums: Sums) -> NDArray[np.int64]:
 
 
 def select_sums(sums: Sums, which: NDArray[np.int64] | NDArray[np.bool_]) -> Sums:
-    """Return the sums of some regions, by index or mask.
-
-    Parameters
-    ----------
-    which : (k,) int64 or (n,) bool array
-    """
+    """Return the sums of some regions, by index or mask."""
     parts = {field.name: getattr(sums, field.name) for field in fields(sums)}
     chosen: dict[str, Any] = {n: None if part is None else part[which] for n, part in parts.items()}
     return Sums(**chosen)
 
 
 def merge_sums(sums: Sums, group: NDArray[np.int64], count: int) -> Sums:
-    """Add the sums of groups 0..count - 1 of components.
-
-    Parameters
-    ----------
-    sums : Sums
-        Of n components.
-    group : (n,) int64 array
-        The group of each.
-    """
+    """Add the sums of groups 0..count - 1 of n components; `group`, (n,), is that of each."""
     merged: dict[str, Any] = {}
     for field in fields(sums):
         part = getattr(sums, field.name)

@@ -72,12 +72,7 @@ def trace(labels: LabelRows, map: Map = serial) -> Rings:
 
 
 def trace_strips(labels: LabelRows, map: Map = serial) -> list["_Strip"]:
-    """Trace the strips of a label image: the first half of `trace`, which alone needs the image.
-
-    Parameters
-    ----------
-    labels : (M, N) uint32 array or LabelRows
-    """
+    """Trace the strips of a label image: the first half of `trace`, which alone needs the image."""
     return list(map(partial(_trace_strip, labels), range(0, labels.shape[0], STRIP)))
 
 
@@ -133,19 +128,12 @@ def _contacts(strips: Sequence[_Strip], offsets: NDArray[np.int64]) -> NDArray[n
 
 
 def link_rings(tiles: list[PackedChains], labels: NDArray[np.int64], parts: NDArray[np.int64]) -> Rings:
-    """Link the chains of all tiles to rings.
+    """Link the chains of all tiles to rings; the list of tiles is emptied.
 
-    They are linked for some regions at a time, so that beside the rings little memory is needed.
-
-    Parameters
-    ----------
-    tiles : list of PackedChains
-        Their owners are components, numbered over all tiles. The list is emptied.
-    labels : (n,) int64 array
-        Label of each component.
-    parts : (n,) int64 array
-        Number of the connected set of pixels that each component belongs to, in raster order of the sets'
-        first pixels.
+    They are linked for some regions at a time, so that beside the rings little memory is needed. The owners
+    of chains are components, numbered over all tiles. `labels`, (n,), are those of the components; `parts`,
+    (n,), the number of the connected set of pixels that each belongs to, in raster order of the sets' first
+    pixels.
     """
     if not tiles:
         tiles = [
@@ -202,14 +190,7 @@ Integers = NDArray[np.int64]
 def link_chains(
     vertices: Vertices, pinched: NDArray[np.uint8], table: Integers
 ) -> tuple[Vertices, NDArray[np.uint8], Integers, Integers]:
-    """Join open chains to closed rings.
-
-    Parameters
-    ----------
-    vertices : (v, 2) int32 array
-    pinched : (v,) uint8 array
-    table : (k, 6) int64 array
-        Of all tiles, see `Chains`.
+    """Join open chains of all tiles, see `Chains`, to closed rings.
 
     Returns
     -------
@@ -239,17 +220,8 @@ def split_simple_rings(
     """Split rings where they pass a vertex twice; each begins at its uppermost, then leftmost vertex.
 
     A region that touches itself corner to corner gives a ring that passes the corner twice. It is split there
-    into an exterior and a hole, or two holes, that touch in a point, as valid polygons may.
-
-    Parameters
-    ----------
-    vertices, pinched, starts, owners
-        From `link_chains`.
-
-    Returns
-    -------
-    hole : (r,) uint8 array
-        1 where a ring is a hole.
+    into an exterior and a hole, or two holes, that touch in a point, as valid polygons may. The last array,
+    (r,), is 1 where a ring is a hole.
     """
     partners = _partners(vertices, pinched, starts)
     max_rings = len(owners) + int((partners >= 0).sum()) // 2

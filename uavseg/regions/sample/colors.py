@@ -5,6 +5,7 @@ histogram to the decision of a pixel.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,27 +15,18 @@ from uavseg.errors import SampleError
 from uavseg.raster.grid.tiling import Window
 from uavseg.regions.sample.model import bounds_around
 from uavseg.regions.sample.place import SampleMask
-from uavseg.segmentation.sample.g_scores import MAX_SCORE, NO_SCORE, GreyBounds, min_count
+from uavseg.segmentation.sample.g_scores import GREY_BINS, MAX_SCORE, NO_SCORE, GreyBounds, min_count
+from uavseg.segmentation.sample.likelihood_weights import window_sums
 from uavseg.segmentation.sample.pixel_decision import ColorPlane, log_ratio
 from uavseg.segmentation.source import GreySource
 from uavseg.units import CELL
-
-GREY_BINS = 64
 
 Counts = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class ColorBand:
-    """One band of a sample.
-
-    Parameters
-    ----------
-    bounds : GreyBounds
-        Of the mean of a window that is like the sample.
-    counts : (64,) int64 array
-        Histogram of the sample.
-    """
+    """One band of a sample: bounds of the mean of a window that is like it, and its histogram, (64,)."""
 
     source: GreySource
     bounds: GreyBounds
@@ -44,11 +36,7 @@ class ColorBand:
 def fit_colors(sources: Sequence[GreySource], place: SampleMask, deviations: float) -> tuple[ColorBand, ...]:
     """Measure a sample in each band; refuse one without valid pixels in a band, with a SampleError.
 
-    Parameters
-    ----------
-    sources : sequence of GreySource
-    deviations : float
-        By how many standard deviations of the sample the mean of a window may differ.
+    The mean of a window may differ by a number of standard `deviations` of the sample.
     """
     return tuple(_fit_band(source, place, deviations) for source in sources)
 
@@ -67,46 +55,25 @@ def limit_scores(
 ) -> NDArray[np.uint16]:
     """Set scores of windows around a tile to the maximum where the mean of a band is out of bounds.
 
-    Parameters
-    ----------
-    colors : sequence of ColorBand
-    scores : (m, n) uint16 array
-        From `window_scores`, of a tile with a halo of ``side - 1`` cells.
-    window : Window
-        The tile.
-    side : int
-        Of a window of `scores`, in cells.
+    The scores are those of `window_scores`, of the tile at `window` with a halo of ``side - 1`` cells.
     """
     for color in colors:
         tile = color.source.read(window, CELL * (side - 1))
-        totals = _window_sums(tile.grey.astype(np.int64), side)
-        counts = _window_sums(tile.valid.astype(np.int64), side)
+        totals, counts = window_sums(_cell_sums(tile.grey), side), window_sums(_cell_sums(tile.valid), side)
         out = (totals < color.bounds.low * counts) | (totals > color.bounds.high * counts)
         scores = np.where(out & (scores != NO_SCORE), np.uint16(MAX_SCORE), scores)
         scores[counts < min_count(side)] = NO_SCORE
     return scores
 
 
-def _window_sums(pixels: Counts, side: int) -> Counts:
-    """Return sums over the windows of cells that begin at each cell."""
+def _cell_sums(pixels: NDArray[np.integer[Any]]) -> Counts:
     rows, cols = (length // CELL for length in pixels.shape)
-    sums: Counts = pixels.reshape(rows, CELL, cols, CELL).sum(axis=(1, 3))
-    for axis in (0, 1):
-        length = sums.shape[axis] - side + 1
-        sums = np.sum([sums.take(range(k, k + length), axis) for k in range(side)], axis=0)
+    sums: Counts = pixels.reshape(rows, CELL, cols, CELL).sum(axis=(1, 3), dtype=np.int64)
     return sums
 
 
 def count_colors(colors: Sequence[ColorBand], window: Window, cells: NDArray[np.bool_]) -> Counts:
-    """Return histograms of the chosen cells of a tile in each band, (bands, 64) int64.
-
-    Parameters
-    ----------
-    colors : sequence of ColorBand
-    window : Window
-        The tile.
-    cells : (m, n) bool array
-    """
+    """Return histograms of the chosen cells of the tile at `window` in each band, (bands, 64) int64."""
     counts = np.zeros((len(colors), GREY_BINS), np.int64)
     chosen = cells.repeat(CELL, 0).repeat(CELL, 1)
     for k, color in enumerate(colors):
@@ -118,17 +85,9 @@ def count_colors(colors: Sequence[ColorBand], window: Window, cells: NDArray[np.
 def color_planes(
     colors: Sequence[ColorBand], rest: Counts, window: Window, margin: int
 ) -> tuple[ColorPlane, ...]:
-    """Read the bands of a tile with a margin, each with its weights of the sample against the rest.
+    """Read the bands of a tile with a margin in pixels, each with its weights of the sample against the rest.
 
-    Parameters
-    ----------
-    colors : sequence of ColorBand
-    rest : (bands, 64) int64 array
-        Histograms of unlike cells.
-    window : Window
-        The tile.
-    margin : int
-        In pixels.
+    `rest`, (bands, 64), are histograms of unlike cells.
     """
     tiles = (color.source.read(window, margin) for color in colors)
     return tuple(

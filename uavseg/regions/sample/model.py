@@ -35,15 +35,10 @@ _GREY_STEP = 257  # one step of 8 bits: the smallest deviation of a sample
 
 @dataclass(frozen=True)
 class Sample:
-    """Texture model and intensity of a sample.
+    """Texture model and intensity of a sample: mean and deviation of the grey levels of its counted pixels.
 
-    Parameters
-    ----------
-    own : int
-        The score that nineteen of twenty of its windows do not exceed, each compared with the rest of the
-        sample; at least the expected score under the null hypothesis.
-    mean, deviation : float
-        Of the grey levels of its counted pixels.
+    `own` is the score that nineteen of twenty of its windows do not exceed, each compared with the rest of
+    the sample; at least the expected score under the null hypothesis.
     """
 
     model: TextureModel
@@ -71,14 +66,9 @@ class Sample:
 
 
 def bounds_around(mean: float, deviation: float, deviations: float) -> GreyBounds:
-    """Return bounds of mean grey around a mean, at least one step of 8 bits from it.
+    """Return bounds of mean grey around a mean in grey levels, at least one step of 8 bits from it.
 
-    Parameters
-    ----------
-    mean, deviation : float
-        In grey levels.
-    deviations : float
-        Half the distance of the bounds in multiples of the deviation; may be infinite.
+    `deviations` is their distance from it in multiples of the deviation; may be infinite.
     """
     if math.isinf(deviations):
         return GreyBounds()
@@ -89,19 +79,10 @@ def bounds_around(mean: float, deviation: float, deviations: float) -> GreyBound
 def fit_sample(
     source: GreySource, bin_edges: NDArray[np.int32], place: SampleMask, side: int, map: Map
 ) -> Sample:
-    """Fit the texture model of a sample.
+    """Fit the texture model of a sample, with windows of `side` cells.
 
-    Parameters
-    ----------
-    bin_edges : (7,) int32 array
-        Of the histogram of contrast, over the whole raster.
-    side : int
-        Side of a window in cells.
-
-    Raises
-    ------
-    SampleError
-        If the sample has too few pixels with a texture.
+    `bin_edges` are of the histogram of contrast over the whole raster. SampleError is raised if the sample
+    has too few pixels with a texture.
     """
     [(model, scores, moments)] = map(partial(_measure_sample, source, bin_edges, side), [place])
     window = CELL * side
@@ -134,24 +115,15 @@ def fit_weights(
 ) -> SampleWeights:
     """Fit log-likelihood-ratio weights of symbols, sample against background (the whole raster).
 
-    Parameters
-    ----------
-    source, bin_edges, place, side, map
-        As of `fit_sample`.
-    whole : (2, 2048) int64 array
-        Count of each symbol in the raster, at both scales.
+    `whole`, (2, 2048), counts each symbol in the raster, at both scales; the others are those of
+    `fit_sample`.
     """
     [weights] = map(partial(_fit_sample_weights, source, bin_edges, whole, side), [place])
     return weights
 
 
 def symbol_pair(tile: GreyTile, bin_edges: NDArray[np.int32]) -> SymbolPair:
-    """Return LBP symbols of a tile at both scales, without its halo of COARSE_HALO pixels.
-
-    Parameters
-    ----------
-    bin_edges : (7,) int32 array
-    """
+    """Return LBP symbols of a tile at both scales, without its halo of COARSE_HALO pixels."""
     inner = np.s_[COARSE_HALO - 1 : 1 - COARSE_HALO, COARSE_HALO - 1 : 1 - COARSE_HALO]
     known = tile.mask
     near = None if known is None else np.ascontiguousarray(known[inner])

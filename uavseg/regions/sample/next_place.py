@@ -36,16 +36,9 @@ def next_place(
     """Return the disc on the map whose pixels are the least certain; None where hardly any are uncertain.
 
     It lies on valid pixels as a whole and outside of all samples, and is about as large as these are, with a
-    radius of 8 to 16 pixels; of 8 where no larger one fits.
-
-    Parameters
-    ----------
-    blocks : BlockMap
-        Of the similarity.
-    samples : sequence of SampleMask
-        All samples, of the target and of other areas.
-    tile_pass : TilePass
-        Its executor reads; the result depends neither on it nor on its tiles.
+    radius of 8 to 16 pixels; of 8 where no larger one fits. The blocks are of the similarity, the samples
+    those of the target and of other areas. The result depends neither on the executor of the pass nor on its
+    tiles.
     """
     if source.table.uncertain < _MIN_SHARE:
         return None

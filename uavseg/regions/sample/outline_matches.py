@@ -43,16 +43,8 @@ def outline_matches(
 ) -> RegionOutlines:
     """Outline regions of inner cells, and of those pixels of undecided cells that are classified as sample.
 
-    Parameters
-    ----------
-    cells : (8 B, 8 C) uint8 array
-        0 outside, 1 inside, 2 undecided.
-    rest_colors : (bands, 64) int64 array
-        See `CellScores`.
-    within : Rings, optional
-        Outlines of other regions, to which matches are clipped.
-    detail : Detail, optional
-        Narrower structures are removed.
+    `cells`, (8 B, 8 C), are 0 outside, 1 inside, 2 undecided; for `rest_colors` see `CellScores`. Matches are
+    clipped to the outlines `within`, if given, and structures narrower than `detail` are removed.
     """
     outline = partial(_outline_match, source, criterion, weights, rest_colors, detail)
     windows, halo = tile_pass.windows, DECISION_HALO + (detail.halo if detail else 0)

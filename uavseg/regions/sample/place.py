@@ -26,15 +26,7 @@ _CLASS = "class"  # column of a file of samples
 
 @dataclass(frozen=True, slots=True)
 class Disc:
-    """Disc on the map.
-
-    Parameters
-    ----------
-    x, y : float
-        Its centre in map coordinates of the raster.
-    radius : float
-        In units of the map; in metres if they are degrees.
-    """
+    """Disc on the map, in its coordinates; the radius in metres if they are degrees."""
 
     x: float
     y: float
@@ -69,14 +61,9 @@ def parse_like(text: str) -> Disc | str:
 
 @dataclass(frozen=True)
 class SampleMask:
-    """Mask of the pixels of a sample, in its bounding box.
+    """Mask of the pixels of a sample, in its bounding box of whole cells, clipped to the raster.
 
-    Parameters
-    ----------
-    window : Window
-        The bounding box, of whole cells, clipped to the raster.
-    bits : (rows, c) uint8 array
-        1 for each pixel of the sample, packed along rows.
+    `bits` are 1 for each pixel of the sample, packed along rows.
     """
 
     window: Window
@@ -109,12 +96,7 @@ class SampleMask:
 def sample_mask(like: Disc | str, geobox: GeoBox) -> SampleMask:
     """Return the mask of the pixels of a raster whose centres lie in a sample.
 
-    Parameters
-    ----------
-    like : Disc or str
-        A disc, or the name of a file of polygons in any CRS, see `read_regions`.
-    geobox : GeoBox
-        Of the raster.
+    It is a disc, or the name of a file of polygons in any CRS, see `read_regions`.
 
     Raises
     ------
@@ -130,12 +112,7 @@ def sample_mask(like: Disc | str, geobox: GeoBox) -> SampleMask:
 def class_masks(name: str, geobox: GeoBox) -> dict[str, list[SampleMask]]:
     """Return masks of the samples of each class, in the order in which classes first appear.
 
-    Parameters
-    ----------
-    name : str
-        A file of polygons with a column `class`, in any coordinate system.
-    geobox : GeoBox
-        Of the raster.
+    `name` is a file of polygons with a column `class`, in any coordinate system.
 
     Raises
     ------

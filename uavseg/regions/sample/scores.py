@@ -12,13 +12,14 @@ from uavseg.execution.executors import LazySequence
 from uavseg.raster.grid.tiling import TilePass, Window, window_cells
 from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
 from uavseg.regions.outline.rings import RegionOutlines, Rings
-from uavseg.regions.sample.colors import GREY_BINS, ColorBand, count_colors, limit_scores
+from uavseg.regions.sample.colors import ColorBand, count_colors, limit_scores
 from uavseg.regions.sample.model import Sample, symbol_pair
 from uavseg.regions.tiles.segment_tiles import cell_jobs
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.dilation import dilate
 from uavseg.segmentation.blocks.lbp import COARSE_HALO, SYMBOLS, coarse_symbols, lbp_symbols
 from uavseg.segmentation.sample.g_scores import (
+    GREY_BINS,
     MAX_SCORE,
     NO_SCORE,
     GreyBounds,
@@ -71,16 +72,9 @@ class Criterion:
         deviations: float,
         colors: tuple[ColorBand, ...] = (),
     ) -> "Criterion":
-        """Make a criterion from a minimum similarity, and a number of deviations from the mean grey.
+        """Make a criterion from a minimum similarity, above 0 and at most 1, and bounds of the mean grey.
 
-        Parameters
-        ----------
-        bin_edges, side, colors
-            As of the class.
-        similarity : float
-            Above 0, at most 1.
-        deviations : float
-            Standard deviations of the sample; may be infinite.
+        The bounds are `deviations` standard deviations of the sample from its mean; may be infinite.
         """
         return cls(
             model=sample.model,
@@ -162,20 +156,9 @@ def reject_unlike(
 ) -> CellScores:
     """Reject cells whose texture the background model (the whole raster) explains better than the sample.
 
-    Parameters
-    ----------
-    source, criterion, tile_pass
-        As of `score_cells`.
-    weights : (2, 2048) int64 array
-        Of symbols at both scales, see `SampleWeights`.
-    minimum : int
-        The smallest mean weight of a window that is like the sample.
-
-    Returns
-    -------
-    CellScores
-        Rejected cells have the largest score, and their histograms are added to `rest`, except for cells that
-        touch one that is kept.
+    `weights`, (2, 2048), are of symbols at both scales, see `SampleWeights`; `minimum` is the smallest mean
+    weight of a window that is like the sample. Rejected cells have the largest score, and their histograms
+    are added to `rest`, except for cells that touch one that is kept.
     """
     matched = scores.best <= criterion.limit
     with_matches = [window for window in tile_pass.windows if matched[window_cells(window)].any()]
@@ -218,10 +201,7 @@ def mean_scores(
 ) -> NDArray[np.float64]:
     """Compute the mean score of the pixels of each region, (n,); NaN for a region without scored cells.
 
-    Parameters
-    ----------
-    best : (8 B, 8 C) uint16 array
-        Scores of cells.
+    `best`, (8 B, 8 C), are the scores of cells.
     """
     sums, counts = np.zeros((2, len(outlined.sums.counts) + 1), np.int64)
     tables = edge_tables(outlined.rings, tile_pass.windows)
@@ -254,15 +234,7 @@ def _sum_scores(job: tuple[EdgeTable, NDArray[np.uint16]]) -> tuple[Integers, In
 
 
 def inner_cells(rings: Rings, shape: tuple[int, int], tile_pass: TilePass) -> NDArray[np.bool_]:
-    """Return which cells have all their pixels in regions, (8 B, 8 C); none that exceeds the raster.
-
-    Parameters
-    ----------
-    rings : Rings
-        Outlines of the regions.
-    shape : (int, int)
-        Rows and columns of the raster.
-    """
+    """Return which cells of a raster have all their pixels in regions, (8 B, 8 C); none that exceeds it."""
     inner = np.zeros(BlockMap.empty(shape).counts.shape, bool)
     tiles = tile_pass.run(_whole_cells, edge_tables(rings, tile_pass.windows))
     for window, cells in zip(tile_pass.windows, tiles, strict=True):

@@ -43,12 +43,7 @@ class SimilaritySource(GreySource):
 
 
 class BlurredBands:
-    """Blurred bands of a raster, which several similarities share; each thread caches its last window.
-
-    Parameters
-    ----------
-    bands : sequence of GreySource
-    """
+    """Blurred bands of a raster, which several similarities share; each thread caches its last window."""
 
     def __init__(self, bands: Sequence[GreySource]) -> None:
         self.bands = tuple(bands)
@@ -62,13 +57,7 @@ class BlurredBands:
         return self.bands
 
     def read(self, window: Window, margin: int) -> tuple[list[NDArray[np.uint16]], NDArray[np.uint8]]:
-        """Read blurred bands of a window, and where all are valid; do not change the arrays.
-
-        Parameters
-        ----------
-        margin : int
-            In pixels.
-        """
+        """Read blurred bands of a window, and where all are valid; do not change the arrays."""
         if getattr(self._last, "place", None) != (window, margin):
             self._last.tile = _read_blurred(self.bands, window, margin)
             self._last.place = window, margin
@@ -78,17 +67,7 @@ class BlurredBands:
 
 @dataclass(frozen=True)
 class SampledColors:
-    """Blurred colours of pixels.
-
-    Parameters
-    ----------
-    points : (n, bands) uint16 array
-        All over the raster.
-    sample : (m, bands) uint16 array
-        Of the samples of the target.
-    unlike : (k, bands) uint16 array, optional
-        Of the samples of other areas.
-    """
+    """Blurred colours, each (n, bands): `points` all over a raster, a sample, and samples of other areas."""
 
     points: NDArray[np.uint16]
     sample: NDArray[np.uint16]
@@ -113,12 +92,10 @@ def sample_colors(
     ----------
     bands : sequence of GreySource
         Of one raster.
-    places : sequence of SampleMask
-        Samples of the target.
+    places, unlike : sequences of SampleMask
+        Samples of the target, and of other areas.
     tile_pass : TilePass
         Its executor reads; the result depends neither on it nor on its tiles.
-    unlike : sequence of SampleMask
-        Samples of other areas.
     name : str
         Name of the samples of the target in errors.
     spread : (n, bands) uint16 array, optional
@@ -142,13 +119,7 @@ def sample_colors(
 
 
 def spread_colors(bands: Sequence[GreySource], tile_pass: TilePass) -> NDArray[np.uint16]:
-    """Return colours of pixels in small windows that are spread evenly over a raster: (n, bands) uint16.
-
-    Parameters
-    ----------
-    bands : sequence of GreySource
-        Of one raster.
-    """
+    """Return colours of pixels in small windows that are spread evenly over a raster: (n, bands) uint16."""
     windows = _spread_windows(bands[0].shape)
     return np.concatenate(list(tile_pass.silent.run(partial(_colors, bands), windows)))
 

@@ -20,19 +20,8 @@ def select_regions(
 ) -> Regions:
     """Select the regions that have one of the ids and fulfil the condition; of these, the largest.
 
-    Parameters
-    ----------
-    ids : sequence of int, optional
-        At least one; all of them must exist.
-    largest : int, optional
-        The number to keep at most, by `area_m2`; of equal ones the first.
-    condition : str, optional
-        See `uavseg.regions.select.where.where`.
-
-    Returns
-    -------
-    regions : Regions
-        In their original order.
+    They stay in their original order. `largest` is the number to keep at most, by `area_m2`; of equal ones
+    the first. For conditions see `uavseg.regions.select.where.where`.
 
     Raises
     ------
@@ -52,14 +41,7 @@ def select_regions(
 
 
 def of_classes(regions: Regions, names: Sequence[str]) -> NDArray[np.bool_]:
-    """Mask of the regions that are of some classes.
-
-    Parameters
-    ----------
-    regions : Regions
-        With a column `class`, as `uavseg extract --class` makes it.
-    names : sequence of str
-        All of them must exist.
+    """Return the mask of the regions that are of some classes, by their column `class`.
 
     Raises
     ------

@@ -18,17 +18,14 @@ MAX_CHARACTERS = 2000  # of a condition
 
 
 def where(columns: Mapping[str, NDArray[Any]], condition: str) -> NDArray[np.bool_]:
-    """Mask of the regions that fulfil a condition; where a missing number leaves it unknown, they do not.
+    """Return the mask of the regions that fulfil a condition; not of those for which it is unknown.
 
     The condition may hold names of columns, numbers, texts in quotes, comparisons, `and`, `or`, `not`,
     `+ - * /`, and `in` and `not in` with a list. Nothing else: it is not run as Python.
 
-    Parameters
-    ----------
-    columns : mapping of str to (N,) array
-        Numbers, booleans or texts. A comparison with a missing number (NaN) is neither true nor false, with
-        `!=` and under `not` as well; `mean > 0.6 or id == 4` is true where its other side is. A missing
-        text is the empty text.
+    Columns, (N,), are numbers, booleans or texts. A comparison with a missing number (NaN) is neither true
+    nor false, with `!=` and under `not` as well; `mean > 0.6 or id == 4` is true where its other side is. A
+    missing text is the empty text.
 
     Raises
     ------

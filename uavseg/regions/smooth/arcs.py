@@ -17,15 +17,7 @@ _PASSED = 16  # bit of a corner through which another boundary goes straight
 
 @dataclass(frozen=True, slots=True)
 class Nodes:
-    """Keys of pixel corners, sorted by row and by column.
-
-    Parameters
-    ----------
-    by_row : (k,) int64 array
-        ``row * (cols + 1) + col``, ascending.
-    by_col : (k,) int64 array
-        ``col * (rows + 1) + row``, ascending.
-    """
+    """Keys of pixel corners, sorted by row (``row * (cols + 1) + col``) and by column, both ascending."""
 
     by_row: Integers
     by_col: Integers
@@ -34,12 +26,8 @@ class Nodes:
 def find_nodes(rings: Rings, shape: tuple[int, int]) -> Nodes:
     """Find the corners where three or four region boundaries meet: borders end there, or rings touch.
 
-    The border between two regions counts as one boundary, though a ring of each runs along it.
-
-    Parameters
-    ----------
-    shape : (int, int)
-        Rows and columns of the raster.
+    The border between two regions counts as one boundary, though a ring of each runs along it. The shape is
+    that of the raster.
 
     Examples
     --------

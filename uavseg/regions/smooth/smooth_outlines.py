@@ -134,20 +134,10 @@ def smooth_outlines(rings: Rings, metres: float, geobox: GeoBox) -> tuple[Rings,
     are fixed. Where the area of a region would change by more than a hundredth, its outline stays on the
     pixel edges, and so do its neighbours' borders with it.
 
-    Parameters
-    ----------
-    rings : Rings
-        Along the pixel edges of `geobox`.
-    metres : float
-        Largest distance of outlines from the pixel edges. More than half a pixel counts as half a pixel; with
-        less, stairs are flattened, not removed. Units of the transform where there is no CRS.
-
-    Returns
-    -------
-    rings : Rings
-        In corners of the finer grid; a ring may begin at any of its vertices.
-    geobox : GeoBox
-        The finer grid, with STEPS_PER_PIXEL times as many rows and columns.
+    Rings run along the pixel edges of `geobox`; those that are returned are in corners of the finer grid,
+    with STEPS_PER_PIXEL times as many rows and columns, and may begin at any of their vertices. `metres` is
+    the largest distance of outlines from the pixel edges, in units of the transform where there is no CRS.
+    More than half a pixel counts as half a pixel; with less, stairs are flattened, not removed.
 
     Raises
     ------
@@ -234,14 +224,8 @@ def _replace_rings(rings: Rings, again: "SmoothRings", which: NDArray[np.bool_])
 class SmoothRings:
     """Smooth rings and the arcs that they are made of.
 
-    Parameters
-    ----------
-    rings : Rings
-        In steps, STEPS_PER_PIXEL to a pixel; a ring may begin at any of its vertices.
-    arcs : (k,) int64 array
-        Key of each arc, the same in both rings that share it.
-    owners : (k,) int64 array
-        The ring that each belongs to.
+    The rings are in steps, STEPS_PER_PIXEL to a pixel, and may begin at any of their vertices. The key of an
+    arc is the same in both rings that share it; `owners` are the rings that arcs belong to.
     """
 
     rings: Rings
@@ -252,20 +236,11 @@ class SmoothRings:
 def smooth_rings(
     rings: Rings, nodes: Nodes, shape: tuple[int, int], unsmoothed: Integers, share: float = 1.0
 ) -> SmoothRings:
-    """Smooth all boundaries, within nearly half a pixel of the pixel edges.
+    """Smooth all boundaries of rings along pixel edges, within nearly half a pixel of these.
 
-    Nodes, and corners on the border of the raster, are fixed.
-
-    Parameters
-    ----------
-    rings : Rings
-        Along pixel edges.
-    shape : (int, int)
-        Rows and columns of the raster.
-    unsmoothed : (k,) int64 array
-        Keys of arcs that stay on the pixel edges, ascending.
-    share : float
-        Blend between pixel edges (towards 0) and the smooth line (1); above 0 and at most 1.
+    Nodes, and corners on the border of the raster, are fixed. Arcs with the keys in `unsmoothed`, ascending,
+    stay on the pixel edges. `share` blends between pixel edges (towards 0) and the smooth line (1); above 0
+    and at most 1.
     """
     lengths = _lengths(rings)
     units, longest = int(lengths.sum()), int(lengths.max(initial=0))

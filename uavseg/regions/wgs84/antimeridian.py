@@ -33,16 +33,10 @@ PAST_EDGE = "a region reaches past the edge of its projection; write a .gpkg ins
 def cut_at_antimeridian(rings: Sequence[Floats], jumping: bool, degree: float = 1.0) -> Any:
     """Cut one polygon into longitudes -180..180 and latitudes -90..90.
 
-    Parameters
-    ----------
-    rings : sequence of (m, 2) float64 arrays
-        Closed rings of longitudes and latitudes: the exterior, counter-clockwise as seen from above, then the
-        holes, clockwise.
-    jumping : bool
-        Whether longitudes jump from 180 to -180 where a ring crosses the antimeridian (True), or continue
-        past 180 or -180 (False).
-    degree : float
-        A degree in the unit of the rings, and of the result.
+    Its closed rings are longitudes and latitudes, (m, 2): the exterior, counter-clockwise as seen from above,
+    then the holes, clockwise. `jumping` tells whether longitudes jump from 180 to -180 where a ring crosses
+    the antimeridian, or continue past 180 or -180. `degree` is a degree in the unit of the rings, and of the
+    result.
 
     Examples
     --------
@@ -69,7 +63,7 @@ def _cut_ring(ring: Floats, jumping: bool, degree: float) -> Any:
 
 
 def _split_at_poles(ring: Floats, degree: float) -> Floats:
-    """Return a vertex at a pole has every longitude: it becomes two, at the longitudes of its neighbours."""
+    """Split a vertex at a pole, which has every longitude, into two at the longitudes of its neighbours."""
     at_pole = np.abs(ring[:, 1]) > _AT_POLE * degree
     if not at_pole.any():
         return ring
@@ -143,18 +137,8 @@ def densify_edges(
 ) -> RaggedPolygons:
     """Add vertices to edges of rings that would deviate if they were straight in degrees.
 
-    Parameters
-    ----------
-    flat : RaggedPolygons
-        Rings in units of the map.
-    degrees : (v, 2) float64 array
-        Longitudes and latitudes of its vertices.
-    side : float
-        Side of a pixel in units of the map.
-    radius : float
-        Of the Earth, in units of the map.
-    to_degrees : callable
-        From map coordinates to longitudes and latitudes, both (m, 2) arrays.
+    The rings, the side of a pixel and the radius of the Earth are in units of the map; `degrees`, (v, 2), are
+    the longitudes and latitudes of the vertices, and `to_degrees` computes them, both of (m, 2) arrays.
 
     Raises
     ------
@@ -178,7 +162,7 @@ def densify_edges(
 
 
 def _pieces(xy: Floats, degrees: Floats, starts: Integers, side: float, radius: float) -> Integers:
-    """Return number of pieces to split each edge, from a vertex to the next, into."""
+    """Return the number of pieces to split each edge, from a vertex to the next, into."""
     steps = np.append(np.hypot(*np.diff(xy, axis=0).T), 0)
     steps[starts[1:] - 1] = 0
     slope = np.abs(degrees[:, 1])
@@ -190,6 +174,6 @@ def _pieces(xy: Floats, degrees: Floats, starts: Integers, side: float, radius: 
 
 
 def _straight_enough(lat: Any, side: float, radius: float) -> Any:
-    """Longest edge with a sag of _SAG pixels at a latitude: meridians converge faster towards the poles."""
+    """Return the longest edge with a sag of _SAG pixels at a latitude: meridians converge to the poles."""
     curvature = np.maximum(np.tan(np.radians(np.minimum(lat, 89.999999))), 0.3) / radius
     return np.sqrt(8 * _SAG * side / curvature)

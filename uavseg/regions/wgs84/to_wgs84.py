@@ -41,14 +41,9 @@ Flags = NDArray[np.bool_]
 class Wgs84Batch:
     """A batch of consecutive regions in WGS 84.
 
-    Parameters
-    ----------
-    polygons : RaggedPolygons
-        Its vertices are an int64 array of longitudes and latitudes in units of the last decimal.
-    decimals : int
-        Of degrees, see `globe.decimals_for`.
-    others : dict of int -> shapely Polygon or MultiPolygon
-        Geometries in degrees of regions without polygons in `polygons`, by their index in the batch.
+    The vertices of the polygons are int64 longitudes and latitudes in units of the last of `decimals`, see
+    `globe.decimals_for`. `others` are geometries in degrees of regions without polygons, by their index in
+    the batch.
     """
 
     polygons: RaggedPolygons
@@ -90,13 +85,7 @@ def wgs84_geometries(regions: Regions) -> Objects:
 
 
 def check_on_earth(wkt: str | None) -> None:
-    """Check that a CRS is one of the Earth.
-
-    Raises
-    ------
-    OutputError
-        If it is not, or there is none.
-    """
+    """Check that a CRS is one of the Earth; raise OutputError if it is not, or there is none."""
     _Reprojection.of(wkt)
 
 
@@ -212,14 +201,14 @@ def _drop_repeats(flat: RaggedPolygons) -> RaggedPolygons:
 
 
 def _collapsed(flat: RaggedPolygons) -> Flags:
-    """Mask of regions with a ring that rounding has reduced to less than a triangle."""
+    """Return the mask of regions with a ring that rounding has reduced to less than a triangle."""
     collapsed = np.zeros(len(flat.regions) - 1, bool)
     collapsed[flat.region_of(flat.rings[:-1][np.diff(flat.rings) < 4])] = True
     return collapsed
 
 
 def _invalid(flat: RaggedPolygons) -> Flags:
-    """Mask of regions that rounding has made invalid."""
+    """Return the mask of regions that rounding has made invalid."""
     collapsed = _collapsed(flat)
     valid: Flags = shapely.is_valid(flat.without(collapsed).to_geometries())
     return collapsed | ~valid
@@ -254,7 +243,7 @@ def _geometry_of(flat: RaggedPolygons, region: int, crossing: bool, jumping: boo
 
 
 def _round(geometry: Any) -> Any:
-    """Valid geometry of whole numbers, exteriors counter-clockwise; unrounded if it would vanish."""
+    """Return a valid geometry of whole numbers, exteriors counter-clockwise; unrounded if it would vanish."""
     rounded = shapely.transform(geometry, np.rint)
     if not rounded.is_valid:
         rounded = shapely.set_precision(geometry, 1)

@@ -68,18 +68,9 @@ def write_block_map(
 ) -> None:
     """Write a block map; a pixel of the file is a cell of 8 x 8 pixels.
 
-    The bands that a viewer displays are the mean v and the side of each leaf, for one choice of X and tau.
-    Further pages hold the block map itself: sums and counts of the cells, and R of all blocks with a pixel
-    for each block of 64.
-
-    Parameters
-    ----------
-    division : DivisionParams
-        Of the leaves in the first page.
-    overwrite : bool
-        Whether an existing file is replaced.
-    creation : CreationOptions
-        Of integers, which most of the file holds.
+    The bands that a viewer displays are the mean v and the side of each leaf, for the X and tau of
+    `division`. Further pages hold the block map itself: sums and counts of the cells, and R of all blocks
+    with a pixel for each block of 64. `creation` is how integers, which most of the file holds, are stored.
 
     Raises
     ------

@@ -86,17 +86,9 @@ def find_leaves(
 ) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
     """Divide blocks hierarchically: return the side and the mean v of the leaf that each cell belongs to.
 
-    Parameters
-    ----------
-    rows : slice
-        Rows of blocks to divide, so that a large map can be processed in strips.
-
-    Returns
-    -------
-    side : (8 b, 8 C) uint8 array
-        64, 32, 16 or 8 pixels.
-    mean : (8 b, 8 C) float64 array
-        Mean v of the leaf's valid pixels; -1 where it has none.
+    Both are (8 b, 8 C) arrays: the side uint8, of 64, 32, 16 or 8 pixels, the mean float64, of the leaf's
+    valid pixels; -1 where it has none. `rows` are rows of blocks, so that a large map can be divided in
+    strips.
     """
     ratios = blocks.ratios[rows]
     cells = slice(*(index * CELLS for index in rows.indices(blocks.blocks[0])[:2]))
@@ -109,15 +101,7 @@ def find_leaves(
 def leaf_means_by_strip(
     blocks: BlockMap, division: DivisionParams
 ) -> Iterator[tuple[slice, NDArray[np.float64]]]:
-    """Yield the means of `find_leaves` strip by strip.
-
-    Yields
-    ------
-    rows : slice
-        Rows of cells.
-    mean : (m, 8 C) float64 array
-        The means of these rows.
-    """
+    """Yield the means of `find_leaves` strip by strip: rows of cells, and their (m, 8 C) float64 array."""
     for top in range(0, blocks.blocks[0], _STRIP_BLOCKS):
         _, mean = find_leaves(blocks, division, slice(top, top + _STRIP_BLOCKS))
         yield slice(CELLS * top, CELLS * top + len(mean)), mean
@@ -126,20 +110,10 @@ def leaf_means_by_strip(
 def cell_sums(
     grey: NDArray[np.uint16], valid: NDArray[np.uint8], margin: int = 0
 ) -> tuple[NDArray[np.uint32], NDArray[np.uint8]]:
-    """Sum and count the valid pixels of each cell of 8 x 8 pixels.
+    """Sum and count the valid pixels of each cell of 8 x 8 pixels: (m, n) uint32 and uint8 arrays.
 
-    Parameters
-    ----------
-    grey : (M, N) uint16 array
-        0 where a pixel is not valid; M and N less the margins are multiples of 8.
-    valid : (M, N) uint8 array
-    margin : int
-        Width of the border that belongs to no cell, in pixels.
-
-    Returns
-    -------
-    sums : (m, n) uint32 array
-    counts : (m, n) uint8 array
+    `grey` and `valid` are (M, N) arrays, `grey` 0 where a pixel is not valid. `margin` is the width of the
+    border that belongs to no cell, in pixels; M and N less the margins are multiples of 8.
     """
     cells = ((grey.shape[0] - 2 * margin) // 8, (grey.shape[1] - 2 * margin) // 8)
     sums = np.zeros(cells, np.uint32)

@@ -125,13 +125,8 @@ class CellPairs:
 
         The contrast that a bound t detects between two means is the smaller of their distances to t; a bound
         in the middle of many steps has the largest average (Kohler, Computer Graphics and Image Processing 15
-        (1981) 319-338).
-
-        Returns
-        -------
-        contrasts : (513,) float64 array
-            In greys, of the pairs two cells apart; 0 where none is across a bound.
-        crossing : (513,) int64 array
+        (1981) 319-338). The contrasts, (513,) float64, are in greys, of the pairs two cells apart; 0 where
+        none is across a bound. The numbers are (513,) int64.
         """
         darker, brighter = np.nonzero(self.far)
         number = self.far[darker, brighter]
@@ -178,12 +173,7 @@ def count_cell_pairs(blocks: BlockMap) -> CellPairs | None:
 
 
 def cells_with_mean_in_range(blocks: BlockMap, interval: IntensityRange) -> NDArray[np.uint8]:
-    """Return the cells whose mean lies in a range, whatever the mean of their leaf.
-
-    Returns
-    -------
-    inside : (8 B, 8 C) uint8 array, 1 in range
-    """
+    """Return the cells whose own mean lies in a range, not that of their leaf: (8 B, 8 C) uint8."""
     inside = np.zeros(blocks.counts.shape, np.uint8)
     for row in range(len(inside)):
         counts = blocks.counts[row]

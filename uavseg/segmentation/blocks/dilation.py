@@ -12,13 +12,7 @@ T = TypeVar("T", np.bool_, np.uint8)
 
 
 def dilate(cells: NDArray[T], reach: int = 1) -> NDArray[T]:
-    """Return maximum over the square of ``2 reach + 1`` cells around each cell.
-
-    Parameters
-    ----------
-    cells : (m, n) bool or uint8 array
-    reach : int
-        Cells on every side.
+    """Return the maximum over the square of ``2 reach + 1`` cells around each cell.
 
     Examples
     --------

@@ -68,19 +68,9 @@ def selected_ratios(
 ) -> NDArray[np.float64]:
     """Compute R of selected blocks within blocks of 64 x 64 pixels.
 
-    Parameters
-    ----------
-    grey, valid, bin_edges, corners
-        As for `block_ratios`.
-    selected : (B,) uint32 array
-        Bit k is set where ratio k of a block is selected.
-    threshold : float
-        X. The blocks within a selected block that is not divided are skipped.
-
-    Returns
-    -------
-    ratios : (B, 21) float64 array
-        Identical to `block_ratios` where computed, 0 elsewhere.
+    The arguments are those of `block_ratios`, and `selected`, a (B,) uint32 array: bit k is set where ratio k
+    of a block is selected. The blocks within a selected block that is not divided, by the `threshold` X, are
+    skipped. The result is identical to that of `block_ratios` where computed, 0 elsewhere.
     """
     ratios = np.zeros((len(corners), RATIOS))
     table, present = np.zeros(SYMBOLS, np.uint64), np.zeros(SYMBOLS, np.uint64)

@@ -19,12 +19,7 @@ _GRID_RATIO = 1.05  # between the numbers of pixels above, for which it is compu
 
 
 def g_statistic(first: NDArray[np.integer], second: NDArray[np.integer]) -> float:
-    """Compute G of two histograms: 0 where they have the same proportions.
-
-    Parameters
-    ----------
-    first, second : (n,) integer arrays
-        Counts.
+    """Compute G of two histograms, arrays of counts: 0 where they have the same proportions.
 
     Examples
     --------
@@ -51,18 +46,10 @@ def expected_g(largest: int, share: float) -> NDArray[np.float64]:
     each frequent symbol and smaller for the rarest. It is subtracted as a bias correction: otherwise a window
     of many rare symbols would seem less similar to its texture than to one of few symbols.
 
-    Parameters
-    ----------
-    largest : int
-        The largest number of pixels, in both histograms together.
-    share : float
-        The window's share of the pixels of both histograms.
-
-    Returns
-    -------
-    contributions : (largest + 1,) float64 array
-        2 (n H - E[n ln n - f ln f - (n - f) ln (n - f)]) with f binomial of n and `share`, and H the entropy
-        of `share`. Above 64, computed at steps of 5 % and interpolated.
+    `largest` is the largest number of pixels, in both histograms together, and `share` the window's share of
+    them. The result, (largest + 1,) float64, is 2 (n H - E[n ln n - f ln f - (n - f) ln (n - f)]) with f
+    binomial of n and `share`, and H the entropy of `share`. Above 64, it is computed at steps of 5 % and
+    interpolated.
 
     Examples
     --------

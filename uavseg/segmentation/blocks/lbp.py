@@ -22,19 +22,10 @@ COARSE_HALO = 3  # pixels: largest distance from a pixel to a pixel of its means
 
 
 def contrast_histogram(grey: NDArray[np.uint16], valid: NDArray[np.uint8] | None = None) -> NDArray[np.int64]:
-    """Count the contrasts of the counted pixels of an image.
+    """Count the contrasts of the counted pixels of an image: (65536,) int64; those of tiles merge by adding.
 
-    Parameters
-    ----------
-    grey : (M + 2, N + 2) uint16 array
-        Image with a border of one pixel, which is read but not counted.
-    valid : (M + 2, N + 2) uint8 array, optional
-        1 where a pixel is valid; None where all are.
-
-    Returns
-    -------
-    histogram : (65536,) int64 array
-        Histograms of tiles merge by adding.
+    `grey` and `valid` are (M + 2, N + 2) arrays with a border of one pixel, which is read but not counted;
+    `valid` is 1 where a pixel is valid, None where all are.
 
     Examples
     --------
@@ -53,16 +44,9 @@ def contrast_histogram(grey: NDArray[np.uint16], valid: NDArray[np.uint8] | None
 def contrast_bin_edges(histogram: NDArray[np.int64]) -> NDArray[np.int32]:
     """Return the seven edges of eight bins of contrast with equal counts, as far as ties allow.
 
-    Edge k, from 1, is the smallest contrast with at least ceil(k N / 8) of the N counted pixels at or below
-    it; a pixel's bin is the number of edges strictly below its contrast.
-
-    Parameters
-    ----------
-    histogram : (65536,) int64 array
-
-    Returns
-    -------
-    bin_edges : (7,) int32 array, ascending; zeros where no pixel is counted
+    Edge k, from 1, is the smallest contrast with at least ceil(k N / 8) of the N counted pixels of the
+    (65536,) histogram at or below it; a pixel's bin is the number of edges strictly below its contrast. The
+    edges are (7,) int32, ascending; zeros where no pixel is counted.
     """
     cumulative = np.cumsum(histogram)
     ranks = [-(-k * int(cumulative[-1]) // CONTRAST_BINS) for k in range(1, CONTRAST_BINS)]
@@ -74,17 +58,8 @@ def lbp_symbols(
 ) -> NDArray[np.uint16]:
     """Compute the LBP code and contrast bin of every pixel, as ``8 * code + bin``.
 
-    Parameters
-    ----------
-    grey : (M + 2, N + 2) uint16 array
-        Image with a border of one pixel.
-    valid : (M + 2, N + 2) uint8 array or None
-    bin_edges : (7,) int32 array, from `contrast_bin_edges`
-
-    Returns
-    -------
-    symbols : (M, N) uint16 array
-        0 to 2047; 65535 where a pixel is not counted.
+    `grey` and `valid` are those of `contrast_histogram`, `bin_edges` from `contrast_bin_edges`. The symbols
+    are (M, N), 0 to 2047; 65535 where a pixel is not counted.
     """
     rows, cols = grey.shape[0] - 2, grey.shape[1] - 2
     symbols = np.empty((rows, cols), np.uint16)
@@ -196,20 +171,8 @@ def coarse_symbols(
     """Compute the LBP code and contrast bin of the mean of each pixel with those above and left of it.
 
     The neighbours of a mean are the eight means of 2 x 2 pixels that touch it, so a pixel is counted where
-    the 6 x 6 pixels around it are valid.
-
-    Parameters
-    ----------
-    grey : (M + 6, N + 6) uint16 array
-        Image with a border of three pixels.
-    valid : (M + 6, N + 6) uint8 array or None
-        1 where a pixel is valid; None where all are.
-    bin_edges : (7,) int32 array, from `contrast_bin_edges`
-
-    Returns
-    -------
-    symbols : (M, N) uint16 array
-        0 to 2047; 65535 where a pixel is not counted.
+    the 6 x 6 pixels around it are valid. `grey` and `valid` are (M + 6, N + 6), with a border of three
+    pixels; otherwise all is as of `lbp_symbols`.
     """
     rows, cols = (max(length - 2 * COARSE_HALO, 0) for length in grey.shape)
     symbols = np.empty((rows, cols), np.uint16)

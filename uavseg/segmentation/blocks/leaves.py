@@ -21,12 +21,9 @@ NO_CODE = 65535
 
 
 def cell_states(blocks: BlockMap, limits: StateLimits, division: DivisionParams) -> NDArray[np.uint8]:
-    """Return the state of each cell: that of the mean of its leaf.
+    """Return the state of each cell, that of the mean of its leaf: an (8 B, 8 C) uint8 array.
 
-    Returns
-    -------
-    states : (8 B, 8 C) uint8 array
-        1 free, 2 unknown, 3 occupied; 0 where the leaf has no valid pixel.
+    States are 1 free, 2 unknown, 3 occupied; 0 where the leaf has no valid pixel.
     """
     return cell_intervals(blocks, limits.edges, division)
 
@@ -36,17 +33,9 @@ def cell_intervals(
 ) -> NDArray[Any]:
     """Return the interval of each cell, counted from 1: that of the mean of its leaf.
 
-    Parameters
-    ----------
-    edges : sequence of float
-        Edges between the intervals, increasing; a mean on an edge lies in the interval below it.
-    dtype
-        An unsigned integer type that holds the number of intervals.
-
-    Returns
-    -------
-    intervals : (8 B, 8 C) array
-        0 where the leaf has no valid pixel.
+    It is 0 where the leaf has no valid pixel. The edges between the intervals increase; a mean on an edge
+    lies in the interval below it. `dtype` is that of the (8 B, 8 C) array, an unsigned integer type that
+    holds the number of intervals.
     """
     bounds = np.array([-0.5, *edges])  # a leaf without valid pixels has the mean -1
     intervals = np.empty(blocks.counts.shape, dtype)
@@ -56,12 +45,7 @@ def cell_intervals(
 
 
 def cells_in_range(blocks: BlockMap, interval: IntensityRange, division: DivisionParams) -> NDArray[np.uint8]:
-    """Return the cells of the leaves whose mean lies in a range.
-
-    Returns
-    -------
-    inside : (8 B, 8 C) uint8 array, 1 in range
-    """
+    """Return the cells of the leaves whose mean lies in a range: an (8 B, 8 C) uint8 array, 1 in range."""
     inside = np.zeros(blocks.counts.shape, np.uint8)
     for rows, mean in leaf_means_by_strip(blocks, division):
         inside[rows] = (mean >= interval.low) & (mean <= interval.high)
@@ -71,10 +55,8 @@ def cells_in_range(blocks: BlockMap, interval: IntensityRange, division: Divisio
 def cell_classes(blocks: BlockMap, partition: Partition, division: DivisionParams) -> NDArray[Any]:
     """Return the class of each cell: that of the interval in which the mean of its leaf lies.
 
-    Returns
-    -------
-    classes : (8 B, 8 C) array
-        0 for no class, and where the leaf has no valid pixel; uint8 up to 255 intervals, else uint32.
+    The array is (8 B, 8 C), 0 for no class and where the leaf has no valid pixel; uint8 up to 255 intervals,
+    else uint32.
     """
     dtype = np.uint8 if len(partition.classes) < 256 else np.uint32
     table = np.array([0, *partition.classes], dtype)
@@ -82,17 +64,9 @@ def cell_classes(blocks: BlockMap, partition: Partition, division: DivisionParam
 
 
 def cells_to_pixels(cells: NDArray[Any], valid: NDArray[np.uint8]) -> NDArray[Any]:
-    """Upsample cells to pixels: each valid pixel gets the value of its cell.
+    """Upsample cells to pixels: each valid pixel gets the value of its cell, others 0.
 
-    Parameters
-    ----------
-    cells : (m, n) uint8 or uint32 array
-    valid : (8 m, 8 n) uint8 array
-
-    Returns
-    -------
-    pixels : (8 m, 8 n) array of the dtype of the cells
-        0 where a pixel is not valid.
+    `cells` is an (m, n) uint8 or uint32 array, `valid` (8 m, 8 n), as the result is.
     """
     pixels = np.empty(valid.shape, cells.dtype)
     upsample = _upsample_u1 if cells.dtype == np.uint8 else _upsample_u4
@@ -103,18 +77,9 @@ def cells_to_pixels(cells: NDArray[Any], valid: NDArray[np.uint8]) -> NDArray[An
 def pixels_in_range(
     grey: NDArray[np.uint16], valid: NDArray[np.uint8], low: int, high: int
 ) -> NDArray[np.uint8]:
-    """Return the valid pixels whose grey lies in low..high, both ends included.
+    """Return the valid pixels whose grey lies in low..high, both ends included, see `IntensityRange.greys`.
 
-    Parameters
-    ----------
-    grey : (M, N) uint16 array
-    valid : (M, N) uint8 array
-    low, high : int
-        See `IntensityRange.greys`; low is larger than high where no grey lies in the range.
-
-    Returns
-    -------
-    in_range : (M, N) uint8 array
+    All arrays are (M, N); `low` is larger than `high` where no grey lies in the range.
     """
     in_range = np.empty_like(valid)
     _pixels_in_range(grey.reshape(-1), valid.reshape(-1), low, high, in_range.reshape(-1))
@@ -124,19 +89,7 @@ def pixels_in_range(
 def pixel_classes(
     grey: NDArray[np.uint16], valid: NDArray[np.uint8], table: NDArray[np.uint8]
 ) -> NDArray[np.uint8]:
-    """Return the class of each pixel's grey, 0 where not valid.
-
-    Parameters
-    ----------
-    grey : (M, N) uint16 array
-    valid : (M, N) uint8 array
-    table : (65536,) uint8 array
-        The class of each grey.
-
-    Returns
-    -------
-    classes : (M, N) uint8 array
-    """
+    """Return the class of each pixel's grey by a (65536,) table, 0 where not valid; all others are (M, N)."""
     classes = np.empty_like(valid)
     _pixel_classes(grey.reshape(-1), valid.reshape(-1), table, classes.reshape(-1))
     return classes
@@ -169,12 +122,9 @@ def _pixels_in_range(grey, valid, low, high, in_range):  # type: ignore[no-untyp
 
 
 def histogram_of_means(blocks: BlockMap, division: DivisionParams) -> NDArray[np.int64]:
-    """Count the valid pixels by the mean grey of their leaf.
+    """Count the valid pixels by the grey that is nearest to the mean of their leaf: (65536,) int64.
 
-    Returns
-    -------
-    histogram : (65536,) int64 array
-        By the grey that is nearest to the mean. Histograms of parts of a raster merge by adding.
+    Histograms of parts of a raster merge by adding.
     """
     histogram = np.zeros(GREY_LEVELS, np.int64)
     for rows, mean in leaf_means_by_strip(blocks, division):
@@ -185,13 +135,7 @@ def histogram_of_means(blocks: BlockMap, division: DivisionParams) -> NDArray[np
 
 
 def means_among(blocks: BlockMap, values: Sequence[float], division: DivisionParams) -> set[float]:
-    """Return the values that are exactly equal to the mean of a leaf.
-
-    Parameters
-    ----------
-    values : sequence of float
-        Values of v.
-    """
+    """Return the values of v that are exactly equal to the mean of a leaf."""
     means: set[float] = set()
     for _, mean in leaf_means_by_strip(blocks, division):
         means.update(value for value in values if value not in means and (mean == value).any())
@@ -201,14 +145,9 @@ def means_among(blocks: BlockMap, values: Sequence[float], division: DivisionPar
 def leaf_codes(blocks: BlockMap, division: DivisionParams) -> NDArray[np.uint16]:
     """Quantise the mean of each cell's leaf by the steps k / 1000 of a slider, without loss.
 
-    The mean lies in low / 1000 .. high / 1000, both ends included, exactly where the code lies in
-    2 low .. 2 high.
-
-    Returns
-    -------
-    codes : (8 B, 8 C) uint16 array
-        2 k where the mean equals k / 1000, 2 k + 1 where it lies between k / 1000 and (k + 1) / 1000, 65535
-        where the leaf has no valid pixel.
+    The mean lies in low / 1000 .. high / 1000, both ends included, exactly where the code lies in 2 low .. 2
+    high. The codes, (8 B, 8 C) uint16, are 2 k where the mean equals k / 1000, 2 k + 1 where it lies between
+    k / 1000 and (k + 1) / 1000, 65535 where the leaf has no valid pixel.
     """
     steps = np.arange(STEPS + 1) / STEPS  # the doubles that texts such as "0.553" are read as
     codes = np.empty(blocks.counts.shape, np.uint16)

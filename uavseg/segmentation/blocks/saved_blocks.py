@@ -212,13 +212,7 @@ def _nodata_of_header(value: float | str | None) -> float | str | None:
 
 
 def axis_of_header(header: dict[str, Any], stretch: Stretch) -> ValueAxis | None:
-    """Return the map from v to values; None in block maps of earlier versions.
-
-    Parameters
-    ----------
-    header : dict
-        From `checked_header`.
-    """
+    """Return the map from v to values of a `checked_header`; None in block maps of earlier versions."""
     values = header.get("values")
     if values is None:
         return None

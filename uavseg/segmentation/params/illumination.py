@@ -45,12 +45,7 @@ class Illumination:
     ) -> None:
         """Replace grey by clip(grey − illumination + target, 0, 65535), in place; invalid pixels stay 0.
 
-        Parameters
-        ----------
-        grey : (rows, cols) uint16 array
-        valid : (rows, cols) bool array, optional
-        corner : (int, int)
-            Row and column of the first pixel within the raster.
+        `corner` is the row and column of the first pixel within the raster.
         """
         mask = np.zeros((0, 0), np.uint8) if valid is None else np.ascontiguousarray(valid).view(np.uint8)
         _subtract(grey, mask, self.nodes, *corner, self.step.bit_length() - 1, self.target)
@@ -67,19 +62,11 @@ def square_side(width: tuple[int, int]) -> int:
 def fit_illumination(
     sums: NDArray[np.int64], counts: NDArray[np.int64], step: int, width: tuple[int, int]
 ) -> Illumination:
-    """Estimate the illumination from the sums of grey in squares.
+    """Estimate the illumination from the sum of grey and the number of valid pixels of squares, both (m, n).
 
     Where valid pixels lie so much to one side that the variance of the plane at a square is more than 6 times
-    that of the mean, the estimate moves from the plane to the mean.
-
-    Parameters
-    ----------
-    sums, counts : (m, n) int64 arrays
-        Sum of grey and number of valid pixels of each square.
-    step : int
-        Side of a square in pixels.
-    width : (int, int)
-        Width of the triangles at half of their height, in rows and columns of pixels.
+    that of the mean, the estimate moves from the plane to the mean. `step` is the side of a square in pixels,
+    `width` that of the triangles at half of their height, in rows and columns of pixels.
     """
     total = int(counts.sum())
     target = (2 * int(sums.sum()) + total) // max(2 * total, 1)

@@ -22,13 +22,8 @@ PIXELWISE = ("pixels", "tv")  # refinements that decide each pixel, whatever the
 class DivisionParams:
     """Thresholds above which a block is divided into its four children.
 
-    Parameters
-    ----------
-    threshold : float
-        X: a block is divided where R = G_max / G_min is larger.
-    step : float
-        Tau: a block is also divided where the means of its children differ by more; infinite for no
-        intensity test.
+    It is divided where R = G_max / G_min is larger than X, the `threshold`, and where the means of its
+    children differ by more than tau, the `step`, which is infinite for no intensity test.
     """
 
     threshold: float
@@ -196,10 +191,7 @@ class StateLimits:
 class Levels:
     """Levels of equal width over 0..1; the last may be narrower.
 
-    Parameters
-    ----------
-    width : float
-        P. Level k, from 0, holds the values above k P up to (k + 1) P; level 0 also holds 0.
+    Level k, from 0, holds the values above k P up to (k + 1) P with P the `width`; level 0 also holds 0.
 
     Raises
     ------
@@ -243,16 +235,10 @@ _MAX_NAME = 80
 
 @dataclass(frozen=True, slots=True)
 class Partition:
-    """Intervals between increasing edges in 0..1, each with the number of a class.
+    """Intervals between increasing edges in 0..1, each with the number of a class: 1, 2, ..., or 0 for none.
 
-    Parameters
-    ----------
-    edges : tuple of float
-        Increasing; a value on an edge belongs to the interval below it.
-    classes : tuple of int
-        The class of each interval, one more than there are edges: 1, 2, ..., or 0 for none.
-    bounds : tuple of float
-        The requested ends of the intervals.
+    There is one class more than there are edges; a value on an edge belongs to the interval below it.
+    `bounds` are the requested ends of the intervals.
     """
 
     edges: tuple[float, ...]
@@ -274,17 +260,12 @@ class Partition:
 @checked
 @dataclass(frozen=True, slots=True)
 class Breaks:
-    """Levels between given edges over 0..1.
-
-    Parameters
-    ----------
-    edges : tuple of float
-        Increasing, above 0 and below 1. A value on an edge belongs to the level below it.
+    """Levels between given edges over 0..1; a value on an edge belongs to the level below it.
 
     Raises
     ------
     ParameterError
-        If they are not.
+        If the edges do not increase, above 0 and below 1.
 
     Examples
     --------
@@ -324,10 +305,7 @@ def partition_of_levels(levels: Levels | Breaks) -> Partition:
 class ValueClass:
     """Class of ground: its name, its range of v, and the colour it is drawn in ("#rrggbb").
 
-    Raises
-    ------
-    ParameterError
-        If the name is empty, too long or not printable.
+    A name that is empty, too long or not printable is refused with ParameterError.
     """
 
     name: str
@@ -354,10 +332,6 @@ class ValueClasses:
     """Classes whose ranges do not overlap, numbered from 1.
 
     A range includes both its ends. Where two ranges share an end, it belongs to the lower of them.
-
-    Parameters
-    ----------
-    classes : tuple of ValueClass
 
     Raises
     ------

@@ -117,16 +117,8 @@ def apply_detail(classes: Image, valid: Image, detail: Detail) -> Image:
     specks neither break large structures nor join small ones. In the end, pixels in no disc of their class
     become 0, so that another opening changes nothing; with `detail.cover` they keep their class instead.
 
-    Parameters
-    ----------
-    classes : (M, N) uint8 array
-        0 for none, which counts as a class while discs grow.
-    valid : (M, N) uint8 array
-        Pixels that are not valid stay 0 and fit every class.
-
-    Returns
-    -------
-    classes : (M, N) uint8 array
+    All arrays are (M, N). Class 0 is for none, which counts as a class while discs grow. Pixels that are not
+    valid stay 0 and fit every class.
     """
     present = classes[valid > 0]
     if len(present) == 0 or present.min() == present.max():
@@ -220,17 +212,7 @@ def opening_mask(classes: Image, valid: Image, disc: PixelDisc) -> Image:
     """Open each class by a disc: mark pixels that lie in a disc whose valid pixels are all of their class.
 
     The centre of such a disc, or a pixel beside it, is valid. Pixels that are not valid, and those outside
-    the image, fit every class.
-
-    Parameters
-    ----------
-    classes : (M, N) uint8 array
-    valid : (M, N) uint8 array
-
-    Returns
-    -------
-    covered : (M, N) uint8 array
-        1 where it is so; 0 where not valid.
+    the image, fit every class. The mask, (M, N) as the other arrays, is 0 where a pixel is not valid.
     """
     above, left = disc.rows - 1, disc.cols - 1
     known = np.pad(valid > 0, ((above, above), (left, left)))

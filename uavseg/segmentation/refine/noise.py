@@ -35,18 +35,8 @@ def estimate_noise(
     means differ by more than `_SEPARATION` times the standard deviation within them. Halves of one normal
     distribution are 2.7 apart, those of a uniform one 3.5.
 
-    Parameters
-    ----------
-    grey : (M, N) uint16 array
-        M and N are multiples of 16.
-    valid : (M, N) uint8 array
-    active : (M / 8, N / 8) uint8 array, 0 or 1
-    bounds : (k,) int64 array
-        Greys at which intervals begin, above 0.
-
-    Returns
-    -------
-    noise : (M / 16, N / 16) float64 array
+    `grey` and `valid` are (M, N), multiples of 16; `active`, 0 or 1, is (M / 8, N / 8). `bounds` are greys
+    at which intervals begin, above 0. The noise is (M / 16, N / 16).
     """
     rows, cols = (n // NOISE_SIDE for n in grey.shape)
     squares = active[::2, ::2] | active[::2, 1::2] | active[1::2, ::2] | active[1::2, 1::2]
@@ -63,12 +53,7 @@ def estimate_noise(
 def medians_around(values: NDArray[np.float64], squares: NDArray[np.uint8]) -> NDArray[np.float64]:
     """Compute the upper median of the known values in the 3 x 3 squares around some squares; 0 elsewhere.
 
-    Parameters
-    ----------
-    values : (m, n) float64 array
-        Negative where not known.
-    squares : (m, n) uint8 array
-        1 where to compute a median.
+    Both arrays are (m, n): `values` are negative where not known, `squares` 1 where to compute a median.
     """
     medians = np.zeros(values.shape)
     _take_medians(values, squares, np.empty(9), np.empty((2, values.shape[1])), medians)

@@ -22,18 +22,8 @@ def refine_by_scans(
 ) -> NDArray[np.uint8]:
     """Shrink regions by boundary pixels out of range, then grow them by adjacent pixels in range.
 
-    Parameters
-    ----------
-    inside : (M, N) uint8 array
-        1 where a pixel belongs to a region; refined in place.
-    valid : (M, N) uint8 array
-        1 where a pixel is valid.
-    in_range : (M, N) uint8 array
-        1 where a valid pixel's own v lies in the range.
-
-    Returns
-    -------
-    inside : (M, N) uint8 array, the same array
+    All arrays are (M, N). `inside`, 1 where a pixel belongs to a region, is refined in place and returned;
+    `in_range` is 1 where a pixel is valid and its own v lies in the range.
     """
     cols = inside.shape[1]
     lines = np.zeros((4, cols + 2 * _MAX_RUN), np.uint8)
@@ -48,22 +38,11 @@ def refine_by_scans(
 def refine_by_local_mean(
     inside: NDArray[np.uint8], valid: NDArray[np.uint8], grey: NDArray[np.uint16], low: float, high: float
 ) -> NDArray[np.uint8]:
-    """Reclassify the pixels near a boundary by a local mean of v.
+    """Reclassify the pixels near a boundary by whether a local mean of v lies in low..high; in a new array.
 
     A pixel is near a boundary where a pixel inside and a valid one outside both lie within 8 pixels (in a
     square). The mean is over the valid pixels of a window of 17 x 17 with binomial weights (sigma 2 pixels).
-
-    Parameters
-    ----------
-    inside : (M, N) uint8 array
-    valid : (M, N) uint8 array
-    grey : (M, N) uint16 array, 0 where not valid
-    low, high : float
-        The range of v.
-
-    Returns
-    -------
-    refined : (M, N) uint8 array, a new array
+    All arrays are (M, N), and `grey` is 0 where not valid.
     """
     near = dilate(inside, _MAX_RUN) & dilate(valid & (1 - inside), _MAX_RUN) & valid
     refined = inside.copy()

@@ -12,19 +12,14 @@ _NO_DATA = np.uint8(128)  # not valid, or outside the image; a bit that no class
 
 
 def drop_specks(inside: NDArray[np.uint8], valid: NDArray[np.uint8], active: NDArray[np.uint8]) -> None:
-    """Change the class of components of fewer than 12 pixels that touch another class, all at once.
+    """Change the class of components of fewer than 12 pixels that touch another class, all at once, in place.
 
     They get the class that most neighbours of their pixels have, of several the smallest: with one class,
     they change side. Components inside are 4-connected, as regions are; those outside (0) are 8-connected, as
     holes are. A square of 3 x 3 pixels of one class is kept.
 
-    Parameters
-    ----------
-    inside : (M, N) uint8 array
-        Kinds 0..`MAX_PIXEL_CLASSES`; changed in place.
-    valid : (M, N) uint8 array
-    active : (M / 8, N / 8) uint8 array
-        Not 0 for cells whose pixels may change.
+    `inside` and `valid` are (M, N), the former of classes 0..`MAX_PIXEL_CLASSES`; `active`, (M / 8, N / 8),
+    is not 0 for cells whose pixels may change.
     """
     sides = np.empty((inside.shape[0] + 2, inside.shape[1] + 2), np.uint8)
     _pad_sides(inside, valid, sides)

@@ -40,22 +40,12 @@ class ThinLines:
 def find_thin_lines(
     grey: NDArray[np.uint16], valid: NDArray[np.uint8], greys: tuple[int, int], margin: int
 ) -> NDArray[np.uint8]:
-    """Detect the pixels on thin lines in a range.
+    """Detect the pixels on thin lines in a range of `greys`, whose ends belong to it.
 
-    Parameters
-    ----------
-    grey : (M, N) uint16 array
-        M and N are multiples of 16, and so is the position of the first pixel in its raster.
-    valid : (M, N) uint8 array
-    greys : (int, int)
-        The smallest and the largest grey in the range.
-    margin : int
-        Pixels on every side that are context alone, a multiple of 16 and at least 48.
-
-    Returns
-    -------
-    lines : (M − 2 margin + 96, N − 2 margin + 96) uint8 array
-        1 on lines; exact on the part within the margin and a border of one pixel.
+    `grey` and `valid` are (M, N), multiples of 16, as is the position of the first pixel in its raster.
+    `margin` is the number of pixels on every side that are context alone, a multiple of 16 and at least 48.
+    The result, (M − 2 margin + 96, N − 2 margin + 96), is 1 on lines; exact on the part within the margin and
+    a border of one pixel.
     """
     skipped = margin - MARGIN
     inner = slice(skipped, -skipped or None)

@@ -83,15 +83,11 @@ def _panels(
 
 
 def _runs(weights: NDArray[np.int16]) -> NDArray[np.int64]:
-    """Return the runs of active chunks in each row of cells.
+    """Return the runs of active chunks in each row of cells, a (2, M, R, 2) array.
 
-    A chunk is active where a weight in it, or in the cell on either side, is not 0: no flow leaves it.
-
-    Returns
-    -------
-    runs : (2, M, R, 2) int64
-        First even columns, and those after the last, of a row of cells, and of it and the row above together;
-        an empty run is behind the last.
+    A chunk is active where a weight in it, or in the cell on either side, is not 0: no flow leaves it. Runs
+    are first even columns, and those after the last, of a row of cells, and of it and the row above together;
+    an empty run is behind the last.
     """
     rows, half = weights.shape
     chunks = -(-half // _CHUNK)
@@ -312,20 +308,9 @@ def refine_by_tv(
     their own value, as `inside` has them. Then, where there is noise, thin pieces and holes of fewer than
     `specks.MIN_PIECE` pixels change side.
 
-    Parameters
-    ----------
-    inside : (M, N) uint8 array
-        1 where a valid pixel's own grey lies in the range; refined in place. M and N are multiples of 16.
-    valid : (M, N) uint8 array
-    grey : (M, N) uint16 array, 0 where not valid
-    greys : (int, int)
-        The range of grey.
-    separate : bool
-        Whether a step between two separate groups of greys is structure, and not noise; see `noise`.
-
-    Returns
-    -------
-    inside : (M, N) uint8 array, the same array
+    All arrays are (M, N), multiples of 16: `inside` is 1 where a valid pixel's own grey lies in the range,
+    and is refined in place and returned; `grey` is 0 where not valid. `separate` tells whether a step between
+    two separate groups of greys is structure, and not noise; see `noise`.
     """
     two_sided = np.empty((inside.shape[0] // CELL, inside.shape[1] // CELL), np.uint8)
     _two_sided_cells(inside, valid, np.empty((2, inside.shape[1]), np.uint8), two_sided)
@@ -344,23 +329,12 @@ def refine_classes_by_tv(
     grey: NDArray[np.uint16],
     table: NDArray[np.uint8],
 ) -> NDArray[np.uint8]:
-    """Classify the pixels around the bounds of several classes by denoised v.
+    """Classify the pixels around the bounds of several classes by denoised v, in place.
 
     Each pixel gets the class of its denoised grey, so classes share their borders. With one class the result
-    is that of `refine_by_tv`. A small thin piece gets the class of most pixels around it.
-
-    Parameters
-    ----------
-    classes : (M, N) uint8 array
-        The class of each pixel's own grey, 0 where not valid; refined in place. M and N are multiples of 16.
-    valid : (M, N) uint8 array
-    grey : (M, N) uint16 array, 0 where not valid
-    table : (65536,) uint8 array
-        The class of each grey, at most `MAX_PIXEL_CLASSES`.
-
-    Returns
-    -------
-    classes : (M, N) uint8 array, the same array
+    is that of `refine_by_tv`. A small thin piece gets the class of most pixels around it. The arrays are
+    those of `refine_by_tv`, with the class of each pixel's own grey, 0 where not valid, in place of its side.
+    `table`, (65536,), has the class of each grey, at most `MAX_PIXEL_CLASSES`.
     """
     two_sided = np.empty((classes.shape[0] // CELL, classes.shape[1] // CELL), np.uint8)
     _cells_of_two_classes(classes, valid, two_sided)

@@ -19,14 +19,9 @@ _OPEN = 0.005  # agreement that an end may cost to be open
 class Interval:
     """Interval, open where an end is infinite, with its expected fit.
 
-    Parameters
-    ----------
-    agreement : float
-        Expected pixels that are of the class and in the interval, as a share of those that are either.
-    share : float
-        Of the raster's pixels in it.
-    step : float
-        Between values that were compared as ends.
+    `agreement` is the expected number of pixels that are of the class and in the interval, as a share of
+    those that are either; `share` that of the raster's pixels in it; `step` the one between values that were
+    compared as ends.
     """
 
     low: float
@@ -39,6 +34,9 @@ class Interval:
 def best_interval(values: Floats, similarity: Floats, sample: Floats) -> Interval | None:
     """Choose the interval with the largest expected intersection over union with a sample's class.
 
+    It is open at an end where that costs almost no agreement; None where all values are one, or none is
+    finite.
+
     Parameters
     ----------
     values : (n,) float64 array
@@ -47,11 +45,6 @@ def best_interval(values: Floats, similarity: Floats, sample: Floats) -> Interva
         Probability that each is of the class.
     sample : (m,) float64 array
         Values of the sample's pixels. An interval that lacks more than a tenth of them counts for less.
-
-    Returns
-    -------
-    interval : Interval or None
-        Open at an end where that costs almost no agreement; None where all values are one, or none is finite.
     """
     finite = np.isfinite(values)
     values, similarity, sample = values[finite], similarity[finite], sample[np.isfinite(sample)]
@@ -95,13 +88,8 @@ def linear_weights(colors: Floats, similarity: Floats, digits: int = 2) -> Float
 
     R. A. Fisher, Annals of Eugenics 7 (1936) 179-188, with probabilities in place of two classes.
 
-    Parameters
-    ----------
-    colors : (n, bands) float64 array
-    similarity : (n,) float64 array
-        Probability that each pixel is of the class.
-    digits : int
-        Decimals to which the weights are rounded; their absolute values have a sum of about 1.
+    `similarity` is the probability that each of the (n, bands) colours is of the class. The weights are
+    rounded to `digits` decimals; their absolute values have a sum of about 1.
     """
     of_kind, of_rest = (share / max(float(share.sum()), 1e-9) for share in (similarity, 1 - similarity))
     middle, other = ((share[:, None] * colors).sum(0) for share in (of_kind, of_rest))

@@ -89,17 +89,9 @@ def texture_model(
 ) -> TextureModel:
     """Count the textures and greys of selected cells of an image.
 
-    Parameters
-    ----------
-    symbols : (M + 2 m, N + 2 m) uint16 array
-        From `lbp_symbols`; 65535 is not counted.
-    grey : (M + 2 m, N + 2 m) uint16 array
-    cells : (M / 8, N / 8) uint8 array
-        1 where a cell is selected.
-    margin : int
-        m, width of a border that belongs to no cell.
-    coarse : (M, N) uint16 array, optional
-        From `coarse_symbols`, without the margin.
+    `symbols`, of `lbp_symbols`, and `grey` are (M + 2 m, N + 2 m) with a border of m pixels, the `margin`,
+    that belongs to no cell. `cells`, (M / 8, N / 8), is 1 where one is selected. `coarse`, of
+    `coarse_symbols`, is without the margin.
     """
     model = TextureModel()
     _count(symbols, grey, cells, margin, model.texture, model.greys)
@@ -156,16 +148,9 @@ def best_scores(scores: NDArray[T], side: int) -> NDArray[T]:
     """Return for each cell the lowest score of the windows that contain it (minimum filter).
 
     Near a boundary, most windows around a cell straddle it, but some lie on the cell's side only (as in
-    Kuwahara's filter). A cell on the sample's side therefore gets the score of a window on that side.
-
-    Parameters
-    ----------
-    scores : (m + side - 1, n + side - 1) array of integers
-        Scores of windows, the first of which begins ``side - 1`` cells before the first cell.
-
-    Returns
-    -------
-    best : (m, n) array
+    Kuwahara's filter). A cell on the sample's side therefore gets the score of a window on that side. The
+    scores are (m + side - 1, n + side - 1), the first of a window that begins ``side - 1`` cells before the
+    first of the (m, n) cells.
     """
     best = scores
     for axis in (0, 1):
@@ -307,14 +292,8 @@ def is_bimodal(scores: NDArray[np.uint16], limit: int) -> bool:
     """Test whether scores split into those similar to the sample and others that are clearly not.
 
     Two classes explain most of their variance, a tenth at least lies well above the limit, and few lie just
-    above it.
-
-    Parameters
-    ----------
-    scores : (n,) uint16 array
-        See `best_scores`; from MAX_SCORE on they are ignored.
-    limit : int
-        The largest score of a cell that is similar to the sample.
+    above it. The scores, (n,), are those of `best_scores`, ignored from MAX_SCORE on; `limit` is the largest
+    of a cell that is similar to the sample.
     """
     known = scores[scores < MAX_SCORE]
     above = int((known > limit + _GAP).sum())

@@ -48,14 +48,8 @@ class SampleWeights:
     def of(cls, sample: SymbolPair, background: NDArray[np.int64], side: int) -> "SampleWeights":
         """Compute the weights for a sample.
 
-        Parameters
-        ----------
-        sample : pair of (M, N) uint16 arrays
-            Symbols, 65535 outside of the sample; M and N are multiples of 8.
-        background : (2, 2048) int64 array
-            Histogram of the symbols of the raster, which includes the sample.
-        side : int
-            Side of a window, in cells.
+        The sample is (M, N) symbols, multiples of 8, 65535 outside of it; `background`, (2, 2048), the
+        histogram of those of the raster, which includes the sample; `side` that of a window, in cells.
         """
         means = np.sort(_sample_window_means(sample, background, side))
         lowest = means[len(means) * _SAMPLE_QUANTILE[0] // _SAMPLE_QUANTILE[1]] if len(means) else 0.0
@@ -111,30 +105,21 @@ def _sample_window_means(sample: SymbolPair, background: NDArray[np.int64], side
 def best_mean_weights(symbols: SymbolPair, weights: NDArray[np.int64], side: int) -> NDArray[np.int64]:
     """Return for each cell the largest mean weight of the windows that contain it, see `best_scores`.
 
-    Parameters
-    ----------
-    symbols : pair of (M, N) uint16 arrays
-        Symbols; M and N are multiples of 8.
-    weights : (2, 2048) int64 array
-    side : int
-        Of a window, in cells.
-
-    Returns
-    -------
-    best : (M / 8 - 2 side + 2, N / 8 - 2 side + 2) int64 array
-        Without the ``side - 1`` cells at every edge, which serve as a halo; in units of 1 / 1024, rounded
-        down. -2**31 where every window has less than seven eighths of its pixels counted.
+    The symbols are (M, N), multiples of 8, the weights (2, 2048), and `side` is that of a window, in cells.
+    The result, (M / 8 - 2 side + 2, N / 8 - 2 side + 2), lacks the ``side - 1`` cells at every edge, which
+    serve as a halo. It is in units of 1 / 1024, rounded down; -2**31 where every window has less than seven
+    eighths of its pixels counted.
     """
     cells = tuple(length // CELL for length in symbols[0].shape)
     sums, counts = np.zeros(cells, np.int64), np.zeros(cells, np.int64)
     _sum_weights(*symbols, weights, sums, counts)
-    totals, numbers = _window_sums(sums, side), _window_sums(counts, side)
+    totals, numbers = window_sums(sums, side), window_sums(counts, side)
     means = np.where(numbers >= min_count(side), totals // np.maximum(numbers, 1), _NO_WINDOW)
     return -best_scores(-means, side)
 
 
-def _window_sums(sums: NDArray[np.int64], side: int) -> NDArray[np.int64]:
-    """Sum over the window of cells that begins at each cell."""
+def window_sums(sums: NDArray[np.int64], side: int) -> NDArray[np.int64]:
+    """Sum over the window, of `side` cells, that begins at each cell."""
     for axis in (0, 1):
         length = sums.shape[axis] - side + 1
         sums = np.sum([sums.take(range(k, k + length), axis) for k in range(side)], axis=0)

@@ -44,15 +44,7 @@ _CLEARER = 0.5  # maximum of the undecided share with a seeded component, over t
 
 @dataclass(frozen=True)
 class Mixture:
-    """Mixture of k Gaussians in d dimensions.
-
-    Parameters
-    ----------
-    means : (k, d) float64 array
-    covariances : (k, d, d) float64 array
-    shares : (k,) float64 array
-        Of the points, with a sum of 1.
-    """
+    """Mixture of k Gaussians in d dimensions: (k, d) means, (k, d, d) covariances, and shares, 1 in sum."""
 
     means: Points
     covariances: Points
@@ -77,12 +69,8 @@ class Mixture:
 def fit_mixtures(points: Points, sizes: Sequence[int] = SIZES) -> list[Mixture]:
     """Fit mixtures of several sizes, each from the one before with its longest component split.
 
-    Parameters
-    ----------
-    points : (n, d) float64 array
-        With a variance of about 1 in each dimension.
-    sizes : sequence of int
-        Numbers of components, ascending.
+    The points, (n, d), have a variance of about 1 in each dimension; `sizes` are numbers of components,
+    ascending.
     """
     mixtures = []
     mixture = _estimate(points, np.ones((1, len(points))))
@@ -186,14 +174,9 @@ def _add_moments(points, memberships, counts, sums, products):  # type: ignore[n
 def sample_votes(points: Points, sample: Points, unlike: Points | None = None) -> list["SampleVote"]:
     """Return the vote of mixtures of points on a sample, and that of mixtures seeded at the sample.
 
-    Of the latter only those vote that leave half as much undecided; where none does, there is one vote.
-
-    Parameters
-    ----------
-    points : (n, d) float64 array
-        All over the raster, with a variance of about 1 in each dimension.
-    sample, unlike
-        As of `SampleVote.of`.
+    Of the latter only those vote that leave half as much undecided; where none does, there is one vote. The
+    points, (n, d), are all over the raster, with a variance of about 1 in each dimension; `sample` and
+    `unlike` are those of `SampleVote.of`.
     """
     mixtures = fit_mixtures(points)
     usual = SampleVote.of(mixtures, sample, unlike)
@@ -212,13 +195,7 @@ def sample_votes(points: Points, sample: Points, unlike: Points | None = None) -
 class SampleVote:
     """Mixtures, the share of each component that is of the sample's class, and the weight of each mixture.
 
-    Parameters
-    ----------
-    mixtures : tuple of Mixture
-    purities : tuple of (k,) float64 arrays
-        For each mixture, the share of each component that is of the sample's class.
-    weights : tuple of float
-        Of the mixtures, with a sum of 1.
+    The weights have a sum of 1.
     """
 
     mixtures: tuple[Mixture, ...]
@@ -227,16 +204,10 @@ class SampleVote:
 
     @classmethod
     def of(cls, mixtures: Sequence[Mixture], sample: Points, unlike: Points | None = None) -> "SampleVote":
-        """Let mixtures vote.
+        """Let mixtures vote on a sample: (m, d) points of the class.
 
-        Parameters
-        ----------
-        mixtures : sequence of Mixture
-        sample : (m, d) float64 array
-            Points of the class.
-        unlike : (n, d) float64 array, optional
-            Points of other classes. The share of a component then follows from both, and a mixture counts
-            by how well it separates them.
+        With `unlike`, (n, d) points of other classes, the share of a component follows from both, and a
+        mixture counts by how well it separates them.
         """
         memberships = [mixture.memberships(sample) for mixture in mixtures]
         pairs = list(zip(mixtures, memberships, strict=True))

@@ -28,14 +28,8 @@ _WEIGHT_UNITS = 1024  # units of a weight for a natural logarithm of 1
 class PixelWeights:
     """Log-likelihood ratio of one side to the other, in units of 1 / 1024.
 
-    Parameters
-    ----------
-    texture : (2048,) int64 array
-        By symbol.
-    greys : (64,) int64 array
-        By grey, in the bins of a `TextureModel`.
-    coarse : (2048,) int64 array
-        By symbol of means of 2 x 2 pixels.
+    There is one for each of 2048 symbols, of 64 bins of grey as in a `TextureModel`, and of 2048 symbols of
+    means of 2 x 2 pixels (`coarse`).
     """
 
     texture: NDArray[np.int64]
@@ -44,12 +38,9 @@ class PixelWeights:
 
     @classmethod
     def between(cls, one: TextureModel, other: TextureModel, by_grey: bool = True) -> "PixelWeights":
-        """Compute the weights of two models: positive where `one` is more likely.
+        """Compute the weights of two models, positive where `one` is more likely.
 
-        Parameters
-        ----------
-        by_grey : bool
-            Whether grey is used in addition to texture.
+        Without `by_grey` they are of texture alone.
         """
         greys = log_ratio(one.greys, other.greys)
         coarse = log_ratio(one.coarse, other.coarse) // 2  # means that share pixels are not independent
@@ -59,12 +50,7 @@ class PixelWeights:
 def log_ratio(one: NDArray[np.int64], other: NDArray[np.int64]) -> NDArray[np.int64]:
     """Compute the log ratio of two probabilities in units of 1 / 1024.
 
-    Each is the Krichevsky-Trofimov estimate from counts: half a count is added.
-
-    Parameters
-    ----------
-    one, other : (n,) int64 arrays
-        Counts.
+    Each is the Krichevsky-Trofimov estimate from (n,) counts: half a count is added.
     """
     first, second = ((counts + 0.5) / (counts.sum() + 0.5 * len(counts)) for counts in (one, other))
     weights: NDArray[np.int64] = np.rint(np.log(first / second) * _WEIGHT_UNITS).astype(np.int64)
@@ -85,8 +71,7 @@ def classify_pixels(
     ----------
     cells : (M / 8, N / 8) uint8 array
         0 outside, 1 inside, 2 undecided.
-    valid : (M, N) uint8 array
-    grey : (M, N) uint16 array
+    valid, grey : (M, N) uint8 and uint16 arrays
     symbols : (M - 2, N - 2) uint16 array
         From `lbp_symbols`: without a border of one pixel, which has no weight.
     coarse : (M - 6, N - 6) uint16 array
@@ -105,19 +90,11 @@ def classify_pixels(
 
 
 def undecided_cells(matched: NDArray[np.bool_], others: NDArray[np.bool_], reach: int) -> NDArray[np.uint8]:
-    """Mark the cells near a boundary as undecided.
+    """Mark the cells near a boundary as undecided: 0 outside, 1 inside, 2 undecided.
 
-    Parameters
-    ----------
-    matched, others : (m, n) bool arrays
-        The cells of one side, and of the other; a cell may belong to neither.
-    reach : int
-        A cell is undecided where both sides have cells within this distance (in a square).
-
-    Returns
-    -------
-    cells : (m, n) uint8 array
-        0 outside, 1 inside, 2 undecided.
+    All arrays are (m, n). `matched` and `others` are the cells of one side, and of the other; a cell may
+    belong to neither. A cell is undecided where both sides have cells within a distance of `reach` (in a
+    square).
     """
     near = dilate(matched, reach) & dilate(others, reach)
     cells: NDArray[np.uint8] = np.where(near, np.uint8(2), matched.view(np.uint8))
@@ -173,15 +150,7 @@ def _classify_pixels(  # type: ignore[no-untyped-def]
 
 @dataclass(frozen=True)
 class ColorPlane:
-    """Grey and validity of one band, and the weight of each of its 64 bins of grey.
-
-    Parameters
-    ----------
-    grey : (M, N) uint16 array
-    valid : (M, N) uint8 array
-    weights : (64,) int64 array
-        Log-likelihood ratio of one side to the other, in units of 1 / 1024.
-    """
+    """Grey and validity of one band, (M, N), and the weight of each of its 64 bins as in `PixelWeights`."""
 
     grey: NDArray[np.uint16]
     valid: NDArray[np.uint8]
@@ -198,17 +167,7 @@ def classify_colored_pixels(
 ) -> NDArray[np.uint8]:
     """Classify pixels as `classify_pixels` does, with the weights of further bands added.
 
-    Parameters
-    ----------
-    cells, valid, grey, weights
-        As of `classify_pixels`.
-    symbols : pair of uint16 arrays
-        The symbols and the coarse symbols of `classify_pixels`.
-    colors : sequence of ColorPlane
-
-    Returns
-    -------
-    inside : (M, N) uint8 array
+    The arguments are those of `classify_pixels`, with both kinds of symbols in a pair.
     """
     total = np.zeros(valid.shape, np.int64)
     inner = total[1:-1, 1:-1]

@@ -63,20 +63,11 @@ class SimilarityTable:
         sample: NDArray[np.uint16],
         unlike: NDArray[np.uint16] | None = None,
     ) -> "SimilarityTable":
-        """Fit a table to colours.
+        """Fit a table to (n, bands) blurred colours of a raster, of a sample, and of other classes if given.
 
         One half lies at least in the middle between the similarity of the sample and that of the least
         similar twentieth of the raster; with a sample of other classes, in the middle between the two. From
         there it is lowered to the limit above which the expected intersection over union is largest.
-
-        Parameters
-        ----------
-        points : (n, bands) uint16 array
-            Blurred colours of pixels all over the raster.
-        sample : (m, bands) uint16 array
-            Those of the sample's pixels.
-        unlike : (k, bands) uint16 array, optional
-            Those of pixels of other classes.
         """
         weights = _axes(points.astype(np.float64), sample.astype(np.float64))
         raster, of_sample = (_project(values, weights) for values in (points, sample))
@@ -162,14 +153,7 @@ def _decide(points: Points, sample: Points, unlike: Points | None) -> _Decision:
 def blurred(grey: NDArray[np.uint16], valid: NDArray[np.uint8]) -> NDArray[np.uint16]:
     """Blur by the binomial mean of 5 x 5 pixels, of those that are valid.
 
-    Parameters
-    ----------
-    grey : (M + 4, N + 4) uint16 array
-    valid : (M + 4, N + 4) uint8 array
-
-    Returns
-    -------
-    means : (M, N) uint16 array, rounded down; 0 where no pixel is valid
+    The arrays are (M + 4, N + 4), the means (M, N), rounded down; 0 where no pixel is valid.
     """
     rows, cols = (max(length - 2 * BLUR_HALO, 0) for length in grey.shape)
     means = np.empty((rows, cols), np.uint16)

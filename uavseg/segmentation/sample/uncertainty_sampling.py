@@ -40,7 +40,7 @@ def most_uncertain_cells(
     count: int,
     minimum: float,
 ) -> NDArray[np.int64]:
-    """Return the cells around which a disc of valid pixels is most uncertain, in descending order.
+    """Return the cells around which a disc of valid pixels is most uncertain, in descending order: (k, 2).
 
     The uncertainty of a cell is 1 where its mean similarity is one half, and 0 where that is 0 or 1.
 
@@ -56,11 +56,6 @@ def most_uncertain_cells(
         Maximum number; of equal ones the first by row and column.
     minimum : float
         Of the uncertainty of a disc, 0 to 1.
-
-    Returns
-    -------
-    cells : (k, 2) int64 array
-        Row and column.
     """
     widths = half_widths(radius)
     limit = int(np.ceil(minimum * _CERTAIN * int((2 * widths + 1).sum())))

@@ -65,16 +65,9 @@ _MAX_STRIP_PIXELS = 1 << 25  # pixels of a strip, unless 64 rows have more
 class ClassifiedStates:
     """States of a raster's pixels, with counts by state and by the state of their value.
 
-    Parameters
-    ----------
-    codes : (16,) int64 array
-        Number of pixels by code, see `state_scans`.
-    thin : ThinObstacles
-        Thin obstacles that were restored, or lost.
-    noise : float
-        Standard deviation of the noise of v.
-    trinary : bool
-        Whether free, unknown and occupied pixels have one value each.
+    `codes` are the numbers of pixels by code, (16,), see `state_scans`; `thin` the thin obstacles that were
+    restored, or lost; `noise` is the standard deviation of the noise of v, and `trinary` whether free,
+    unknown and occupied pixels have one value each.
     """
 
     image: StateImage
@@ -116,17 +109,10 @@ def classify_states(
 ) -> ClassifiedStates:
     """Classify every pixel.
 
-    Parameters
-    ----------
-    cells : (8 B, 8 C) uint8 array
-        The states of the leaves, from `leaves.cell_states`.
-    refine : {"scan", "none"}
-        With "none", states end at block edges.
-    tile_pass : TilePass
-        Over the tiles of `state_strips`, strip by strip from the top; the result does not depend on them.
-    restore : bool
-        Whether thin obstacles become occupied, and unknown means evidence near 0.5, not the mean of free and
-        occupied pixels; with refine "scan" alone.
+    `cells`, (8 B, 8 C), are the states of the leaves, from `leaves.cell_states`. With `refine` "none", states
+    end at block edges. The pass is over the tiles of `state_strips`, strip by strip from the top; the result
+    does not depend on them. With `restore`, thin obstacles become occupied, and unknown means evidence near
+    0.5, not the mean of free and occupied pixels; with refine "scan" alone.
     """
     image = StateImage(source.shape)
     strips = [list(strip) for _, strip in groupby(tile_pass.windows, key=lambda window: window.row)]
@@ -164,12 +150,7 @@ def classify_states(
 def states_by_value(source: GreySource, limits: StateLimits, tile_pass: TilePass) -> ClassifiedStates | None:
     """Classify each pixel by its value if free, unknown and occupied pixels have one value each; else None.
 
-    A map of probabilities is recognised in its first tiles.
-
-    Parameters
-    ----------
-    tile_pass : TilePass
-        As for `classify_states`.
+    A map of probabilities is recognised in its first tiles. The pass is that of `classify_states`.
     """
     image = StateImage(source.shape)
     statistics, codes = ValueStatistics.empty(), np.zeros(16, np.int64)
@@ -212,17 +193,9 @@ def state_strips(
 ) -> list[list[Window]]:
     """Split a raster into strips of tiles in whole rows, from the top.
 
-    Parameters
-    ----------
-    shape, file_block : (int, int)
-        Rows and columns of the raster, and of one block of its file.
-    tile : int, optional
-        Columns of a tile, and rows unless the raster is very wide; by default from the blocks of the file.
-
-    Raises
-    ------
-    ParameterError
-        If the tile's side is not a positive multiple of 64.
+    `tile` is the number of columns of a tile, and of rows unless the raster is very wide, by default from
+    `file_block`, the rows and columns of one block of the file. ParameterError is raised if it is not a
+    positive multiple of 64.
     """
     rows, cols = tile_side(shape, file_block) if tile is None else (tile, tile)
     max_rows = max(_MAX_STRIP_PIXELS // whole_blocks(shape[1]) // BLOCK, 1) * BLOCK

@@ -67,16 +67,9 @@ class EvidenceRule:
 
 
 def evidence_rule(limits: StateLimits, cells: int, noise: float, trinary: bool) -> EvidenceRule:
-    """Derive the rule for a map.
+    """Derive the rule for a map of so many valid `cells`; `noise` is its standard deviation, of v.
 
-    Parameters
-    ----------
-    cells : int
-        Number of valid cells.
-    noise : float
-        Standard deviation of the noise of v.
-    trinary : bool
-        Whether a value is a decision: then each cell whose value is occupied is an obstacle.
+    In a `trinary` map a value is a decision: each cell whose value is occupied is an obstacle.
 
     Examples
     --------
@@ -104,12 +97,8 @@ def _noise_deviations(cells: int) -> float:
 class ValueStatistics:
     """Statistics of the values of a map, or of a tile of it.
 
-    Parameters
-    ----------
-    levels : (4,) int32 array
-        The grey of the pixels of each state by value; -1 where there are none, -2 for several greys.
-    responses : (8192,) int64 array
-        Histogram of |response| in bins of 64.
+    `levels` are the greys of the pixels of each state by value, (4,); -1 where there are none, -2 for several
+    greys. `responses` is the histogram of |response|, (8192,), in bins of 64.
     """
 
     levels: NDArray[np.int32]
@@ -144,16 +133,9 @@ class ValueStatistics:
 def value_statistics(
     grey: NDArray[np.uint16], valid: NDArray[np.uint8], states: NDArray[np.uint8]
 ) -> ValueStatistics:
-    """Measure the statistics of the values of whole blocks.
+    """Measure the statistics of the values of whole blocks: (M, N) arrays, multiples of 64.
 
-    Parameters
-    ----------
-    grey : (M, N) uint16 array
-        M and N are multiples of 64.
-    valid : (M, N) uint8 array
-        1 where a pixel is valid.
-    states : (M, N) uint8 array
-        State of each pixel's value.
+    `states` are those of each pixel's value.
 
     Examples
     --------
@@ -171,13 +153,7 @@ def value_statistics(
 def value_levels(
     grey: NDArray[np.uint16], valid: NDArray[np.uint8], states: NDArray[np.uint8]
 ) -> ValueStatistics:
-    """Measure the levels alone, without responses.
-
-    Parameters
-    ----------
-    grey, valid, states
-        As of `value_statistics`.
-    """
+    """Measure the levels of `value_statistics` alone, without responses."""
     statistics = ValueStatistics.empty()
     _find_levels(grey, valid, states, statistics.levels)
     return statistics

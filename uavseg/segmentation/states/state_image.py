@@ -22,12 +22,7 @@ class StateImage:
     """Codes of the pixels of a raster (see `state_scans`), packed two to a byte.
 
     Images of up to 64 MB are held in memory, larger ones in an unnamed temporary file, so that memory is
-    bounded.
-
-    Parameters
-    ----------
-    shape : (int, int)
-        Rows and columns of the raster; codes are stored for its whole blocks.
+    bounded. Codes are stored for the whole blocks of the raster.
 
     Raises
     ------
@@ -66,13 +61,7 @@ class StateImage:
         return codes
 
     def read(self, window: Window | None = None) -> NDArray[np.uint8]:
-        """Read the states of a window, or of the whole raster.
-
-        Returns
-        -------
-        states : (rows, cols) uint8 array
-            0 invalid, 1 free, 2 unknown, 3 occupied.
-        """
+        """Read the states of a window, or of the whole raster: 0 invalid, 1 free, 2 unknown, 3 occupied."""
         part = Window(0, 0, *self.shape) if window is None else window
         codes = self.read_codes(part.row, part.rows)
         return np.ascontiguousarray(decode_states(codes[:, part.col : part.col + part.cols]))
@@ -91,13 +80,7 @@ def pack_codes(codes: Codes) -> NDArray[np.uint8]:
 
 
 def unpack_codes(pairs: NDArray[np.uint8], codes: Codes) -> None:
-    """Unpack codes into an array, the inverse of `pack_codes`.
-
-    Parameters
-    ----------
-    pairs : (rows, cols / 2) uint8 array
-    codes : (rows, cols) uint8 array
-    """
+    """Unpack (rows, cols / 2) pairs into a (rows, cols) array, the inverse of `pack_codes`."""
     half = pairs.shape[1]
     np.bitwise_and(pairs, _LOW_BITS, out=codes[:, :half])
     np.right_shift(pairs, _HALF_BYTE, out=codes[:, half:])

@@ -20,14 +20,9 @@ Codes = NDArray[np.uint8]
 
 
 def encode_states(states: NDArray[np.uint8], by_value: NDArray[np.uint8]) -> Codes:
-    """Encode the states of pixels.
+    """Encode the states of pixels: 0 invalid, 1 free, 2 unknown, 3 occupied.
 
-    Parameters
-    ----------
-    states : (M, N) uint8 array
-        0 invalid, 1 free, 2 unknown, 3 occupied.
-    by_value : (M, N) uint8 array
-        The state of each pixel's value; ignored where a pixel is invalid.
+    `by_value` is the state of each pixel's value; ignored where a pixel is invalid.
 
     Examples
     --------
@@ -61,44 +56,25 @@ def resolve_rows(codes: Codes) -> None:
 
 
 def compact_columns(codes: Codes, previous: NDArray[np.uint8], upwards: bool) -> None:
-    """Compact along columns, in place; see `compact_rows`.
+    """Compact along columns, upwards (from bottom to top) or downwards, in place; see `compact_rows`.
 
-    Parameters
-    ----------
-    codes : (M, N) uint8 array
-    previous : (N,) uint8 array
-        States of the row before the strip in scan order, 0 if there is none; updated to those of the strip's
-        last row.
-    upwards : bool
-        Whether the scan runs from bottom to top.
+    `previous`, (N,), are the states of the row before the (M, N) strip in scan order, 0 if there is none;
+    updated to those of the strip's last row.
     """
     _compact_columns(codes, previous, upwards)
 
 
 def resolve_columns(codes: Codes, previous: NDArray[np.uint8], upwards: bool) -> None:
-    """Resolve free against occupied along columns, in place; see `resolve_rows`.
+    """Resolve free against occupied along columns, in place; see `resolve_rows` and `compact_columns`.
 
-    Parameters
-    ----------
-    codes : (M + 2, N) uint8 array
-        A strip with the next two rows in scan order, which are not changed; rows of 0 if there are none.
-    previous, upwards
-        As for `compact_columns`.
+    The (M + 2, N) strip has the next two rows in scan order, which are not changed; rows of 0 if there are
+    none.
     """
     _resolve_columns(codes, previous, upwards)
 
 
 def refine_states(codes: Codes) -> NDArray[np.uint8]:
-    """Run all eight scans over a whole image.
-
-    Parameters
-    ----------
-    codes : (M, N) uint8 array
-        Changed in place.
-
-    Returns
-    -------
-    states : (M, N) uint8 array
+    """Run all eight scans over a whole (M, N) image, whose codes are changed in place; return its states.
 
     Examples
     --------

@@ -20,13 +20,7 @@ Mask = NDArray[np.uint8]
 
 @dataclass
 class ThinComponents:
-    """Components of a mask, chunk by chunk from the top.
-
-    Parameters
-    ----------
-    cols : int
-        Columns of the image.
-    """
+    """Components of a mask of `cols` columns, chunk by chunk from the top."""
 
     cols: int
     _count: int = 0
@@ -40,11 +34,8 @@ class ThinComponents:
     def add(self, mask: Mask, evidence: Mask, attached: Mask) -> tuple[NDArray[np.uint32], int]:
         """Add a chunk; return its labels, and the number of components in chunks before.
 
-        Parameters
-        ----------
-        mask, evidence, attached : (M, N) uint8 arrays
-            1 where a cell belongs to a component; its evidence; 1 where it touches an occupied cell. N is a
-            multiple of 8.
+        The arrays are (M, N), with N a multiple of 8: 1 where a cell belongs to a component; its evidence; 1
+        where it touches an occupied cell.
         """
         labels, count = label_8_connected(mask)
         sums = np.zeros((3, count), np.int64)
@@ -60,12 +51,8 @@ class ThinComponents:
     def totals(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Return the structure that each chunk's component belongs to, and the sums of all structures.
 
-        Returns
-        -------
-        roots : (n,) int64 array
-            The first component of the same structure.
-        sums : (3, n) int64 array
-            Cells, evidence of strong cells, and cells beside occupied ones, at the roots; 0 elsewhere.
+        A structure is named by its first component, (n,). The sums, (3, n), are cells, evidence of strong
+        cells, and cells beside occupied ones, at these components; 0 elsewhere.
         """
         pairs = np.concatenate([np.empty((0, 2), np.int64), *self._pairs])
         roots = union_roots(pairs, self._count)

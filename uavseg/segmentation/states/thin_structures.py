@@ -44,14 +44,9 @@ _STRONG_SHIFT = 2
 
 @dataclass(frozen=True, slots=True)
 class ThinObstacles:
-    """Counts of thin obstacles.
+    """Counts of thin obstacles: those that are lost, without an occupied pixel, and restored pixels.
 
-    Parameters
-    ----------
-    restored : dict of int to int
-        Number of pixels that became occupied, by the state that they had: 1 free, 2 unknown.
-    lost : int
-        Number of obstacles without an occupied pixel.
+    The latter, which became occupied, are counted by the state that they had: 1 free, 2 unknown.
     """
 
     restored: dict[int, int]
@@ -61,16 +56,10 @@ class ThinObstacles:
 def find_thin_obstacles(
     source: GreySource, image: StateImage, rule: EvidenceRule, tile_pass: TilePass, restore: bool
 ) -> ThinObstacles:
-    """Detect thin obstacles, and make them occupied if they are to be restored.
+    """Detect thin obstacles, and make them occupied, in the image, if they are to be restored.
 
-    Parameters
-    ----------
-    image : StateImage
-        Changed in place if `restore` is set.
-    tile_pass : TilePass
-        Over the tiles of `state_strips`; the result does not depend on them.
-    restore : bool
-        Whether they become occupied; otherwise those without an occupied pixel are counted.
+    Otherwise those without an occupied pixel are counted. The pass is over the tiles of `state_strips`; the
+    result does not depend on them.
     """
     weak, strong = ThinComponents(image.cols), ThinComponents(image.cols)
     chunks, around = [], [np.empty(0, np.int64)]  # the latter: the weak component of each strong one
