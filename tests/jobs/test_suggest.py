@@ -19,7 +19,6 @@ from uavseg.jobs.suggestions import Suggestion, Suggestions
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.intensity.stretch import parse_stretch
 from uavseg.raster.read.dataset import Dataset
-from uavseg.segmentation.blocks.block_file import is_block_map
 from uavseg.segmentation.blocks.leaves import cells_in_range
 from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
 from uavseg.segmentation.range_choice import ChosenRange, RangeChoice
@@ -216,7 +215,6 @@ def test_the_public_word_warns_and_refuses() -> None:
 
 @pytest.mark.parametrize("name", ["imagery/naip_forest_gap_1m.tif", "imagery/landsat_bahamas_RGB.byte.tif"])
 def test_real_rasters(shared_data: Path, name: str) -> None:
-    assert not is_block_map(shared_data / name)
     found = suggest(Raster(Dataset.open(shared_data / name)))
     classes = classes_of(found)
     assert len(classes) >= 2 and sum(chosen.share for chosen in classes) == pytest.approx(1, abs=0.01)

@@ -25,6 +25,7 @@ from uavseg.output.atomic import output_errors, transaction
 from uavseg.output.disk import note_planned
 from uavseg.output.targets import check_distinct_outputs, existing_files, outputs_of
 from uavseg.plain_text import cause_of, one_line
+from uavseg.raster.access.opening import gdal_env
 from uavseg.raster.formats.creation import DEFAULT, CreationOptions
 from uavseg.raster.read.source_list import expand_sources
 
@@ -232,10 +233,11 @@ def _outcome(
 ) -> Outcome | None:
     """Return what comes out of a task; None if it has more tiles than this, and nothing was done."""
     try:
-        source = open_source(task.source, job.read)
-        if most_tiles is not None and _tiles_of(source, work) > most_tiles:
-            return None
-        return _answered(task, source, job, names, work)
+        with gdal_env():  # once for all that is read
+            source = open_source(task.source, job.read)
+            if most_tiles is not None and _tiles_of(source, work) > most_tiles:
+                return None
+            return _answered(task, source, job, names, work)
     except (UavsegError, OSError, MemoryError) as error:
         return Outcome(task.source, task.output, error=_text_of(error))
 

@@ -12,6 +12,8 @@ from uavseg.options.reading import ReadOptions
 from uavseg.plain_text import shown
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec
 from uavseg.raster.read.dataset import Dataset, is_pixels
+from uavseg.raster.read.inspect_file import inspect_unless
+from uavseg.raster.read.raster_file import RasterFile
 from uavseg.raster.read.source_list import expand_sources, is_list
 from uavseg.segmentation.blocks.block_file import is_block_map, read_block_map
 
@@ -47,9 +49,10 @@ def open_source(source: Any, options: ReadOptions = ReadOptions()) -> Source:
     parts = [source] if _is_path(source) else source
     if any(_is_path(part) and _is_ros_map(part) for part in parts):
         return _ros_map(parts, options)
-    if parts and _is_path(parts[0]) and is_block_map(parts[0]):
-        return _blocks(parts, options)
-    return _raster(source, options)
+    if not (parts and _is_path(parts[0])):
+        return _raster(source, options)
+    first = inspect_unless(parts[0], is_block_map)
+    return _blocks(parts, options) if first is None else _raster(source, options, first)
 
 
 def open_raster(source: Any, options: ReadOptions = ReadOptions()) -> Raster:
@@ -146,10 +149,12 @@ def _is_ros_map(path: str | os.PathLike[str]) -> bool:
     return Path(path).suffix.lower() in (".yaml", ".yml")
 
 
-def _raster(source: Any, options: ReadOptions) -> Raster:
+def _raster(source: Any, options: ReadOptions, first: RasterFile | None = None) -> Raster:
+    """Open a raster, of which the first file may be inspected already."""
     given = [source] if _is_path(source) else source if isinstance(source, list | tuple) else []
     names = tuple(os.fspath(part) for part in given if _is_path(part))
-    return Raster(_dataset(source, options), options.spec or AUTO, options, names)
+    dataset = _dataset([first, *given[1:]] if first else source, options)
+    return Raster(dataset, options.spec or AUTO, options, names)
 
 
 def _dataset(source: Any, options: ReadOptions) -> Dataset:

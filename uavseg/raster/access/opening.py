@@ -233,6 +233,9 @@ def gdal_env(online: bool = False) -> Iterator[None]:
 
     The cache is left as it is where GDAL_CACHEMAX is set.
     """
+    if _thread_options.hold(online):
+        yield
+        return
     with rasterio.Env(), _thread_options.in_use(online):
         yield
 
@@ -248,6 +251,10 @@ class _ThreadOptions(threading.local):
         self._readers = 0
         self._online = 0
         self._before: dict[str, Any] = {}
+
+    def hold(self, online: bool) -> bool:
+        """Whether this thread reads already, and may make requests if it is to."""
+        return self._readers > 0 and (self._online > 0 or not online)
 
     @contextmanager
     def in_use(self, online: bool) -> Iterator[None]:

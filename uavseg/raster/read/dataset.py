@@ -385,6 +385,8 @@ def is_pixels(source: object) -> bool:
 
 
 def _inspected(source: Any) -> RasterSource:
+    if isinstance(source, RasterFile):
+        return source
     if isinstance(source, str | os.PathLike):
         return inspect_file(source)
     if is_open_raster(source):
@@ -412,6 +414,6 @@ def _listed(sources: Any) -> list[Any]:
     if not sources:
         raise ParameterError("there is no raster to open; give at least one")
     for source in sources:
-        if not (isinstance(source, str | os.PathLike) or is_pixels(source)):
+        if not (isinstance(source, str | os.PathLike | RasterFile) or is_pixels(source)):
             raise ParameterError(f"a source is a path, an array or an open raster, not {shown(source)}")
     return list(sources)

@@ -48,10 +48,19 @@ def inspect_file(path: str | os.PathLike[str]) -> RasterFile:
     AccessError
         If it names files or addresses that may not be opened.
     """
+    found = inspect_unless(path, lambda _: False)
+    assert found is not None
+    return found
+
+
+def inspect_unless(
+    path: str | os.PathLike[str], is_other: Callable[[DatasetReader], bool]
+) -> RasterFile | None:
+    """Return the metadata of a raster file as `inspect_file`; None where the open file is something else."""
     name = as_file_name(os.fspath(path))
     try:
         with open_checked(name) as source:
-            return _metadata(name, source)
+            return None if is_other(source) else _metadata(name, source)
     except GDAL_ERRORS as error:
         raise RasterReadError(open_error_text(name, error)) from error
 

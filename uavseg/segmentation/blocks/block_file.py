@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from rasterio.io import DatasetReader
 
 from uavseg.errors import RasterError, RasterReadError, UavsegError
 from uavseg.output.targets import check_not_inputs
@@ -35,13 +36,9 @@ _RATIO_NAMES = ("R of 64", *(f"R of 32, {k}" for k in range(4)), *(f"R of 16, {k
 _SUMS, _COUNTS, _RATIOS, _ILLUMINATION = 2, 3, 4, 5  # pages of the file
 
 
-def is_block_map(path: str | os.PathLike[str]) -> bool:
-    """Test whether a file is a block map, and not any other raster."""
-    try:
-        with open_checked(os.fspath(path)) as file:
-            return _TAG in file.tags()
-    except (*GDAL_ERRORS, UavsegError):
-        return False  # the error is reported when the file is opened as a raster
+def is_block_map(file: DatasetReader) -> bool:
+    """Test whether an open raster is a block map, and not any other raster."""
+    return _TAG in file.tags()
 
 
 def rasters_of(path: str | os.PathLike[str]) -> list[str]:
