@@ -85,10 +85,7 @@ class Map(Protocol):
     """
 
     def __call__(
-        self,
-        function: Callable[[Item], Result],
-        items: Sequence[Item],
-        progress: Progress | None = None,
+        self, function: Callable[[Item], Result], items: Sequence[Item], progress: Progress | None = None
     ) -> Generator[Result, None, None]: ...
 
 

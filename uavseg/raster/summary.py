@@ -204,10 +204,7 @@ def summarize(
 
 
 def _count(
-    dataset: Dataset,
-    stretch: Stretch | StretchSpec | str,
-    map: Map,
-    progress: Progress | None,
+    dataset: Dataset, stretch: Stretch | StretchSpec | str, map: Map, progress: Progress | None
 ) -> tuple[Stretch, NDArray[np.int64], int]:
     """Return the stretch, the histogram of grey levels under it, and the sum of greys beyond it."""
     shape = dataset.geobox.shape

@@ -152,17 +152,9 @@ class _WaylineBuilder:
 
 
 def wayline_of(mission: Mission, format_name: str) -> Wayline:
-    """Turn the commands of a mission into a wayline.
+    """Turn the commands of a mission into a wayline; `format_name`, such as "a .kmz", is for messages.
 
-    Parameters
-    ----------
-    format_name : str
-        Such as "a .kmz", for messages.
-
-    Raises
-    ------
-    MissionError
-        If an item is not for a flight along waypoints.
+    A MissionError says that an item is not for a flight along waypoints.
     """
     builder = _WaylineBuilder(mission.home, format_name)
     for number, item in enumerate(mission.items, start=1):
@@ -222,14 +214,7 @@ def _changes(before: WaylinePoint, after: WaylinePoint) -> Generator[MissionItem
 def mission_of_wayline(wayline: Wayline, name: str, notes: Sequence[str]) -> Mission:
     """Turn a wayline into a mission whose home is not known: at its first waypoint, 0 m above the sea.
 
-    Parameters
-    ----------
-    notes : sequence of str
-
-    Raises
-    ------
-    MissionError
-        If the mission would not be safe.
+    A MissionError says that the mission would not be safe.
     """
     first = wayline.points[0]
     home = HomePosition(first.lat, first.lon)

@@ -228,10 +228,7 @@ def _gimbal(params: ET.Element, pitch_deg: float) -> None:
 def read_waylines(document: bytes) -> tuple[Wayline, list[str]]:
     """Read the one wayline of `waylines.wpml`, with notes of what was not read.
 
-    Raises
-    ------
-    MissionError
-        If it holds none or several, or its heights are above the ellipsoid.
+    A MissionError says that it holds none or several, or that its heights are above the ellipsoid.
     """
     root = parse_xml(document)
     config = _one(root, "Document/missionConfig")
@@ -282,12 +279,7 @@ class _Reader:
         height = _number_at(placemark, "executeHeight")
         self.points.append(
             WaylinePoint(
-                lat=lat,
-                lon=lon,
-                altitude_m=height,
-                frame=self.frame,
-                heading_deg=heading,
-                speed_m_s=speed,
+                lat=lat, lon=lon, altitude_m=height, frame=self.frame, heading_deg=heading, speed_m_s=speed
             )
         )
 

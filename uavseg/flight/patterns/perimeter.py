@@ -31,14 +31,8 @@ class OffsetRings:
 def offset_rings(region: Any, params: PerimeterParams, tolerance_m: float, min_leg_m: float) -> OffsetRings:
     """Return the rings at a distance from the outline of a region; none where it is too narrow.
 
-    Parameters
-    ----------
-    region : shapely Polygon
-        In metres.
-    tolerance_m : float
-        No point of a ring is moved farther than this to save corners.
-    min_leg_m : float
-        Corners are left out until no leg is shorter.
+    The region is in metres. No point of a ring is moved farther than `tolerance_m` to save corners, and
+    corners are left out until no leg is shorter than `min_leg_m`.
     """
     if abs(params.offset_m) >= MIN_MARGIN_M and shapely.get_num_coordinates(region) > MANY_CORNERS:
         tolerance_m /= 2  # once before, once after
@@ -60,13 +54,10 @@ def offset_rings(region: Any, params: PerimeterParams, tolerance_m: float, min_l
 
 
 def long_legs(ring: Floats, min_leg_m: float) -> Floats:
-    """Drop corners of a closed ring until no leg is shorter than a minimum; at least a triangle is left.
+    """Drop corners of a closed ring (n, 2) until no leg is shorter than a minimum; a triangle is left at
+    least.
 
     Of the two ends of the shortest leg the one is dropped that moves the ring less.
-
-    Parameters
-    ----------
-    ring : (n, 2) float64 array
 
     Examples
     --------
@@ -164,19 +155,9 @@ RIGHT_ANGLE_TOLERANCE = 0.02  # radians by which reprojection may turn the corne
 
 
 def perimeter(region: Any, tolerance_m: float) -> Floats:
-    """Return the outer ring of a region, closed, with as few corners as stay within a tolerance.
+    """Return the outer ring of a region in metres, (N, 2) and closed, with few corners.
 
-    Parameters
-    ----------
-    region : shapely Polygon
-        In metres.
-    tolerance_m : float
-        No point of the ring is moved farther than this (Douglas-Peucker).
-
-    Returns
-    -------
-    ring : (N, 2) array
-        x, y in metres; the last point is the first one.
+    No point of it is moved farther than `tolerance_m` (Douglas-Peucker).
     """
     return _simplified_ring(shapely.get_coordinates(region.exterior), tolerance_m)
 

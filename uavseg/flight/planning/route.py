@@ -49,16 +49,7 @@ class RegionRoute:
 def short_route(candidates: Sequence[Sequence[Track]], home: Floats, space: FreeSpace) -> RegionRoute:
     """Return a short route from home over one track of each region, in either direction, and home again.
 
-    Parameters
-    ----------
-    candidates : sequence of sequences of Track
-        For each region; each may be flown in either direction.
-    home : (2,) float64 array
-
-    Raises
-    ------
-    MissionError
-        If there are too many regions, or a region cannot be reached.
+    A MissionError says that there are too many regions, or that one cannot be reached.
     """
     tracks = _ordered(candidates, home, space)
     runs = [track.line_runs() for track in tracks]

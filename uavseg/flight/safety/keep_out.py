@@ -42,13 +42,6 @@ NAMES = {
 class KeepOut:
     """Zones that no leg of a flight enters, and a margin around them.
 
-    Parameters
-    ----------
-    zones : sequence of shapely Polygon or MultiPolygon
-        In metres.
-    margin_m : float
-        Minimum distance to the zones, 0 or more.
-
     Examples
     --------
     >>> wall = KeepOut([shapely.box(40, -100, 60, 20)], margin_m=5)
@@ -56,8 +49,8 @@ class KeepOut:
     False
     """
 
-    zones: Sequence[Any] = ()
-    margin_m: float = 0.0
+    zones: Sequence[Any] = ()  # shapely, in metres
+    margin_m: float = 0.0  # minimum distance to the zones
 
     @cached_property
     def _merged(self) -> Any:
@@ -122,10 +115,7 @@ class KeepOut:
     def clear(self, track: Track) -> Track:
         """Clip the lines of a track outside of the zones, and lead other legs around them.
 
-        Raises
-        ------
-        MissionError
-            If there is no path between two of its lines, or nothing is left.
+        A MissionError says that there is no path between two of its lines, or that nothing is left.
         """
         if not self.zones or self.space.sees(track.xy[:-1], track.xy[1:]).all():
             return track
@@ -215,19 +205,8 @@ def near_zones(zones: Sequence[Any], places: Sequence[Any], reach_m: float) -> l
     A shortest path among obstacles stays within the convex hull of its ends and of the obstacles that it
     touches, so a zone outside the hull of all places, and of the zones that are near to it, changes nothing.
 
-    Parameters
-    ----------
-    zones : sequence of shapely Polygon or MultiPolygon
-        In metres.
-    places : sequence of shapely geometries
-        All that is flown over, with home.
-    reach_m : float
-        How far a flight may lead outside these places, and the margin of zones.
-
-    Returns
-    -------
-    list of shapely Polygon or MultiPolygon
-        In the order of `zones`.
+    The zones, and the places that are flown over, with home, are in metres. `reach_m` is how far a flight may
+    lead outside of these places, and the margin of zones. The order of the zones is kept.
 
     Examples
     --------
@@ -252,11 +231,7 @@ def return_notes(path: Floats, keep_out: KeepOut, plane: Plane, params: PlanPara
     """Yield notes on a return that the pilot or a failsafe starts during the flight.
 
     The vehicle may climb before it and flies straight, while the end of the mission leads around zones.
-
-    Parameters
-    ----------
-    path : (n, 2) float64 array
-        Corners of the flight in metres, home first and last.
+    `path` (n, 2) are the corners of the flight in metres, home first and last.
     """
     name, setting = NAMES[params.autopilot]
     maximum_m, height_m = params.safety.max_altitude_m, _return_height_m(path, params)

@@ -21,13 +21,7 @@ from uavseg.access import current_policy
 from uavseg.dataclass import dataclass
 from uavseg.errors import MapError, RasterError, RasterReadError
 from uavseg.inputs import read_bytes, read_start
-from uavseg.occupancy.ros.ros_yaml import (
-    ROS_MODES,
-    MapDescription,
-    RosCells,
-    read_ros_yaml,
-    ros_yaml_text,
-)
+from uavseg.occupancy.ros.ros_yaml import ROS_MODES, MapDescription, RosCells, read_ros_yaml, ros_yaml_text
 from uavseg.output.atomic import atomic_file, check_target
 from uavseg.raster.formats.png import read_grey, to_8_bits, write_png
 from uavseg.raster.grid.geobox import GeoBox, check_metres
@@ -216,9 +210,7 @@ def image_path(path: str | os.PathLike[str], mode: str) -> Path:
     return Path(path).with_suffix(".png" if mode == "scale" else ".pgm")
 
 
-def read_picture(
-    image: str | os.PathLike[str],
-) -> tuple[NDArray[np.uint8], NDArray[np.uint8] | None]:
+def read_picture(image: str | os.PathLike[str]) -> tuple[NDArray[np.uint8], NDArray[np.uint8] | None]:
     """Read the 8-bit grey of the image of a map, and its alpha; None where it has none."""
     if is_pgm(image):
         samples, maximum = read_pgm(image)

@@ -201,10 +201,7 @@ class Dem:
         heights = found[0]
         to_sea = sea_from_ellipsoid() if heights.reference.zero == "ellipsoid" else None
         return cls(
-            BilinearSampler(dataset),
-            heights,
-            transform_between(WGS84, horizontal_crs(heights.wkt)),
-            to_sea,
+            BilinearSampler(dataset), heights, transform_between(WGS84, horizontal_crs(heights.wkt)), to_sea
         )
 
     @property

@@ -171,11 +171,7 @@ def _pair(text: str, numbers: str) -> tuple[Fraction, Fraction]:
     return low, high
 
 
-def fit_stretch(
-    dataset: Dataset,
-    spec: Stretch | StretchSpec | str,
-    tile_pass: TilePass,
-) -> Stretch:
+def fit_stretch(dataset: Dataset, spec: Stretch | StretchSpec | str, tile_pass: TilePass) -> Stretch:
     """Fit a stretch to a whole dataset.
 
     Only `minmax` and `percentile` read pixels. Percentiles are nearest ranks: percentile p is the smallest
@@ -251,9 +247,7 @@ def _maximum(dataset: Dataset) -> float:
 
 
 def order_statistics(
-    dataset: Dataset,
-    percents: Sequence[Fraction],
-    tile_pass: TilePass,
+    dataset: Dataset, percents: Sequence[Fraction], tile_pass: TilePass
 ) -> list[float] | None:
     """Return the intensities at some percentiles of all valid pixels; None if there are none."""
     integers = counts_exactly(dataset)

@@ -142,10 +142,7 @@ class RasterFile:
         # A relative path becomes absolute: another process may have another working directory.
         values = (getattr(self, part.name) for part in fields(self))
         path, *others = values
-        return RasterFile, (
-            absolute_path(path),
-            *others,
-        )
+        return RasterFile, (absolute_path(path), *others)
 
     @property
     def name(self) -> str:
@@ -178,11 +175,7 @@ class RasterFile:
                 yield Window(i * rows, j * cols, rows, cols).clipped(self.shape)
 
     def read(
-        self,
-        handles: OpenFiles,
-        choice: BandChoice,
-        window: Window,
-        shape: tuple[int, int] | None = None,
+        self, handles: OpenFiles, choice: BandChoice, window: Window, shape: tuple[int, int] | None = None
     ) -> tuple[Values, Valid | None]:
         """Read the chosen bands, and which pixels are valid (None: all).
 

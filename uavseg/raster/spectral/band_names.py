@@ -15,7 +15,7 @@ from uavseg.plain_text import shown
 from uavseg.raster.spectral.bands import BandLayout
 
 FROM_ROLES = {
-    *("red", "green", "blue", "yellow", "pan", "coastal", "rededge", "nir", "swir", "mwir", "lwir", "tir"),
+    *("red", "green", "blue", "yellow", "pan", "coastal", "rededge", "nir", "swir", "mwir", "lwir", "tir")
 }
 """Colour interpretations of GDAL that are common names."""
 
