@@ -54,8 +54,7 @@ def offset_rings(region: Any, params: PerimeterParams, tolerance_m: float, min_l
 
 
 def long_legs(ring: Floats, min_leg_m: float) -> Floats:
-    """Drop corners of a closed ring (n, 2) until no leg is shorter than a minimum; a triangle is left at
-    least.
+    """Drop corners of a closed ring (n, 2) until no leg is shorter than a minimum, down to a triangle.
 
     Of the two ends of the shortest leg the one is dropped that moves the ring less.
 

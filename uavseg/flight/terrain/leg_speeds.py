@@ -30,17 +30,8 @@ def with_speeds(track: Track, home: Floats, params: PlanParams) -> Track:
     The speed is low from the first photograph on: the point lies as far before the line as the vehicle needs
     to slow down. A shorter leg is slow as a whole.
 
-    Parameters
-    ----------
-    track : Track
-        In metres, without repeated corners.
-    home : (2,) float64 array
-        Where the leg to the first corner starts.
-
-    Returns
-    -------
-    track : Track
-        The same one where no photograph limits the speed.
+    The track, in metres, has no repeated corners, and `home` (2,) is where the leg to the first one starts.
+    Where no photograph limits the speed, it is returned as it is.
     """
     limit = _limits_m_s(track, params)
     if (limit >= params.speed_m_s).all():

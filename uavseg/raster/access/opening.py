@@ -115,13 +115,7 @@ def is_sequential(driver: str) -> bool:
 
 
 def read_rows_before(source: DatasetReader, window: Window) -> None:
-    """Read the rows above the end of a window that were not read yet, one after the other.
-
-    Raises
-    ------
-    rasterio.errors.RasterioError
-        If one of them cannot be read.
-    """
+    """Read the rows above the end of a window that were not read yet, in order (RasterioError)."""
     for row in range(_read.get(source, 0), window.row + window.rows):
         source.read(1, window=((row, row + 1), (0, source.width)))
         _read[source] = row + 1
@@ -177,11 +171,8 @@ class OpenFiles:
     def open(self, path: str, located: bool, driver: str | None = None, masks: str = "") -> DatasetReader:
         """Return the open file, opened now if it is not; beyond 64 files the least recently used is closed.
 
-        Raises
-        ------
-        RasterReadError
-            If it cannot be opened, or has lost its place on the map (`located`) or its masks (`masks`, of
-            `mask_kind`).
+        A RasterReadError says that it cannot be opened, or has lost its place on the map (`located`) or its
+        masks (`masks`, of `mask_kind`).
         """
         files: OrderedDict[str, DatasetReader] = self._local.__dict__.setdefault("files", OrderedDict())
         if path not in files:
@@ -312,14 +303,9 @@ def mask_kind(source: DatasetReader) -> str:
 
 @contextmanager
 def unread_tags_are_errors(path: str) -> Iterator[None]:
-    """Enter a context in which a TIFF is opened: a tag that cannot be read, and matters, is an error.
+    """Enter a context to open a TIFF in: a tag that matters, and cannot be read, is a RasterReadError.
 
     GDAL ignores such tags with a message, and so a raster without its CRS or nodata value.
-
-    Raises
-    ------
-    RasterReadError
-        If there is one.
     """
     found: list[str] = []
     thread = threading.get_ident()

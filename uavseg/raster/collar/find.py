@@ -36,13 +36,7 @@ Corner = tuple[bool, int | None]
 
 
 def check_collar(word: str) -> str:
-    """Return the word, which is "auto" or "keep".
-
-    Raises
-    ------
-    ParameterError
-        If it is another one.
-    """
+    """Return the word; ParameterError if it is neither "auto" nor "keep"."""
     if word not in WORDS:
         raise ParameterError(f"a collar is treated as auto or keep, not {word!r}")
     return word
@@ -60,13 +54,9 @@ class _Found:
 def without_collar(dataset: AnyDataset, tile_pass: TilePass) -> AnyDataset:
     """Return the dataset with its collar as nodata, and a warning that says so; unchanged if it has none.
 
-    Where no corner of the raster is constant or nodata, only the corners are read. Of a formula, it is
-    that of the bands that it uses.
-
-    Parameters
-    ----------
-    tile_pass : TilePass
-        Its executor is used; the result depends neither on it nor on its tiles.
+    Where no corner of the raster is constant or nodata, only the corners are read. Of a formula, it is that
+    of the bands that it uses. The result depends neither on `tile_pass`, whose executor is used, nor on its
+    tiles.
     """
     found = _find_collar(dataset.without_formula(), tile_pass)
     return dataset if found is None else _masked(dataset, found)

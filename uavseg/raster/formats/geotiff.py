@@ -37,13 +37,7 @@ class LabelBand:
 
 
 def check_geotiff_name(path: Path_, what: str) -> None:
-    """Check that a file has a name by which it is opened as what it is.
-
-    Raises
-    ------
-    OutputError
-        If its extension is neither .tif nor .tiff.
-    """
+    """Refuse a file name that ends neither in .tif nor in .tiff (OutputError); `what` is its content."""
     if Path(path).suffix.lower() not in (".tif", ".tiff"):
         raise OutputError(f"{os.fspath(path)}: {what} is written as GeoTIFF; name a .tif")
 
@@ -61,23 +55,9 @@ def write_label_geotiff(
 
     The bytes of the file do not depend on the tiles. One row of tiles is held in memory.
 
-    Parameters
-    ----------
-    tiles : iterable of (Window, (rows, cols) array)
-        Cover the raster once, row of tiles after row of tiles, from the top.
-    geobox : GeoBox
-        Of the labelled raster.
-    overwrite : bool
-        Whether to replace an existing file.
-    tags : mapping of str to str, optional
-        Metadata items.
-
-    Raises
-    ------
-    OutputExistsError, OutputError
-        If the file exists, or cannot be written.
-    ParameterError
-        If creation options do not fit the type of the labels.
+    The tiles cover the raster of `geobox` once, row of tiles after row of tiles, from the top; `tags` are
+    metadata items. An OutputExistsError or OutputError says that the file exists or cannot be written, a
+    ParameterError that creation options do not fit the type of the labels.
     """
     with atomic_file(path, overwrite) as target, _write_errors(path):
         options = _profile(geobox, 1, np.dtype(band.dtype), creation)
@@ -137,24 +117,11 @@ def write_geotiff(
     overwrite: bool = False,
     creation: CreationOptions = DEFAULT,
 ) -> None:
-    """Write bands of one type as a tiled, compressed GeoTIFF.
+    """Write bands, (rows, cols) each, of one type as a tiled, compressed GeoTIFF.
 
-    Parameters
-    ----------
-    bands : sequence of (rows, cols) arrays
-    descriptions : sequence of str, optional
-        Names of the bands in GIS programs.
-    tags : mapping of str to str, optional
-        Metadata items of the file.
-    overwrite : bool
-        Whether to replace an existing file.
-
-    Raises
-    ------
-    OutputExistsError, OutputError
-        If the file exists, or cannot be written.
-    ParameterError
-        If creation options do not fit the type of the bands.
+    `descriptions` are names of the bands in GIS programs, `tags` metadata items of the file. An
+    OutputExistsError or OutputError says that the file exists or cannot be written, a ParameterError that
+    creation options do not fit the type of the bands.
     """
     page = Page(bands, geobox, descriptions or [""] * len(bands))
     write_geotiff_pages(path, [page], tags, overwrite, creation)
@@ -193,29 +160,12 @@ def _write_bands(file: Any, page: Page) -> None:
 def read_geotiff(
     path: Path_, page: int = 1, shape: tuple[int, ...] | None = None, bands: int | None = None
 ) -> tuple[NDArray[Any], GeoBox, list[str], dict[str, str]]:
-    """Read a whole image that `write_geotiff` wrote.
+    """Read a whole image that `write_geotiff` wrote: bands (n, rows, cols), grid, names ("" for none) and
+    tags.
 
-    Parameters
-    ----------
-    page : int
-        Which image of the file, counted from 1.
-    shape : (int, int), optional
-    bands : int, optional
-        What the image must have, so that nothing is allocated for a damaged header.
-
-    Returns
-    -------
-    bands : (bands, rows, cols) array
-    descriptions : list of str
-        Names of the bands, "" where one has none.
-    tags : dict of str to str
-
-    Raises
-    ------
-    RasterReadError
-        If there is no such raster, or it is another one than expected.
-    RasterError
-        If its header claims more than the file can hold.
+    `page` counts from 1. What `shape` and number of bands the image must have may be given, so that nothing
+    is allocated for a damaged header. A RasterReadError says that there is no such raster, or another one
+    than expected, a RasterError that its header claims more than the file can hold.
     """
     regular_file(path)
     try:

@@ -29,20 +29,11 @@ _STEP = 1 / 1600  # of finite differences, in radii of the ellipsoid: 4 km on th
 
 
 def ring_areas(geobox: GeoBox, vertices: Integers, starts: Integers) -> Floats:
-    """Signed ground area of rings along pixel edges.
+    """Return the signed ground areas (r,) of rings along pixel edges, in square metres (or square map units).
 
-    Parameters
-    ----------
-    vertices : (v, 2) integer array
-        (row, col) pixel corners; each edge is horizontal or vertical. A ring is not closed.
-    starts : (r + 1,) integer array
-        Where each ring starts in `vertices`; the last entry is v.
-
-    Returns
-    -------
-    areas : (r,) float64 array
-        Square metres (square map units if there is no CRS); positive for rings that run clockwise on the
-        image, negative for the others, as holes do.
+    Map units are for a raster without CRS. `vertices` (v, 2) are pixel corners (row, col), with horizontal or
+    vertical edges; a ring is not closed, and starts in them at `starts` (r + 1,), whose last entry is v.
+    Areas are positive for rings that run clockwise on the image, negative for the others, as holes do.
 
     Examples
     --------
@@ -63,18 +54,12 @@ def ring_perimeters(geobox: GeoBox, vertices: Integers, starts: Integers) -> Flo
 
 
 def ground_resolution(geobox: GeoBox) -> tuple[float, float]:
-    """Ground metres per pixel at the centre of a raster: along a row, and along a column.
-
-    Map units if there is no CRS.
-    """
+    """Return ground metres (without CRS map units) per pixel at the centre: along a row, and along a column."""
     return ground_steps(geobox, geobox.shape[0] / 2, geobox.shape[1] / 2)
 
 
 def ground_steps(geobox: GeoBox, row: float, col: float) -> tuple[float, float]:
-    """Ground metres per pixel at a position: along a row, and along a column.
-
-    Map units if there is no CRS.
-    """
+    """Return ground metres (without CRS map units) per pixel at a position: along a row, and along a column."""
     per_col, per_row, _ = pixel_on_ground(geobox, np.array([row]), np.array([col]))
     if np.isfinite(per_col[0]) and np.isfinite(per_row[0]):
         return float(per_col[0]), float(per_row[0])
@@ -82,20 +67,11 @@ def ground_steps(geobox: GeoBox, row: float, col: float) -> tuple[float, float]:
 
 
 def pixel_on_ground(geobox: GeoBox, row: Floats, col: Floats) -> tuple[Floats, Floats, Floats]:
-    """Ground size of pixels.
+    """Return the ground size of pixels at positions, whole numbers being corners, by finite differences.
 
-    From finite differences, of fourth order, of points in space.
-
-    Parameters
-    ----------
-    row, col : float64 arrays that broadcast
-        Pixel positions; whole numbers are pixel corners.
-
-    Returns
-    -------
-    along_row, along_col, area : float64 arrays of the broadcast shape
-        Metres per pixel along a row and along a column, and square metres per pixel (units of the map where
-        there is no CRS); not finite where the projection ends.
+    These are of points in space, of fourth order. The results are metres per pixel along a row and along a
+    column, and square metres per pixel (units of the map where there is no CRS), of the broadcast shape of
+    `row` and `col`; not finite where the projection ends.
     """
     ellipsoid = ellipsoid_under(geobox.wkt)
     row, col = np.broadcast_arrays(row, col)
@@ -133,17 +109,9 @@ def _derivative(point: Callable[[float], Floats], step: float) -> Floats:
 
 
 def line_length(geobox: GeoBox, row: Floats, col: Floats) -> float:
-    """Ground length of a polyline on a raster, whose edges are straight on the map.
+    """Return the ground length of a polyline on a raster, whose edges are straight on the map.
 
-    Parameters
-    ----------
-    row, col : (n,) float64 arrays
-        Pixel corners are whole numbers.
-
-    Returns
-    -------
-    length : float
-        Metres on the ellipsoid; map units if there is no CRS.
+    It is in metres on the ellipsoid, or map units if there is no CRS; pixel corners are whole numbers.
 
     Examples
     --------

@@ -54,17 +54,8 @@ class Window:
 def tiles(shape: tuple[int, int], side: int | tuple[int, int]) -> list[Window]:
     """Return windows that cover a raster once, row by row.
 
-    Parameters
-    ----------
-    shape : (int, int)
-        Rows and columns of the raster.
-    side : int or (int, int)
-        Rows and columns of a tile in pixels, multiples of 64.
-
-    Raises
-    ------
-    ParameterError
-        If a side is not a positive multiple of 64.
+    `shape` is rows and columns of the raster, `side` those of a tile in pixels: positive multiples of 64,
+    else a ParameterError.
 
     Examples
     --------
@@ -110,12 +101,8 @@ def tile_side(shape: tuple[int, int], file_block: tuple[int, int], pixels: int =
     """Return rows and columns of a tile of about `pixels` pixels that suits the layout of a file.
 
     Square if the file is tiled; whole rows if it is stored in strips, which are always decoded whole, unless
-    64 rows are far more than so many pixels.
-
-    Parameters
-    ----------
-    shape, file_block : (int, int)
-        Rows and columns of the raster, and of one block of the file.
+    64 rows are far more than so many pixels. `shape` and `file_block` are rows and columns of the raster, and
+    of one block of the file.
     """
     in_strips = file_block[1] >= shape[1] and shape[1] > 2 * BLOCK
     if in_strips and BLOCK * shape[1] <= 4 * pixels:

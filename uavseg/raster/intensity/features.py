@@ -43,13 +43,8 @@ class Feature:
     choice: BandChoice = field(repr=False)
 
     def values(self, planes: Mapping[int, Floats], scales: Mapping[int, BandScale]) -> Floats:
-        """Its values, in the units of the raster.
-
-        Parameters
-        ----------
-        planes : mapping of (n,) float64 arrays
-            Stored numbers of the pixels of each band, by its number.
-        scales : mapping of BandScale
+        """Return its values, in the units of the raster, from stored numbers (n,) of each band, by its
+        number.
         """
         bands = self.choice.bands
         stacked = np.stack([planes[band] for band in bands])
@@ -69,16 +64,9 @@ def features_of(
 ) -> list[Feature]:
     """Return the bands by themselves, the luminance, and all indices and ratios that the bands allow.
 
-    Parameters
-    ----------
-    bands : sequence of int
-        The ones to use.
-    rgb : three ints or texts, optional
-        The bands of red, green and blue, where they are chosen.
-    words : BandWords
-        Of which the names are kept.
-    integers : bool
-        Whether numbers are stored as integers without a scale, for which indices of reflectance do not hold.
+    `bands` are the ones to use, `rgb` those of red, green and blue, where they are chosen; of `words` the
+    names are kept. `integers` says whether numbers are stored as integers without a scale, for which indices
+    of reflectance do not hold.
     """
     found = [Feature("band", band, words, choose(layout, band, None, words)) for band in bands]
     bands = alike(layout, bands)

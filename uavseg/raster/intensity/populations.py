@@ -25,12 +25,7 @@ def population_edges(greys: Counts) -> tuple[float, ...]:
     An edge lies where the smoothed histogram falls below a third of the modes on both sides of it; their
     means lie more than four times their pooled standard deviation apart. Noise, texture and slow changes of
     light have no such edge; two materials have one, however finely they alternate. Pixels at an end of v that
-    the tail of a population reaches are saturated, and no population.
-
-    Parameters
-    ----------
-    greys : (65536,) int64 array
-        Pixels by grey.
+    the tail of a population reaches are saturated, and no population. `greys` (65536,) are pixels by grey.
 
     Examples
     --------

@@ -84,15 +84,8 @@ class Stretch:
     def apply(self, values: Values, valid: Valid | None = None) -> Grey:
         """Return grey of each pixel, 0 where it is invalid.
 
-        Parameters
-        ----------
-        values : (1, rows, cols) or (3, rows, cols) array of any real type
-            Intensity, or red, green and blue, whose luminance is used.
-        valid : (rows, cols) bool array, optional
-
-        Returns
-        -------
-        grey : (rows, cols) uint16 array
+        `values` are intensity, (1, rows, cols), or red, green and blue, (3, rows, cols), whose luminance is
+        used, of any real type.
         """
         grey = to_grey(values, self.low, self.high)
         if self.borders:
@@ -118,18 +111,10 @@ def _decide_borders(grey: Grey, values: Values, borders: Sequence[Border]) -> No
 
 @dataclass(frozen=True, slots=True)
 class StretchSpec:
-    """A requested stretch, before it is fitted.
+    """A requested stretch, before it is fitted."""
 
-    Parameters
-    ----------
-    form : str
-        "auto", "dtype", "minmax", "percentile", "none" or "given".
-    bounds : tuple of two Fractions, optional
-        Percentiles, or intensities.
-    """
-
-    form: str
-    bounds: tuple[Fraction, Fraction] | None = None
+    form: str  # "auto", "dtype", "minmax", "percentile", "none" or "given"
+    bounds: tuple[Fraction, Fraction] | None = None  # percentiles, or intensities
 
     def __str__(self) -> str:
         if self.bounds is None:
@@ -139,12 +124,7 @@ class StretchSpec:
 
 
 def parse_stretch(text: str) -> StretchSpec:
-    """Parse a stretch.
-
-    Raises
-    ------
-    ParameterError
-        If it is none of auto, dtype, minmax, percentile:P,Q, none, LOW,HIGH, or its numbers are out of order.
+    """Parse a stretch: auto, dtype, minmax, percentile:P,Q, none or LOW,HIGH; ParameterError for another one.
 
     Examples
     --------
@@ -176,19 +156,9 @@ def fit_stretch(dataset: Dataset, spec: Stretch | StretchSpec | str, tile_pass: 
 
     Only `minmax` and `percentile` read pixels. Percentiles are nearest ranks: percentile p is the smallest
     intensity with at least p percent of the valid pixels at or below it; exact for integers of up to 16 bits,
-    with the precision of float32 for all other types.
-
-    Parameters
-    ----------
-    spec : Stretch, StretchSpec or str
-        A fitted stretch is returned unchanged.
-    tile_pass : TilePass
-        Tiles that cover the dataset once; the result does not depend on them.
-
-    Raises
-    ------
-    ParameterError
-        If `dtype` is requested for floating point bands, which have no maximum.
+    with the precision of float32 for all other types. A fitted stretch is returned unchanged; the result does
+    not depend on the tiles. A ParameterError says that `dtype` is requested for floating point bands, which
+    have no maximum.
     """
     if isinstance(spec, Stretch):
         return spec
@@ -305,19 +275,10 @@ _LIMIT = 1 << 30  # greys: what lies farther beyond counts as so far
 def greys_beyond(
     values: Values, valid: Valid | None, grey: Grey, stretch: Stretch
 ) -> NDArray[np.int32] | None:
-    """By how many greys each valid pixel lies beyond the end of a stretch, negative below it.
+    """Return by how many greys each valid pixel lies beyond the end of a stretch, negative below it, int32.
 
-    Parameters
-    ----------
-    values : (1, rows, cols) or (3, rows, cols) array of any real type
-    valid : (rows, cols) bool array, optional
-    grey : (rows, cols) uint16 array
-        Of the pixels, by that stretch.
-
-    Returns
-    -------
-    beyond : (rows, cols) int32 array, or None if it is 0 everywhere
-        Its sum and that of the greys is the sum of the intensities, to half a grey for each pixel.
+    None if it is 0 everywhere. `values` and `grey` are as of `Stretch.apply`. The sum of the result and that
+    of the greys is the sum of the intensities, to half a grey for each pixel.
     """
     low, high = stretch.low, stretch.high
     if not stretch.clips or low == high or _is_within(values.dtype, low, high):

@@ -104,12 +104,7 @@ def with_bad_blocks(map: Map, found: set[BadBlock]) -> Map:
     They are returned with each result, so they are collected from any thread or process, and from results
     that an earlier run saved, see `execution.checkpoint`.
 
-    Parameters
-    ----------
-    map : Map
-        The executor that runs the function.
-    found : set of BadBlock
-        Updated as results arrive.
+    `found` is updated as results arrive.
     """
 
     def run(
@@ -143,10 +138,6 @@ def read_naming_bad_block(
 
     That it is the first of the whole file, not of the window, makes the error the same for any tiles. Of a
     large file, only the blocks of the window are looked at.
-
-    Raises
-    ------
-    RasterReadError
     """
     try:
         return file.read(handles, choice, window, shape)
@@ -169,12 +160,7 @@ def read_skipping_bad_blocks(
 ) -> tuple[Values, Valid | None, list[MissingPart]]:
     """`RasterFile.read`, with the pixels of bad blocks invalid.
 
-    Returns
-    -------
-    values, valid
-        As of `RasterFile.read`.
-    bad : list of (BadBlock, (slice, slice))
-        The blocks that cannot be read, in raster order, and their index in the arrays.
+    Besides, the blocks that cannot be read are returned, in raster order, with their index in the arrays.
     """
     bands = tuple(choice.bands)
     if handles.bad_as_a_whole(file.path, bands, partial(_is_bad_as_a_whole, file, handles, choice)):
