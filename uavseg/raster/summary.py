@@ -37,7 +37,6 @@ class Summary:
 
     Parameters
     ----------
-    paths : tuple of str
     crs : str or None
         Name of the CRS.
     located : bool
@@ -65,10 +64,8 @@ class Summary:
         Of v; NaN if no pixel is valid.
     cut : float
         Otsu's threshold: the v that splits the histogram best into dark and bright.
-    overviews : tuple of int
     in_metres : bool
         Whether `resolution` is in metres rather than in units of the map.
-    warnings : tuple of str
     command : str
         A command to try next: it extracts the rarer of dark and bright, see `interval`; "" if none is valid.
     axis : ValueAxis or None
@@ -153,14 +150,8 @@ def summarize(
     """Summarise a dataset.
 
     Every pixel of a raster of up to 100 megapixels is counted, tile by tile; a larger one is downsampled to
-    at most 4096 rows and columns.
-
-    Parameters
-    ----------
-    map : Map
-        The executor.
-    collar : {"keep", "auto"}
-        With "auto", its collar counts as nodata; that of a larger raster is searched for in what is counted.
+    at most 4096 rows and columns. With `collar` "auto", its collar counts as nodata; that of a larger raster
+    is searched for in what is counted.
     """
     box, first = dataset.geobox, dataset.mosaic.files[0]
     exact = math.prod(box.shape) <= EXACT_PIXELS

@@ -66,7 +66,7 @@ class CreationOptions:
         return cls(compress, levels[0] if levels else None, predictor, bigtiff)
 
     def check_types(self, *types: Any) -> None:
-        """Refuse the predictor of floating point values for pixels of integer NumPy types (ParameterError)."""
+        """Refuse the predictor of floating point values for pixels of integer types (ParameterError)."""
         import numpy as np
 
         integers = [np.dtype(one).name for one in types if np.dtype(one).kind != "f"]

@@ -160,8 +160,7 @@ def _write_bands(file: Any, page: Page) -> None:
 def read_geotiff(
     path: Path_, page: int = 1, shape: tuple[int, ...] | None = None, bands: int | None = None
 ) -> tuple[NDArray[Any], GeoBox, list[str], dict[str, str]]:
-    """Read a whole image that `write_geotiff` wrote: bands (n, rows, cols), grid, names ("" for none) and
-    tags.
+    """Read an image that `write_geotiff` wrote: bands (n, rows, cols), grid, names ("" for none), tags.
 
     `page` counts from 1. What `shape` and number of bands the image must have may be given, so that nothing
     is allocated for a damaged header. A RasterReadError says that there is no such raster, or another one

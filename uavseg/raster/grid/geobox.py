@@ -55,9 +55,7 @@ def parse_length(text: str) -> Length:
 
 
 def as_length(given: float | str | None) -> Length | None:
-    """Return metres, or text such as "8px", as a length; None is none, and errors are those of
-    `parse_length`.
-    """
+    """Return metres, or text such as "8px", as a length; None is none; errors as of `parse_length`."""
     if given is None:
         return None
     return parse_length(given) if isinstance(given, str) else Length(float(given))

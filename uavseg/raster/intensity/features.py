@@ -43,9 +43,7 @@ class Feature:
     choice: BandChoice = field(repr=False)
 
     def values(self, planes: Mapping[int, Floats], scales: Mapping[int, BandScale]) -> Floats:
-        """Return its values, in the units of the raster, from stored numbers (n,) of each band, by its
-        number.
-        """
+        """Return its values, in the units of the raster, from stored numbers (n,) of each band."""
         bands = self.choice.bands
         stacked = np.stack([planes[band] for band in bands])
         if self.choice.formula is not None:

@@ -52,9 +52,7 @@ def _from_colors(planes: Values, low: float, high: float, grey: Grey) -> None:
 
 
 def luminance(planes: Values) -> NDArray[np.float64]:
-    """Return 0.2126 R + 0.7152 G + 0.0722 B of planes (3, ...), in double precision, added from left to
-    right.
-    """
+    """Return 0.2126 R + 0.7152 G + 0.0722 B of (3, ...) planes, in double precision, from left to right."""
     total: NDArray[np.float64] = planes[0] * np.float64(RED)
     total += planes[1] * np.float64(GREEN)
     total += planes[2] * np.float64(BLUE)

@@ -39,14 +39,8 @@ _BLACK_AND_WHITE = {0: (0, 0, 0, 255), 1: (255, 255, 255, 255)}
 def inspect_file(path: str | os.PathLike[str]) -> RasterFile:
     """Read the metadata of a raster file.
 
-    Raises
-    ------
-    RasterReadError
-        If the file is not a raster that can be opened.
-    RasterError
-        If it is of an unsupported kind.
-    AccessError
-        If it names files or addresses that may not be opened.
+    A RasterReadError says that it is not a raster that can be opened, a RasterError that it is of an
+    unsupported kind, an AccessError that it names files or addresses that may not be opened.
     """
     name = as_file_name(os.fspath(path))
     try:
@@ -57,13 +51,7 @@ def inspect_file(path: str | os.PathLike[str]) -> RasterFile:
 
 
 def inspect_open(source: DatasetReader) -> RasterFile:
-    """Return the metadata of a raster that is open.
-
-    Raises
-    ------
-    UavsegError
-        As of `inspect_file`.
-    """
+    """Return the metadata of a raster that is open; errors are those of `inspect_file`."""
     try:
         return _metadata(source.name, source)
     except GDAL_ERRORS as error:

@@ -47,12 +47,8 @@ class Mosaic:
     geobox: GeoBox
 
     def parts(self, window: Window) -> Iterator[tuple[RasterSource, Window, tuple[slice, slice]]]:
-        """Yield the files that intersect `window`, in order.
-
-        Yields
-        ------
-        file, part, place
-            `part` is the intersection in pixels of the file, `place` its index in an array of the window.
+        """Yield the files that intersect `window`, in order, the part of each, and its index in an array of
+        the window.
         """
         top, left, bottom, right = self.boxes.T
         end_row, end_col = window.row + window.rows, window.col + window.cols
@@ -81,10 +77,8 @@ class Mosaic:
 def align_rasters(files: Sequence[RasterSource]) -> Mosaic:
     """Return the grid that contains all files, and the position of each file on it.
 
-    Raises
-    ------
-    MosaicError
-        If one differs from the first in CRS, resolution or bands, or is not aligned with its pixel grid.
+    A MosaicError says that one differs from the first in CRS, resolution or bands, or is not aligned with its
+    pixel grid.
     """
     first = files[0]
     if len(files) == 1:
@@ -228,17 +222,11 @@ Part = tuple[RasterSource, Window, tuple[slice, slice]]
 
 @dataclass(frozen=True, slots=True)
 class PartReader:
-    """Reads the intensity bands of parts of files.
-
-    Parameters
-    ----------
-    skip_bad_tiles : bool
-        Whether blocks that cannot be read count as nodata.
-    """
+    """Reader of the intensity bands of parts of files."""
 
     choice: BandChoice
     handles: OpenFiles
-    skip_bad_tiles: bool
+    skip_bad_tiles: bool  # whether blocks that cannot be read count as nodata
 
     def read(self, file: RasterSource, part: Window) -> tuple[Values, Valid | None]:
         """Return values and validity of a window of a file."""

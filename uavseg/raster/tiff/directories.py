@@ -46,18 +46,10 @@ def file_of(name: str) -> Path | None:
 
 @dataclass(frozen=True, slots=True)
 class BlockStream:
-    """Where the stream of a block lies.
-
-    Parameters
-    ----------
-    path : Path
-        Of the file.
-    offset, size : int
-        In bytes.
-    """
+    """Where the stream of a block lies."""
 
     path: Path
-    offset: int
+    offset: int  # in bytes
     size: int
 
     @classmethod
@@ -113,22 +105,12 @@ class _Layout:
     place: str
 
     def read(self, file: BinaryIO, numbers: str) -> tuple[int, ...]:
-        """Return numbers at the present place.
-
-        Raises
-        ------
-        struct.error
-            If the file ends before.
-        """
+        """Return numbers at the present place; struct.error if the file ends before."""
         return struct.unpack(self.order + numbers, file.read(struct.calcsize(self.order + numbers)))
 
     def seek(self, file: BinaryIO, place: int) -> None:
-        """Go to a place.
-
-        Raises
-        ------
-        struct.error
-            If it lies beyond the end of the file, and may be too large a number to seek.
+        """Go to a place; struct.error if it lies beyond the end of the file, and may be too large a number to
+        seek.
         """
         if place > os.fstat(file.fileno()).st_size:
             raise struct.error
@@ -138,10 +120,8 @@ class _Layout:
 def mask_page(path: str) -> int | None:
     """Return the number of the image that is the mask of the first, counted from 1; None without.
 
-    Raises
-    ------
-    RasterReadError
-        If one of its directories cannot be read, or one of its images is compressed as a fax is.
+    A RasterReadError says that one of its directories cannot be read, or that an image is compressed as a fax
+    is.
     """
     try:
         with regular_file(path).open("rb") as file:
@@ -170,17 +150,7 @@ def mask_page(path: str) -> int | None:
 def strip_rows(path: Path, source: DatasetReader) -> int | None:
     """Return the rows of a strip of an image of a local TIFF; None if it is stored in tiles.
 
-    Parameters
-    ----------
-    path : Path
-        Of the file.
-    source : DatasetReader
-        The image, open.
-
-    Raises
-    ------
-    RasterBlockError
-        If its directory cannot be read.
+    `source` is the image, open. A RasterBlockError says that its directory cannot be read.
     """
     place = int(source.get_tag_item("IFD_OFFSET", "TIFF", bidx=1))
     try:
