@@ -30,13 +30,7 @@ class ProbabilityStretch(Stretch):
         return False
 
     def apply(self, values: Values, valid: Valid | None = None) -> Grey:
-        """Convert values to grey, 0 where invalid; refuse a valid value outside 0..1.
-
-        Parameters
-        ----------
-        values : (rows, cols) float array
-        valid : (rows, cols) bool array, optional
-        """
+        """Convert values to grey, 0 where invalid, as `Stretch.apply`; refuse a valid value outside 0..1."""
         outside = (values < 0) | (values > 1)
         if valid is not None:
             outside &= valid
@@ -56,18 +50,9 @@ def open_map(
     It is never stretched by its content: integers are divided by the largest number of their type,
     floats are taken as they are. Unknown cells of a ROS map are exactly 0.5.
 
-    Parameters
-    ----------
-    band : int, optional
-        Of a raster: the band to use, counted from 1.
-    nodata : float or str, optional
-        Of a raster: a value without data, beside the nodata value of the file; "only:V" replaces that.
-
-    Returns
-    -------
-    dataset, stretch
-        Together they make the `GreySource` that the phases read by window. The stretch of floats raises
-        `MapError` for a number that is not a probability.
+    Of a raster, `band` is the one to use, counted from 1, and `nodata` a value without data, beside that of
+    the file; "only:V" replaces that. Dataset and stretch together make the `GreySource` that the phases read
+    by window. The stretch of floats raises `MapError` for a number that is not a probability.
     """
     if is_ros_map(path):
         ros_map = read_ros_map(path)

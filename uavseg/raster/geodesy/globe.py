@@ -216,7 +216,7 @@ def crs_name(wkt: str | None) -> str | None:
 
 
 def is_on_earth(wkt: str | None) -> bool:
-    """Return whether a CRS belongs to the Earth, and not to another body; RasterError without an ellipsoid."""
+    """Return whether a CRS belongs to the Earth, not to another body; RasterError if it has no ellipsoid."""
     return EARTH_RADII_M[0] < equatorial_radius(wkt) < EARTH_RADII_M[1]
 
 

@@ -54,12 +54,12 @@ def ring_perimeters(geobox: GeoBox, vertices: Integers, starts: Integers) -> Flo
 
 
 def ground_resolution(geobox: GeoBox) -> tuple[float, float]:
-    """Return ground metres (without CRS map units) per pixel at the centre: along a row, and along a column."""
+    """Return ground metres (without CRS map units) per pixel at the centre, along a row and a column."""
     return ground_steps(geobox, geobox.shape[0] / 2, geobox.shape[1] / 2)
 
 
 def ground_steps(geobox: GeoBox, row: float, col: float) -> tuple[float, float]:
-    """Return ground metres (without CRS map units) per pixel at a position: along a row, and along a column."""
+    """Return ground metres (without CRS map units) per pixel at a position, along a row and a column."""
     per_col, per_row, _ = pixel_on_ground(geobox, np.array([row]), np.array([col]))
     if np.isfinite(per_col[0]) and np.isfinite(per_row[0]):
         return float(per_col[0]), float(per_row[0])

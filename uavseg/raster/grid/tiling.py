@@ -141,6 +141,12 @@ def sample_positions(start: int, length: int, count: int) -> NDArray[np.int64]:
     return start + positions
 
 
+def indices_within(positions: NDArray[np.int64], start: int, length: int) -> slice:
+    """Return index of the ascending positions that lie in a range of rows or columns."""
+    first, end = np.searchsorted(positions, [start, start + length]).tolist()
+    return slice(first, end)
+
+
 def window_blocks(window: Window) -> tuple[slice, slice]:
     """Return index of a window's blocks in the block map."""
     return _in_units(window, BLOCK)

@@ -58,7 +58,7 @@ def count_upper_halves(values: NDArray[np.float32], valid: NDArray[np.bool_] | N
 def count_lower_halves(
     values: NDArray[np.float32], valid: NDArray[np.bool_] | None, uppers: tuple[int, ...]
 ) -> Counts:
-    """Return histograms of the lower 16 bits of the sort keys, (len(uppers), 65536), for some upper halves."""
+    """Return histograms of the lower 16 bits of the sort keys, (n, 65536), for n upper halves."""
     counts = np.zeros((len(uppers), _HALF), np.int64)
     row_of = np.full(_HALF, -1, np.int64)
     row_of[list(uppers)] = np.arange(len(uppers))

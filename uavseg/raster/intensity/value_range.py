@@ -82,7 +82,7 @@ class Bounds:
 
 
 def scale_of(dataset: Dataset) -> BandScale:
-    """Return the scale of the bands that are used; ParameterError if the bands or files have different ones."""
+    """Return the scale of the bands that are used; ParameterError if bands or files have different ones."""
     if dataset.scale is None:
         raise ParameterError(
             f"the bands or files of {dataset.source} have different scales, offsets or units, so they "

@@ -13,17 +13,15 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uavseg.dataclass import dataclass
 from uavseg.errors import RasterReadError
 from uavseg.execution.executors import Item, Map, Progress, Result
 from uavseg.raster.access.opening import GDAL_ERRORS, OpenFiles, gdal_read_errors, is_sequential
-from uavseg.raster.grid.tiling import Window, sample_positions
+from uavseg.raster.grid.tiling import Window, indices_within, sample_positions
 from uavseg.raster.read.raster_file import RasterFile
 from uavseg.raster.spectral.bands import BandChoice, Valid, Values
 
-Indices = NDArray[np.int64]
 Slices = tuple[slice, slice]
 
 
@@ -229,7 +227,7 @@ def _read_block_by_block(
     valid = np.zeros(shape, bool)
     bad, failed = [], handles.failed_blocks(file.path, tuple(choice.bands))
     for block in file.blocks_in(window):
-        here = _indices_within(rows, block.row, block.rows), _indices_within(cols, block.col, block.cols)
+        here = indices_within(rows, block.row, block.rows), indices_within(cols, block.col, block.cols)
         if here[0].start == here[0].stop or here[1].start == here[1].stop:
             continue
         part = block.common(window) if file.fails_by_block else block
@@ -248,8 +246,3 @@ def _read_block_by_block(
         values[:, here[0], here[1]] = pixels[:, sampled[0], sampled[1]]
         valid[here] = True if known is None else known[sampled]
     return values, valid, bad
-
-
-def _indices_within(indices: Indices, start: int, length: int) -> slice:
-    first, end = np.searchsorted(indices, [start, start + length]).tolist()
-    return slice(first, end)

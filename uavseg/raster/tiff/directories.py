@@ -109,9 +109,7 @@ class _Layout:
         return struct.unpack(self.order + numbers, file.read(struct.calcsize(self.order + numbers)))
 
     def seek(self, file: BinaryIO, place: int) -> None:
-        """Go to a place; struct.error if it lies beyond the end of the file, and may be too large a number to
-        seek.
-        """
+        """Go to a place; struct.error if it lies beyond the end of the file, and may be too large to seek."""
         if place > os.fstat(file.fileno()).st_size:
             raise struct.error
         file.seek(place)
