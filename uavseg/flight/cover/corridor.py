@@ -227,13 +227,14 @@ def corridor(
         region = simple
     ends = (reach_m, min_m)
     body = shapely.simplify(shapely.buffer(simple, GROWN * spacing_m), spacing_m / 40)
+    allowed = shapely.buffer(space.inside, 1e-4)
     lines = [
         line
         for part in shapely.get_parts(body)
         for branch in medial_axis(part, spacing_m / 2)
         for section in _sections(branch, region, spacing_m)
         for line in _section_lines(section, region, ends)
-        if _is_free(line, space.inside)
+        if shapely.covers(allowed, shapely.LineString(line))
     ]
     covered = [_swath(line, spacing_m, reach_m) for line in lines]
     rest = shapely.difference(region, shapely.union_all(covered))  # as at forks
@@ -335,10 +336,6 @@ def _trimmed(line: Any, part: Any, reach_m: float, min_m: float) -> Floats:
         low, high = max((low + high - min_m) / 2, 0.0), min((low + high + min_m) / 2, float(line.length))
     piece = shapely.get_coordinates(substring(line, low, high))
     return piece if len(piece) > 1 else np.repeat(piece, 2, axis=0)
-
-
-def _is_free(line: Floats, allowed: Any) -> bool:
-    return bool(shapely.covers(shapely.buffer(allowed, 1e-4), shapely.LineString(line)))
 
 
 def _swath(line: Floats, spacing_m: float, reach_m: float) -> Any:

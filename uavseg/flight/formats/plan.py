@@ -88,7 +88,7 @@ def survey_item(
         "type": "ComplexItem",
         "complexItemType": "survey",
         "version": SURVEY_VERSION,
-        "angle": _grid_angle(block.angle_deg),
+        "angle": round((block.angle_deg + 90) % 180 - 90, 6),  # of transects, from -90 to 90
         "entryLocation": _entry_location(block.outline, flown[0]),
         "flyAlternateTransects": False,
         "splitConcavePolygons": False,
@@ -105,11 +105,6 @@ def survey_item(
             "CameraCalc": _camera_calc(block, items),
         },
     }
-
-
-def _grid_angle(angle_deg: float) -> float:
-    """Return an azimuth as QGroundControl's angle of transects, from -90 to 90."""
-    return round((angle_deg + 90) % 180 - 90, 6)
 
 
 def _entry_location(outline: Sequence[Position], entry: Position) -> int:
@@ -219,7 +214,7 @@ def plan_text(mission: Mission, editable: bool = False) -> str:
             "items": list(_written_items(mission, find_blocks(mission) if editable else [])),
         },
         "geoFence": _fence_to_json(mission.fence),
-        "rallyPoints": _rally_to_json(mission.rally),
+        "rallyPoints": {"version": _VERSION, "points": [[p.lat, p.lon, p.altitude_m] for p in mission.rally]},
     }
     return json.dumps(plan, indent=1, allow_nan=False) + "\n"
 
@@ -340,11 +335,6 @@ def _fence_to_json(fence: Iterable[Fence]) -> dict[str, Any]:
             circle = {"center": [shape.lat, shape.lon], "radius": shape.radius_m}
             circles.append(common | {"circle": circle})
     return {"version": _VERSION, "circles": circles, "polygons": polygons}
-
-
-def _rally_to_json(rally: Iterable[RallyPoint]) -> dict[str, Any]:
-    """Write latitude, longitude and height above home of rally points as a `rallyPoints` object."""
-    return {"version": _VERSION, "points": [[point.lat, point.lon, point.altitude_m] for point in rally]}
 
 
 def _fence_from_json(geofence: Mapping[str, Any]) -> tuple[Fence, ...]:

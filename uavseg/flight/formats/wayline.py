@@ -29,7 +29,7 @@ from uavseg.flight.mission.items import (
     HomePosition,
     MissionItem,
 )
-from uavseg.flight.mission.mission import Mission
+from uavseg.flight.mission.mission import CRUISE_M_S, Mission
 
 LAST_NAV = 95  # MAV_CMD_NAV_LAST: commands up to it move the vehicle
 TARGETING = 2.0  # MAV_MOUNT_MODE_MAVLINK_TARGETING
@@ -51,6 +51,11 @@ class WaylinePoint:
     pitch_deg: float | None = None  # of the gimbal, from there on
     trigger_m: float = 0.0  # distance between photographs from there on; 0 for none
     interval_s: float = 0.0  # time between photographs from there on; 0 for none
+
+    @property
+    def flown_m_s(self) -> float:
+        """Speed from there on; the default where the mission sets none."""
+        return CRUISE_M_S if self.speed_m_s is None else self.speed_m_s
 
 
 @dataclass(frozen=True, slots=True)

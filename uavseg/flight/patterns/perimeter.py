@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from uavseg.dataclass import dataclass
 from uavseg.flight.avoid.enclosing import MANY_CORNERS
+from uavseg.flight.mission.track import leg_lengths
 from uavseg.flight.params.plan import MIN_MARGIN_M, PerimeterParams
 
 Floats = NDArray[np.float64]
@@ -48,7 +49,7 @@ def offset_rings(region: Any, params: PerimeterParams, tolerance_m: float, min_l
         kept = long_legs(simple, min_leg_m)
         if len(kept) < len(simple):
             moved = max(moved, _hausdorff(kept, exact), _hausdorff(exact, kept))
-        short |= bool(_legs(kept).min() < min_leg_m)
+        short |= bool(leg_lengths(kept).min() < min_leg_m)
         rings.append(kept)
     return OffsetRings(tuple(rings), 0 if params.holes == "fly" else len(holes), moved, short)
 
@@ -66,7 +67,7 @@ def long_legs(ring: Floats, min_leg_m: float) -> Floats:
     corners, count = ring[:-1], len(ring) - 1
     after = np.roll(np.arange(count), -1).tolist()
     before = np.roll(np.arange(count), 1).tolist()
-    legs = _legs(ring).tolist()  # of each corner to the next one
+    legs = leg_lengths(ring).tolist()  # of each corner to the next one
     shortest = [(length, k) for k, length in enumerate(legs) if length < min_leg_m]
     heapq.heapify(shortest)
     left = np.ones(count, bool)
@@ -80,7 +81,7 @@ def long_legs(ring: Floats, min_leg_m: float) -> Floats:
         left[out], count = False, count - 1
         after[before[out]], before[after[out]] = after[out], before[out]
         k = before[out]
-        legs[k] = float(_legs(corners[[k, after[k]]])[0])
+        legs[k] = float(leg_lengths(corners[[k, after[k]]])[0])
         if legs[k] < min_leg_m:
             heapq.heappush(shortest, (legs[k], k))
     kept = corners[left]
@@ -124,11 +125,6 @@ def _offset_holes(parts: Sequence[Any], region: Any, offset_m: float) -> list[An
         nearer = shapely.dwithin(outline, corners, max(abs(offset_m) - 2 * ARC_SAGITTA_M, 0))
         is_offset.append(bool((near & ~nearer).any()))
     return [hole for hole, kept in zip(holes, is_offset, strict=True) if kept]
-
-
-def _legs(ring: Floats) -> Floats:
-    lengths: Floats = np.hypot(*np.diff(ring, axis=0).T)
-    return lengths
 
 
 def _hausdorff(ring: Floats, other: Floats) -> float:

@@ -15,7 +15,7 @@ from uavseg.errors import MissionError
 from uavseg.flight.avoid.enclosing import enclosing, merged, neighbour_groups
 from uavseg.flight.avoid.free_space import FreeSpace
 from uavseg.flight.mission.plane import Plane
-from uavseg.flight.mission.track import Track
+from uavseg.flight.mission.track import Track, leg_lengths
 from uavseg.flight.mission.vehicle import returning_vehicles
 from uavseg.flight.params.plan import PlanParams
 
@@ -183,13 +183,9 @@ def _simple(around: Any, zones: Any, reach_m: float) -> Any:
     outer = shapely.buffer(inner, reach_m)
     for share in FENCE_TOLERANCES:
         simple = shapely.simplify(around, share * reach_m)
-        if _lies_between(simple, inner, outer):
+        if shapely.covers(simple, inner) and shapely.covers(outer, simple):
             return simple
     return inner
-
-
-def _lies_between(area: Any, inner: Any, outer: Any) -> bool:
-    return bool(shapely.covers(area, inner) and shapely.covers(outer, area))
 
 
 def _outside(line: Floats, blocked: Any) -> list[Floats]:
@@ -264,6 +260,6 @@ def _return_height_m(path: Floats, params: PlanParams) -> float:
 
 def _places_along(path: Floats) -> Floats:
     """Return places along a path at equal distances."""
-    length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
+    length = np.concatenate([[0.0], np.cumsum(leg_lengths(path))])
     at = np.linspace(0, length[-1], min(int(length[-1] / STEP_M) + 2, STARTS))
     return np.column_stack([np.interp(at, length, path[:, 0]), np.interp(at, length, path[:, 1])])

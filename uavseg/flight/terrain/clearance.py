@@ -28,11 +28,6 @@ class Clearance:
     # does: the heights between its path and the straight line are checked. By default the straight line.
     early: tuple[float, float] | None = None
 
-    def check(self, mission: Mission, maximum_m: float) -> None:
-        """Raise MissionError with the first of the `problems`, if there is one."""
-        for problem in self.problems(mission, maximum_m):
-            raise MissionError(problem)
-
     def problems(self, mission: Mission, maximum_m: float) -> Iterator[str]:
         """Yield where a leg or rally point comes nearer to the ground than allowed, or is higher above it.
 

@@ -33,7 +33,7 @@ _SQLITE_URI = re.compile(r"[?#%]")  # characters with which SQLite would open an
 
 
 def bag_files(path: str | os.PathLike[str]) -> list[Path]:
-    """List the files of a bag, a file or a folder of ROS 2 with its metadata.yaml, in the order of recording."""
+    """List the files of a bag (a file, or a folder of ROS 2 with its metadata.yaml) as they were recorded."""
     is_folder = os.path.isdir(path)  # noqa: PTH112 - false for a name that is too long
     files = _files_of_folder(Path(path)) if is_folder else [regular_file(path, BagError)]
     for file in files:

@@ -130,7 +130,7 @@ class LiveSegmentation:
         self._update_blocks(*np.ones((2, *self._stale.shape), bool))
 
     def settle(self) -> Mask:
-        """Divide again the blocks that have changed since the last call, and return which these are, (B, C)."""
+        """Divide again the blocks that have changed since the last call; return which these are, (B, C)."""
         self._grey_map.flush_changes()
         changed, affected = self._changes.pop()
         if affected.any():

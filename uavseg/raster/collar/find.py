@@ -59,7 +59,9 @@ def without_collar(dataset: AnyDataset, tile_pass: TilePass) -> AnyDataset:
     tiles.
     """
     found = _find_collar(dataset.without_formula(), tile_pass)
-    return dataset if found is None else _masked(dataset, found)
+    if found is None:
+        return dataset
+    return replace(dataset, collar=found.mask, warnings=(*dataset.warnings, found.note))
 
 
 def _find_collar(dataset: Dataset, tile_pass: TilePass) -> _Found | None:
@@ -71,10 +73,6 @@ def _find_collar(dataset: Dataset, tile_pass: TilePass) -> _Found | None:
         if result is not None:
             return result
     return _rim_of_nodata(dataset, tile_pass) if any(is_nodata for is_nodata, _ in corners) else None
-
-
-def _masked(dataset: AnyDataset, found: _Found) -> AnyDataset:
-    return replace(dataset, collar=found.mask, warnings=(*dataset.warnings, found.note))
 
 
 def _may_have_collar(dataset: Dataset) -> bool:

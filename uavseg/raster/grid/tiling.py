@@ -1,7 +1,8 @@
 """Tiling: windows, halos, and a window's blocks and cells; integer arithmetic only."""
 
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import replace
+from itertools import product
 from typing import Any, TypeVar
 
 import numpy as np
@@ -73,13 +74,8 @@ def tiles(shape: tuple[int, int], side: int | tuple[int, int]) -> list[Window]:
             f"tiles of {tile_cols} x {tile_rows} pixels divide the raster into {count:,}, and at most "
             f"{MAX_TILES:,} are worked through; choose larger ones (--tile)"
         )
-    return list(_windows(shape, tile_rows, tile_cols))
-
-
-def _windows(shape: tuple[int, int], tile_rows: int, tile_cols: int) -> Iterator[Window]:
-    for row in range(0, shape[0], tile_rows):
-        for col in range(0, shape[1], tile_cols):
-            yield Window(row, col, tile_rows, tile_cols).clipped(shape)
+    places = product(range(0, shape[0], tile_rows), range(0, shape[1], tile_cols))
+    return [Window(*place, tile_rows, tile_cols).clipped(shape) for place in places]
 
 
 def in_panels(windows: list[Window]) -> list[Window]:

@@ -173,7 +173,9 @@ def resolved_spec(dataset: Dataset, spec: StretchSpec) -> StretchSpec:
         return spec
     if dataset.limits is not None:
         return StretchSpec("given", (Fraction(dataset.limits[0]), Fraction(dataset.limits[1])))
-    return StretchSpec("dtype") if _is_8_bit(dataset) else StretchSpec("percentile", AUTO_PERCENTILES)
+    if dataset.dtype.kind in "iu" and dataset.bits <= 8:
+        return StretchSpec("dtype")
+    return StretchSpec("percentile", AUTO_PERCENTILES)
 
 
 def percents_of(spec: StretchSpec) -> tuple[Fraction, ...]:
@@ -201,10 +203,6 @@ def _stretch_between(spec: StretchSpec, low: float, high: float) -> Stretch:
     if low == high:
         warnings = (f"the stretch {spec} finds one intensity, {low:g}: it becomes v = 0.5, less 0, more 1",)
     return Stretch(low, high, f"{spec} -> {low:g}..{high:g}", warnings)
-
-
-def _is_8_bit(dataset: Dataset) -> bool:
-    return dataset.dtype.kind in "iu" and dataset.bits <= 8
 
 
 def _maximum(dataset: Dataset) -> float:

@@ -47,7 +47,7 @@ class Mosaic:
     geobox: GeoBox
 
     def parts(self, window: Window) -> Iterator[tuple[RasterSource, Window, tuple[slice, slice]]]:
-        """Yield the files that intersect `window`, the part of each, and its index in an array of the window."""
+        """Yield the files that intersect `window`, the part of each, and its index in an array of that."""
         top, left, bottom, right = self.boxes.T
         end_row, end_col = window.row + window.rows, window.col + window.cols
         touched = (top < end_row) & (bottom > window.row) & (left < end_col) & (right > window.col)
