@@ -120,7 +120,7 @@ class Summary:
         return 1 - self.valid / self.counted
 
     def as_dict(self) -> dict[str, Any]:
-        """All fields as plain values for JSON, with None instead of NaN and infinity."""
+        """Return all fields as plain values for JSON, with None instead of NaN and infinity."""
         found = asdict(self)
         found["bands"] = [
             dict(zip(("dtype", "color", "nodata"), map(_plain, b), strict=True)) for b in self.bands
@@ -218,7 +218,7 @@ def _grey_histogram(dataset: Dataset, stretch: Stretch, window: Window) -> tuple
 
 
 def _binned(greys: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Histogram in equal bins of v; v = 1 belongs to the last bin."""
+    """Return histogram in equal bins of v; v = 1 belongs to the last bin."""
     bins = np.minimum(np.arange(GREY_LEVELS) * HISTOGRAM_BINS // (GREY_LEVELS - 1), HISTOGRAM_BINS - 1)
     return np.bincount(bins, weights=greys, minlength=HISTOGRAM_BINS).astype(np.int64)
 
@@ -233,7 +233,7 @@ def _moments(greys: NDArray[np.int64]) -> tuple[float, float]:
 
 
 def _otsu_threshold(greys: NDArray[np.int64]) -> float:
-    """Otsu's threshold at a bin edge; the middle one of equally good edges between empty bins."""
+    """Return Otsu's threshold at a bin edge; the middle one of equally good edges between empty bins."""
     classes = multi_otsu(_binned(greys), 2)
     if len(classes) < 2:
         return 0.5

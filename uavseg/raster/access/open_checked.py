@@ -268,7 +268,7 @@ def is_local(path: str) -> bool:
 
 
 def is_online(path: str) -> bool:
-    """Whether a raster that the user named may make requests: by its own name, or if they are allowed."""
+    """Return whether a raster that the user named may make requests: by its own name, or if allowed."""
     return current_policy().allow_network or is_address(path) or "://" in path
 
 

@@ -95,7 +95,7 @@ def _fitted(points: NDArray[np.float64], near: NDArray[np.bool_], tolerance: flo
 
 
 def _direction(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Unit vector of the largest variance."""
+    """Return unit vector of the largest variance."""
     away = points - points.mean(axis=0)
     vector: NDArray[np.float64] = np.linalg.eigh(away.T @ away)[1][:, -1]
     return vector
@@ -160,7 +160,7 @@ class Evidence:
     def of(
         cls, counts: RimCounts, mask: PixelMask, shape: tuple[int, int], corners: int, one_piece: bool
     ) -> "Evidence":
-        """From the histograms of the rim, the pixels, the raster's shape, corners held, and pieces."""
+        """Judge by histograms of the rim, the pixels, the raster's shape, corners held, and pieces."""
         lines = SMEARED if counts.is_smeared else SHARP
         straight = straight_share(
             outline_points(mask, shape),

@@ -138,7 +138,7 @@ def _collar(dataset: Dataset, value: int, tile_pass: TilePass, corners: list[Cor
 
 
 def _rim_of_nodata(dataset: Dataset, tile_pass: TilePass) -> _Found | None:
-    """Nodata with the nearly constant pixels along it; None if there are none."""
+    """Return nodata with the nearly constant pixels along it; None if there are none."""
     from uavseg.raster.collar.flood import flood_from_edges
     from uavseg.raster.collar.rim import count_rim, grow_over_smear
 
@@ -164,7 +164,7 @@ def _fill_value(dataset: Dataset, tile_pass: TilePass) -> int:
 
 
 def _is_filled_white(dataset: Dataset, window: Window) -> bool | None:
-    """Whether nodata was filled with the largest value; None where it is not stored, or not all is nodata."""
+    """Return whether nodata was filled with the largest value; None if not stored, or not all is nodata."""
     if dataset.is_empty(window):
         return None
     values, valid = dataset.read(window)

@@ -174,7 +174,7 @@ def _core(flooded: PixelMask, window: Window, shape: tuple[int, int]) -> Pixels:
 def _read(
     dataset: Dataset, flooded: PixelMask, value: int, window: Window
 ) -> tuple[Pixels, NDArray[np.unsignedinteger[Any]], Pixels, tuple[slice, slice]]:
-    """The flood with its neighbours, differences from the value, validity around a tile; where that lies."""
+    """Read the flood with its neighbours, differences, validity around a tile; and where that lies."""
     around = window.grown(BEYOND).clipped(dataset.geobox.shape)
     values, valid = dataset.read(around)
     constant = values.dtype.type(value)

@@ -176,7 +176,7 @@ class Dem:
         return self.heights.reference.zero != "ellipsoid" or self.to_sea is not None
 
     def pixels(self, lon: ArrayLike, lat: ArrayLike) -> tuple[Floats, Floats]:
-        """Row and column of positions in degrees; infinite where the CRS has no such place."""
+        """Return row and column of positions in degrees; infinite where the CRS has no such place."""
         box = self.sampler.dataset.geobox
         x, y = self.to_xy(np.asarray(lon, np.float64), np.asarray(lat, np.float64))
         t = box.transform
@@ -279,7 +279,7 @@ def _heights_of(path: str) -> Heights:
 
 
 def _unit_m(path: str, unit: str | None, reference: VerticalReference, wkt: str) -> float | None:
-    """Metres in the unit of heights, from the band or the CRS; None where neither says."""
+    """Return metres in the unit of heights, from the band or the CRS; None where neither says."""
     named = None
     if unit:
         named = UNITS_M.get(unit.strip().lower())

@@ -73,7 +73,7 @@ def write_label_geotiff(
 def _stripes(
     tiles: Iterable[tuple[Window, NDArray[Any]]], shape: tuple[int, int], dtype: Any
 ) -> Iterator[tuple[int, NDArray[Any]]]:
-    """Stripes of 256 rows from the top, each with its first row, whatever the tiles are."""
+    """Yield stripes of 256 rows from the top, each with its first row, whatever the tiles are."""
     buffer, top = np.zeros((0, shape[1]), dtype), 0  # rows from `top` on, not all of them complete
     for window, labels in tiles:
         complete = (window.row - top) // STRIPE * STRIPE  # what lies above a row of tiles is complete
@@ -216,7 +216,7 @@ def _check_complete(path: Path, page: int = 1) -> None:
 
 @contextmanager
 def _write_errors(path: Path_) -> Iterator[None]:
-    """GDAL's errors on writing as OutputError."""
+    """Raise GDAL's errors on writing as OutputError."""
     try:
         with gdal_env():
             yield

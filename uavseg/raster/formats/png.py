@@ -56,13 +56,13 @@ def write_png(path: Path_, grey: Bytes, overwrite: bool = False, opaque: Opaque 
 
 
 def to_8_bits(samples: NDArray[np.generic], maximum: int) -> Bytes:
-    """Samples of 0..maximum as 8 bits, scaled to 16 bits first."""
+    """Convert samples of 0..maximum to 8 bits, scaled to 16 bits first."""
     table = (_to_16_bits(np.arange(maximum + 1), maximum) // 257).astype(np.uint8)
     return np.asarray(table[np.minimum(samples, maximum)])
 
 
 def _to_16_bits(samples: NDArray[np.generic], maximum: int) -> NDArray[np.int64]:
-    """Samples of 0..maximum scaled to 16 bits and rounded."""
+    """Scale samples of 0..maximum to 16 bits, rounded."""
     return (np.minimum(samples.astype(np.int64), maximum) * 131070 + maximum) // (2 * maximum)
 
 
@@ -100,5 +100,5 @@ def _luminance(quanta: list[NDArray[np.int64]]) -> NDArray[np.int64]:
 
 
 def _declared_alpha(file: DatasetReader) -> Bytes | None:
-    """0 where pixels have the colour that the file declares transparent."""
+    """Return 0 where pixels have the colour that the file declares transparent, else 255."""
     return None if file.nodatavals[0] is None else np.where(file.dataset_mask(), np.uint8(255), np.uint8(0))

@@ -97,7 +97,7 @@ class Ellipsoid:
     eccentricity2: float
 
     def radii(self, lat: Floats) -> tuple[Floats, Floats]:
-        """Radius of curvature along the meridian, and radius of the parallel, in metres; `lat` in radians."""
+        """Return radii of curvature of the meridian and of the parallel, in metres; `lat` in radians."""
         squeeze = 1 - self.eccentricity2 * np.sin(lat) ** 2
         normal = self.radius / np.sqrt(squeeze)
         return normal * (1 - self.eccentricity2) / squeeze, normal * np.cos(lat)
@@ -204,7 +204,7 @@ def unit_name(wkt: str | None) -> str:
 
 
 def unit_factor(wkt: str | None) -> float:
-    """Metres (radians, where the CRS is geographic) in one unit of coordinates; 1 where that is unknown."""
+    """Return metres (radians, where the CRS is geographic) in one unit of coordinates; 1 if unknown."""
     crs = _crs_of(wkt)
     return 1.0 if crs is None else crs.unit_factor
 
@@ -252,7 +252,7 @@ def _no_lonlat() -> RasterError:
 
 
 def _utm_transform(zone: CRS, wkt: str) -> Transform:
-    """From a UTM zone to longitude and latitude: by GDAL, and many points by pyproj, which is faster then."""
+    """Transform a UTM zone to longitude and latitude: by GDAL, and many points by pyproj, faster then."""
 
     @lru_cache(maxsize=1)
     def by_pyproj() -> Transform:
@@ -357,7 +357,7 @@ def decimals_for(pixel_m: float) -> int:
 
 
 def wrap_lon(lon: ArrayLike, around: float = 0.0) -> Floats:
-    """Longitudes (or differences of them), in degrees, moved by turns into [around - 180, around + 180).
+    """Move longitudes (or differences of them), in degrees, by turns into [around - 180, around + 180).
 
     Examples
     --------
@@ -369,7 +369,7 @@ def wrap_lon(lon: ArrayLike, around: float = 0.0) -> Floats:
 
 
 def wrap_lon_beyond_180(lon: Floats) -> Floats:
-    """Longitudes in [-180, 180]; those that lie there already, 180 included, keep their exact value.
+    """Wrap longitudes into [-180, 180]; those that lie there already, 180 included, stay exact.
 
     Examples
     --------

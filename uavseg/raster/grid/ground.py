@@ -46,7 +46,7 @@ def ring_areas(geobox: GeoBox, vertices: Integers, starts: Integers) -> Floats:
 
 
 def ring_perimeters(geobox: GeoBox, vertices: Integers, starts: Integers) -> Floats:
-    """Ground length of rings along pixel edges, in metres (map units if there is no CRS).
+    """Return ground length of rings along pixel edges, in metres (map units if there is no CRS).
 
     Parameters and shapes are those of `ring_areas`.
     """
@@ -103,7 +103,7 @@ def pixel_on_map(geobox: GeoBox) -> tuple[float, float, float]:
 
 
 def _derivative(point: Callable[[float], Floats], step: float) -> Floats:
-    """Derivative of points by central differences of fourth order."""
+    """Compute the derivative of points by central differences of fourth order."""
     near, far = point(step) - point(-step), point(2 * step) - point(-2 * step)
     return (8 * near - far) / (12 * step)
 
@@ -146,14 +146,14 @@ class _Tables:
     length_of_cols: _Product
 
     def area_along(self, here: Integers, there: Integers) -> Floats:
-        """Ground area between each edge and the first column; 0 for horizontal edges."""
+        """Return ground area between each edge and the first column; 0 for horizontal edges."""
         total = np.zeros(len(here))
         for rows, cols in zip(self.area.rows, self.area.cols, strict=True):
             total += (rows[there[:, 0]] - rows[here[:, 0]]) * cols[here[:, 1]]
         return total
 
     def length_along(self, here: Integers, there: Integers) -> Floats:
-        """Ground length of each edge; it runs along a row or along a column, so one of the two sums is 0."""
+        """Return ground length of each edge; it runs along a row or a column, so one of the two sums is 0."""
         down, across = np.zeros(len(here)), np.zeros(len(here))
         for rows, cols in zip(self.length_of_cols.rows, self.length_of_cols.cols, strict=True):
             down += (rows[there[:, 0]] - rows[here[:, 0]]) * cols[here[:, 1]]
@@ -192,7 +192,7 @@ def _tables(geobox: GeoBox) -> _Tables:
 
 
 def _uniform_tables(geobox: GeoBox, per_col: float, per_row: float, area: float) -> _Tables:
-    """Tables for pixels of equal ground size."""
+    """Make tables for pixels of equal ground size."""
     rows, cols = (np.arange(length + 1.0)[None] for length in geobox.shape)
     return _Tables(
         _Product(rows, cols * area),
@@ -202,7 +202,7 @@ def _uniform_tables(geobox: GeoBox, per_col: float, per_row: float, area: float)
 
 
 def _geographic_tables(geobox: GeoBox, ellipsoid: Ellipsoid) -> _Tables:
-    """Tables for a geographic raster whose rows are parallels; there is no ground beyond the poles."""
+    """Make tables for a geographic raster whose rows are parallels; no ground lies beyond the poles."""
     rows, cols = (np.arange(length + 1.0) for length in geobox.shape)
     lat = np.clip((geobox.transform.f + geobox.transform.e * rows) * ellipsoid.unit, -np.pi / 2, np.pi / 2)
     cols = cols * abs(geobox.transform.a * ellipsoid.unit)
@@ -222,7 +222,7 @@ def _cumulative_sum(steps: Floats) -> Floats:
 
 
 def _fitted_tables(geobox: GeoBox) -> _Tables:
-    """Tables from polynomials for the lengths and the area of pixels over the raster."""
+    """Make tables from polynomials for the lengths and the area of pixels over the raster."""
     fitted = _interpolate(geobox)
     if fitted is None:
         fitted = _least_squares(geobox)
@@ -237,7 +237,7 @@ def _fitted_tables(geobox: GeoBox) -> _Tables:
 
 
 def _interpolate(geobox: GeoBox) -> Floats | None:
-    """Chebyshev coefficients (3, m, n) by interpolation, as many as needed; None if ground is missing."""
+    """Interpolate by Chebyshev coefficients (3, m, n), as many as needed; None if ground is missing."""
     shape = [8, 8]
     while True:
         nodes = [np.cos(np.pi * (np.arange(n) + 0.5) / n) for n in shape]
@@ -277,7 +277,7 @@ def _least_squares(geobox: GeoBox, degree: int = 16) -> Floats | None:
 
 
 def _product(geobox: GeoBox, fitted: Floats, over_rows: bool, over_cols: bool) -> _Product:
-    """A bivariate polynomial as a sum of products at pixel corners, integrated over rows, columns or both."""
+    """Write a bivariate polynomial as a sum of products at pixel corners, integrated over rows or columns."""
     left, sizes, right = np.linalg.svd(fitted)
     terms = max(1, int((sizes > sizes[0] * 1e-12).sum()))
     in_rows, in_cols = left[:, :terms] * sizes[:terms], right[:terms].T

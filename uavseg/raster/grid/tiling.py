@@ -179,7 +179,7 @@ class TilePass:
     def run(
         self, function: Callable[[Any], Result], items: Sequence[Any] | None = None
     ) -> Generator[Result, None, None]:
-        """Results of a function for each window, or for each of some other items, in their order."""
+        """Yield results of a function for each window, or for each of some other items, in their order."""
         return self.map(function, self.windows if items is None else items, self.progress)
 
     def stages(self, count: int) -> list["TilePass"]:

@@ -115,7 +115,7 @@ def _uses(layout: BandLayout, words: BandWords, bands: Sequence[int]) -> bool:
 
 
 def _words(layout: BandLayout, bands: Sequence[int]) -> dict[int, str]:
-    """What bands are called in expressions: their numbers, or a name where another band has b1 for its name.
+    """Return what bands are called in expressions: numbers, or a name where another band is called b1.
 
     A band without such a name is left out.
     """
@@ -135,7 +135,7 @@ def _words(layout: BandLayout, bands: Sequence[int]) -> dict[int, str]:
 
 
 def _ratios(names: Sequence[str]) -> list[str]:
-    """Differences of two bands over their sum, and of more than two the share of each."""
+    """Return differences of two bands over their sum, and of more than two the share of each."""
     result = [f"({b} - {a}) / ({b} + {a})" for a, b in combinations(names, 2)]
     if len(names) > 2:
         result += [f"{name} / ({' + '.join(names)})" for name in names]

@@ -60,7 +60,7 @@ def luminance(planes: Values) -> NDArray[np.float64]:
 
 
 def luminance_f4(values: Values) -> NDArray[np.float32]:
-    """Luminance in double precision, rounded to single: (3, rows, cols) becomes (rows, cols)."""
+    """Return luminance in double precision, rounded to single: (3, rows, cols) becomes (rows, cols)."""
     result = np.empty(values.shape[1:], np.float32)
     planes = np.ascontiguousarray(values).reshape(3, -1)
     if planes.dtype == np.uint8:
@@ -74,7 +74,7 @@ def luminance_f4(values: Values) -> NDArray[np.float32]:
 
 @lru_cache(maxsize=16)
 def _lookup_table(low: float, high: float, type_code: str) -> Grey:
-    """Lookup table: grey of every value of an integer type of at most 16 bits, by bit pattern."""
+    """Return lookup table: grey of every value of an integer type of at most 16 bits, by bit pattern."""
     dtype = np.dtype(type_code)
     patterns = np.arange(1 << 8 * dtype.itemsize, dtype=f"u{dtype.itemsize}")
     grey = np.empty(len(patterns), np.uint16)

@@ -110,7 +110,7 @@ def smoothed(counts: Floats, sigma: float) -> Floats:
 
 
 def _gains(values: Floats, weights: Floats) -> Floats:
-    """Contribution of a class of bins i..j - 1 to the between-class sum of squares, at [i, j]."""
+    """Return contribution of a class of bins i..j - 1 to the between-class sum of squares, at [i, j]."""
     mean = (weights * values).sum() / weights.sum()
     below = np.concatenate([[0.0], np.cumsum(weights)])
     sums = np.concatenate([[0.0], np.cumsum(weights * (values - mean))])
@@ -123,7 +123,7 @@ def _gains(values: Floats, weights: Floats) -> Floats:
 
 
 def _optimal_partitions(gains: Floats, max_classes: int) -> list[tuple[tuple[int, ...], float]]:
-    """For 1..max_classes classes: the start of each but the first, and the sum of their gains."""
+    """Return for 1..max_classes classes the start of each but the first, and the sum of their gains."""
     best, begins = gains[0], []
     result: list[tuple[tuple[int, ...], float]] = [((), float(best[-1]))]
     for _ in range(1, max_classes):

@@ -103,7 +103,7 @@ def _fit(
 
 
 def _limits(dataset: Dataset, stretch: Stretch, statistics: Statistics) -> tuple[float, float]:
-    """Intensities between which all pixels lie, as far as it is known."""
+    """Return intensities between which all pixels lie, as far as it is known."""
     low, high = type_limits(dataset)
     if not stretch.clips:
         low, high = max(low, stretch.low), min(high, stretch.high)

@@ -87,7 +87,7 @@ class ArraySource:
         return values, valid_pixels(values, nodatas, transparency, mask, by_band, self.added_nodata)
 
     def is_empty(self, _handles: object, _choice: BandChoice, _window: Window) -> bool:
-        """False: it is not known without reading."""
+        """Return False: it is not known without reading."""
         return False
 
     def _read_plane(self, band: int, rows: Any, cols: Any) -> Values:
@@ -244,5 +244,5 @@ def _slices_like_numpy(array: Any) -> bool:
 
 
 def _index(start: int, length: int, count: int) -> Any:
-    """Index of a range of rows or columns: a slice, or evenly spaced positions where it is downsampled."""
+    """Return index of a range of rows or columns: a slice, or even positions where it is downsampled."""
     return slice(start, start + length) if count == length else sample_positions(start, length, count)

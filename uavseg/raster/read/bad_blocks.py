@@ -51,7 +51,7 @@ def bad_block_warnings(found: Iterable[BadBlock]) -> tuple[str, ...]:
 
 
 def _joined(blocks: Iterable[BadBlock], axes: tuple[str, str]) -> list[BadBlock]:
-    """Rectangles that agree along the first axis and follow one another along the second, as one."""
+    """Join rectangles that agree along the first axis and follow one another along the second."""
     along, across = axes
     size, length = f"{along}s", f"{across}s"
     result: list[BadBlock] = []
@@ -132,7 +132,7 @@ class _Listening:
 def read_naming_bad_block(
     file: RasterFile, handles: OpenFiles, choice: BandChoice, window: Window, shape: tuple[int, int]
 ) -> tuple[Values, Valid | None]:
-    """`RasterFile.read`; where it fails, the error names the first block of the file that cannot be read.
+    """Call `RasterFile.read`; where it fails, the error names the first block that cannot be read.
 
     That it is the first of the whole file, not of the window, makes the error the same for any tiles. Of a
     large file, only the blocks of the window are looked at.
@@ -156,7 +156,7 @@ _LOOKED_AT = 1 << 26  # pixels
 def read_skipping_bad_blocks(
     file: RasterFile, handles: OpenFiles, choice: BandChoice, window: Window, shape: tuple[int, int]
 ) -> tuple[Values, Valid | None, list[MissingPart]]:
-    """`RasterFile.read`, with the pixels of bad blocks invalid.
+    """Call `RasterFile.read`, with the pixels of bad blocks invalid.
 
     Besides, the blocks that cannot be read are returned, in raster order, with their index in the arrays.
     """

@@ -199,7 +199,7 @@ def _dimensions_text(array: Any) -> str:
 
 
 def _spatial_dims(array: Any, rio: Any, dims: tuple[Hashable, ...], name: str) -> tuple[Hashable, Hashable]:
-    """Dimensions of the rows and of the columns."""
+    """Return dimensions of the rows and of the columns."""
     try:
         result = rio.y_dim, rio.x_dim
         if set(result) <= set(dims):

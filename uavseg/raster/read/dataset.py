@@ -45,7 +45,7 @@ class Handle(OpenFiles):
         return self.source
 
     def close(self, _path: str) -> None:
-        """Nothing: it belongs to whoever opened it."""
+        """Do nothing: it belongs to whoever opened it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -151,14 +151,14 @@ def _layout(source: DatasetReader) -> BandLayout:
 
 
 def _spectral_metadata(source: DatasetReader, count: int) -> tuple[tuple[str, ...], tuple[float | None, ...]]:
-    """Descriptions, and wavelengths in micrometres; each empty if none is known."""
+    """Return descriptions, and wavelengths in micrometres; each empty if none is known."""
     descriptions = tuple(text or "" for text in source.descriptions)
     wavelengths = tuple(_wavelength(source, band) for band in range(1, count + 1))
     return descriptions if any(descriptions) else (), wavelengths if any(wavelengths) else ()
 
 
 def _wavelength(source: DatasetReader, band: int) -> float | None:
-    """GDAL's CENTRAL_WAVELENGTH_UM of a band."""
+    """Return GDAL's CENTRAL_WAVELENGTH_UM of a band."""
     text = source.tags(band, ns="IMAGERY").get("CENTRAL_WAVELENGTH_UM", "")
     try:
         value = float(text)

@@ -61,7 +61,7 @@ class Mosaic:
     def coarse_parts(
         self, shape: tuple[int, int]
     ) -> Iterator[tuple[RasterSource, Window, tuple[slice, slice]]]:
-        """Every file whole, with its index in an array of the mosaic downsampled to `shape`.
+        """Yield every file whole, with its index in an array of the mosaic downsampled to `shape`.
 
         A file smaller than a pixel of that array may be left out.
         """
@@ -156,7 +156,7 @@ def _origin(files: Sequence[RasterSource], boxes: Boxes) -> Affine:
 
 
 def _corner(file: RasterSource, first: RasterSource) -> tuple[int, int]:
-    """Row and column, on the grid of `first`, of the first pixel of `file`."""
+    """Return row and column, on the grid of `first`, of the first pixel of `file`."""
     _check_traits(file, first)
     rows, cols = file.shape
     (row, col), (low_row, low_col), (right_row, right_col) = (
@@ -179,7 +179,7 @@ def _corner(file: RasterSource, first: RasterSource) -> tuple[int, int]:
 
 
 def _on_grid(grid: Affine, transform: Affine) -> tuple[float, float]:
-    """Row and column on a grid of the first corner of another transform."""
+    """Return row and column on a grid of the first corner of another transform."""
     x, y = transform.c - grid.c, transform.f - grid.f
     size = grid.a * grid.e - grid.b * grid.d
     return (grid.a * y - grid.d * x) / size, (grid.e * x - grid.b * y) / size
@@ -202,7 +202,7 @@ def _check_traits(file: RasterSource, first: RasterSource) -> None:
 
 
 def _roles(file: RasterSource, other: RasterSource) -> str:
-    """Colour interpretation of the bands; empty if one of the two is an array, which has none."""
+    """Return the colour interpretation of bands; empty if one of the two is an array, which has none."""
     both_known = isinstance(file, RasterFile) and isinstance(other, RasterFile)
     return ",".join(file.layout.roles) if both_known else ""
 

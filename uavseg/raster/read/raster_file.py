@@ -151,7 +151,7 @@ class RasterFile:
         return self.driver == "GTiff" and not self.masks
 
     def fingerprint(self) -> tuple[tuple[FileState, ...], tuple[float | None, ...]]:
-        """Content hash input: the state of each file that it consists of, and the nodata values."""
+        """Return for a hash the state of each file that it consists of, and the nodata values."""
         added = () if self.added_nodata is None else (self.added_nodata,)
         return file_states(self.path, self.driver, self.online), (*self.nodatas, *added)
 
@@ -261,13 +261,13 @@ class RasterFile:
         return mask
 
     def _is_checked(self, window: Window, options: dict[str, Any]) -> bool:
-        """Whether to look for damage that GDAL does not report: in TIFFs, where they are not downsampled."""
+        """Return whether to look for damage that GDAL does not report: in TIFFs, if not downsampled."""
         return self.driver == "GTiff" and options["out_shape"] == (window.rows, window.cols)
 
     def _brightness(
         self, values: Values, valid: Valid | None, choice: BandChoice
     ) -> tuple[Values, Valid | None]:
-        """Stored numbers as brightness: palette colours, and inverted values where white is 0."""
+        """Turn stored numbers into brightness: palette colours, and inverted values where white is 0."""
         if self.palette is not None and choice.expanded:
             table = np.array(self.palette, np.uint8)
             index = values[0].view(f"u{values.itemsize}")  # numbers of colours have no sign
@@ -283,7 +283,7 @@ class RasterFile:
 
 
 def file_states(path: str, driver: str | None = None, online: bool = False) -> tuple[FileState, ...]:
-    """Path, size in bytes and modification time in ns of every file that a raster consists of.
+    """Return path, size in bytes and modification time in ns of every file that a raster consists of.
 
     These are the file itself, its sidecar files (masks, overviews) and those that it refers to (a VRT). A
     file in an archive is represented by the archive; a remote file by its address, with -1 and -1. A
@@ -308,7 +308,7 @@ def _state(name: str) -> FileState:
 
 
 def _on_disk(name: str) -> list[Path]:
-    """Paths on disk that a name may stand for: itself, or for a name in an archive, the archive."""
+    """Return paths on disk that a name may stand for: itself, or for a name in an archive, the archive."""
     if not name.startswith("/vsi"):
         return [Path(name)]
     inner = Path(name.split("/", 2)[-1].replace("{", "").replace("}", ""))

@@ -75,7 +75,7 @@ def _expanded(name: str) -> list[str]:
 
 
 def _rasters_in(folder: str) -> list[str]:
-    """Image files of a folder, in the order of their names."""
+    """Return image files of a folder, in the order of their names."""
     known = image_extensions()
     try:
         with os.scandir(folder) as entries:

@@ -60,7 +60,7 @@ def _whole(values: Floats, inside: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 
 def _lonlat_of(place: tuple[int, int, int], shares: Floats) -> tuple[Floats, Floats]:
-    """Longitudes and latitudes in degrees at shares of the sides of a tile."""
+    """Return longitudes and latitudes in degrees at shares of the sides of a tile."""
     zoom, x, y = place
     lon = (x + shares) / 2**zoom * 360 - 180
     lat = np.degrees(np.arctan(np.sinh(np.pi * (1 - 2 * (y + shares) / 2**zoom))))
@@ -109,7 +109,7 @@ def _is_even(values: Floats) -> bool:
 
 @lru_cache(maxsize=4096)
 def _bounds(shape: tuple[int, int], transform: Affine, wkt: str | None) -> tuple[float, float, float, float]:
-    """West, south, east and north of a raster, widened: beyond them its projection may be ambiguous."""
+    """Return the bounds of a raster in degrees, widened: beyond them its projection may be ambiguous."""
     share = np.linspace(0, 1, _EDGE_PARTS + 1)
     rows, cols = np.meshgrid(share * shape[0], share * shape[1], indexing="ij")
     t = transform

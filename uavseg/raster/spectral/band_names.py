@@ -151,7 +151,7 @@ def common_names(
 
 
 def code_of(description: str) -> str | None:
-    """The code with which a description begins, such as "b8a" for "B08A, 865 nm"; None if there is none."""
+    """Return the code that begins a description, such as "b8a" for "B08A, 865 nm"; None if none does."""
     code = _CODE.match(description.casefold())
     return None if code is None else f"b{code[1]}"
 
@@ -176,7 +176,7 @@ def _from_wavelength(description: str, micrometres: float | None) -> str:
 
 
 def _satellite(descriptions: Sequence[str]) -> dict[str, str]:
-    """Common names by code, where the codes of all bands can be only those of one satellite."""
+    """Return common names by code, where the codes of all bands can be only those of one satellite."""
     codes = {code_of(text) for text in descriptions}
     surface = any(text.startswith(("sr_b", "st_b")) for text in descriptions)
     if surface:

@@ -30,7 +30,7 @@ class BandScale:
 
     @classmethod
     def of_tags(cls, scale: object, offset: object, unit: object) -> "BandScale | None":
-        """From what a file says; None where its numbers are no scale and offset.
+        """Make it from what a file says; None where its numbers are no scale and offset.
 
         Examples
         --------

@@ -26,7 +26,7 @@ Array = NDArray[Any]
 
 
 def _power(base: Any, exponent: Any) -> Any:
-    """Powers; squares and square roots are exact, which `pow` of a system need not be."""
+    """Compute powers; squares and square roots are exact, which `pow` of a system need not be."""
     if np.ndim(exponent) == 0 and exponent in (2.0, 0.5):
         return np.square(base) if exponent == 2.0 else np.sqrt(base)
     return np.power(base, exponent)

@@ -69,7 +69,7 @@ class DeflateBlocks:
     def check(
         self, source: DatasetReader, bands: tuple[int, ...], window: Window, values: Values | None
     ) -> None:
-        """As `check_deflate_blocks`."""
+        """Check as `check_deflate_blocks`."""
         rows, cols = self._shape
         i, j = window.row // rows, window.col // cols
         last = -(-(window.row + window.rows) // rows), -(-(window.col + window.cols) // cols)

@@ -54,12 +54,12 @@ class BlockStream:
 
     @classmethod
     def of(cls, path: Path, source: DatasetReader, band: int, place: tuple[int, int]) -> "BlockStream | None":
-        """That of the block in a row and a column of blocks; None if it is not stored."""
+        """Return that of the block in a row and a column of blocks; None if it is not stored."""
         offset = source.get_tag_item(f"BLOCK_OFFSET_{place[1]}_{place[0]}", "TIFF", bidx=band)
         return None if offset is None else cls(path, int(offset), source.block_size(band, *place))
 
     def read(self, start: int = 0, most: int | None = None) -> bytes:
-        """Its bytes from `start` on, which counts from the end if it is below 0; `most` of them at most."""
+        """Read its bytes from `start` on, which counts from the end if it is below 0; `most` of them."""
         start = start if start >= 0 else max(self.size + start, 0)
         left = self.size - start
         with self.path.open("rb") as file:
@@ -171,7 +171,7 @@ def _layout(file: BinaryIO) -> _Layout:
 
 
 def _directories(file: BinaryIO) -> list[dict[int, int]]:
-    """Kind and size of each image, as numbers by tag."""
+    """Return kind and size of each image, as numbers by tag."""
     layout = _layout(file)
     (place,) = layout.read(file, layout.place)
     found: dict[int, dict[int, int]] = {}

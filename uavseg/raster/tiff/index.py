@@ -86,7 +86,7 @@ def _stored(path: str, place: int, shape: tuple[int, int, int], size: int) -> St
 def _read_index(
     file: BinaryIO, place: int, size: int, count: int
 ) -> list[NDArray[np.unsignedinteger]] | None:
-    """Offsets and lengths of `count` blocks, each of them empty if the file has none; None if damaged."""
+    """Read offsets and lengths of `count` blocks, each empty if the file has none; None if damaged."""
     start = file.read(4)
     order, big = {b"II": "<", b"MM": ">"}.get(start[:2], "<"), start[2:4].strip(b"\0") == b"+"
     head, entry = ("Q", "HHQ8s") if big else ("H", "HHI4s")

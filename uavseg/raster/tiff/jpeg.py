@@ -65,7 +65,7 @@ class JpegBlocks:
         self._checked = checked_blocks(name, path, size)
 
     def check(self, source: DatasetReader, bands: Sequence[int], window: Window) -> None:
-        """As `check_jpeg_blocks`."""
+        """Check as `check_jpeg_blocks`."""
         rows, cols = self._shape
         i, j = window.row // rows, window.col // cols
         last = -(-(window.row + window.rows) // rows), -(-(window.col + window.cols) // cols)

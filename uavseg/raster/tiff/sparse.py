@@ -84,7 +84,7 @@ class SparseBlocks:
         return np.array(fill).astype(dtype) if dtype.kind in "iuf" else None
 
     def _stored(self, window: Window) -> Stored | None:
-        """Which blocks that intersect a window are stored, of any of the bands: (rows, cols) bool array."""
+        """Return which blocks that intersect a window are stored, of any of the bands, (rows, cols)."""
         known = stored_blocks(self.path, self.source)
         if known is None:
             return None
