@@ -20,8 +20,7 @@ Rule = Callable[[Any], Iterator[str]]
 def station_refusals(content: bytes, suffix: str) -> dict[str, str]:
     """Return why each program refuses a .plan or .waypoints file, empty where it loads it.
 
-    `content` is that of a file that `read_mission` reads. Files of other formats are for none of the
-    programs.
+    `content` is that of a file that `read_mission` reads. Nothing is returned for other formats.
     """
     if suffix == ".plan":
         plan = parse_json(content.decode())

@@ -89,7 +89,7 @@ def leg_seconds(
 ) -> Floats:
     """Compute the time of each leg of a path that is flown from rest to rest.
 
-    The time saved in a corner is shared by the legs before and after it.
+    There are n - 1 times; what is saved in a corner is shared by the legs before and after it.
 
     Parameters
     ----------

@@ -200,8 +200,8 @@ def points_within(along_m: Floats, height_m: Floats, tolerance_m: float) -> list
     tolerance; the slopes that do so are a cone that only narrows (J. Sklansky and V. Gonzalez, Fast polygonal
     approximation of digitized curves, Pattern Recognition 12, 1980).
 
-    `along_m` (n,) increases, or is all the same for a leg without length. The results are indices, the first
-    and the last sample among them.
+    `along_m` (n,) increases, or is all the same for a leg without length; the tolerance is vertical. The
+    results are indices, the first and the last sample among them.
 
     Examples
     --------
