@@ -53,17 +53,8 @@ class DamagedResultError(ValueError):
 def encode_result(value: Any, key: str) -> bytes:
     """Serialise a result; equal results give equal bytes.
 
-    Parameters
-    ----------
-    value : None, bool, int, float, str, array, tuple, list or dataclass of these
-        Dataclasses must be of the project.
-    key : str
-        Identifies the item that the result belongs to.
-
-    Raises
-    ------
-    TypeError
-        If it holds a value of another type.
+    `value` is None, a bool, int, float, str, array, tuple, list or dataclass of the project, of these, else a
+    TypeError. `key` identifies the item that the result belongs to.
     """
     arrays: list[NDArray[Any]] = []
     tree = {"key": key, "value": _to_tree(value, arrays)}
@@ -78,17 +69,9 @@ def encode_result(value: Any, key: str) -> bytes:
 
 
 def decode_result(data: bytes, key: str) -> Any:
-    """Read a result that `encode_result` serialised.
+    """Read a result that `encode_result` serialised for the item of a key.
 
-    Parameters
-    ----------
-    key : str
-        Of its item.
-
-    Raises
-    ------
-    DamagedResultError
-        If the bytes are damaged, of another key, or not from `encode_result` at all.
+    A DamagedResultError says that the bytes are damaged, of another key, or not from `encode_result` at all.
     """
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
@@ -159,21 +142,10 @@ def with_checkpoint(map: Map, folder: str | os.PathLike[str], on_resume: OnResum
 
     The calling thread reads and writes the files; only missing results are computed by the other executor.
     Results of the stages in `UNSAVED` are computed each time. A file is written whole or not at all; a
-    damaged one is computed again. The folder remains at the end.
-
-    Parameters
-    ----------
-    map : Map
-        The executor that computes what is missing.
-    folder : path
-        Created if it does not exist; its parent folder must exist.
-    on_resume : callable, optional
-        Called once for each stage of which some tiles are done already.
-
-    Raises
-    ------
-    OutputError
-        If its name is empty, it cannot be created, or a result cannot be written to it.
+    damaged one is computed again. The folder remains at the end. `map` computes what is missing. The folder
+    is created if it does not exist; its parent folder must exist. `on_resume` is called once for each stage
+    of which some tiles are done already. An OutputError says that the name of the folder is empty, that it
+    cannot be created, or that a result cannot be written to it.
     """
     if not os.fspath(folder):  # a Path takes it for the working directory
         raise OutputError("the name of the folder for resume is empty; name a folder, or leave resume out")

@@ -43,15 +43,8 @@ RESULT_LIBRARIES = {
 def dask(address: str) -> "Cluster":
     """Connect to the workers of a scheduler; the executor is a context manager, to be closed at the end.
 
-    Parameters
-    ----------
-    address : str
-        Of the scheduler, such as tcp://10.0.0.5:8786.
-
-    Raises
-    ------
-    ClusterError
-        If dask.distributed is not installed, no scheduler answers, or a worker has other versions.
+    `address` is that of the scheduler, such as tcp://10.0.0.5:8786. A ClusterError says that dask.distributed
+    is not installed, that no scheduler answers, or that a worker has other versions.
     """
     try:
         from distributed import Client

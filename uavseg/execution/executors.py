@@ -85,10 +85,7 @@ class Map(Protocol):
     """
 
     def __call__(
-        self,
-        function: Callable[[Item], Result],
-        items: Sequence[Item],
-        progress: Progress | None = None,
+        self, function: Callable[[Item], Result], items: Sequence[Item], progress: Progress | None = None
     ) -> Generator[Result, None, None]: ...
 
 
@@ -149,14 +146,8 @@ def in_order(
 ) -> Generator[Result, None, None]:
     """Yield results of futures in the order of the items; closing the generator cancels pending ones.
 
-    Parameters
-    ----------
-    submit : callable
-        Starts an item and returns its future.
-    result : callable
-        Waits for a future and returns its result.
-    capacity : callable
-        How many items may be started and not yet consumed.
+    `submit` starts an item and returns its future, `result` waits for a future and returns its result, and
+    `capacity` is how many items may be started and not yet consumed.
     """
     pending: deque[Any] = deque()
     done = 0
@@ -179,11 +170,6 @@ class LazySequence(Sequence[Element], Generic[Element]):
 
     It pickles, and has a fingerprint, if `make_item` does: a function of a module or a `partial` of one.
 
-    Parameters
-    ----------
-    make_item : callable
-        From a position 0..length - 1 to the item there.
-
     Examples
     --------
     >>> squares = LazySequence(5, lambda k: k * k)
@@ -192,7 +178,7 @@ class LazySequence(Sequence[Element], Generic[Element]):
     """
 
     length: int
-    make_item: Callable[[int], Element]
+    make_item: Callable[[int], Element]  # from a position 0..length - 1 to the item there
 
     def __len__(self) -> int:
         return self.length

@@ -99,32 +99,18 @@ def _is_terminal() -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Amount:
-    """How much there is to do.
-
-    Parameters
-    ----------
-    pixels : int
-        0 if they are not known.
-    unit : str
-        What is counted as tiles.
-    """
+    """How much there is to do."""
 
     tiles: int
-    pixels: int
-    unit: str = "tiles"
+    pixels: int  # 0 if they are not known
+    unit: str = "tiles"  # what is counted as tiles
 
 
 def bar(share: float, seconds: float, amount: Amount | None = None) -> str:
     """Return one line: how much is done, tiles, pixels per second and the time left.
 
-    A tile is passed several times, and counts by the share of all passes that is done.
-
-    Parameters
-    ----------
-    share : float
-        How much of the work is done, 0 to 1.
-    seconds : float
-        That the work took so far.
+    A tile is passed several times, and counts by the share of all passes that is done. `share` (0 to 1) is
+    how much of the work is done, after so many seconds.
 
     Examples
     --------

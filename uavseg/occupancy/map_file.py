@@ -75,10 +75,7 @@ def check_map_path(
 ) -> list[str]:
     """Check that a map may be written to a path, before the work; returns the files that it will have.
 
-    Parameters
-    ----------
-    mode : {"trinary", "scale", "raw"}, optional
-        Of a ROS map only.
+    `mode` is "trinary", "scale" or "raw", of a ROS map only.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in (".tif", ".tiff", ".yaml", ".yml"):
@@ -103,20 +100,9 @@ def write_map(
 ) -> None:
     """Write a ROS map (.yaml and its image), or a GeoTIFF of probabilities (.tif).
 
-    In a trinary ROS map, cells are free up to a probability of 0.25 and occupied from 0.65 on.
-
-    Parameters
-    ----------
-    probabilities : (rows, cols) float32 array
-        Unknown where exactly 0.5.
-    overwrite : bool
-        Whether to replace existing files.
-    mode : {"trinary", "scale", "raw"}, optional
-        Of a ROS map, by default "trinary"; the others keep all levels.
-    tags : mapping of str to str, optional
-        Metadata items of a GeoTIFF.
-    creation : CreationOptions
-        Of a GeoTIFF.
+    `probabilities` (rows, cols) are unknown where exactly 0.5. In a trinary ROS map, the default, cells are
+    free up to a probability of 0.25 and occupied from 0.65 on; the modes "scale" and "raw" keep all levels.
+    `tags` (metadata items) and `creation` are for a GeoTIFF.
     """
     check_map_path(path, overwrite, mode)
     if not is_ros_map(path):
@@ -162,18 +148,8 @@ def write_states(
     """Write the states of a map: a uint8 GeoTIFF with nodata 0, or for a .yaml a ROS map.
 
     A ROS map has no nodata, so such cells become unknown. It is held whole while it is written, a byte a
-    cell; a GeoTIFF is written row by row.
-
-    Parameters
-    ----------
-    path : path
-        .tif, or .yaml.
-    overwrite : bool
-        Whether to replace existing files.
-    mode : {"trinary", "scale", "raw"}
-        Of the ROS map.
-    creation : CreationOptions
-        Of the GeoTIFF.
+    cell; a GeoTIFF is written row by row. `mode` ("trinary", "scale" or "raw") is for the ROS map, `creation`
+    for the GeoTIFF.
     """
     if is_ros_map(path):
         write_ros_map(path, image.read(), geobox, overwrite, mode)

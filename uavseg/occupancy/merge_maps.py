@@ -36,13 +36,8 @@ class PlacedMap:
 def common_grid(maps: Sequence[PlacedMap], unrotate: bool, resolution: float | None) -> GeoBox:
     """Extend the grid of the first map to hold all maps.
 
-    Parameters
-    ----------
-    maps : sequence of PlacedMap
-    unrotate : bool
-        Whether its rows run along the x axis, a yaw of 0.
-    resolution : float, optional
-        Side of a cell in metres; by default the first map's.
+    With `unrotate` its rows run along the x axis, a yaw of 0. `resolution` is the side of a cell in metres;
+    by default that of the first map.
     """
     for other in maps:
         if other.geobox.crs != maps[0].geobox.crs:
@@ -67,18 +62,10 @@ def common_grid(maps: Sequence[PlacedMap], unrotate: bool, resolution: float | N
 
 
 def merge(maps: Sequence[PlacedMap], geobox: GeoBox) -> tuple[Float32s, int]:
-    """Merge maps into the cells of a grid; the order of the maps does not matter.
+    """Merge maps into the cells of a grid, and count disputed cells; the order of the maps does not matter.
 
-    Parameters
-    ----------
-    maps : sequence of PlacedMap
-
-    Returns
-    -------
-    probabilities : (rows, cols) float32 array
-        Of each cell the value that is farthest from 0.5; the highest where one is occupied (0.65 or more).
-    disputed : int
-        Number of cells that are free (0.25 or less) in one map and occupied in another.
+    Each cell takes the value that is farthest from 0.5; the highest where one is occupied (0.65 or more).
+    Cells that are free (0.25 or less) in one map and occupied in another are disputed.
     """
     lowest = np.full(geobox.shape, 0.5, np.float32)
     highest = lowest.copy()
@@ -93,12 +80,7 @@ def merge(maps: Sequence[PlacedMap], geobox: GeoBox) -> tuple[Float32s, int]:
 
 
 def cropped(probabilities: Float32s, geobox: GeoBox) -> tuple[Float32s, GeoBox]:
-    """Crop a map to its known cells; refuse one without any.
-
-    Parameters
-    ----------
-    probabilities : (rows, cols) float32 array
-    """
+    """Crop a map (rows, cols) to its known cells; refuse one without any."""
     known = probabilities != 0.5
     rows, cols = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
     if not len(rows):

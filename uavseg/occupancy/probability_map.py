@@ -30,13 +30,7 @@ class ProbabilityStretch(Stretch):
         return False
 
     def apply(self, values: Values, valid: Valid | None = None) -> Grey:
-        """Convert values to grey, 0 where invalid; refuse a valid value outside 0..1.
-
-        Parameters
-        ----------
-        values : (rows, cols) float array
-        valid : (rows, cols) bool array, optional
-        """
+        """Convert values to grey, 0 where invalid, as `Stretch.apply`; refuse a valid value outside 0..1."""
         outside = (values < 0) | (values > 1)
         if valid is not None:
             outside &= valid
@@ -48,33 +42,22 @@ class ProbabilityStretch(Stretch):
         return Stretch.apply(self, values, valid)
 
 
-def open_map(
-    path: str | os.PathLike[str], band: int | None = None, nodata: float | str | None = None
-) -> tuple[Dataset, Stretch]:
+def open_map(path: str | os.PathLike[str], nodata: float | str | None = None) -> tuple[Dataset, Stretch]:
     """Open a map of probabilities: a raster, or the YAML file of a ROS map.
 
-    It is never stretched by its content: integers are divided by the largest number of their type,
-    floats are taken as they are. Unknown cells of a ROS map are exactly 0.5.
+    It is never stretched by its content: integers are divided by the largest number of their type, floats are
+    taken as they are. Unknown cells of a ROS map are exactly 0.5. Of a raster, `nodata` is a value without
+    data, beside that of the file; "only:V" replaces that.
 
-    Parameters
-    ----------
-    band : int, optional
-        Of a raster: the band to use, counted from 1.
-    nodata : float or str, optional
-        Of a raster: a value without data, beside the nodata value of the file; "only:V" replaces that.
-
-    Returns
-    -------
-    dataset, stretch
-        Together they make the `GreySource` that the phases read by window. The stretch of floats raises
-        `MapError` for a number that is not a probability.
+    Dataset and stretch together make the `GreySource` that the phases read by window. The stretch of floats
+    raises `MapError` for a number that is not a probability.
     """
     if is_ros_map(path):
         ros_map = read_ros_map(path)
         dataset = Dataset.of_values(ros_map.probabilities, ros_map.geobox, Path(path).name, local_metres=True)
         dataset = replace(dataset, warnings=ros_map.warnings)
     else:
-        dataset = Dataset.open(path, band=band, nodata=nodata)
+        dataset = Dataset.open(path, nodata=nodata)
     return dataset, stretch_of(dataset)
 
 

@@ -37,7 +37,6 @@ class Summary:
 
     Parameters
     ----------
-    paths : tuple of str
     crs : str or None
         Name of the CRS.
     located : bool
@@ -65,10 +64,8 @@ class Summary:
         Of v; NaN if no pixel is valid.
     cut : float
         Otsu's threshold: the v that splits the histogram best into dark and bright.
-    overviews : tuple of int
     in_metres : bool
         Whether `resolution` is in metres rather than in units of the map.
-    warnings : tuple of str
     command : str
         A command to try next: it extracts the rarer of dark and bright, see `interval`; "" if none is valid.
     axis : ValueAxis or None
@@ -123,7 +120,7 @@ class Summary:
         return 1 - self.valid / self.counted
 
     def as_dict(self) -> dict[str, Any]:
-        """All fields as plain values for JSON, with None instead of NaN and infinity."""
+        """Return all fields as plain values for JSON, with None instead of NaN and infinity."""
         found = asdict(self)
         found["bands"] = [
             dict(zip(("dtype", "color", "nodata"), map(_plain, b), strict=True)) for b in self.bands
@@ -153,14 +150,8 @@ def summarize(
     """Summarise a dataset.
 
     Every pixel of a raster of up to 100 megapixels is counted, tile by tile; a larger one is downsampled to
-    at most 4096 rows and columns.
-
-    Parameters
-    ----------
-    map : Map
-        The executor.
-    collar : {"keep", "auto"}
-        With "auto", its collar counts as nodata; that of a larger raster is searched for in what is counted.
+    at most 4096 rows and columns. With `collar` "auto", its collar counts as nodata; that of a larger raster
+    is searched for in what is counted.
     """
     box, first = dataset.geobox, dataset.mosaic.files[0]
     exact = math.prod(box.shape) <= EXACT_PIXELS
@@ -204,10 +195,7 @@ def summarize(
 
 
 def _count(
-    dataset: Dataset,
-    stretch: Stretch | StretchSpec | str,
-    map: Map,
-    progress: Progress | None,
+    dataset: Dataset, stretch: Stretch | StretchSpec | str, map: Map, progress: Progress | None
 ) -> tuple[Stretch, NDArray[np.int64], int]:
     """Return the stretch, the histogram of grey levels under it, and the sum of greys beyond it."""
     shape = dataset.geobox.shape
@@ -230,7 +218,7 @@ def _grey_histogram(dataset: Dataset, stretch: Stretch, window: Window) -> tuple
 
 
 def _binned(greys: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Histogram in equal bins of v; v = 1 belongs to the last bin."""
+    """Return histogram in equal bins of v; v = 1 belongs to the last bin."""
     bins = np.minimum(np.arange(GREY_LEVELS) * HISTOGRAM_BINS // (GREY_LEVELS - 1), HISTOGRAM_BINS - 1)
     return np.bincount(bins, weights=greys, minlength=HISTOGRAM_BINS).astype(np.int64)
 
@@ -245,7 +233,7 @@ def _moments(greys: NDArray[np.int64]) -> tuple[float, float]:
 
 
 def _otsu_threshold(greys: NDArray[np.int64]) -> float:
-    """Otsu's threshold at a bin edge; the middle one of equally good edges between empty bins."""
+    """Return Otsu's threshold at a bin edge; the middle one of equally good edges between empty bins."""
     classes = multi_otsu(_binned(greys), 2)
     if len(classes) < 2:
         return 0.5

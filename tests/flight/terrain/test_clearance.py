@@ -38,6 +38,12 @@ def mission(path: Any, frame: int, heights: Any, takeoff_m: float = 60.0) -> Mis
     return Mission(home, items_along(track(lon, lat), home, PlanParams(60), flight))
 
 
+def check(clearance: Clearance, flight: Mission, maximum_m: float) -> None:
+    """Raise MissionError with the first of the problems, if there is one."""
+    for problem in clearance.problems(flight, maximum_m):
+        raise MissionError(problem)
+
+
 @pytest.mark.slow
 @given(st.integers(0, 99), st.floats(10, 100), st.floats(-8, 8))
 @settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -60,15 +66,15 @@ def test_a_planned_flight_passes_and_a_lowered_or_raised_one_does_not(
 
     assert found.ground is not None
     lowest, highest = found.ground.lowest_m, found.ground.highest_m
-    Clearance(dem, lowest).check(moved(found, 0.0), highest + 0.5)
+    check(Clearance(dem, lowest), moved(found, 0.0), highest + 0.5)
     checked = Clearance(dem, 56)
     if above.min() + moved_m < 55.5:
         with pytest.raises(MissionError, match=r"above the ground of a\.tif, and at least 56\.0 m"):
-            checked.check(moved(found, moved_m), 200)
+            check(checked, moved(found, moved_m), 200)
     elif above.min() + moved_m > 56.5:
-        checked.check(moved(found, moved_m), 200)
+        check(checked, moved(found, moved_m), 200)
     with pytest.raises(MissionError, match="--max-altitude"):
-        Clearance(dem, 0).check(moved(found, moved_m), above.max() + moved_m - 1)
+        check(Clearance(dem, 0), moved(found, moved_m), above.max() + moved_m - 1)
 
 
 def test_a_hill_between_two_waypoints_or_on_the_way_back_is_seen(tmp_path: Path) -> None:
@@ -77,8 +83,8 @@ def test_a_hill_between_two_waypoints_or_on_the_way_back_is_seen(tmp_path: Path)
     for path in (over, back):
         for frame, zero in ((FRAME_AMSL, 400), (FRAME_RELATIVE, 0)):
             with pytest.raises(MissionError, match=r"is 1\d\.\d m above the ground"):
-                Clearance(dem, 55).check(mission(path, frame, [zero + 60] * 2), 120)
-    Clearance(dem, 55).check(mission([(300, 0), (300, 300)], FRAME_AMSL, [460] * 2), 120)
+                check(Clearance(dem, 55), mission(path, frame, [zero + 60] * 2), 120)
+    check(Clearance(dem, 55), mission([(300, 0), (300, 300)], FRAME_AMSL, [460] * 2), 120)
 
 
 def test_rally_points_keep_above_their_own_ground(tmp_path: Path) -> None:
@@ -98,14 +104,14 @@ def test_a_mission_without_takeoff_starts_at_the_ground_of_home(tmp_path: Path) 
     whole = mission([(300, 0)], FRAME_AMSL, [460])
     without = Mission(whole.home, (*whole.items[1:-1], MissionItem(RETURN, 2)))
     with pytest.raises(MissionError, match=r"is 0\.0 m above the ground"):
-        Clearance(dem, 55).check(without, 120)
+        check(Clearance(dem, 55), without, 120)
 
 
 def test_heights_above_the_terrain_of_the_vehicle_are_taken_for_what_they_say(tmp_path: Path) -> None:
     dem = Dem.open(draw(tmp_path / "a.tif", cone(150, 300, 500, 0)))
-    Clearance(dem, 55).check(mission([(300, 0), (700, 0)], FRAME_TERRAIN, [60, 60]), 120)
+    check(Clearance(dem, 55), mission([(300, 0), (700, 0)], FRAME_TERRAIN, [60, 60]), 120)
     with pytest.raises(MissionError, match="higher than allowed"):
-        Clearance(dem, 55).check(mission([(300, 0), (700, 0)], FRAME_TERRAIN, [60, 121]), 120)
+        check(Clearance(dem, 55), mission([(300, 0), (700, 0)], FRAME_TERRAIN, [60, 121]), 120)
 
 
 def test_without_a_model_nothing_is_checked_here(tmp_path: Path) -> None:
@@ -124,9 +130,9 @@ def test_a_vehicle_that_changes_its_height_early_is_checked_where_it_flies(
     start = 400 + rise_m / 2 + 60  # the ground and the straight line rise alike over 400 m
     flight = mission([(200, 0), (600, 0)], FRAME_AMSL, [start, start + rise_m], takeoff_m=start - 400)
     straight = replace(flight, items=flight.items[:-1])
-    Clearance(dem, 35).check(straight, 85)
+    check(Clearance(dem, 35), straight, 85)
     with pytest.raises(MissionError, match=words):
-        Clearance(dem, 55, (3.0, 1.5)).check(straight, 70 if rise_m > 0 else 120)
+        check(Clearance(dem, 55, (3.0, 1.5)), straight, 70 if rise_m > 0 else 120)
 
 
 @pytest.mark.parametrize("autopilot", ["px4", "generic", "ardupilot"])

@@ -22,12 +22,8 @@ _QUARTER = 2  # segments of a quarter of a circle: a buffer is 8 % narrower at t
 def enclosing(area: Any, reach_m: float) -> Any:
     """Return an area with fewer corners that contains another one; with few corners, that one itself.
 
-    Parameters
-    ----------
-    area : shapely Polygon or MultiPolygon
-        Valid, in metres.
-    reach_m : float
-        Above 0: no point of the result is farther from the area, or it is the convex hull of a part.
+    `area` (shapely) is valid, in metres. No point of the result is farther than `reach_m` (above 0) from it,
+    or the result is the convex hull of a part.
 
     Examples
     --------
@@ -81,11 +77,7 @@ def filled_parts(areas: Any) -> NDArray[np.object_]:
 def neighbour_groups(areas: NDArray[np.object_], bounds: NDArray[np.float64]) -> list[NDArray[np.int64]]:
     """Return the indices of areas in groups of neighbours with about `GROUP_CORNERS` corners, by strips.
 
-    Parameters
-    ----------
-    areas : (n,) array of shapely Polygon or MultiPolygon
-    bounds : (n, 4) float64 array
-        Their bounding boxes in metres.
+    `bounds` (n, 4) are the bounding boxes of the areas in metres.
     """
     corners = shapely.get_num_coordinates(areas)
     strips = int(np.ceil(np.sqrt(corners.sum() / GROUP_CORNERS)))

@@ -31,13 +31,6 @@ MAX_CORNERS = 1200  # a graph of their pairs takes seconds
 class FreeSpace:
     """The plane without obstacles, or the inside of a polygon.
 
-    Parameters
-    ----------
-    inside : shapely Polygon or MultiPolygon, optional
-        In metres; by default the whole plane.
-    obstacles : sequence of shapely Polygon
-        In metres; their edges are free.
-
     Examples
     --------
     >>> wall = FreeSpace(obstacles=[shapely.box(4, -10, 6, 2)])
@@ -45,8 +38,8 @@ class FreeSpace:
     [[0.0, 0.0], [4.0, 2.0], [6.0, 2.0], [10.0, 0.0]]
     """
 
-    inside: Any = None
-    obstacles: Sequence[Any] = ()
+    inside: Any = None  # shapely, in metres; by default the whole plane
+    obstacles: Sequence[Any] = ()  # shapely Polygons in metres; their edges are free
 
     def is_free(self, points: Floats) -> NDArray[np.bool_]:
         """Return whether points (n, 2) lie in free space or on its edge."""

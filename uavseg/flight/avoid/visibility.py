@@ -35,16 +35,8 @@ class Edges:
 def shortest_paths(weights: Floats) -> tuple[Floats, Ints]:
     """Compute the shortest paths between all nodes of a graph (Floyd and Warshall).
 
-    Parameters
-    ----------
-    weights : (n, n) float64 array
-        Lengths of edges, infinite where there is none, 0 on the diagonal.
-
-    Returns
-    -------
-    lengths : (n, n) float64 array
-    before : (n, n) int64 array
-        The node before each node (column) on the path from each node (row).
+    `weights` (n, n) are lengths of edges, infinite where there is none, 0 on the diagonal. The results are
+    the lengths (n, n), and the node before each node (column) on the path from each node (row), (n, n) int64.
     """
     lengths = np.array(weights, np.float64, order="C")
     before = np.repeat(np.arange(len(lengths), dtype=np.int64)[:, None], len(lengths), axis=1)
@@ -55,17 +47,8 @@ def shortest_paths(weights: Floats) -> tuple[Floats, Ints]:
 def cheapest(sparse: Floats, matrix: Floats) -> tuple[Floats, Ints]:
     """Return the minimum of ``sparse[i, k] + matrix[k, j]`` over k, and that k (min-plus matrix product).
 
-    Parameters
-    ----------
-    sparse : (n, m) float64 array
-        Lengths; where they are infinite, nothing is computed.
-    matrix : (m, p) float64 array
-
-    Returns
-    -------
-    lengths : (n, p) float64 array
-    through : (n, p) int64 array
-        0 where the length is infinite.
+    `sparse` (n, m) are lengths; where they are infinite, nothing is computed. `matrix` is (m, p), the results
+    are (n, p); k is 0 where the length is infinite.
     """
     lengths = np.full((len(sparse), matrix.shape[1]), np.inf)
     through = np.zeros(lengths.shape, np.int64)

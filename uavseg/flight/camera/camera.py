@@ -31,6 +31,8 @@ _MAXIMUM = 1e7  # of any size, so that no product of them overflows
 class Camera:
     """A camera, mounted with the longer side of its image across the direction of flight.
 
+    A ParameterError says that a number is not positive or above 1e7, or pixels are not square within 10 %.
+
     Parameters
     ----------
     sensor_mm : (float, float)
@@ -41,11 +43,6 @@ class Camera:
         Focal length of the lens, not its 35 mm equivalent.
     min_interval_s : float
         Shortest time between two photographs; 0 if it is not known.
-
-    Raises
-    ------
-    ParameterError
-        If a number is not positive or above 1e7, or pixels are not square within 10 %.
 
     Examples
     --------
@@ -157,15 +154,7 @@ def check_pitch(pitch_deg: float) -> None:
 class Overlap:
     """Overlap of photographs: shares of the footprint that the next image along and beside shows again.
 
-    Parameters
-    ----------
-    front, side : float
-        Per cent, from 0 to below 100.
-
-    Raises
-    ------
-    ParameterError
-        If a number is out of bounds.
+    Both are per cent, from 0 to below 100 (ParameterError).
     """
 
     front: float
@@ -211,16 +200,9 @@ def find_cameras(text: str) -> list[Camera]:
 def camera_named(name: str | os.PathLike[str]) -> Camera:
     """Return a camera by its name in the catalogue, or from a JSON file.
 
-    Parameters
-    ----------
-    name : str or path
-        A name, in any case; part of one, if only one camera has it; or a file that ends in .json.
-
-    Raises
-    ------
-    ParameterError
-        If there is no such camera (the nearest names are given), several have the words, or the file is not
-        that of a camera.
+    `name` is a name in any case, a part of one that only one camera has, or a file that ends in .json. A
+    ParameterError says that there is no such camera (with the nearest names), that several have the words, or
+    that the file is not that of a camera.
     """
     if str(name).lower().endswith(".json"):
         return read_camera(name)
@@ -244,12 +226,8 @@ def read_camera(path: str | os.PathLike[str]) -> Camera:
     """Read a camera from a JSON file.
 
     An object with ``sensor_width_mm, sensor_height_mm, image_width_px, image_height_px, focal_mm`` and, if
-    they are known, ``name`` and ``min_interval_s``.
-
-    Raises
-    ------
-    ParameterError
-        If the file cannot be read, a key is missing or unknown, or a value is not a number.
+    they are known, ``name`` and ``min_interval_s``. A ParameterError says that the file cannot be read, a key
+    is missing or unknown, or a value is not a number.
     """
     expected = f"{', '.join(_KEYS)} and, if they are known, name and min_interval_s"
     given = read_object(path, "camera", expected)

@@ -27,6 +27,8 @@ INTERVAL_STEP_S = 0.01
 class Photos:
     """Photographs of a flight: camera, overlap, gimbal pitch, trigger, exposure time.
 
+    A ParameterError says that the pitch or the exposure time is out of bounds, or the trigger is not known.
+
     Parameters
     ----------
     pitch_deg : float
@@ -35,11 +37,6 @@ class Photos:
         By metres, by seconds, in hover at a waypoint for each photograph, or not by the mission.
     shutter_s : float
         Exposure time, by which motion blur is estimated.
-
-    Raises
-    ------
-    ParameterError
-        If the pitch or the exposure time is out of bounds, or the trigger is not known.
     """
 
     camera: Camera

@@ -22,7 +22,7 @@ from shapely.ops import substring
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.avoid.enclosing import MANY_CORNERS
-from uavseg.flight.cover.lines import flight_space, join_cells, path_length, shortest_legs, to_and_fro
+from uavseg.flight.cover.lines import flight_space, join_cells, path_length, to_and_fro
 from uavseg.flight.cover.strips import MIN_LINE_M, grid_lines
 from uavseg.flight.cover.survey import axes
 
@@ -45,12 +45,7 @@ class Branch:
 def medial_axis(polygon: Any, detail_m: float) -> list[Branch]:
     """Return the branches of the medial axis of a polygon, without those to bumps; none for a round polygon.
 
-    Parameters
-    ----------
-    polygon : shapely Polygon
-        In metres.
-    detail_m : float
-        Narrower parts may be missed.
+    The polygon is in metres. Parts narrower than `detail_m` may be missed.
 
     Examples
     --------
@@ -175,12 +170,7 @@ class Corridor:
 
 
 def is_long_and_thin(region: Any, spacing_m: float) -> bool:
-    """Return whether a region is long, thin and bent, so that a corridor may be shorter than a survey.
-
-    Parameters
-    ----------
-    region : shapely Polygon
-        In metres.
+    """Return whether a region in metres is long, thin and bent: a corridor may be shorter than a survey.
 
     Examples
     --------
@@ -203,6 +193,9 @@ def corridor(
 ) -> Corridor:
     """Cover a region with lines along its middle, in a short order.
 
+    A ParameterError says that the spacing is not a positive number, a MissionError that there would be more
+    lines than a mission holds, that there is no path between them, or that the region has too many corners.
+
     Parameters
     ----------
     region : shapely Polygon
@@ -215,14 +208,6 @@ def corridor(
         Length of the shortest line.
     obstacles : sequence of shapely Polygon
         Areas that no leg may cross.
-
-    Raises
-    ------
-    ParameterError
-        If the spacing is not a positive number.
-    MissionError
-        If there would be more lines than a mission holds, there is no path between them, or the region has
-        too many corners.
 
     Examples
     --------
@@ -242,13 +227,14 @@ def corridor(
         region = simple
     ends = (reach_m, min_m)
     body = shapely.simplify(shapely.buffer(simple, GROWN * spacing_m), spacing_m / 40)
+    allowed = shapely.buffer(space.inside, 1e-4)
     lines = [
         line
         for part in shapely.get_parts(body)
         for branch in medial_axis(part, spacing_m / 2)
         for section in _sections(branch, region, spacing_m)
         for line in _section_lines(section, region, ends)
-        if _is_free(line, space.inside)
+        if shapely.covers(allowed, shapely.LineString(line))
     ]
     covered = [_swath(line, spacing_m, reach_m) for line in lines]
     rest = shapely.difference(region, shapely.union_all(covered))  # as at forks
@@ -256,10 +242,9 @@ def corridor(
     places = np.concatenate([line[[0, -1]] for line in lines])
     order = join_cells([to_and_fro([k]) for k in range(len(lines))], places, space)
     flown = [lines[k // 2][:: -1 if k % 2 else 1] for k in order.tolist()]
-    between = shortest_legs(
+    between = space.each_path(
         np.array([line[-1] for line in flown[:-1]]).reshape(-1, 2),
         np.array([line[0] for line in flown[1:]]).reshape(-1, 2),
-        space,
     )
     return Corridor(tuple(flown), tuple(between))
 
@@ -351,10 +336,6 @@ def _trimmed(line: Any, part: Any, reach_m: float, min_m: float) -> Floats:
         low, high = max((low + high - min_m) / 2, 0.0), min((low + high + min_m) / 2, float(line.length))
     piece = shapely.get_coordinates(substring(line, low, high))
     return piece if len(piece) > 1 else np.repeat(piece, 2, axis=0)
-
-
-def _is_free(line: Floats, allowed: Any) -> bool:
-    return bool(shapely.covers(shapely.buffer(allowed, 1e-4), shapely.LineString(line)))
 
 
 def _swath(line: Floats, spacing_m: float, reach_m: float) -> Any:

@@ -28,14 +28,7 @@ def flight_space(
 ) -> tuple[Any, FreeSpace]:
     """Return a region with fewer vertices, which contains it but for corners, and the space to fly in.
 
-    Parameters
-    ----------
-    region : shapely Polygon
-        In metres.
-    lead_m : float
-        Length of straight legs out of the region.
-    obstacles : sequence of shapely Polygon
-        Areas that no leg may cross.
+    The region is in metres. Straight legs of `lead_m` lead out of it, and no leg may cross `obstacles`.
     """
     slack = SLACK * spacing_m
     simple = region = _of_few_corners(region, spacing_m)
@@ -88,12 +81,7 @@ def fly_lines(lines: SurveyLines, space: FreeSpace) -> Iterator[tuple[Floats, Fl
     """Yield orders of lines: one for many cells, two for one cell, which are not each other reversed.
 
     Each is the lines in the order and direction of flight, the same with the straight legs before and after
-    them, and the n - 1 legs from one to the next.
-
-    Raises
-    ------
-    MissionError
-        If there is no path between lines.
+    them, and the n - 1 legs from one to the next. A MissionError says that there is no path between lines.
     """
     flat = np.concatenate(lines.cells)
     outer = _extended(flat, lines.lead_m, space)
@@ -104,7 +92,7 @@ def fly_lines(lines: SurveyLines, space: FreeSpace) -> Iterator[tuple[Floats, Fl
     one = len(candidates) == 1
     for order in candidates[0][:2] if one else [join_cells(candidates, outer.reshape(-1, 2), space)]:
         placed = _in_order(outer, order)
-        yield _in_order(flat, order), placed, tuple(shortest_legs(placed[:-1, 1], placed[1:, 0], space))
+        yield _in_order(flat, order), placed, tuple(space.each_path(placed[:-1, 1], placed[1:, 0]))
 
 
 def to_and_fro(cell: Sequence[int]) -> list[Ints]:
@@ -118,12 +106,8 @@ def to_and_fro(cell: Sequence[int]) -> list[Ints]:
 def join_cells(candidates: list[list[Ints]], ends: Floats, space: FreeSpace) -> Ints:
     """Return one order of the lines of all cells, with a short tour over the cells.
 
-    Parameters
-    ----------
-    candidates : list of lists of (n,) int64 arrays
-        For each cell its orders, as of `to_and_fro`.
-    ends : (m, 2) float64 array
-        Ends of lines: 2 k and 2 k + 1 are those of line k.
+    `candidates` are for each cell its orders, as of `to_and_fro`; rows 2 k and 2 k + 1 of `ends` (m, 2) are
+    the ends of line k.
     """
     entries = np.array([[(order[0], order[-1] ^ 1) for order in orders] for orders in candidates])
     points, index = np.unique(entries.ravel(), return_inverse=True)
@@ -135,17 +119,6 @@ def join_cells(candidates: list[list[Ints]], ends: Floats, space: FreeSpace) -> 
 def path_length(path: Floats) -> float:
     """Return the length of a path (k, 2) in metres."""
     return math.fsum(np.hypot(*np.diff(path, axis=0).T).tolist())
-
-
-def shortest_legs(starts: Floats, ends: Floats, space: FreeSpace) -> list[Floats]:
-    """Return the shortest paths in a space from each start to its end, (n, 2) both."""
-    if not len(starts):
-        return []
-    straight = space.sees(starts, ends)
-    pairs = np.stack([starts, ends], axis=1)
-    return [
-        pair if seen else space.paths(pair).path(0, 1) for pair, seen in zip(pairs, straight, strict=True)
-    ]
 
 
 def _in_order(lines: Floats, order: Ints) -> Floats:

@@ -27,6 +27,8 @@ TOUCH_M = 1e-6
 def grid_lines(polygon: Any, spacing_m: float, ends: tuple[float, float], joins: Free) -> list[Floats]:
     """Return the lines along x that cover a polygon, cell by cell.
 
+    For each cell they are (n, 2, 2), from south to north: west and east end of each, as x, y.
+
     Parameters
     ----------
     polygon : shapely Polygon
@@ -37,11 +39,6 @@ def grid_lines(polygon: Any, spacing_m: float, ends: tuple[float, float], joins:
         Reach and length of the shortest line, as of `strip_lines`.
     joins : function of starts, ends (n, 2)
         Whether a line may lead over a gap in a strip.
-
-    Returns
-    -------
-    list of (n, 2, 2) float64 arrays
-        For each cell its lines from south to north: west and east end, as x, y.
 
     Examples
     --------
@@ -124,6 +121,8 @@ WIDTH_SLACK = 1e-3  # share of its height by which a cell may be higher before i
 def strip_lines(cell: Any, spacing_m: float, reach_m: float = 0.0, min_m: float = MIN_LINE_M) -> Floats:
     """Return the lines along x that cover a cell, from south to north.
 
+    They are (n, 2, 2), west and east end of each as x, y; at least one, evenly spaced.
+
     Parameters
     ----------
     cell : shapely Polygon
@@ -135,11 +134,6 @@ def strip_lines(cell: Any, spacing_m: float, reach_m: float = 0.0, min_m: float 
         than the cell in their strip, but do not end inside the cell.
     min_m : float
         Length of the shortest line.
-
-    Returns
-    -------
-    lines : (n, 2, 2) float64 array
-        West and east end of each line, as x, y. At least one; evenly spaced.
 
     Examples
     --------

@@ -6,9 +6,8 @@ strips split or merge around concave places and holes. Legs between lines are sh
 with a small leeway.
 
 A line that sweeps over a polygon splits or merges at the corners that point against the sweep: the corners of
-holes and of concave places (H. Choset and P. Pignon, Coverage path planning: the boustrophedon cellular
-decomposition, Field and Service Robotics, 1998). Divided along the sweep line through each of them, every
-line meets every cell in one piece.
+holes and of concave places. Divided along the sweep line through each of them, every line meets every cell in
+one piece.
 """
 
 import math
@@ -34,6 +33,8 @@ OVERLAP_M = 1e-6  # by which dividing lines are longer than the polygon is wide
 def monotone_cells(polygon: Any, step_m: float = np.inf, detail_m: float = 0.0) -> list[Any]:
     """Divide a polygon into cells that every line along x meets in one piece at most.
 
+    They come from south to north, then from west to east.
+
     Parameters
     ----------
     polygon : shapely Polygon
@@ -43,11 +44,6 @@ def monotone_cells(polygon: Any, step_m: float = np.inf, detail_m: float = 0.0) 
         A line across it would be too long for the narrow side.
     detail_m : float
         Notches that are less deep do not divide it; lines along x may meet cells in more pieces there.
-
-    Returns
-    -------
-    list of shapely Polygon
-        From south to north, then from west to east.
 
     Examples
     --------
@@ -192,26 +188,12 @@ class Survey:
 
 
 def surveys(region: Any, params: CoverParams, obstacles: Sequence[Any] = ()) -> list[Survey]:
-    """Cover a region with parallel lines in a short order.
+    """Cover a region with parallel lines in a short order; return the shortest survey.
 
-    Parameters
-    ----------
-    region : shapely Polygon
-        In metres; may be concave and have holes.
-    obstacles : sequence of shapely Polygon
-        Areas that no line or leg may cross.
-
-    Returns
-    -------
-    list of Survey
-        The shortest; one cell is also flown from the other end of its lines. Each may be reversed.
-
-    Raises
-    ------
-    ParameterError
-        If the spacing is not a positive number, or the angle not finite.
-    MissionError
-        If there would be more lines than a mission holds, or there is no path between them.
+    One cell is also flown from the other end of its lines; each survey may be reversed. The region (shapely,
+    in metres) may be concave and have holes; no line or leg crosses an obstacle. A ParameterError says that
+    the spacing is not a positive number or the angle not finite, a MissionError that there would be more
+    lines than a mission holds, or no path between them.
 
     Examples
     --------

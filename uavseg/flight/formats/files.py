@@ -62,6 +62,10 @@ def write_mission(
 ) -> None:
     """Write a mission to a file, whole or not at all; what its format cannot hold gives warnings.
 
+    A MissionError says that there is no format of this extension, or that it cannot hold how the mission is
+    flown, a ParameterError that the aircraft is not known, an OutputError that the file exists or cannot be
+    written.
+
     Parameters
     ----------
     path : path
@@ -77,15 +81,6 @@ def write_mission(
         Whether a .plan holds the survey lines of convex parts as survey items, which QGroundControl can edit.
     dji_model : str
         The aircraft of a .kmz, such as "m3e"; see `uavseg.flight.formats.options.DJI_MODELS`.
-
-    Raises
-    ------
-    MissionError
-        If the extension is not one of these, or the format cannot hold how the mission is flown.
-    ParameterError
-        If the aircraft is not known.
-    OutputError
-        If the file exists, or cannot be written.
     """
     suffix = check_mission_format(path)
     mission_format, options = FORMATS[suffix], FileOptions(editable, dji_model)
@@ -115,13 +110,9 @@ def read_mission(path: MissionPath) -> Mission:
 
     A mission from `write_mission` is read back equal from a .plan, .kml or .geojson file. A .waypoints file
     is read as one for ArduPilot, and a heading (param4) of 0 in it as not set. The items of surveys in a
-    .plan are read as they are flown. A .kmz and a .csv do not hold home; notes name what was not read.
-
-    Raises
-    ------
-    MissionError
-        If the file cannot be read, is not what its extension says, holds other complex items than surveys, or
-        holds a mission that would not be safe.
+    .plan are read as they are flown. A .kmz and a .csv do not hold home; notes name what was not read. A
+    MissionError says that the file cannot be read, is not what its extension says, holds other complex items
+    than surveys, or a mission that would not be safe.
     """
     mission_format = FORMATS[check_mission_format(path)]
     content = read_bytes(path, MissionError, MAX_BYTES)
@@ -136,13 +127,7 @@ def read_mission(path: MissionPath) -> Mission:
 
 
 def check_mission_format(path: MissionPath) -> str:
-    """Check the extension of a mission file and return it, such as ".plan".
-
-    Raises
-    ------
-    MissionError
-        If it is not in `FORMATS`.
-    """
+    """Return the extension of a mission file, such as ".plan"; MissionError if it is not in `FORMATS`."""
     suffix = Path(path).suffix.lower()
     if suffix not in FORMATS:
         *names, last = FORMATS

@@ -24,7 +24,7 @@ from uavseg.flight.formats.wayline import (
 )
 from uavseg.flight.formats.waypoints import decimal
 from uavseg.flight.mission.items import FRAME_RELATIVE, FRAME_TERRAIN, distance_m
-from uavseg.flight.mission.mission import CRUISE_M_S, Mission
+from uavseg.flight.mission.mission import Mission
 from uavseg.plain_text import shown
 
 NAME = "a .csv of Litchi"
@@ -80,10 +80,10 @@ def check_wayline(wayline: Wayline) -> None:
                 f"Litchi flies at {MIN_HEIGHT_M:g} to {MAX_HEIGHT_M:g} m, and waypoint {number} is at "
                 f"{point.altitude_m:g} m"
             )
-        if not 0 < _speed(point) <= MAX_SPEED_M_S:
+        if not 0 < point.flown_m_s <= MAX_SPEED_M_S:
             raise MissionError(
                 f"Litchi flies at up to {MAX_SPEED_M_S:g} m/s, and waypoint {number} asks for "
-                f"{_speed(point):g} m/s (--speed)"
+                f"{point.flown_m_s:g} m/s (--speed)"
             )
         if 1000 * point.hold_s > MAX_STAY_MS:
             raise MissionError(
@@ -101,10 +101,6 @@ def check_wayline(wayline: Wayline) -> None:
             )
 
 
-def _speed(point: WaylinePoint) -> float:
-    return CRUISE_M_S if point.speed_m_s is None else point.speed_m_s
-
-
 def _row(point: WaylinePoint) -> list[str]:
     actions = [(STAY, round(1000 * point.hold_s))] * (point.hold_s > 0) + [(PHOTO, 0)] * point.photo
     actions += [(NO_ACTION, 0)] * (ACTIONS - len(actions))
@@ -116,7 +112,7 @@ def _row(point: WaylinePoint) -> list[str]:
         decimal(point.pitch_deg or 0.0, 1),
         *(str(value) for action in actions for value in action),
         str(int(point.frame == FRAME_TERRAIN)),
-        decimal(_speed(point), 1),
+        decimal(point.flown_m_s, 1),
         *("0", "0", "0", "0"),
         decimal(point.interval_s, 1) if point.interval_s else "-1",
         decimal(point.trigger_m, 1) if point.trigger_m else "-1",

@@ -37,23 +37,10 @@ DEFAULT_DJI_MODEL = "m3e"
 
 @dataclass(frozen=True, slots=True)
 class FileOptions:
-    """Options of mission files.
+    """Options of mission files."""
 
-    Parameters
-    ----------
-    editable : bool
-        Whether a .plan holds survey items that QGroundControl can edit, where that is possible.
-    dji_model : str
-        The aircraft of a .kmz: a key of `DJI_MODELS`.
-
-    Raises
-    ------
-    ParameterError
-        If the aircraft is not known.
-    """
-
-    editable: bool = False
-    dji_model: str = DEFAULT_DJI_MODEL
+    editable: bool = False  # whether a .plan holds survey items that QGroundControl can edit, where possible
+    dji_model: str = DEFAULT_DJI_MODEL  # the aircraft of a .kmz: a key of `DJI_MODELS`, else ParameterError
 
     def __post_init__(self) -> None:
         if self.dji_model not in DJI_MODELS:

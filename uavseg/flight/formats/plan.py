@@ -26,11 +26,7 @@ from uavseg.flight.mission.mission import Mission, Position, SurveyBlock
 from uavseg.inputs import parse_json
 from uavseg.plain_text import cause_of, shown
 
-ALTITUDE_MODES = {
-    FRAME_RELATIVE: 1,
-    FRAME_AMSL: 2,
-    FRAME_TERRAIN: 4,
-}  # QGroundControl's enum, by MAV_FRAME
+ALTITUDE_MODES = {FRAME_RELATIVE: 1, FRAME_AMSL: 2, FRAME_TERRAIN: 4}  # QGroundControl's enum, by MAV_FRAME
 SURVEY_VERSION = 5
 MANUAL_CAMERA, CUSTOM_CAMERA = "Manual (no camera specs)", "Custom Camera"
 
@@ -47,10 +43,7 @@ class BlockItems:
 def find_blocks(mission: Mission) -> list[BlockItems]:
     """Find the blocks whose waypoints are all in the mission, one after another, with nothing but triggers.
 
-    Returns
-    -------
-    list of BlockItems
-        In the order of the items, without overlap; of convex cells alone.
+    They are in the order of the items, without overlap; of convex cells alone.
     """
     visits = [number for number, item in enumerate(mission.items) if item.command == WAYPOINT]
     at = [(mission.items[number].lat, mission.items[number].lon) for number in visits]
@@ -89,21 +82,13 @@ def _matching(mission: Mission, block: SurveyBlock, first: int, last: int) -> li
 def survey_item(
     block: SurveyBlock, items: Sequence[MissionItem], written: Sequence[dict[str, Any]]
 ) -> dict[str, Any]:
-    """Write a block as a ComplexItem of version 5.
-
-    Parameters
-    ----------
-    items : sequence of MissionItem
-        That fly it.
-    written : sequence of dict
-        The same as SimpleItems.
-    """
+    """Write a block as a ComplexItem of version 5, from the items that fly it and the same as SimpleItems."""
     flown = [(item.lat, item.lon) for item in items if item.command == WAYPOINT]
     return {
         "type": "ComplexItem",
         "complexItemType": "survey",
         "version": SURVEY_VERSION,
-        "angle": _grid_angle(block.angle_deg),
+        "angle": round((block.angle_deg + 90) % 180 - 90, 6),  # of transects, from -90 to 90
         "entryLocation": _entry_location(block.outline, flown[0]),
         "flyAlternateTransects": False,
         "splitConcavePolygons": False,
@@ -120,11 +105,6 @@ def survey_item(
             "CameraCalc": _camera_calc(block, items),
         },
     }
-
-
-def _grid_angle(angle_deg: float) -> float:
-    """Return an azimuth as QGroundControl's angle of transects, from -90 to 90."""
-    return round((angle_deg + 90) % 180 - 90, 6)
 
 
 def _entry_location(outline: Sequence[Position], entry: Position) -> int:
@@ -168,10 +148,7 @@ def _camera_calc(block: SurveyBlock, items: Sequence[MissionItem]) -> dict[str, 
 def items_of_survey(item: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """Return the simple items that a survey item holds, which are what is flown.
 
-    Raises
-    ------
-    MissionError
-        If it is another complex item than a survey of version 5, or holds no items.
+    A MissionError says that it is another complex item than a survey of version 5, or holds no items.
     """
     item_type = shown(item.get("complexItemType", item["type"]), quoted=False)
     if item_type != "survey" or item.get("version") != SURVEY_VERSION:
@@ -218,11 +195,8 @@ def plan_losses(mission: Mission, options: FileOptions) -> list[str]:
 def plan_text(mission: Mission, editable: bool = False) -> str:
     """Write a mission as the text of a .plan file, with every key that any reader requires.
 
-    Parameters
-    ----------
-    editable : bool
-        Whether the survey lines of convex parts are written as survey items, which QGroundControl can edit,
-        with the same waypoints and triggers in them.
+    With `editable`, the survey lines of convex parts are survey items, which QGroundControl can edit, with
+    the same waypoints and triggers in them.
     """
     home = mission.home
     plan = {
@@ -240,7 +214,7 @@ def plan_text(mission: Mission, editable: bool = False) -> str:
             "items": list(_written_items(mission, find_blocks(mission) if editable else [])),
         },
         "geoFence": _fence_to_json(mission.fence),
-        "rallyPoints": _rally_to_json(mission.rally),
+        "rallyPoints": {"version": _VERSION, "points": [[p.lat, p.lon, p.altitude_m] for p in mission.rally]},
     }
     return json.dumps(plan, indent=1, allow_nan=False) + "\n"
 
@@ -361,11 +335,6 @@ def _fence_to_json(fence: Iterable[Fence]) -> dict[str, Any]:
             circle = {"center": [shape.lat, shape.lon], "radius": shape.radius_m}
             circles.append(common | {"circle": circle})
     return {"version": _VERSION, "circles": circles, "polygons": polygons}
-
-
-def _rally_to_json(rally: Iterable[RallyPoint]) -> dict[str, Any]:
-    """Write latitude, longitude and height above home of rally points as a `rallyPoints` object."""
-    return {"version": _VERSION, "points": [[point.lat, point.lon, point.altitude_m] for point in rally]}
 
 
 def _fence_from_json(geofence: Mapping[str, Any]) -> tuple[Fence, ...]:

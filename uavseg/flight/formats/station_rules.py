@@ -18,12 +18,9 @@ Rule = Callable[[Any], Iterator[str]]
 
 
 def station_refusals(content: bytes, suffix: str) -> dict[str, str]:
-    """Return why each program refuses a file, empty where it loads it; nothing for other formats.
+    """Return why each program refuses a .plan or .waypoints file, empty where it loads it.
 
-    Parameters
-    ----------
-    content : bytes
-        Of a file that `read_mission` reads.
+    `content` is that of a file that `read_mission` reads. Nothing is returned for other formats.
     """
     if suffix == ".plan":
         plan = parse_json(content.decode())

@@ -29,7 +29,7 @@ from uavseg.flight.mission.items import (
     HomePosition,
     MissionItem,
 )
-from uavseg.flight.mission.mission import Mission
+from uavseg.flight.mission.mission import CRUISE_M_S, Mission
 
 LAST_NAV = 95  # MAV_CMD_NAV_LAST: commands up to it move the vehicle
 TARGETING = 2.0  # MAV_MOUNT_MODE_MAVLINK_TARGETING
@@ -51,6 +51,11 @@ class WaylinePoint:
     pitch_deg: float | None = None  # of the gimbal, from there on
     trigger_m: float = 0.0  # distance between photographs from there on; 0 for none
     interval_s: float = 0.0  # time between photographs from there on; 0 for none
+
+    @property
+    def flown_m_s(self) -> float:
+        """Speed from there on; the default where the mission sets none."""
+        return CRUISE_M_S if self.speed_m_s is None else self.speed_m_s
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,17 +157,9 @@ class _WaylineBuilder:
 
 
 def wayline_of(mission: Mission, format_name: str) -> Wayline:
-    """Turn the commands of a mission into a wayline.
+    """Turn the commands of a mission into a wayline; `format_name`, such as "a .kmz", is for messages.
 
-    Parameters
-    ----------
-    format_name : str
-        Such as "a .kmz", for messages.
-
-    Raises
-    ------
-    MissionError
-        If an item is not for a flight along waypoints.
+    A MissionError says that an item is not for a flight along waypoints.
     """
     builder = _WaylineBuilder(mission.home, format_name)
     for number, item in enumerate(mission.items, start=1):
@@ -222,14 +219,7 @@ def _changes(before: WaylinePoint, after: WaylinePoint) -> Generator[MissionItem
 def mission_of_wayline(wayline: Wayline, name: str, notes: Sequence[str]) -> Mission:
     """Turn a wayline into a mission whose home is not known: at its first waypoint, 0 m above the sea.
 
-    Parameters
-    ----------
-    notes : sequence of str
-
-    Raises
-    ------
-    MissionError
-        If the mission would not be safe.
+    A MissionError says that the mission would not be safe.
     """
     first = wayline.points[0]
     home = HomePosition(first.lat, first.lon)

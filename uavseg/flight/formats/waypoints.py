@@ -33,9 +33,8 @@ def waypoints_losses(mission: Mission, options: FileOptions) -> list[str]:
 def waypoints_text(mission: Mission) -> str:
     """Write a mission as the text of a .waypoints file (QGC WPL 110), home in row 0."""
     home = mission.home
-    start = MissionItem(
-        WAYPOINT, FRAME_RELATIVE, (0.0,) * 4, home.lat, home.lon, 1.0
-    )  # altitude 1: only the position is checked
+    # altitude 1: only the position is checked
+    start = MissionItem(WAYPOINT, FRAME_RELATIVE, (0.0,) * 4, home.lat, home.lon, 1.0)
     rows = [_row(0, 1, FRAME_AMSL, start, home.altitude_m)]
     rows += [_row(n, 0, item.frame, item, item.altitude_m) for n, item in enumerate(mission.items, start=1)]
     return "\n".join([HEADER, *rows]) + "\n"

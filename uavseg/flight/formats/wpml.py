@@ -9,14 +9,12 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from uavseg.errors import MissionError
 from uavseg.flight.formats.options import DjiModel
 from uavseg.flight.formats.wayline import FINISH_LAND, FINISH_NONE, FINISH_RETURN, Wayline, WaylinePoint
+from uavseg.flight.formats.waypoints import decimal
 from uavseg.flight.formats.xml_text import child, parse_xml, xml_text
 from uavseg.flight.mission.items import FRAME_RELATIVE, FRAME_TERRAIN
-from uavseg.flight.mission.mission import CRUISE_M_S
 from uavseg.plain_text import shown
 
 NAMESPACE = "http://www.dji.com/wpmz/1.0.2"
@@ -43,7 +41,7 @@ def template_kml(wayline: Wayline, model: DjiModel) -> bytes:
     system = child(folder, "wpml:waylineCoordinateSysParam")
     _add(system, coordinateMode="WGS84", heightMode=HEIGHT_MODE)
     first = wayline.points[0]
-    _add(folder, autoFlightSpeed=_speed_of(first), globalHeight=first.altitude_m, gimbalPitchMode="manual")
+    _add(folder, autoFlightSpeed=first.flown_m_s, globalHeight=first.altitude_m, gimbalPitchMode="manual")
     _heading(child(folder, "wpml:globalWaypointHeadingParam"), None)
     _add(folder, globalWaypointTurnMode=TURN_MODE, globalUseStraightLine="1")
     for index, placemark in _placemarks(folder, wayline):
@@ -65,7 +63,7 @@ def waylines_wpml(wayline: Wayline, model: DjiModel) -> bytes:
     _mission_config(document, wayline, model)
     folder = child(document, "Folder")
     _add(folder, templateId="0", executeHeightMode=HEIGHT_MODE, waylineId="0")
-    child(folder, "wpml:autoFlightSpeed", _speed_of(wayline.points[0]))
+    child(folder, "wpml:autoFlightSpeed", wayline.points[0].flown_m_s)
     for index, placemark in _placemarks(folder, wayline):
         child(placemark, "wpml:executeHeight", wayline.points[index].altitude_m)
         _flight(placemark, wayline.points[index])
@@ -79,7 +77,7 @@ def check_wayline(wayline: Wayline, name: str) -> None:
         raise MissionError(
             f"{name} holds 2 to {MAX_WAYPOINTS} waypoints, and the mission has {len(wayline.points)}"
         )
-    for speed in (_approach_speed(wayline), *map(_speed_of, wayline.points)):
+    for speed in (_approach_speed(wayline), *(point.flown_m_s for point in wayline.points)):
         if not 0 < speed <= MAX_SPEED_M_S:
             raise MissionError(
                 f"DJI's aircraft fly waypoints at up to {MAX_SPEED_M_S:g} m/s, and the mission asks for "
@@ -92,14 +90,9 @@ def check_wayline(wayline: Wayline, name: str) -> None:
         )
 
 
-def _speed_of(point: WaylinePoint) -> float:
-    """Return the speed from a waypoint on; the default where the mission sets none."""
-    return CRUISE_M_S if point.speed_m_s is None else point.speed_m_s
-
-
 def _approach_speed(wayline: Wayline) -> float:
     """Return the speed on the leg to the first waypoint."""
-    return _speed_of(wayline.points[0]) if wayline.approach_m_s is None else wayline.approach_m_s
+    return wayline.points[0].flown_m_s if wayline.approach_m_s is None else wayline.approach_m_s
 
 
 def _add(parent: ET.Element, **texts: str | float) -> None:
@@ -132,20 +125,15 @@ def _mission_config(document: ET.Element, wayline: Wayline, model: DjiModel) -> 
 def _placemarks(folder: ET.Element, wayline: Wayline) -> Iterator[tuple[int, ET.Element]]:
     for index, point in enumerate(wayline.points):
         placemark = child(folder, "Placemark")
-        place = f"{_degrees(point.lon)},{_degrees(point.lat)}"
+        place = f"{decimal(point.lon, 1)},{decimal(point.lat, 1)}"
         child(child(placemark, "Point"), "coordinates", place)
         child(placemark, "wpml:index", str(index))
         yield index, placemark
 
 
-def _degrees(value: float) -> str:
-    """Format degrees without exponent; they are read back equal."""
-    return np.format_float_positional(value, unique=True, trim="0")
-
-
 def _flight(placemark: ET.Element, point: WaylinePoint) -> None:
     """Write speed, heading and turn at a waypoint."""
-    child(placemark, "wpml:waypointSpeed", _speed_of(point))
+    child(placemark, "wpml:waypointSpeed", point.flown_m_s)
     _heading(child(placemark, "wpml:waypointHeadingParam"), point.heading_deg)
     turn = child(placemark, "wpml:waypointTurnParam")
     _add(turn, waypointTurnMode=TURN_MODE, waypointTurnDampingDist="0")
@@ -228,10 +216,7 @@ def _gimbal(params: ET.Element, pitch_deg: float) -> None:
 def read_waylines(document: bytes) -> tuple[Wayline, list[str]]:
     """Read the one wayline of `waylines.wpml`, with notes of what was not read.
 
-    Raises
-    ------
-    MissionError
-        If it holds none or several, or its heights are above the ellipsoid.
+    A MissionError says that it holds none or several, or that its heights are above the ellipsoid.
     """
     root = parse_xml(document)
     config = _one(root, "Document/missionConfig")
@@ -282,12 +267,7 @@ class _Reader:
         height = _number_at(placemark, "executeHeight")
         self.points.append(
             WaylinePoint(
-                lat=lat,
-                lon=lon,
-                altitude_m=height,
-                frame=self.frame,
-                heading_deg=heading,
-                speed_m_s=speed,
+                lat=lat, lon=lon, altitude_m=height, frame=self.frame, heading_deg=heading, speed_m_s=speed
             )
         )
 

@@ -34,13 +34,8 @@ def plain_name(text: str) -> str:
 def parse_xml(content: bytes) -> ET.Element:
     """Parse a document and return its root; namespaces are left out of tags.
 
-    A document type is refused, and with it all entities: they can name other files, and expand a few bytes
-    to many.
-
-    Raises
-    ------
-    MissionError
-        If it is not well-formed, or too large.
+    A document type is refused, and with it all entities: they can name other files, and expand a few bytes to
+    many. A MissionError says that it is not well-formed, or too large.
     """
     if len(content) > MAX_BYTES:
         raise MissionError(f"it has more than {MAX_BYTES:,} bytes of XML")

@@ -26,20 +26,10 @@ HOME_S = 2.5  # PX4 sends HOME_POSITION every 2 s
 def download_mission(link: Link, progress: Progress | None = None) -> Mission:
     """Read the mission of a vehicle, with its fence and rally points.
 
-    ArduPilot sends home as item 0, PX4 in a message; where neither is there, home is at the first item, at
-    0 m above the sea, and a note says so.
-
-    Parameters
-    ----------
-    progress : callable, optional
-        Called with the number of items of the mission that were received, and of all.
-
-    Raises
-    ------
-    LinkError
-        If the vehicle falls silent or refuses.
-    MissionError
-        If it holds no mission, or one that would not be safe.
+    ArduPilot sends home as item 0, PX4 in a message; where neither is there, home is at the first item, at 0
+    m above the sea, and a note says so. `progress` is called with the number of items of the mission that
+    were received, and of all. A LinkError says that the vehicle falls silent or refuses, a MissionError that
+    it holds no mission, or one that would not be safe.
     """
     report = progress or (lambda done, total: None)
     rows = receive_items(link, MissionType.MISSION, report)

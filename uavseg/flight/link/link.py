@@ -120,16 +120,9 @@ class RetransmissionTimer:
 class Link:
     """Connection to one vehicle.
 
-    It sends heartbeats of a ground station and messages of the mission protocol, nothing else: no command
-    can arm, start or move the vehicle.
-
-    Parameters
-    ----------
-    transport : Transport
-    timeout_s : float
-        How long to wait without progress.
-    now : callable
-        Seconds of a clock that only goes forward.
+    It sends heartbeats of a ground station and messages of the mission protocol, nothing else: no command can
+    arm, start or move the vehicle. `timeout_s` is how long to wait without progress, `now` the seconds of a
+    clock that only goes forward.
     """
 
     def __init__(
@@ -158,10 +151,7 @@ class Link:
     def find_vehicle(self, address: object) -> None:
         """Wait for the heartbeat of an autopilot, and then for that of a second one.
 
-        Raises
-        ------
-        LinkError
-            If there is none in time, or more than one.
+        A LinkError says that there is none in time, or more than one.
         """
         deadline = self.now() + self.timeout_s
         while self._vehicle is None and self.now() < deadline:
@@ -200,17 +190,9 @@ class Link:
     def next_message(self, until: float, none_expected: bool = False) -> Any | None:
         """Return the next message of the mission protocol from the vehicle to us; None if none comes in time.
 
-        Parameters
-        ----------
-        until : float
-            Time of the clock.
-        none_expected : bool
-            Drop such messages: they are late ones of an earlier transfer.
-
-        Raises
-        ------
-        LinkError
-            If another vehicle or another transfer is noticed, or the connection is lost.
+        `until` is a time of the clock. With `none_expected` such messages are dropped: they are late ones of
+        an earlier transfer. A LinkError says that another vehicle or another transfer is noticed, or that the
+        connection is lost.
         """
         while True:
             while self._arrived:
@@ -315,19 +297,9 @@ class Link:
 def connect(address: str, timeout_s: float = TIMEOUT_S) -> Link:
     """Connect to the vehicle at an address and wait for its heartbeat.
 
-    Parameters
-    ----------
-    address : str
-        udpout:HOST:PORT, udpin:HOST:PORT, tcp:HOST:PORT or serial:DEVICE[:BAUD].
-    timeout_s : float
-        How long to wait for an answer.
-
-    Raises
-    ------
-    ParameterError
-        If the address is not one of these.
-    LinkError
-        If it cannot be reached, no vehicle answers, or more than one.
+    `address` is udpout:HOST:PORT, udpin:HOST:PORT, tcp:HOST:PORT or serial:DEVICE[:BAUD], else a
+    ParameterError; `timeout_s` is how long to wait for an answer. A LinkError says that it cannot be reached,
+    or that no vehicle answers, or more than one.
     """
     where = parse_address(address)
     link = Link(open_transport(where, timeout_s), timeout_s)

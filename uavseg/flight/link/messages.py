@@ -230,10 +230,7 @@ def items_of_fence(fence: Iterable[Fence]) -> list[LinkItem]:
 def fence_of_items(items: Sequence[LinkItem]) -> tuple[Fence, ...]:
     """Return the fence that a vehicle sent, without its return point.
 
-    Raises
-    ------
-    MissionError
-        If an item is not one of a fence, or a polygon has fewer vertices than it says.
+    A MissionError says that an item is not one of a fence, or that a polygon has fewer vertices than it says.
     """
     rest = iter(item for item in items if item.command != FENCE_RETURN)
     return tuple(_fence_shape(item, rest) for item in rest)

@@ -43,24 +43,11 @@ def send_items(link: Link, list_type: MissionType, items: Sequence[LinkItem], co
     yet, is offered the list again. MISSION_ACK with INVALID_SEQUENCE is ArduPilot's answer to an item that it
     did not expect; it goes on, and so does this.
 
-    Parameters
-    ----------
-    items : sequence of LinkItem
-    count : callable
-        Called with the number of items that were requested.
-
-    Returns
-    -------
-    is_acknowledged : bool
-        Whether the vehicle acknowledged the list. If not, all items were sent and the acknowledgement is
-        missing or an error, which an item that was repeated gives too: compare what the vehicle holds.
-
-    Raises
-    ------
-    TransferLostError
-        If the vehicle falls silent or cancels the transfer.
-    LinkError
-        If the vehicle refuses an item, or another transfer is noticed.
+    `count` is called with the number of items that were requested. The result is whether the vehicle
+    acknowledged the list. If not, all items were sent and the acknowledgement is missing or an error, which
+    an item that was repeated gives too: compare what the vehicle holds. A TransferLostError says that the
+    vehicle falls silent or cancels the transfer, a LinkError that it refuses an item, or that another
+    transfer is noticed.
     """
     return _Sender(link, list_type, items, count).run()
 
@@ -146,9 +133,8 @@ class _Sender:
         if self.last < 0:
             self.link.send("mission_count", self.type, len(self.items))
         else:
-            is_current = (
-                self.last == 0 and self.type == MissionType.MISSION
-            )  # never 2 or 3, which fly at once
+            # never 2 or 3, which fly at once
+            is_current = self.last == 0 and self.type == MissionType.MISSION
             fields = self.items[self.last].fields(self.last, is_current)
             self.link.send("mission_item_int", self.type, *fields)
 
@@ -208,18 +194,8 @@ def receive_items(link: Link, list_type: MissionType, progress: Progress) -> lis
     """Receive a list from the vehicle, from its beginning again if the transfer stops.
 
     PX4 stops when a request comes late, after two more; so each new attempt pauses longer between the items.
-
-    Parameters
-    ----------
-    progress : callable
-        Called with the number of items that were received, and of all.
-
-    Raises
-    ------
-    TransferLostError
-        If the vehicle falls silent.
-    LinkError
-        If the vehicle refuses, or another transfer is noticed.
+    `progress` is called with the number of items that were received, and of all. A TransferLostError says
+    that the vehicle falls silent, a LinkError that it refuses, or that another transfer is noticed.
     """
     for pause_s in PAUSES_S:
         receiver = _Receiver(link, list_type, progress)

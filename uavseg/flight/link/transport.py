@@ -33,12 +33,7 @@ class Address:
 
 
 def parse_address(text: str) -> Address:
-    """Parse the address of a vehicle.
-
-    Raises
-    ------
-    ParameterError
-        If the text is not an address.
+    """Parse the address of a vehicle; ParameterError if the text is none.
 
     Examples
     --------
@@ -84,10 +79,8 @@ class Transport(Protocol):
 def open_transport(address: Address, timeout_s: float) -> Transport:
     """Open the transport to a vehicle.
 
-    Raises
-    ------
-    LinkError
-        If the host is not known, the port is taken, the connection refused, or the device not there.
+    A LinkError says that the host is not known, the port taken, the connection refused, or the device not
+    there.
     """
     if address.scheme == "serial":
         return SerialLine(address)
@@ -264,10 +257,7 @@ class SerialPort:
 def serial_ports(devices: Path = Path("/dev")) -> list[SerialPort]:
     """List the USB serial devices that are connected, by name; no message is sent to them.
 
-    Parameters
-    ----------
-    devices : Path
-        The folder of devices, which is searched where pyserial is not installed.
+    The folder `devices` is searched where pyserial is not installed.
     """
     try:
         from serial.tools import list_ports

@@ -54,12 +54,8 @@ def differences(
 
     Home (item 0 of ArduPilot) is not compared, because the vehicle replaces it. A parameter may come back as
     what the autopilot is known to make of it, which `rounded` reports; a generic vehicle keeps everything.
-    NaN where a number was sent, and infinity, are differences everywhere.
-
-    Parameters
-    ----------
-    sent, kept : sequence of LinkItem
-    autopilot : "ardupilot", "px4" or "generic"
+    NaN where a number was sent, and infinity, are differences everywhere. `autopilot` is "ardupilot", "px4"
+    or "generic".
     """
     if len(sent) != len(kept):
         return [f"it holds {len(kept)} items instead of {len(sent)}"]
@@ -73,11 +69,7 @@ def rounded(
 ) -> list[str]:
     """Return the parameters that a vehicle keeps otherwise, and whether it does not wait, one sentence each.
 
-    Parameters
-    ----------
-    sent, kept : sequence of LinkItem
-        Without `differences`.
-    autopilot : "ardupilot", "px4" or "generic"
+    There are no `differences`; `autopilot` as there.
     """
     if list_type != MissionType.MISSION:
         return []
@@ -197,28 +189,13 @@ def upload_mission(
     """Upload a mission with its fence and rally points, read them back and compare.
 
     The fence goes first, so that the vehicle never holds the mission without it. A fence and rally points
-    that the mission does not have are left as they are.
+    that the mission does not have are left as they are. `progress` is called with the number of items that
+    were sent or read back, and of all. With `while_armed` the lists of a vehicle whose motors are armed may
+    be replaced.
 
-    Parameters
-    ----------
-    progress : callable, optional
-        Called with the number of items that were sent or read back, and of all.
-    while_armed : bool
-        Whether the lists of a vehicle whose motors are armed may be replaced.
-
-    Returns
-    -------
-    warnings : tuple of str
-        For the pilot.
-
-    Raises
-    ------
-    MissionError
-        If the mission is for another autopilot.
-    UnverifiedError
-        If the vehicle accepted a list that could not be read back.
-    LinkError
-        If the vehicle is armed, refuses a list, falls silent, or holds another one afterwards.
+    The results are warnings for the pilot. A MissionError says that the mission is for another autopilot, an
+    UnverifiedError that the vehicle accepted a list that could not be read back, a LinkError that it is
+    armed, refuses a list, falls silent, or holds another one afterwards.
     """
     _check_autopilot(mission, link.vehicle)
     warnings = []
@@ -228,10 +205,8 @@ def upload_mission(
         MissionType.MISSION: items_of_mission(mission, link.vehicle.has_home_row),
     }
     lists = {list_type: items for list_type, items in lists.items() if items}
-    done, total = (
-        0,
-        2 * sum(map(len, lists.values())),
-    )  # an item counts when it is sent and when it is read back
+    # an item counts when it is sent and when it is read back
+    done, total = 0, 2 * sum(map(len, lists.values()))
     report = progress or (lambda done, total: None)
     for number, (list_type, items) in enumerate(lists.items()):
         if not while_armed:

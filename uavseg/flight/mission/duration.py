@@ -89,6 +89,8 @@ def leg_seconds(
 ) -> Floats:
     """Compute the time of each leg of a path that is flown from rest to rest.
 
+    There are n - 1 times; what is saved in a corner is shared by the legs before and after it.
+
     Parameters
     ----------
     xyz_m : (n, 3) float64 array
@@ -99,11 +101,6 @@ def leg_seconds(
         Corners at which the vehicle stops, as for a hold; it always stops at the first and the last.
     hold_s : (n,) float64 array, optional
         Wait at each corner, by default 0. This time is not part of the result.
-
-    Returns
-    -------
-    seconds : (n - 1,) float64 array
-        The time saved in a corner is shared by the legs before and after it.
 
     Notes
     -----

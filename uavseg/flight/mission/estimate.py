@@ -54,12 +54,8 @@ def _rounded(value: Any, decimals: int) -> Any:
 def estimate(mission: Mission, vehicle: Vehicle | None = None, photos: Photos | None = None) -> Estimate:
     """Estimate a mission.
 
-    Parameters
-    ----------
-    vehicle : Vehicle, optional
-        By default that of the mission, or else a multirotor with the default parameters of its autopilot.
-    photos : Photos, optional
-        By default those of the mission.
+    By default with the photographs and the vehicle of the mission, or else a multirotor with the default
+    parameters of its autopilot.
 
     Examples
     --------
@@ -153,10 +149,8 @@ class Footprints:
 def footprints(mission: Mission, photos: Photos | None = None) -> Footprints:
     """Compute the flat ground that each photograph of a mission shows; the camera looks along the flight.
 
-    Parameters
-    ----------
-    photos : Photos, optional
-        By default those of the mission. A gimbal pitch that items of the mission set takes precedence.
+    `photos` are by default those of the mission. A gimbal pitch that items of the mission set takes
+    precedence.
     """
     path = flown_path(mission, mission.vehicle or default_vehicle(mission.autopilot))
     count = int(path.photographs.sum())

@@ -155,10 +155,7 @@ def _set_trigger(photos: dict[str, float], item: MissionItem) -> None:
 def mission_of_features(features: Iterable[MissionFeature], name: str) -> Mission:
     """Return the mission that `features_of` made features of, with a name.
 
-    Raises
-    ------
-    MissionError
-        If these are not the features of a mission, or it would not be safe.
+    A MissionError says that these are not the features of a mission, or that it would not be safe.
     """
     roles: dict[str, list[MissionFeature]] = {}
     for feature in features:

@@ -15,22 +15,13 @@ Position = tuple[float, float]  # lat, lon in degrees, WGS 84
 class FencePolygon:
     """A polygon that the vehicle must stay inside or outside of.
 
-    Parameters
-    ----------
-    vertices : tuple of (lat, lon)
-        Degrees, WGS 84, at least three. They are stored clockwise, as QGroundControl asks for, and without a
-        repetition of the first.
-    inclusion : bool
-        Whether the vehicle stays inside; False is a keep-out zone.
-
-    Raises
-    ------
-    MissionError
-        If a vertex is not on Earth, there are fewer than three, or the outline is not simple.
+    The vertices, degrees (WGS 84), are stored clockwise, as QGroundControl asks for, and without a repetition
+    of the first. A MissionError says that a vertex is not on Earth, that there are fewer than three, or that
+    the outline is not simple.
     """
 
     vertices: tuple[Position, ...]
-    inclusion: bool = True
+    inclusion: bool = True  # whether the vehicle stays inside; False is a keep-out zone
 
     def __post_init__(self) -> None:
         vertices = tuple((float(lat), float(lon)) for lat, lon in self.vertices)
@@ -54,23 +45,13 @@ class FencePolygon:
 class FenceCircle:
     """A circle that the vehicle must stay inside or outside of.
 
-    Parameters
-    ----------
-    lat, lon : float
-        Centre in degrees, WGS 84.
-    inclusion : bool
-        Whether the vehicle stays inside; False is a keep-out zone.
-
-    Raises
-    ------
-    MissionError
-        If the centre is not on Earth, or the radius not above 0 and at most 100 km.
+    A MissionError says that the centre is not on Earth, or the radius not above 0 and at most 100 km.
     """
 
-    lat: float
+    lat: float  # of the centre, in degrees, WGS 84
     lon: float
     radius_m: float
-    inclusion: bool = True
+    inclusion: bool = True  # whether the vehicle stays inside; False is a keep-out zone
 
     def __post_init__(self) -> None:
         check_position(self.lat, self.lon, "the centre of a fence")
@@ -89,22 +70,12 @@ class FenceCircle:
 class RallyPoint:
     """A place to which the vehicle may return instead of home.
 
-    Parameters
-    ----------
-    lat, lon : float
-        Degrees, WGS 84.
-    altitude_m : float
-        Metres above home.
-
-    Raises
-    ------
-    MissionError
-        If the position is not on Earth, or the altitude not above 0 and at most 1000 m.
+    A MissionError says that it is not on Earth, or the altitude not above 0 and at most 1000 m.
     """
 
-    lat: float
+    lat: float  # degrees, WGS 84
     lon: float
-    altitude_m: float
+    altitude_m: float  # above home
 
     def __post_init__(self) -> None:
         check_position(self.lat, self.lon, "a rally point")

@@ -40,24 +40,11 @@ ItemParams = tuple[float | None, float | None, float | None, float | None]
 
 @dataclass(frozen=True, slots=True)
 class HomePosition:
-    """Home position, where the vehicle starts and returns to.
+    """Home position, where the vehicle starts and returns to; MissionError if it is not on Earth."""
 
-    Parameters
-    ----------
-    lat, lon : float
-        Degrees, WGS 84.
-    altitude_m : float
-        Metres above the sea, -500 to 9000.
-
-    Raises
-    ------
-    MissionError
-        If the position is not on Earth.
-    """
-
-    lat: float
+    lat: float  # degrees, WGS 84
     lon: float
-    altitude_m: float = 0.0
+    altitude_m: float = 0.0  # above the sea, -500 to 9000
 
     def __post_init__(self) -> None:
         check_position(self.lat, self.lon, "home")
@@ -68,6 +55,10 @@ class HomePosition:
 @dataclass(frozen=True, slots=True)
 class MissionItem:
     """One MAVLink mission item.
+
+    A MissionError says that a number is not finite, that the position is not on Earth, at or below home, or
+    too high, that photographs follow one another by less than 0.01 m or s, or that the speed is less than
+    0.01 m/s.
 
     Parameters
     ----------
@@ -82,12 +73,6 @@ class MissionItem:
         Metres above the zero of `frame`.
     autocontinue : bool
         Whether the next item follows by itself. ArduPilot always continues; PX4 waits where it is False.
-
-    Raises
-    ------
-    MissionError
-        If a number is not finite, the position is not on Earth, at or below home, or too high, photographs
-        follow one another by less than 0.01 m or s, or the speed is less than 0.01 m/s.
     """
 
     command: int
@@ -176,12 +161,7 @@ def check_position(lat: float, lon: float, what: str) -> None:
 def check_accepted(item: MissionItem, autopilot: str, number: int) -> None:
     """Refuse an item that the autopilot refuses or is known to fly differently (MissionError).
 
-    Parameters
-    ----------
-    autopilot : str
-        For "generic", ArduPilot and PX4 must both accept the item.
-    number : int
-        Of the item, for the message.
+    For "generic", ArduPilot and PX4 must both accept the item. `number` names it in the message.
     """
     try:
         if autopilot != "px4":
@@ -218,11 +198,9 @@ def check_near(home: HomePosition, lat: float, lon: float) -> None:
     if away <= MAX_FIRST_LEG_M:
         return
     swapped = abs(home.lon) <= 90 and distance_m(home.lon, home.lat, lat, lon) <= MAX_DISTANCE_M
-    hint = (
-        "home's latitude and longitude look swapped"
-        if swapped
-        else "is its latitude first, then its longitude?"
-    )
+    hint = "is its latitude first, then its longitude?"
+    if swapped:
+        hint = "home's latitude and longitude look swapped"
     raise MissionError(
         f"home ({home.lat:.6f},{home.lon:.6f}) is {away / 1000:.0f} km from the first position to fly to "
         f"({lat:.6f},{lon:.6f}), farther than {MAX_FIRST_LEG_M / 1000:.0f} km: {hint}"

@@ -62,12 +62,8 @@ class Plane:
 def plane_around(bounds: NDArray[np.float64], lon: float) -> Plane:
     """Return the plane around the middle of bounding boxes.
 
-    Parameters
-    ----------
-    bounds : (N, 4) float64 array
-        West, south, east, north in degrees.
-    lon : float
-        Degrees; longitudes are relative to it, so boxes on both sides of the antimeridian are neighbours.
+    `bounds` (N, 4) are west, south, east, north in degrees. Longitudes are relative to `lon`, so boxes on
+    both sides of the antimeridian are neighbours.
     """
     east = wrap_lon(bounds[:, [0, 2]] - lon)
     middle = lon + (east.min() + east.max()) / 2

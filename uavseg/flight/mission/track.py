@@ -126,7 +126,7 @@ class Track:
 
     def without_repeats(self) -> "Track":
         """Return the track, without speeds, with one corner where several follow at the same place."""
-        moved = np.hypot(*np.diff(self.xy, axis=0).T) > SAME_PLACE_M
+        moved = leg_lengths(self.xy) > SAME_PLACE_M
         corners = {name: getattr(self, name) for name in ("xy", "hold_s", "shots")}
         legs = {name: getattr(self, name)[moved] for name in _OF_LEGS}
         return Track(**_merged(corners, np.r_[0, np.cumsum(moved)]), **legs)
@@ -157,7 +157,7 @@ def _hovering(xy: Floats, count: int) -> Track:
     if not count:
         is_first = np.arange(len(xy)) == 0
         return replace(Track.of_path(xy), shots=is_first, hold_s=HOVER_S * is_first)
-    at = np.r_[0.0, np.cumsum(np.hypot(*np.diff(xy, axis=0).T))]
+    at = np.r_[0.0, np.cumsum(leg_lengths(xy))]
     stops = np.linspace(0, at[-1], count + 1)
     known = at[np.abs(at[:, None] - stops).min(axis=1) > SAME_PLACE_M]
     distances = np.sort(np.concatenate([stops, known]))
@@ -167,4 +167,10 @@ def _hovering(xy: Floats, count: int) -> Track:
 
 
 def _length(xy: Floats) -> float:
-    return float(np.hypot(*np.diff(xy, axis=0).T).sum())
+    return float(leg_lengths(xy).sum())
+
+
+def leg_lengths(xy: Floats) -> Floats:
+    """Return the lengths (n - 1,) of the legs of a path (n, 2)."""
+    lengths: Floats = np.hypot(*np.diff(xy, axis=0).T)
+    return lengths

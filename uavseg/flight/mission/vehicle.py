@@ -37,6 +37,9 @@ _POWER = ("hover_w", "cruise_w", "battery_wh")
 class Vehicle:
     """Speeds, accelerations and power of a multirotor that flies a mission.
 
+    A ParameterError says that a number is not positive (or 0 where that has a meaning), not 1e-9 to 1e9, or
+    that power is given in part.
+
     Parameters
     ----------
     turns : "blend" or "slow"
@@ -62,12 +65,6 @@ class Vehicle:
         Speed of the last metres before the ground, and their number.
     hover_w, cruise_w, battery_wh : float, optional
         Power in hover and in forward flight, and the energy of a full battery.
-
-    Raises
-    ------
-    ParameterError
-        If a number is not positive (or 0 where that has a meaning), not 1e-9 to 1e9, or power is given in
-        part.
     """
 
     name: str
@@ -174,15 +171,8 @@ def returning_vehicles(vehicle: Vehicle | None, autopilot: str) -> tuple[Vehicle
 def read_vehicle(path: str | os.PathLike[str], autopilot: str = "ardupilot") -> Vehicle:
     """Read a vehicle from a JSON file: an object with parameters of `Vehicle`.
 
-    Parameters
-    ----------
-    autopilot : str
-        Its default vehicle has the parameters that are not in the file.
-
-    Raises
-    ------
-    ParameterError
-        If the file cannot be read, a key is unknown, or a value is invalid.
+    The default vehicle of `autopilot` has the parameters that are not in the file. A ParameterError says that
+    the file cannot be read, a key is unknown, or a value is invalid.
     """
     keys = ("name", "turns", *NUMBERS)
     given = read_object(path, "vehicle", f"some of {', '.join(keys)}")

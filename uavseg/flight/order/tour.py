@@ -300,19 +300,9 @@ def short_tour(
 ) -> list[tuple[int, int]]:
     """Return a short tour over stops, each flown in one of its options.
 
-    Parameters
-    ----------
-    distances : (p, p) float64 array
-        Cost between points: finite, symmetric, not negative.
-    start, end : int
-        The points at which the tour starts and ends; -1 where it may be anywhere.
-    rounds : int
-        How long to search where there are many stops.
-
-    Returns
-    -------
-    tour : list of (int, int)
-        The stops in order, and the option of each, counted from 0 for each stop.
+    `distances` (p, p) are costs between points: finite, symmetric, not negative. The tour starts and ends at
+    the points `start` and `end`; -1 where it may be anywhere. `rounds` is how long to search where there are
+    many stops. The results are the stops in order, and the option of each, counted from 0 for each stop.
 
     Examples
     --------

@@ -175,7 +175,6 @@ class SafetyParams:
         Maximum height above home, or above the ground where that is known.
     max_distance_m : float, optional
         Maximum distance from home; by default 100 km.
-    rally : tuple of RallyPoint
     """
 
     avoid_margin_m: float = 10.0

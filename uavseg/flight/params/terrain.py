@@ -19,6 +19,8 @@ MIN_RATE_M_S, MAX_RATE_M_S = 0.1, 50.0
 class TerrainParams:
     """Parameters of a flight that follows the ground.
 
+    A ParameterError says that a value is out of bounds, or a DEM is missing.
+
     Parameters
     ----------
     dem : Dem, optional
@@ -31,11 +33,6 @@ class TerrainParams:
         where that is less.
     climb_m_s, descent_m_s : float, optional
         Rates of climb and descent in forward flight; by default those of the vehicle.
-
-    Raises
-    ------
-    ParameterError
-        If a value is out of bounds, or a DEM is missing.
     """
 
     dem: Dem | None
@@ -99,20 +96,8 @@ def terrain_params(
 ) -> TerrainParams | None:
     """Open an elevation model for `TerrainParams`; None where neither a DEM nor a mode is given.
 
-    Parameters
-    ----------
-    dem : path or sequence of paths, optional
-    mode : str, optional
-        By default "absolute".
-    tolerance_m, climb_m_s, descent_m_s : float
-        See `TerrainParams`.
-
-    Raises
-    ------
-    ParameterError
-        If a value is out of bounds, or a DEM is missing.
-    RasterError
-        If a file is no elevation model.
+    `mode` is by default "absolute"; the other values are as of `TerrainParams`. A ParameterError says that a
+    value is out of bounds or a DEM missing, a RasterError that a file is no elevation model.
     """
     if dem is None and mode is None:
         given = {"tolerance": tolerance_m, "rate of climb": climb_m_s, "rate of descent": descent_m_s}

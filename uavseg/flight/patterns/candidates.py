@@ -322,15 +322,10 @@ class Orbit:
 
 
 def orbit(region: Any, margin_m: float, speed_m_s: float) -> Orbit:
-    """Return the circle at a margin around the smallest circle around a region, as a polygon of waypoints.
+    """Return the circle at a margin around the smallest circle around a region in metres, as waypoints.
 
     PX4 has no LOITER_TURNS in missions, and ArduPilot stores its radius in whole metres, up to 255 m, or in
     tens.
-
-    Parameters
-    ----------
-    region : shapely Polygon
-        In metres.
 
     Examples
     --------
@@ -357,14 +352,8 @@ def orbit_trigger_m(photos: Photos, circle: Orbit, region: Any, height_m: float)
     """Return the distance in metres between the photographs of an orbit.
 
     Neighbouring images share the front overlap of their width at the nearest point of the region, by its
-    slant distance, and their directions differ by 15 degrees at most.
-
-    Parameters
-    ----------
-    region : shapely Polygon
-        In metres.
-    height_m : float
-        Above the ground.
+    slant distance, and their directions differ by 15 degrees at most. The region is in metres, and
+    `height_m` above the ground.
     """
     ring = shapely.LineString(circle.ring)
     near = math.hypot(float(shapely.distance(ring, region)), height_m)

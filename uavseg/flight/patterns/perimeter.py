@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from uavseg.dataclass import dataclass
 from uavseg.flight.avoid.enclosing import MANY_CORNERS
+from uavseg.flight.mission.track import leg_lengths
 from uavseg.flight.params.plan import MIN_MARGIN_M, PerimeterParams
 
 Floats = NDArray[np.float64]
@@ -31,14 +32,8 @@ class OffsetRings:
 def offset_rings(region: Any, params: PerimeterParams, tolerance_m: float, min_leg_m: float) -> OffsetRings:
     """Return the rings at a distance from the outline of a region; none where it is too narrow.
 
-    Parameters
-    ----------
-    region : shapely Polygon
-        In metres.
-    tolerance_m : float
-        No point of a ring is moved farther than this to save corners.
-    min_leg_m : float
-        Corners are left out until no leg is shorter.
+    The region is in metres. No point of a ring is moved farther than `tolerance_m` to save corners, and
+    corners are left out until no leg is shorter than `min_leg_m`.
     """
     if abs(params.offset_m) >= MIN_MARGIN_M and shapely.get_num_coordinates(region) > MANY_CORNERS:
         tolerance_m /= 2  # once before, once after
@@ -54,19 +49,15 @@ def offset_rings(region: Any, params: PerimeterParams, tolerance_m: float, min_l
         kept = long_legs(simple, min_leg_m)
         if len(kept) < len(simple):
             moved = max(moved, _hausdorff(kept, exact), _hausdorff(exact, kept))
-        short |= bool(_legs(kept).min() < min_leg_m)
+        short |= bool(leg_lengths(kept).min() < min_leg_m)
         rings.append(kept)
     return OffsetRings(tuple(rings), 0 if params.holes == "fly" else len(holes), moved, short)
 
 
 def long_legs(ring: Floats, min_leg_m: float) -> Floats:
-    """Drop corners of a closed ring until no leg is shorter than a minimum; at least a triangle is left.
+    """Drop corners of a closed ring (n, 2) until no leg is shorter than a minimum, down to a triangle.
 
     Of the two ends of the shortest leg the one is dropped that moves the ring less.
-
-    Parameters
-    ----------
-    ring : (n, 2) float64 array
 
     Examples
     --------
@@ -76,7 +67,7 @@ def long_legs(ring: Floats, min_leg_m: float) -> Floats:
     corners, count = ring[:-1], len(ring) - 1
     after = np.roll(np.arange(count), -1).tolist()
     before = np.roll(np.arange(count), 1).tolist()
-    legs = _legs(ring).tolist()  # of each corner to the next one
+    legs = leg_lengths(ring).tolist()  # of each corner to the next one
     shortest = [(length, k) for k, length in enumerate(legs) if length < min_leg_m]
     heapq.heapify(shortest)
     left = np.ones(count, bool)
@@ -90,7 +81,7 @@ def long_legs(ring: Floats, min_leg_m: float) -> Floats:
         left[out], count = False, count - 1
         after[before[out]], before[after[out]] = after[out], before[out]
         k = before[out]
-        legs[k] = float(_legs(corners[[k, after[k]]])[0])
+        legs[k] = float(leg_lengths(corners[[k, after[k]]])[0])
         if legs[k] < min_leg_m:
             heapq.heappush(shortest, (legs[k], k))
     kept = corners[left]
@@ -136,11 +127,6 @@ def _offset_holes(parts: Sequence[Any], region: Any, offset_m: float) -> list[An
     return [hole for hole, kept in zip(holes, is_offset, strict=True) if kept]
 
 
-def _legs(ring: Floats) -> Floats:
-    lengths: Floats = np.hypot(*np.diff(ring, axis=0).T)
-    return lengths
-
-
 def _hausdorff(ring: Floats, other: Floats) -> float:
     """Return the maximum distance of points along a ring from another one."""
     steps = max(min(50, 100_000 // len(ring)), 2)  # of each edge
@@ -164,19 +150,9 @@ RIGHT_ANGLE_TOLERANCE = 0.02  # radians by which reprojection may turn the corne
 
 
 def perimeter(region: Any, tolerance_m: float) -> Floats:
-    """Return the outer ring of a region, closed, with as few corners as stay within a tolerance.
+    """Return the outer ring of a region in metres, (N, 2) and closed, with few corners.
 
-    Parameters
-    ----------
-    region : shapely Polygon
-        In metres.
-    tolerance_m : float
-        No point of the ring is moved farther than this (Douglas-Peucker).
-
-    Returns
-    -------
-    ring : (N, 2) array
-        x, y in metres; the last point is the first one.
+    No point of it is moved farther than `tolerance_m` (Douglas-Peucker).
     """
     return _simplified_ring(shapely.get_coordinates(region.exterior), tolerance_m)
 

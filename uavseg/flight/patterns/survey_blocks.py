@@ -23,10 +23,6 @@ def blocks_of_surveys(surveys: Iterable[Survey], plane: Plane, params: PlanParam
 
     Surveys whose lines have straight legs before and after them have none, nor have those that are not
     photographed by distance: a ground station would fly them differently.
-
-    Parameters
-    ----------
-    surveys : iterable of Survey
     """
     if params.spacing_m is None or (params.photos is not None and params.photos.trigger != "distance"):
         return ()

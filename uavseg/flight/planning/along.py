@@ -36,19 +36,9 @@ def fly_along(
 ) -> Mission:
     """Return the mission that flies along a line.
 
-    Parameters
-    ----------
-    lon, lat : (n,) float64 arrays
-        Degrees, WGS 84; a waypoint for each.
-    params : PlanParams
-        Height, speed and autopilot; the pattern is not used.
-    home : (lat, lon) or (lat, lon, altitude_m)
-        Degrees, and metres above the sea.
-
-    Raises
-    ------
-    MissionError
-        If the line is not near home, or the mission would not be safe.
+    `lon` and `lat` (n,) are degrees, WGS 84, with a waypoint for each; `home` may have a third number, metres
+    above the sea. Of `params` the pattern is not used. A MissionError says that the line is not near home, or
+    that the mission would not be safe.
     """
     start = HomePosition(*home)
     return Mission(
@@ -66,12 +56,8 @@ def items_along(
 ) -> tuple[MissionItem, ...]:
     """Return the items of a flight along a track: takeoff, speed, waypoints with their actions, return.
 
-    Parameters
-    ----------
-    track : Track
-        With places as longitude and latitude in degrees.
-    heights : WaypointHeights, optional
-        Of the waypoints; by default that of `params`, above home.
+    The places of the track are longitude and latitude in degrees; the heights are by default that of
+    `params`, above home.
     """
     heights = constant_height(track, params) if heights is None else heights
     places = np.round(track.xy, DEGREE_DECIMALS).tolist()

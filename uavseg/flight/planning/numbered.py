@@ -32,18 +32,9 @@ def write_flights(
 ) -> list[Path]:
     """Write missions, read each back and check it; all files appear together, or none.
 
-    Parameters
-    ----------
-    missions : sequence of Mission
-    path : path
-        Of the file of a single mission; see `flight_paths`.
-
-    Raises
-    ------
-    MissionError
-        If the extension is not one of missions, or what was written is not safe.
-    OutputError
-        If a file exists, or cannot be written.
+    `path` is the file of a single mission, see `_flight_paths`. A MissionError says that its extension is not
+    one of missions, or that what was written is not safe, an OutputError that a file exists or cannot be
+    written.
     """
     paths = _flight_paths(path, len(missions))
     options = options or FileOptions()

@@ -40,12 +40,7 @@ MIN_SHARE = 0.01  # of a region: smaller pieces that zones leave of it are not f
 def plane_of(polygons: Sequence[Any], points: Sequence[tuple[float, float]], home: HomePosition) -> Plane:
     """Return the local plane of regions; refuse regions that are not on Earth, or not near home.
 
-    Parameters
-    ----------
-    polygons : sequence of shapely Polygon or MultiPolygon
-        In degrees (lon, lat).
-    points : sequence of (lon, lat)
-        A point inside each region.
+    The polygons are in degrees (lon, lat); `points` are one inside each.
     """
     bounds = shapely.bounds(shapely.get_parts(np.array(polygons, dtype=object)))
     (west, south), (east, north) = bounds[:, :2].min(axis=0), bounds[:, 2:].max(axis=0)
@@ -70,11 +65,7 @@ def region_parts(
 ) -> list[RegionPart]:
     """Return the connected parts of regions, each with the given point if it lies inside, else another one.
 
-    Parameters
-    ----------
-    regions : iterable of shapely Polygon or MultiPolygon
-        In metres.
-    points : sequence of (lon, lat)
+    The regions are in metres, the points degrees (lon, lat).
     """
     parts = []
     places = np.column_stack(plane.xy_from_lonlat(*np.array(points).T)).tolist()
@@ -103,12 +94,7 @@ def _point_in(polygon: Any, point: tuple[float, float]) -> tuple[float, float]:
 
 
 def clear_parts(parts: list[RegionPart], keep_out: KeepOut) -> tuple[list[RegionPart], list[str]]:
-    """Return the parts of regions outside of keep-out zones, and a note of the area inside.
-
-    Parameters
-    ----------
-    parts : list of RegionPart
-    """
+    """Return the parts of regions outside of keep-out zones, and a note of the area inside."""
     cleared, taken_m2 = [], 0.0
     lost: list[str] = []
     for part in parts:
@@ -150,12 +136,7 @@ def missions_over(
 ) -> tuple[Mission, ...]:
     """Split a route into missions that are within their limits by the estimates of complete missions.
 
-    Parameters
-    ----------
-    plane : Plane
-        Of the route.
-    notes : list of str
-        For all missions; some are added.
+    `plane` is that of the route; `notes` are for all missions, and some are added.
     """
     vehicle, limits = params.vehicle or default_vehicle(params.autopilot), params.limits
     max_items = limits.max_items or BOARD_CAPACITY[params.autopilot]
@@ -301,6 +282,10 @@ def plan_missions(
 ) -> tuple[Mission, ...]:
     """Plan missions over regions: take off, fly their pattern in a short order, return.
 
+    There are more missions than one where the limits of `params` require it. A MissionError says that there
+    are no regions, that they are not near home, that zones make a region or home unreachable, that a part of
+    the mission does not fit into a flight, or that the mission would not be safe.
+
     Parameters
     ----------
     polygons : sequence of shapely Polygon or MultiPolygon
@@ -312,17 +297,6 @@ def plan_missions(
         Where the vehicle starts; its altitude is in metres above the sea.
     zones : sequence of shapely Polygon or MultiPolygon
         Keep-out zones in degrees: no leg comes nearer to them than the margin of `params`.
-
-    Returns
-    -------
-    missions : tuple of Mission
-        More than one where the limits of `params` require it.
-
-    Raises
-    ------
-    MissionError
-        If there are no regions, they are not near home, zones make a region or home unreachable, a part of
-        the mission does not fit into a flight, or the mission would not be safe.
     """
     if len(polygons) == 0:
         raise MissionError("there is no region to fly to; choose at least one")

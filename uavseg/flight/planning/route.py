@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.avoid.free_space import FreeSpace
-from uavseg.flight.mission.track import Track
+from uavseg.flight.mission.track import Track, leg_lengths
 from uavseg.flight.order.tour import Stops, short_tour
 
 Floats = NDArray[np.float64]
@@ -49,16 +49,7 @@ class RegionRoute:
 def short_route(candidates: Sequence[Sequence[Track]], home: Floats, space: FreeSpace) -> RegionRoute:
     """Return a short route from home over one track of each region, in either direction, and home again.
 
-    Parameters
-    ----------
-    candidates : sequence of sequences of Track
-        For each region; each may be flown in either direction.
-    home : (2,) float64 array
-
-    Raises
-    ------
-    MissionError
-        If there are too many regions, or a region cannot be reached.
+    A MissionError says that there are too many regions, or that one cannot be reached.
     """
     tracks = _ordered(candidates, home, space)
     runs = [track.line_runs() for track in tracks]
@@ -120,7 +111,7 @@ def without_short_legs(track: Track, space: FreeSpace) -> Track:
     """
     track, k = replace(track, xy=track.xy.copy()), 1
     while k < len(track.xy) - 1:
-        if not _is_of_transit(track, k) or _lengths(track.xy[k - 1 : k + 2]).min() >= MIN_LEG_M:
+        if not _is_of_transit(track, k) or leg_lengths(track.xy[k - 1 : k + 2]).min() >= MIN_LEG_M:
             k += 1
         elif space.sees(track.xy[k - 1, None], track.xy[k + 1, None])[0]:
             straight = Track.transit(track.xy[[k - 1, k + 1]])
@@ -145,14 +136,9 @@ def _shorten_line(track: Track, k: int, space: FreeSpace) -> None:
             continue
         corner, along = track.xy[end].copy(), track.xy[other] - track.xy[end]
         length_m = float(np.hypot(*along))
-        if _lengths(track.xy[[end, k]])[0] >= MIN_LEG_M or length_m < 2 * MIN_LEG_M:
+        if leg_lengths(track.xy[[end, k]])[0] >= MIN_LEG_M or length_m < 2 * MIN_LEG_M:
             continue
         track.xy[end] += along * (MIN_LEG_M / length_m)
-        short = _lengths(track.xy[[end, k]])[0] < MIN_LEG_M
+        short = leg_lengths(track.xy[[end, k]])[0] < MIN_LEG_M
         if short or not space.sees(track.xy[end, None], track.xy[k, None])[0]:
             track.xy[end] = corner
-
-
-def _lengths(xy: Floats) -> Floats:
-    lengths: Floats = np.hypot(*np.diff(xy, axis=0).T)
-    return lengths

@@ -55,10 +55,7 @@ class FlightLimits:
 def split_route(route: RegionRoute, limits: FlightLimits) -> list[Track]:
     """Split a route into flights, each from the first corner after home to the last before it.
 
-    Raises
-    ------
-    MissionError
-        If a part of the route cannot be flown within the limits even alone.
+    A MissionError says that a part of the route cannot be flown within the limits even alone.
     """
     whole = route.flight(0, len(route.pieces) - 1)
     if _fits(route, whole, limits):

@@ -23,19 +23,11 @@ HEIGHT_SLACK_M = 0.5
 
 @dataclass(frozen=True, eq=False)
 class SafetyCheck:
-    """Requirements that a mission is checked against.
-
-    Parameters
-    ----------
-    zones : sequence of shapely Polygon or MultiPolygon
-        Keep-out zones in degrees (lon, lat; WGS 84).
-    clearance : Clearance, optional
-        The ground and how far flights keep above it; without, heights above home are checked.
-    """
+    """Requirements that a mission is checked against."""
 
     safety: SafetyParams = SafetyParams()
-    zones: Sequence[Any] = ()
-    clearance: Clearance | None = None
+    zones: Sequence[Any] = ()  # keep-out zones, shapely in degrees (lon, lat; WGS 84)
+    clearance: Clearance | None = None  # above the ground; without it, heights above home are checked
 
     def check(self, mission: Mission) -> None:
         """Raise MissionError with the first of the `problems` of a mission."""

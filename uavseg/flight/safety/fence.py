@@ -27,20 +27,11 @@ def fence_around(
 ) -> tuple[tuple[FencePolygon, ...], list[str]]:
     """Draw the fence around a path; return it with notes.
 
-    Parameters
-    ----------
-    path : (n, 2) float64 array
-        All corners of the flight with home, in metres.
-    margin_m : float
-        Distance from the path to the hull, at least.
+    `path` (n, 2) are all corners of the flight with home, in metres; the hull is at least `margin_m` from it.
 
-    Returns
-    -------
-    fence : tuple of FencePolygon
-        The hull (inclusion), and each zone that it meets with half of its margin, or less (exclusion).
-        Where these have more vertices than boards store, zones end at the hull, and may have up to three
-        quarters of their margin.
-    notes : list of str
+    The fence is the hull (inclusion), and each zone that it meets with half of its margin, or less
+    (exclusion). Where these have more vertices than boards store, zones end at the hull, and may have up to
+    three quarters of their margin.
     """
     hull = shapely.convex_hull(shapely.multipoints(path))
     outer = shapely.simplify(shapely.buffer(hull, 1.2 * margin_m, quad_segs=2), margin_m / 20)

@@ -31,23 +31,10 @@ def home_outside(
 ) -> tuple[float, float]:
     """Find the place nearest to the middle of all regions that lies outside of them and of keep-out zones.
 
-    A place that a region or zone encloses, such as an island, is not taken: people may not get there.
-
-    Parameters
-    ----------
-    polygons : sequence of shapely Polygon or MultiPolygon
-        In degrees (lon, lat; WGS 84).
-    points : sequence of (lon, lat)
-        A point inside each.
-    zones : sequence of shapely Polygon or MultiPolygon
-        In degrees.
-    is_ground : function, optional
-        Whether a place (lat, lon) may be home; by default every place may.
-
-    Raises
-    ------
-    MissionError
-        If there are no regions, or no place near them may be home.
+    A place that a region or zone encloses, such as an island, is not taken: people may not get there. The
+    polygons, with a point (lon, lat) inside each, and the zones are in degrees (WGS 84). `is_ground` says
+    whether a place (lat, lon) may be home; by default every place may. A MissionError says that there are no
+    regions, or that no place near them may be home.
     """
     if not len(polygons):
         raise MissionError("there is no region to fly to; choose at least one")

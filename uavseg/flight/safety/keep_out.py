@@ -15,7 +15,7 @@ from uavseg.errors import MissionError
 from uavseg.flight.avoid.enclosing import enclosing, merged, neighbour_groups
 from uavseg.flight.avoid.free_space import FreeSpace
 from uavseg.flight.mission.plane import Plane
-from uavseg.flight.mission.track import Track
+from uavseg.flight.mission.track import Track, leg_lengths
 from uavseg.flight.mission.vehicle import returning_vehicles
 from uavseg.flight.params.plan import PlanParams
 
@@ -42,13 +42,6 @@ NAMES = {
 class KeepOut:
     """Zones that no leg of a flight enters, and a margin around them.
 
-    Parameters
-    ----------
-    zones : sequence of shapely Polygon or MultiPolygon
-        In metres.
-    margin_m : float
-        Minimum distance to the zones, 0 or more.
-
     Examples
     --------
     >>> wall = KeepOut([shapely.box(40, -100, 60, 20)], margin_m=5)
@@ -56,8 +49,8 @@ class KeepOut:
     False
     """
 
-    zones: Sequence[Any] = ()
-    margin_m: float = 0.0
+    zones: Sequence[Any] = ()  # shapely, in metres
+    margin_m: float = 0.0  # minimum distance to the zones
 
     @cached_property
     def _merged(self) -> Any:
@@ -122,10 +115,7 @@ class KeepOut:
     def clear(self, track: Track) -> Track:
         """Clip the lines of a track outside of the zones, and lead other legs around them.
 
-        Raises
-        ------
-        MissionError
-            If there is no path between two of its lines, or nothing is left.
+        A MissionError says that there is no path between two of its lines, or that nothing is left.
         """
         if not self.zones or self.space.sees(track.xy[:-1], track.xy[1:]).all():
             return track
@@ -193,13 +183,9 @@ def _simple(around: Any, zones: Any, reach_m: float) -> Any:
     outer = shapely.buffer(inner, reach_m)
     for share in FENCE_TOLERANCES:
         simple = shapely.simplify(around, share * reach_m)
-        if _lies_between(simple, inner, outer):
+        if shapely.covers(simple, inner) and shapely.covers(outer, simple):
             return simple
     return inner
-
-
-def _lies_between(area: Any, inner: Any, outer: Any) -> bool:
-    return bool(shapely.covers(area, inner) and shapely.covers(outer, area))
 
 
 def _outside(line: Floats, blocked: Any) -> list[Floats]:
@@ -215,19 +201,8 @@ def near_zones(zones: Sequence[Any], places: Sequence[Any], reach_m: float) -> l
     A shortest path among obstacles stays within the convex hull of its ends and of the obstacles that it
     touches, so a zone outside the hull of all places, and of the zones that are near to it, changes nothing.
 
-    Parameters
-    ----------
-    zones : sequence of shapely Polygon or MultiPolygon
-        In metres.
-    places : sequence of shapely geometries
-        All that is flown over, with home.
-    reach_m : float
-        How far a flight may lead outside these places, and the margin of zones.
-
-    Returns
-    -------
-    list of shapely Polygon or MultiPolygon
-        In the order of `zones`.
+    The zones, and the places that are flown over, with home, are in metres. `reach_m` is how far a flight may
+    lead outside of these places, and the margin of zones. The order of the zones is kept.
 
     Examples
     --------
@@ -252,11 +227,7 @@ def return_notes(path: Floats, keep_out: KeepOut, plane: Plane, params: PlanPara
     """Yield notes on a return that the pilot or a failsafe starts during the flight.
 
     The vehicle may climb before it and flies straight, while the end of the mission leads around zones.
-
-    Parameters
-    ----------
-    path : (n, 2) float64 array
-        Corners of the flight in metres, home first and last.
+    `path` (n, 2) are the corners of the flight in metres, home first and last.
     """
     name, setting = NAMES[params.autopilot]
     maximum_m, height_m = params.safety.max_altitude_m, _return_height_m(path, params)
@@ -289,6 +260,6 @@ def _return_height_m(path: Floats, params: PlanParams) -> float:
 
 def _places_along(path: Floats) -> Floats:
     """Return places along a path at equal distances."""
-    length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
+    length = np.concatenate([[0.0], np.cumsum(leg_lengths(path))])
     at = np.linspace(0, length[-1], min(int(length[-1] / STEP_M) + 2, STARTS))
     return np.column_stack([np.interp(at, length, path[:, 0]), np.interp(at, length, path[:, 1])])

@@ -50,19 +50,8 @@ class AltitudeProfile:
 def fly_over(dem: Dem, lon: Floats, lat: Floats, params: PlanParams, speeds: Floats) -> AltitudeProfile:
     """Compute the flight over the ground from the first of these corners to the last.
 
-    Parameters
-    ----------
-    lon, lat : (k,) float64 arrays
-        Corners of the path in degrees, home first.
-    params : PlanParams
-        Height above the ground, tolerance, and how fast the vehicle climbs and descends.
-    speeds : (k - 1,) float64 array
-        Of each leg, where it is not too steep.
-
-    Raises
-    ------
-    MissionError
-        If the DEM does not cover the path.
+    `lon` and `lat` (k,) are the corners in degrees, home first, and `speeds` (k - 1,) those of each leg,
+    where it is not too steep. A MissionError says that the DEM does not cover the path.
     """
     terrain = params.terrain
     assert terrain is not None
@@ -87,10 +76,7 @@ def fly_over(dem: Dem, lon: Floats, lat: Floats, params: PlanParams, speeds: Flo
         chosen.append(start + np.array(points[1:], np.int64))
         speed_m_s.append(rates.speeds(np.diff(at[points]), np.diff(height[points])))
     return AltitudeProfile(
-        ground=ground,
-        target_m=target,
-        chosen=np.concatenate(chosen),
-        speed_m_s=np.concatenate(speed_m_s),
+        ground=ground, target_m=target, chosen=np.concatenate(chosen), speed_m_s=np.concatenate(speed_m_s)
     )
 
 
@@ -106,14 +92,7 @@ class LegPoints:
 def points_of_leg(dem: Dem, leg: tuple[float, ...], params: PlanParams) -> LegPoints:
     """Compute the points of one leg over the ground.
 
-    Parameters
-    ----------
-    leg : (lon, lat, lon, lat, speed_m_s)
-
-    Raises
-    ------
-    MissionError
-        If the DEM does not cover the leg.
+    `leg` is (lon, lat, lon, lat, speed_m_s). A MissionError says that the DEM does not cover it.
     """
     ends = np.array(leg[:4]).reshape(2, 2)
     flight = fly_over(dem, ends[:, 0], ends[:, 1], params, np.array(leg[4:]))
@@ -158,12 +137,8 @@ def points_climbed_early(along_m: Floats, height_m: Floats, tolerance_m: float, 
     """Choose samples between which straight and early climbs stay within a tolerance.
 
     It climbs or descends at the beginning of each leg until the height of its end is reached. Each leg is as
-    long as possible; one between neighbouring samples is always flown.
-
-    Parameters
-    ----------
-    along_m, height_m : (n,) float64 arrays
-        Distance along the path and height of all samples, before they are simplified.
+    long as possible; one between neighbouring samples is always flown. `along_m` and `height_m` (n,) are
+    distance along the path and height of all samples.
 
     Examples
     --------
@@ -190,15 +165,8 @@ def heights_climbed_early(
 ) -> Floats:
     """Compute heights of a vehicle that changes its height at the start of each leg.
 
-    Parameters
-    ----------
-    ground : GroundProfile
-        With n samples, at which heights are returned.
-    height_m : (k,) float64 array
-        At its corners.
-    speeds : (k - 1,) float64 array
-        Over ground, of the legs between them.
-    rates_m_s : (climb, descent)
+    They are at the n samples of the ground. `height_m` (k,) are those at its corners, `speeds` (k - 1,) over
+    ground are of the legs between them, and the rates are those of climb and descent.
     """
     corners = ground.corners
     leg = np.clip(np.searchsorted(corners, np.arange(len(ground.along_m))) - 1, 0, len(corners) - 2)
@@ -232,18 +200,8 @@ def points_within(along_m: Floats, height_m: Floats, tolerance_m: float) -> list
     tolerance; the slopes that do so are a cone that only narrows (J. Sklansky and V. Gonzalez, Fast polygonal
     approximation of digitized curves, Pattern Recognition 12, 1980).
 
-    Parameters
-    ----------
-    along_m : (n,) float64 array
-        Increasing; all the same for a leg without length.
-    height_m : (n,) float64 array
-    tolerance_m : float
-        Largest vertical distance.
-
-    Returns
-    -------
-    list of int
-        Indices, the first and the last sample among them.
+    `along_m` (n,) increases, or is all the same for a leg without length; the tolerance is vertical. The
+    results are indices, the first and the last sample among them.
 
     Examples
     --------
@@ -279,13 +237,7 @@ def _farthest(along_m: Floats, height_m: Floats, tolerance_m: float, start: int)
 def limit_slopes(along_m: Floats, height_m: Floats, climb: float, descent: float) -> Floats:
     """Compute the lowest profile above another that climbs and descends no steeper than these slopes.
 
-    Parameters
-    ----------
-    along_m : (n,) float64 array
-        Never decreasing.
-    height_m : (n,) float64 array
-    climb, descent : float
-        Metres per metre, above 0.
+    `along_m` (n,) never decreases; the slopes are metres per metre, above 0.
 
     Examples
     --------

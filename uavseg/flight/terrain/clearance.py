@@ -20,36 +20,19 @@ SLACK_M = 0.3  # for the decimals of a file on steep ground
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Clearance:
-    """Minimum height of flights above the ground.
-
-    Parameters
-    ----------
-    minimum_m : float
-        On any leg, from above home on.
-    early : (climb, descent), optional
-        Rates of a vehicle that approaches the height of the next waypoint at once, as PX4 does: the heights
-        between its path and the straight line are checked. By default the straight line.
-    """
+    """Minimum height of flights above the ground."""
 
     dem: Dem
-    minimum_m: float
+    minimum_m: float  # on any leg, from above home on
+    # Rates of climb and descent of a vehicle that approaches the height of the next waypoint at once, as PX4
+    # does: the heights between its path and the straight line are checked. By default the straight line.
     early: tuple[float, float] | None = None
-
-    def check(self, mission: Mission, maximum_m: float) -> None:
-        """Raise MissionError with the first of the `problems`, if there is one."""
-        for problem in self.problems(mission, maximum_m):
-            raise MissionError(problem)
 
     def problems(self, mission: Mission, maximum_m: float) -> Iterator[str]:
         """Yield where a leg or rally point comes nearer to the ground than allowed, or is higher above it.
 
         The return is at the height of the last item. Heights above the terrain that the vehicle itself knows
-        are taken for what they say.
-
-        Parameters
-        ----------
-        maximum_m : float
-                Maximum height above the ground.
+        are taken for what they say. `maximum_m` is the maximum height above the ground.
         """
         try:
             yield from self._legs(mission, maximum_m)

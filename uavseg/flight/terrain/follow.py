@@ -41,16 +41,9 @@ def terrain_notes(
 ) -> Iterator[str]:
     """Yield what the pilot of a flight over the ground should know.
 
-    Parameters
-    ----------
-    added : int
-        How many points were added on legs for their height.
-    speed_m_s, requested_m_s : (n,) float64 arrays
-        The speed on the leg to each waypoint, and the one where it is not too steep.
-    params : PlanParams
-        With a DEM.
-    leads_home : bool
-        Whether points were added for the path home.
+    `added` is how many points were added on legs for their height, `leads_home` whether there are some for
+    the path home. `speed_m_s` and `requested_m_s` (n,) are the speed on the leg to each waypoint, and the one
+    where it is not too steep. `params` have a DEM.
     """
     terrain = params.terrain
     assert terrain is not None and terrain.dem is not None
@@ -242,15 +235,8 @@ def follow_ground(track: Track, home: HomePosition, params: PlanParams) -> Groun
     follow at 1 m/s it may be more, never less. Legs that are too steep for the speed are flown slower. Where
     a straight return at the height of the last point would leave the tolerance, the path leads home.
 
-    Parameters
-    ----------
-    track : Track
-        Places as longitude and latitude in degrees.
-
-    Raises
-    ------
-    MissionError
-        If the DEM does not cover the flight, or heights above home would not be above it.
+    The places of the track are longitude and latitude in degrees. A MissionError says that the DEM does not
+    cover the flight, or that heights above home would not be above it.
     """
     terrain = params.terrain
     if terrain is None:
@@ -287,14 +273,8 @@ def follow_ground(track: Track, home: HomePosition, params: PlanParams) -> Groun
 def _with_added(track: Track, places: Floats, added: NDArray[np.bool_], leg: Ints) -> Track:
     """Add points to the legs of a track; what is done on a leg continues there.
 
-    Parameters
-    ----------
-    places : (n, 2) float64 array
-        Of all corners, in degrees.
-    added : (n,) bool array
-        Which of them are not corners of the track.
-    leg : (n,) int64 array
-        The leg to each corner: 0 leads from home, and 1 is the track's first.
+    `places` (n, 2) are those of all corners, in degrees; `added` (n,) says which of them are not corners of
+    the track. `leg` (n,) is the leg to each corner: 0 leads from home, and 1 is the track's first.
     """
     speed, leg = track.speed_m_s[leg], leg[1:]
     whole = Track.joined([Track.transit(track.xy[[0, 0]]), track])
@@ -363,15 +343,9 @@ def _ground(
 def home_on_ground(home: tuple[float, ...], params: PlanParams) -> tuple[tuple[float, ...], list[str]]:
     """Return home with the height of its ground above the sea, from the DEM where none is given; and notes.
 
-    Parameters
-    ----------
-    home : (lat, lon) or (lat, lon, altitude_m)
-
-    Raises
-    ------
-    MissionError
-        If the DEM has no height at home, or one that differs by more than 50 m, or by more than half of the
-        height of the flight, from the given one (differences below 10 m aside).
+    `home` is (lat, lon) or (lat, lon, altitude_m). A MissionError says that the DEM has no height there, or
+    one that differs by more than 50 m, or by more than half of the height of the flight, from the given one
+    (differences below 10 m aside).
     """
     terrain = params.terrain
     if terrain is None or terrain.dem is None:

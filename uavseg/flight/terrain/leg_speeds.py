@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.flight.mission.duration import Ramp
-from uavseg.flight.mission.track import Track
+from uavseg.flight.mission.track import Track, leg_lengths
 from uavseg.flight.mission.vehicle import default_vehicle
 from uavseg.flight.params.plan import PlanParams
 
@@ -30,23 +30,14 @@ def with_speeds(track: Track, home: Floats, params: PlanParams) -> Track:
     The speed is low from the first photograph on: the point lies as far before the line as the vehicle needs
     to slow down. A shorter leg is slow as a whole.
 
-    Parameters
-    ----------
-    track : Track
-        In metres, without repeated corners.
-    home : (2,) float64 array
-        Where the leg to the first corner starts.
-
-    Returns
-    -------
-    track : Track
-        The same one where no photograph limits the speed.
+    The track, in metres, has no repeated corners, and `home` (2,) is where the leg to the first one starts.
+    Where no photograph limits the speed, it is returned as it is.
     """
     limit = _limits_m_s(track, params)
     if (limit >= params.speed_m_s).all():
         return track
     whole = Track.joined([Track.transit(np.array([home, track.xy[0]])), track])
-    length = np.hypot(*np.diff(whole.xy, axis=0).T)
+    length = leg_lengths(whole.xy)
     limit = np.minimum(np.append(np.inf, limit), params.speed_m_s)
     speed = _fewest_changes(limit, length)
     splits = _slow_down(whole, speed, length, params)
@@ -65,7 +56,7 @@ def with_speeds(track: Track, home: Floats, params: PlanParams) -> Track:
 
 def fewest_changes(track: Track, params: PlanParams) -> Floats:
     """Return the speed of each leg of a track, (n - 1,), before points are added to slow down."""
-    length = np.hypot(*np.diff(track.xy, axis=0).T)
+    length = leg_lengths(track.xy)
     return _fewest_changes(np.minimum(_limits_m_s(track, params), params.speed_m_s), length)
 
 

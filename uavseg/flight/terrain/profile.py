@@ -52,17 +52,9 @@ def profile_along(dem: Dem, lon: Floats, lat: Floats, gap_m: float) -> GroundPro
     lies within the triangle of its ends and its control point (that of a Bezier curve), so that a sample in
     the middle bounds it exactly. Where the bounds are farther apart than `gap_m`, pieces are halved.
 
-    Parameters
-    ----------
-    lon, lat : (k,) float64 arrays
-        Corners of the path in degrees.
-    gap_m : float
-        Distance in metres between the bounds, at most, unless the ground is nearly vertical.
-
-    Raises
-    ------
-    MissionError
-        If the DEM has no height somewhere on the path; the message names the place.
+    `lon` and `lat` (k,) are the corners of the path in degrees; the bounds may be farther apart, in metres,
+    only where the ground is nearly vertical. A MissionError names a place on the path where the DEM has no
+    height.
     """
     first = dem.heights_m(lon[:1], lat[:1])
     check_known(dem, lon[:1], lat[:1], first)

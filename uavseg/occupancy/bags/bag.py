@@ -33,13 +33,7 @@ _SQLITE_URI = re.compile(r"[?#%]")  # characters with which SQLite would open an
 
 
 def bag_files(path: str | os.PathLike[str]) -> list[Path]:
-    """List the files of a bag in the order in which they were recorded.
-
-    Parameters
-    ----------
-    path : path
-        A file, or a folder of ROS 2 with its metadata.yaml.
-    """
+    """List the files of a bag (a file, or a folder of ROS 2 with its metadata.yaml) as they were recorded."""
     is_folder = os.path.isdir(path)  # noqa: PTH112 - false for a name that is too long
     files = _files_of_folder(Path(path)) if is_folder else [regular_file(path, BagError)]
     for file in files:
@@ -146,10 +140,7 @@ def _bounded(make: Callable[[], Any]) -> Callable[[bytes], bytes]:
 def check_overlap(chunks: list[Any], path: str) -> None:
     """Refuse an MCAP file of which too many bytes are unpacked at once: messages are merged by time.
 
-    Parameters
-    ----------
-    chunks : list of ChunkInfo
-        Of rosbags' reader, which checks the unpacked size of each when it unpacks it.
+    `chunks` are those of rosbags' reader, which checks the unpacked size of each when it unpacks it.
     """
     changes = [(chunk.message_start_time, chunk.uncompressed_size) for chunk in chunks]
     changes += [(chunk.message_end_time + 1, -chunk.uncompressed_size) for chunk in chunks]
@@ -225,13 +216,7 @@ class Bag:
 
 @contextmanager
 def open_bag(path: str | os.PathLike[str]) -> Iterator[Bag]:
-    """Open a bag of ROS 1 or ROS 2 for reading.
-
-    Parameters
-    ----------
-    path : path
-        A .bag, .mcap or .db3 file, or a folder that ros2 bag recorded.
-    """
+    """Open a bag for reading: a .bag, .mcap or .db3 file, or a folder that ros2 bag recorded."""
     try:
         import rosbags.rosbag1  # noqa: F401
         from rosbags.rosbag2 import Reader

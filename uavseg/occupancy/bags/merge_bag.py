@@ -145,15 +145,10 @@ class _Extent:
 def merge_bag(
     path: str | os.PathLike[str], topics: BagTopics = BagTopics(), params: MergeParams = MergeParams()
 ) -> MergedBag:
-    """Merge the scans of a bag into a map.
+    """Merge the scans of a bag, a .bag of ROS 1 or a folder, .mcap or .db3 of ROS 2, into a map.
 
     The frame of the map is the root of the frames above the sensor: that of the odometry, or the highest of
     the tree of /tf, such as `map`.
-
-    Parameters
-    ----------
-    path : path
-        A .bag of ROS 1; a folder, .mcap or .db3 of ROS 2.
     """
     with open_bag(path) as bag:
         bag.check_topic(topics.scan, LASERSCAN, MULTI_ECHO, POINT_CLOUD)

@@ -41,7 +41,7 @@ Floats = NDArray[np.float64]
 
 
 def merge_beams(log_odds: Float32s, pending: PendingUpdates, beams: Floats, sigma: float) -> Window:
-    """Update cells by beams, in beam order.
+    """Update cells by beams, in beam order; return the smallest window with all of them, which may be empty.
 
     Parameters
     ----------
@@ -55,11 +55,6 @@ def merge_beams(log_odds: Float32s, pending: PendingUpdates, beams: Floats, sigm
         cells from the grid's outer corner.
     sigma : float
         Standard deviation of ranges in metres.
-
-    Returns
-    -------
-    Window
-        The smallest one with all updated cells; it may be empty.
     """
     rows, cols = log_odds.shape
     box = np.array([rows, cols, -1, -1], np.int64)

@@ -28,10 +28,8 @@ class ChangeLog:
     def pop(self) -> tuple[Mask, Mask]:
         """Read the changes and clear them.
 
-        Returns
-        -------
-        changed, affected : (B, C) bool arrays
-            Blocks whose grey has changed, and blocks with a changed pixel in them or next to them.
+        The results (B, C) are blocks whose grey has changed, and blocks with a changed pixel in or next to
+        them.
         """
         rows, cols = self.changed.shape
         around = np.zeros((rows + 2, cols + 2), bool)

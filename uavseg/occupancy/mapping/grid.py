@@ -30,18 +30,11 @@ from uavseg.segmentation.params.segment import Intervals, SegmentParams
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Update:
-    """Changes that a scan made.
+    """Changes that a scan made."""
 
-    Parameters
-    ----------
-    window : Window
-        The smallest one with every cell that the scan updated, empty if it updated none.
-    blocks : (B, C) bool array
-        The blocks of 64 x 64 cells that were measured or divided again: those with a cell whose grey has
-        changed, and those next to such a cell.
-    """
-
-    window: Window
+    window: Window  # the smallest one with every cell that the scan updated, empty if it updated none
+    # (B, C), the blocks of 64 x 64 cells that were measured or divided again: those with a cell whose grey
+    # has changed, and those next to such a cell
     blocks: NDArray[np.bool_]
 
 

@@ -35,14 +35,7 @@ _LEVEL_DEG = 0.1  # an origin that is tilted by less lies in the plane
 
 
 def check_cells(shape: tuple[int, int], what: str) -> None:
-    """Refuse a grid of more cells than are kept in a file or made from one.
-
-    Parameters
-    ----------
-    shape : (int, int)
-    what : str
-        Name of the grid, for the message.
-    """
+    """Refuse a grid, named `what` in the message, of more cells than are kept in a file or made from one."""
     rows, cols = shape
     if rows * cols > MAX_CELLS:
         raise MapError(f"{what} has {cols:,} x {rows:,} cells; at most {MAX_CELLS:,} are possible")
@@ -51,14 +44,7 @@ def check_cells(shape: tuple[int, int], what: str) -> None:
 def write_grid_file(
     path: str | os.PathLike[str], log_odds: Float32s, geobox: GeoBox, overwrite: bool = False
 ) -> None:
-    """Write the log-odds of a grid.
-
-    Parameters
-    ----------
-    path : path
-        Ends in .tif or .tiff.
-    log_odds : (rows, cols) float32 array
-    """
+    """Write the log-odds (rows, cols) of a grid to a .tif or .tiff."""
     check_geotiff_name(path, "a grid")
     check_cells(log_odds.shape, "this grid")
     write_geotiff(path, [log_odds], geobox, [LOG_ODDS], {_TAG: _CONTENT}, overwrite)
@@ -84,10 +70,7 @@ def read_grid_file(path: str | os.PathLike[str]) -> tuple[Float32s, GeoBox]:
 def read_grid_message(message: Any) -> tuple[Float32s, GeoBox]:
     """Read the probabilities of a message, and the position of its cells.
 
-    Returns
-    -------
-    probabilities : (rows, cols) float32 array
-        In 0..1, exactly 0.5 where unknown; the first row is the highest.
+    They are (rows, cols) in 0..1, exactly 0.5 where unknown; the first row is the highest.
     """
     resolution = _number_of(message, "info.resolution")
     shape = (_count(message, "info.height"), _count(message, "info.width"))
@@ -105,13 +88,8 @@ def read_grid_message(message: Any) -> tuple[Float32s, GeoBox]:
 def fill_grid_message(probabilities: Float32s, geobox: GeoBox, message: Any = None) -> Any:
     """Fill `info` and `data` of a message, or of a new plain object, and return it.
 
-    Parameters
-    ----------
-    probabilities : (rows, cols) float32 array
-    geobox : GeoBox
-        Square cells in metres.
-    message : OccupancyGrid message, optional
-        Where its `data` is a numpy array, it becomes one, as rosbags has it; else an array.array.
+    Cells are square, in metres. Where `data` of the message is a numpy array, it becomes one, as rosbags has
+    it; else an array.array.
     """
     resolution, (x, y, yaw), mirrored = placement(geobox)
     cells = np.floor(100 * probabilities.astype(np.float64) + 0.5).astype(np.int8)

@@ -29,10 +29,10 @@ BlockIndices = NDArray[np.int64]  # (n, 2): row and column of each block
 class LiveSegmentation:
     """The segments of a map as it is now, with boundaries at the edges of cells of 8 x 8 pixels.
 
+    A ParameterError says that there are more than 255 intervals.
+
     Parameters
     ----------
-    grey_map : GreyMap
-        Of the map.
     partition : StateLimits, IntensityRange or Levels, optional
         Intervals of v by which the segments are classified; by default the paper's states.
     params : SegmentParams, optional
@@ -42,11 +42,6 @@ class LiveSegmentation:
     ----------
     bin_edges : (7,) int32 array
         Of the contrast histogram; fitted when the segmentation is made and by `refit`.
-
-    Raises
-    ------
-    ParameterError
-        If there are more than 255 intervals.
     """
 
     def __init__(
@@ -78,12 +73,7 @@ class LiveSegmentation:
         """Return the interval in which the leaf of each cell of 8 x 8 pixels lies, counted from 1.
 
         For states: 1 free, 2 unknown, 3 occupied; for a range: 1 below, 2 inside, 3 above it. 0 where a cell
-        lies outside the map.
-
-        Returns
-        -------
-        intervals : (8 B, 8 C) uint8 array
-            A read-only view; later updates show in it.
+        lies outside the map. The result (8 B, 8 C) is a read-only view; later updates show in it.
         """
         self.settle()
         shown = self._intervals.view()
@@ -94,10 +84,7 @@ class LiveSegmentation:
     def inside(self) -> NDArray[np.bool_]:
         """Return the cells of the leaves whose mean lies in the range, an (8 B, 8 C) bool array.
 
-        Raises
-        ------
-        ParameterError
-            If this is not a segmentation by a range.
+        A ParameterError says that this is not a segmentation by a range.
         """
         if not isinstance(self.partition, IntensityRange):
             raise ParameterError(f"only a range has an inside; this segmentation is by {self.partition}")
@@ -107,20 +94,8 @@ class LiveSegmentation:
         """Return the pixels whose leaf and whose v both lie in an interval: the cells that a path may pass.
 
         Walls thinner than a block lie in leaves whose mean is free; this excludes the pixels of such walls.
-
-        Parameters
-        ----------
-        interval : int
-            As in `intervals`: 1 for free.
-
-        Returns
-        -------
-        agreeing : (rows, cols) bool array
-
-        Raises
-        ------
-        ParameterError
-            If there is no such interval.
+        An interval is as in `intervals`, 1 for free; a ParameterError says that there is none. The result is
+        (rows, cols).
         """
         count = len(self.partition.edges) + 1
         if not 1 <= interval <= count:
@@ -155,13 +130,7 @@ class LiveSegmentation:
         self._update_blocks(*np.ones((2, *self._stale.shape), bool))
 
     def settle(self) -> Mask:
-        """Divide again the blocks that have changed since the last call.
-
-        Returns
-        -------
-        blocks : (B, C) bool array
-            The blocks that were measured or divided again.
-        """
+        """Divide again the blocks that have changed since the last call; return which these are, (B, C)."""
         self._grey_map.flush_changes()
         changed, affected = self._changes.pop()
         if affected.any():

@@ -17,17 +17,7 @@ MAX_LOG_ODDS = 6.0
 
 
 def probabilities_and_grey(log_odds: Float32s) -> tuple[Float32s, NDArray[np.uint16]]:
-    """Compute the probability p = 1 / (1 + exp(-log-odds)), and its grey floor(65535 p + 0.5).
-
-    Parameters
-    ----------
-    log_odds : float32 array
-        In -6..6.
-
-    Returns
-    -------
-    probabilities : float32 array
-    grey : uint16 array
+    """Compute p = 1 / (1 + exp(-log-odds)) for log-odds in -6..6, and its grey floor(65535 p + 0.5).
 
     Examples
     --------

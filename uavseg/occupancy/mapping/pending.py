@@ -30,18 +30,10 @@ _CACHE_LINE = 64  # bytes
 
 
 def empty_pending(shape: tuple[int, int]) -> PendingUpdates:
-    """Allocate the pending updates of a map without observations: all zero.
+    """Allocate the pending updates (B, C, 8, 8, 8, 8) of a map without observations: all zero.
 
-    Parameters
-    ----------
-    shape : (int, int)
-        Rows and columns of the map.
-
-    Returns
-    -------
-    pending : (B, C, 8, 8, 8, 8) uint8 array
-        Block, 8 x 8 pixels within it, pixel within these. Neighbouring pixels share a cache line, so a beam
-        in any direction touches few of them.
+    The axes are block, 8 x 8 pixels within it, pixel within these. Neighbouring pixels share a cache line, so
+    a beam in any direction touches few of them.
     """
     rows, cols = (-(-length // BLOCK) for length in shape)
     storage = np.zeros(rows * cols * BLOCK * BLOCK + _CACHE_LINE, np.uint8)
@@ -99,17 +91,9 @@ def apply_pending(
 ) -> None:
     """Bring all cells with a pending update up to date, in place, and clear the pending updates.
 
-    Parameters
-    ----------
-    pending : (B, C, 8, 8, 8, 8) uint8 array
-        From `empty_pending`; filled by `beams.merge_beams`.
-    log_odds : (rows, cols) float32 array
-    probabilities : (rows, cols) float32 array or None
-        None where they are not kept.
-    grey_map : GreyMap
-        Its grey, sums and changes follow.
-    window : Window
-        Holds all cells with a pending update.
+    `pending` is from `empty_pending`, filled by `beams.merge_beams`; the window holds all cells with a
+    pending update. `probabilities` are (rows, cols), as the log-odds; None where they are not kept. Grey,
+    sums and changes of the grey map follow.
     """
     if window.rows:
         first = (window.row, window.col // BLOCK)

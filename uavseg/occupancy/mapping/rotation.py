@@ -63,15 +63,10 @@ def tilt_deg(matrix: Floats) -> float:
 
 
 def slerp(first: Floats, second: Floats, share: float) -> Floats:
-    """Interpolate between unit quaternions on the sphere (slerp), along the shorter arc.
+    """Interpolate between unit quaternions (4,) on the sphere (slerp), along the shorter arc.
 
-    K. Shoemake, "Animating rotation with quaternion curves", SIGGRAPH 1985.
-
-    Parameters
-    ----------
-    first, second : (4,) float64 arrays
-    share : float
-        0 gives the first, 1 the second.
+    K. Shoemake, "Animating rotation with quaternion curves", SIGGRAPH 1985. A share of 0 gives the first, 1
+    the second.
     """
     cosine = float(first @ second)
     if cosine < 0:  # q and -q are the same rotation

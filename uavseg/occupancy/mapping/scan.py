@@ -264,18 +264,9 @@ class Scan:
 def scan_of_points(points: Floats, pose: Pose, heights: Heights, sigma_m: float, max_range_m: float) -> Scan:
     """Return the scan that a sensor at a pose would take of points at some heights, see `nearest_points`.
 
-    Parameters
-    ----------
-    points : (n, 3) float64 array
-        x and y from the sensor in metres, along the axes of the map, and the height.
-    pose : Pose
-        Its heading does not matter.
-    heights : (float, float)
-        The lowest and the highest, in metres.
-    sigma_m : float
-        Standard deviation of ranges.
-    max_range_m : float
-        Points farther away are left out.
+    `points` (n, 3) are x and y from the sensor in metres, along the axes of the map, and the height; those
+    farther away than `max_range_m` are left out. `heights` are the lowest and the highest, in metres. The
+    heading of the pose does not matter.
     """
     angles, ranges = nearest_points(points, heights, min(max_range_m, MAX_METRES))
     limit = max_range_m if math.isfinite(max_range_m) else float(ranges.max(initial=1.0))

@@ -31,19 +31,10 @@ def read_laserscan(
 ) -> tuple[Floats, Floats, float]:
     """Read a LaserScan or MultiEchoLaserScan by REP 117; see `Scan.from_laserscan`.
 
-    Parameters
-    ----------
-    max_range_m : float, optional
-        Returns from farther become beams without a return; by default `range_max`.
-    no_return : {"inf", "range_max"}
-    beam_order : {"angles", "increment"}, optional
-
-    Returns
-    -------
-    angles, ranges : (n,) float64 arrays
-        In radians and metres; infinite without a return, NaN where the measurement is missing.
-    limit : float
-        Distance in metres up to which a beam without a return observes free cells.
+    Returns from farther than `max_range_m` become beams without a return; by default it is `range_max`. The
+    results are angles in radians and ranges in metres, (n,) each, infinite without a return, NaN where the
+    measurement is missing; and the distance in metres up to which a beam without a return observes free
+    cells.
     """
     if no_return not in NO_RETURN:
         raise SceneError(f"no_return is inf or range_max, not {shown(no_return)}")
@@ -75,10 +66,7 @@ def read_laserscan(
 def scan_duration_s(message: Any, beams: int, by_increment: bool = False) -> float:
     """Return the seconds from the first to the last beam of a LaserScan; 0 where it does not say.
 
-    Parameters
-    ----------
-    by_increment : bool
-        Whether only its `time_increment` counts: `scan_time` alone may be that between two scans.
+    With `by_increment` only its `time_increment` counts: `scan_time` alone may be that between two scans.
     """
     increment = float(getattr(message, "time_increment", 0.0))
     if math.isfinite(increment) and increment > 0:
@@ -197,20 +185,9 @@ def read_points(message: Any) -> Floats:
 def nearest_points(points: Floats, heights: Heights, max_range_m: float) -> tuple[Floats, Floats]:
     """Return the directions and distances of the nearest point between two heights in each sector.
 
-    Parameters
-    ----------
-    points : (n, 3) float64 array
-        x and y from the sensor, and the height, in metres.
-    heights : (float, float)
-        The lowest and the highest, in metres.
-    max_range_m : float
-        Points farther away are left out.
-
-    Returns
-    -------
-    angles, ranges : (k,) float64 arrays
-        In radians from the x axis, and in metres. A sector without a point has no beam: the cloud does not
-        tell whether one went there.
+    `points` (n, 3) are x and y from the sensor, and the height; all lengths are metres. Those farther away
+    than `max_range_m` are left out. The results (k,) are radians from the x axis, and metres. A sector
+    without a point has no beam: the cloud does not tell whether one went there.
     """
     check_heights(heights)
     away = np.hypot(points[:, 0], points[:, 1])

@@ -23,17 +23,9 @@ def pull_string(mask: NDArray[np.bool_], cells: Cells) -> Cells:
     move by one cell at a time as long as that makes the path shorter, and corners are dropped where that
     does. The result is never longer than the given path.
 
-    Parameters
-    ----------
-    mask : (M, N) bool array
-        The passable cells.
-    cells : (n, 2) int64 array
-        Row and column of a path from neighbour to neighbour, from `astar.shortest_path`.
-
-    Returns
-    -------
-    corners : (k, 2) int64 array
-        Rows and columns, each visible from the one before; the first and the last are those of `cells`.
+    `mask` (M, N) are the passable cells, `cells` (n, 2) the row and column of a path from neighbour to
+    neighbour, from `astar.shortest_path`. Each of the corners (k, 2) is visible from the one before; the
+    first and the last are those of `cells`.
 
     Examples
     --------

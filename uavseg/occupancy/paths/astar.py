@@ -72,13 +72,7 @@ def shortest_path(mask: NDArray[np.bool_], start: tuple[int, int], goal: tuple[i
     """Find the shortest path between two cells of a mask.
 
     A step leads to one of the eight neighbours; a diagonal one needs both cells beside it to be passable.
-
-    Parameters
-    ----------
-    mask : (M, N) bool array
-        The passable cells.
-    start, goal : (int, int)
-        Row and column.
+    `mask` (M, N) are the passable cells; `start` and `goal` are row and column.
 
     Examples
     --------

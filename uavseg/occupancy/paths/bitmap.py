@@ -13,15 +13,7 @@ Bitmap = NDArray[np.uint64]
 
 
 def pack_mask(mask: NDArray[np.bool_]) -> Bitmap:
-    """Pack a mask into a bitmap.
-
-    Parameters
-    ----------
-    mask : (M, N) bool array
-
-    Returns
-    -------
-    bits : (M + 2, w) uint64 array, w = ceil((N + 2) / 64)
+    """Pack a mask (M, N) into a bitmap (M + 2, w), w = ceil((N + 2) / 64).
 
     Examples
     --------
@@ -35,18 +27,7 @@ def pack_mask(mask: NDArray[np.bool_]) -> Bitmap:
 
 
 def transpose_bitmap(bits: Bitmap, cols: int) -> Bitmap:
-    """Transpose a bitmap.
-
-    Parameters
-    ----------
-    bits : (M + 2, w) uint64 array
-    cols : int
-        Columns of the mask.
-
-    Returns
-    -------
-    transposed : (cols + 2, ceil((M + 2) / 64)) uint64 array
-    """
+    """Transpose a bitmap (M + 2, w) of a mask of `cols` columns to (cols + 2, ceil((M + 2) / 64))."""
     transposed = np.zeros((bits.shape[1] * 64, -(-len(bits) // 64)), np.uint64)
     _transpose(bits, np.empty(64, np.uint64), transposed)
     return transposed[: cols + 2]

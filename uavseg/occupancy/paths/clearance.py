@@ -19,17 +19,8 @@ _TOLERANCE = 1e-9  # relative, so that rounding does not fail a distance that is
 def clearance(mask: NDArray[np.bool_], width: float = 1.0, height: float = 1.0) -> NDArray[np.float64]:
     """Compute the distance from the centre of each cell to the nearest impassable cell or edge of the map.
 
-    Parameters
-    ----------
-    mask : (M, N) bool array
-        The passable cells.
-    width, height : float
-        Of a cell, in any unit.
-
-    Returns
-    -------
-    distance : (M, N) float64 array
-        In that unit; 0 in impassable cells.
+    `mask` (M, N) are the passable cells. Width and height of a cell are in any unit; so are the distances (M,
+    N), 0 in impassable cells.
 
     Examples
     --------
@@ -45,13 +36,7 @@ def clearance(mask: NDArray[np.bool_], width: float = 1.0, height: float = 1.0) 
 
 
 def is_at_least(distance: Any, metres: float) -> Any:
-    """Return whether distances reach a number of metres, with a tolerance for rounding.
-
-    Parameters
-    ----------
-    distance : float or float array
-        In metres.
-    """
+    """Return whether distances in metres reach a number of metres, with a tolerance for rounding."""
     return distance >= metres * (1 - _TOLERANCE)
 
 

@@ -28,13 +28,7 @@ Mask = NDArray[np.bool_]
 
 
 def why_apart(free: FreeCells, start: MapPosition, goal: MapPosition, map: Map) -> str:
-    """Explain why no path can connect two positions, and name the free cells nearest to them.
-
-    Parameters
-    ----------
-    map : Map
-        Executor that reads the map.
-    """
+    """Explain why no path can connect two positions, and name the free cells nearest to them."""
     positions = f"the start lies in {start.where} and the goal in {goal.where}"
     nearest = []
     for place, other in ((start, goal), (goal, start)):
@@ -62,16 +56,8 @@ def why_closed(
 ) -> str:
     """Explain where the path between two free cells is closed, and which option would open it.
 
-    Parameters
-    ----------
-    ends : (MapPosition, MapPosition)
-        Start and goal.
-    window : Window
-        Of the mask in the map.
-    mask : (rows, cols) bool array
-        The free cells of the regions of both ends.
-    sides : (float, float)
-        Width and height of a cell in metres.
+    `ends` are start and goal, `sides` width and height of a cell in metres. `mask` (rows, cols) are the free
+    cells of the regions of both ends, in `window` of the map.
     """
     offset = np.array([window.row, window.col])
     start, goal = ((end.cell[0] - window.row, end.cell[1] - window.col) for end in ends)
@@ -216,12 +202,7 @@ def find_path(
 ) -> PlannedPath:
     """Find the shortest path between two positions in one region, over cells whose value is in range.
 
-    Parameters
-    ----------
-    start, goal : (float, float)
-        x and y on the map.
-    map : Map
-        Executor that reads the region's cells.
+    `start` and `goal` are x and y on the map.
     """
     first, last = free.place("start", start), free.place("goal", goal)
     if not (first.is_free and last.is_free):

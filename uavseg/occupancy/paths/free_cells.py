@@ -69,14 +69,7 @@ class FreeCells:
         return self.source.dataset.geobox
 
     def place(self, name: str, xy: tuple[float, float]) -> MapPosition:
-        """Look up a position; refuse one outside of the map.
-
-        Parameters
-        ----------
-        name : {"start", "goal"}
-        xy : (float, float)
-            In map coordinates.
-        """
+        """Look up a position in map coordinates, named "start" or "goal"; refuse one outside of the map."""
         if not all(map(isfinite, xy)):
             raise PathError(f"the {name} is two finite numbers, x and y on the map, not {_pair(*xy)}")
         box = self.geobox
@@ -97,19 +90,8 @@ class FreeCells:
     ) -> tuple[Window, NDArray[np.bool_], int]:
         """Return the free cells of some regions.
 
-        Parameters
-        ----------
-        regions : collection of int
-        map : Map
-            Executor that reads the map.
-
-        Returns
-        -------
-        window : Window
-            The smallest that holds the regions.
-        mask : (rows, cols) bool array
-        walls : int
-            Number of cells of the regions whose value is out of the range.
+        These are the smallest window that holds the regions, a mask (rows, cols), and the number of cells of
+        the regions whose value is out of the range.
         """
         rings = self.rings.select(np.isin(self.rings.labels, list(regions)))
         top, left = rings.vertices.min(axis=0).tolist()
@@ -123,13 +105,7 @@ class FreeCells:
         return window, mask, walls
 
     def nearest(self, place: MapPosition, region: int | None = None, map: Map = serial) -> NearestCell | None:
-        """Find the free cell nearest to a position, in one region or in any; None if there is none.
-
-        Parameters
-        ----------
-        map : Map
-            Executor that reads the map.
-        """
+        """Find the free cell nearest to a position, in one region or in any; None if there is none."""
         rings = self.rings if region is None else self.rings.select(self.rings.labels == region)
         row, col = place.cell
         width, height = ground_steps(self.geobox, row + 0.5, col + 0.5)

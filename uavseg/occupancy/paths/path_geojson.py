@@ -34,14 +34,7 @@ def check_path_crs(geobox: GeoBox) -> None:
 def path_lonlat(path: PlannedPath, corners: Floats | None = None) -> tuple[Floats, Floats]:
     """Compute longitude (-180..180) and latitude of the corners of a path, in degrees (WGS 84).
 
-    Parameters
-    ----------
-    corners : (n, 2) float64 array, optional
-        Other positions: row and column, pixel corners are whole numbers.
-
-    Returns
-    -------
-    lon, lat : (n,) float64 arrays
+    `corners` (n, 2) are other positions: row and column, pixel corners are whole numbers.
     """
     rows, cols = (path.corners + 0.5 if corners is None else corners).T
     lon, lat = path.geobox.lonlat_from_xy(*path.geobox.xy_from_pixel(rows, cols))

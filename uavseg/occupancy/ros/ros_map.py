@@ -21,13 +21,7 @@ from uavseg.access import current_policy
 from uavseg.dataclass import dataclass
 from uavseg.errors import MapError, RasterError, RasterReadError
 from uavseg.inputs import read_bytes, read_start
-from uavseg.occupancy.ros.ros_yaml import (
-    ROS_MODES,
-    MapDescription,
-    RosCells,
-    read_ros_yaml,
-    ros_yaml_text,
-)
+from uavseg.occupancy.ros.ros_yaml import ROS_MODES, MapDescription, RosCells, read_ros_yaml, ros_yaml_text
 from uavseg.output.atomic import atomic_file, check_target
 from uavseg.raster.formats.png import read_grey, to_8_bits, write_png
 from uavseg.raster.grid.geobox import GeoBox, check_metres
@@ -111,12 +105,7 @@ def _cells(count: int) -> str:
 def check_ros_map(
     path: str | os.PathLike[str], geobox: GeoBox, overwrite: bool = False, mode: str = "trinary"
 ) -> None:
-    """Check that a map may be written to a path, before the work; raises the errors of `write_ros_map`.
-
-    Parameters
-    ----------
-    mode : {"trinary", "scale", "raw"}
-    """
+    """Check that a map may be written to a path, before the work; raises the errors of `write_ros_map`."""
     for target in (Path(path), image_path(path, mode)):
         check_target(target, overwrite)
     placement(geobox)
@@ -131,19 +120,9 @@ def write_ros_map(
 ) -> None:
     """Write states as a map, NAME.yaml and its image, which Nav2 reads back as the same states.
 
-    Parameters
-    ----------
-    path : path
-        Of the YAML file.
-    states : (rows, cols) integer array
-        1 free, 2 unknown, 3 occupied; 0, no data, becomes unknown.
-    geobox : GeoBox
-        Square cells in metres.
-    overwrite : bool
-        Whether existing files may be replaced.
-    mode : {"trinary", "scale", "raw"}
-        Mode in which Nav2 reads the image. It is NAME.pgm, and for "scale" NAME.png, where unknown cells are
-        transparent.
+    `states` (rows, cols) are 1 free, 2 unknown, 3 occupied; 0, no data, becomes unknown. Cells are square, in
+    metres. `mode` ("trinary", "scale" or "raw") is that in which Nav2 reads the image: NAME.pgm, and for
+    "scale" NAME.png, where unknown cells are transparent.
     """
     check_target(image_path(path, mode), overwrite)
     grey = GREY_OF_STATE[mode][np.asarray(states)]
@@ -160,14 +139,8 @@ def write_ros_probabilities(
 ) -> None:
     """Write probabilities as a map that Nav2 reads back to the per cent.
 
-    Parameters
-    ----------
-    path, geobox, overwrite
-        See `write_ros_map`.
-    probabilities : (rows, cols) float32 array
-        Unknown where exactly 0.5.
-    mode : {"scale", "raw"}
-        "scale": a PNG of 256 greys, between thresholds of 0 and 1; "raw": a PGM of per cent.
+    They are (rows, cols), unknown where exactly 0.5. The mode "scale" gives a PNG of 256 greys, between
+    thresholds of 0 and 1, "raw" a PGM of per cent. The rest is as of `write_ros_map`.
     """
     check_target(image_path(path, mode), overwrite)
     unknown = probabilities == 0.5
@@ -203,22 +176,13 @@ def _write(
 
 
 def image_path(path: str | os.PathLike[str], mode: str) -> Path:
-    """Return the path of the image that is written beside a YAML file.
-
-    Parameters
-    ----------
-    path : path
-        Of the YAML file.
-    mode : {"trinary", "scale", "raw"}
-    """
+    """Return the path of the image beside a YAML file; `mode` is "trinary", "scale" or "raw"."""
     if mode not in ROS_MODES:
         raise MapError(f"mode is trinary, scale or raw, not {mode!r}")
     return Path(path).with_suffix(".png" if mode == "scale" else ".pgm")
 
 
-def read_picture(
-    image: str | os.PathLike[str],
-) -> tuple[NDArray[np.uint8], NDArray[np.uint8] | None]:
+def read_picture(image: str | os.PathLike[str]) -> tuple[NDArray[np.uint8], NDArray[np.uint8] | None]:
     """Read the 8-bit grey of the image of a map, and its alpha; None where it has none."""
     if is_pgm(image):
         samples, maximum = read_pgm(image)
@@ -229,11 +193,7 @@ def read_picture(
 def transform_of(origin: tuple[float, float, float], resolution: float, rows: int) -> Affine:
     """Make the transform of a map whose lower left corner lies at `origin` (x, y, yaw), rotated around it.
 
-    Parameters
-    ----------
-    origin : (float, float, float)
-    resolution : float
-        Metres per cell.
+    `resolution` is metres per cell.
     """
     x, y, yaw = origin
     along, up = resolution * math.cos(yaw), resolution * math.sin(yaw)
@@ -262,10 +222,7 @@ def is_pgm(path: str | os.PathLike[str]) -> bool:
 def read_pgm(path: str | os.PathLike[str]) -> tuple[NDArray[np.integer[Any]], int]:
     """Read the samples of a PGM, and the sample that stands for white.
 
-    Returns
-    -------
-    samples : (rows, cols) integer array
-        Not negative; those above the maximum are white too.
+    They are (rows, cols), not negative; those above the maximum are white too.
     """
     content = read_bytes(path, limit=MAX_BYTES)
     header = _HEADER.match(content)

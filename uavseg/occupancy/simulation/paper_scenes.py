@@ -40,21 +40,10 @@ BUILT_IN_SCENES: dict[str, Callable[[], Simulation]] = {"lens": lens, "circles":
 def lens_outline(
     x: float, y: float, height: float, edge: float, waist: float, arc_corners: int = 65
 ) -> NDArray[np.float64]:
-    """Compute the corners of a lens with two concave sides.
+    """Compute the corners (2 arc_corners, 2) of a lens with two concave sides, counterclockwise.
 
-    Parameters
-    ----------
-    x, y : float
-        Its centre. All lengths are in metres.
-    edge, waist : float
-        Width at the top and bottom, and in the middle.
-    arc_corners : int
-        Number of corners of each side.
-
-    Returns
-    -------
-    corners : (2 arc_corners, 2) float64 array
-        Counterclockwise.
+    The centre and all lengths are in metres; `edge` is the width at the top and bottom, `waist` in the
+    middle.
     """
     sag = (edge - waist) / 2
     radius = (sag**2 + (height / 2) ** 2) / (2 * sag)

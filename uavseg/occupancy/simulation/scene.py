@@ -21,12 +21,6 @@ Floats = NDArray[np.float64]
 class Scene:
     """Solid polygons and circles in the plane, in metres.
 
-    Parameters
-    ----------
-    polygons : sequence of (n, 2) arrays
-        Corners (x, y) of simple polygons; the last is connected to the first.
-    circles : sequence of (x, y, radius)
-
     Examples
     --------
     >>> scene = Scene(circles=[(5.0, 0.0, 1.0)])
@@ -34,8 +28,8 @@ class Scene:
     array([ 4., inf])
     """
 
-    polygons: Sequence[ArrayLike] = ()
-    circles: Sequence[tuple[float, float, float]] = ()
+    polygons: Sequence[ArrayLike] = ()  # corners (n, 2) of simple ones; the last is connected to the first
+    circles: Sequence[tuple[float, float, float]] = ()  # x, y, radius
     _edges: Floats = field(init=False, repr=False)
     _discs: Floats = field(init=False, repr=False)
     _shapes: Any = field(init=False, repr=False)
@@ -52,15 +46,8 @@ class Scene:
     def cast(self, x: float, y: float, angles: ArrayLike) -> Floats:
         """Cast rays from (x, y): the distance to the first surface at each angle, infinite without one.
 
-        Parameters
-        ----------
-        angles : (n,) array
-            In radians, counterclockwise from the x axis.
-
-        Returns
-        -------
-        distances : (n,) float64 array
-            In metres, without limit and without noise.
+        `angles` (n,) are radians, counterclockwise from the x axis; distances are metres, without limit and
+        noise.
         """
         radians = np.asarray(angles, np.float64)
         distances = np.empty(len(radians))
@@ -69,16 +56,7 @@ class Scene:
         return distances
 
     def contains(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
-        """Test whether points lie inside a polygon or circle.
-
-        Parameters
-        ----------
-        x, y : arrays of one shape
-
-        Returns
-        -------
-        inside : bool array of that shape
-        """
+        """Return whether points lie inside a polygon or circle; `x`, `y` and the result have one shape."""
         xs, ys = np.asarray(x, np.float64), np.asarray(y, np.float64)
         shapely.prepare(self._shapes)
         inside: NDArray[np.bool_] = shapely.contains_xy(self._shapes, xs, ys)

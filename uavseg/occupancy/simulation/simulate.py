@@ -66,12 +66,7 @@ class RangeFinder:
         """Simulate one scan.
 
         A beam returns if a surface lies within the maximum range. The range is its distance with noise added:
-        it may exceed the maximum range a little, but is never negative.
-
-        Parameters
-        ----------
-        random : numpy.random.Generator
-            Source of the noise.
+        it may exceed the maximum range a little, but is never negative. `random` is the source of the noise.
         """
         angles = self.angles
         distances = scene.cast(pose.x, pose.y, pose.heading_rad + angles)

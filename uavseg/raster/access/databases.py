@@ -45,19 +45,8 @@ def check_database(
 ) -> None:
     """Refuse virtual tables other than indexes, and views that call functions or may not end.
 
-    Parameters
-    ----------
-    name : str
-        For messages.
-    error : callable
-        Makes the exception of a database that cannot be read from its message.
-
-    Raises
-    ------
-    AccessError
-        If it has such a table or view.
-    UavsegError
-        If it cannot be read.
+    `name` is for messages; `error` makes of a message the exception of a database that cannot be read. An
+    AccessError says that it has such a table or view.
     """
     try:
         with open_database(source) as database:

@@ -19,13 +19,7 @@ _SIZES = {_KEYS: 2, _DOUBLES: 8, _TEXTS: 1}  # of one value in bytes
 
 
 def check_geojp2(path: Path) -> None:
-    """Check that each key of the coordinate reference system lies in its box, if the file has one.
-
-    Raises
-    ------
-    RasterReadError
-        If one does not.
-    """
+    """Refuse a file with a key of its coordinate reference system outside of its box (RasterReadError)."""
     for box in _geojp2_boxes(path):
         try:
             sound = _are_sound(*_arrays(box))
@@ -39,7 +33,7 @@ def check_geojp2(path: Path) -> None:
 
 
 def _geojp2_boxes(path: Path) -> Iterator[bytes]:
-    """Contents of the boxes of GeoJP2."""
+    """Return contents of the boxes of GeoJP2."""
     size, place = path.stat().st_size, 0
     with path.open("rb") as file:
         for _ in range(_MAX_BOXES):

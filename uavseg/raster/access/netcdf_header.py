@@ -16,13 +16,7 @@ _MAX_DIMENSIONS = 1024  # of a variable, as in the library
 
 
 def check_netcdf_header(path: Path) -> None:
-    """Check that all that the header counts lies within the file.
-
-    Raises
-    ------
-    RasterReadError
-        If it does not.
-    """
+    """Refuse a file whose header counts more than lies within it (RasterReadError)."""
     size = path.stat().st_size
     with path.open("rb") as file:
         try:

@@ -44,13 +44,7 @@ MAX_WHOLE_PIXELS = 1 << 28  # of an image that is read whole
 
 
 def check_limits(path: str, source: DatasetReader) -> None:
-    """Check the number of bands, and that blocks are not larger than the file can hold.
-
-    Raises
-    ------
-    RasterError
-        If the header is beyond the limits.
-    """
+    """Refuse too many bands, and blocks that are larger than the file can hold (RasterError)."""
     if source.count > MAX_BANDS:
         raise RasterError(
             f"{path} has {source.count:,} bands, and at most {MAX_BANDS:,} are read; is its header damaged?"
@@ -71,13 +65,7 @@ def check_limits(path: str, source: DatasetReader) -> None:
 
 
 def check_readable_whole(path: str, source: DatasetReader) -> None:
-    """Check that an image may be read whole.
-
-    Raises
-    ------
-    RasterError
-        If it is too large for that, or larger than its file can hold.
-    """
+    """Refuse an image that is too large to be read whole, or larger than its file can hold (RasterError)."""
     rows, cols = source.shape
     if rows * cols > MAX_WHOLE_PIXELS:
         raise RasterError(
@@ -114,29 +102,13 @@ _HDF5 = b"\x89HDF\r\n\x1a\n"
 _IMAGES_BESIDE = (".ovr", ".OVR", ".msk", ".MSK")
 _TEXTS_BESIDE = (".aux.xml", ".aux", ".hdr", ".HDR")
 _TEXTS_OF_STEM = (
-    ".aux",
-    ".hdr",
-    ".tfw",
-    ".tifw",
-    ".jgw",
-    ".pgw",
-    ".wld",
-    ".prj",
-    ".imd",
-    ".rpb",
-    ".ige",
-    ".rrd",
+    *(".aux", ".hdr", ".tfw", ".tifw", ".jgw", ".pgw", ".wld", ".prj"),
+    *(".imd", ".rpb", ".ige", ".rrd"),
 )
 
 
 class NamedFiles:
-    """The files that one raster consists of, as they are found.
-
-    Parameters
-    ----------
-    owner : str
-        The raster, as the user named it.
-    """
+    """The files that one raster, which the user named `owner`, consists of, as they are found."""
 
     def __init__(self, owner: str) -> None:
         self.owner = owner
@@ -146,14 +118,9 @@ class NamedFiles:
     def check(self) -> None:
         """Check the raster and all that it names, unless its name is that of no local file.
 
-        Raises
-        ------
-        RasterReadError
-            If it is not a regular file.
-        AccessError
-            If it names what may not be opened, or is something else than its extension promises.
-        RasterError
-            If VRTs lie too deep in each other, or read too many sources.
+        A RasterReadError says that it is not a regular file, an AccessError that it names what may not be
+        opened or is something else than its extension promises, a RasterError that VRTs lie too deep in each
+        other or read too many sources.
         """
         path = regular_file(self.owner)
         self._check_beside(path)
@@ -235,13 +202,7 @@ class NamedFiles:
 
 
 def check_named_file(owner: str, name: str) -> None:
-    """Check one more file that GDAL says a raster consists of, or that its metadata names.
-
-    Raises
-    ------
-    AccessError
-        If it may not be opened.
-    """
+    """Refuse a file that may not be opened, which GDAL or metadata say a raster consists of (AccessError)."""
     if names_no_file(name):
         raise AccessError(f"{owner} names {name[:60]!r}, which is not a file")
     target = current_policy().check_name(owner, name, Path())
@@ -251,24 +212,15 @@ def check_named_file(owner: str, name: str) -> None:
 
 _PAGE = re.compile(r"GTIFF_DIR:\d+:(.*)", re.IGNORECASE | re.DOTALL)
 _DATABASES = (("GPKG",), ("MBTiles",))
-_ARCHIVE = re.compile(r"/vsi(?!curl|s3|gs|az|adls|oss|swift|hdfs|webhdfs)", re.IGNORECASE)
 
 
 @contextmanager
 def open_checked(path: str) -> Iterator[DatasetReader]:
     """Open a raster once what it names and the sizes in its header are known to be allowed.
 
-    Parameters
-    ----------
-    path : str
-        As the user named it: a file, or any name that GDAL opens.
-
-    Raises
-    ------
-    UavsegError
-        If it names what the access policy in effect does not allow, or its header is beyond the limits.
-    RasterioError
-        If GDAL cannot open it.
+    `path` is as the user named it: a file, or any name that GDAL opens. An UavsegError says that it names
+    what the access policy in effect does not allow, or that its header is beyond the limits, a RasterioError
+    that GDAL cannot open it.
     """
     path, found = as_file_name(path), None
     if is_local(path):
@@ -297,10 +249,7 @@ def open_checked(path: str) -> Iterator[DatasetReader]:
 def open_by(path: str, drivers: tuple[str, ...]) -> DatasetReader:
     """Return a raster, opened by the first of these drivers that can; by any if there are none.
 
-    Raises
-    ------
-    RasterioIOError
-        The error of the first driver, if none can.
+    The RasterioIOError of the first driver is raised, if none can.
     """
     first: RasterioIOError | None = None
     for driver in drivers or (None,):
@@ -319,7 +268,7 @@ def is_local(path: str) -> bool:
 
 
 def is_online(path: str) -> bool:
-    """Whether a raster that the user named may make requests: by its own name, or if they are allowed."""
+    """Return whether a raster that the user named may make requests: by its own name, or if allowed."""
     return current_policy().allow_network or is_address(path) or "://" in path
 
 

@@ -89,7 +89,7 @@ def drivers_of(path: str) -> tuple[str, ...]:
 
 
 def image_extensions() -> frozenset[str]:
-    """Extensions of files that are images by their name alone, in lower case."""
+    """Return extensions of files that are images by their name alone, in lower case."""
     return frozenset(_BY_EXTENSION) - _NOT_ONLY_IMAGES
 
 
@@ -115,13 +115,7 @@ def is_sequential(driver: str) -> bool:
 
 
 def read_rows_before(source: DatasetReader, window: Window) -> None:
-    """Read the rows above the end of a window that were not read yet, one after the other.
-
-    Raises
-    ------
-    rasterio.errors.RasterioError
-        If one of them cannot be read.
-    """
+    """Read the rows above the end of a window that were not read yet, in order (RasterioError)."""
     for row in range(_read.get(source, 0), window.row + window.rows):
         source.read(1, window=((row, row + 1), (0, source.width)))
         _read[source] = row + 1
@@ -177,11 +171,8 @@ class OpenFiles:
     def open(self, path: str, located: bool, driver: str | None = None, masks: str = "") -> DatasetReader:
         """Return the open file, opened now if it is not; beyond 64 files the least recently used is closed.
 
-        Raises
-        ------
-        RasterReadError
-            If it cannot be opened, or has lost its place on the map (`located`) or its masks (`masks`, of
-            `mask_kind`).
+        A RasterReadError says that it cannot be opened, or has lost its place on the map (`located`) or its
+        masks (`masks`, of `mask_kind`).
         """
         files: OrderedDict[str, DatasetReader] = self._local.__dict__.setdefault("files", OrderedDict())
         if path not in files:
@@ -196,7 +187,7 @@ class OpenFiles:
         return files[path]
 
     def failed_blocks(self, path: str, bands: tuple[int, ...]) -> set[tuple[int, int]]:
-        """First row and column of the blocks of a file that this thread could not read, to be added to.
+        """Return first row and column of the blocks that this thread could not read, to be added to.
 
         A block is not tried again for each tile that it meets: where a strip of a damaged file is as wide as
         the raster, that took most of the time.
@@ -220,7 +211,7 @@ class OpenFiles:
 
 
 def _unchanged(path: str, source: DatasetReader, located: bool, masks: str) -> DatasetReader:
-    """The raster; an error if it had a geotransform or a mask when it was inspected and has none now."""
+    """Return the raster; refuse one that had a geotransform or mask when inspected, and has none now."""
     if (masks and mask_kind(source) != masks) or (located and source.transform.is_identity):
         source.close()
         raise RasterReadError(f"{path} changed, or its header cannot be read any more")
@@ -229,7 +220,7 @@ def _unchanged(path: str, source: DatasetReader, located: bool, masks: str) -> D
 
 @contextmanager
 def gdal_env(online: bool = False) -> Iterator[None]:
-    """GDAL with its messages captured, without requests unless `online`, and with a small block cache.
+    """Capture GDAL's messages, without requests unless `online`, and with a small block cache.
 
     The cache is left as it is where GDAL_CACHEMAX is set.
     """
@@ -303,7 +294,7 @@ _thread_options = _ThreadOptions()
 
 
 def quiet_open(path: str | os.PathLike[str], mode: str = "r", **how: Any) -> Any:
-    """`rasterio.open` without its warning about files that are not georeferenced."""
+    """Call `rasterio.open` without its warning about files that are not georeferenced."""
     with changing_filters():
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
         return rasterio.open(path, mode, **how)
@@ -319,14 +310,9 @@ def mask_kind(source: DatasetReader) -> str:
 
 @contextmanager
 def unread_tags_are_errors(path: str) -> Iterator[None]:
-    """Enter a context in which a TIFF is opened: a tag that cannot be read, and matters, is an error.
+    """Enter a context to open a TIFF in: a tag that matters, and cannot be read, is a RasterReadError.
 
     GDAL ignores such tags with a message, and so a raster without its CRS or nodata value.
-
-    Raises
-    ------
-    RasterReadError
-        If there is one.
     """
     found: list[str] = []
     thread = threading.get_ident()
@@ -364,7 +350,7 @@ def has_place(source: DatasetReader) -> bool:
 
 @contextmanager
 def gdal_read_errors(path: str, window: Window, online: bool = False) -> Iterator[None]:
-    """GDAL's messages captured; its errors on reading a window as RasterReadError."""
+    """Capture GDAL's messages, and raise its errors on reading a window as RasterReadError."""
     try:
         with gdal_env(online):
             yield
@@ -378,7 +364,7 @@ def gdal_read_errors(path: str, window: Window, online: bool = False) -> Iterato
 
 
 def open_error_text(path: str, error: BaseException) -> str:
-    """Reason why a raster cannot be opened, as one line."""
+    """Return reason why a raster cannot be opened, as one line."""
     if os.path.isdir(path):  # noqa: PTH112 - false for a name that is too long
         return f"{path} is a folder; name the rasters in it"
     if not (is_remote(path) or ":" in path[2:] or file_exists(path)):

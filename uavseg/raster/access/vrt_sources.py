@@ -56,19 +56,9 @@ def is_vrt(start: bytes) -> bool:
 def sources_of(path: str, text: bytes) -> Iterator[NamedSource]:
     """Yield the sources that the XML of a VRT names, each as often as it is named.
 
-    Parameters
-    ----------
-    path : str
-        Of the VRT, for its folder and for messages.
-    text : bytes
-        Its content.
-
-    Raises
-    ------
-    RasterReadError
-        If it is not valid XML.
-    AccessError
-        If it contains something that may open files and cannot be checked.
+    `path` is that of the VRT, for its folder and for messages, and `text` its content. A RasterReadError says
+    that it is not valid XML, an AccessError that it contains something that may open files and cannot be
+    checked.
     """
     from xml.etree import ElementTree  # rasters other than VRTs need none
 

@@ -15,16 +15,9 @@ _ANGLES = np.deg2rad(np.arange(0, 180, 0.5))
 
 
 def straight_share(points: NDArray[np.float64], tolerance: float, length: float, max_lines: int = 8) -> float:
-    """Return share of the points that lie on a few straight lines.
+    """Return the share of points, (n, 2) rows and columns, that lie on a few straight lines.
 
-    Parameters
-    ----------
-    points : (n, 2) array
-        Rows and columns.
-    tolerance : float
-        Largest distance from a line, in pixels.
-    length : float
-        The points of a line extend at least so far.
+    They are at most `tolerance` pixels from a line, and those of a line extend at least over `length`.
 
     Examples
     --------
@@ -46,10 +39,7 @@ def straight_share(points: NDArray[np.float64], tolerance: float, length: float,
 def outline_points(mask: PixelMask, shape: tuple[int, int]) -> NDArray[np.float64]:
     """Return pixels of a set with a neighbour beside them that is not in it, evenly thinned to 20 000.
 
-    Returns
-    -------
-    points : (n, 2) float array
-        Rows and columns, in raster order of blocks.
+    They are (n, 2) rows and columns, in raster order of blocks.
     """
     rows, cols = np.nonzero(_blocks_at_outline(mask))
     found = [np.zeros((0, 2), np.int64)]
@@ -105,7 +95,7 @@ def _fitted(points: NDArray[np.float64], near: NDArray[np.bool_], tolerance: flo
 
 
 def _direction(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Unit vector of the largest variance."""
+    """Return unit vector of the largest variance."""
     away = points - points.mean(axis=0)
     vector: NDArray[np.float64] = np.linalg.eigh(away.T @ away)[1][:, -1]
     return vector
@@ -170,7 +160,7 @@ class Evidence:
     def of(
         cls, counts: RimCounts, mask: PixelMask, shape: tuple[int, int], corners: int, one_piece: bool
     ) -> "Evidence":
-        """From the histograms of the rim, the pixels, the raster's shape, corners held, and pieces."""
+        """Judge by histograms of the rim, the pixels, the raster's shape, corners held, and pieces."""
         lines = SMEARED if counts.is_smeared else SHARP
         straight = straight_share(
             outline_points(mask, shape),

@@ -36,13 +36,7 @@ Corner = tuple[bool, int | None]
 
 
 def check_collar(word: str) -> str:
-    """Return the word, which is "auto" or "keep".
-
-    Raises
-    ------
-    ParameterError
-        If it is another one.
-    """
+    """Return the word; ParameterError if it is neither "auto" nor "keep"."""
     if word not in WORDS:
         raise ParameterError(f"a collar is treated as auto or keep, not {word!r}")
     return word
@@ -60,16 +54,14 @@ class _Found:
 def without_collar(dataset: AnyDataset, tile_pass: TilePass) -> AnyDataset:
     """Return the dataset with its collar as nodata, and a warning that says so; unchanged if it has none.
 
-    Where no corner of the raster is constant or nodata, only the corners are read. Of a formula, it is
-    that of the bands that it uses.
-
-    Parameters
-    ----------
-    tile_pass : TilePass
-        Its executor is used; the result depends neither on it nor on its tiles.
+    Where no corner of the raster is constant or nodata, only the corners are read. Of a formula, it is that
+    of the bands that it uses. The result depends neither on `tile_pass`, whose executor is used, nor on its
+    tiles.
     """
     found = _find_collar(dataset.without_formula(), tile_pass)
-    return dataset if found is None else _masked(dataset, found)
+    if found is None:
+        return dataset
+    return replace(dataset, collar=found.mask, warnings=(*dataset.warnings, found.note))
 
 
 def _find_collar(dataset: Dataset, tile_pass: TilePass) -> _Found | None:
@@ -81,10 +73,6 @@ def _find_collar(dataset: Dataset, tile_pass: TilePass) -> _Found | None:
         if result is not None:
             return result
     return _rim_of_nodata(dataset, tile_pass) if any(is_nodata for is_nodata, _ in corners) else None
-
-
-def _masked(dataset: AnyDataset, found: _Found) -> AnyDataset:
-    return replace(dataset, collar=found.mask, warnings=(*dataset.warnings, found.note))
 
 
 def _may_have_collar(dataset: Dataset) -> bool:
@@ -150,7 +138,7 @@ def _collar(dataset: Dataset, value: int, tile_pass: TilePass, corners: list[Cor
 
 
 def _rim_of_nodata(dataset: Dataset, tile_pass: TilePass) -> _Found | None:
-    """Nodata with the nearly constant pixels along it; None if there are none."""
+    """Return nodata with the nearly constant pixels along it; None if there are none."""
     from uavseg.raster.collar.flood import flood_from_edges
     from uavseg.raster.collar.rim import count_rim, grow_over_smear
 
@@ -176,7 +164,7 @@ def _fill_value(dataset: Dataset, tile_pass: TilePass) -> int:
 
 
 def _is_filled_white(dataset: Dataset, window: Window) -> bool | None:
-    """Whether nodata was filled with the largest value; None where it is not stored, or not all is nodata."""
+    """Return whether nodata was filled with the largest value; None if not stored, or not all is nodata."""
     if dataset.is_empty(window):
         return None
     values, valid = dataset.read(window)

@@ -27,29 +27,19 @@ Lines = tuple[Pixels, Pixels, Pixels, Pixels]
 
 @dataclass(frozen=True, slots=True)
 class Shore:
-    """A tile with what lies flooded around it.
-
-    Parameters
-    ----------
-    around : (4,) tuple of bool arrays
-        The rows above and below with their corners, (cols + 2,), and the columns left and right, (rows,).
-    """
+    """A tile with what lies flooded around it."""
 
     window: Window
+    # the rows above and below with their corners, (cols + 2,), and the columns left and right, (rows,)
     around: Lines = field(repr=False)
 
 
 @dataclass(frozen=True, slots=True)
 class Flooded:
-    """What is flooded of a tile.
-
-    Parameters
-    ----------
-    borders, open_borders : (4,) tuple of bool arrays
-        Its first and last row, its first and last column: what is flooded, and what could be but is not.
-    """
+    """What is flooded of a tile."""
 
     mask: PixelMask
+    # of its first and last row, its first and last column: what is flooded, and what could be but is not
     borders: Lines = field(repr=False)
     open_borders: Lines = field(repr=False)
 
@@ -57,17 +47,9 @@ class Flooded:
 def flood_from_edges(dataset: Dataset, value: int | None, tile_pass: TilePass) -> PixelMask:
     """Return pixels that are connected to the edge of the raster over nodata or a constant value.
 
-    Parameters
-    ----------
-    value : int or None
-        The value of all bands that counts as nodata does; None for nodata alone.
-    tile_pass : TilePass
-        Its executor runs the tiles; their size is that of `flood_tiles`.
-
-    Returns
-    -------
-    flooded : PixelMask
-        Pixels whose neighbours are passable too; with these, it is the opening of what is connected.
+    Nodata is what is invalid or has this value in all bands; None for the first alone. The executor of
+    `tile_pass` runs the tiles, whose size is that of `flood_tiles`. Of what is connected, the result has the
+    pixels whose neighbours are passable too; with these, it is the opening.
     """
     grid = _Grid(dataset.geobox.shape, flood_tiles(dataset))
     strips = [_border_strip(grid, place) for place in grid.at_edge]

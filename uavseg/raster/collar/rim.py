@@ -33,19 +33,12 @@ Pixels = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class RimCounts:
-    """Histograms of how far valid pixels are from the constant value; those of tiles merge by adding.
+    """Histograms of how far valid pixels are from the constant value; those of tiles merge by adding."""
 
-    Parameters
-    ----------
-    rim, beyond : (n,) int64 arrays
-        Pixels beside the collar, and 17 to 32 pixels from it, by the largest difference of a band.
-    inside : int
-        Valid pixels in the collar.
-    """
-
+    # pixels beside the collar, and 17 to 32 pixels from it, by the largest difference of a band, (n,)
     rim: NDArray[np.int64] = field(repr=False)
     beyond: NDArray[np.int64] = field(repr=False)
-    inside: int
+    inside: int  # valid pixels in the collar
 
     def __add__(self, other: "RimCounts") -> "RimCounts":
         return RimCounts(self.rim + other.rim, self.beyond + other.beyond, self.inside + other.inside)
@@ -106,19 +99,7 @@ def _share(histogram: NDArray[np.int64], end: int) -> float:
 
 
 def count_rim(dataset: Dataset, flooded: PixelMask, value: int, tile_pass: TilePass) -> RimCounts:
-    """Histograms along the rim of a flood.
-
-    Parameters
-    ----------
-    dataset : Dataset
-        Of unsigned integers.
-    flooded : PixelMask
-        As of `flood_from_edges`.
-    value : int
-        The constant value.
-    tile_pass : TilePass
-        Its executor runs the tiles.
-    """
+    """Return the histograms along the rim of a flood, as of `flood_from_edges`, of unsigned integers."""
     windows = [window for window in _tiles(dataset) if _touched(dataset, flooded, window)]
     size = 1 << 8 * dataset.dtype.itemsize
     start = RimCounts(np.zeros(size, np.int64), np.zeros(size, np.int64), 0)
@@ -193,7 +174,7 @@ def _core(flooded: PixelMask, window: Window, shape: tuple[int, int]) -> Pixels:
 def _read(
     dataset: Dataset, flooded: PixelMask, value: int, window: Window
 ) -> tuple[Pixels, NDArray[np.unsignedinteger[Any]], Pixels, tuple[slice, slice]]:
-    """The flood with its neighbours, differences from the value, validity around a tile; where that lies."""
+    """Read the flood with its neighbours, differences, validity around a tile; and where that lies."""
     around = window.grown(BEYOND).clipped(dataset.geobox.shape)
     values, valid = dataset.read(around)
     constant = values.dtype.type(value)

@@ -9,7 +9,7 @@ UNREACHED = 255
 
 
 def flood(sources: NDArray[np.bool_], passable: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Passable pixels that are connected to a source, and the sources.
+    """Return passable pixels that are connected to a source, and the sources.
 
     Examples
     --------

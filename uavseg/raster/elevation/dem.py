@@ -45,13 +45,7 @@ MAX_TILES = 64
 
 @dataclass(eq=False)
 class BilinearSampler:
-    """Values of a band between the centres of its pixels.
-
-    Parameters
-    ----------
-    dataset : Dataset
-        With one band.
-    """
+    """Values of the one band of a dataset between the centres of its pixels."""
 
     dataset: Dataset
     _tiles: OrderedDict[tuple[int, int], Floats] = field(default_factory=OrderedDict, repr=False)
@@ -60,16 +54,8 @@ class BilinearSampler:
         """Return values at positions, NaN outside of the raster and where a pixel that counts is invalid.
 
         In the outer half of the pixels at the edge, beyond their centres, the value is that at the nearest
-        point of the line between the centres.
-
-        Parameters
-        ----------
-        row, col : (n,) float64 arrays
-            Pixel corners are integers, centres are at + 0.5; see `GeoBox.xy_from_pixel`.
-
-        Returns
-        -------
-        values : (n,) float64 array
+        point of the line between the centres. Corners of pixels are integers in `row` and `col`, (n,) both,
+        and centres are at + 0.5; see `GeoBox.xy_from_pixel`.
         """
         rows, cols = self.dataset.geobox.shape
         values = np.full(row.shape, np.nan)
@@ -132,58 +118,32 @@ LOWEST_M, HIGHEST_M = -500.0, 9000.0  # of the ground of the Earth; other values
 
 @dataclass(frozen=True, slots=True)
 class Heights:
-    """How the numbers of a file become heights: metres = offset_m + scale_m * number.
+    """How the numbers of a file become heights: metres = offset_m + scale_m * number."""
 
-    Parameters
-    ----------
-    wkt : str
-        The CRS, with its vertical part where the file has one.
-    has_unit : bool
-        Whether the file says what its unit is; else it is taken for the metre.
-    """
-
-    wkt: str
+    wkt: str  # the CRS, with its vertical part where the file has one
     reference: VerticalReference
     scale_m: float
     offset_m: float
-    has_unit: bool
+    has_unit: bool  # whether the file says what its unit is; else it is taken for the metre
 
 
 @dataclass(frozen=True, eq=False)
 class Dem:
-    """Heights of the ground, interpolated between the pixels of one raster or of a mosaic.
-
-    Parameters
-    ----------
-    to_xy : Transform
-        From longitude and latitude (WGS 84) to coordinates of the raster.
-    to_sea : SeaHeights, optional
-        The conversion of ellipsoidal heights to those above the sea, where it is needed and possible.
-    """
+    """Heights of the ground, interpolated between the pixels of one raster or of a mosaic."""
 
     sampler: BilinearSampler = field(repr=False)
     heights: Heights
-    to_xy: Transform = field(repr=False)
+    to_xy: Transform = field(repr=False)  # from longitude and latitude (WGS 84) to coordinates of the raster
+    # from ellipsoidal heights to those above the sea, where it is needed and possible
     to_sea: SeaHeights | None = field(default=None, repr=False)
 
     @classmethod
     def open(cls, sources: Source | Sequence[Source]) -> "Dem":
-        """Open a DEM; no pixel is read.
+        """Open a DEM: one raster, or several that make a mosaic, such as a VRT; no pixel is read.
 
-        Parameters
-        ----------
-        sources : path or sequence of paths
-            One raster, or several that make a mosaic; a VRT is one.
-
-        Raises
-        ------
-        RasterReadError
-            If a file cannot be opened.
-        RasterError
-            If it has no CRS, more than one band or pixels of 8 bits, depths instead of heights, a unit that
-            is not known, or none although its coordinates are in feet; or if files differ in these.
-        MosaicError
-            If the rasters do not fit together.
+        A RasterReadError says that a file cannot be opened, a RasterError that it has no CRS, more than one
+        band or pixels of 8 bits, depths instead of heights, a unit that is not known, or none although its
+        coordinates are in feet, or that files differ in these, a MosaicError that they do not fit together.
         """
         paths = [sources] if isinstance(sources, str | os.PathLike) else list(sources)
         if not paths:
@@ -201,10 +161,7 @@ class Dem:
         heights = found[0]
         to_sea = sea_from_ellipsoid() if heights.reference.zero == "ellipsoid" else None
         return cls(
-            BilinearSampler(dataset),
-            heights,
-            transform_between(WGS84, horizontal_crs(heights.wkt)),
-            to_sea,
+            BilinearSampler(dataset), heights, transform_between(WGS84, horizontal_crs(heights.wkt)), to_sea
         )
 
     @property
@@ -219,7 +176,7 @@ class Dem:
         return self.heights.reference.zero != "ellipsoid" or self.to_sea is not None
 
     def pixels(self, lon: ArrayLike, lat: ArrayLike) -> tuple[Floats, Floats]:
-        """Row and column of positions in degrees; infinite where the CRS has no such place."""
+        """Return row and column of positions in degrees; infinite where the CRS has no such place."""
         box = self.sampler.dataset.geobox
         x, y = self.to_xy(np.asarray(lon, np.float64), np.asarray(lat, np.float64))
         t = box.transform
@@ -232,19 +189,11 @@ class Dem:
             return (t.a * dy - t.d * dx) / size, (t.e * dx - t.b * dy) / size
 
     def heights_m(self, lon: ArrayLike, lat: ArrayLike) -> Floats:
-        """Return heights of the ground in metres: above the sea, or the ellipsoid if not `is_above_sea`.
+        """Return heights of the ground in metres at longitudes and latitudes (n,), in degrees (WGS 84).
 
-        NaN outside of the raster, next to pixels without value, and where the value is no height on Earth.
-
-        Parameters
-        ----------
-        lon, lat : (n,) arrays
-            Degrees, WGS 84.
-
-        Raises
-        ------
-        RasterReadError
-            If the file is damaged there.
+        They are above the sea, or the ellipsoid if not `is_above_sea`; NaN outside of the raster, next to
+        pixels without value, and where the value is no height on Earth. A RasterReadError says that the file
+        is damaged there.
         """
         lons, lats = np.asarray(lon, np.float64), np.asarray(lat, np.float64)
         try:
@@ -330,7 +279,7 @@ def _heights_of(path: str) -> Heights:
 
 
 def _unit_m(path: str, unit: str | None, reference: VerticalReference, wkt: str) -> float | None:
-    """Metres in the unit of heights, from the band or the CRS; None where neither says."""
+    """Return metres in the unit of heights, from the band or the CRS; None where neither says."""
     named = None
     if unit:
         named = UNITS_M.get(unit.strip().lower())

@@ -45,11 +45,8 @@ class CreationOptions:
     def of(cls, words: Mapping[str, Any] | Iterable[str] | None) -> "CreationOptions":
         """Return the options that words name: {"compress": "zstd"} or ["COMPRESS=ZSTD"], in any case.
 
-        Raises
-        ------
-        ParameterError
-            If a name is not allowed or is given twice, a value does not fit, or this build of GDAL lacks the
-            compression.
+        A ParameterError says that a name is not allowed or is given twice, that a value does not fit, or that
+        this build of GDAL lacks the compression.
 
         Examples
         --------
@@ -69,13 +66,7 @@ class CreationOptions:
         return cls(compress, levels[0] if levels else None, predictor, bigtiff)
 
     def check_types(self, *types: Any) -> None:
-        """Check that pixels of these NumPy types can be stored like that.
-
-        Raises
-        ------
-        ParameterError
-            If integers would be stored with the predictor of floating point values.
-        """
+        """Refuse the predictor of floating point values for pixels of integer types (ParameterError)."""
         import numpy as np
 
         integers = [np.dtype(one).name for one in types if np.dtype(one).kind != "f"]
@@ -104,17 +95,9 @@ def creation_for(
 ) -> CreationOptions:
     """Return the options that words name for the GeoTIFFs among some outputs; call it before the work.
 
-    Parameters
-    ----------
-    words : mapping or sequence of str, optional
-        As of `CreationOptions.of`.
-    targets : mapping of path to dtype
-        The outputs with the type of their pixels; those that are not asked for are None.
-
-    Raises
-    ------
-    ParameterError
-        If the options are not allowed, do not fit a type, or no output is a GeoTIFF.
+    `words` are as of `CreationOptions.of`; `targets` are the outputs with the type of their pixels, None for
+    those that are not asked for. A ParameterError says that the options are not allowed, do not fit a type,
+    or that no output is a GeoTIFF.
     """
     creation = CreationOptions.of(words)
     if not words:

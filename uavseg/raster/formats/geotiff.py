@@ -37,13 +37,7 @@ class LabelBand:
 
 
 def check_geotiff_name(path: Path_, what: str) -> None:
-    """Check that a file has a name by which it is opened as what it is.
-
-    Raises
-    ------
-    OutputError
-        If its extension is neither .tif nor .tiff.
-    """
+    """Refuse a file name that ends neither in .tif nor in .tiff (OutputError); `what` is its content."""
     if Path(path).suffix.lower() not in (".tif", ".tiff"):
         raise OutputError(f"{os.fspath(path)}: {what} is written as GeoTIFF; name a .tif")
 
@@ -61,23 +55,9 @@ def write_label_geotiff(
 
     The bytes of the file do not depend on the tiles. One row of tiles is held in memory.
 
-    Parameters
-    ----------
-    tiles : iterable of (Window, (rows, cols) array)
-        Cover the raster once, row of tiles after row of tiles, from the top.
-    geobox : GeoBox
-        Of the labelled raster.
-    overwrite : bool
-        Whether to replace an existing file.
-    tags : mapping of str to str, optional
-        Metadata items.
-
-    Raises
-    ------
-    OutputExistsError, OutputError
-        If the file exists, or cannot be written.
-    ParameterError
-        If creation options do not fit the type of the labels.
+    The tiles cover the raster of `geobox` once, row of tiles after row of tiles, from the top; `tags` are
+    metadata items. An OutputExistsError or OutputError says that the file exists or cannot be written, a
+    ParameterError that creation options do not fit the type of the labels.
     """
     with atomic_file(path, overwrite) as target, _write_errors(path):
         options = _profile(geobox, 1, np.dtype(band.dtype), creation)
@@ -93,7 +73,7 @@ def write_label_geotiff(
 def _stripes(
     tiles: Iterable[tuple[Window, NDArray[Any]]], shape: tuple[int, int], dtype: Any
 ) -> Iterator[tuple[int, NDArray[Any]]]:
-    """Stripes of 256 rows from the top, each with its first row, whatever the tiles are."""
+    """Yield stripes of 256 rows from the top, each with its first row, whatever the tiles are."""
     buffer, top = np.zeros((0, shape[1]), dtype), 0  # rows from `top` on, not all of them complete
     for window, labels in tiles:
         complete = (window.row - top) // STRIPE * STRIPE  # what lies above a row of tiles is complete
@@ -137,24 +117,11 @@ def write_geotiff(
     overwrite: bool = False,
     creation: CreationOptions = DEFAULT,
 ) -> None:
-    """Write bands of one type as a tiled, compressed GeoTIFF.
+    """Write bands, (rows, cols) each, of one type as a tiled, compressed GeoTIFF.
 
-    Parameters
-    ----------
-    bands : sequence of (rows, cols) arrays
-    descriptions : sequence of str, optional
-        Names of the bands in GIS programs.
-    tags : mapping of str to str, optional
-        Metadata items of the file.
-    overwrite : bool
-        Whether to replace an existing file.
-
-    Raises
-    ------
-    OutputExistsError, OutputError
-        If the file exists, or cannot be written.
-    ParameterError
-        If creation options do not fit the type of the bands.
+    `descriptions` are names of the bands in GIS programs, `tags` metadata items of the file. An
+    OutputExistsError or OutputError says that the file exists or cannot be written, a ParameterError that
+    creation options do not fit the type of the bands.
     """
     page = Page(bands, geobox, descriptions or [""] * len(bands))
     write_geotiff_pages(path, [page], tags, overwrite, creation)
@@ -193,29 +160,11 @@ def _write_bands(file: Any, page: Page) -> None:
 def read_geotiff(
     path: Path_, page: int = 1, shape: tuple[int, ...] | None = None, bands: int | None = None
 ) -> tuple[NDArray[Any], GeoBox, list[str], dict[str, str]]:
-    """Read a whole image that `write_geotiff` wrote.
+    """Read an image that `write_geotiff` wrote: bands (n, rows, cols), grid, names ("" for none), tags.
 
-    Parameters
-    ----------
-    page : int
-        Which image of the file, counted from 1.
-    shape : (int, int), optional
-    bands : int, optional
-        What the image must have, so that nothing is allocated for a damaged header.
-
-    Returns
-    -------
-    bands : (bands, rows, cols) array
-    descriptions : list of str
-        Names of the bands, "" where one has none.
-    tags : dict of str to str
-
-    Raises
-    ------
-    RasterReadError
-        If there is no such raster, or it is another one than expected.
-    RasterError
-        If its header claims more than the file can hold.
+    `page` counts from 1. What `shape` and number of bands the image must have may be given, so that nothing
+    is allocated for a damaged header. A RasterReadError says that there is no such raster, or another one
+    than expected, a RasterError that its header claims more than the file can hold.
     """
     regular_file(path)
     try:
@@ -267,7 +216,7 @@ def _check_complete(path: Path, page: int = 1) -> None:
 
 @contextmanager
 def _write_errors(path: Path_) -> Iterator[None]:
-    """GDAL's errors on writing as OutputError."""
+    """Raise GDAL's errors on writing as OutputError."""
     try:
         with gdal_env():
             yield

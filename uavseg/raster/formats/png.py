@@ -20,21 +20,11 @@ REC601_WEIGHTS = (306, 601, 117)  # of red, green and blue in 1024ths
 
 
 def read_grey(path: Path_) -> tuple[Bytes, Bytes | None]:
-    """Read an image as 8-bit grey, and its alpha.
+    """Read an image as 8-bit grey, (rows, cols), and its alpha, 255 where it is opaque, or None.
 
     Samples are scaled to 16 bits, colours become Rec. 601 luminance in integer arithmetic, and the result is
-    divided by 257 and rounded down, as in GraphicsMagick.
-
-    Returns
-    -------
-    grey : (rows, cols) uint8 array
-    alpha : (rows, cols) uint8 array, or None if there is none
-        255 where a pixel is opaque.
-
-    Raises
-    ------
-    RasterReadError
-        If it is not an image, or damaged.
+    divided by 257 and rounded down, as in GraphicsMagick. A RasterReadError says that it is not an image, or
+    damaged.
     """
     try:
         with open_checked(os.fspath(path)) as file:
@@ -52,18 +42,8 @@ def read_grey(path: Path_) -> tuple[Bytes, Bytes | None]:
 def write_png(path: Path_, grey: Bytes, overwrite: bool = False, opaque: Opaque | None = None) -> None:
     """Write a (rows, cols) uint8 array as a grey PNG.
 
-    Parameters
-    ----------
-    grey : (rows, cols) uint8 array
-    overwrite : bool
-        Whether to replace an existing file.
-    opaque : (rows, cols) bool array, optional
-        Other pixels are transparent.
-
-    Raises
-    ------
-    OutputExistsError, OutputError
-        If the file exists, or cannot be written.
+    Pixels that are not `opaque`, (rows, cols) as well, are transparent. An OutputExistsError or OutputError
+    says that the file exists or cannot be written.
     """
     rows, cols = grey.shape
     bands = [grey] if opaque is None else [grey, opaque * np.uint8(255)]
@@ -76,13 +56,13 @@ def write_png(path: Path_, grey: Bytes, overwrite: bool = False, opaque: Opaque 
 
 
 def to_8_bits(samples: NDArray[np.generic], maximum: int) -> Bytes:
-    """Samples of 0..maximum as 8 bits, scaled to 16 bits first."""
+    """Convert samples of 0..maximum to 8 bits, scaled to 16 bits first."""
     table = (_to_16_bits(np.arange(maximum + 1), maximum) // 257).astype(np.uint8)
     return np.asarray(table[np.minimum(samples, maximum)])
 
 
 def _to_16_bits(samples: NDArray[np.generic], maximum: int) -> NDArray[np.int64]:
-    """Samples of 0..maximum scaled to 16 bits and rounded."""
+    """Scale samples of 0..maximum to 16 bits, rounded."""
     return (np.minimum(samples.astype(np.int64), maximum) * 131070 + maximum) // (2 * maximum)
 
 
@@ -120,5 +100,5 @@ def _luminance(quanta: list[NDArray[np.int64]]) -> NDArray[np.int64]:
 
 
 def _declared_alpha(file: DatasetReader) -> Bytes | None:
-    """0 where pixels have the colour that the file declares transparent."""
+    """Return 0 where pixels have the colour that the file declares transparent, else 255."""
     return None if file.nodatavals[0] is None else np.where(file.dataset_mask(), np.uint8(255), np.uint8(0))

@@ -46,12 +46,8 @@ def tiles_folder(path: Path_) -> Path:
 def check_label_tiles(path: Path_, overwrite: bool = False) -> None:
     """Check that a VRT and its folder of tiles may be written, before the work whose result they hold.
 
-    Raises
-    ------
-    OutputExistsError
-        If one of them exists and `overwrite` is false.
-    OutputError
-        If their folder does not exist, or the folder of tiles contains anything else.
+    An OutputExistsError says that one of them exists and `overwrite` is false, an OutputError that their
+    folder does not exist, or that the folder of tiles contains anything else.
     """
     check_target(path, overwrite)
     folder = tiles_folder(path)
@@ -71,25 +67,8 @@ def write_label_tiles(
 
     Tiles without labels have no file. The workers of `map` write into the folder, so they must share it.
 
-    Parameters
-    ----------
-    path : path
-        Of the VRT; its tiles are in a folder of the same name with the suffix .tiles.
-    parts : sequence of Paintable
-        One for each of `label_windows`.
-    geobox : GeoBox
-        Of the labelled raster.
-    overwrite : bool
-        Whether to replace existing files.
-    map : Map
-        Who paints and writes.
-    creation : CreationOptions
-        Of the tiles.
-
-    Raises
-    ------
-    OutputExistsError, OutputError
-        If the files exist, or cannot be written.
+    There is one part for each of `label_windows`, and the tiles are in a folder of the name of the VRT with
+    the suffix .tiles. An OutputExistsError or OutputError says that the files exist or cannot be written.
     """
     check_label_tiles(path, overwrite)
     with atomic_file(path, overwrite) as target:

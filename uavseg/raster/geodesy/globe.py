@@ -97,7 +97,7 @@ class Ellipsoid:
     eccentricity2: float
 
     def radii(self, lat: Floats) -> tuple[Floats, Floats]:
-        """Radius of curvature along the meridian, and radius of the parallel, in metres; `lat` in radians."""
+        """Return radii of curvature of the meridian and of the parallel, in metres; `lat` in radians."""
         squeeze = 1 - self.eccentricity2 * np.sin(lat) ** 2
         normal = self.radius / np.sqrt(squeeze)
         return normal * (1 - self.eccentricity2) / squeeze, normal * np.cos(lat)
@@ -114,13 +114,7 @@ class Ellipsoid:
 
 @lru_cache(maxsize=32)
 def parse_crs(wkt: str) -> Any:
-    """Return the pyproj CRS of a WKT text.
-
-    Raises
-    ------
-    pyproj.exceptions.ProjError
-        If the text is not that of a CRS.
-    """
+    """Return the pyproj CRS of a WKT text; ProjError of pyproj if it is not that of one."""
     import pyproj
 
     return pyproj.CRS.from_wkt(wkt)
@@ -210,7 +204,7 @@ def unit_name(wkt: str | None) -> str:
 
 
 def unit_factor(wkt: str | None) -> float:
-    """Metres (radians, where the CRS is geographic) in one unit of coordinates; 1 where that is unknown."""
+    """Return metres (radians, where the CRS is geographic) in one unit of coordinates; 1 if unknown."""
     crs = _crs_of(wkt)
     return 1.0 if crs is None else crs.unit_factor
 
@@ -222,24 +216,12 @@ def crs_name(wkt: str | None) -> str | None:
 
 
 def is_on_earth(wkt: str | None) -> bool:
-    """Return whether a CRS belongs to the Earth, and not to another celestial body.
-
-    Raises
-    ------
-    RasterError
-        If it belongs to neither: it has no ellipsoid.
-    """
+    """Return whether a CRS belongs to the Earth, not to another body; RasterError if it has no ellipsoid."""
     return EARTH_RADII_M[0] < equatorial_radius(wkt) < EARTH_RADII_M[1]
 
 
 def equatorial_radius(wkt: str | None) -> float:
-    """Semi-major axis of the ellipsoid of a CRS, in metres.
-
-    Raises
-    ------
-    RasterError
-        If the CRS has no ellipsoid.
-    """
+    """Return the semi-major axis of the ellipsoid of a CRS, in metres; RasterError if it has none."""
     crs = _crs_of(wkt)
     if crs is None or crs.radius is None:
         raise _no_lonlat()
@@ -248,14 +230,9 @@ def equatorial_radius(wkt: str | None) -> float:
 
 @lru_cache(maxsize=32)
 def lonlat_transform(wkt: str | None) -> Transform:
-    """From a CRS to longitude and latitude in degrees.
+    """Return the transform from a CRS to longitude and latitude in degrees; RasterError if it has none.
 
     WGS 84 on the Earth; on another celestial body, the geographic CRS that the CRS is made from.
-
-    Raises
-    ------
-    RasterError
-        If the CRS has no longitude and latitude.
     """
     on_earth = is_on_earth(wkt)
     utm = _utm_zone(wkt or "")
@@ -275,7 +252,7 @@ def _no_lonlat() -> RasterError:
 
 
 def _utm_transform(zone: CRS, wkt: str) -> Transform:
-    """From a UTM zone to longitude and latitude: by GDAL, and many points by pyproj, which is faster then."""
+    """Transform a UTM zone to longitude and latitude: by GDAL, and many points by pyproj, faster then."""
 
     @lru_cache(maxsize=1)
     def by_pyproj() -> Transform:
@@ -328,12 +305,9 @@ def ellipsoid_under(wkt: str | None) -> Ellipsoid | None:
 
 
 def transform_between(source: Any, target: Any) -> Transform:
-    """From one CRS to another, each a pyproj CRS or a text; x (longitude) first on both sides.
+    """Return the transform from one CRS to another, each a pyproj CRS or a text; x (longitude) comes first.
 
-    Raises
-    ------
-    RasterError
-        If one is not a CRS, or there is no transformation.
+    A RasterError says that one is not a CRS, or that there is no transformation.
     """
     from pyproj.exceptions import ProjError
 
@@ -367,12 +341,9 @@ def geod_wgs84() -> Any:
 
 
 def decimals_for(pixel_m: float) -> int:
-    """Decimals of degrees with which rounding moves a vertex by a hundredth of a pixel at most; 7 to 11.
+    """Return the decimals of degrees (7 to 11) with which rounding moves a vertex by 1 % of a pixel at most.
 
-    Parameters
-    ----------
-    pixel_m : float
-        Side of a pixel in metres.
+    `pixel_m` is the side of a pixel in metres.
 
     Examples
     --------
@@ -386,7 +357,7 @@ def decimals_for(pixel_m: float) -> int:
 
 
 def wrap_lon(lon: ArrayLike, around: float = 0.0) -> Floats:
-    """Longitudes (or differences of them), in degrees, moved by turns into [around - 180, around + 180).
+    """Move longitudes (or differences of them), in degrees, by turns into [around - 180, around + 180).
 
     Examples
     --------
@@ -398,7 +369,7 @@ def wrap_lon(lon: ArrayLike, around: float = 0.0) -> Floats:
 
 
 def wrap_lon_beyond_180(lon: Floats) -> Floats:
-    """Longitudes in [-180, 180]; those that lie there already, 180 included, keep their exact value.
+    """Wrap longitudes into [-180, 180]; those that lie there already, 180 included, stay exact.
 
     Examples
     --------
@@ -409,13 +380,9 @@ def wrap_lon_beyond_180(lon: Floats) -> Floats:
 
 
 def unwrap_lon(lon: Floats, turn: float = 360.0) -> Floats:
-    """Longitudes along a line that run on past 180 where they jumped to -180, and the other way round.
+    """Let longitudes (n,) along a line run on past 180 where they jump to -180, and the other way round.
 
-    Parameters
-    ----------
-    lon : (n,) float64 array
-    turn : float
-        A whole turn in its unit.
+    `turn` is a whole turn in their unit.
 
     Examples
     --------
@@ -430,10 +397,8 @@ def unwrap_lon(lon: Floats, turn: float = 360.0) -> Floats:
 def split_at_antimeridian(lonlat: Floats) -> list[Floats]:
     """Return the parts of a line on either side of the antimeridian; each ends and begins on it.
 
-    Parameters
-    ----------
-    lonlat : (n, 2) float64 array
-        Degrees, longitudes in [-180, 180]; a step of more than 180 degrees crosses the antimeridian.
+    `lonlat` (n, 2) are degrees, longitudes in [-180, 180]; a step of more than 180 degrees crosses the
+    antimeridian.
 
     Examples
     --------
@@ -469,21 +434,11 @@ def densify_line(vertices: Floats, pieces: NDArray[np.int64]) -> Floats:
 def densify_rings(
     vertices: Floats, starts: NDArray[np.int64], pieces: NDArray[np.int64]
 ) -> tuple[Floats, NDArray[np.int64]]:
-    """Closed rings with each of their edges divided into equal pieces, at the same points in both directions.
+    """Divide each edge of closed rings into equal pieces, at the same points in both directions.
 
-    Parameters
-    ----------
-    vertices : (v, 2) float64 array
-        The last vertex of a ring is its first.
-    starts : (r + 1,) int64 array
-        Where each ring starts in `vertices`; the last entry is v.
-    pieces : (v,) int64 array
-        For the edge from each vertex to the next; 1 for the last vertex of a ring.
-
-    Returns
-    -------
-    vertices : (sum of pieces, 2) float64 array
-    starts : (r + 1,) int64 array
+    The last of the vertices (v, 2) of a ring is its first; rings start at `starts` (r + 1,), whose last entry
+    is v. `pieces` (v,) are for the edge from each vertex to the next; 1 for the last vertex of a ring. The
+    results are vertices and starts again.
 
     Examples
     --------

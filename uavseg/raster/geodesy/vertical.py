@@ -50,10 +50,7 @@ class VerticalReference:
 def vertical_reference(wkt: str) -> VerticalReference:
     """Return the vertical part of a CRS, which is compound or has three axes; unknown where there is none.
 
-    Raises
-    ------
-    RasterError
-        If its axis points down: it holds depths.
+    A RasterError says that its axis points down: it holds depths.
 
     Examples
     --------
@@ -86,10 +83,7 @@ def horizontal_crs(wkt: str) -> Any:
 def sea_from_ellipsoid() -> SeaHeights | None:
     """Return the conversion of ellipsoidal heights (WGS 84) to heights above the geoid EGM96.
 
-    Returns
-    -------
-    SeaHeights or None
-        None where PROJ has no grid of the geoid on this machine.
+    None where PROJ has no grid of the geoid on this machine.
     """
     from pyproj import network
     from pyproj.transformer import TransformerGroup

@@ -17,12 +17,7 @@ from uavseg.raster.grid.tiling import Window
 
 @dataclass(frozen=True, slots=True)
 class Length:
-    """A length in metres, or in pixels.
-
-    Raises
-    ------
-    ParameterError
-        If it is not finite and above 0.
+    """A length in metres, or in pixels; finite and above 0 (ParameterError).
 
     Examples
     --------
@@ -47,13 +42,7 @@ class Length:
 
 
 def parse_length(text: str) -> Length:
-    """Parse a length: metres, or pixels with the suffix px.
-
-    Raises
-    ------
-    ParameterError
-        If the text is not a finite number above 0, with or without px.
-    """
+    """Parse a length: metres, or pixels with the suffix px; ParameterError if it is no number above 0."""
     number = text.strip().lower()
     in_pixels = number.endswith("px")
     try:
@@ -66,13 +55,7 @@ def parse_length(text: str) -> Length:
 
 
 def as_length(given: float | str | None) -> Length | None:
-    """Metres, or a length as text such as "8px"; None is no length.
-
-    Raises
-    ------
-    ParameterError
-        If it is not a finite number above 0, with or without px.
-    """
+    """Return metres, or text such as "8px", as a length; None is none; errors as of `parse_length`."""
     if given is None:
         return None
     return parse_length(given) if isinstance(given, str) else Length(float(given))
@@ -173,13 +156,10 @@ class GeoBox:
 
 
 def check_transform(transform: Affine, shape: tuple[int, int]) -> None:
-    """Check that a transform gives every pixel of a raster a place of its own.
+    """Refuse a transform that does not give every pixel of a raster a place of its own (RasterError).
 
-    Raises
-    ------
-    RasterError
-        If it does not: a number in it is not finite or too large, it makes the pixels lines, or they are
-        smaller than what coordinates as large as theirs can tell apart.
+    A number in it is not finite or too large, it makes the pixels lines, or they are smaller than what
+    coordinates as large as theirs can tell apart.
     """
     a, b, c, d, e, f = tuple(transform)[:6]
     across, down = math.hypot(a, d), math.hypot(b, e)
@@ -223,12 +203,7 @@ def local_geobox(shape: tuple[int, int], cell_m: float, origin: tuple[float, flo
 def azimuthal_geobox(lat: float, lon: float, bounds: tuple[float, float, float, float]) -> GeoBox:
     """Return a box in metres around a centre: azimuthal equidistant projection (WGS 84), one pixel, north up.
 
-    Parameters
-    ----------
-    lat, lon : float
-        The centre in degrees.
-    bounds : (left, bottom, right, top)
-        Metres east and north of the centre.
+    The centre is in degrees; `bounds` are left, bottom, right and top in metres from it.
     """
     left, bottom, right, top = bounds
     crs = CRS.from_dict(proj="aeqd", lat_0=lat, lon_0=lon, datum="WGS84", units="m")
@@ -236,13 +211,7 @@ def azimuthal_geobox(lat: float, lon: float, bounds: tuple[float, float, float, 
 
 
 def check_metres(geobox: GeoBox) -> None:
-    """Check that the coordinates of a map are metres; local coordinates are taken for metres.
-
-    Raises
-    ------
-    MapError
-        If they are not.
-    """
+    """Refuse a map whose coordinates are not metres (MapError); local coordinates are taken for metres."""
     if not is_in_metres(geobox.wkt):
         unit = unit_name(geobox.wkt)
         raise MapError(f"a robot's map is in metres and this one in {unit}; warp it first (gdalwarp -t_srs)")

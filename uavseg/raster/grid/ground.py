@@ -29,20 +29,11 @@ _STEP = 1 / 1600  # of finite differences, in radii of the ellipsoid: 4 km on th
 
 
 def ring_areas(geobox: GeoBox, vertices: Integers, starts: Integers) -> Floats:
-    """Signed ground area of rings along pixel edges.
+    """Return the signed ground areas (r,) of rings along pixel edges, in square metres (or square map units).
 
-    Parameters
-    ----------
-    vertices : (v, 2) integer array
-        (row, col) pixel corners; each edge is horizontal or vertical. A ring is not closed.
-    starts : (r + 1,) integer array
-        Where each ring starts in `vertices`; the last entry is v.
-
-    Returns
-    -------
-    areas : (r,) float64 array
-        Square metres (square map units if there is no CRS); positive for rings that run clockwise on the
-        image, negative for the others, as holes do.
+    Map units are for a raster without CRS. `vertices` (v, 2) are pixel corners (row, col), with horizontal or
+    vertical edges; a ring is not closed, and starts in them at `starts` (r + 1,), whose last entry is v.
+    Areas are positive for rings that run clockwise on the image, negative for the others, as holes do.
 
     Examples
     --------
@@ -55,7 +46,7 @@ def ring_areas(geobox: GeoBox, vertices: Integers, starts: Integers) -> Floats:
 
 
 def ring_perimeters(geobox: GeoBox, vertices: Integers, starts: Integers) -> Floats:
-    """Ground length of rings along pixel edges, in metres (map units if there is no CRS).
+    """Return ground length of rings along pixel edges, in metres (map units if there is no CRS).
 
     Parameters and shapes are those of `ring_areas`.
     """
@@ -63,18 +54,12 @@ def ring_perimeters(geobox: GeoBox, vertices: Integers, starts: Integers) -> Flo
 
 
 def ground_resolution(geobox: GeoBox) -> tuple[float, float]:
-    """Ground metres per pixel at the centre of a raster: along a row, and along a column.
-
-    Map units if there is no CRS.
-    """
+    """Return ground metres (without CRS map units) per pixel at the centre, along a row and a column."""
     return ground_steps(geobox, geobox.shape[0] / 2, geobox.shape[1] / 2)
 
 
 def ground_steps(geobox: GeoBox, row: float, col: float) -> tuple[float, float]:
-    """Ground metres per pixel at a position: along a row, and along a column.
-
-    Map units if there is no CRS.
-    """
+    """Return ground metres (without CRS map units) per pixel at a position, along a row and a column."""
     per_col, per_row, _ = pixel_on_ground(geobox, np.array([row]), np.array([col]))
     if np.isfinite(per_col[0]) and np.isfinite(per_row[0]):
         return float(per_col[0]), float(per_row[0])
@@ -82,20 +67,11 @@ def ground_steps(geobox: GeoBox, row: float, col: float) -> tuple[float, float]:
 
 
 def pixel_on_ground(geobox: GeoBox, row: Floats, col: Floats) -> tuple[Floats, Floats, Floats]:
-    """Ground size of pixels.
+    """Return the ground size of pixels at positions, whole numbers being corners, by finite differences.
 
-    From finite differences, of fourth order, of points in space.
-
-    Parameters
-    ----------
-    row, col : float64 arrays that broadcast
-        Pixel positions; whole numbers are pixel corners.
-
-    Returns
-    -------
-    along_row, along_col, area : float64 arrays of the broadcast shape
-        Metres per pixel along a row and along a column, and square metres per pixel (units of the map where
-        there is no CRS); not finite where the projection ends.
+    These are of points in space, of fourth order. The results are metres per pixel along a row and along a
+    column, and square metres per pixel (units of the map where there is no CRS), of the broadcast shape of
+    `row` and `col`; not finite where the projection ends.
     """
     ellipsoid = ellipsoid_under(geobox.wkt)
     row, col = np.broadcast_arrays(row, col)
@@ -127,23 +103,15 @@ def pixel_on_map(geobox: GeoBox) -> tuple[float, float, float]:
 
 
 def _derivative(point: Callable[[float], Floats], step: float) -> Floats:
-    """Derivative of points by central differences of fourth order."""
+    """Compute the derivative of points by central differences of fourth order."""
     near, far = point(step) - point(-step), point(2 * step) - point(-2 * step)
     return (8 * near - far) / (12 * step)
 
 
 def line_length(geobox: GeoBox, row: Floats, col: Floats) -> float:
-    """Ground length of a polyline on a raster, whose edges are straight on the map.
+    """Return the ground length of a polyline on a raster, whose edges are straight on the map.
 
-    Parameters
-    ----------
-    row, col : (n,) float64 arrays
-        Pixel corners are whole numbers.
-
-    Returns
-    -------
-    length : float
-        Metres on the ellipsoid; map units if there is no CRS.
+    It is in metres on the ellipsoid, or map units if there is no CRS; pixel corners are whole numbers.
 
     Examples
     --------
@@ -178,14 +146,14 @@ class _Tables:
     length_of_cols: _Product
 
     def area_along(self, here: Integers, there: Integers) -> Floats:
-        """Ground area between each edge and the first column; 0 for horizontal edges."""
+        """Return ground area between each edge and the first column; 0 for horizontal edges."""
         total = np.zeros(len(here))
         for rows, cols in zip(self.area.rows, self.area.cols, strict=True):
             total += (rows[there[:, 0]] - rows[here[:, 0]]) * cols[here[:, 1]]
         return total
 
     def length_along(self, here: Integers, there: Integers) -> Floats:
-        """Ground length of each edge; it runs along a row or along a column, so one of the two sums is 0."""
+        """Return ground length of each edge; it runs along a row or a column, so one of the two sums is 0."""
         down, across = np.zeros(len(here)), np.zeros(len(here))
         for rows, cols in zip(self.length_of_cols.rows, self.length_of_cols.cols, strict=True):
             down += (rows[there[:, 0]] - rows[here[:, 0]]) * cols[here[:, 1]]
@@ -224,7 +192,7 @@ def _tables(geobox: GeoBox) -> _Tables:
 
 
 def _uniform_tables(geobox: GeoBox, per_col: float, per_row: float, area: float) -> _Tables:
-    """Tables for pixels of equal ground size."""
+    """Make tables for pixels of equal ground size."""
     rows, cols = (np.arange(length + 1.0)[None] for length in geobox.shape)
     return _Tables(
         _Product(rows, cols * area),
@@ -234,7 +202,7 @@ def _uniform_tables(geobox: GeoBox, per_col: float, per_row: float, area: float)
 
 
 def _geographic_tables(geobox: GeoBox, ellipsoid: Ellipsoid) -> _Tables:
-    """Tables for a geographic raster whose rows are parallels; there is no ground beyond the poles."""
+    """Make tables for a geographic raster whose rows are parallels; no ground lies beyond the poles."""
     rows, cols = (np.arange(length + 1.0) for length in geobox.shape)
     lat = np.clip((geobox.transform.f + geobox.transform.e * rows) * ellipsoid.unit, -np.pi / 2, np.pi / 2)
     cols = cols * abs(geobox.transform.a * ellipsoid.unit)
@@ -254,7 +222,7 @@ def _cumulative_sum(steps: Floats) -> Floats:
 
 
 def _fitted_tables(geobox: GeoBox) -> _Tables:
-    """Tables from polynomials for the lengths and the area of pixels over the raster."""
+    """Make tables from polynomials for the lengths and the area of pixels over the raster."""
     fitted = _interpolate(geobox)
     if fitted is None:
         fitted = _least_squares(geobox)
@@ -269,7 +237,7 @@ def _fitted_tables(geobox: GeoBox) -> _Tables:
 
 
 def _interpolate(geobox: GeoBox) -> Floats | None:
-    """Chebyshev coefficients (3, m, n) by interpolation, as many as needed; None if ground is missing."""
+    """Interpolate by Chebyshev coefficients (3, m, n), as many as needed; None if ground is missing."""
     shape = [8, 8]
     while True:
         nodes = [np.cos(np.pi * (np.arange(n) + 0.5) / n) for n in shape]
@@ -309,7 +277,7 @@ def _least_squares(geobox: GeoBox, degree: int = 16) -> Floats | None:
 
 
 def _product(geobox: GeoBox, fitted: Floats, over_rows: bool, over_cols: bool) -> _Product:
-    """A bivariate polynomial as a sum of products at pixel corners, integrated over rows, columns or both."""
+    """Write a bivariate polynomial as a sum of products at pixel corners, integrated over rows or columns."""
     left, sizes, right = np.linalg.svd(fitted)
     terms = max(1, int((sizes > sizes[0] * 1e-12).sum()))
     in_rows, in_cols = left[:, :terms] * sizes[:terms], right[:terms].T

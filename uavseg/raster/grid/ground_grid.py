@@ -19,29 +19,18 @@ MAX_LATITUDE = 85.0  # Web Mercator ends at 85.05 degrees
 
 @dataclass(frozen=True)
 class GroundGrid:
-    """Longitude and latitude of pixel corners that divide a raster evenly.
+    """Longitude and latitude of pixel corners that divide a raster evenly."""
 
-    Parameters
-    ----------
-    lon, lat : (n + 1, n + 1) float64 arrays
-        In degrees.
-    pixel_m2 : (n, n) float64 array
-        Area of a pixel on the ellipsoid, as the mean of each part.
-    """
-
-    lon: Floats
+    lon: Floats  # (n + 1, n + 1), in degrees
     lat: Floats
-    pixel_m2: Floats
+    pixel_m2: Floats  # (n, n), area of a pixel on the ellipsoid, as the mean of each part
 
 
 def ground_grid(geobox: GeoBox) -> GroundGrid:
     """Return the coarsest table between whose places interpolation errs by half a centimetre at most.
 
-    Raises
-    ------
-    RasterError
-        If a part of the raster has no longitude and latitude, lies beyond 85 degrees of latitude, or the
-        raster crosses the antimeridian: a map in Web Mercator cannot show it.
+    A RasterError says that a part of the raster has no longitude and latitude or lies beyond 85 degrees of
+    latitude, or that it crosses the antimeridian: a map in Web Mercator cannot show it.
     """
     intervals = 4
     lon, lat = _corners(geobox, 2 * intervals)

@@ -11,16 +11,9 @@ from uavseg.warning_filters import changing_filters
 
 
 def pixels_inside(polygons: NDArray[np.object_], window: Window) -> NDArray[np.bool_]:
-    """Mask of the pixels of a window whose centres lie inside polygons.
+    """Return the mask (rows, cols) of the pixels of a window whose centres lie inside polygons.
 
-    Parameters
-    ----------
-    polygons : (n,) object array of shapely Polygon or MultiPolygon
-        In pixels as (col, row); the outer corner of the first pixel is (0, 0).
-
-    Returns
-    -------
-    mask : (rows, cols) bool array
+    These (shapely) are in pixels as (col, row); the outer corner of the first pixel is (0, 0).
     """
     from rasterio.features import geometry_mask
 

@@ -1,7 +1,8 @@
 """Tiling: windows, halos, and a window's blocks and cells; integer arithmetic only."""
 
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import replace
+from itertools import product
 from typing import Any, TypeVar
 
 import numpy as np
@@ -58,17 +59,8 @@ class Window:
 def tiles(shape: tuple[int, int], side: int | tuple[int, int]) -> list[Window]:
     """Return windows that cover a raster once, row by row.
 
-    Parameters
-    ----------
-    shape : (int, int)
-        Rows and columns of the raster.
-    side : int or (int, int)
-        Rows and columns of a tile in pixels, multiples of 64.
-
-    Raises
-    ------
-    ParameterError
-        If a side is not a positive multiple of 64.
+    `shape` is rows and columns of the raster, `side` those of a tile in pixels: positive multiples of 64,
+    else a ParameterError.
 
     Examples
     --------
@@ -86,13 +78,8 @@ def tiles(shape: tuple[int, int], side: int | tuple[int, int]) -> list[Window]:
             f"tiles of {tile_cols} x {tile_rows} pixels divide the raster into {count:,}, and at most "
             f"{MAX_TILES:,} are worked through; choose larger ones (--tile)"
         )
-    return list(_windows(shape, tile_rows, tile_cols))
-
-
-def _windows(shape: tuple[int, int], tile_rows: int, tile_cols: int) -> Iterator[Window]:
-    for row in range(0, shape[0], tile_rows):
-        for col in range(0, shape[1], tile_cols):
-            yield Window(row, col, tile_rows, tile_cols).clipped(shape)
+    places = product(range(0, shape[0], tile_rows), range(0, shape[1], tile_cols))
+    return [Window(*place, tile_rows, tile_cols).clipped(shape) for place in places]
 
 
 def in_panels(windows: list[Window]) -> list[Window]:
@@ -114,12 +101,8 @@ def tile_side(shape: tuple[int, int], file_block: tuple[int, int], pixels: int =
     """Return rows and columns of a tile of about `pixels` pixels that suits the layout of a file.
 
     Square if the file is tiled; whole rows if it is stored in strips, which are always decoded whole, unless
-    64 rows are far more than so many pixels.
-
-    Parameters
-    ----------
-    shape, file_block : (int, int)
-        Rows and columns of the raster, and of one block of the file.
+    64 rows are far more than so many pixels. `shape` and `file_block` are rows and columns of the raster, and
+    of one block of the file.
     """
     in_strips = file_block[1] >= shape[1] and shape[1] > 2 * BLOCK
     if in_strips and BLOCK * shape[1] <= 4 * pixels:
@@ -158,6 +141,12 @@ def sample_positions(start: int, length: int, count: int) -> NDArray[np.int64]:
     return start + positions
 
 
+def indices_within(positions: NDArray[np.int64], start: int, length: int) -> slice:
+    """Return index of the ascending positions that lie in a range of rows or columns."""
+    first, end = np.searchsorted(positions, [start, start + length]).tolist()
+    return slice(first, end)
+
+
 def window_blocks(window: Window) -> tuple[slice, slice]:
     """Return index of a window's blocks in the block map."""
     return _in_units(window, BLOCK)
@@ -194,7 +183,7 @@ class TilePass:
     def run(
         self, function: Callable[[Any], Result], items: Sequence[Any] | None = None
     ) -> Generator[Result, None, None]:
-        """Results of a function for each window, or for each of some other items, in their order."""
+        """Yield results of a function for each window, or for each of some other items, in their order."""
         return self.map(function, self.windows if items is None else items, self.progress)
 
     def stages(self, count: int) -> list["TilePass"]:

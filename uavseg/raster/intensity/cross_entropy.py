@@ -16,20 +16,8 @@ def least_cross_entropy(counts: ArrayLike) -> tuple[int, int]:
     non-empty bin, or downwards from the last one where the histogram is skewed to that side: a picture and
     its negative have the same classes.
 
-    Parameters
-    ----------
-    counts : (n,) array of non-negative numbers
-        At least two are not 0.
-
-    Returns
-    -------
-    end, start : int
-        The last non-empty bin of the darker class, and the first one of the brighter.
-
-    Raises
-    ------
-    ValueError
-        If fewer than two bins are not empty.
+    `counts` (n,) are not negative, and at least two are not 0 (else ValueError). The results are the last
+    non-empty bin of the darker class, and the first one of the brighter.
 
     Examples
     --------

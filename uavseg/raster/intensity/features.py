@@ -43,14 +43,7 @@ class Feature:
     choice: BandChoice = field(repr=False)
 
     def values(self, planes: Mapping[int, Floats], scales: Mapping[int, BandScale]) -> Floats:
-        """Its values, in the units of the raster.
-
-        Parameters
-        ----------
-        planes : mapping of (n,) float64 arrays
-            Stored numbers of the pixels of each band, by its number.
-        scales : mapping of BandScale
-        """
+        """Return its values, in the units of the raster, from stored numbers (n,) of each band."""
         bands = self.choice.bands
         stacked = np.stack([planes[band] for band in bands])
         if self.choice.formula is not None:
@@ -69,16 +62,9 @@ def features_of(
 ) -> list[Feature]:
     """Return the bands by themselves, the luminance, and all indices and ratios that the bands allow.
 
-    Parameters
-    ----------
-    bands : sequence of int
-        The ones to use.
-    rgb : three ints or texts, optional
-        The bands of red, green and blue, where they are chosen.
-    words : BandWords
-        Of which the names are kept.
-    integers : bool
-        Whether numbers are stored as integers without a scale, for which indices of reflectance do not hold.
+    `bands` are the ones to use, `rgb` those of red, green and blue, where they are chosen; of `words` the
+    names are kept. `integers` says whether numbers are stored as integers without a scale, for which indices
+    of reflectance do not hold.
     """
     found = [Feature("band", band, words, choose(layout, band, None, words)) for band in bands]
     bands = alike(layout, bands)
@@ -129,7 +115,7 @@ def _uses(layout: BandLayout, words: BandWords, bands: Sequence[int]) -> bool:
 
 
 def _words(layout: BandLayout, bands: Sequence[int]) -> dict[int, str]:
-    """What bands are called in expressions: their numbers, or a name where another band has b1 for its name.
+    """Return what bands are called in expressions: numbers, or a name where another band is called b1.
 
     A band without such a name is left out.
     """
@@ -149,7 +135,7 @@ def _words(layout: BandLayout, bands: Sequence[int]) -> dict[int, str]:
 
 
 def _ratios(names: Sequence[str]) -> list[str]:
-    """Differences of two bands over their sum, and of more than two the share of each."""
+    """Return differences of two bands over their sum, and of more than two the share of each."""
     result = [f"({b} - {a}) / ({b} + {a})" for a, b in combinations(names, 2)]
     if len(names) > 2:
         result += [f"{name} / ({' + '.join(names)})" for name in names]

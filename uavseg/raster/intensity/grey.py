@@ -17,16 +17,8 @@ Values = NDArray[Any]
 def to_grey(values: Values, low: float, high: float) -> Grey:
     """Return grey of every pixel, in double precision, with exactly this order of operations.
 
-    If low = high, grey is 0 below, 65535 above and 32768 at that intensity.
-
-    Parameters
-    ----------
-    values : (1, rows, cols) or (3, rows, cols) array of any real type
-        Intensity, or red, green and blue.
-
-    Returns
-    -------
-    grey : (rows, cols) uint16 array
+    If low = high, grey is 0 below, 65535 above and 32768 at that intensity. `values` are intensity, (1, rows,
+    cols), or red, green and blue, (3, rows, cols), of any real type.
     """
     grey = np.empty(values.shape[1:], np.uint16)
     flat = np.ascontiguousarray(values).reshape(len(values), -1)
@@ -60,16 +52,7 @@ def _from_colors(planes: Values, low: float, high: float, grey: Grey) -> None:
 
 
 def luminance(planes: Values) -> NDArray[np.float64]:
-    """0.2126 R + 0.7152 G + 0.0722 B of each pixel, in double precision, added from left to right.
-
-    Parameters
-    ----------
-    planes : (3, ...) array
-
-    Returns
-    -------
-    (...) float64 array
-    """
+    """Return 0.2126 R + 0.7152 G + 0.0722 B of (3, ...) planes, in double precision, from left to right."""
     total: NDArray[np.float64] = planes[0] * np.float64(RED)
     total += planes[1] * np.float64(GREEN)
     total += planes[2] * np.float64(BLUE)
@@ -77,7 +60,7 @@ def luminance(planes: Values) -> NDArray[np.float64]:
 
 
 def luminance_f4(values: Values) -> NDArray[np.float32]:
-    """Luminance in double precision, rounded to single: (3, rows, cols) becomes (rows, cols)."""
+    """Return luminance in double precision, rounded to single: (3, rows, cols) becomes (rows, cols)."""
     result = np.empty(values.shape[1:], np.float32)
     planes = np.ascontiguousarray(values).reshape(3, -1)
     if planes.dtype == np.uint8:
@@ -91,7 +74,7 @@ def luminance_f4(values: Values) -> NDArray[np.float32]:
 
 @lru_cache(maxsize=16)
 def _lookup_table(low: float, high: float, type_code: str) -> Grey:
-    """Lookup table: grey of every value of an integer type of at most 16 bits, by bit pattern."""
+    """Return lookup table: grey of every value of an integer type of at most 16 bits, by bit pattern."""
     dtype = np.dtype(type_code)
     patterns = np.arange(1 << 8 * dtype.itemsize, dtype=f"u{dtype.itemsize}")
     grey = np.empty(len(patterns), np.uint16)

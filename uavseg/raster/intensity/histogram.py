@@ -16,7 +16,7 @@ _HALF = 1 << 16
 
 
 def rank_of(percent: Fraction, total: int) -> int:
-    """Nearest rank of a percentile among `total` sorted values, counted from 1.
+    """Return nearest rank of a percentile among `total` sorted values, counted from 1.
 
     Examples
     --------
@@ -27,7 +27,7 @@ def rank_of(percent: Fraction, total: int) -> int:
 
 
 def bins_of_ranks(counts: Counts, ranks: Iterable[int]) -> list[tuple[int, int]]:
-    """For each rank the bin that contains it, and the rank within that bin.
+    """Return for each rank the bin that contains it, and the rank within that bin.
 
     Examples
     --------
@@ -40,7 +40,7 @@ def bins_of_ranks(counts: Counts, ranks: Iterable[int]) -> list[tuple[int, int]]
 
 
 def count_integers(values: Values, valid: NDArray[np.bool_] | None) -> Counts:
-    """Histogram of an integer type of at most 16 bits, smallest value first."""
+    """Count the values of an integer type of at most 16 bits, smallest value first."""
     size = values.dtype.itemsize
     counts = np.zeros(1 << 8 * size, np.int64)
     flat = np.ascontiguousarray(values).reshape(-1).view(f"u{size}")
@@ -49,7 +49,7 @@ def count_integers(values: Values, valid: NDArray[np.bool_] | None) -> Counts:
 
 
 def count_upper_halves(values: NDArray[np.float32], valid: NDArray[np.bool_] | None) -> Counts:
-    """Histogram of the upper 16 bits of the sort keys: 32-bit integers in the order of the float values."""
+    """Count the upper 16 bits of the sort keys: 32-bit integers in the order of the float values."""
     counts = np.zeros(_HALF, np.int64)
     _count_upper(_bit_patterns(values), _mask_bytes(valid), counts)
     return counts
@@ -58,12 +58,7 @@ def count_upper_halves(values: NDArray[np.float32], valid: NDArray[np.bool_] | N
 def count_lower_halves(
     values: NDArray[np.float32], valid: NDArray[np.bool_] | None, uppers: tuple[int, ...]
 ) -> Counts:
-    """Histogram of the lower 16 bits of the sort keys, for each of some upper halves.
-
-    Returns
-    -------
-    counts : (len(uppers), 65536) int64 array
-    """
+    """Return histograms of the lower 16 bits of the sort keys, (n, 65536), for n upper halves."""
     counts = np.zeros((len(uppers), _HALF), np.int64)
     row_of = np.full(_HALF, -1, np.int64)
     row_of[list(uppers)] = np.arange(len(uppers))

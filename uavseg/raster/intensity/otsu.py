@@ -50,19 +50,9 @@ def multi_otsu(counts: ArrayLike, max_classes: int) -> list[Classes]:
     Optimal means least within-class variance (Otsu, IEEE Trans. SMC 9 (1979) 62-66; Liao, Chen and Chung, J.
     Inf. Sci. Eng. 17 (2001) 713-727). The contribution of a class depends on its first and last bin alone, so
     dynamic programming over the bins finds the optimum (Fisher, JASA 53 (1958) 789-798). Bins have equal
-    width; empty ones have no influence.
-
-    Parameters
-    ----------
-    counts : (n,) array of non-negative numbers
-    max_classes : int
-        At least 1.
-
-    Returns
-    -------
-    found : list of Classes
-        Element k has k + 1 classes; at most as many as there are non-empty bins. Of equally good partitions,
-        the one with the lower last threshold.
+    width; empty ones have no influence. `counts` (n,) are not negative. Partition k has k + 1 classes; there
+    are at most as many as non-empty bins. Of equally good partitions, it is the one with the lower last
+    threshold.
 
     Examples
     --------
@@ -88,11 +78,7 @@ def multi_otsu(counts: ArrayLike, max_classes: int) -> list[Classes]:
 def select_classes(counts: ArrayLike, found: Sequence[Classes]) -> Classes:
     """Return the natural number of classes: the largest for which all classes are separated, else two.
 
-    Parameters
-    ----------
-    counts : (n,) array of non-negative numbers
-    found : sequence of Classes
-        Result of `multi_otsu` for it; at least one.
+    `found` is the result of `multi_otsu` for these counts, not empty.
     """
     separated = [classes for classes in found[1:] if are_separated(counts, classes)]
     return separated[-1] if separated else found[min(1, len(found) - 1)]
@@ -103,12 +89,6 @@ def are_separated(counts: ArrayLike, classes: Classes) -> bool:
 
     The histogram is smoothed by a Gaussian with a standard deviation of 1/32 of its extent. Between the
     highest bins of two classes it must fall below a third of the lower one.
-
-    Parameters
-    ----------
-    counts : (n,) array of non-negative numbers
-    classes : Classes
-        Of that histogram.
     """
     every = np.asarray(counts, np.float64)
     first, last = np.flatnonzero(every)[[0, -1]]
@@ -130,7 +110,7 @@ def smoothed(counts: Floats, sigma: float) -> Floats:
 
 
 def _gains(values: Floats, weights: Floats) -> Floats:
-    """Contribution of a class of bins i..j - 1 to the between-class sum of squares, at [i, j]."""
+    """Return contribution of a class of bins i..j - 1 to the between-class sum of squares, at [i, j]."""
     mean = (weights * values).sum() / weights.sum()
     below = np.concatenate([[0.0], np.cumsum(weights)])
     sums = np.concatenate([[0.0], np.cumsum(weights * (values - mean))])
@@ -143,7 +123,7 @@ def _gains(values: Floats, weights: Floats) -> Floats:
 
 
 def _optimal_partitions(gains: Floats, max_classes: int) -> list[tuple[tuple[int, ...], float]]:
-    """For 1..max_classes classes: the start of each but the first, and the sum of their gains."""
+    """Return for 1..max_classes classes the start of each but the first, and the sum of their gains."""
     best, begins = gains[0], []
     result: list[tuple[tuple[int, ...], float]] = [((), float(best[-1]))]
     for _ in range(1, max_classes):

@@ -25,12 +25,7 @@ def population_edges(greys: Counts) -> tuple[float, ...]:
     An edge lies where the smoothed histogram falls below a third of the modes on both sides of it; their
     means lie more than four times their pooled standard deviation apart. Noise, texture and slow changes of
     light have no such edge; two materials have one, however finely they alternate. Pixels at an end of v that
-    the tail of a population reaches are saturated, and no population.
-
-    Parameters
-    ----------
-    greys : (65536,) int64 array
-        Pixels by grey.
+    the tail of a population reaches are saturated, and no population. `greys` (65536,) are pixels by grey.
 
     Examples
     --------
@@ -62,7 +57,7 @@ def population_edges(greys: Counts) -> tuple[float, ...]:
 
 
 def rarest_population(greys: Counts, edges: Sequence[float]) -> tuple[float, float]:
-    """The range between two edges, 0 or 1 that holds the fewest pixels; of equal ones, the brightest."""
+    """Return the range between edges, 0 or 1 that holds the fewest pixels; of equal ones, the brightest."""
     counts = np.add.reduceat(greys, [0, *(math.floor(edge * GREY_MAX) + 1 for edge in edges)])
     rarest = len(edges) - int(np.argmin(counts[::-1]))
     return (0.0, *edges, 1.0)[rarest], (*edges, 1.0)[rarest]
@@ -105,7 +100,7 @@ def _separations(bins: Counts, cuts: Sequence[int]) -> NDArray[np.float64]:
 
 
 def _floor(smooth: NDArray[np.float64], begin: int, cut: int, end: int) -> tuple[int, int]:
-    """Bins begin..end - 1 that are the floor of the valley at a cut between two populations."""
+    """Return bins begin..end - 1 that are the floor of the valley at a cut between two populations."""
     lowest = min(smooth[cut - 1], smooth[cut])
     low = smooth <= lowest + _FLOOR * (min(smooth[begin:cut].max(), smooth[cut:end].max()) - lowest)
     low[cut - 1 : cut + 1] = True
@@ -116,7 +111,7 @@ def _floor(smooth: NDArray[np.float64], begin: int, cut: int, end: int) -> tuple
 
 
 def _edge(begin: int, end: int) -> float:
-    """The number of the fewest digits in the middle half of some greys; none of them has it for its v."""
+    """Return the number of fewest digits in the middle half of some greys; it is the v of none of them."""
     middle, reach = (begin + end - 1) / 2 / GREY_MAX, (end - begin) / 4 / GREY_MAX
     for decimals in range(2, 7):
         edge = round(middle, decimals)

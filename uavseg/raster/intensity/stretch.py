@@ -84,15 +84,8 @@ class Stretch:
     def apply(self, values: Values, valid: Valid | None = None) -> Grey:
         """Return grey of each pixel, 0 where it is invalid.
 
-        Parameters
-        ----------
-        values : (1, rows, cols) or (3, rows, cols) array of any real type
-            Intensity, or red, green and blue, whose luminance is used.
-        valid : (rows, cols) bool array, optional
-
-        Returns
-        -------
-        grey : (rows, cols) uint16 array
+        `values` are intensity, (1, rows, cols), or red, green and blue, (3, rows, cols), whose luminance is
+        used, of any real type.
         """
         grey = to_grey(values, self.low, self.high)
         if self.borders:
@@ -118,18 +111,10 @@ def _decide_borders(grey: Grey, values: Values, borders: Sequence[Border]) -> No
 
 @dataclass(frozen=True, slots=True)
 class StretchSpec:
-    """A requested stretch, before it is fitted.
+    """A requested stretch, before it is fitted."""
 
-    Parameters
-    ----------
-    form : str
-        "auto", "dtype", "minmax", "percentile", "none" or "given".
-    bounds : tuple of two Fractions, optional
-        Percentiles, or intensities.
-    """
-
-    form: str
-    bounds: tuple[Fraction, Fraction] | None = None
+    form: str  # "auto", "dtype", "minmax", "percentile", "none" or "given"
+    bounds: tuple[Fraction, Fraction] | None = None  # percentiles, or intensities
 
     def __str__(self) -> str:
         if self.bounds is None:
@@ -139,12 +124,7 @@ class StretchSpec:
 
 
 def parse_stretch(text: str) -> StretchSpec:
-    """Parse a stretch.
-
-    Raises
-    ------
-    ParameterError
-        If it is none of auto, dtype, minmax, percentile:P,Q, none, LOW,HIGH, or its numbers are out of order.
+    """Parse a stretch: auto, dtype, minmax, percentile:P,Q, none or LOW,HIGH; ParameterError for another one.
 
     Examples
     --------
@@ -171,28 +151,14 @@ def _pair(text: str, numbers: str) -> tuple[Fraction, Fraction]:
     return low, high
 
 
-def fit_stretch(
-    dataset: Dataset,
-    spec: Stretch | StretchSpec | str,
-    tile_pass: TilePass,
-) -> Stretch:
+def fit_stretch(dataset: Dataset, spec: Stretch | StretchSpec | str, tile_pass: TilePass) -> Stretch:
     """Fit a stretch to a whole dataset.
 
     Only `minmax` and `percentile` read pixels. Percentiles are nearest ranks: percentile p is the smallest
     intensity with at least p percent of the valid pixels at or below it; exact for integers of up to 16 bits,
-    with the precision of float32 for all other types.
-
-    Parameters
-    ----------
-    spec : Stretch, StretchSpec or str
-        A fitted stretch is returned unchanged.
-    tile_pass : TilePass
-        Tiles that cover the dataset once; the result does not depend on them.
-
-    Raises
-    ------
-    ParameterError
-        If `dtype` is requested for floating point bands, which have no maximum.
+    with the precision of float32 for all other types. A fitted stretch is returned unchanged; the result does
+    not depend on the tiles. A ParameterError says that `dtype` is requested for floating point bands, which
+    have no maximum.
     """
     if isinstance(spec, Stretch):
         return spec
@@ -207,7 +173,9 @@ def resolved_spec(dataset: Dataset, spec: StretchSpec) -> StretchSpec:
         return spec
     if dataset.limits is not None:
         return StretchSpec("given", (Fraction(dataset.limits[0]), Fraction(dataset.limits[1])))
-    return StretchSpec("dtype") if _is_8_bit(dataset) else StretchSpec("percentile", AUTO_PERCENTILES)
+    if dataset.dtype.kind in "iu" and dataset.bits <= 8:
+        return StretchSpec("dtype")
+    return StretchSpec("percentile", AUTO_PERCENTILES)
 
 
 def percents_of(spec: StretchSpec) -> tuple[Fraction, ...]:
@@ -237,10 +205,6 @@ def _stretch_between(spec: StretchSpec, low: float, high: float) -> Stretch:
     return Stretch(low, high, f"{spec} -> {low:g}..{high:g}", warnings)
 
 
-def _is_8_bit(dataset: Dataset) -> bool:
-    return dataset.dtype.kind in "iu" and dataset.bits <= 8
-
-
 def _maximum(dataset: Dataset) -> float:
     if dataset.dtype.kind == "f":
         raise ParameterError(
@@ -251,9 +215,7 @@ def _maximum(dataset: Dataset) -> float:
 
 
 def order_statistics(
-    dataset: Dataset,
-    percents: Sequence[Fraction],
-    tile_pass: TilePass,
+    dataset: Dataset, percents: Sequence[Fraction], tile_pass: TilePass
 ) -> list[float] | None:
     """Return the intensities at some percentiles of all valid pixels; None if there are none."""
     integers = counts_exactly(dataset)
@@ -311,19 +273,10 @@ _LIMIT = 1 << 30  # greys: what lies farther beyond counts as so far
 def greys_beyond(
     values: Values, valid: Valid | None, grey: Grey, stretch: Stretch
 ) -> NDArray[np.int32] | None:
-    """By how many greys each valid pixel lies beyond the end of a stretch, negative below it.
+    """Return by how many greys each valid pixel lies beyond the end of a stretch, negative below it, int32.
 
-    Parameters
-    ----------
-    values : (1, rows, cols) or (3, rows, cols) array of any real type
-    valid : (rows, cols) bool array, optional
-    grey : (rows, cols) uint16 array
-        Of the pixels, by that stretch.
-
-    Returns
-    -------
-    beyond : (rows, cols) int32 array, or None if it is 0 everywhere
-        Its sum and that of the greys is the sum of the intensities, to half a grey for each pixel.
+    None if it is 0 everywhere. `values` and `grey` are as of `Stretch.apply`. The sum of the result and that
+    of the greys is the sum of the intensities, to half a grey for each pixel.
     """
     low, high = stretch.low, stretch.high
     if not stretch.clips or low == high or _is_within(values.dtype, low, high):

@@ -24,22 +24,14 @@ Statistics = dict[Fraction, float]
 class ValueRange:
     """A closed range of values in the units of a raster, or of percentiles of them.
 
-    Parameters
-    ----------
-    low, high : float or None
-        None for an open end.
-    by_rank : bool
-        Whether they are percentiles: the smallest value with at least so many per cent of all valid pixels at
-        or below it.
-
-    Raises
-    ------
-    ParameterError
-        If the ends are reversed or not finite, both are open, or a percentile is not in 0..100.
+    A ParameterError says that the ends are reversed or not finite, that both are open, or that a percentile
+    is not in 0..100.
     """
 
-    low: float | None
+    low: float | None  # None for an open end
     high: float | None
+    # whether they are percentiles: the smallest value with at least so many per cent of all valid pixels at
+    # or below it
     by_rank: bool = False
 
     def __post_init__(self) -> None:
@@ -69,19 +61,11 @@ class ValueRange:
 
 @dataclass(frozen=True, slots=True)
 class FittedRange:
-    """A range of values under a stretch that was fitted for it.
+    """A range of values under a stretch that was fitted for it."""
 
-    Parameters
-    ----------
-    low, high : float
-        The same range of v; 0 or 1 at an open end.
-    ends : (float, float)
-        The values; NaN at an open end.
-    """
-
-    low: float
-    high: float
-    ends: tuple[float, float]
+    low: float  # of v, 0 at an open end
+    high: float  # of v, 1 at an open end
+    ends: tuple[float, float]  # the values; NaN at an open end
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,13 +82,7 @@ class Bounds:
 
 
 def scale_of(dataset: Dataset) -> BandScale:
-    """Return the scale of the bands that are used.
-
-    Raises
-    ------
-    ParameterError
-        If the bands or the files have different ones.
-    """
+    """Return the scale of the bands that are used; ParameterError if bands or files have different ones."""
     if dataset.scale is None:
         raise ParameterError(
             f"the bands or files of {dataset.source} have different scales, offsets or units, so they "
@@ -231,10 +209,8 @@ def asked_ends(requested: ValueRange, bounds: Bounds, scale: BandScale) -> tuple
 def range_on_axis(requested: ValueRange, axis: ValueAxis | None, name: str) -> FittedRange:
     """Return a range of values in v, where greys are all that is known: to half a grey.
 
-    Raises
-    ------
-    ParameterError
-        If it is of percentiles, or a bound is at an end of the stretch or beyond, where values are alike.
+    A ParameterError says that it is of percentiles, or that a bound is at an end of the stretch or beyond,
+    where values are alike.
     """
     if axis is None:
         raise ParameterError(f"the bands or files of {name} share no values; give a range of v")

@@ -53,24 +53,10 @@ def fit_values(
     that of a bound and whose value lies on its other side get the next grey, so that 16-bit greys move no
     bound.
 
-    Parameters
-    ----------
-    spec : Stretch or StretchSpec
-        A fitted stretch keeps its ends.
-    requested : sequence of ValueRange
-        At least one.
-    tile_pass : TilePass
-        The result does not depend on it. Pixels are read only where percentiles or the stretch need them.
-
-    Returns
-    -------
-    fitted : list of FittedRange
-        One for each range, in v of that stretch.
-
-    Raises
-    ------
-    ParameterError
-        If a bound lies outside of a stretch that the user chose, or the files have different scales.
+    A fitted stretch keeps its ends. The result does not depend on `tile_pass`, by which pixels are read only
+    where percentiles or the stretch need them. There is one fitted range for each of those requested, at
+    least one, in v of that stretch. A ParameterError says that a bound lies outside of a stretch that the
+    user chose, or that the files have different scales.
     """
     scale = scale_of(dataset)
     found, statistics = _fit(dataset, spec, requested, tile_pass)
@@ -117,7 +103,7 @@ def _fit(
 
 
 def _limits(dataset: Dataset, stretch: Stretch, statistics: Statistics) -> tuple[float, float]:
-    """Intensities between which all pixels lie, as far as it is known."""
+    """Return intensities between which all pixels lie, as far as it is known."""
     low, high = type_limits(dataset)
     if not stretch.clips:
         low, high = max(low, stretch.low), min(high, stretch.high)
@@ -233,13 +219,9 @@ def decided_at(
     Greys are rounded to the nearest: those of 0.5 and 0.50000001 of float pixels are one, and its v lies
     above 0.5. So pixels near an edge get the grey on that side of it on which their intensity lies.
 
-    Parameters
-    ----------
-    edges : sequence of float
-        Increasing; a value on an edge belongs to the interval below it.
-    bounds : sequence of float
-        The edges as they were asked for. An edge that is not among them is the number before the low end of
-        a range, to which that end belongs.
+    `edges` increase; a value on an edge belongs to the interval below it. `bounds` are the edges as they were
+    asked for: one that is not among them is the number before the low end of a range, to which that end
+    belongs.
     """
     found: dict[int, Border] = {}
     for edge in edges if stretch.low < stretch.high else ():

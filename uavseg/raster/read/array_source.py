@@ -27,17 +27,9 @@ _ALPHA_LAST = (2, 4)  # bands of a picture with transparency
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArraySource:
-    """A raster source backed by an array; the attributes are those of `RasterFile`.
+    """A raster source backed by an array; the attributes are those of `RasterFile`."""
 
-    Parameters
-    ----------
-    array : (rows, cols) or (bands, rows, cols) array
-        Where it is a masked array, what is masked is invalid.
-    placed : bool
-        Whether it says where it lies, which parts of a mosaic have to.
-    """
-
-    array: Any
+    array: Any  # (rows, cols) or (bands, rows, cols); what is masked in a masked array is invalid
     path: str
     shape: tuple[int, int]
     transform: Affine
@@ -51,7 +43,7 @@ class ArraySource:
     driver: str = "DataArray"
     overviews: tuple[int, ...] = ()
     scales: tuple[BandScale, ...] = ()
-    placed: bool = True
+    placed: bool = True  # whether it says where it lies, which parts of a mosaic have to
     added_nodata: float | None = None
 
     @property
@@ -64,13 +56,7 @@ class ArraySource:
         return self.scales[band - 1] if self.scales else AS_STORED
 
     def fingerprint(self) -> object:
-        """Refused: an array in memory cannot be recognised in another run.
-
-        Raises
-        ------
-        ParameterError
-            Always.
-        """
+        """Raise ParameterError: an array in memory cannot be recognised in another run."""
         raise ParameterError(
             f"{self.name} is an array, which cannot be checked for changes; to resume, give the file that it "
             "comes from"
@@ -81,12 +67,8 @@ class ArraySource:
     ) -> tuple[Values, Valid | None]:
         """Return pixels of the chosen bands, and which of them are valid (None: all); see `RasterFile.read`.
 
-        As in files with masks, a pixel is invalid where any band that is read is masked.
-
-        Raises
-        ------
-        RasterReadError
-            If what computes the array, or reads it from a file, fails.
+        As in files with masks, a pixel is invalid where any band that is read is masked. A RasterReadError
+        says that what computes the array, or reads it from a file, fails.
         """
         rows = _index(window.row, window.rows, shape[0] if shape else window.rows)
         cols = _index(window.col, window.cols, shape[1] if shape else window.cols)
@@ -105,7 +87,7 @@ class ArraySource:
         return values, valid_pixels(values, nodatas, transparency, mask, by_band, self.added_nodata)
 
     def is_empty(self, _handles: object, _choice: BandChoice, _window: Window) -> bool:
-        """False: it is not known without reading."""
+        """Return False: it is not known without reading."""
         return False
 
     def _read_plane(self, band: int, rows: Any, cols: Any) -> Values:
@@ -133,10 +115,7 @@ def is_array_like(source: object) -> bool:
 def from_array(array: Any) -> ArraySource:
     """Return a source of an array without a place: (rows, cols), or with bands first or last.
 
-    Raises
-    ------
-    ParameterError
-        If it holds no pixels or no numbers, or does not say which axis is that of its bands.
+    A ParameterError says that it holds no pixels or no numbers, or not which axis is that of its bands.
 
     Examples
     --------
@@ -181,13 +160,7 @@ def from_array(array: Any) -> ArraySource:
 
 
 def check_pixels(array: Any, name: str) -> None:
-    """Check that an array has pixels, and that they are numbers of which there are rasters.
-
-    Raises
-    ------
-    ParameterError
-        If it does not.
-    """
+    """Refuse an array without pixels, or of what are no numbers of a raster (ParameterError)."""
     dtype = np.dtype(array.dtype)
     got = f"got {dtype} of shape {tuple(array.shape)}"
     if 0 in array.shape:
@@ -225,10 +198,7 @@ def layout_of(dtype: Any, roles: tuple[str, ...], names: tuple[str, ...] = ()) -
 def from_values(values: Values, geobox: GeoBox, name: str) -> ArraySource:
     """Return a source of a (rows, cols) array, which is neither copied nor changed.
 
-    Raises
-    ------
-    ParameterError
-        If it has not the shape of the grid, or holds no numbers.
+    A ParameterError says that it has not the shape of the grid, or holds no numbers.
     """
     if values.shape != geobox.shape or values.dtype.kind not in "iuf":
         raise ParameterError(
@@ -252,12 +222,8 @@ def from_values(values: Values, geobox: GeoBox, name: str) -> ArraySource:
 def _bands_are_last(shape: tuple[int, ...]) -> bool:
     """Return whether the last of three axes is that of the bands.
 
-    The axis of the bands is the first or the last, whichever alone is no longer than 16.
-
-    Raises
-    ------
-    ParameterError
-        If both or neither are.
+    The axis of the bands is the first or the last, whichever alone is no longer than 16, else a
+    ParameterError.
     """
     first, last = shape[0] <= MAX_BANDS, shape[2] <= MAX_BANDS
     if first != last:
@@ -278,5 +244,5 @@ def _slices_like_numpy(array: Any) -> bool:
 
 
 def _index(start: int, length: int, count: int) -> Any:
-    """Index of a range of rows or columns: a slice, or evenly spaced positions where it is downsampled."""
+    """Return index of a range of rows or columns: a slice, or even positions where it is downsampled."""
     return slice(start, start + length) if count == length else sample_positions(start, length, count)

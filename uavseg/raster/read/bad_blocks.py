@@ -13,17 +13,15 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uavseg.dataclass import dataclass
 from uavseg.errors import RasterReadError
 from uavseg.execution.executors import Item, Map, Progress, Result
 from uavseg.raster.access.opening import GDAL_ERRORS, OpenFiles, gdal_read_errors, is_sequential
-from uavseg.raster.grid.tiling import Window, sample_positions
+from uavseg.raster.grid.tiling import Window, indices_within, sample_positions
 from uavseg.raster.read.raster_file import RasterFile
 from uavseg.raster.spectral.bands import BandChoice, Valid, Values
 
-Indices = NDArray[np.int64]
 Slices = tuple[slice, slice]
 
 
@@ -53,7 +51,7 @@ def bad_block_warnings(found: Iterable[BadBlock]) -> tuple[str, ...]:
 
 
 def _joined(blocks: Iterable[BadBlock], axes: tuple[str, str]) -> list[BadBlock]:
-    """Rectangles that agree along the first axis and follow one another along the second, as one."""
+    """Join rectangles that agree along the first axis and follow one another along the second."""
     along, across = axes
     size, length = f"{along}s", f"{across}s"
     result: list[BadBlock] = []
@@ -104,12 +102,7 @@ def with_bad_blocks(map: Map, found: set[BadBlock]) -> Map:
     They are returned with each result, so they are collected from any thread or process, and from results
     that an earlier run saved, see `execution.checkpoint`.
 
-    Parameters
-    ----------
-    map : Map
-        The executor that runs the function.
-    found : set of BadBlock
-        Updated as results arrive.
+    `found` is updated as results arrive.
     """
 
     def run(
@@ -139,14 +132,10 @@ class _Listening:
 def read_naming_bad_block(
     file: RasterFile, handles: OpenFiles, choice: BandChoice, window: Window, shape: tuple[int, int]
 ) -> tuple[Values, Valid | None]:
-    """`RasterFile.read`; where it fails, the error names the first block of the file that cannot be read.
+    """Call `RasterFile.read`; where it fails, the error names the first block that cannot be read.
 
     That it is the first of the whole file, not of the window, makes the error the same for any tiles. Of a
     large file, only the blocks of the window are looked at.
-
-    Raises
-    ------
-    RasterReadError
     """
     try:
         return file.read(handles, choice, window, shape)
@@ -167,14 +156,9 @@ _LOOKED_AT = 1 << 26  # pixels
 def read_skipping_bad_blocks(
     file: RasterFile, handles: OpenFiles, choice: BandChoice, window: Window, shape: tuple[int, int]
 ) -> tuple[Values, Valid | None, list[MissingPart]]:
-    """`RasterFile.read`, with the pixels of bad blocks invalid.
+    """Call `RasterFile.read`, with the pixels of bad blocks invalid.
 
-    Returns
-    -------
-    values, valid
-        As of `RasterFile.read`.
-    bad : list of (BadBlock, (slice, slice))
-        The blocks that cannot be read, in raster order, and their index in the arrays.
+    Besides, the blocks that cannot be read are returned, in raster order, with their index in the arrays.
     """
     bands = tuple(choice.bands)
     if handles.bad_as_a_whole(file.path, bands, partial(_is_bad_as_a_whole, file, handles, choice)):
@@ -243,7 +227,7 @@ def _read_block_by_block(
     valid = np.zeros(shape, bool)
     bad, failed = [], handles.failed_blocks(file.path, tuple(choice.bands))
     for block in file.blocks_in(window):
-        here = _indices_within(rows, block.row, block.rows), _indices_within(cols, block.col, block.cols)
+        here = indices_within(rows, block.row, block.rows), indices_within(cols, block.col, block.cols)
         if here[0].start == here[0].stop or here[1].start == here[1].stop:
             continue
         part = block.common(window) if file.fails_by_block else block
@@ -262,8 +246,3 @@ def _read_block_by_block(
         values[:, here[0], here[1]] = pixels[:, sampled[0], sampled[1]]
         valid[here] = True if known is None else known[sampled]
     return values, valid, bad
-
-
-def _indices_within(indices: Indices, start: int, length: int) -> slice:
-    first, end = np.searchsorted(indices, [start, start + length]).tolist()
-    return slice(first, end)

@@ -45,16 +45,10 @@ def from_data_array(given: Any) -> ArraySource:
     """Return a source of a DataArray, which is not loaded, or of a Dataset that holds a single one.
 
     Rows and columns are the dimensions y and x (or latitude and longitude, ...) in any order, or the last two
-    where names say nothing; of the others, one may be longer than 1, that of the bands.
-
-    Raises
-    ------
-    RasterError
-        If it has other dimensions, its coordinates are not evenly spaced, or they contradict its transform.
-    ParameterError
-        If it holds no pixels, or no numbers.
-    MissingLibraryError
-        If rioxarray is not installed.
+    where names say nothing; of the others, one may be longer than 1, that of the bands. A RasterError says
+    that it has other dimensions, that its coordinates are not evenly spaced, or that they contradict its
+    transform, a ParameterError that it holds no pixels or no numbers, a MissingLibraryError that rioxarray is
+    not installed.
     """
     array = _single(given)
     name = str(getattr(array, "name", None) or "array")
@@ -205,7 +199,7 @@ def _dimensions_text(array: Any) -> str:
 
 
 def _spatial_dims(array: Any, rio: Any, dims: tuple[Hashable, ...], name: str) -> tuple[Hashable, Hashable]:
-    """Dimensions of the rows and of the columns."""
+    """Return dimensions of the rows and of the columns."""
     try:
         result = rio.y_dim, rio.x_dim
         if set(result) <= set(dims):

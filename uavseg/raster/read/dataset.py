@@ -39,19 +39,13 @@ class Handle(OpenFiles):
         self.lock = threading.Lock()
 
     def open(self, path: str, _located: bool, _driver: str | None = None, _masks: str = "") -> DatasetReader:
-        """Return the raster.
-
-        Raises
-        ------
-        RasterReadError
-            If it was closed.
-        """
+        """Return the raster; RasterReadError if it was closed."""
         if self.source.closed:
             raise RasterReadError(f"{path} was closed; keep it open, or give its path")
         return self.source
 
     def close(self, _path: str) -> None:
-        """Nothing: it belongs to whoever opened it."""
+        """Do nothing: it belongs to whoever opened it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,13 +63,7 @@ class OpenRaster(RasterFile):
         return Path(self.path).name
 
     def fingerprint(self) -> Any:
-        """Refused: what is open cannot be recognised in another run.
-
-        Raises
-        ------
-        ParameterError
-            Always.
-        """
+        """Raise ParameterError: what is open cannot be recognised in another run."""
         raise ParameterError(
             f"{self.path} is open, and cannot be checked for changes; to resume, give its path"
         )
@@ -99,12 +87,7 @@ def is_open_raster(source: object) -> bool:
 def from_open_raster(source: Any) -> RasterFile:
     """Return the file that an open raster names, where that is the same raster; else the raster itself.
 
-    Raises
-    ------
-    ParameterError
-        If it is closed, or open for writing.
-    UavsegError
-        As of `inspect_file`.
+    A ParameterError says that it is closed, or open for writing; other errors are those of `inspect_file`.
     """
     if isinstance(source, MemoryFile):
         raise ParameterError("a MemoryFile is no raster yet; open it, and give what its open() returns")

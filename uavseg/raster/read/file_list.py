@@ -9,7 +9,7 @@ from uavseg.raster.access.opening import GDAL_ERRORS, is_remote
 
 
 def raster_files(path: str | os.PathLike[str]) -> list[str]:
-    """Local files that are read for a raster, itself first; itself alone if it cannot be opened.
+    """Return local files that are read for a raster, itself first; itself alone if it cannot be opened.
 
     A VRT of VRTs has the files of all of them.
     """

@@ -39,14 +39,8 @@ _BLACK_AND_WHITE = {0: (0, 0, 0, 255), 1: (255, 255, 255, 255)}
 def inspect_file(path: str | os.PathLike[str]) -> RasterFile:
     """Read the metadata of a raster file.
 
-    Raises
-    ------
-    RasterReadError
-        If the file is not a raster that can be opened.
-    RasterError
-        If it is of an unsupported kind.
-    AccessError
-        If it names files or addresses that may not be opened.
+    A RasterReadError says that it is not a raster that can be opened, a RasterError that it is of an
+    unsupported kind, an AccessError that it names files or addresses that may not be opened.
     """
     found = inspect_unless(path, lambda _: False)
     assert found is not None
@@ -66,13 +60,7 @@ def inspect_unless(
 
 
 def inspect_open(source: DatasetReader) -> RasterFile:
-    """Return the metadata of a raster that is open.
-
-    Raises
-    ------
-    UavsegError
-        As of `inspect_file`.
-    """
+    """Return the metadata of a raster that is open; errors are those of `inspect_file`."""
     try:
         return _metadata(source.name, source)
     except GDAL_ERRORS as error:
@@ -172,14 +160,14 @@ def _layout(source: DatasetReader) -> BandLayout:
 
 
 def _spectral_metadata(source: DatasetReader, count: int) -> tuple[tuple[str, ...], tuple[float | None, ...]]:
-    """Descriptions, and wavelengths in micrometres; each empty if none is known."""
+    """Return descriptions, and wavelengths in micrometres; each empty if none is known."""
     descriptions = tuple(text or "" for text in source.descriptions)
     wavelengths = tuple(_wavelength(source, band) for band in range(1, count + 1))
     return descriptions if any(descriptions) else (), wavelengths if any(wavelengths) else ()
 
 
 def _wavelength(source: DatasetReader, band: int) -> float | None:
-    """GDAL's CENTRAL_WAVELENGTH_UM of a band."""
+    """Return GDAL's CENTRAL_WAVELENGTH_UM of a band."""
     text = source.tags(band, ns="IMAGERY").get("CENTRAL_WAVELENGTH_UM", "")
     try:
         value = float(text)

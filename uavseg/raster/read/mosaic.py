@@ -47,13 +47,7 @@ class Mosaic:
     geobox: GeoBox
 
     def parts(self, window: Window) -> Iterator[tuple[RasterSource, Window, tuple[slice, slice]]]:
-        """Yield the files that intersect `window`, in order.
-
-        Yields
-        ------
-        file, part, place
-            `part` is the intersection in pixels of the file, `place` its index in an array of the window.
-        """
+        """Yield the files that intersect `window`, the part of each, and its index in an array of that."""
         top, left, bottom, right = self.boxes.T
         end_row, end_col = window.row + window.rows, window.col + window.cols
         touched = (top < end_row) & (bottom > window.row) & (left < end_col) & (right > window.col)
@@ -67,7 +61,7 @@ class Mosaic:
     def coarse_parts(
         self, shape: tuple[int, int]
     ) -> Iterator[tuple[RasterSource, Window, tuple[slice, slice]]]:
-        """Every file whole, with its index in an array of the mosaic downsampled to `shape`.
+        """Yield every file whole, with its index in an array of the mosaic downsampled to `shape`.
 
         A file smaller than a pixel of that array may be left out.
         """
@@ -81,10 +75,8 @@ class Mosaic:
 def align_rasters(files: Sequence[RasterSource]) -> Mosaic:
     """Return the grid that contains all files, and the position of each file on it.
 
-    Raises
-    ------
-    MosaicError
-        If one differs from the first in CRS, resolution or bands, or is not aligned with its pixel grid.
+    A MosaicError says that one differs from the first in CRS, resolution or bands, or is not aligned with its
+    pixel grid.
     """
     first = files[0]
     if len(files) == 1:
@@ -164,7 +156,7 @@ def _origin(files: Sequence[RasterSource], boxes: Boxes) -> Affine:
 
 
 def _corner(file: RasterSource, first: RasterSource) -> tuple[int, int]:
-    """Row and column, on the grid of `first`, of the first pixel of `file`."""
+    """Return row and column, on the grid of `first`, of the first pixel of `file`."""
     _check_traits(file, first)
     rows, cols = file.shape
     (row, col), (low_row, low_col), (right_row, right_col) = (
@@ -187,7 +179,7 @@ def _corner(file: RasterSource, first: RasterSource) -> tuple[int, int]:
 
 
 def _on_grid(grid: Affine, transform: Affine) -> tuple[float, float]:
-    """Row and column on a grid of the first corner of another transform."""
+    """Return row and column on a grid of the first corner of another transform."""
     x, y = transform.c - grid.c, transform.f - grid.f
     size = grid.a * grid.e - grid.b * grid.d
     return (grid.a * y - grid.d * x) / size, (grid.e * x - grid.b * y) / size
@@ -210,7 +202,7 @@ def _check_traits(file: RasterSource, first: RasterSource) -> None:
 
 
 def _roles(file: RasterSource, other: RasterSource) -> str:
-    """Colour interpretation of the bands; empty if one of the two is an array, which has none."""
+    """Return the colour interpretation of bands; empty if one of the two is an array, which has none."""
     both_known = isinstance(file, RasterFile) and isinstance(other, RasterFile)
     return ",".join(file.layout.roles) if both_known else ""
 
@@ -228,17 +220,11 @@ Part = tuple[RasterSource, Window, tuple[slice, slice]]
 
 @dataclass(frozen=True, slots=True)
 class PartReader:
-    """Reads the intensity bands of parts of files.
-
-    Parameters
-    ----------
-    skip_bad_tiles : bool
-        Whether blocks that cannot be read count as nodata.
-    """
+    """Reader of the intensity bands of parts of files."""
 
     choice: BandChoice
     handles: OpenFiles
-    skip_bad_tiles: bool
+    skip_bad_tiles: bool  # whether blocks that cannot be read count as nodata
 
     def read(self, file: RasterSource, part: Window) -> tuple[Values, Valid | None]:
         """Return values and validity of a window of a file."""

@@ -15,20 +15,12 @@ from uavseg.raster.spectral.bands import without
 
 @dataclass(frozen=True, eq=False)
 class DatasetOverview(Dataset):
-    """A downsampled dataset in memory, with the interface of `Dataset`.
+    """A downsampled dataset in memory, with the interface of `Dataset`."""
 
-    Parameters
-    ----------
-    values : (1 or 3, rows, cols) array
-    valid : (rows, cols) bool array or None
-    whole : Dataset
-        What it is downsampled from.
-    """
-
-    values: NDArray[Any] = field(kw_only=True)
-    valid: NDArray[np.bool_] | None = field(kw_only=True)
+    values: NDArray[Any] = field(kw_only=True)  # (1 or 3, rows, cols)
+    valid: NDArray[np.bool_] | None = field(kw_only=True)  # (rows, cols)
     grid: GeoBox = field(kw_only=True)
-    whole: Dataset = field(kw_only=True)
+    whole: Dataset = field(kw_only=True)  # what it is downsampled from
 
     @classmethod
     def of(cls, dataset: Dataset, max_side: int) -> "DatasetOverview":

@@ -54,17 +54,8 @@ _opened: "WeakKeyDictionary[DatasetReader, tuple[str, DatasetReader] | None]" = 
 def check_mask_blocks(path: str, source: DatasetReader, bands: Sequence[int], window: Window) -> None:
     """Check the blocks of the mask of an open TIFF that intersect a window; each only once.
 
-    Parameters
-    ----------
-    source : DatasetReader
-        Nothing is checked if it lies in an archive or is remote.
-    bands : sequence of int
-        Whose masks are checked, where each band has its own.
-
-    Raises
-    ------
-    RasterBlockError
-        As `check_deflate_blocks` and `check_jpeg_blocks`.
+    Nothing is checked of a source that lies in an archive or is remote; of `bands` that, where each has its
+    own mask. Errors are those of `check_deflate_blocks` and `check_jpeg_blocks`.
     """
     if source not in _opened:
         _opened[source] = _open_mask(path, source)
@@ -97,7 +88,6 @@ class RasterFile:
 
     Parameters
     ----------
-    shape : (int, int)
     transform : affine.Affine
         The identity if the file is not georeferenced.
     nodatas : tuple of float or None
@@ -115,7 +105,6 @@ class RasterFile:
         Whether reading it may make requests.
     overviews : tuple of int
         Downsampling factors of the overviews in the file.
-    warnings : tuple of str
     scales : tuple of BandScale
         The scale, offset and unit of each band.
     """
@@ -140,12 +129,8 @@ class RasterFile:
 
     def __reduce__(self) -> tuple[Callable[..., "RasterFile"], tuple[Any, ...]]:
         # A relative path becomes absolute: another process may have another working directory.
-        values = (getattr(self, part.name) for part in fields(self))
-        path, *others = values
-        return RasterFile, (
-            absolute_path(path),
-            *others,
-        )
+        path, *others = (getattr(self, part.name) for part in fields(self))
+        return RasterFile, (absolute_path(path), *others)
 
     @property
     def name(self) -> str:
@@ -166,7 +151,7 @@ class RasterFile:
         return self.driver == "GTiff" and not self.masks
 
     def fingerprint(self) -> tuple[tuple[FileState, ...], tuple[float | None, ...]]:
-        """Content hash input: the state of each file that it consists of, and the nodata values."""
+        """Return for a hash the state of each file that it consists of, and the nodata values."""
         added = () if self.added_nodata is None else (self.added_nodata,)
         return file_states(self.path, self.driver, self.online), (*self.nodatas, *added)
 
@@ -178,20 +163,12 @@ class RasterFile:
                 yield Window(i * rows, j * cols, rows, cols).clipped(self.shape)
 
     def read(
-        self,
-        handles: OpenFiles,
-        choice: BandChoice,
-        window: Window,
-        shape: tuple[int, int] | None = None,
+        self, handles: OpenFiles, choice: BandChoice, window: Window, shape: tuple[int, int] | None = None
     ) -> tuple[Values, Valid | None]:
         """Read the chosen bands, and which pixels are valid (None: all).
 
-        With `shape`, downsampled to that many rows and columns by nearest neighbour.
-
-        Raises
-        ------
-        RasterReadError
-            If the file cannot be read inside the window.
+        With `shape`, downsampled to that many rows and columns by nearest neighbour. A RasterReadError says
+        that the file cannot be read inside the window.
         """
         with gdal_read_errors(self.path, window, self.online):
             source = handles.open(self.path, self.located, self.driver, self.masks)
@@ -209,15 +186,10 @@ class RasterFile:
     def decode(
         self, values: Values, alpha: Values | None, mask: Valid | None, choice: BandChoice
     ) -> tuple[Values, Valid | None]:
-        """Intensity and validity from stored numbers.
+        """Return intensity and validity from stored numbers of the bands of `choice`, (bands, rows, cols).
 
-        Parameters
-        ----------
-        values : (bands, rows, cols) array
-            Of the bands of `choice`.
-        alpha : (rows, cols) array, optional
-        mask : (rows, cols) bool array, optional
-            Of the mask of the file, and where there are pixels.
+        `mask` (rows, cols) is that of the file, and false where there are no pixels; `alpha` is (rows, cols)
+        too.
         """
         nodatas = [self.nodatas[band - 1] for band in choice.bands]
         valid = valid_pixels(values, nodatas, alpha, mask, choice.formula is not None, self.added_nodata)
@@ -289,13 +261,13 @@ class RasterFile:
         return mask
 
     def _is_checked(self, window: Window, options: dict[str, Any]) -> bool:
-        """Whether to look for damage that GDAL does not report: in TIFFs, where they are not downsampled."""
+        """Return whether to look for damage that GDAL does not report: in TIFFs, if not downsampled."""
         return self.driver == "GTiff" and options["out_shape"] == (window.rows, window.cols)
 
     def _brightness(
         self, values: Values, valid: Valid | None, choice: BandChoice
     ) -> tuple[Values, Valid | None]:
-        """Stored numbers as brightness: palette colours, and inverted values where white is 0."""
+        """Turn stored numbers into brightness: palette colours, and inverted values where white is 0."""
         if self.palette is not None and choice.expanded:
             table = np.array(self.palette, np.uint8)
             index = values[0].view(f"u{values.itemsize}")  # numbers of colours have no sign
@@ -311,15 +283,11 @@ class RasterFile:
 
 
 def file_states(path: str, driver: str | None = None, online: bool = False) -> tuple[FileState, ...]:
-    """Path, size in bytes and modification time in ns of every file that a raster consists of.
+    """Return path, size in bytes and modification time in ns of every file that a raster consists of.
 
     These are the file itself, its sidecar files (masks, overviews) and those that it refers to (a VRT). A
-    file in an archive is represented by the archive; a remote file by its address, with -1 and -1.
-
-    Raises
-    ------
-    RasterReadError
-        If the raster cannot be opened.
+    file in an archive is represented by the archive; a remote file by its address, with -1 and -1. A
+    RasterReadError says that the raster cannot be opened.
     """
     try:
         with gdal_env(online), quiet_open(path, driver=driver) as source:
@@ -340,7 +308,7 @@ def _state(name: str) -> FileState:
 
 
 def _on_disk(name: str) -> list[Path]:
-    """Paths on disk that a name may stand for: itself, or for a name in an archive, the archive."""
+    """Return paths on disk that a name may stand for: itself, or for a name in an archive, the archive."""
     if not name.startswith("/vsi"):
         return [Path(name)]
     inner = Path(name.split("/", 2)[-1].replace("{", "").replace("}", ""))
@@ -360,14 +328,9 @@ def choose(
 ) -> BandChoice:
     """Choose bands, see `choose_bands`; each may be named.
 
-    Raises
-    ------
-    ParameterError, RasterError
-        As of `choose_bands` and `bind_formula`.
-    BandError
-        If a name is that of no band, or of several.
-    UnchosenBandsError
-        If nothing is chosen of more than four bands that are not alpha.
+    Errors are those of `choose_bands` and `bind_formula`; besides, a BandError says that a name is that of no
+    band or of several, an UnchosenBandsError that nothing is chosen of more than four bands that are not
+    alpha.
     """
     if words.is_formula and (band is not None or rgb is not None):
         raise ParameterError("give --band, --rgb, --index or --expr: one of them")
@@ -388,13 +351,7 @@ def _check_few(layout: BandLayout) -> None:
 
 
 def check_reflectance(files: Sequence[RasterFile | ArraySource], choice: BandChoice) -> None:
-    """Check that a formula for reflectance is not given integers without a scale.
-
-    Raises
-    ------
-    ParameterError
-        If it is.
-    """
+    """Refuse integers without a scale for a formula of reflectance (ParameterError)."""
     formula = choice.formula
     if formula is None or not formula.of_reflectance or choice.dtype.kind not in "iu":
         return
@@ -408,13 +365,7 @@ def check_reflectance(files: Sequence[RasterFile | ArraySource], choice: BandCho
 
 
 def check_names_agree(files: Sequence[RasterFile | ArraySource], bands: Sequence[int]) -> None:
-    """Check that the bands which are used have the same names in all files that name them.
-
-    Raises
-    ------
-    MosaicError
-        If one has others.
-    """
+    """Refuse files that give other names to the bands which are used (MosaicError)."""
     first = files[0]
     for file in files[1:]:
         difference = check_same_names(first.layout, file.layout, bands)

@@ -25,18 +25,9 @@ def expand_sources(names: Iterable[Path_]) -> list[str]:
     - ``@FILE``, as GDAL has it: the names in a text file, one a line; empty lines and lines that begin with
       ``#`` are skipped. They are relative to the working directory.
 
-    A file whose name looks like one of them is that file.
-
-    Parameters
-    ----------
-    names : iterable of path
-
-    Raises
-    ------
-    RasterReadError
-        If a folder holds no rasters, nothing matches a pattern, or a list names nothing or cannot be read.
-    AccessError
-        If a list names an address, and requests are not allowed.
+    A file whose name looks like one of them is that file. A RasterReadError says that a folder holds no
+    rasters, that nothing matches a pattern, or that a list names nothing or cannot be read, an AccessError
+    that it names an address, and requests are not allowed.
     """
     return [raster for name in names for raster in _expanded(os.fspath(name))]
 
@@ -84,7 +75,7 @@ def _expanded(name: str) -> list[str]:
 
 
 def _rasters_in(folder: str) -> list[str]:
-    """Image files of a folder, in the order of their names."""
+    """Return image files of a folder, in the order of their names."""
     known = image_extensions()
     try:
         with os.scandir(folder) as entries:

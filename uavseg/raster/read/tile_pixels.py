@@ -24,19 +24,11 @@ _RIM = 0.05  # by which bounds are widened, as a part of their width
 
 @dataclass(frozen=True)
 class TilePixels:
-    """Pixels of a raster below the pixels of a tile.
+    """Pixels of a raster below the pixels of a tile."""
 
-    Parameters
-    ----------
-    rows, cols : (256, 256) int64 arrays
-        0 outside of the raster.
-    inside : (256, 256) bool array
-        Whether the centre of the tile's pixel lies on the raster.
-    """
-
-    rows: NDArray[np.int64]
+    rows: NDArray[np.int64]  # (256, 256); 0 outside of the raster
     cols: NDArray[np.int64]
-    inside: NDArray[np.bool_]
+    inside: NDArray[np.bool_]  # (256, 256), whether the centre of the tile's pixel lies on the raster
 
 
 def tile_pixels(geobox: GeoBox, place: tuple[int, int, int]) -> TilePixels | None:
@@ -45,17 +37,8 @@ def tile_pixels(geobox: GeoBox, place: tuple[int, int, int]) -> TilePixels | Non
     Rows and columns are interpolated between 33 x 33 places where that errs by less than 1/64 of a pixel, and
     computed for every centre elsewhere.
 
-    Parameters
-    ----------
-    geobox : GeoBox
-        On Earth.
-    place : (zoom, x, y)
-        In the usual numbering of tiles of Web Mercator.
-
-    Returns
-    -------
-    TilePixels or None
-        None where the tile lies beside the raster.
+    The raster is on Earth, and `place` is (zoom, x, y) in the usual numbering of tiles of Web Mercator. None
+    where the tile lies beside the raster.
     """
     west, south, east, north = _bounds(geobox.shape, geobox.transform, geobox.wkt)
     lon, lat = _lonlat_of(place, (np.arange(SIDE) + 0.5) / SIDE)
@@ -77,7 +60,7 @@ def _whole(values: Floats, inside: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 
 def _lonlat_of(place: tuple[int, int, int], shares: Floats) -> tuple[Floats, Floats]:
-    """Longitudes and latitudes in degrees at shares of the sides of a tile."""
+    """Return longitudes and latitudes in degrees at shares of the sides of a tile."""
     zoom, x, y = place
     lon = (x + shares) / 2**zoom * 360 - 180
     lat = np.degrees(np.arctan(np.sinh(np.pi * (1 - 2 * (y + shares) / 2**zoom))))
@@ -126,7 +109,7 @@ def _is_even(values: Floats) -> bool:
 
 @lru_cache(maxsize=4096)
 def _bounds(shape: tuple[int, int], transform: Affine, wkt: str | None) -> tuple[float, float, float, float]:
-    """West, south, east and north of a raster, widened: beyond them its projection may be ambiguous."""
+    """Return the bounds of a raster in degrees, widened: beyond them its projection may be ambiguous."""
     share = np.linspace(0, 1, _EDGE_PARTS + 1)
     rows, cols = np.meshgrid(share * shape[0], share * shape[1], indexing="ij")
     t = transform

@@ -15,7 +15,7 @@ from uavseg.plain_text import shown
 from uavseg.raster.spectral.bands import BandLayout
 
 FROM_ROLES = {
-    *("red", "green", "blue", "yellow", "pan", "coastal", "rededge", "nir", "swir", "mwir", "lwir", "tir"),
+    *("red", "green", "blue", "yellow", "pan", "coastal", "rededge", "nir", "swir", "mwir", "lwir", "tir")
 }
 """Colour interpretations of GDAL that are common names."""
 
@@ -124,15 +124,8 @@ def common_names(
     """Return the common name of each band, "" where none is known.
 
     What decides, in this order: the words of the description, the colour interpretation, the wavelength, and
-    the code of a band ("B8") where the codes of all bands can only be those of one satellite.
-
-    Parameters
-    ----------
-    roles : sequence of str
-        Colour interpretations.
-    descriptions : sequence of str
-    micrometres : sequence of float or None
-        Central wavelengths from the metadata.
+    the code of a band ("B8") where the codes of all bands can only be those of one satellite. `roles` are
+    colour interpretations, `micrometres` central wavelengths from the metadata.
 
     Examples
     --------
@@ -158,7 +151,7 @@ def common_names(
 
 
 def code_of(description: str) -> str | None:
-    """The code with which a description begins, such as "b8a" for "B08A, 865 nm"; None if there is none."""
+    """Return the code that begins a description, such as "b8a" for "B08A, 865 nm"; None if none does."""
     code = _CODE.match(description.casefold())
     return None if code is None else f"b{code[1]}"
 
@@ -183,7 +176,7 @@ def _from_wavelength(description: str, micrometres: float | None) -> str:
 
 
 def _satellite(descriptions: Sequence[str]) -> dict[str, str]:
-    """Common names by code, where the codes of all bands can be only those of one satellite."""
+    """Return common names by code, where the codes of all bands can be only those of one satellite."""
     codes = {code_of(text) for text in descriptions}
     surface = any(text.startswith(("sr_b", "st_b")) for text in descriptions)
     if surface:
@@ -255,10 +248,7 @@ def listed(layout: BandLayout) -> str:
 def find_band(layout: BandLayout, name: str) -> int:
     """Return the number of the band of a name: description, code or common name, in any case, or a number.
 
-    Raises
-    ------
-    BandError
-        If no band has that name, or several have.
+    A BandError says that no band has that name, or that several have.
 
     Examples
     --------
@@ -291,16 +281,9 @@ def _hint(layout: BandLayout) -> str:
 def renamed(layout: BandLayout, given: str | None) -> BandLayout:
     """Return a layout with names that the user gives to its bands, which take the place of those of the file.
 
-    Parameters
-    ----------
-    given : str, optional
-        A name for each band, with nothing for a band that keeps its own ("red,green,blue,nir", ",,,nir"), or
-        names with numbers ("nir=4,red=1").
-
-    Raises
-    ------
-    ParameterError
-        If it is neither, has not an entry for each band, names a band twice, or holds what is not a name.
+    `given` is a name for each band, with nothing for a band that keeps its own ("red,green,blue,nir",
+    ",,,nir"), or names with numbers ("nir=4,red=1"). A ParameterError says that it is neither, has not an
+    entry for each band, names a band twice, or holds what is not a name.
     """
     if given is None:
         return layout

@@ -22,23 +22,15 @@ _MAX_UNIT = 24  # characters
 
 @dataclass(frozen=True, slots=True)
 class BandScale:
-    """The scale, offset and unit of a band, as GDAL keeps them: value = scale * stored + offset.
+    """The scale, offset and unit of a band, as GDAL keeps them: value = scale * stored + offset."""
 
-    Parameters
-    ----------
-    scale : float
-        Not 0.
-    unit : str
-        Such as "m" or "degC"; empty where it is not known.
-    """
-
-    scale: float = 1.0
+    scale: float = 1.0  # not 0
     offset: float = 0.0
-    unit: str = ""
+    unit: str = ""  # such as "m" or "degC"; empty where it is not known
 
     @classmethod
     def of_tags(cls, scale: object, offset: object, unit: object) -> "BandScale | None":
-        """From what a file says; None where its numbers are no scale and offset.
+        """Make it from what a file says; None where its numbers are no scale and offset.
 
         Examples
         --------
@@ -75,13 +67,6 @@ AS_STORED = BandScale()
 class ValueAxis:
     """How v maps to values in the units of a raster, for a fitted stretch.
 
-    Parameters
-    ----------
-    low, high : float
-        The stored intensities that are v = 0 and v = 1.
-    limits : (float, float)
-        The smallest and the largest intensity that can be stored.
-
     Examples
     --------
     >>> axis = ValueAxis(100.0, 300.0, BandScale(0.1, 0.0, "degC"), (0.0, 65535.0))
@@ -89,10 +74,10 @@ class ValueAxis:
     (array([10., 20.]), '20 degC and more')
     """
 
-    low: float
-    high: float
+    low: float  # the stored intensity that is v = 0
+    high: float  # and v = 1
     scale: BandScale = AS_STORED
-    limits: tuple[float, float] = (-inf, inf)
+    limits: tuple[float, float] = (-inf, inf)  # the smallest and the largest intensity that can be stored
 
     @property
     def unit(self) -> str:
@@ -214,14 +199,9 @@ def choose_bands(
 
     `band` names one, `rgb` three, `formula` those that it computes with. The default is luminance if the file
     has colours (or three or four bands that are not alpha), and the first band otherwise. The indices of a
-    palette are read as they are only if `band` or `formula` names their band.
-
-    Raises
-    ------
-    ParameterError
-        If two of `band`, `rgb` and `formula` are given, or a band does not exist.
-    RasterError
-        If the bands cannot be intensity: complex numbers, CMYK, three bands of different types.
+    palette are read as they are only if `band` or `formula` names their band. A ParameterError says that two
+    of `band`, `rgb` and `formula` are given, or that a band does not exist, a RasterError that the bands
+    cannot be intensity: complex numbers, CMYK, three bands of different types.
 
     Examples
     --------
@@ -309,10 +289,7 @@ def usable_nodata(nodata: float | None, dtype: np.dtype[np.generic]) -> tuple[fl
 def as_nodata(value: float | str | None) -> float | str | None:
     """Check which nodata a user names: V beside that of the files, "only:V" in its place, "none" for none.
 
-    Raises
-    ------
-    ParameterError
-        If it is a text of another form.
+    A ParameterError says that it is a text of another form.
 
     Examples
     --------
@@ -353,19 +330,11 @@ def valid_pixels(
     """Return which pixels are valid; None if all are.
 
     A pixel is invalid where `mask` is false, alpha is 0 or a band is not finite. With one band it is invalid
-    where the band is nodata, and `by_band` where any band is. Of several bands, a nodata value that
-    cannot be a colour (of float bands, or negative) makes a pixel invalid where *any* band has it; one that
-    can be (0 or 255 of a photograph) only where *all* have it, as in GDAL's mask of a whole file.
-
-    Parameters
-    ----------
-    values : (bands, rows, cols) array
-    nodatas : sequence of float or None
-        One for each band.
-    added : float, optional
-        Another one, of all bands.
-    alpha : (rows, cols) array, optional
-    mask : (rows, cols) bool array, optional
+    where the band is nodata, and `by_band` where any band is. Of several bands, a nodata value that cannot be
+    a colour (of float bands, or negative) makes a pixel invalid where *any* band has it; one that can be (0
+    or 255 of a photograph) only where *all* have it, as in GDAL's mask of a whole file. `values` are (bands,
+    rows, cols); there is one of `nodatas` for each band, and `added` is another one, of all. `alpha` and
+    `mask` are (rows, cols).
     """
     invalid = [] if mask is None else [~mask]
     if alpha is not None:

@@ -26,7 +26,7 @@ Array = NDArray[Any]
 
 
 def _power(base: Any, exponent: Any) -> Any:
-    """Powers; squares and square roots are exact, which `pow` of a system need not be."""
+    """Compute powers; squares and square roots are exact, which `pow` of a system need not be."""
     if np.ndim(exponent) == 0 and exponent in (2.0, 0.5):
         return np.square(base) if exponent == 2.0 else np.sqrt(base)
     return np.power(base, exponent)
@@ -34,34 +34,18 @@ def _power(base: Any, exponent: Any) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class Expression:
-    """Band arithmetic, checked and ready to be computed.
-
-    Parameters
-    ----------
-    bands : tuple of int
-        The bands that it uses, counted from 1, in the order of their first use.
-    names : tuple of (str, int)
-        The names that it uses, each with the place of its band in `bands`.
-    """
+    """Band arithmetic, checked and ready to be computed."""
 
     text: str
-    bands: tuple[int, ...]
-    names: tuple[tuple[str, int], ...]
+    bands: tuple[int, ...]  # those that it uses, counted from 1, in the order of their first use
+    names: tuple[tuple[str, int], ...]  # those that it uses, each with the place of its band in `bands`
 
     def compute(self, planes: Array, scales: Sequence[tuple[float, float]] = ()) -> NDArray[np.float32]:
         """Return the value of each pixel, computed in double precision and rounded to single.
 
-        Parameters
-        ----------
-        planes : (bands, rows, cols) array
-            Of `bands`.
-        scales : sequence of (scale, offset), optional
-            Of each band: what a stored number is multiplied by, and what is added then.
-
-        Returns
-        -------
-        values : (rows, cols) float32 array
-            Not finite where a step divides by 0, or has no result.
+        `planes` (bands, rows, cols) are those of `bands`, and `scales` what a stored number of each is
+        multiplied by, and what is added then. The result is not finite where a step divides by 0, or has no
+        result.
         """
         values = np.empty(planes.shape[1:], np.float32)
         flat, found = [np.ascontiguousarray(plane).reshape(-1) for plane in planes], values.reshape(-1)
@@ -88,15 +72,8 @@ def _in_units(plane: Array, scale: float, offset: float) -> NDArray[np.float64]:
 def parse_expression(text: str, find: Callable[[str], int]) -> Expression:
     """Parse band arithmetic: names of bands, numbers, + - * / **, parentheses and a few functions.
 
-    Parameters
-    ----------
-    find : callable
-        The number of the band of a name; BandError if there is none.
-
-    Raises
-    ------
-    ExpressionError
-        If it cannot be parsed, uses anything else, names an unknown band, or names none.
+    `find` gives the number of the band of a name, or a BandError. An ExpressionError says that the text
+    cannot be parsed, uses anything else, names an unknown band, or names none.
 
     Examples
     --------

@@ -23,6 +23,8 @@ _SHOWN = 60  # characters of a formula in messages
 class BandWords:
     """What the user says of bands beside their numbers.
 
+    A ParameterError says that both an index and an expression are given.
+
     Parameters
     ----------
     index : str, optional
@@ -31,11 +33,6 @@ class BandWords:
         Band arithmetic, see `expression`.
     names : str, optional
         Names for the bands, see `band_names.renamed`.
-
-    Raises
-    ------
-    ParameterError
-        If both an index and an expression are given.
     """
 
     index: str | None = None
@@ -84,16 +81,8 @@ class Formula:
     ) -> tuple[Values, Valid | None]:
         """Return values and validity from those of its bands; a result that is not finite is invalid.
 
-        Parameters
-        ----------
-        planes : (bands, rows, cols) array
-        valid : (rows, cols) bool array, or None if every pixel is valid
-        scales : sequence of BandScale, optional
-
-        Returns
-        -------
-        values : (1, rows, cols) float32 array
-        valid : (rows, cols) bool array, or None
+        `planes` are (bands, rows, cols); the results are (1, rows, cols) float32, and (rows, cols) or None if
+        every pixel is valid.
         """
         values = self.expression.compute(planes, [(scale.scale, scale.offset) for scale in scales])
         finite = np.isfinite(values)
@@ -105,12 +94,8 @@ class Formula:
 def bind_formula(words: BandWords, layout: BandLayout) -> Formula | None:
     """Return the formula that is asked for, with the numbers of its bands; None if there is none.
 
-    Raises
-    ------
-    ParameterError
-        If the index is not known.
-    BandError, ExpressionError
-        If the expression is wrong, or a band is unknown.
+    A ParameterError says that the index is not known, a BandError or ExpressionError that the expression is
+    wrong, or a band is unknown.
     """
     if not words.is_formula:
         return None

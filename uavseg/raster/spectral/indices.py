@@ -196,13 +196,7 @@ INDICES: dict[str, SpectralIndex] = {
 
 
 def find_index(name: str) -> tuple[str, SpectralIndex]:
-    """Return the index of a name, in any case, with its name in lower case.
-
-    Raises
-    ------
-    ParameterError
-        If there is none; the known ones are listed.
-    """
+    """Return the index of a name, in any case, with its name in lower case; else a ParameterError."""
     key = name.strip().casefold()
     if key not in INDICES:
         raise ParameterError(

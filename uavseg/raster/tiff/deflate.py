@@ -29,20 +29,10 @@ def check_deflate_blocks(
 ) -> None:
     """Check the blocks of an open TIFF that intersect a window which was just read; each only once.
 
-    Parameters
-    ----------
-    path : str
-        By which it was opened: that of the file, or one of its images (`GTIFF_DIR:2:a.tif`).
-    source : DatasetReader
-        Nothing is checked if it is compressed in another manner, lies in an archive or is remote.
-    bands : sequence of int
-    values : (bands, rows, cols) array, optional
-        What was read; without it blocks are read again.
-
-    Raises
-    ------
-    RasterBlockError
-        If the stream of one of them does not end where the block ends.
+    `path` is that by which it was opened: of the file, or of one of its images (`GTIFF_DIR:2:a.tif`). Nothing
+    is checked of a source that is compressed in another manner, lies in an archive or is remote. `values`
+    (bands, rows, cols) are what was read; without them blocks are read again. A RasterBlockError says that
+    the stream of one of them does not end where the block ends.
     """
     if source not in _known:
         _known[source] = _deflate_blocks(path, source)
@@ -79,7 +69,7 @@ class DeflateBlocks:
     def check(
         self, source: DatasetReader, bands: tuple[int, ...], window: Window, values: Values | None
     ) -> None:
-        """As `check_deflate_blocks`."""
+        """Check as `check_deflate_blocks`."""
         rows, cols = self._shape
         i, j = window.row // rows, window.col // cols
         last = -(-(window.row + window.rows) // rows), -(-(window.col + window.cols) // cols)

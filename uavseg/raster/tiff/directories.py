@@ -46,28 +46,20 @@ def file_of(name: str) -> Path | None:
 
 @dataclass(frozen=True, slots=True)
 class BlockStream:
-    """Where the stream of a block lies.
-
-    Parameters
-    ----------
-    path : Path
-        Of the file.
-    offset, size : int
-        In bytes.
-    """
+    """Where the stream of a block lies."""
 
     path: Path
-    offset: int
+    offset: int  # in bytes
     size: int
 
     @classmethod
     def of(cls, path: Path, source: DatasetReader, band: int, place: tuple[int, int]) -> "BlockStream | None":
-        """That of the block in a row and a column of blocks; None if it is not stored."""
+        """Return that of the block in a row and a column of blocks; None if it is not stored."""
         offset = source.get_tag_item(f"BLOCK_OFFSET_{place[1]}_{place[0]}", "TIFF", bidx=band)
         return None if offset is None else cls(path, int(offset), source.block_size(band, *place))
 
     def read(self, start: int = 0, most: int | None = None) -> bytes:
-        """Its bytes from `start` on, which counts from the end if it is below 0; `most` of them at most."""
+        """Read its bytes from `start` on, which counts from the end if it is below 0; `most` of them."""
         start = start if start >= 0 else max(self.size + start, 0)
         left = self.size - start
         with self.path.open("rb") as file:
@@ -113,23 +105,11 @@ class _Layout:
     place: str
 
     def read(self, file: BinaryIO, numbers: str) -> tuple[int, ...]:
-        """Return numbers at the present place.
-
-        Raises
-        ------
-        struct.error
-            If the file ends before.
-        """
+        """Return numbers at the present place; struct.error if the file ends before."""
         return struct.unpack(self.order + numbers, file.read(struct.calcsize(self.order + numbers)))
 
     def seek(self, file: BinaryIO, place: int) -> None:
-        """Go to a place.
-
-        Raises
-        ------
-        struct.error
-            If it lies beyond the end of the file, and may be too large a number to seek.
-        """
+        """Go to a place; struct.error if it lies beyond the end of the file, and may be too large to seek."""
         if place > os.fstat(file.fileno()).st_size:
             raise struct.error
         file.seek(place)
@@ -138,10 +118,8 @@ class _Layout:
 def mask_page(path: str) -> int | None:
     """Return the number of the image that is the mask of the first, counted from 1; None without.
 
-    Raises
-    ------
-    RasterReadError
-        If one of its directories cannot be read, or one of its images is compressed as a fax is.
+    A RasterReadError says that one of its directories cannot be read, or that an image is compressed as a fax
+    is.
     """
     try:
         with regular_file(path).open("rb") as file:
@@ -170,17 +148,7 @@ def mask_page(path: str) -> int | None:
 def strip_rows(path: Path, source: DatasetReader) -> int | None:
     """Return the rows of a strip of an image of a local TIFF; None if it is stored in tiles.
 
-    Parameters
-    ----------
-    path : Path
-        Of the file.
-    source : DatasetReader
-        The image, open.
-
-    Raises
-    ------
-    RasterBlockError
-        If its directory cannot be read.
+    `source` is the image, open. A RasterBlockError says that its directory cannot be read.
     """
     place = int(source.get_tag_item("IFD_OFFSET", "TIFF", bidx=1))
     try:
@@ -203,7 +171,7 @@ def _layout(file: BinaryIO) -> _Layout:
 
 
 def _directories(file: BinaryIO) -> list[dict[int, int]]:
-    """Kind and size of each image, as numbers by tag."""
+    """Return kind and size of each image, as numbers by tag."""
     layout = _layout(file)
     (place,) = layout.read(file, layout.place)
     found: dict[int, dict[int, int]] = {}

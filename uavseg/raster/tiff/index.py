@@ -28,11 +28,8 @@ _known: "WeakKeyDictionary[DatasetReader, Stored | None]" = WeakKeyDictionary() 
 def stored_blocks(path: str, source: DatasetReader) -> Stored | None:
     """Return which blocks of an open local TIFF are stored.
 
-    Returns
-    -------
-    stored : (planes, rows, cols) bool array, or None
-        Of blocks; one plane for all bands, or one for each if bands are stored one after the other. None if
-        the index is incomplete or cannot be read.
+    They are (planes, rows, cols) of blocks: one plane for all bands, or one for each if bands are stored one
+    after the other. None if the index is incomplete or cannot be read.
     """
     if source not in _known:
         _known[source] = _find_stored(path, source)
@@ -42,19 +39,9 @@ def stored_blocks(path: str, source: DatasetReader) -> Stored | None:
 def are_cut_off(
     path: str, source: DatasetReader, bands: Sequence[int], blocks: Sequence[tuple[int, int]]
 ) -> list[bool]:
-    """Return whether blocks of an open TIFF begin beyond its end: an interrupted download leaves such a file.
+    """Return whether blocks (row, column) of an open TIFF begin beyond its end, in one of some bands.
 
-    Parameters
-    ----------
-    bands : sequence of int
-        Counted from 1; a block is cut off if it is in one of them.
-    blocks : sequence of (row, column)
-        In blocks.
-
-    Returns
-    -------
-    cut_off : list of bool
-        All false for a file in an archive or of a server.
+    An interrupted download leaves such a file. All are false for a file in an archive or of a server.
     """
     try:
         size = Path(path).stat().st_size
@@ -99,7 +86,7 @@ def _stored(path: str, place: int, shape: tuple[int, int, int], size: int) -> St
 def _read_index(
     file: BinaryIO, place: int, size: int, count: int
 ) -> list[NDArray[np.unsignedinteger]] | None:
-    """Offsets and lengths of `count` blocks, each of them empty if the file has none; None if damaged."""
+    """Read offsets and lengths of `count` blocks, each empty if the file has none; None if damaged."""
     start = file.read(4)
     order, big = {b"II": "<", b"MM": ">"}.get(start[:2], "<"), start[2:4].strip(b"\0") == b"+"
     head, entry = ("Q", "HHQ8s") if big else ("H", "HHI4s")

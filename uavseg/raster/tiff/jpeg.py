@@ -31,19 +31,10 @@ _known: "WeakKeyDictionary[DatasetReader, JpegBlocks | None]" = WeakKeyDictionar
 def check_jpeg_blocks(path: str, source: DatasetReader, bands: Sequence[int], window: Window) -> None:
     """Check the blocks of an open TIFF that intersect a window; each only once.
 
-    Parameters
-    ----------
-    path : str
-        By which it was opened: that of the file, or one of its images (`GTIFF_DIR:2:a.tif`).
-    source : DatasetReader
-        Nothing is checked if it is compressed in another manner, lies in an archive or is remote, or if its
-        chrominance lies in planes of its own, which may be smaller.
-    bands : sequence of int
-
-    Raises
-    ------
-    RasterBlockError
-        If one of them holds an image that is smaller than the block, or lacks a table.
+    `path` is that by which it was opened: of the file, or of one of its images (`GTIFF_DIR:2:a.tif`). Nothing
+    is checked of a source that is compressed in another manner, lies in an archive or is remote, or whose
+    chrominance lies in planes of its own, which may be smaller. A RasterBlockError says that a block holds an
+    image that is smaller than it, or lacks a table.
     """
     if source not in _known:
         _known[source] = _jpeg_blocks(path, source)
@@ -74,7 +65,7 @@ class JpegBlocks:
         self._checked = checked_blocks(name, path, size)
 
     def check(self, source: DatasetReader, bands: Sequence[int], window: Window) -> None:
-        """As `check_jpeg_blocks`."""
+        """Check as `check_jpeg_blocks`."""
         rows, cols = self._shape
         i, j = window.row // rows, window.col // cols
         last = -(-(window.row + window.rows) // rows), -(-(window.col + window.cols) // cols)

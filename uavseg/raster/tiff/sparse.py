@@ -3,29 +3,18 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from rasterio.errors import RasterBlockError
 from rasterio.io import DatasetReader
 
 from uavseg.dataclass import dataclass
-from uavseg.raster.grid.tiling import Window, sample_positions
+from uavseg.raster.grid.tiling import Window, indices_within, sample_positions
 from uavseg.raster.spectral.bands import Values
 from uavseg.raster.tiff.index import Stored, stored_blocks
-
-Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
 class SparseBlocks:
-    """The blocks of some bands of an open TIFF.
-
-    Parameters
-    ----------
-    path : str
-        Of the file.
-    bands : sequence of int
-        Of one type.
-    """
+    """The blocks of some bands, of one type, of an open TIFF."""
 
     source: DatasetReader
     path: str
@@ -41,11 +30,8 @@ class SparseBlocks:
     def read(self, window: Window, shape: tuple[int, int]) -> Values | None:
         """Read a window, downsampled to `shape` by nearest neighbour; None if GDAL reads it as fast.
 
-        That is where all blocks are stored, or some of them are and every pixel is asked for.
-
-        Returns
-        -------
-        values : (bands, *shape) array, or None
+        That is where all blocks are stored, or some of them are and every pixel is asked for. The result is
+        (bands, *shape).
         """
         whole = shape == (window.rows, window.cols)
         if whole and self._stores_first(window):
@@ -79,7 +65,7 @@ class SparseBlocks:
         first = np.array([window.row // height, window.col // width])
         for i, j in (first + np.argwhere(stored)).tolist():
             block = Window(i * height, j * width, height, width).clipped(self.source.shape)
-            here = _within(rows, block.row, block.rows), _within(cols, block.col, block.cols)
+            here = indices_within(rows, block.row, block.rows), indices_within(cols, block.col, block.cols)
             if here[0].start == here[0].stop or here[1].start == here[1].stop:
                 continue
             place = (block.row, block.row + block.rows), (block.col, block.col + block.cols)
@@ -98,7 +84,7 @@ class SparseBlocks:
         return np.array(fill).astype(dtype) if dtype.kind in "iuf" else None
 
     def _stored(self, window: Window) -> Stored | None:
-        """Which blocks that intersect a window are stored, of any of the bands: (rows, cols) bool array."""
+        """Return which blocks that intersect a window are stored, of any of the bands, (rows, cols)."""
         known = stored_blocks(self.path, self.source)
         if known is None:
             return None
@@ -110,8 +96,3 @@ class SparseBlocks:
         ]
         planes = [0] if len(part) == 1 else [band - 1 for band in self.bands]
         return np.asarray(part[planes].any(axis=0))
-
-
-def _within(indices: Indices, start: int, length: int) -> slice:
-    first, end = np.searchsorted(indices, [start, start + length]).tolist()
-    return slice(first, end)
