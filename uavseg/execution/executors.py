@@ -48,8 +48,8 @@ def phase(name: str) -> Iterator[None]:
 
 
 @contextmanager
-def watched(watcher: Watcher) -> Iterator[None]:
-    """Call a function as phases begin, end and go on."""
+def watched(watcher: Watcher | None) -> Iterator[None]:
+    """Call a function, or none, as phases begin, end and go on."""
     token = _watcher.set(watcher)
     try:
         yield
@@ -205,6 +205,10 @@ def _selected(items: Sequence[Element], positions: Sequence[int], k: int) -> Ele
     return items[positions[k]]
 
 
+OWN_THREAD = "uavseg-"
+"""Start of the names of threads that hold no lock which a copy of the process needs; see `forks.can_fork`."""
+
+
 def usable_cores() -> int:
     """Return the number of cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
@@ -219,6 +223,13 @@ def split_progress(progress: Progress, count: int) -> list[Progress]:
         progress(k * total + done, count * total)
 
     return [partial(report, k) for k in range(count)]
+
+
+def end_with_parent() -> None:
+    """End this copy of a process by SIGTERM when that ends, on Linux."""
+    c_library = _c_library()
+    if c_library is not None:
+        c_library.prctl(1, 15)  # PR_SET_PDEATHSIG
 
 
 def keep_heap() -> None:

@@ -11,7 +11,7 @@ import threading
 import time
 
 from uavseg.dataclass import dataclass
-from uavseg.execution.executors import working_seconds
+from uavseg.execution.executors import OWN_THREAD, working_seconds
 
 _WIDTH = 24
 _REDRAW_S = 0.1
@@ -48,7 +48,7 @@ class PhaseLine:
         self._begun = self._drawn = time.monotonic()
         self._is_drawn = False
         self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._draw_often, daemon=True)
+        self._thread = threading.Thread(target=self._draw_often, name=f"{OWN_THREAD}bar", daemon=True)
 
     def __enter__(self) -> PhaseLine:
         self._thread.start()

@@ -92,10 +92,14 @@ def _watched(unwound: threading.Event, written: object) -> Iterator[None]:
     if os.name == "nt":  # where pipes may block
         yield
         return
+    from uavseg.execution.executors import OWN_THREAD
+
     heard, told = os.pipe()
     os.set_blocking(told, False)
     before = signal.set_wakeup_fd(told, warn_on_full_buffer=False)
-    watch = threading.Thread(target=_watch, args=(heard, unwound, written), daemon=True)
+    watch = threading.Thread(
+        target=_watch, args=(heard, unwound, written), name=f"{OWN_THREAD}watch", daemon=True
+    )
     watch.start()
     try:
         yield

@@ -6,7 +6,7 @@ tiles side by side. Which of the two makes no difference to a result.
 
 import os
 from collections.abc import Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from contextvars import copy_context
 from dataclasses import replace
 from functools import partial
@@ -15,6 +15,7 @@ from pathlib import Path
 from uavseg.dataclass import dataclass
 from uavseg.errors import OutputExistsError, RasterReadError, UavsegError
 from uavseg.execution.executors import Progress, serial, threads, usable_cores
+from uavseg.execution.forks import can_fork, fork_each
 from uavseg.jobs.each.each_report import Outcome, check_report, write_report
 from uavseg.jobs.requests import RegionJob
 from uavseg.jobs.source.inputs import keep_inputs
@@ -22,7 +23,7 @@ from uavseg.jobs.source.open_source import open_source
 from uavseg.jobs.source.source import Blocks, Source
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.output.atomic import output_errors, transaction
-from uavseg.output.disk import note_planned
+from uavseg.output.disk import note_planned, note_written, recording_written
 from uavseg.output.targets import check_distinct_outputs, existing_files, outputs_of
 from uavseg.plain_text import cause_of, one_line
 from uavseg.raster.access.opening import gdal_env
@@ -166,19 +167,31 @@ def _run(
     progress = work.progress or _ignored
     context = copy_context()
     most = usable_cores() if count is None else count
+    one = partial(_outcome, job=job, names=names, work=alone, most_tiles=most)
 
-    def side_by_side(task: SourceTask) -> bool:
-        found = context.copy().run(_outcome, task, job, names, alone, most)
+    def received(task: SourceTask, found: Outcome | None) -> None:
         if found is not None:
             outcomes[task] = found
-        return found is not None
+            progress(len(outcomes), len(tasks))
 
-    done = 0
-    with closing(run(side_by_side, tasks)) as finished:
-        for is_done in finished:
-            if is_done:
-                done += 1
-                progress(done, len(tasks))
+    def in_copy(task: SourceTask) -> tuple[Outcome | None, list[str]]:
+        found = None
+        with recording_written() as written, suppress(KeyboardInterrupt):
+            found = one(task)
+        return found, written.files
+
+    def received_of_copy(task: SourceTask, answer: tuple[Outcome | None, list[str]]) -> None:
+        note_written(*answer[1])
+        received(task, answer[0])
+
+    if most > 1 and len(tasks) > 1 and can_fork():
+        received(tasks[0], one(tasks[0]))  # which loads what copies need, and compiles it if it is not
+        fork_each(in_copy, tasks[1:], most, received_of_copy)
+    else:
+        with closing(run(lambda task: context.copy().run(one, task), tasks)) as finished:
+            for task, found in zip(tasks, finished, strict=True):
+                received(task, found)
+    done = len(outcomes)
     for task in tasks:
         if task in outcomes:
             continue
