@@ -2,11 +2,10 @@
 
 import json
 import os
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rasterio.io import DatasetReader
 
 from uavseg.errors import RasterError, RasterReadError, UavsegError
 from uavseg.output.targets import check_not_inputs
@@ -30,13 +29,16 @@ from uavseg.segmentation.params.illumination import Illumination
 from uavseg.segmentation.params.segment import DivisionParams
 from uavseg.units import BLOCK, CELL, CELLS, GREY_MAX
 
+if TYPE_CHECKING:
+    from rasterio.io import DatasetReader
+
 _TAG = "UAVSEG_BLOCK_MAP"
 _BAND_NAMES = ("mean v", "side of the leaf in pixels")
 _RATIO_NAMES = ("R of 64", *(f"R of 32, {k}" for k in range(4)), *(f"R of 16, {k}" for k in range(16)))
 _SUMS, _COUNTS, _RATIOS, _ILLUMINATION = 2, 3, 4, 5  # pages of the file
 
 
-def is_block_map(file: DatasetReader) -> bool:
+def is_block_map(file: "DatasetReader") -> bool:
     """Test whether an open raster is a block map, and not any other raster."""
     return _TAG in file.tags()
 
