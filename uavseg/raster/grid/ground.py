@@ -7,7 +7,7 @@ columns. An area is then a sum around a ring (Green's theorem), and the length o
 table entries. Rows of a geographic raster are integrated between their parallels directly.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
+from uavseg._jit import Kernel, kernel
 from uavseg.dataclass import dataclass
 from uavseg.raster.geodesy.globe import Ellipsoid, densify_line, ellipsoid_under, unit_factor
 from uavseg.raster.grid.geobox import GeoBox
@@ -42,7 +43,7 @@ def ring_areas(geobox: GeoBox, vertices: Integers, starts: Integers) -> Floats:
     >>> ring_areas(box, np.array([[0, 0], [0, 3], [1, 3], [1, 0]]), np.array([0, 4]))
     array([12.])
     """
-    return _sum_over_rings(_tables(geobox).area_along, vertices, starts)
+    return _sum_over_rings(_edge_areas, [_tables(geobox).area], vertices, starts)
 
 
 def ring_perimeters(geobox: GeoBox, vertices: Integers, starts: Integers) -> Floats:
@@ -50,7 +51,8 @@ def ring_perimeters(geobox: GeoBox, vertices: Integers, starts: Integers) -> Flo
 
     Parameters and shapes are those of `ring_areas`.
     """
-    return _sum_over_rings(_tables(geobox).length_along, vertices, starts)
+    tables = _tables(geobox)
+    return _sum_over_rings(_edge_lengths, [tables.length_of_rows, tables.length_of_cols], vertices, starts)
 
 
 def ground_resolution(geobox: GeoBox) -> tuple[float, float]:
@@ -145,40 +147,57 @@ class _Tables:
     length_of_rows: _Product
     length_of_cols: _Product
 
-    def area_along(self, here: Integers, there: Integers) -> Floats:
-        """Return ground area between each edge and the first column; 0 for horizontal edges."""
-        total = np.zeros(len(here))
-        for rows, cols in zip(self.area.rows, self.area.cols, strict=True):
-            total += (rows[there[:, 0]] - rows[here[:, 0]]) * cols[here[:, 1]]
-        return total
-
-    def length_along(self, here: Integers, there: Integers) -> Floats:
-        """Return ground length of each edge; it runs along a row or a column, so one of the two sums is 0."""
-        down, across = np.zeros(len(here)), np.zeros(len(here))
-        for rows, cols in zip(self.length_of_cols.rows, self.length_of_cols.cols, strict=True):
-            down += (rows[there[:, 0]] - rows[here[:, 0]]) * cols[here[:, 1]]
-        for rows, cols in zip(self.length_of_rows.rows, self.length_of_rows.cols, strict=True):
-            across += rows[here[:, 0]] * (cols[there[:, 1]] - cols[here[:, 1]])
-        return np.abs(down) + np.abs(across)
-
 
 def _sum_over_rings(
-    measure: Callable[[Integers, Integers], Floats], vertices: Integers, starts: Integers
+    measure: Kernel, tables: Sequence[_Product], vertices: Integers, starts: Integers
 ) -> Floats:
-    """Sum of `measure(vertices, next vertices)` over each ring."""
+    """Sum what a kernel measures of each edge over each ring."""
+    corners = np.ascontiguousarray(vertices, np.int32)
+    starts = np.ascontiguousarray(starts, np.int64)
+    factors = [np.ascontiguousarray(table) for product in tables for table in (product.rows, product.cols)]
     sums = np.zeros(len(starts) - 1)
     ring = 0
     while ring < len(sums):
         last = int(np.searchsorted(starts, starts[ring] + _CHUNK, "right")) - 1
         last = max(last, ring + 1)
-        offsets = starts[ring:last] - starts[ring]
-        here = vertices[starts[ring] : starts[last]]
-        there = np.empty_like(here)
-        there[:-1] = here[1:]
-        there[np.append(offsets[1:], len(here)) - 1] = here[offsets]
-        sums[ring:last] = np.add.reduceat(measure(here, there), offsets)
+        edges = np.empty(starts[last] - starts[ring])
+        measure(corners, starts[ring : last + 1], *factors, edges)
+        sums[ring:last] = np.add.reduceat(edges, starts[ring:last] - starts[ring])
         ring = last
     return sums
+
+
+@kernel("void(i4[:,::1], i8[::1], f8[:,::1], f8[:,::1], f8[::1])")
+def _edge_areas(vertices, starts, rows, cols, areas):  # type: ignore[no-untyped-def]
+    """Measure ground area between each edge of rings and the first column; 0 for horizontal edges."""
+    for ring in range(len(starts) - 1):
+        first, end = starts[ring], starts[ring + 1]
+        for i in range(first, end):
+            following = i + 1 if i + 1 < end else first
+            row, below, col = vertices[i, 0], vertices[following, 0], vertices[i, 1]
+            area = 0.0
+            for k in range(rows.shape[0]):
+                area += (rows[k, below] - rows[k, row]) * cols[k, col]
+            areas[i - starts[0]] = area
+
+
+@kernel("void(i4[:,::1], i8[::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[::1])")
+def _edge_lengths(vertices, starts, rows, cols, rows_down, cols_down, lengths):  # type: ignore[no-untyped-def]
+    """Measure ground length of each edge of rings; it runs along a row or a column."""
+    for ring in range(len(starts) - 1):
+        first, end = starts[ring], starts[ring + 1]
+        for i in range(first, end):
+            following = i + 1 if i + 1 < end else first
+            row, below = vertices[i, 0], vertices[following, 0]
+            col, right = vertices[i, 1], vertices[following, 1]
+            length = 0.0
+            if row == below:
+                for k in range(rows.shape[0]):
+                    length += rows[k, row] * (cols[k, right] - cols[k, col])
+            else:
+                for k in range(rows_down.shape[0]):
+                    length += (rows_down[k, below] - rows_down[k, row]) * cols_down[k, col]
+            lengths[i - starts[0]] = abs(length)
 
 
 @lru_cache(maxsize=4)
