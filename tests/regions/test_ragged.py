@@ -5,7 +5,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavseg.regions.shapes import RaggedPolygons
+from uavseg.regions.shapes import RaggedPolygons, as_multipolygons
 
 HOLED = shapely.Polygon(
     shapely.box(0, 0, 9, 9).exterior, [shapely.box(1, 1, 2, 2).exterior, shapely.box(4, 4, 6, 6).exterior]
@@ -38,3 +38,16 @@ def test_every_vertex_belongs_to_its_region(some):
     flat = RaggedPolygons.from_geometries(some)
     expected = np.repeat(np.arange(len(some)), shapely.get_num_coordinates(some))
     assert flat.region_of(np.arange(len(flat.vertices))).tolist() == expected.tolist()
+
+
+@given(geometries, st.integers(0, 20))
+def test_binary_is_that_of_shapely_after_its_header(some, size):
+    headers = np.random.default_rng(size).integers(0, 256, (len(some), size)).astype(np.uint8)
+    flat = RaggedPolygons.from_geometries(some)
+    of_several = [bytes(one) for one in flat.to_wkb(headers, True)]
+    multiple = shapely.to_wkb(as_multipolygons(some)) if len(some) else []
+    assert of_several == [head.tobytes() + one for head, one in zip(headers, multiple, strict=True)]
+    if all(one.geom_type == "Polygon" for one in some):
+        singles = [bytes(one) for one in flat.to_wkb(headers, False)]
+        assert singles == [head.tobytes() + one.wkb for head, one in zip(headers, some, strict=True)]
+    assert np.array_equal(flat.bounds(), shapely.bounds(some).reshape(-1, 4))

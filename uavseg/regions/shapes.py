@@ -1,6 +1,7 @@
 """Polygons in flat arrays: ragged coordinates, and polygons that are built from their rings on demand."""
 
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -8,7 +9,7 @@ import shapely
 from affine import Affine
 from numpy.typing import NDArray
 
-from uavseg._jit import kernel
+from uavseg._jit import inlined, kernel
 from uavseg.dataclass import dataclass
 
 if TYPE_CHECKING:
@@ -59,6 +60,10 @@ class LazyPolygons:
     def _build(self, first: int, last: int) -> Objects:
         if last <= first:
             return np.empty(0, object)
+        return self.flat(first, last).to_geometries()
+
+    def flat(self, first: int, last: int) -> "RaggedPolygons":
+        """Return the regions from `first` to before `last`, counted from 0, in flat arrays."""
         of_region = self._first_rings(first, last)
         begin, end = int(of_region[0]), int(of_region[-1])
         starts = self.rings.starts[begin : end + 1]
@@ -68,7 +73,7 @@ class LazyPolygons:
             starts - starts[0] + np.arange(len(starts)),
             np.append(exteriors, end - begin),
             np.searchsorted(exteriors, of_region - begin),
-        ).to_geometries()
+        )
 
     def _map_coordinates(self, starts: Integers) -> NDArray[np.float64]:
         """Return closed rings in map coordinates."""
@@ -198,6 +203,29 @@ class RaggedPolygons:
             geometries[multiple] = shapely.multipolygons(parts[np.repeat(multiple, counts)], indices=owners)
         return geometries
 
+    def bounds(self) -> NDArray[np.float64]:
+        """Return the least x and y and the greatest of regions of polygons, (n, 4)."""
+        found = np.empty((len(self.regions) - 1, 4))
+        _bound(self.vertices, self.rings[self.polygons[self.regions]], found)
+        return found
+
+    def to_wkb(self, headers: NDArray[np.uint8], promote: bool) -> list[memoryview]:
+        """Return the regions as Well-Known Binary, little-endian, each after its header.
+
+        Without `promote` each is one Polygon, else each is a MultiPolygon. `headers` are (n, h) bytes.
+        Source: OGC 06-103r4, section 8.
+        """
+        vertices = np.diff(self.rings[self.polygons[self.regions]])
+        rings = np.diff(self.polygons[self.regions])
+        polygons = np.diff(self.regions)
+        extra = headers.shape[1] + _COUNTED * promote
+        ends = np.cumsum(extra + _COUNTED * polygons + 4 * rings + _VERTEX * vertices)
+        data = np.empty(int(ends[-1]) if len(ends) else 0, np.uint8)
+        coordinates = np.ascontiguousarray(self.vertices, "<f8").view(np.uint8)
+        _write_wkb(coordinates, self.rings, self.polygons, self.regions, promote, headers, data)
+        view = data.data
+        return [view[begin:end] for begin, end in pairwise([0, *ends.tolist()])]
+
     def without(self, dropped: NDArray[np.bool_]) -> "RaggedPolygons":
         """Return the same regions, some of them without their polygons; `dropped` is an (n,) mask."""
         if not dropped.any():
@@ -215,6 +243,56 @@ class RaggedPolygons:
     def region_of(self, vertices: Integers) -> Integers:
         """Return the region, 0..n - 1, that each of some vertices belongs to."""
         return np.searchsorted(self.rings[self.polygons[self.regions]], vertices, "right") - 1
+
+
+_COUNTED, _VERTEX = 9, 16  # bytes of a geometry before its members (order, type, their number), of a vertex
+
+
+@kernel("void(f8[:,::1], i8[::1], f8[:,::1])")
+def _bound(vertices, starts, bounds):  # type: ignore[no-untyped-def]
+    for region in range(len(starts) - 1):
+        low_x, low_y = vertices[starts[region], 0], vertices[starts[region], 1]
+        high_x, high_y = low_x, low_y
+        for v in range(starts[region] + 1, starts[region + 1]):
+            x, y = vertices[v, 0], vertices[v, 1]
+            low_x, high_x = min(low_x, x), max(high_x, x)
+            low_y, high_y = min(low_y, y), max(high_y, y)
+        bounds[region, 0], bounds[region, 1] = low_x, low_y
+        bounds[region, 2], bounds[region, 3] = high_x, high_y
+
+
+@inlined
+def _put_count(data, at, count):  # type: ignore[no-untyped-def]
+    """Write a number of 4 bytes; return the place after it."""
+    for k in range(4):
+        data[at + k] = np.uint8((count >> (8 * k)) & 255)
+    return at + 4
+
+
+@inlined
+def _put_head(data, at, kind, members):  # type: ignore[no-untyped-def]
+    """Write order of bytes (little-endian), type and number of members; return the place after them."""
+    data[at] = 1
+    return _put_count(data, _put_count(data, at + 1, kind), members)
+
+
+@kernel("void(u1[:,::1], i8[::1], i8[::1], i8[::1], b1, u1[:,::1], u1[::1])")
+def _write_wkb(coordinates, rings, polygons, regions, promote, headers, data):  # type: ignore[no-untyped-def]
+    at = 0
+    for region in range(len(regions) - 1):
+        for k in range(headers.shape[1]):
+            data[at + k] = headers[region, k]
+        at += headers.shape[1]
+        if promote:
+            at = _put_head(data, at, 6, regions[region + 1] - regions[region])
+        for polygon in range(regions[region], regions[region + 1]):
+            at = _put_head(data, at, 3, polygons[polygon + 1] - polygons[polygon])
+            for ring in range(polygons[polygon], polygons[polygon + 1]):
+                at = _put_count(data, at, rings[ring + 1] - rings[ring])
+                for vertex in range(rings[ring], rings[ring + 1]):
+                    for k in range(16):
+                        data[at + k] = coordinates[vertex, k]
+                    at += 16
 
 
 def _offsets(lengths: Integers) -> Integers:

@@ -16,6 +16,7 @@ from uavseg.errors import OutputError, OutputExistsError
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.regions.formats import export
 from uavseg.regions.outline.trace import trace
+from uavseg.regions.shapes import RaggedPolygons
 from uavseg.regions.table import COLUMNS, make_regions
 from uavseg.regions.wgs84 import to_wgs84
 from uavseg.segmentation.components import Sums
@@ -209,6 +210,7 @@ def test_ctrl_c_while_a_file_is_written_is_ctrl_c_and_leaves_none(tmp_path, suff
 
     regions = regions_of(PICTURE)
     monkeypatch.setattr(export.shapely, "to_wkb", stopped)
+    monkeypatch.setattr(RaggedPolygons, "to_wkb", stopped)
     with pytest.raises(KeyboardInterrupt):
         export.write_regions(regions, tmp_path / f"a{suffix}")
     assert list(tmp_path.iterdir()) == []

@@ -7,7 +7,7 @@ triggers and the count of features are those that GDAL writes, so that it, QGIS 
 import math
 import operator
 import sqlite3
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import closing
 from html import escape
 from pathlib import Path
@@ -20,7 +20,13 @@ from uavseg.errors import OutputError
 from uavseg.raster.geodesy.globe import WGS84, define_crs
 from uavseg.regions.formats.metadata import METADATA_KEY, metadata_text
 from uavseg.regions.formats.styles import add_style
-from uavseg.regions.shapes import Objects, as_multipolygons, batch_slices, has_multipolygons
+from uavseg.regions.shapes import (
+    LazyPolygons,
+    PolygonArray,
+    as_multipolygons,
+    batch_slices,
+    has_multipolygons,
+)
 from uavseg.regions.table import Regions
 from uavseg.warning_filters import changing_filters
 
@@ -231,14 +237,10 @@ def _add_layer(base: sqlite3.Connection, regions: Regions, layer: str, srs: int)
     bounds = np.full((len(regions), 4), np.nan)
     insert = f'INSERT INTO "{layer}" VALUES ({_marks(fields)})'
     for part in batch_slices(regions.polygons):
-        polygons = regions.polygons[part]
-        if promote:
-            polygons = as_multipolygons(polygons)
-        with changing_filters():  # shapely changes them itself
-            bounds[part] = shapely.bounds(polygons)[:, [0, 2, 1, 3]]
+        geometries, bounds[part] = _geometries(regions.polygons, part, promote, srs)
         values = [column[part].tolist() for column in regions.columns.values()]  # NaN becomes NULL
         numbers = range(part.start + 1, part.stop + 1)
-        base.executemany(insert, zip(numbers, _geometries(polygons, bounds[part], srs), *values, strict=True))
+        base.executemany(insert, zip(numbers, geometries, *values, strict=True))
     try:
         _pack_index(base, f"rtree_{layer}_{GEOMETRY}", bounds)
     except sqlite3.OperationalError:  # of an SQLite that protects the tables of an index, as macOS has it
@@ -305,12 +307,24 @@ def _quoted(name: str) -> str:
     return '"' + name.replace('"', '""') + '"'
 
 
-def _geometries(polygons: Objects, bounds: NDArray[np.float64], srs: int) -> Iterator[bytes]:
-    """Iterate over polygons as section 2.1.3 has them: a header with the extent, and WKB."""
-    headers = np.empty(len(polygons), _HEADER)
+def _geometries(
+    polygons: PolygonArray, part: slice, promote: bool, srs: int
+) -> tuple[Iterable[bytes | memoryview], NDArray[np.float64]]:
+    """Return polygons as section 2.1.3 has them, a header with the extent and WKB; and their extents.
+
+    Extents (n, 4) are least and greatest x, least and greatest y.
+    """
+    headers = np.empty(part.stop - part.start, _HEADER)
     headers["magic"], headers["version"], headers["flags"], headers["srs"] = b"GP", 0, _HAS_EXTENT, srs
-    headers["bounds"] = bounds
-    return map(operator.add, headers.view(f"V{_HEADER.itemsize}").tolist(), shapely.to_wkb(polygons).tolist())
+    if isinstance(polygons, LazyPolygons):
+        flat = polygons.flat(part.start, part.stop)
+        headers["bounds"] = flat.bounds()[:, [0, 2, 1, 3]]
+        return flat.to_wkb(headers.view(np.uint8).reshape(len(headers), -1), promote), headers["bounds"]
+    shapes = as_multipolygons(polygons[part]) if promote else polygons[part]
+    with changing_filters():  # shapely changes them itself
+        headers["bounds"] = shapely.bounds(shapes)[:, [0, 2, 1, 3]]
+    rows = headers.view(f"V{_HEADER.itemsize}").tolist()
+    return map(operator.add, rows, shapely.to_wkb(shapes).tolist()), headers["bounds"]
 
 
 def _add_metadata(base: sqlite3.Connection, layer: str, text: str, date: str) -> None:
