@@ -570,8 +570,7 @@ def test_a_name_that_ends_in_a_slash_is_a_folder_of_files() -> None:
     ("more", "code", "message"),
     [
         (("--fill-holes", "9px"), 1, "a folder of regions is written without filled holes"),
-        (("--resume", "run"), 1, "a folder of regions is written without a folder to resume from"),
-        (("--method", "paper"), 1, "a folder of regions is written without the refinement scan"),
+        (("--refine", "none"), 1, "a folder of regions is written without the refinement none"),
         (("--labels", "a.tif"), 2, "--labels does not go with a folder of regions"),
         (("--style", "qml"), 2, "--style does not go with a folder of regions"),
         (("--sequence",), 2, "for standard output"),

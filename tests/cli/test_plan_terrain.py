@@ -120,7 +120,8 @@ def test_a_mission_that_is_divided_is_above_the_ground_in_each_flight(folder: Pa
     for path in flights:
         items = files.read_mission(path).items
         assert len(items) <= 90
-        Clearance(Dem.open(folder / "hills.tif"), 55).check(files.read_mission(path), 120)
+        clearance = Clearance(Dem.open(folder / "hills.tif"), 55)
+        assert not list(clearance.problems(files.read_mission(path), 120))
 
 
 @pytest.mark.parametrize(
