@@ -14,6 +14,7 @@ from benchmarks.scenes import Scene, ensure_raster
 
 TILE = Scene(512)
 RUNS = 9
+TILES = 200
 LIBRARIES = "import rasterio, shapely"
 
 
@@ -65,15 +66,20 @@ def starts(runs: int = RUNS) -> tuple[list[Start], list[Imported]]:
         "-q",
         "--overwrite",
     ]
+    each = [*extract[:3], "tiles", "--each", *extract[4:]]
     commands = {
         "`python -c pass`": ["-c", "pass"],
         f'`python -c "{LIBRARIES}"`': ["-c", LIBRARIES],
         "`uavseg --help`": ["-m", "uavseg", "--help"],
         f"`uavseg extract` to GeoJSON, {TILE.side} x {TILE.side}": [*extract, "-o", "regions.geojson"],
         f"`uavseg extract` to GeoPackage, {TILE.side} x {TILE.side}": [*extract, "-o", "regions.gpkg"],
+        f"{TILES} such tiles by one `uavseg extract --each`": [*each, "-o", "{stem}.gpkg"],
     }
     with tempfile.TemporaryDirectory(prefix="uavseg-benchmark-") as folder:
         work = Path(folder)
+        (work / "tiles").mkdir()
+        for number in range(TILES):
+            (work / "tiles" / f"{number}.tif").symlink_to(ensure_raster(TILE).absolute())
         rounds = [[_once(command, work) for command in commands.values()] for _ in range(runs + 1)]
         logs = [_import_log(command, work) for command in commands.values()]
     measured = zip(commands, zip(*rounds[1:], strict=True), logs, strict=True)  # the first round compiles

@@ -1,7 +1,7 @@
 """Files that a job reads, so that no output replaces one of them."""
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +52,8 @@ def _files_read(path: str) -> list[str]:
         return [path, *_ros_image(path)]
     if not Path(path).is_file():
         return [path]
-    return [*raster_files(path), *_block_map_rasters(path)]
+    files, tags = raster_files(path)
+    return [*files, *_block_map_rasters(path, tags)]
 
 
 def _ros_image(path: str) -> list[str]:
@@ -64,15 +65,15 @@ def _ros_image(path: str) -> list[str]:
         return []  # the error is reported when the map is opened
 
 
-def _block_map_rasters(path: str) -> list[str]:
+def _block_map_rasters(path: str, tags: Mapping[str, str]) -> list[str]:
     from uavseg.segmentation.blocks.block_file import rasters_of
 
     result = []
-    for raster in rasters_of(path):
+    for raster in rasters_of(path, tags):
         try:
             current_policy().check_name(path, raster, Path())
         except UavsegError:
             result.append(raster)  # it is not opened, and so not replaced either
         else:
-            result += raster_files(raster)
+            result += raster_files(raster)[0]
     return result

@@ -1,6 +1,7 @@
 """Files of a raster: those that GDAL reads for it, such as the sources of a VRT and files of overviews."""
 
 import os
+from contextlib import suppress
 from pathlib import Path
 
 from uavseg.errors import UavsegError
@@ -8,12 +9,13 @@ from uavseg.raster.access.open_checked import open_checked
 from uavseg.raster.access.opening import GDAL_ERRORS, is_remote
 
 
-def raster_files(path: str | os.PathLike[str]) -> list[str]:
-    """Return local files that are read for a raster, itself first; itself alone if it cannot be opened.
+def raster_files(path: str | os.PathLike[str]) -> tuple[list[str], dict[str, str]]:
+    """Return local files that are read for a raster, itself first, and its tags.
 
-    A VRT of VRTs has the files of all of them.
+    A VRT of VRTs has the files of all of them. If it cannot be opened, it is alone, and has no tags.
     """
     found: dict[str, None] = {}
+    tags: dict[str, str] = {}
     waiting = [os.fspath(path)]
     while waiting:
         name = waiting.pop()
@@ -21,13 +23,8 @@ def raster_files(path: str | os.PathLike[str]) -> list[str]:
             continue
         found[name] = None
         if name == os.fspath(path) or Path(name).suffix.lower() == ".vrt":
-            waiting += reversed(_listed(name))
-    return list(found)
-
-
-def _listed(path: str) -> list[str]:
-    try:
-        with open_checked(path) as file:
-            return list(file.files)
-    except (*GDAL_ERRORS, UavsegError):
-        return []  # the error is reported when the raster is opened for its pixels
+            # An error is reported when the raster is opened for its pixels.
+            with suppress(*GDAL_ERRORS, UavsegError), open_checked(name) as file:
+                waiting += reversed(file.files)
+                tags = file.tags() if name == os.fspath(path) else tags
+    return list(found), tags

@@ -2,6 +2,7 @@
 
 import json
 import os
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,8 +11,6 @@ from numpy.typing import NDArray
 from uavseg.errors import RasterError, RasterReadError, UavsegError
 from uavseg.output.targets import check_not_inputs
 from uavseg.plain_text import cause_of
-from uavseg.raster.access.open_checked import open_checked
-from uavseg.raster.access.opening import GDAL_ERRORS
 from uavseg.raster.formats.creation import DEFAULT, CreationOptions
 from uavseg.raster.formats.geotiff import Page, check_geotiff_name, read_geotiff, write_geotiff_pages
 from uavseg.raster.grid.geobox import GeoBox, scaled
@@ -43,13 +42,14 @@ def is_block_map(file: "DatasetReader") -> bool:
     return _TAG in file.tags()
 
 
-def rasters_of(path: str | os.PathLike[str]) -> list[str]:
-    """Return the paths of the rasters that a block map was made from; none for other files."""
+def rasters_of(path: str | os.PathLike[str], tags: Mapping[str, str]) -> list[str]:
+    """Return the paths of the rasters that a block map of these tags was made from; none for other files."""
+    if _TAG not in tags:
+        return []
     try:
-        with open_checked(os.fspath(path)) as file:
-            header = json.loads(file.tags()[_TAG])
+        header = json.loads(tags[_TAG])
         return Origin(tuple(header["rasters"]), header["folder"]).find_rasters(path) or []
-    except (*GDAL_ERRORS, UavsegError, KeyError, ValueError, TypeError):
+    except (UavsegError, KeyError, ValueError, TypeError):
         return []  # the error is reported when the file is opened
 
 
