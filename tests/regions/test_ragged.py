@@ -50,4 +50,11 @@ def test_binary_is_that_of_shapely_after_its_header(some, size):
     if all(one.geom_type == "Polygon" for one in some):
         singles = [bytes(one) for one in flat.to_wkb(headers, False)]
         assert singles == [head.tobytes() + one.wkb for head, one in zip(headers, some, strict=True)]
-    assert np.array_equal(flat.bounds(), shapely.bounds(some).reshape(-1, 4))
+
+
+@given(geometries, st.data())
+def test_bounds_are_those_of_shapely(some, data):
+    dropped = np.array(data.draw(st.lists(st.booleans(), min_size=len(some), max_size=len(some))), bool)
+    flat = RaggedPolygons.from_geometries(some).without(dropped)
+    expected = shapely.bounds(flat.to_geometries()).reshape(-1, 4)
+    assert np.array_equal(flat.bounds(), expected, equal_nan=True)

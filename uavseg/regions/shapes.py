@@ -204,7 +204,7 @@ class RaggedPolygons:
         return geometries
 
     def bounds(self) -> NDArray[np.float64]:
-        """Return the least x and y and the greatest of regions of polygons, (n, 4)."""
+        """Return the least x and y and the greatest of regions, (n, 4); NaN for one without polygons."""
         found = np.empty((len(self.regions) - 1, 4))
         _bound(self.vertices, self.rings[self.polygons[self.regions]], found)
         return found
@@ -251,14 +251,14 @@ _COUNTED, _VERTEX = 9, 16  # bytes of a geometry before its members (order, type
 @kernel("void(f8[:,::1], i8[::1], f8[:,::1])")
 def _bound(vertices, starts, bounds):  # type: ignore[no-untyped-def]
     for region in range(len(starts) - 1):
-        low_x, low_y = vertices[starts[region], 0], vertices[starts[region], 1]
-        high_x, high_y = low_x, low_y
-        for v in range(starts[region] + 1, starts[region + 1]):
-            x, y = vertices[v, 0], vertices[v, 1]
-            low_x, high_x = min(low_x, x), max(high_x, x)
-            low_y, high_y = min(low_y, y), max(high_y, y)
-        bounds[region, 0], bounds[region, 1] = low_x, low_y
-        bounds[region, 2], bounds[region, 3] = high_x, high_y
+        bounds[region] = np.nan
+        for v in range(starts[region], starts[region + 1]):
+            for axis in range(2):
+                at = vertices[v, axis]
+                if not bounds[region, axis] <= at:
+                    bounds[region, axis] = at
+                if not bounds[region, 2 + axis] >= at:
+                    bounds[region, 2 + axis] = at
 
 
 @inlined

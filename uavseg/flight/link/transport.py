@@ -33,7 +33,7 @@ class Address:
 
 
 def parse_address(text: str) -> Address:
-    """Parse the address of a vehicle; ParameterError if the text is none.
+    """Parse the address of a vehicle; ParameterError if the text is not an address.
 
     Examples
     --------

@@ -111,9 +111,9 @@ def join_partitions(
     """
     first, windows = tile_pass.windows[0], tiles(source.shape, side)
     tile = whole_blocks(first.rows), whole_blocks(first.cols)
-    counting, outlining = tile_pass.stages(2) if not segment.decides_pixels else (tile_pass, tile_pass)
     edges = None
     if not segment.decides_pixels:
+        counting, tile_pass = tile_pass.stages(2)
         contrasts = np.zeros(GREY_LEVELS, np.int64)
         for part in counting.run(partial(_sum_contrasts, source, tile), windows):
             contrasts += part
@@ -122,7 +122,7 @@ def join_partitions(
         _outline_partition, source, interval, segment, edges, detail, tile, str(folder.absolute())
     )
     contacts, firsts = Contacts(source.shape, windows[0]), {}
-    for number, borders in enumerate(outlining.run(outline, list(enumerate(windows)))):
+    for number, borders in enumerate(tile_pass.run(outline, list(enumerate(windows)))):
         contacts.add(windows[number], 0 if borders is None else len(borders.firsts), borders)
         if borders is not None:
             firsts[number] = borders.firsts
@@ -191,8 +191,8 @@ def _sum_contrasts(source: GreySource, tile: tuple[int, int], window: Window) ->
 
 def _tiles_of(part: Window, tile: tuple[int, int]) -> list[Window]:
     """Return the tiles of a part of a raster that begins at a block."""
-    origin = Window(-part.row, -part.col, 0, 0)
-    return [window.relative_to(origin) for window in tiles((part.rows, part.cols), tile)]
+    inner = tiles((part.rows, part.cols), tile)
+    return [Window(part.row + one.row, part.col + one.col, one.rows, one.cols) for one in inner]
 
 
 def _read(folder: str, name: str, number: int) -> Components:
