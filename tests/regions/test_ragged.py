@@ -47,6 +47,8 @@ def test_binary_is_that_of_shapely_after_its_header(some, size):
     of_several = [bytes(one) for one in flat.to_wkb(headers, True)]
     multiple = shapely.to_wkb(as_multipolygons(some)) if len(some) else []
     assert of_several == [head.tobytes() + one for head, one in zip(headers, multiple, strict=True)]
+    some = np.array([*some, shapely.Polygon()], object)
+    flat, headers = RaggedPolygons.from_geometries(some), np.zeros((len(some), size), np.uint8)
     if all(one.geom_type == "Polygon" for one in some):
         singles = [bytes(one) for one in flat.to_wkb(headers, False)]
         assert singles == [head.tobytes() + one.wkb for head, one in zip(headers, some, strict=True)]

@@ -63,7 +63,7 @@ class LazyPolygons:
         return self.flat(first, last).to_geometries()
 
     def flat(self, first: int, last: int) -> "RaggedPolygons":
-        """Return the regions from `first` to before `last`, counted from 0, in flat arrays."""
+        """Return the regions from `first` to before `last`, counted from 0, in flat arrays; at least one."""
         of_region = self._first_rings(first, last)
         begin, end = int(of_region[0]), int(of_region[-1])
         starts = self.rings.starts[begin : end + 1]
@@ -217,7 +217,7 @@ class RaggedPolygons:
         """
         vertices = np.diff(self.rings[self.polygons[self.regions]])
         rings = np.diff(self.polygons[self.regions])
-        polygons = np.diff(self.regions)
+        polygons = np.maximum(np.diff(self.regions), not promote)  # an empty one is written too
         extra = headers.shape[1] + _COUNTED * promote
         ends = np.cumsum(extra + _COUNTED * polygons + 4 * rings + _VERTEX * vertices)
         data = np.empty(int(ends[-1]) if len(ends) else 0, np.uint8)
@@ -285,6 +285,8 @@ def _write_wkb(coordinates, rings, polygons, regions, promote, headers, data):  
         at += headers.shape[1]
         if promote:
             at = _put_head(data, at, 6, regions[region + 1] - regions[region])
+        elif regions[region] == regions[region + 1]:
+            at = _put_head(data, at, 3, 0)
         for polygon in range(regions[region], regions[region + 1]):
             at = _put_head(data, at, 3, polygons[polygon + 1] - polygons[polygon])
             for ring in range(polygons[polygon], polygons[polygon + 1]):
@@ -293,6 +295,13 @@ def _write_wkb(coordinates, rings, polygons, regions, promote, headers, data):  
                     for k in range(16):
                         data[at + k] = coordinates[vertex, k]
                     at += 16
+
+
+def flat_part(polygons: PolygonArray, part: slice) -> RaggedPolygons:
+    """Return some regions, as of `batch_slices`, in flat arrays."""
+    if isinstance(polygons, LazyPolygons):
+        return polygons.flat(part.start, part.stop)
+    return RaggedPolygons.from_geometries(polygons[part])
 
 
 def _offsets(lengths: Integers) -> Integers:

@@ -5,30 +5,21 @@ triggers and the count of features are those that GDAL writes, so that it, QGIS 
 """
 
 import math
-import operator
 import sqlite3
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from contextlib import closing
 from html import escape
 from pathlib import Path
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from uavseg.errors import OutputError
 from uavseg.raster.geodesy.globe import WGS84, define_crs
 from uavseg.regions.formats.metadata import METADATA_KEY, metadata_text
 from uavseg.regions.formats.styles import add_style
-from uavseg.regions.shapes import (
-    LazyPolygons,
-    PolygonArray,
-    as_multipolygons,
-    batch_slices,
-    has_multipolygons,
-)
+from uavseg.regions.shapes import PolygonArray, batch_slices, flat_part, has_multipolygons
 from uavseg.regions.table import Regions
-from uavseg.warning_filters import changing_filters
 
 GEOMETRY = "geom"
 _SQL_TYPES = {"i": "INTEGER", "f": "REAL", "O": "TEXT"}  # by `dtype.kind` of numpy
@@ -309,22 +300,16 @@ def _quoted(name: str) -> str:
 
 def _geometries(
     polygons: PolygonArray, part: slice, promote: bool, srs: int
-) -> tuple[Iterable[bytes | memoryview], NDArray[np.float64]]:
+) -> tuple[list[memoryview], NDArray[np.float64]]:
     """Return polygons as section 2.1.3 has them, a header with the extent and WKB; and their extents.
 
     Extents (n, 4) are least and greatest x, least and greatest y.
     """
     headers = np.empty(part.stop - part.start, _HEADER)
     headers["magic"], headers["version"], headers["flags"], headers["srs"] = b"GP", 0, _HAS_EXTENT, srs
-    if isinstance(polygons, LazyPolygons):
-        flat = polygons.flat(part.start, part.stop)
-        headers["bounds"] = flat.bounds()[:, [0, 2, 1, 3]]
-        return flat.to_wkb(headers.view(np.uint8).reshape(len(headers), -1), promote), headers["bounds"]
-    shapes = as_multipolygons(polygons[part]) if promote else polygons[part]
-    with changing_filters():  # shapely changes them itself
-        headers["bounds"] = shapely.bounds(shapes)[:, [0, 2, 1, 3]]
-    rows = headers.view(f"V{_HEADER.itemsize}").tolist()
-    return map(operator.add, rows, shapely.to_wkb(shapes).tolist()), headers["bounds"]
+    flat = flat_part(polygons, part)
+    headers["bounds"] = flat.bounds()[:, [0, 2, 1, 3]]
+    return flat.to_wkb(headers.view(np.uint8).reshape(len(headers), -1), promote), headers["bounds"]
 
 
 def _add_metadata(base: sqlite3.Connection, layer: str, text: str, date: str) -> None:
