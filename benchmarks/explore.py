@@ -159,7 +159,9 @@ class Baseline:
             ordered = group[np.argsort(group[:, int(np.argmax(span))], kind="stable")]
             pieces += np.array_split(ordered, count)
         pieces = [piece for piece in pieces if len(piece)]
-        middles = np.array([piece[np.argmin(((piece - piece.mean(axis=0)) ** 2).sum(axis=1))] for piece in pieces])
+        middles = np.array(
+            [piece[np.argmin(((piece - piece.mean(axis=0)) ** 2).sum(axis=1))] for piece in pieces]
+        )
         nodes = graph.node_of[tuple(middles.T)]
         return pieces, middles, nodes, away[nodes], graph, away
 
@@ -169,7 +171,9 @@ class Baseline:
         longest = self.planner.range_m / self.planner.cell_m
         return np.array(
             [
-                np.count_nonzero(visible_cells(states == OCCUPIED, middle[None], longest) & (states == UNKNOWN))
+                np.count_nonzero(
+                    visible_cells(states == OCCUPIED, middle[None], longest) & (states == UNKNOWN)
+                )
                 for middle in middles
             ]
         )
@@ -186,7 +190,9 @@ class Baseline:
             lengths = np.stack([graph.distances(node)[every] for node in every])
             order = short_tour(stops, np.minimum(lengths, lengths.T), start=0, rounds=60)
             return -np.argsort([stop for stop, _ in order]).astype(float)
-        if name == "advantage":  # arXiv 2504.01980: mean distance from the free cells within 15 m, less that from here
+        if (
+            name == "advantage"
+        ):  # arXiv 2504.01980: mean distance from the free cells within 15 m, less that from here
             near = np.isfinite(reach) & (reach * self.planner.cell_m <= 15)
             return np.array([graph.distances(int(node))[near].mean() for node in nodes]) - away
         gains = self.gains(states, middles).astype(float)
@@ -219,7 +225,10 @@ def starts(solid: np.ndarray, count: int) -> list[tuple[int, int]]:
 
     labels = label(~solid, connectivity=1)
     cells = np.argwhere(labels == np.argmax(np.bincount(labels[labels > 0])))
-    return [tuple(cell) for cell in cells[np.random.default_rng(0).choice(len(cells), count, replace=False)].tolist()]
+    return [
+        tuple(cell)
+        for cell in cells[np.random.default_rng(0).choice(len(cells), count, replace=False)].tolist()
+    ]
 
 
 def drive(scene: str, planner: str, start: tuple[int, int], fov: float, known=None, sigma: float = 0.03):

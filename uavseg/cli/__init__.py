@@ -28,6 +28,8 @@ _COMMANDS = {
     "upload": "Send a mission to a vehicle, and verify it.",
     "download": "Read the mission of a vehicle.",
     "path": "Find the shortest path between two places of one region.",
+    "next-view": "Find where a robot sees most of what is unknown.",
+    "explore": "Explore a simulated scene until nothing reachable is unknown.",
     "original": "Segment by texture as LBP/C did, for comparison.",
     "info": "Tell what a raster is and what its intensity looks like, or how regions were made.",
     "build-map": "Merge the scans of a recorded bag into a map.",

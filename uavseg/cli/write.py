@@ -111,6 +111,20 @@ def write_label_output(found: Extraction, labels: LabelFile, work: Work, overwri
     label_raster.write_label_raster(labels.path, found.rings, found.geobox, run, *how)
 
 
+def write_text(path: str, text: str, overwrite: bool) -> None:
+    """Write a text file, or to the standard output where the path is -."""
+    from uavseg.cli.terminal.say import show
+    from uavseg.output.atomic import atomic_file
+    from uavseg.output.disk import noted_stream
+
+    if path == "-":
+        with noted_stream("stdout"):
+            show(text.rstrip("\n"))
+    else:
+        with atomic_file(path, overwrite) as temporary:
+            temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
 def write_mission_output(mission: Mission, path: str, overwrite: bool) -> list[str]:
     """Write a mission; what its format cannot hold is returned as warnings."""
     from uavseg.flight.formats import files

@@ -60,7 +60,7 @@ def merge_maps(sources: Sequence[Any], request: MergeRequest = MergeRequest()) -
         raise ParameterError("name at least one map")
     warnings: list[str] = []
     with phase("maps"):
-        maps = [_read_map(source, warnings) for source in sources]
+        maps = [read_map(source, warnings) for source in sources]
     geobox = common_grid(maps, request.unrotate, request.resolution)
     decided("%d x %d cells", *geobox.shape)
     with phase("merging"):
@@ -73,7 +73,8 @@ def merge_maps(sources: Sequence[Any], request: MergeRequest = MergeRequest()) -
     return MergedMap(probabilities=probabilities, geobox=geobox, disputed=disputed, warnings=tuple(warnings))
 
 
-def _read_map(source: Any, warnings: list[str]) -> PlacedMap:
+def read_map(source: Any, warnings: list[str]) -> PlacedMap:
+    """Read a whole map of probabilities, exactly 0.5 where it is unknown; `warnings` grow."""
     if isinstance(source, str | os.PathLike) and Path(source).suffix.lower() in (".pgm", ".png", ".bmp"):
         raise MapError(f"{os.fspath(source)} is a picture without a position; give the .yaml of its map")
     opened = open_probability_map(source)

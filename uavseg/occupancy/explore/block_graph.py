@@ -1,8 +1,8 @@
 """Distances over passable cells, by a graph of small blocks of cells.
 
-A node is a component of passable cells within one block, at its cell nearest to the middle of the block. Nodes
-are linked where their cells touch; so they are connected as the cells are, and distances are longer than those
-over cells by a few per cent, in a hundredth of the time.
+A node is a component of passable cells within one block, at its cell nearest to the middle. Nodes
+are linked where their cells touch; so they are connected as the cells are, and distances are those over cells
+but for a few per cent, in a hundredth of the time.
 """
 
 from math import sqrt
@@ -31,7 +31,7 @@ class BlockGraph:
         return self.nearest(np.array([node]))[0]
 
     def nearest(self, sources: Ints) -> tuple[NDArray[np.float64], Ints]:
-        """Return the distance of each node from the nearest of some, and which of them that is; -1 if none."""
+        """Return the distance of each node from the nearest of some, and which one that is; -1 if none."""
         distances, owners = np.full(len(self.places), np.inf), np.full(len(self.places), -1, np.int64)
         size = int(self.degrees.sum()) + len(sources)
         heap = np.empty(size), np.empty(size, np.int64)

@@ -29,14 +29,7 @@ Choose = Callable[[States, Cell], tuple[Cell, Ints] | None]
 
 _SCAN_EVERY_M = 0.25
 _MAX_CHOICES = 100_000
-
-
-def states_of(probabilities: NDArray[np.float32], limits: StateLimits = StateLimits()) -> States:
-    """Return the state of each cell by its own probability."""
-    states = np.full(probabilities.shape, UNKNOWN, np.uint8)
-    states[probabilities <= limits.free_below] = FREE
-    states[probabilities > limits.occupied_above] = OCCUPIED
-    return states
+_LIMITS = StateLimits()
 
 
 @dataclass(slots=True)
@@ -85,7 +78,7 @@ class Explorer:
             grid.geobox.shape, self.cell_m, sensor.max_range_m, sensor.fov_deg, clearance_m
         )
         self.drive = Drive(grid)
-        self.states = states_of(grid.probabilities)
+        self.states = _LIMITS.of(grid.probabilities)
         self.place = np.zeros(2)  # row and column, as floats
 
     def run(
@@ -129,7 +122,7 @@ class Explorer:
         random = np.random.default_rng([self.seed, len(self.drive.poses)])
         window = self.grid.merge(self.sensor.scan(self.scene, pose, random))
         here = np.s_[window.row : window.row + window.rows, window.col : window.col + window.cols]
-        self.states[here] = states_of(self.grid.probabilities[here])
+        self.states[here] = _LIMITS.of(self.grid.probabilities[here])
         driven = self.drive.metres[-1] if self.drive.metres else 0.0
         self.drive.poses.append(pose)
         self.drive.metres.append(driven + metres)
@@ -138,14 +131,14 @@ class Explorer:
     def _go(self, view: Cell, cells: Ints, enough: Callable[[States], bool] | None) -> None:
         """Drive towards a view until what it is to see is known; note what nothing new was learned of."""
         known = self.drive.known[-1]
+        left = cells
         if self._drive_to(view, cells, enough):
-            left = self._left(cells)
-            target = left if self.sensor.fov_deg < 360 else cells
-            self._scan(0.0, self._heading(self.place, self.place + self._direction(target)))
+            angle, left = self.planner.heading(self.at, self._left(cells))
+            ahead = np.array([math.sin(angle), math.cos(angle)])
+            self._scan(0.0, self._heading(self.place, self.place + ahead))
             self.drive.views.append(len(self.drive.poses) - 1)
-        left = self._in_view(self._left(cells))
         if self.drive.known[-1] <= known:
-            self.planner.tried[tuple(left.T)] += 1
+            self.planner.tried[tuple(self._left(left).T)] += 1
 
     def _drive_to(self, view: Cell, cells: Ints, enough: Callable[[States], bool] | None) -> bool:
         """Scan on the way to a view; return whether it was reached, or left for what the scans have shown."""
@@ -162,23 +155,10 @@ class Explorer:
                     return False
         return True
 
-    def _direction(self, cells: Ints) -> Floats:
-        angle = self.planner.heading(self.at, cells)
-        return np.array([math.sin(angle), math.cos(angle)])
-
     def _heading(self, begin: Floats, end: Floats) -> float:
         """Return the direction on the map of a step in cells, in radians."""
         (x0, x1), (y0, y1) = self.grid.geobox.xy_from_pixel(*np.stack([begin, end]).T)
         return math.atan2(y1 - y0, x1 - x0)
-
-    def _in_view(self, cells: Ints) -> Ints:
-        """Return which of some cells the last scan looked at."""
-        if self.sensor.fov_deg >= 360 or not len(cells):
-            return cells
-        x, y = self.grid.geobox.xy_from_pixel(*(cells.T + 0.5))
-        pose = self.drive.poses[-1]
-        off = np.arctan2(y - pose.y, x - pose.x) - pose.heading_rad
-        return cells[np.abs((off + math.pi) % math.tau - math.pi) <= math.radians(self.sensor.fov_deg / 2)]
 
     def _left(self, cells: Ints) -> Ints:
         """Return which of some cells are frontiers still."""

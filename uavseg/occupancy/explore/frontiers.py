@@ -4,7 +4,7 @@ B. Yamauchi, "A frontier-based approach for autonomous exploration" (1997): a fr
 beside unknown ones. Rays go from cell to cell (Amanatides and Woo, 1987).
 """
 
-from math import cos, inf, log2, sin, tau
+from math import cos, inf, sin, tau
 
 import numpy as np
 from numpy.typing import NDArray
@@ -171,45 +171,29 @@ def expected_bits(
     map are occupied. Angles are radians, from the columns towards the rows.
     """
     free, occupied = np.count_nonzero(states == FREE), np.count_nonzero(states == OCCUPIED)
-    reached = np.zeros(states.shape, np.float32)
+    p = np.clip(probabilities, 1e-12, 1 - 1e-12).astype(np.float64)
+    entropy = -p * np.log2(p) - (1 - p) * np.log2(1 - p)
+    blocking = np.where(states == UNKNOWN, (occupied + 1.0) / (free + occupied + 2.0), p)
     rays = rays_for(range_cells)
     count = rays if fov >= tau else max(int(rays * fov / tau), 1)
-    first = heading - fov / 2
-    return float(
-        _expect(
-            *(
-                np.ascontiguousarray(probabilities, np.float32),
-                states,
-                *view,
-                range_cells,
-                first,
-                rays,
-                count,
-            ),
-            *((occupied + 1.0) / (free + occupied + 2.0), reached),
-        )
-    )
+    reached = np.zeros(states.shape)
+    sees = (*view, range_cells, heading - fov / 2, rays, count)
+    return float(_expect(entropy, blocking, states, *sees, reached))
 
 
-@kernel("f8(f4[:,::1], u1[:,::1], i8, i8, f8, f8, i8, i8, f8, f4[:,::1])")
-def _expect(  # type: ignore[no-untyped-def]
-    probabilities, states, row, col, range_cells, first, rays, count, density, reached
-):
+@kernel("f8(f8[:,::1], f8[:,::1], u1[:,::1], i8, i8, f8, f8, i8, i8, f8[:,::1])")
+def _expect(entropy, blocking, states, row, col, range_cells, first, rays, count, reached):  # type: ignore[no-untyped-def]
     rows, cols = states.shape
     bits = 0.0
     for ray in range(count):
         r, c = row, col
         down, right, per_row, per_col = _begin_ray(ray, rays, first)
         to_row, to_col, length, chance = per_row / 2, per_col / 2, 0.0, 1.0
-        while (
-            length <= range_cells and chance > 1e-3 and 0 <= r < rows and 0 <= c < cols and states[r, c] != 0
-        ):
-            p = float(probabilities[r, c])
-            if chance > reached[r, c] and 0.0 < p < 1.0:
-                entropy = -p * log2(p) - (1.0 - p) * log2(1.0 - p)
-                bits += entropy * (chance - reached[r, c])
+        while length <= range_cells and 0 <= r < rows and 0 <= c < cols and states[r, c] != 0:
+            if chance > reached[r, c]:
+                bits += entropy[r, c] * (chance - reached[r, c])
                 reached[r, c] = chance
-            chance *= 1.0 - (density if states[r, c] == UNKNOWN else p)
+            chance *= 1.0 - blocking[r, c]
             if to_row < to_col:
                 length, to_row, r = to_row, to_row + per_row, r + down
             else:

@@ -3,8 +3,9 @@
 A view that sees a frontier need not stand on it. So the candidates are places from which frontiers are seen
 within the range; the greedy set cover (V. Chvatal, 1979) chooses few of them, those near by first; and the
 first of the shortest tour through the chosen (M. Kulich, J. Faigl and L. Preucil, "On distance utility in the
-exploration task", ICRA 2011) is where to go. It is moved to where the way on is short, as long as it sees what
-it alone was to see.
+exploration task", ICRA 2011) is where to go. The tour ends where unknown space goes on farthest: what is
+behind the other frontiers is explored on the way, and nobody has to come back for it. The first view is moved
+to where the way on is short, as long as it sees what it alone was to see.
 """
 
 from dataclasses import field
@@ -21,13 +22,9 @@ from uavseg.occupancy.explore.frontiers import Frontiers, Ints, States, find_fro
 from uavseg.occupancy.paths.clearance import clearance, is_at_least
 from uavseg.units import FREE, UNKNOWN
 
-_SPACING_M = 0.4  # of candidates
+_SPACING_M = 0.3  # of candidates
 _REACHES = (0.9, 0.3, 0.1)  # of the range, from which a frontier is looked at first, second and third
 _DISCOUNT = 0.6  # of views that are farther away by the range: e^-0.6
-_NEAR = 2.0
-_END = 1.0
-_MODE = "max"
-_AHEAD = 0.99
 _ROUNDS = 60  # of the search for a tour
 
 Cell = tuple[int, int]
@@ -54,8 +51,10 @@ class Tour:
 
     candidates: Candidates
     frontiers: Frontiers
+    graph: BlockGraph
     views: list[int]  # candidates, in the order of the tour
-    lengths: NDArray[np.float64]  # (n + 1, n + 1); cells between the robot and the views in that order
+    lengths: NDArray[np.float64]  # (n + 1, n + 1); cells between the robot and the views, in that order
+    depths: NDArray[np.float64]  # (n,); how far unknown space goes on behind each, in cells
 
     def own(self, k: int) -> NDArray[np.int32]:
         """Return the frontier cells that the k-th view sees, without those that another sees too."""
@@ -71,8 +70,9 @@ class Tour:
 class ViewPlanner:
     """Chooses views of a map that becomes known, and remembers which frontiers cannot be resolved from where.
 
-    A frontier that a scan from a chosen view has left comes last from then on, and is looked at from nearer;
-    after the third time it is none: no drive ends with a frontier that it could see, nor waits at one for ever.
+    A frontier of which a scan from a chosen view has shown nothing comes last from then on, and is looked at
+    from nearer; after the third time it is none. So no drive ends with a frontier that it could resolve, or
+    waits at one for ever.
     """
 
     shape: tuple[int, int]
@@ -104,21 +104,20 @@ class ViewPlanner:
         return np.asarray(free)
 
     def tour(self, states: States, at: Cell) -> Tour | None:
-        """Return the views that are left, those of frontiers that were never looked at first; None if none is."""
+        """Return views of the frontiers that were looked at least often; None if none is left."""
         frontiers = find_frontiers(states)
         graph = block_graph(self.passable(states, at), self.side)
         away = graph.distances(int(graph.node_of[at]))
         tried = self.tried[tuple(frontiers.cells.T)]
         narrow = frontiers.widths < max(2 * self.clearance_m / self.cell_m, 2)
         for times, reach in enumerate(_REACHES):
-            wanted = np.maximum(tried, narrow) <= times if times else (tried == 0) & ~narrow
-            wanted &= tried < len(_REACHES)
+            wanted = np.maximum(tried, narrow) <= times
             range_cells = max(reach * self.range_m / self.cell_m, 2 + self.clearance_m / self.cell_m)
             candidates = self._candidates(states, frontiers, wanted, graph, away, range_cells)
             views = _cover(candidates, wanted, _DISCOUNT * self.cell_m / self.range_m)
             if views:
                 depths = self._depths(states, frontiers, candidates, views)
-                return _ordered(candidates, frontiers, views, graph, int(graph.node_of[at]), depths)
+                return _ordered(candidates, frontiers, graph, int(graph.node_of[at]), views, depths)
         return None
 
     def _candidates(
@@ -138,8 +137,6 @@ class ViewPlanner:
         near[tuple(frontiers.cells[wanted].T // side)] = 1
         near = maximum_filter(near, size=2 * ceil(range_cells / side) + 1)
         is_near = (near[tuple(graph.places.T // side)] > 0) & np.isfinite(away)
-        if self.fov_deg >= 360:
-            is_near &= away >= _NEAR
         on = frontiers.cells[wanted]
         node = graph.node_of[tuple(on.T)]
         _, first = np.unique(node, return_index=True)
@@ -170,16 +167,18 @@ class ViewPlanner:
         depths = np.zeros(len(views))
         reached = owner >= 0
         np.maximum.at(depths, np.concatenate(view_of_source)[owner[reached]], away[reached])
-        if _MODE == "area":
-            n = np.bincount(np.concatenate(view_of_source)[owner[reached]], minlength=len(views))
-            return _END * np.sqrt(n) * self.side
-        return _END * depths
+        return depths
 
     def choose(self, states: States, at: Cell) -> tuple[Cell, Ints] | None:
         """Return the next view, and the frontier cells (n, 2) that it is to resolve; None if all is known."""
         tour = self.tour(states, at)
         if tour is None:
             return None
+        row, col = tour.candidates.cells[self.place(tour)].tolist()
+        return (row, col), tour.frontiers.cells[tour.own(0)]
+
+    def place(self, tour: Tour) -> int:
+        """Return the candidate on the shortest way that sees what the first view of a tour alone sees."""
         found, own = tour.candidates, tour.own(0)
         mark = np.zeros(len(tour.frontiers.cells), np.uint8)
         mark[own] = 1
@@ -187,39 +186,46 @@ class ViewPlanner:
         _count(found.starts, found.seen, mark, counts)
         way = found.away.copy()
         if len(tour.views) > 1:
-            graph = block_graph(self.passable(states, at), self.side)
-            way += _AHEAD * graph.distances(int(found.nodes[tour.views[1]]))[found.nodes]
-        best = int(np.argmin(np.where(counts == len(own), way, np.inf)))
-        row, col = found.cells[best].tolist()
-        return (row, col), tour.frontiers.cells[own]
+            way += tour.graph.distances(int(found.nodes[tour.views[1]]))[found.nodes]
+        return int(np.argmin(np.where(counts == len(own), way, np.inf)))
 
-    def heading(self, at: Cell, cells: Ints) -> float:
-        """Return the direction in which most of some cells lie within the field of view, in radians."""
-        angles = np.arctan2(*(cells - at).T) if len(cells) else np.zeros(1)
+    def heading(self, at: Cell, cells: Ints) -> tuple[float, Ints]:
+        """Return the direction in which most of some cells are in view, in radians, and these cells."""
+        angles = np.arctan2(*(cells - at).T)
         turn = (angles[None, :] - angles[:, None]) % tau  # counted from each of the cells
         within = turn <= np.radians(self.fov_deg)
         first = int(np.argmax(within.sum(axis=1)))
-        return float(angles[first] + turn[first][within[first]].max() / 2)
-
-    def left(self, states: States, cells: Ints) -> Ints:
-        """Return which of some cells are frontiers still."""
-        index = find_frontiers(states).index
-        return cells[index[tuple(cells.T)] >= 0]
+        angle = float(angles[first] + turn[first][within[first]].max() / 2)
+        return angle, cells[within[first]]
 
 
 def _ordered(
-    candidates: Candidates, frontiers: Frontiers, views: list[int], graph: BlockGraph, at: int, depths
+    candidates: Candidates,
+    frontiers: Frontiers,
+    graph: BlockGraph,
+    at: int,
+    views: list[int],
+    depths: NDArray[np.float64],
 ) -> Tour:
-    """Return the views in the order of a short tour from the robot, which ends anywhere."""
+    """Return views in the order of a short tour from a node, which ends rather where a depth is great."""
     nodes = [at, *candidates.nodes[views].tolist()]
     lengths = np.stack([graph.distances(node)[nodes] for node in nodes])
-    lengths = np.minimum(lengths, lengths.T)
-    stops = Stops.of([np.array([[k, k]]) for k in range(1, len(nodes))])
-    ends = np.pad(lengths, (0, 1))
-    ends[1:-1, -1] = ends[-1, 1:-1] = depths.max() - depths
-    order = [stop for stop, _ in short_tour(stops, ends, start=0, end=len(nodes), rounds=_ROUNDS)]
+    lengths = np.minimum(lengths, lengths.T)  # the same to the last bit in both directions
+    order = tour_from(lengths, depths)
     sequence = np.r_[0, np.array(order) + 1]
-    return Tour(candidates, frontiers, [views[k] for k in order], lengths[np.ix_(sequence, sequence)])
+    lengths = lengths[np.ix_(sequence, sequence)]
+    return Tour(candidates, frontiers, graph, [views[k] for k in order], lengths, depths[order])
+
+
+def tour_from(lengths: NDArray[np.float64], depths: NDArray[np.float64]) -> list[int]:
+    """Return the order of views, counted from 0, for which the way less the depth of the last is short.
+
+    `lengths` (n + 1, n + 1) are between the start and the views, `depths` are (n,).
+    """
+    stops = Stops.of([np.array([[k, k]]) for k in range(1, len(lengths))])
+    to_end = np.pad(lengths, (0, 1))
+    to_end[1:-1, -1] = to_end[-1, 1:-1] = depths.max() - depths
+    return [stop for stop, _ in short_tour(stops, to_end, start=0, end=len(lengths), rounds=_ROUNDS)]
 
 
 def _cover(candidates: Candidates, wanted: NDArray[np.bool_], discount: float) -> list[int]:
@@ -233,7 +239,7 @@ def _cover(candidates: Candidates, wanted: NDArray[np.bool_], discount: float) -
 
 @kernel("i8(i8[::1], i4[::1], u1[::1], f8[::1], i8[::1], i8[::1])")
 def _choose(starts, seen, wanted, weights, counts, chosen):  # type: ignore[no-untyped-def]
-    # `counts` are upper bounds of the wanted cells that a candidate sees: counted again only where it matters.
+    # `counts` are upper bounds of the wanted cells that a candidate sees, counted again where it matters.
     number = 0
     while True:
         best, most = -1, 0.0

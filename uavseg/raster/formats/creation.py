@@ -6,6 +6,7 @@ from typing import Any
 
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
+from uavseg.execution.executors import threads_of_gdal
 from uavseg.plain_text import one_line, shown
 
 _INTERNAL = ("NONE", "DEFLATE", "LZW", "PACKBITS")  # every build of GDAL has them
@@ -84,7 +85,7 @@ class CreationOptions:
             options["zstd_level"] = self.level
         if self.predictor > 1:
             options["predictor"] = self.predictor
-        return options | {"bigtiff": self.bigtiff, "num_threads": str(self.threads)}
+        return options | {"bigtiff": self.bigtiff, "num_threads": threads_of_gdal(self.threads)}
 
 
 DEFAULT = CreationOptions()

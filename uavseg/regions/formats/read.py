@@ -324,3 +324,7 @@ def _inner_points(polygons: NDArray[np.object_], lon: Any, lat: Any) -> tuple[An
         steps_done(part.stop, len(polygons))
     return points[:, 0], points[:, 1]
 
+
+def _areas_m2(polygons: NDArray[np.object_]) -> NDArray[np.float64]:
+    geod = geod_wgs84()
+    return np.array([abs(geod.geometry_area_perimeter(polygon)[0]) for polygon in polygons])
