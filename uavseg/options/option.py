@@ -28,7 +28,8 @@ class Option:
     flags : tuple of str
         Names on the command line; "--name" by default. Empty: a positional argument.
     type : type
-        str, int, float or bool; what the text of the command line is converted to before `parse`.
+        str, int, float or bool; what the text of the command line is converted to before `parse`. By default
+        that of the field, and str with `parse` or where a field may be of several types.
     choices : tuple of str
         The values that it takes, if these are few.
     metavar : str
@@ -53,7 +54,7 @@ class Option:
 
     help: str
     flags: tuple[str, ...] = ()
-    type: type = str
+    type: type | None = None
     choices: tuple[str, ...] = ()
     metavar: str = ""
     parse: Callable[[Any], Any] | None = None
@@ -92,14 +93,12 @@ class Group:
 
 def option(help: str, *flags: str, default: Any = None, **described: Any) -> Any:
     """Declare a field that is an option; see `Option`."""
-    kind = described.pop("type", bool if isinstance(default, bool) else str)
-    described |= {"flags": flags, "type": kind, "default": default}
-    return field(default=default, metadata={"option": Option(help, **described)})
+    return field(default=default, metadata={"option": Option(help, flags, default=default, **described)})
 
 
 def argument(metavar: str, default: Any = None, **described: Any) -> Any:
     """Declare a field that is a positional argument of the command."""
-    found = Option("", metavar=metavar, default=default, python=False, basic=True, **described)
+    found = Option("", type=str, metavar=metavar, default=default, python=False, basic=True, **described)
     return field(default=default, metadata={"argument": found})
 
 
@@ -127,17 +126,23 @@ def options_of(job: type) -> dict[str, Option]:
 
 def _options(job: type) -> Iterator[tuple[str, Option]]:
     heading = (job.__doc__ or "").partition("\n")[0].rstrip(".")
-    for one in sorted(
-        fields(job), key=lambda one: one.name not in job.__annotations__
-    ):  # inherited ones last
+    inherited_last = sorted(fields(job), key=lambda one: one.name not in job.__annotations__)
+    for one in inherited_last:
         if "option" in one.metadata:
-            yield one.name, replace(one.metadata["option"], group=heading)
+            found = one.metadata["option"]
+            yield one.name, replace(found, group=heading, type=found.type or _type_of(str(one.type), found))
         elif "group" in one.metadata:
             taken: Group = one.metadata["group"]
             for name, found in options_of(taken.of).items():
                 if name not in taken.without:
                     described = {"python": found.python and taken.python, **taken.changed.get(name, {})}
                     yield name, replace(found, **described)
+
+
+def _type_of(annotation: str, described: Option) -> type:
+    if described.parse is not None:
+        return str
+    return {"int": int, "float": float, "bool": bool}.get(annotation.removesuffix(" | None"), str)
 
 
 def arguments_of(job: type) -> dict[str, Option]:

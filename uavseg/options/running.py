@@ -16,7 +16,6 @@ class StorageOptions(Options):
         "PREDICTOR, BIGTIFF; several times for several. Its pixels stay the same.",
         "--co",
         default=(),
-        type=str,
         multiple=True,
         metavar="NAME=VALUE",
         python=False,
@@ -48,7 +47,6 @@ class RegionOutputs(Options):
     sequence: bool | None = option(
         "With -o -: one feature a line, or one collection.  [default: collection]",
         "--sequence/--collection",
-        type=bool,
         python=False,
     )
     rs: bool = option(
@@ -57,7 +55,6 @@ class RegionOutputs(Options):
     geographic: bool | None = option(
         "With -o -: longitude and latitude, or the CRS of the raster.  [default: geographic]",
         "--geographic/--projected",
-        type=bool,
         python=False,
     )
 
@@ -85,10 +82,8 @@ class EachOptions(Options):
 class RunOptions(Options):
     """Running; changes no result."""
 
-    tile: int | None = option("Side of a tile, a multiple of 64.", type=int, metavar="PIXELS")
-    threads: int | None = option(
-        "Threads to work with.  [default: all cores]", type=int, metavar="N", label="Threads"
-    )
+    tile: int | None = option("Side of a tile, a multiple of 64.", metavar="PIXELS")
+    threads: int | None = option("Threads to work with.  [default: all cores]", metavar="N", label="Threads")
     scheduler: str | None = option(
         "Let the workers of a dask.distributed scheduler do the work.",
         metavar="tcp://HOST:PORT",
