@@ -21,32 +21,12 @@ from uavseg.segmentation.params.segment import SegmentParams, ValueClass, ValueC
 class ClassesRequest:
     """Which classes, and how their regions are drawn.
 
-    Parameters
-    ----------
-    classes : ValueClasses
-        Of v, after the stretch.
-    segment : SegmentParams
-        See `segment_classes.joint_params`.
-    drawing : Drawing
-        How outlines are drawn.
-    fill_holes : Area, optional
-        Holes of less are filled, and regions of any class within them become part of what surrounds them;
-        this comes first.
-    min_area : Area, optional
-        Regions of less are dropped, after holes are filled.
-    detail : Length, optional
-        Structures narrower than this become part of what is near, or are left out; this comes before holes.
-    min_confidence : float, optional
-        As of `ExtractRequest`.
-
-    Raises
-    ------
-    ParameterError
-        As of `ExtractRequest`.
+    The rest is as of `ExtractRequest`: regions of any class within a hole that is filled become part of what
+    surrounds them, and structures narrower than the detail part of what is near, or are left out.
     """
 
-    classes: ValueClasses
-    segment: SegmentParams = SegmentParams()
+    classes: ValueClasses  # of v, after the stretch
+    segment: SegmentParams = SegmentParams()  # see `segment_classes.joint_params`
     drawing: Drawing = Drawing()
     fill_holes: Area | None = None
     min_area: Area | None = None

@@ -33,24 +33,14 @@ from uavseg.segmentation.source import GreySource
 
 @dataclass(frozen=True, slots=True)
 class Written:
-    """What was written of partitions, which merges by adding.
+    """What was written of partitions, which merges by adding."""
 
-    Parameters
-    ----------
-    outlined, below_minimum, regions, files : int
-        Regions before small ones were dropped; those of too low a confidence; those in files; files.
-    area : float
-        Total area of those in files.
-    largest : (int, float)
-        Pixels and area of the largest.
-    """
-
-    outlined: int = 0
-    below_minimum: int = 0
-    regions: int = 0
+    outlined: int = 0  # regions before small ones were dropped
+    below_minimum: int = 0  # of too low a confidence
+    regions: int = 0  # in files
     files: int = 0
-    area: float = 0.0
-    largest: tuple[int, float] = (0, 0.0)
+    area: float = 0.0  # of the regions in files
+    largest: tuple[int, float] = (0, 0.0)  # pixels and area of the largest
 
     def __add__(self, other: "Written") -> "Written":
         return Written(

@@ -37,27 +37,13 @@ NOT_RUN = "it was not begun: the run was stopped"
 
 @dataclass(frozen=True, slots=True)
 class OutputNames:
-    """Where the results of many sources go.
+    """Where the results of many sources go."""
 
-    Parameters
-    ----------
-    regions : str
-        Template of the files of regions, see `fill_template`.
-    labels : str, optional
-        Template of the rasters of their labels.
-    overwrite : bool
-        Whether files that are there may be replaced.
-    skip_existing : bool
-        Whether sources are left out whose outputs are all there.
-    report : str, optional
-        A table of all outcomes, see `write_report`.
-    """
-
-    regions: str
-    labels: str | None = None
-    overwrite: bool = False
-    skip_existing: bool = False
-    report: str | None = None
+    regions: str  # template of the files of regions, see `fill_template`
+    labels: str | None = None  # template of the rasters of their labels
+    overwrite: bool = False  # whether files that are there may be replaced
+    skip_existing: bool = False  # whether sources are left out whose outputs are all there
+    report: str | None = None  # a table of all outcomes, see `write_report`
     creation: CreationOptions = DEFAULT
 
 

@@ -32,38 +32,17 @@ Home = tuple[float, ...] | Literal["auto"]
 class PlanRequest:
     """How to fly, from where, and over which of the regions.
 
-    Parameters
-    ----------
-    home : (lat, lon), (lat, lon, altitude_m) or "auto"
-        Where the vehicle starts; with "auto", near the chosen regions and outside of all of them and of
-        keep-out zones.
-    ids : sequence of int, optional
-        Only the regions with these ids.
-    largest : int, optional
-        Only so many, the largest.
-    where : str, optional
-        Only those that fulfil a condition, see `uavseg.regions.select.where`.
-    allow_edge : bool
-        Whether regions that touch the edge of their raster are flown over, where it is known.
-    classes : sequence of str, optional
-        Only regions of these classes.
-    avoid_classes : sequence of str
-        Regions of these classes are keep-out zones.
-
-    Raises
-    ------
-    ParameterError
-        If a class is to be flown over and kept out of.
+    A ParameterError says that a class is to be flown over and kept out of.
     """
 
     flight: PlanParams
-    home: Home
-    ids: Sequence[int] | None = None
-    largest: int | None = None
-    where: str | None = None
-    allow_edge: bool = False
-    classes: Sequence[str] | None = None
-    avoid_classes: Sequence[str] = ()
+    home: Home  # "auto": near the chosen regions, outside of all of them and of keep-out zones
+    ids: Sequence[int] | None = None  # only the regions with these
+    largest: int | None = None  # only so many
+    where: str | None = None  # a condition, see `uavseg.regions.select.where`
+    allow_edge: bool = False  # fly over regions that touch the edge of their raster too
+    classes: Sequence[str] | None = None  # only regions of these
+    avoid_classes: Sequence[str] = ()  # whose regions are keep-out zones
 
     def __post_init__(self) -> None:
         for name in self.avoid_classes:
