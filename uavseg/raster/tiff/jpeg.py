@@ -96,24 +96,14 @@ class JpegBlocks:
 class _Header:
     """What the segments before the pixels of a JPEG say.
 
-    Parameters
-    ----------
-    size : (int, int) or None
-        Rows and columns; None without a frame header.
-    defined, named : frozenset of (str, int)
-        Tables that it holds and those that it needs: "Q" and the number of a table of quantisation, "H" and
-        class and number of one of Huffman codes.
-    ends : bool
-        Whether the pixels begin.
-    damaged : bool
-        Whether something else stands where a segment should begin.
+    A table is "Q" and the number of one of quantisation, or "H" and class and number of one of Huffman codes.
     """
 
-    size: tuple[int, int] | None
-    defined: frozenset[tuple[str, int]]
-    named: frozenset[tuple[str, int]]
-    ends: bool
-    damaged: bool
+    size: tuple[int, int] | None  # rows and columns; None without a frame header
+    defined: frozenset[tuple[str, int]]  # tables that it holds
+    named: frozenset[tuple[str, int]]  # tables that it needs
+    ends: bool  # the pixels begin
+    damaged: bool  # something else stands where a segment should begin
 
 
 def _parse(stream: bytes) -> _Header:
