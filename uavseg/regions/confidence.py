@@ -28,21 +28,11 @@ MIN_SIMILARITY = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class Parting:
-    """Separation of a sample from the rest of a raster by texture.
+    """Separation of a sample from the rest of a raster by texture."""
 
-    Parameters
-    ----------
-    window : int
-        Side in pixels of the windows that are compared.
-    separability : float
-        Of the scores of all cells, see `two_kinds.separability`.
-    pixels : int
-        Of all cells with valid ones, of the whole raster.
-    """
-
-    window: int
-    separability: float
-    pixels: int
+    window: int  # side in pixels of the windows that are compared
+    separability: float  # of the scores of all cells, see `two_kinds.separability`
+    pixels: int  # of all cells with valid ones, of the whole raster
 
 
 @dataclass(frozen=True, slots=True)

@@ -94,21 +94,11 @@ def _decimals(count: int, before: str = "") -> Words:
 
 @dataclass(frozen=True, slots=True)
 class GeoJsonForm:
-    """Form of GeoJSON on a stream, with the options of rasterio's and fiona's commands.
+    """Form of GeoJSON on a stream, with the options of rasterio's and fiona's commands."""
 
-    Parameters
-    ----------
-    projected : bool
-        Coordinates in the CRS of the regions, which a collection names in its member ``crs`` (GeoJSON 2008).
-    sequence : bool
-        One feature a line, in place of a collection.
-    rs : bool
-        The character RS (0x1E) before each feature of a sequence (RFC 8142).
-    """
-
-    projected: bool = False
-    sequence: bool = False
-    rs: bool = False
+    projected: bool = False  # in the CRS of the regions, named in the member ``crs`` (GeoJSON 2008)
+    sequence: bool = False  # one feature a line, in place of a collection
+    rs: bool = False  # the character RS (0x1E) before each feature of a sequence (RFC 8142)
 
 
 COLLECTION = GeoJsonForm()

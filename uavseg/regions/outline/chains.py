@@ -46,23 +46,14 @@ class Chains:
 class PackedChains:
     """Chain code: a byte for most vertices, to save memory until chains are linked.
 
-    Parameters
-    ----------
-    steps : (b,) uint8 array
-        For each vertex a byte: 128 where it is pinched, 32 times the direction in which it was reached, and
-        the number of pixels, or 0 where it follows in four bytes. For first vertices the pinch alone.
-    corners : (k, 2) int32 array
-        The first vertex of each chain.
-    counts : (k,) int64 array
-        Vertices of each chain.
-    table : (k, 6) int64 array
-        As of `Chains`; START is the first of `steps`.
+    The byte of a vertex is 128 where it is pinched, 32 times the direction in which it was reached, and the
+    number of pixels, or 0 where it follows in four bytes; of a first vertex the pinch alone.
     """
 
-    steps: NDArray[np.uint8]
-    corners: NDArray[np.int32]
-    counts: NDArray[np.int64]
-    table: NDArray[np.int64]
+    steps: NDArray[np.uint8]  # (b,): a byte for each vertex
+    corners: NDArray[np.int32]  # (k, 2): the first vertex of each chain
+    counts: NDArray[np.int64]  # (k,): vertices of each chain
+    table: NDArray[np.int64]  # (k, 6): as of `Chains`; START is the first of `steps`
 
     def unpacked(self, which: NDArray[np.int64]) -> Chains:
         """Return some of the chains, by number and in that order."""

@@ -27,19 +27,11 @@ from uavseg.units import CELL
 
 @dataclass(frozen=True, slots=True)
 class TileOutlines:
-    """Components of one tile: their sums, boundary chains, and labels along the tile's borders.
+    """Components of one tile: their sums, boundary chains, and labels along the tile's borders."""
 
-    Parameters
-    ----------
-    sums : Sums
-        Of components 1..n.
-    top, bottom, left, right : uint32 arrays
-        The component of each pixel along a border, 0 for none.
-    """
-
-    sums: Sums
+    sums: Sums  # of components 1..n
     chains: Chains
-    top: NDArray[np.uint32]
+    top: NDArray[np.uint32]  # component of each pixel along this border, 0 for none
     bottom: NDArray[np.uint32]
     left: NDArray[np.uint32]
     right: NDArray[np.uint32]

@@ -28,17 +28,10 @@ LIKELY = IntensityRange(0.5, 1)  # similarities at which a pixel may belong to a
 
 @dataclass(frozen=True, slots=True)
 class ClassesByPixel:
-    """Class of each segment by its first pixel: known however segments are renumbered.
+    """Class of each segment by its first pixel: known however segments are renumbered."""
 
-    Parameters
-    ----------
-    firsts : (n, 2) int64 array
-        In raster order.
-    classes : (n,) uint8 array
-    """
-
-    firsts: Firsts
-    classes: NDArray[np.uint8]
+    firsts: Firsts  # (n, 2): in raster order
+    classes: NDArray[np.uint8]  # (n,)
 
     @classmethod
     def of(cls, firsts: Firsts, classes: NDArray[np.uint8]) -> "ClassesByPixel":
