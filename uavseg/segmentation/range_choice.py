@@ -32,24 +32,14 @@ _SAME = 0.15  # of the smaller side: cells between two edges that separate the s
 class ChosenRange:
     """A range of v, with the shape and contrast of its cells.
 
-    Parameters
-    ----------
-    low, high : float
-        0, 1, or a decimal number of few digits.
-    is_part : bool
-        Whether it is a part of the darkest or the brightest class; otherwise it is a class, and all classes
-        together are 0..1.
-    border : RangeBorder or None
-        None where no cell counts.
-    pixels : int
-        That lie in it by their grey; 0 if they were not counted.
+    All classes together are 0..1.
     """
 
-    low: float
-    high: float
-    is_part: bool
-    border: RangeBorder | None
-    pixels: int = 0
+    low: float  # 0, 1, or a decimal number of few digits
+    high: float  # likewise
+    is_part: bool  # a part of the darkest or the brightest class; else a class
+    border: RangeBorder | None  # None where no cell counts
+    pixels: int = 0  # that lie in it by their grey; 0 if they were not counted
 
     @property
     def score(self) -> float:

@@ -35,28 +35,16 @@ class DivisionParams:
 class SegmentParams:
     """Parameters of the segmentation.
 
-    Parameters
-    ----------
-    method : {"adaptive", "paper"}
-        Division by texture and intensity, or by texture alone.
-    threshold : float
-        X, at least 0: a block is divided where R = G_max / G_min is larger.
-    intensity_step : float
-        Tau, 0 to 1: the adaptive method also divides where the means of the children differ by more.
-    refine : {"tv", "scan", "none", "smooth", "pixels"}
-        Refinement to the pixel. The default is total variation, which decides each pixel by its denoised
-        value, and scans with the paper's method; "pixels" is a threshold: each pixel by its own value. With
-        the others leaves decide, and scans and local means move their boundaries.
+    Refinement is by total variation by default, which decides each pixel by its denoised value, and by scans
+    with the paper's method; "pixels" is a threshold: each pixel by its own value. With the others leaves
+    decide, and scans and local means move their boundaries.
 
-    Raises
-    ------
-    ParameterError
-        If a parameter is out of bounds.
+    A ParameterError says that a parameter is out of bounds.
     """
 
-    method: Method = "adaptive"
-    threshold: float = 1.2
-    intensity_step: float = 0.05
+    method: Method = "adaptive"  # "adaptive": by texture and intensity, "paper": by texture alone
+    threshold: float = 1.2  # X, at least 0: a block is divided where R = G_max / G_min is larger
+    intensity_step: float = 0.05  # tau: "adaptive" also divides where means of children differ by more
     refine: Refinement = None  # type: ignore[assignment]  # the default depends on the method
 
     def __post_init__(self) -> None:

@@ -47,14 +47,8 @@ _PART = 1 << 20  # scores that are counted at a time
 class TextureModel:
     """Texture and grey histograms of counted pixels; those of parts merge by adding.
 
-    Parameters
-    ----------
-    texture : (2048,) int64 array
-        Histogram of symbols, see `lbp.lbp_symbols`.
-    greys : (64,) int64 array
-        Histogram of grey in bins of 1024.
-    coarse : (2048,) int64 array
-        Histogram of symbols of means of 2 x 2 pixels, see `coarse_lbp.coarse_symbols`.
+    `texture` (2048,) is the histogram of symbols, see `lbp.lbp_symbols`, `greys` (64,) that of grey in bins
+    of 1024, and `coarse` (2048,) that of symbols of means of 2 x 2 pixels, see `coarse_lbp.coarse_symbols`.
     """
 
     texture: NDArray[np.int64] = field(default_factory=lambda: np.zeros(SYMBOLS, np.int64))
