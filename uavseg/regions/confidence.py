@@ -152,10 +152,7 @@ def keep_confident(
 def check_minimum(minimum: float | None, refine: str = "") -> None:
     """Check a minimum confidence before any work; regions that end at block edges have no confidence.
 
-    Raises
-    ------
-    ParameterError
-        If it is not within 0 and 1, or there will be none to compare it with.
+    A ParameterError says that it is not within 0 and 1, or that there will be none to compare it with.
     """
     if minimum is None:
         return

@@ -48,12 +48,8 @@ def is_region_file(path: str | os.PathLike[str]) -> bool:
 def about_file(path: str | os.PathLike[str]) -> RegionFile:
     """Read the metadata of a file of regions, without the regions.
 
-    Raises
-    ------
-    RegionError
-        If it cannot be read as regions.
-    AccessError
-        If its content names other files or addresses.
+    A RegionError says that it cannot be read as regions, an AccessError that its content names other files or
+    addresses.
     """
     name = os.fspath(path)
     check_vector(path, name)

@@ -55,19 +55,8 @@ _KML = re.compile(rb"<\s*(?:\w+:)?kml[\s>]", re.IGNORECASE)
 def check_vector(source: str | os.PathLike[str] | bytes, name: str) -> None:
     """Refuse a file that is not of a known format and that of its extension, or that links to others.
 
-    Parameters
-    ----------
-    source : path or bytes
-        A local file, or the content of one.
-    name : str
-        For messages.
-
-    Raises
-    ------
-    RegionError
-        If it is not a regular file, or of another format.
-    AccessError
-        If its content names other files or addresses.
+    The source is a local file, or the content of one; `name` is for messages. A RegionError says that it is
+    not a regular file, or of another format, an AccessError that its content names other files or addresses.
     """
     if not isinstance(source, bytes):
         regular_file(source, RegionError)
