@@ -65,21 +65,9 @@ def extract_partitions(
 
     The regions are the same, apart from their ids: the id of a region is the number of its first pixel,
     counted from 1 row by row. It is in the file of the partition in which that pixel lies, the largest first.
-    Neither ids nor files depend on tiles or workers.
-
-    Parameters
-    ----------
-    path : path
-        Of the folder, which the workers must share.
-    side : int
-        Of a partition in pixels, a multiple of 64.
-
-    Raises
-    ------
-    ParameterError
-        If an option needs all regions at once.
-    UavsegError
-        As `extract`, and if the folder cannot be written.
+    Neither ids nor files depend on tiles or workers. The workers share the folder, `path`; `side` is that of
+    a partition in pixels, a multiple of 64. A ParameterError says that an option needs all regions at once,
+    another UavsegError as of `extract`, or that the folder cannot be written.
     """
     check_local(request)
     if isinstance(source, Blocks):

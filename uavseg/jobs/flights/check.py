@@ -137,10 +137,8 @@ class MissionCheck:
 def check(source: str | os.PathLike[str] | Mission, request: CheckRequest) -> MissionCheck:
     """Read a mission back, and say what it is and who would refuse it.
 
-    Raises
-    ------
-    MissionError
-        If the file cannot be read, or holds a mission that would not be safe: which item, and why.
+    A MissionError says that the file cannot be read, or holds a mission that would not be safe: which item,
+    and why.
     """
     refused: dict[str, str] = {}
     own = None

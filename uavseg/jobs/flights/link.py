@@ -74,16 +74,10 @@ def upload(
     """Send a mission to a vehicle with its fence and rally points, read them back and compare.
 
     `progress` is called with the number of items that were sent or read back, and of all. With `while_armed`,
-    the mission of a vehicle whose motors are armed may be replaced.
-
-    Raises
-    ------
-    MissionError
-        If the file cannot be read, or the mission is for another autopilot.
-    UnverifiedError
-        If the vehicle accepted the mission, which could then not be read back.
-    LinkError
-        If the vehicle is armed, cannot be reached, refuses, falls silent, or is not alone on the link.
+    the mission of a vehicle whose motors are armed may be replaced. A MissionError says that the file cannot
+    be read, or that the mission is for another autopilot; an UnverifiedError that the vehicle accepted the
+    mission, which could then not be read back; a LinkError that it is armed, cannot be reached, refuses,
+    falls silent, or is not alone on the link.
     """
     mission = source if isinstance(source, Mission) else _read_uploadable(source)
     with _connected(request) as link:
@@ -114,12 +108,8 @@ def _read_uploadable(source: str | os.PathLike[str]) -> Mission:
 def download(request: LinkRequest, progress: Progress | None = None) -> Downloaded:
     """Read the mission of a vehicle, with its fence and rally points.
 
-    Raises
-    ------
-    MissionError
-        If the vehicle holds no mission, or one that would not be safe.
-    LinkError
-        If the vehicle cannot be reached, refuses, falls silent, or is not alone on the link.
+    A MissionError says that the vehicle holds no mission, or one that would not be safe, a LinkError that it
+    cannot be reached, refuses, falls silent, or is not alone on the link.
     """
     with _connected(request) as link:
         with phase("download"):

@@ -141,16 +141,9 @@ def plan(
 
     Regions and keep-out zones are in degrees (lon, lat; WGS 84), see `uavseg.jobs.flights.plan_regions`. With
     the raster that the regions are of, those that touch its edge are left out, and a home that is found lies
-    on one of its valid pixels.
-
-    Raises
-    ------
-    RegionError
-        If none of the regions is chosen, none is of a class, or one that touches the edge is chosen by its
-        id.
-    MissionError
-        If there are no regions, if they are not near home, if zones make one unreachable, or if the mission
-        would not be safe.
+    on one of its valid pixels. A RegionError says that none of the regions is chosen, none is of a class, or
+    one that touches the edge is chosen by its id; a MissionError that there are no regions, that they are not
+    near home, that zones make one unreachable, or that the mission would not be safe.
     """
     chosen: Regions = regions
     notes: list[str] = []

@@ -62,11 +62,8 @@ class MatchClassesRequest:
 def match_classes(source: Source, request: MatchClassesRequest, work: Work = SERIAL) -> Extraction:
     """Return regions of the classes of samples, in the column `class`; adjacent ones share borders.
 
-    Raises
-    ------
-    SampleError
-        If a sample is not on the raster, too small, on nodata or in common with one of another class, or the
-        file has fewer than two classes, or too many.
+    A SampleError says that a sample is not on the raster, too small, on nodata or in common with one of
+    another class, or that the file has fewer than two classes, or too many.
     """
     work = work.begun()
     raster = raster_of(source, "a block map holds no colors to be compared; name the raster itself")

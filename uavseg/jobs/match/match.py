@@ -77,10 +77,7 @@ class Match:
 def match(source: Source, request: MatchRequest, work: Work = SERIAL) -> Match:
     """Return regions of a raster that are like a sample of it.
 
-    Raises
-    ------
-    SampleError
-        If the sample is not on the raster, too small, or on nodata.
+    A SampleError says that the sample is not on the raster, too small, or on nodata.
     """
     work = work.begun()
     raster = raster_of(source, "a block map holds no texture to be compared; name the raster itself")

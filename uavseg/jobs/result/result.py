@@ -134,19 +134,10 @@ def measured(
 ) -> Extraction:
     """Return regions with their attributes.
 
-    Parameters
-    ----------
-    interval : (float, float) or two (n,) arrays
-        Low and high v of all regions, or of each.
-    drawing : Drawing
-        How their outlines are drawn.
-    more : mapping of str to (n,) array
-        Columns that come after the id.
-    detected : DetectedRange, optional
-        The range that was asked for, in both units; by default its values follow from `interval`.
-    confidence : Confidence, optional
-        A column after `more`; regions of less than its minimum are left out. One that is not known is refused
-        with ParameterError.
+    `interval` is the low and high v of all regions, or of each, (n,), and `detected` the range that was asked
+    for, in both units; by default its values follow from the interval. Columns of `more` come after the id,
+    then the confidence, if any; regions of less than its minimum are left out, and one that is not known is
+    refused with a ParameterError.
     """
     below_minimum = None
     if confidence is not None:

@@ -59,17 +59,10 @@ class Work:
     def over(self, source: "Pixels", block_map: bool = True) -> TilePass:
         """Return the pass over the tiles of a source, which collects its unreadable blocks.
 
-        `block_map` tells whether the work may hold the block map of the whole source.
-
-        Raises
-        ------
-        ParameterError
-            If the side of a tile is not a multiple of 64, or there is a checkpoint and the source is a ROS
-            map, which is read whole.
-        OutputError
-            If the folder of the checkpoint cannot be made.
-        RasterError
-            If the raster is too large for its block map to fit into memory.
+        `block_map` tells whether the work may hold the block map of the whole source; a RasterError says that
+        it would not fit into memory. A ParameterError says that the side of a tile is not a multiple of 64,
+        or that there is a checkpoint and the source is a ROS map, which is read whole, an OutputError that
+        the folder of the checkpoint cannot be made.
         """
         if self.checkpoint is not None:
             source.check_resumable()
