@@ -270,21 +270,10 @@ def border_steps(
     """Sum the differences of grey across the pixel edges along the borders of components.
 
     Edges along the border of a tile count where the margin holds a pixel of another value, so the sums of
-    tiles add up to those of the raster.
-
-    Parameters
-    ----------
-    image : (M + 2 m, N + 2 m) uint8 or uint32 array
-        Adjacent pixels of equal value, not 0, belong together.
-    labels : (M, N) uint32 array
-        Their components 1..count, without the margin.
-    grey, valid : (M + 2 m, N + 2 m) uint16 and uint8 arrays
-        Edges to an invalid pixel do not count.
-
-    Returns
-    -------
-    steps : (count, 2) int64 array
-        Of each component the sum of absolute differences of grey, and the number of edges.
+    tiles add up to those of the raster. In `image`, (M + 2 m, N + 2 m) uint8 or uint32, adjacent pixels of
+    equal value, not 0, belong together; `labels`, (M, N), are their components 1..count, without the margin.
+    `grey` and `valid` have the margin; edges to an invalid pixel do not count. The steps, (count, 2) int64,
+    are of each component the sum of absolute differences, and the number of edges.
 
     Examples
     --------

@@ -79,12 +79,8 @@ def segment_lbpc(
 ) -> Labels:
     """Label the segments of an (M, N) image by LBP/C; all pixels are valid without `valid`.
 
-    The labels are 1..n, most pixels first, ties in raster order of the first pixel; 0 where invalid.
-
-    Raises
-    ------
-    RasterError
-        If the image has more than 4096 x 4096 pixels.
+    The labels are 1..n, most pixels first, ties in raster order of the first pixel; 0 where invalid. A
+    RasterError says that the image has more than 4096 x 4096 pixels.
 
     Examples
     --------

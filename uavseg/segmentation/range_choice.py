@@ -93,22 +93,13 @@ def choose_ranges(
 ) -> RangeChoice:
     """Choose the ranges of a raster.
 
-    Parameters
-    ----------
-    histogram : (65536,) int64 array
-        Valid pixels by the mean grey of their leaf; not all 0.
-    pairs : CellPairs or None
-        Of the same block map.
-    n_classes : int, optional
-        Number of Otsu's classes, and no parts of them. By default as many as valleys of the histogram
-        separate; where there are no such valleys, two of minimum cross entropy.
-    refined : bool
-        Whether regions are refined to the pixel, so that a cell may differ from its leaf.
-    greys : (65536,) int64 array, optional
-        Pixels by grey.
-    populations : sequence of float
-        Edges between populations of pixels, see `population_edges`. They replace edges that separate the same
-        cells, and are added otherwise; not with a number of classes.
+    `histogram`, (65536,), is of valid pixels by the mean grey of their leaf, not all 0, and `pairs` are of
+    the same block map. `n_classes` is the number of Otsu's classes, without parts of them; by default as many
+    as valleys of the histogram separate, and where there are no such valleys, two of minimum cross entropy.
+    `refined` tells whether regions are refined to the pixel, so that a cell may differ from its leaf.
+    `greys`, (65536,), are pixels by grey, and `populations` the edges between populations of them, see
+    `population_edges`: these replace edges that separate the same cells, and are added otherwise; not with a
+    number of classes.
     """
     candidates = propose_ranges(histogram, n_classes)
     edges, parts = candidates.edges, list[tuple[float, float, bool]]()

@@ -204,13 +204,7 @@ class Dataset:
 
     @checked
     def of_band(self, band: int | str, nodata: float | str | None = None) -> "Dataset":
-        """Return the same raster with the intensity of one band, by its number or name.
-
-        Raises
-        ------
-        ParameterError
-            If there is no such band.
-        """
+        """Return the same raster with the intensity of one band, by its number or name; ParameterError without it."""
         choice = choose(self.mosaic.files[0].layout, band, None, BandWords())
         check_names_agree(self.mosaic.files, choice.bands)
         files, warnings = with_nodata(self.mosaic.files, choice, nodata)
@@ -268,10 +262,7 @@ class Dataset:
     def windows(self, tile: int | None = None) -> list[Window]:
         """Return the tiles in reading order: squares of this side in pixels, or a size that suits the files.
 
-        Raises
-        ------
-        ParameterError
-            If the side is not a positive multiple of 64.
+        A ParameterError says that the side is not a positive multiple of 64.
         """
         shape = self.geobox.shape
         return in_panels(tiles(shape, tile_side(shape, self.file_block) if tile is None else tile))

@@ -116,21 +116,10 @@ def required_ratios(
     """Return bit masks of the ratios R that decide in which interval the mean of every leaf lies.
 
     Where the means of all cells of a block lie in one interval, so does the mean of any leaf made of them,
-    whatever its R. R is not required either where intensity alone divides the block.
-
-    Parameters
-    ----------
-    sums, counts : (8 B, 8 C) arrays
-        Of the cells, as in `BlockMap`.
-    edges : sequence of float
-        Between the intervals, increasing; a mean on an edge lies in the interval below it.
-    step : float
-        Tau; infinite for no intensity test.
-
-    Returns
-    -------
-    required : (B, C) uint32 array
-        Bit k is set where ratio k of a block is required, unless a larger block around it is not divided.
+    whatever its R. R is not required either where intensity alone divides the block. Sums and counts are
+    those of `BlockMap`; edges between the intervals increase, and a mean on an edge lies in the interval
+    below it. `step` is tau, infinite for no intensity test. Bit k of the masks, (B, C), is set where ratio k
+    of a block is required, unless a larger block around it is not divided.
     """
     required = np.zeros((sums.shape[0] // CELLS, sums.shape[1] // CELLS), np.uint32)
     _required_ratios(sums, counts, np.array(edges, np.float64), step, required)

@@ -179,12 +179,9 @@ class StateLimits:
 class Levels:
     """Levels of equal width over 0..1; the last may be narrower.
 
-    Level k, from 0, holds the values above k P up to (k + 1) P with P the `width`; level 0 also holds 0.
-
-    Raises
-    ------
-    ParameterError
-        If the width is not above 0 and at most 1, or so small that there are more levels than greys.
+    Level k, from 0, holds the values above k P up to (k + 1) P with P the `width`; level 0 also holds 0. A
+    ParameterError says that the width is not above 0 and at most 1, or so small that there are more levels
+    than greys.
 
     Examples
     --------
@@ -250,10 +247,7 @@ class Partition:
 class Breaks:
     """Levels between given edges over 0..1; a value on an edge belongs to the level below it.
 
-    Raises
-    ------
-    ParameterError
-        If the edges do not increase, above 0 and below 1.
+    A ParameterError says that the edges do not increase, above 0 and below 1.
 
     Examples
     --------
@@ -319,12 +313,8 @@ class ValueClass:
 class ValueClasses:
     """Classes whose ranges do not overlap, numbered from 1.
 
-    A range includes both its ends. Where two ranges share an end, it belongs to the lower of them.
-
-    Raises
-    ------
-    ParameterError
-        If there are none or too many, two have the same name, or two overlap.
+    A range includes both its ends. Where two ranges share an end, it belongs to the lower of them. A
+    ParameterError says that there are none or too many, two have the same name, or two overlap.
 
     Examples
     --------
