@@ -10,7 +10,7 @@ _TAIL = 150  # of a message, which often ends with what to do
 
 
 def one_line(text: object, max_length: int = MAX_MESSAGE) -> str:
-    """rFormat a text as one printable line: control characters are escaped, the middle of long ones left out.
+    r"""Format a text as one printable line: control characters are escaped, the middle of long ones left out.
 
     `max_length` is how many characters are kept.
 

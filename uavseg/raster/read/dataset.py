@@ -204,7 +204,7 @@ class Dataset:
 
     @checked
     def of_band(self, band: int | str, nodata: float | str | None = None) -> "Dataset":
-        """Return the same raster with the intensity of one band, by its number or name; ParameterError without it."""
+        """Return the same raster with the intensity of one band; ParameterError if there is no such band."""
         choice = choose(self.mosaic.files[0].layout, band, None, BandWords())
         check_names_agree(self.mosaic.files, choice.bands)
         files, warnings = with_nodata(self.mosaic.files, choice, nodata)
