@@ -201,8 +201,7 @@ def measure(
 ) -> Extraction:
     """Return regions with their attributes, the small ones dropped: no region depends on another."""
     info = SourceInfo.of(source)
-    if request.min_area is not None:
-        outlined = drop_small_regions(outlined, info.geobox, request.min_area)
+    outlined = drop_small_regions(outlined, info.geobox, request.min_area)
     interval = detected.interval
     ends = interval.low, interval.high
     confidence = Confidence.of(

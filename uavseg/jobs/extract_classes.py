@@ -50,8 +50,7 @@ def extract_classes(source: Source, request: ClassesRequest, work: Work = SERIAL
     found = segment_classes(source, division, work)
     outlined, hints = found.outlined, list(found.notes)
     present = set(found.kinds_at(outlined.sums.firsts).tolist())
-    if request.min_area is not None:
-        outlined = drop_small_regions(outlined, found.info.geobox, request.min_area)
+    outlined = drop_small_regions(outlined, found.info.geobox, request.min_area)
     kind = found.kinds_at(outlined.sums.firsts) - 1
     low = np.array([one.interval.low for one in classes])
     high = np.array([one.interval.high for one in classes])

@@ -119,7 +119,7 @@ def _notes(partition: Partition, request: LevelsRequest) -> list[str]:
 def _measured(found: Segmented, request: LevelsRequest) -> Extraction:
     """Return segments with their levels and attributes, the small ones merged or dropped."""
     outlined, info = found.outlined, found.info
-    if request.min_area is not None and request.small == "drop":
+    if request.small == "drop":
         outlined = drop_small_regions(outlined, info.geobox, request.min_area)
     level = found.kinds_at(outlined.sums.firsts) - 1
     if request.min_area is not None and request.small == "merge":

@@ -65,21 +65,6 @@ def confidence_of(outlined: RegionOutlines, low: ArrayLike, high: ArrayLike) -> 
     return OF_RANGES.probability(region_terms(outlined, low, high))
 
 
-def match_confidence_of(outlined: RegionOutlines, similarity: Floats, parting: float) -> Floats:
-    """Compute the probability that each region like a sample is right; parameters as of `match_terms`."""
-    return OF_MATCHES.probability(match_terms(outlined, similarity, parting))
-
-
-def class_confidence_of(outlined: RegionOutlines, own: Floats, parting: Floats) -> Floats:
-    """Compute the probability that each region of a class is right; parameters as of `class_terms`."""
-    return OF_CLASSES.probability(class_terms(outlined, own, parting))
-
-
-def texture_confidence_of(outlined: RegionOutlines, parting: Parting) -> Floats:
-    """Compute the probability that each region by texture is right; parameters as of `texture_terms`."""
-    return OF_TEXTURES.probability(texture_terms(outlined, parting))
-
-
 def region_terms(outlined: RegionOutlines, low: ArrayLike, high: ArrayLike) -> Floats:
     """Compute the terms of the confidence of regions of a range, arguments of `confidence_of`: (n, 5).
 

@@ -292,7 +292,8 @@ def _complete(columns: dict[str, NDArray[Any]], polygons: NDArray[np.object_]) -
     lon, lat = _inner_points(polygons, columns.get("lon"), columns.get("lat"))
     area = columns.get("area_m2")
     if area is None or area.dtype.kind not in "iuf" or not np.isfinite(area).all():
-        area = _areas_m2(polygons)
+        geod = geod_wgs84()
+        area = np.array([abs(geod.geometry_area_perimeter(polygon)[0]) for polygon in polygons])
     columns = {"id": ids, "area_m2": area, **columns} | {"id": ids, "area_m2": area, "lon": lon, "lat": lat}
     return Regions(columns, polygons, WGS84).select(np.argsort(ids, kind="stable"))
 
@@ -307,8 +308,3 @@ def _inner_points(polygons: NDArray[np.object_], lon: Any, lat: Any) -> tuple[An
         points[outside] = shapely.get_coordinates(shapely.point_on_surface(polygons[outside]))
         steps_done(part.stop, len(polygons))
     return points[:, 0], points[:, 1]
-
-
-def _areas_m2(polygons: NDArray[np.object_]) -> NDArray[np.float64]:
-    geod = geod_wgs84()
-    return np.array([abs(geod.geometry_area_perimeter(polygon)[0]) for polygon in polygons])
