@@ -40,8 +40,8 @@ class LinkRequest:
 
 
 @dataclass(frozen=True)
-class Uploaded:
-    """A mission that a vehicle holds, as reading it back has shown.
+class Transferred:
+    """A mission that a vehicle holds, as reading it, or reading it back, has shown.
 
     `vehicle` names its autopilot and system id; the warnings are those of the mission, and what the upload
     found.
@@ -52,25 +52,12 @@ class Uploaded:
     warnings: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class Downloaded:
-    """A mission that was read from a vehicle, see `Uploaded`."""
-
-    mission: Mission
-    vehicle: str
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What the person who flies it should know."""
-        return self.mission.warnings
-
-
 def upload(
     source: str | os.PathLike[str] | Mission,
     request: LinkRequest,
     progress: Progress | None = None,
     while_armed: bool = False,
-) -> Uploaded:
+) -> Transferred:
     """Send a mission to a vehicle with its fence and rally points, read them back and compare.
 
     `progress` is called with the number of items that were sent or read back, and of all. With `while_armed`,
@@ -83,7 +70,7 @@ def upload(
     with _connected(request) as link:
         with phase("upload and comparison"):
             found = upload_mission(link, mission, progress, while_armed)
-        return Uploaded(mission, str(link.vehicle), (*mission.warnings, *found))
+        return Transferred(mission, str(link.vehicle), (*mission.warnings, *found))
 
 
 @contextmanager
@@ -105,7 +92,7 @@ def _read_uploadable(source: str | os.PathLike[str]) -> Mission:
     return read_mission(source)
 
 
-def download(request: LinkRequest, progress: Progress | None = None) -> Downloaded:
+def download(request: LinkRequest, progress: Progress | None = None) -> Transferred:
     """Read the mission of a vehicle, with its fence and rally points.
 
     A MissionError says that the vehicle holds no mission, or one that would not be safe, a LinkError that it
@@ -114,4 +101,4 @@ def download(request: LinkRequest, progress: Progress | None = None) -> Download
     with _connected(request) as link:
         with phase("download"):
             found = download_mission(link, progress)
-        return Downloaded(found, str(link.vehicle))
+        return Transferred(found, str(link.vehicle), found.warnings)

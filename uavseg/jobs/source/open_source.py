@@ -33,7 +33,7 @@ def open_source(source: Any, options: ReadOptions = ReadOptions()) -> Source:
     together, a ParameterError that an option does not apply to this kind of source.
     """
     if not _is_path(source):
-        if _is_value(source):
+        if isinstance(source, Dataset) or is_pixels(source):
             return _raster(source, options)
         if _is_grid(source):
             return _grid(source, options)
@@ -104,10 +104,6 @@ def raster_of(source: Source, refusal: str = "") -> Raster:
 
 def _is_path(source: Any) -> bool:
     return isinstance(source, str | os.PathLike)
-
-
-def _is_value(source: Any) -> bool:
-    return isinstance(source, Dataset) or is_pixels(source)
 
 
 def _listed(source: Any) -> list[Any]:
