@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from uavseg.options import texts
 from uavseg.options.option import Options, argument, group, option
 from uavseg.options.reading import AccessOptions
-from uavseg.options.running import OverwriteOptions, ProgressOptions, VerbosityOptions
+from uavseg.options.running import OverwriteOptions, ProgressOptions, VerbosityOptions, output_option
 
 if TYPE_CHECKING:
     from uavseg.flight.camera.camera import Camera
@@ -285,14 +285,7 @@ class PlanOptions(Options):
     """Regions."""
 
     regions: str = argument("REGIONS", required=True)
-    output: str = option(
-        "The mission: .plan, .waypoints, .kmz, .csv, .kml or .geojson.",
-        *("-o", "--output"),
-        required=True,
-        metavar="PATH",
-        python=False,
-        basic=True,
-    )
+    output: str = output_option("The mission: .plan, .waypoints, .kmz, .csv, .kml or .geojson.", "PATH")
     mission: MissionOptions = group(MissionOptions)
     ids: Sequence[int] | None = option(
         "Only the regions with these ids.", metavar="N,N,...", parse=texts.ids, basic=True
@@ -413,14 +406,7 @@ class DownloadOptions(Options):
     """Download."""
 
     link: LinkOptions = group(LinkOptions)
-    output: str = option(
-        "The mission: .plan or another file as of uavseg plan.",
-        *("-o", "--output"),
-        required=True,
-        metavar="FILE",
-        python=False,
-        basic=True,
-    )
+    output: str = output_option("The mission: .plan or another file as of uavseg plan.", "FILE")
     files: OverwriteOptions = group(OverwriteOptions, overwrite={"help": "Replace a mission that is there."})
     progress: ProgressOptions = group(ProgressOptions)
     messages: VerbosityOptions = group(VerbosityOptions)

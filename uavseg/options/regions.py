@@ -10,7 +10,7 @@ from uavseg.options import texts
 from uavseg.options.flights import MissionOptions
 from uavseg.options.option import Options, group, option
 from uavseg.options.reading import ONLY_MAPS, RASTER_STRETCH, AccessOptions, RasterArguments, ReadOptions
-from uavseg.options.running import EachOptions, RegionOutputs, StorageOptions, TiledJobOptions
+from uavseg.options.running import EachOptions, RegionOutputs, StorageOptions, TiledJobOptions, output_option
 
 if TYPE_CHECKING:
     from uavseg.segmentation.params.segment import SegmentParams
@@ -321,12 +321,8 @@ class SuggestOptions(TiledJobOptions):
     """Ranges."""
 
     source: RasterArguments = group(RasterArguments)
-    output: str | None = option(
-        "Also draw the ranges beside the histogram.",
-        *("-o", "--output"),
-        metavar="PATH.png",
-        python=False,
-        basic=True,
+    output: str | None = output_option(
+        "Also draw the ranges beside the histogram.", "PATH.png", required=False
     )
     classes: int | str = option(
         "How many ranges: 2 to 8, of Otsu's thresholds alone, or as many as the raster has by itself.",
@@ -362,14 +358,7 @@ class DivideOptions(TiledJobOptions):
     """Block map."""
 
     source: RasterArguments = group(RasterArguments)
-    output: str = option(
-        "The block map.",
-        *("-o", "--output"),
-        required=True,
-        metavar="PATH.tif",
-        python=False,
-        basic=True,
-    )
+    output: str = output_option("The block map.", "PATH.tif")
     creation: StorageOptions = group(StorageOptions)
     read: ReadOptions = group(ReadOptions, *ONLY_MAPS, **RASTER_STRETCH)
     division: DivisionOptions = group(DivisionOptions, python=False)
@@ -379,14 +368,7 @@ class OriginalOptions(TiledJobOptions):
     """LBP/C of Ojala and Pietikäinen."""
 
     source: RasterArguments = group(RasterArguments)
-    output: str = option(
-        "The labels of the segments.",
-        *("-o", "--output"),
-        required=True,
-        metavar="LABELS.tif",
-        python=False,
-        basic=True,
-    )
+    output: str = output_option("The labels of the segments.", "LABELS.tif")
     creation: StorageOptions = group(StorageOptions)
     threshold: float = option("Divide where G_max / G_min is larger.", default=1.2, metavar="X", basic=True)
     merge_stop: float = option(

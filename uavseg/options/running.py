@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 import os
+from typing import Any
 
 from uavseg.options.option import Options, group, option
 from uavseg.options.reading import AccessOptions
+
+
+def output_option(help: str, metavar: str, required: bool = True) -> Any:
+    """Declare the option for the file that a command writes."""
+    return option(help, "-o", "--output", required=required, metavar=metavar, python=False, basic=True)
 
 
 class StorageOptions(Options):
@@ -25,13 +31,11 @@ class StorageOptions(Options):
 class RegionOutputs(Options):
     """Output."""
 
-    output: str | None = option(
+    output: str | None = output_option(
         "The regions: .geojson, .gpkg, .fgb, .parquet, .shp or .kml; - is GeoJSON on stdout.  "
         "[default: STEM.regions.geojson here]",
-        *("-o", "--output"),
-        metavar="PATH",
-        python=False,
-        basic=True,
+        "PATH",
+        required=False,
     )
     labels: str | None = option(
         "Also write the labels of the regions as a raster: one .tif, or a .vrt over a folder of tiles.",

@@ -23,23 +23,16 @@ OWNER, START, FIRST, LAST, HEAD, TAIL = range(6)  # columns of Chains.table
 class Chains:
     """Pieces of boundaries as sequences of pixel corners.
 
-    Parameters
-    ----------
-    vertices : (v, 2) int32 array
-        Row and column of pixel corners. A closed chain holds turns and nodes only; an open one begins with
-        its first point, which may lie on a straight edge, and ends before the first point of its
-        continuation.
-    pinched : (v,) uint8 array
-        1 where the component touches itself, or another one of its label, corner to corner.
-    table : (k, 6) int64 array
-        Of each chain, by column: OWNER, its label; START, its first vertex; FIRST and LAST, its first and
-        last direction, FIRST -1 where its first vertex is a node; HEAD and TAIL, the keys of its first edge
-        and of the edge after its last, -1 if closed.
+    A closed chain holds turns and nodes only; an open one begins with its first point, which may lie on a
+    straight edge, and ends before the first point of its continuation. The columns of the table are OWNER,
+    the label of a chain; START, its first vertex; FIRST and LAST, its first and last direction, FIRST -1
+    where its first vertex is a node; HEAD and TAIL, the keys of its first edge and of the edge after its
+    last, -1 if closed.
     """
 
-    vertices: NDArray[np.int32]
-    pinched: NDArray[np.uint8]
-    table: NDArray[np.int64]
+    vertices: NDArray[np.int32]  # (v, 2): row and column of pixel corners
+    pinched: NDArray[np.uint8]  # (v,): 1 where components of a label touch corner to corner
+    table: NDArray[np.int64]  # (k, 6)
 
 
 @dataclass(frozen=True, slots=True)
