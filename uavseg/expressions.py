@@ -58,8 +58,8 @@ ALWAYS = Tristate(np.True_, np.False_)
 class Evaluator:
     """Evaluate a syntax tree; a subclass has the vocabulary and the messages.
 
-    That is `nodes` and `operators` that there may be, and `functions`, in lower case, with how many values
-    they take. `max_depth` is how deep nodes may lie in each other; None for no limit.
+    The vocabulary is the `nodes` and `operators` that there may be, and `functions`, in lower case, with how
+    many values they take. `max_depth` is how deep nodes may lie in each other; None for no limit.
     """
 
     nodes: ClassVar[frozenset[type]]

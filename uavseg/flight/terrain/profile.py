@@ -28,8 +28,8 @@ class GroundProfile:
     lon: Floats  # (n,): degrees
     lat: Floats  # (n,)
     along_m: Floats  # (n,) float64: distance from the start of the path; it never decreases
-    upper_m: Floats  # (n,): straight lines between these heights and ...
-    lower_m: Floats  # (n,): ... these enclose the ground
+    upper_m: Floats  # (n,): straight lines between these heights are not below the ground
+    lower_m: Floats  # (n,): and those between these not above it
     corners: Ints  # (k,) int64: the samples that are the corners of the path
 
 

@@ -61,9 +61,9 @@ def check_geometries(geometries: NDArray[np.object_], name: str) -> None:
 
 
 def check_attributes(source: str | os.PathLike[str] | bytes, name: str, count: int) -> None:
-    """Refuse a Shapefile whose table of attributes was not read, `count` of them were, with a RegionError.
+    """Refuse a Shapefile whose table of attributes was not read, with a RegionError.
 
-    `name` is for messages.
+    `name` is for messages, `count` is how many attributes were read.
     """
     if count == 0 and not isinstance(source, bytes):
         table = Path(source).with_suffix(".dbf")

@@ -168,11 +168,11 @@ class TileStitcher:
     ) -> RegionOutlines:
         """Return all regions: components that meet at tile borders, or belong to the same leaves, are one.
 
-        Either have a number for each cell (m, n) that pixels come from, where they were not refined:
-        `leaves`, 0 for no region, and the same where adjacent cells belong together. Components of different
-        numbers then stay apart, and cells that share an edge are one region also where invalid pixels
-        separate their pixels. Or `classes`, (n,), are those of the components, in the order in which tiles
-        were added; those of different classes stay apart.
+        `leaves`, (m, n), are numbers of the cells that the pixels come from, where they were not refined: 0
+        for no region, and the same where adjacent cells belong together. Then components of different numbers
+        stay apart, and cells that share an edge are one region also where invalid pixels separate their
+        pixels. In their place, `classes`, (n,), are those of the components, in the order in which tiles were
+        added; components of different classes stay apart.
         """
         trim_heap()  # tiles are not needed any more
         sums, pairs, count = concatenate_sums(self._sums), self._contacts.pairs, self._contacts.count
