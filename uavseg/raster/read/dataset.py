@@ -57,11 +57,6 @@ class OpenRaster(RasterFile):
     def __reduce__(self) -> tuple[Callable[..., RasterFile], tuple[Any, ...]]:
         raise ParameterError(f"{self.path} is an open raster, which no other process can read; give its path")
 
-    @property
-    def name(self) -> str:
-        """The last part of the path."""
-        return Path(self.path).name
-
     def fingerprint(self) -> Any:
         """Raise ParameterError: what is open cannot be recognised in another run."""
         raise ParameterError(
