@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
-import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from uavseg.access import Folders, allowing
+from uavseg.api._values import warn
 from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.jobs.source.open_source import open_pixels
@@ -118,8 +118,7 @@ def preview(
                 width_px=width,
                 overwrite=overwrite,
             )
-    for warning in (*opened.warnings, *work.bad_block_warnings):
-        warnings.warn(warning, stacklevel=3)
+    warn((*opened.warnings, *work.bad_block_warnings))
     return result
 
 
