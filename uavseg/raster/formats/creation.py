@@ -20,27 +20,13 @@ _FLOATS = 3  # the predictor of floating point values
 
 @dataclass(frozen=True, slots=True)
 class CreationOptions:
-    """How a GeoTIFF is stored. Its pixels are the same whatever is chosen.
+    """How a GeoTIFF is stored. Its pixels are the same whatever is chosen."""
 
-    Parameters
-    ----------
-    compress : str
-        DEFLATE, LZW, ZSTD, LZMA, PACKBITS or NONE.
-    level : int, optional
-        Of DEFLATE (1 to 9) or ZSTD (1 to 22); by default 6, and GDAL's own.
-    predictor : {1, 2, 3}
-        1 none, 2 differences between neighbours, 3 for floating point values.
-    bigtiff : {"YES", "NO", "IF_NEEDED", "IF_SAFER"}
-        Whether offsets have 64 bits.
-    threads : int
-        Number of threads that compress; the bytes of the file do not depend on it.
-    """
-
-    compress: str = "DEFLATE"
-    level: int | None = None
-    predictor: int = 1
-    bigtiff: str = "IF_SAFER"
-    threads: int = 1
+    compress: str = "DEFLATE"  # DEFLATE, LZW, ZSTD, LZMA, PACKBITS or NONE
+    level: int | None = None  # of DEFLATE (1 to 9) or ZSTD (1 to 22); by default 6, and GDAL's own
+    predictor: int = 1  # 1 none, 2 differences between neighbours, 3 for floating point values
+    bigtiff: str = "IF_SAFER"  # "YES", "NO", "IF_NEEDED", "IF_SAFER": whether offsets have 64 bits
+    threads: int = 1  # number of threads that compress; the bytes of the file do not depend on it
 
     @classmethod
     def of(cls, words: Mapping[str, Any] | Iterable[str] | None) -> "CreationOptions":

@@ -28,27 +28,14 @@ LIKELY = IntensityRange(0.5, 1)  # similarities at which a pixel may belong to a
 
 @dataclass(frozen=True, slots=True)
 class ClassesByPixel:
-    """Class of each segment by its first pixel: known however segments are renumbered.
+    """Class of each segment by its first pixel: known however segments are renumbered."""
 
-    Parameters
-    ----------
-    firsts : (n, 2) int64 array
-        In raster order.
-    classes : (n,) uint8 array
-    """
-
-    firsts: Firsts
-    classes: NDArray[np.uint8]
+    firsts: Firsts  # (n, 2): in raster order
+    classes: NDArray[np.uint8]  # (n,)
 
     @classmethod
     def of(cls, firsts: Firsts, classes: NDArray[np.uint8]) -> "ClassesByPixel":
-        """Sort components by their first pixels.
-
-        Parameters
-        ----------
-        firsts : (n, 2) int64 array
-        classes : (n,) uint8 array
-        """
+        """Sort components, (n, 2) first pixels and (n,) classes, by their first pixels."""
         order = np.lexsort((firsts[:, 1], firsts[:, 0]))
         return cls(firsts[order], classes[order])
 
@@ -69,13 +56,8 @@ def outline_refined_classes(
 ) -> tuple[RegionOutlines, ClassesByPixel]:
     """Outline segments of a partition, refined together: none overlap, and borders are shared.
 
-    Parameters
-    ----------
-    refine : {"tv", "pixels"}
-    expected : BlockMap, optional
-        The sums and counts that cells must have, if the block map was made earlier; see `check_sums`.
-    detail : Detail, optional
-        Narrower structures are removed after refinement.
+    Refinement is by "tv" or "pixels". `expected` are the sums and counts that cells must have, if the block
+    map was made earlier, see `check_sums`; structures narrower than `detail` are removed after refinement.
     """
     jobs = tile_jobs(every_cell(source.shape), tile_pass.windows, expected, detail)
     tiles = tile_pass.run(partial(_outline_tile, source, partition.grey_table, refine, detail), jobs)
@@ -92,24 +74,11 @@ def outline_likely_classes(
 ) -> tuple[RegionOutlines, ClassesByPixel]:
     """Outline the regions of classes: each pixel belongs to the likeliest of the possible classes, if any.
 
-    Parameters
-    ----------
-    grey : GreySource
-        The intensity that regions are measured in.
-    similarities : sequence of GreySource
-        Similarity to each class; a class is possible where it is one half or more, refined.
-    cells : sequence of (m, n) uint8 array
-        Of each class, from `pipeline.cells_to_refine`.
-    refine : {"tv", "none"}
-    detail : Detail, optional
-        Narrower structures are assigned to adjacent classes, or to none; not with "none".
-
-    Returns
-    -------
-    outlined : RegionOutlines
-        With the sums of grey, and of the similarity of each region to its class.
-    classes : ClassesByPixel
-        1 for the first class, and so on.
+    Regions are measured in the intensity `grey`. A class is possible where its similarity is one half or
+    more, refined by "tv" or "none"; there are cells, (m, n), of each class, from `pipeline.cells_to_refine`.
+    Structures narrower than `detail`, not with "none", are assigned to adjacent classes, or to none. The sums
+    of the outlines are of grey, and of the similarity of each region to its class; classes are counted from
+    1.
     """
     windows = tile_pass.windows
     jobs = [tile_jobs(one, windows, detail=detail) for one in cells]
