@@ -213,7 +213,7 @@ in_copy = False  # set where this process is a copy of another, see `forks.fork_
 
 
 def threads_of_gdal(wanted: int | str) -> str:
-    """Return how many threads GDAL may use for a file: 1 in a copy, which has none of the pool that it was."""
+    """Return how many threads GDAL may use for a file: 1 in a copy, as the threads of its pool are gone."""
     return "1" if in_copy else str(wanted)
 
 
