@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from uavseg.access import Folders, allowing
@@ -14,14 +14,17 @@ from uavseg.jobs.maps.build_map import BuiltMap, topics_of
 from uavseg.jobs.maps.build_map import build_map as run_build_map
 from uavseg.jobs.maps.classify import Classification
 from uavseg.jobs.maps.classify import classify as run_classify
+from uavseg.jobs.maps.compare import Comparison, open_both
+from uavseg.jobs.maps.compare import compare as run_compare
 from uavseg.jobs.maps.merge_maps import MergedMap, MergeRequest
 from uavseg.jobs.maps.merge_maps import merge_maps as run_merge_maps
 from uavseg.jobs.maps.path import path as run_path
-from uavseg.jobs.maps.requests import classify_request, merge_params, path_request
+from uavseg.jobs.maps.requests import classify_request, compare_request, merge_params, path_request
 from uavseg.jobs.source.open_source import open_probability_map
 from uavseg.occupancy.paths.find_path import PlannedPath
 from uavseg.options.maps import BuildMapOptions, ClassifyOptions, PathOptions
 from uavseg.options.option import build
+from uavseg.options.regions import CompareOptions
 
 
 @checked
@@ -273,6 +276,76 @@ def build_map(
     result = run_build_map(bag, topics_of(scan, odom, tf), merge_params(build(BuildMapOptions, locals())))
     warn(result.warnings)
     return result
+
+
+@checked
+def compare(
+    before: Any,
+    after: Any,
+    range: Any = None,
+    *,
+    values: Sequence[float | None] | str | None = None,
+    percentile: Sequence[float | None] | str | None = None,
+    classes: Mapping[str, Any] | str | os.PathLike[str] | None = None,
+    min_area: float | str | None = None,
+    refine: str | None = None,
+    band: int | str | None = None,
+    rgb: tuple[int | str, int | str, int | str] | None = None,
+    index: str | None = None,
+    expr: str | None = None,
+    band_names: str | None = None,
+    nodata: float | str | None = None,
+    stretch: str | None = None,
+    collar: str = "auto",
+    skip_bad_tiles: bool = False,
+    flatten: float | str | None = None,
+    tile: int | None = None,
+    threads: int | None = None,
+    progress: Progress | bool | None = None,
+    resume: str | os.PathLike[str] | None = None,
+    allow_path: Folders = (),
+    allow_network: bool = False,
+) -> Comparison:
+    """Find what changed between two rasters of one place, or between two maps of probabilities.
+
+    Parameters
+    ----------
+    before, after
+        As `source` of `extract`; only ground that is valid in both counts, on the grid of the finer one.
+        Without a range and classes as of `classify`: maps, registered first within 5 cells and 2 degrees.
+    range, values, percentile, classes, refine
+        Of rasters: what was gained and lost; as of `extract`.
+    min_area : float or str, optional
+        Square metres, or pixels as "64px": smaller changes are left out of the regions, not of the sums.
+    band, ..., allow_network
+        As of `extract`.
+
+    Returns
+    -------
+    found : Comparison
+        `found.frame()`, the changes as a GeoDataFrame, with the column `class`: "gained" and "lost", or for
+        maps "new", "gone", "first seen" and "not seen again". `found.changes`, pixels and area of each;
+        `found.before` and `found.after`, pixels in range; `found.registration` of maps.
+
+    Raises
+    ------
+    UavsegError
+        If a source cannot be read, maps do not register, there is no common ground, or a parameter is wrong.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> before, after = np.eye(64), np.ones((64, 64))
+    >>> compare(before, after, (0.5, 1), stretch="none", refine="pixels").changes
+    {'gained': (4032, 4032.0), 'lost': (0, 0.0)}
+    """
+    options = build(CompareOptions, locals())
+    request = compare_request(options)
+    with allowing(allow_path, allow_network):
+        sources = open_both(before, after, request, options.read)
+        found = run_compare(*sources, request, work(options.run, progress))
+    warn(found.warnings)
+    return found
 
 
 @checked

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from uavseg.options import texts
 from uavseg.options.flights import MissionOptions
-from uavseg.options.option import Options, group, option
+from uavseg.options.option import Options, argument, group, option
 from uavseg.options.reading import (
+    MAP_STRETCH,
     ONLY_MAPS,
     RASTER_STRETCH,
     AccessOptions,
@@ -209,6 +210,37 @@ class ExtractOptions(TiledJobOptions):
     flight: MissionOptions = group(
         MissionOptions, python=False, **{name: {"basic": False} for name in ADVANCED_FLIGHT}
     )
+
+
+class CompareOptions(TiledJobOptions):
+    """Comparison."""
+
+    before: str = argument("BEFORE", required=True)
+    after: str = argument("AFTER", required=True)
+    ranges: RangeOptions = group(RangeOptions)
+    classes: Mapping[str, Any] | str | os.PathLike[str] | None = option(
+        "Classes from a .csv or .yaml file, as of extract.", metavar="FILE", basic=True
+    )
+    output: str = option(
+        "The changes: .geojson, .gpkg, .fgb, .parquet, .shp or .kml; - is GeoJSON on stdout.",
+        *("-o", "--output"),
+        required=True,
+        metavar="PATH",
+        python=False,
+        basic=True,
+    )
+    png: str | None = option(
+        "Also draw the changes over AFTER.", metavar="PATH.png", python=False, basic=True
+    )
+    min_area: float | str | None = option(
+        "Leave out changes of less; the sums count them.", metavar="M2|Npx", basic=True
+    )
+    refine: str | None = option(
+        "How the boundaries of a range or of classes are found, as of extract.",
+        choices=("tv", "scan", "none", "smooth", "pixels"),
+        shown="tv; none for classes",
+    )
+    read: ReadOptions = group(ReadOptions, *ONLY_MAPS, **MAP_STRETCH)
 
 
 class LevelsOptions(TiledJobOptions):

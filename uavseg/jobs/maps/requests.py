@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from uavseg.jobs.maps.classify import ClassifyRequest
+    from uavseg.jobs.maps.compare import CompareRequest
     from uavseg.jobs.maps.path import PathRequest
     from uavseg.occupancy.bags.merge_bag import MergeParams
     from uavseg.options.maps import BuildMapOptions, ClassifyOptions, PathOptions
+    from uavseg.options.regions import CompareOptions
 
 
 def classify_request(options: ClassifyOptions, with_objects: bool | None = None) -> ClassifyRequest:
@@ -59,3 +61,21 @@ def merge_params(options: BuildMapOptions) -> MergeParams:
         no_return=options.no_return,
         beam_order=options.beam_order,
     )
+
+
+def compare_request(options: CompareOptions) -> CompareRequest:
+    """Return what is compared: a range or classes, or the occupied cells of maps where neither is given."""
+    from uavseg.errors import ParameterError
+    from uavseg.jobs.maps.compare import CompareRequest
+    from uavseg.jobs.requests import region_job
+    from uavseg.options.regions import ExtractOptions
+    from uavseg.regions.edit.small import as_area
+
+    ranges, area = options.ranges, as_area(options.min_area)
+    others = ranges.values, ranges.percentile, options.classes
+    if all(one is None for one in (ranges.range, *others, options.refine)):
+        return CompareRequest(None, area)
+    if isinstance(ranges.range, list) and any(one is not None for one in others):
+        raise ParameterError("several ranges are classes; give them, or values, percentile or classes")
+    extracting = ExtractOptions(ranges=ranges, classes=options.classes, refine=options.refine)
+    return CompareRequest(region_job(extracting), area)
