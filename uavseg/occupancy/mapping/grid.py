@@ -1,5 +1,6 @@
 """Occupancy grid: the probability that each cell is occupied, updated by range scans in log-odds."""
 
+import math
 import os
 from typing import Any
 from weakref import WeakSet
@@ -9,10 +10,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from uavseg.arguments import checked
 from uavseg.dataclass import dataclass
-from uavseg.errors import MapError
+from uavseg.errors import MapError, ParameterError
 from uavseg.occupancy.mapping.beams import REACH_SIGMAS, merge_beams
+from uavseg.occupancy.mapping.contradictions import MAX_FORGET_AFTER, Contradictions
 from uavseg.occupancy.mapping.grey_map import GreyMap
 from uavseg.occupancy.mapping.grid_io import (
+    Fading,
     fill_grid_message,
     read_grid_file,
     read_grid_message,
@@ -20,7 +23,7 @@ from uavseg.occupancy.mapping.grid_io import (
 )
 from uavseg.occupancy.mapping.live import LiveSegmentation
 from uavseg.occupancy.mapping.log_odds import MAX_LOG_ODDS, Float32s, probabilities_and_grey
-from uavseg.occupancy.mapping.pending import apply_pending, empty_pending
+from uavseg.occupancy.mapping.pending import apply_pending, empty_pending, mark_up_to_date
 from uavseg.occupancy.mapping.scan import Scan
 from uavseg.raster.grid.geobox import GeoBox, check_metres, local_geobox
 from uavseg.raster.grid.tiling import Window
@@ -50,10 +53,18 @@ class OccupancyGrid:
     ----------
     geobox : GeoBox
         Position of the cells, in metres.
+    clamp : float
+        Largest log-odds that is left of a cell after a scan, above 0 and at most 6.
+    half_life : float, optional
+        Scans after which the log-odds of every cell are halved; for comparison. By default never.
+    forget_after : int, optional
+        An occupied cell loses evidence only after so many scans in a row that see through it, and then all of
+        it; see `mapping.contradictions`. By default every observation counts for itself.
 
     Attributes
     ----------
-    geobox : GeoBox
+    geobox, clamp, half_life, forget_after
+        As given.
     log_odds : (rows, cols) float32 array
 
     Raises
@@ -69,9 +80,22 @@ class OccupancyGrid:
            [0.5, 0.5, 0.5]], dtype=float32)
     """
 
-    def __init__(self, geobox: GeoBox) -> None:
+    def __init__(
+        self,
+        geobox: GeoBox,
+        *,
+        clamp: float = MAX_LOG_ODDS,
+        half_life: float | None = None,
+        forget_after: int | None = None,
+    ) -> None:
         check_metres(geobox)
-        self.geobox = geobox
+        for name, number, most in (("clamp", clamp, MAX_LOG_ODDS), ("half_life", half_life, math.inf)):
+            if number is not None and not 0 < number <= most:
+                raise ParameterError(f"{name} is above 0 and at most {most:g}, not {number:g}")
+        if forget_after is not None and not 1 <= forget_after <= MAX_FORGET_AFTER:
+            raise ParameterError(f"forget_after is 1 to {MAX_FORGET_AFTER} scans, not {forget_after}")
+        self.geobox, self.clamp, self.half_life, self.forget_after = geobox, clamp, half_life, forget_after
+        self._contradictions = None if forget_after is None else Contradictions(geobox.shape, forget_after)
         self.log_odds = np.zeros(geobox.shape, np.float32)
         self._probabilities: Float32s | None = None
         self._pending = empty_pending(geobox.shape)
@@ -83,7 +107,14 @@ class OccupancyGrid:
     @classmethod
     @checked
     def empty(
-        cls, shape: tuple[int, int], cell_m: float, origin: tuple[float, float] = (0.0, 0.0)
+        cls,
+        shape: tuple[int, int],
+        cell_m: float,
+        origin: tuple[float, float] = (0.0, 0.0),
+        *,
+        clamp: float = MAX_LOG_ODDS,
+        half_life: float | None = None,
+        forget_after: int | None = None,
     ) -> "OccupancyGrid":
         """Make a grid of square cells without observations, 0.5 everywhere.
 
@@ -95,8 +126,11 @@ class OccupancyGrid:
             Side of a cell.
         origin : (float, float)
             x and y of the lower left corner in metres.
+        clamp, half_life, forget_after
+            As of the class.
         """
-        return cls(local_geobox(shape, cell_m, origin))
+        fading: Fading = {"clamp": clamp, "half_life": half_life, "forget_after": forget_after}
+        return cls(local_geobox(shape, cell_m, origin), **fading)
 
     @classmethod
     @checked
@@ -169,17 +203,20 @@ class OccupancyGrid:
         overwrite : bool
             Whether to replace an existing file, which is an OutputExistsError otherwise.
         """
-        write_grid_file(path, self.log_odds, self.geobox, overwrite)
+        fading: Fading = {"clamp": self.clamp, "half_life": self.half_life, "forget_after": self.forget_after}
+        write_grid_file(path, self.log_odds, self.geobox, overwrite, fading)
 
     @classmethod
     @checked
     def load(cls, path: str | os.PathLike[str]) -> "OccupancyGrid":
         """Load a grid that `save` saved; later scans continue from its log-odds.
 
+        Contradicting scans are counted anew.
+
         Raises MapError if the file is another raster or damaged, RasterReadError if it cannot be read.
         """
-        log_odds, geobox = read_grid_file(path)
-        grid = cls(geobox)
+        log_odds, geobox, fading = read_grid_file(path)
+        grid = cls(geobox, **fading)
         grid.log_odds[...] = log_odds
         grid._recompute()
         return grid
@@ -211,8 +248,24 @@ class OccupancyGrid:
         a, b, c, d, e, f = tuple(~self.geobox.transform)[:6]  # from metres to cells
         steps = a * along_x + b * along_y, d * along_x + e * along_y
         beams = np.column_stack([*steps, ranges, reach, a * x + b * y + c, d * x + e * y + f])
+        if self.half_life is not None:
+            self.log_odds *= np.float32(0.5 ** (1 / self.half_life))
+            self._recompute()
+        observed = self._contradictions and self._contradictions.observe(beams, scan.sigma_m)
+        before = None if observed is None else self.log_odds[observed[0].slices].copy()
         window = merge_beams(self.log_odds, self._pending, beams, scan.sigma_m)
-        apply_pending(self._pending, self.log_odds, self._probabilities, self._grey_map, window)
+        self._apply(window)
+        if self.clamp < MAX_LOG_ODDS or observed is not None:
+            around = window if observed is None else observed[0]
+            merged = self.log_odds[around.slices]
+            revised = merged
+            if self._contradictions is not None and before is not None and observed is not None:
+                revised = self._contradictions.revised(before, merged, observed)
+            revised = np.clip(revised, -self.clamp, self.clamp)
+            rows, cols = np.nonzero(revised != merged)
+            merged[...] = revised
+            mark_up_to_date(self._pending, rows + around.row, cols + around.col)
+            self._apply(around)
         return window
 
     @checked
@@ -279,6 +332,9 @@ class OccupancyGrid:
         """Set all cells to 0.5. Segmentations follow and keep their contrast bin edges."""
         self.log_odds[...] = 0
         self._recompute()
+
+    def _apply(self, window: Window) -> None:
+        apply_pending(self._pending, self.log_odds, self._probabilities, self._grey_map, window)
 
     def _recompute(self) -> None:
         p, grey = probabilities_and_grey(self.log_odds)

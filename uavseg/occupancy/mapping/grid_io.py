@@ -9,7 +9,7 @@ import os
 from array import array
 from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +30,7 @@ MAX_CELLS = 100_000_000  # of a grid in a file: 5 km x 5 km of cells of half a m
 
 LOG_ODDS = "log-odds of occupancy"  # description of the band
 
-_TAG, _CONTENT = "UAVSEG_OCCUPANCY_GRID", "log-odds"
+_TAG, _CONTENT, _FADING = "UAVSEG_OCCUPANCY_GRID", "log-odds", "UAVSEG_FADING"
 _LEVEL_DEG = 0.1  # an origin that is tilted by less lies in the plane
 
 
@@ -41,17 +41,35 @@ def check_cells(shape: tuple[int, int], what: str) -> None:
         raise MapError(f"{what} has {cols:,} x {rows:,} cells; at most {MAX_CELLS:,} are possible")
 
 
+class Fading(TypedDict):
+    """How evidence of a grid fades, see `OccupancyGrid`."""
+
+    clamp: float
+    half_life: float | None
+    forget_after: int | None
+
+
+_STAYING: Fading = {"clamp": MAX_LOG_ODDS, "half_life": None, "forget_after": None}
+
+
 def write_grid_file(
-    path: str | os.PathLike[str], log_odds: Float32s, geobox: GeoBox, overwrite: bool = False
+    path: str | os.PathLike[str],
+    log_odds: Float32s,
+    geobox: GeoBox,
+    overwrite: bool = False,
+    fading: Fading = _STAYING,
 ) -> None:
     """Write the log-odds (rows, cols) of a grid to a .tif or .tiff."""
     check_geotiff_name(path, "a grid")
     check_cells(log_odds.shape, "this grid")
-    write_geotiff(path, [log_odds], geobox, [LOG_ODDS], {_TAG: _CONTENT}, overwrite)
+    tags = {_TAG: _CONTENT}
+    if fading != _STAYING:
+        tags[_FADING] = ",".join("" if number is None else repr(number) for number in fading.values())
+    write_geotiff(path, [log_odds], geobox, [LOG_ODDS], tags, overwrite)
 
 
-def read_grid_file(path: str | os.PathLike[str]) -> tuple[Float32s, GeoBox]:
-    """Read the log-odds of a grid, and the position of its cells."""
+def read_grid_file(path: str | os.PathLike[str]) -> tuple[Float32s, GeoBox, Fading]:
+    """Read the log-odds of a grid, the position of its cells, and how its evidence fades."""
     name = os.fspath(path)
     dataset = Dataset.open(name)
     other = f"{name} is not a grid that OccupancyGrid.save saved, but another raster"
@@ -64,7 +82,14 @@ def read_grid_file(path: str | os.PathLike[str]) -> tuple[Float32s, GeoBox]:
     log_odds: Float32s = values[0]
     if not (np.abs(log_odds) <= MAX_LOG_ODDS).all():
         raise MapError(f"{name} is damaged: log-odds of a grid lie in -{MAX_LOG_ODDS:g}..{MAX_LOG_ODDS:g}")
-    return log_odds, geobox
+    if _FADING not in tags:
+        return log_odds, geobox, _STAYING
+    try:
+        clamp, half_life, forget_after = (float(text) if text else None for text in tags[_FADING].split(","))
+        after = None if forget_after is None else int(forget_after)
+        return log_odds, geobox, {"clamp": clamp or 0.0, "half_life": half_life, "forget_after": after}
+    except (ValueError, OverflowError) as error:
+        raise MapError(f"{name} is damaged: how its evidence fades cannot be read") from error
 
 
 def read_grid_message(message: Any) -> tuple[Float32s, GeoBox]:
