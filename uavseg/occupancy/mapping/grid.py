@@ -251,7 +251,8 @@ class OccupancyGrid:
         if self.half_life is not None:
             self.log_odds *= np.float32(0.5 ** (1 / self.half_life))
             self._recompute()
-        observed = self._contradictions and self._contradictions.observe(beams, scan.sigma_m)
+        fading = self._contradictions
+        observed = None if fading is None else fading.observe(beams, scan.sigma_m)
         before = None if observed is None else self.log_odds[observed[0].slices].copy()
         window = merge_beams(self.log_odds, self._pending, beams, scan.sigma_m)
         self._apply(window)
@@ -259,8 +260,8 @@ class OccupancyGrid:
             around = window if observed is None else observed[0]
             merged = self.log_odds[around.slices]
             revised = merged
-            if self._contradictions is not None and before is not None and observed is not None:
-                revised = self._contradictions.revised(before, merged, observed)
+            if fading is not None and before is not None and observed is not None:
+                revised = fading.revised(before, merged, observed)
             revised = np.clip(revised, -self.clamp, self.clamp)
             rows, cols = np.nonzero(revised != merged)
             merged[...] = revised
