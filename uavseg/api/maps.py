@@ -19,12 +19,13 @@ from uavseg.jobs.maps.compare import compare as run_compare
 from uavseg.jobs.maps.merge_maps import MergedMap, MergeRequest
 from uavseg.jobs.maps.merge_maps import merge_maps as run_merge_maps
 from uavseg.jobs.maps.path import path as run_path
-from uavseg.jobs.maps.requests import classify_request, compare_request, merge_params, path_request
+from uavseg.jobs.maps.requests import classify_request, compare_job, merge_params, path_request
 from uavseg.jobs.source.open_source import open_probability_map
 from uavseg.occupancy.paths.find_path import PlannedPath
 from uavseg.options.maps import BuildMapOptions, ClassifyOptions, PathOptions
 from uavseg.options.option import build
 from uavseg.options.regions import CompareOptions
+from uavseg.regions.edit.small import as_area
 
 
 @checked
@@ -297,8 +298,6 @@ def compare(
     nodata: float | str | None = None,
     stretch: str | None = None,
     collar: str = "auto",
-    skip_bad_tiles: bool = False,
-    flatten: float | str | None = None,
     tile: int | None = None,
     threads: int | None = None,
     progress: Progress | bool | None = None,
@@ -313,19 +312,16 @@ def compare(
     before, after
         As `source` of `extract`; only ground that is valid in both counts, on the grid of the finer one.
         Without a range and classes as of `classify`: maps, registered first within 5 cells and 2 degrees.
-    range, values, percentile, classes, refine
-        Of rasters: what was gained and lost; as of `extract`.
+    range, values, percentile, classes, refine, band, ..., allow_network
+        As of `extract`.
     min_area : float or str, optional
         Square metres, or pixels as "64px": smaller changes are left out of the regions, not of the sums.
-    band, ..., allow_network
-        As of `extract`.
 
     Returns
     -------
     found : Comparison
         `found.frame()`, the changes as a GeoDataFrame, with the column `class`: "gained" and "lost", or for
-        maps "new", "gone", "first seen" and "not seen again". `found.changes`, pixels and area of each;
-        `found.before` and `found.after`, pixels in range; `found.registration` of maps.
+        maps "new", "gone", "first seen" and "not seen again"; `found.changes`, pixels and area of each.
 
     Raises
     ------
@@ -335,17 +331,16 @@ def compare(
     Examples
     --------
     >>> import numpy as np
-    >>> before, after = np.eye(64), np.ones((64, 64))
-    >>> compare(before, after, (0.5, 1), stretch="none", refine="pixels").changes
+    >>> compare(np.eye(64), np.ones((64, 64)), (0.5, 1), stretch="none", refine="pixels").changes
     {'gained': (4032, 4032.0), 'lost': (0, 0.0)}
     """
     options = build(CompareOptions, locals())
-    request = compare_request(options)
+    job, least = compare_job(options), as_area(min_area)
     with allowing(allow_path, allow_network):
-        sources = open_both(before, after, request, options.read)
-        found = run_compare(*sources, request, work(options.run, progress))
-    warn(found.warnings)
-    return found
+        sources = open_both(before, after, job, options.read)
+        result = run_compare(*sources, job, least, work(options.run, progress))
+    warn(result.warnings)
+    return result
 
 
 @checked

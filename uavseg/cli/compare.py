@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from uavseg.cli import write
 from uavseg.cli.command import job_command
-from uavseg.cli.terminal.say import Reporter, standard_output, work_of
-from uavseg.cli.write import check_distinct, check_targets, keep_inputs, shown, transaction
+from uavseg.cli.terminal.say import Reporter, work_of
 from uavseg.options.regions import CompareOptions
 
 if TYPE_CHECKING:
     from uavseg.jobs.maps.compare import Comparison
-
-_LISTED = 8  # kinds of change in the table at the end
 
 
 @job_command("compare", CompareOptions)
@@ -20,57 +18,47 @@ def command(options: CompareOptions) -> None:
     """Find what changed from BEFORE to AFTER, two rasters or two maps of probabilities of one place.
 
     With a range or classes, as of `uavseg extract`: what was gained and lost, on the finer of their grids.
-
-    Without, they are maps, which are registered first, within 5 cells and 2 degrees. What is new or gone was
-    seen free in the other map; what is first seen or not seen again is unknown there.
+    Without, they are maps, which are registered first, within 5 cells and 2 degrees. What is new or gone is
+    free in the other map; what is first seen or not seen again is unknown there.
     """
     from uavseg.jobs.maps.compare import compare, open_both
-    from uavseg.jobs.maps.requests import compare_request
-    from uavseg.plot.page.page import check_png_target
+    from uavseg.jobs.maps.requests import compare_job
+    from uavseg.regions.edit.small import as_area
     from uavseg.regions.formats import export
 
     reporter = Reporter(options.messages, options.progress)
-    output, overwrite = options.output, options.files.overwrite
-    request = compare_request(options)
-    check_targets(output, None, overwrite)
-    check_distinct(output, options.png)
-    keep_inputs([output, options.png], options.before, options.after)
-    if options.png is not None:
-        check_png_target(options.png, overwrite)
-    before, after = open_both(options.before, options.after, request, options.read)
-    for source in (before, after):
-        export.check_region_crs(output, source.geobox.wkt)
-    found = compare(before, after, request, work_of(options.run, reporter))
+    output, png, overwrite = options.output, options.png, options.files.overwrite
+    job, least = compare_job(options), as_area(options.min_area)
+    write.check_targets(output, None, overwrite)
+    write.check_distinct(output, png)
+    write.keep_inputs([output, png], options.before, options.after)
+    if png is not None:
+        from uavseg.plot.page.page import check_png_target
+
+        check_png_target(png, overwrite)
+    before, after = open_both(options.before, options.after, job, options.read)
+    export.check_region_crs(output, before.geobox.wkt)
+    export.check_region_crs(output, after.geobox.wkt)
+    found = compare(before, after, job, least, work_of(options.run, reporter))
     reporter.finish([*found.warnings, *export.format_notes(found.regions, output)])
-    with transaction():
-        if options.png is not None:
+    with write.transaction():
+        if png is not None:
             from uavseg.plot.preview import preview
 
-            preview(after.dataset, options.png, found.frame(), stretch=after.stretch, overwrite=overwrite)
-        if output == "-":
-            with standard_output() as stream:
-                export.write_regions(found.regions, stream)
-        else:
-            export.write_regions(found.regions, output, overwrite)
-    reporter.table(_rows(found, output) | {"seconds": f"{reporter.seconds:.2f}"})
+            preview(after.dataset, png, found.frame(), stretch=after.stretch, overwrite=overwrite)
+        write.write_region_output(found, output, overwrite)
+    rows = {"changes": f"{len(found.regions):,} -> {write.shown(output)}"}
+    reporter.table(rows | _rows(found) | {"seconds": f"{reporter.seconds:.2f}"})
 
 
-def _rows(found: Comparison, output: str) -> dict[str, str]:
-    """Return the short table at the end."""
-    rows = {"changes": f"{len(found.regions):,} -> {shown(output)}"}
-    if found.registration is not None:
-        (x, y), angle = found.registration.shift, found.registration.angle_deg
-        rows["shift"] = f"{x:.2f}, {y:.2f} cells and {angle:.2f} degrees from BEFORE to AFTER"
-        rows["overlap"] = f"{100 * found.registration.share:.1f} % of the occupied cells"
+def _rows(found: Comparison) -> dict[str, str]:
+    how, unit = found.registration, "m2"
+    if how is not None:
+        where = f"{how.shift[0]:.2f}, {how.shift[1]:.2f} cells and {how.angle_deg:.2f} degrees"
+        rows = {"shift": f"{where}; {100 * how.share:.1f} % of the occupied cells lie on each other"}
     else:
-        rows["grid"] = f"of {found.grid.upper()}, {found.common:,} pixels valid in both"
-    unit = "m2" if found.in_metres else "square units"
-    sums = [
-        f"{name} {pixels:,} pixels ({area:,.2f} {unit})"
-        for name, (pixels, area) in found.changes.items()
-        if pixels or len(found.changes) <= _LISTED
-    ]
-    more = f" and {len(sums) - _LISTED} more" if len(sums) > _LISTED else ""
-    rows["sums"] = ", ".join(sums[:_LISTED]) + more
-    inside = [f"{name} {found.before[name]:,} to {found.after[name]:,}" for name in found.before]
-    return rows | ({"pixels": ", ".join(inside[:_LISTED])} if inside else {})
+        unit = "square units" if found.regions.wkt is None else unit
+        inside = [f"{name} {found.before[name]:,} to {found.after[name]:,}" for name in found.before]
+        rows = {"pixels": f"{', '.join(inside)}, of {found.common:,} on the grid of {found.grid.upper()}"}
+    sums = [f"{name} {n:,} pixels, {area:,.2f} {unit}" for name, (n, area) in found.changes.items() if n]
+    return rows | {"sums": "; ".join(sums) or "no change"}

@@ -1,14 +1,12 @@
 """Changes between two occupancy maps: rigid registration, then occupied cells that the other map has not.
 
-Registration is truncated chamfer matching, both ways: an occupied cell costs its squared distance to the
-nearest occupied cell of the other map, three cells at most, so what changed does not pull (Borgefors,
-"Hierarchical chamfer matching", PAMI 1988; distances are exact here). The search goes over all angles and
-whole cells within the limits, then halves its steps.
+Registration is truncated chamfer matching, both ways (Borgefors, "Hierarchical chamfer matching", PAMI 1988):
+an occupied cell costs its squared distance to the nearest one of the other map, three cells at most, so what
+changed does not pull. All angles and whole cells are tried, then steps are halved.
 
-A cell has changed where no occupied cell of the other map lies within the tolerance: free ground contradicts
-it, unknown ground says nothing. Changed cells within the tolerance of each other are one object, with those
-beside them that lie farther away than a cell. A part of what still stands needs more evidence than a whole,
-because beams along a side clear some of its cells in one of the maps.
+A cell has changed where the other map has no occupied cell within the tolerance: free ground contradicts it,
+unknown ground says nothing. Cells within the tolerance of each other are one object. A part of what still
+stands needs more evidence than a whole: beams along a side clear some of its cells in one of the maps.
 """
 
 import math
@@ -26,13 +24,11 @@ from uavseg.units import FREE, OCCUPIED, UNKNOWN
 
 Floats = NDArray[np.float64]
 
-CONTRADICTED, UNSEEN = 1, 2
 MAX_SHIFT, MAX_ANGLE_DEG = 5.0, 2.0  # cells, where the maps have their centre
 TOLERANCE = 2.0  # cells: what is left of a shift, and the noise of a wall
 MIN_SHARE = 0.6  # of the occupied cells on ground that both maps know, which have to lie on each other
 
-_BEYOND = 1.25  # limits are searched so much farther, to see that maps lie beyond them
-_TRUNCATED, _SMALLEST = 3.0, 1 / 32  # cells: the largest distance that costs more, the last step
+_TRUNCATED, _STEPS = 3.0, (0.5, 0.25, 0.125, 0.0625, 0.03125)  # cells
 _COARSE, _FINE = 4_000, 20_000  # points that a step looks at
 _MIN_COMMON = 0.2  # of the occupied cells of the smaller map, to tell anything
 _WHOLE, _PART = (3, 0.5), (8, 0.75)  # changed cells, and the share of them that is free
@@ -68,16 +64,16 @@ class Evidence:
 
     def distances(self, points: Floats, largest: float) -> Floats:
         """Return metres to the nearest occupied cell, `largest` at most and outside of the map; (n,)."""
-        at, how = self._pixels(points), {"order": 1, "mode": "constant", "cval": largest}
-        return np.asarray(np.minimum(ndimage.map_coordinates(self._distances, at, float, **how), largest))
+        return np.asarray(np.minimum(self._at(self._distances, points, 1, largest), largest))
 
-    def states_at(self, points: Floats) -> NDArray[np.uint8]:
+    def states_at(self, points: Floats) -> Floats:
         """Return the states of the cells in which points lie, unknown outside of the map; (n,)."""
-        how = {"order": 0, "mode": "constant", "cval": UNKNOWN}
-        return np.asarray(ndimage.map_coordinates(self.states, self._pixels(points), **how))
+        return self._at(self.states, points, 0, UNKNOWN)
 
-    def _pixels(self, points: Floats) -> Floats:
-        return moved(~self.geobox.transform, points).T[::-1] - 0.5
+    def _at(self, image: NDArray[np.generic], points: Floats, order: int, outside: float) -> Floats:
+        where = moved(~self.geobox.transform, points).T[::-1] - 0.5
+        found = ndimage.map_coordinates(image, where, float, order=order, mode="constant", cval=outside)
+        return np.asarray(found)
 
 
 def moved(motion: Affine, points: Floats) -> Floats:
@@ -98,20 +94,14 @@ def register(first: Evidence, second: Evidence) -> Registration:
     share = min(_share(one, other, there, cell_m), _share(other, one, ~there, cell_m))
     motion, back = (there, ~there) if one is first else (~there, there)
     dx, dy = ((moved(motion, centre[None])[0] - centre) / cell_m).tolist()
-    angle_deg = math.degrees(math.atan2(motion.d, motion.a))
-    limits = f"{MAX_SHIFT:g} cells and {MAX_ANGLE_DEG:g} degrees"
-    if share < MIN_SHARE:
+    angle = math.degrees(math.atan2(motion.d, motion.a))
+    if share < MIN_SHARE or math.hypot(dx, dy) > MAX_SHIFT or abs(angle) > MAX_ANGLE_DEG:
         raise MapError(
-            f"the maps do not register: {100 * share:.0f} % of the occupied cells on common ground lie on "
-            f"each other at best, and {100 * MIN_SHARE:.0f} % are needed, within {limits}"
+            f"the maps do not register within {MAX_SHIFT:g} cells and {MAX_ANGLE_DEG:g} degrees: at best, at "
+            f"{dx:.1f}, {dy:.1f} cells and {angle:.1f} degrees, {100 * share:.0f} % of the occupied cells on "
+            f"common ground lie on each other, and {100 * MIN_SHARE:.0f} % are needed"
         )
-    if math.hypot(dx, dy) > MAX_SHIFT or abs(angle_deg) > MAX_ANGLE_DEG:
-        found = f"{dx:.1f}, {dy:.1f} cells and {angle_deg:.1f} degrees"
-        raise MapError(f"the maps differ by {found}; at most {limits} are possible")
-    shift = dx, dy
-    return Registration(
-        motion=motion, back=back, shift=shift, angle_deg=angle_deg, share=share, cell_m=cell_m
-    )
+    return Registration(motion=motion, back=back, shift=(dx, dy), angle_deg=angle, share=share, cell_m=cell_m)
 
 
 def _best_motion(first: Evidence, second: Evidence, centre: Floats, cell_m: float) -> Affine:
@@ -128,23 +118,23 @@ def _best_motion(first: Evidence, second: Evidence, centre: Floats, cell_m: floa
         there = motion(at)
         return _cost(second, moved(there, ones), cell_m) + _cost(first, moved(~there, others), cell_m)
 
-    arcs = math.ceil(math.radians(MAX_ANGLE_DEG * _BEYOND) * radius / cell_m)
-    reach = np.arange(-math.ceil(MAX_SHIFT * _BEYOND), math.ceil(MAX_SHIFT * _BEYOND) + 1.0)
+    arcs = np.arange(math.ceil(math.radians(MAX_ANGLE_DEG + 0.5) * radius / cell_m) + 1.0)
+    reach = np.arange(-MAX_SHIFT - 1, MAX_SHIFT + 2)  # beyond the limits, to see what lies there
     best, least = np.zeros(3), math.inf
-    for arc in sorted(np.arange(-arcs, arcs + 1.0), key=abs):
+    for arc in np.stack([arcs, -arcs], 1).ravel():
         turned = moved(motion(np.array([0.0, 0.0, arc])), few)
         for shift in np.stack(np.meshgrid(reach, reach), -1).reshape(-1, 2):
             found = _cost(second, turned + shift * cell_m, cell_m)
             if found < least:
                 best, least = np.array([*shift, arc]), found
-    step, least = 0.5, cost(best)
-    while step >= _SMALLEST:
-        near = [best + sign * step * axis for axis in np.eye(3) for sign in (-1, 1)]
-        costs = [cost(at) for at in near]
-        if min(costs) < least:
+    least = cost(best)
+    for step in _STEPS:
+        while True:
+            near = [best + sign * step * axis for axis in np.eye(3) for sign in (-1, 1)]
+            costs = [cost(at) for at in near]
+            if min(costs) >= least:
+                break
             best, least = near[int(np.argmin(costs))], min(costs)
-        else:
-            step /= 2
     return motion(best)
 
 
@@ -162,23 +152,17 @@ def _share(one: Evidence, other: Evidence, motion: Affine, cell_m: float) -> flo
 def changed_objects(
     one: Evidence, other: Evidence, motion: Affine, cell_m: float
 ) -> tuple[NDArray[np.uint32], NDArray[np.uint8]]:
-    """Find the objects of one map that the other has not.
+    """Find the objects of one map that another, to which `motion` leads, has not.
 
-    `motion` moves places of the first to those of the second; `cell_m` is the side of the larger cells.
-
-    Returns
-    -------
-    labels : (rows, cols) uint32 array
-        Of the cells of `one`: objects 1..n in raster order, 0 elsewhere.
-    kinds : (n,) uint8 array
-        1 where the cells of an object are free in the other map, 2 where they are unknown.
+    Returns labels of the cells of the first, (rows, cols): objects 1..n in raster order, 0 elsewhere; and the
+    kind of each object, (n,): 1 where its cells are free in the other map, 2 where they are unknown.
     """
     points = moved(motion, one.points)
     distances = other.distances(points, 2 * TOLERANCE * cell_m)
     far, apart, there = (np.zeros(one.states.shape, kind) for kind in (bool, bool, np.uint8))
-    rows, cols = one.cells.T
-    far[rows, cols], apart[rows, cols] = distances > TOLERANCE * cell_m, distances > cell_m
-    there[rows, cols] = other.states_at(points)
+    place = tuple(one.cells.T)
+    far[place], apart[place] = distances > TOLERANCE * cell_m, distances > cell_m
+    there[place] = other.states_at(points)
     reach = round(TOLERANCE * cell_m / one.cell_m)
     apart &= ndimage.binary_dilation(far, _SQUARE, reach)
     groups, count = ndimage.label(ndimage.binary_dilation(apart, _SQUARE, reach), _SQUARE)
@@ -190,7 +174,7 @@ def changed_objects(
     sizes = np.bincount(connected.ravel())[pairs[:, 1]]
     is_whole = 2 * size >= np.bincount(pairs[:, 0], sizes, count + 1)[1:]
     cells, share = (np.where(is_whole, *both) for both in zip(_WHOLE, _PART, strict=True))
-    contradicted = free >= share * known
-    kept = (known >= cells) & (contradicted | (2 * unknown >= known))
+    is_gone = free >= share * known
+    kept = (known >= cells) & (is_gone | (2 * unknown >= known))
     numbers = np.concatenate([[0], np.where(kept, np.cumsum(kept), 0)]).astype(np.uint32)
-    return numbers[groups], np.where(contradicted, CONTRADICTED, UNSEEN).astype(np.uint8)[kept]
+    return numbers[groups], np.where(is_gone, 1, 2).astype(np.uint8)[kept]

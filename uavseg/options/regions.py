@@ -221,6 +221,14 @@ class CompareOptions(TiledJobOptions):
     classes: Mapping[str, Any] | str | os.PathLike[str] | None = option(
         "Classes from a .csv or .yaml file, as of extract.", metavar="FILE", basic=True
     )
+    refine: str | None = option(
+        "How boundaries are found, as of extract.",
+        choices=("tv", "scan", "none", "smooth", "pixels"),
+        shown="tv; none for classes",
+    )
+    min_area: float | str | None = option(
+        "Leave out changes of less; the sums count them.", metavar="M2|Npx", basic=True
+    )
     output: str = option(
         "The changes: .geojson, .gpkg, .fgb, .parquet, .shp or .kml; - is GeoJSON on stdout.",
         *("-o", "--output"),
@@ -229,18 +237,8 @@ class CompareOptions(TiledJobOptions):
         python=False,
         basic=True,
     )
-    png: str | None = option(
-        "Also draw the changes over AFTER.", metavar="PATH.png", python=False, basic=True
-    )
-    min_area: float | str | None = option(
-        "Leave out changes of less; the sums count them.", metavar="M2|Npx", basic=True
-    )
-    refine: str | None = option(
-        "How the boundaries of a range or of classes are found, as of extract.",
-        choices=("tv", "scan", "none", "smooth", "pixels"),
-        shown="tv; none for classes",
-    )
-    read: ReadOptions = group(ReadOptions, *ONLY_MAPS, **MAP_STRETCH)
+    png: str | None = option("Draw them over AFTER, too.", metavar="PATH.png", python=False, basic=True)
+    read: ReadOptions = group(ReadOptions, *ONLY_MAPS, "flatten", "skip_bad_tiles", **MAP_STRETCH)
 
 
 class LevelsOptions(TiledJobOptions):

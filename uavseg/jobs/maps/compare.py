@@ -14,12 +14,13 @@ from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from affine import Affine
 from numpy.typing import NDArray
 
 from uavseg._version import __version__
 from uavseg.dataclass import dataclass
 from uavseg.errors import MapError, ParameterError, RasterError
-from uavseg.execution.executors import decided, phase, split_progress
+from uavseg.execution.executors import phase, split_progress
 from uavseg.jobs.maps.merge_maps import placed_map
 from uavseg.jobs.requests import RegionJob
 from uavseg.jobs.result.result import Extraction
@@ -57,77 +58,55 @@ Side = tuple[Dataset, Rasteriser, NDArray[np.uint8]]  # a raster, its regions, t
 
 MAX_CLASSES = 15  # the changes from one to another are counted in a byte
 _GAINED, _LOST, _OTHER, _FADED = "#1a9850", "#d73027", "#e6ab02", "#7f7f7f"
-_AWAY = (("", ""), ("gone", _LOST), ("not seen again", _FADED))
-_HERE = (("", ""), ("new", _GAINED), ("first seen", _OTHER))
+_AWAY = (("gone", _LOST), ("not seen again", _FADED))
+_HERE = (("new", _GAINED), ("first seen", _OTHER))
 _COLUMNS = ("id", "class", "color", "area_m2", "perimeter_m", "pixels", "holes", "lon", "lat", "source")
 _COARSER = 1.5  # ratio of resolutions from which borders are uncertain
-_NOWHERE = -(1 << 40)  # row and column of a place that the other coordinate system does not have
-
-
-@dataclass(frozen=True, slots=True)
-class CompareRequest:
-    """How a range or classes of two rasters are found; None for the occupied cells of two maps."""
-
-    job: RegionJob | None = None
-    min_area: Area | None = None  # smaller changes are counted, but not outlined
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """What changed between two rasters or maps.
+    """What changed between two rasters or maps."""
 
-    Parameters
-    ----------
-    regions : Regions
-        Changes, the largest first, with the columns `class` (the kind) and `color`. Those of maps lie in the
-        frame of the second.
-    changes : mapping of str to (int, float)
-        Pixels and area of each kind, small ones too: "gained" and "lost" of a range, "new", "gone", "first
-        seen" and "not seen again" of maps.
-    grid : {"before", "after", "both"}
-        Whose grid they were counted on.
-    warnings : tuple of str
-    in_metres : bool
-        Whether areas are square metres.
-    before, after : mapping of str to int
-        Of rasters: pixels in range, or of each class, on common ground.
-    common : int
-        Of rasters: pixels that are valid in both.
-    registration : Registration or None
-        Of maps: how the first lies on the second.
-    """
-
+    # Changes, the largest first, with the columns `class` (the kind) and `color`; of maps, on the second
     regions: Regions
+    # Pixels and area of each kind, small ones too: "gained" and "lost" of a range, "new", "gone", "first
+    # seen" and "not seen again" of maps
     changes: Mapping[str, tuple[int, float]]
-    grid: str
+    grid: str  # whose grid they were counted on: "before", "after" or "both"
     warnings: tuple[str, ...]
-    in_metres: bool
-    before: Mapping[str, int] = field(default_factory=dict)
+    before: Mapping[str, int] = field(default_factory=dict)  # of rasters: pixels in range, or of each class
     after: Mapping[str, int] = field(default_factory=dict)
-    common: int = 0
-    registration: Registration | None = None
+    common: int = 0  # of rasters: pixels that are valid in both, of which those are
+    registration: Registration | None = None  # of maps: how the first lies on the second
 
     def frame(self) -> "GeoDataFrame":
         """Return the changes as a GeoDataFrame."""
         return self.regions.frame()
 
 
-def open_both(before: Any, after: Any, request: CompareRequest, read: ReadOptions) -> tuple[Source, Source]:
-    """Return both sources of a comparison; no pixel is read. Errors are those of `open_source`."""
-    opens = open_probability_map if request.job is None else open_pixels
+def open_both(before: Any, after: Any, job: RegionJob | None, read: ReadOptions) -> tuple[Source, Source]:
+    """Return both sources of a comparison, see `compare`; no pixel is read. Errors as of `open_source`."""
+    opens = open_probability_map if job is None else open_pixels
     refusal = "a block map has no cells; name the map itself"
     return pixels_of(opens(before, read), refusal), pixels_of(opens(after, read), refusal)
 
 
-def compare(before: Source, after: Source, request: CompareRequest, work: Work = SERIAL) -> Comparison:
-    """Find what changed; the other way round gained and lost, new and gone are exchanged, exactly."""
-    if request.job is not None:
-        found = _compare_rasters((before, after), request.job, work.begun())
+def compare(
+    before: Source, after: Source, job: RegionJob | None, least: Area | None = None, work: Work = SERIAL
+) -> Comparison:
+    """Find what changed: regions of a job over two rasters, or occupied cells of two maps where it is None.
+
+    The other way round gained and lost, new and gone are exchanged, exactly. Changes of less than an area are
+    counted, but not outlined.
+    """
+    if job is not None:
+        found = _compare_rasters((before, after), job, work.begun())
     elif work.checkpoint is not None:
         raise ParameterError("maps are compared whole, so there is nothing to resume; leave resume out")
     else:
         found = _compare_maps((before, after))
-    kept, columns, least, warnings = found.regions, found.regions.columns, request.min_area, found.warnings
+    kept, columns, warnings = found.regions, found.regions.columns, found.warnings
     kinds, pixels, areas = (columns[name] for name in ("class", "pixels", "area_m2"))
     masks = {name: kinds == name for name in found.changes}
     sums = {name: (int(pixels[mask].sum()), float(areas[mask].sum())) for name, mask in masks.items()}
@@ -136,7 +115,8 @@ def compare(before: Source, after: Source, request: CompareRequest, work: Work =
     if small := len(kinds) - len(kept):
         warnings += (f"{small:,} changes smaller than --min-area are left out; the sums count them",)
     kept.columns["id"] = np.arange(1, len(kept) + 1)
-    facts = {"software": f"uavseg {__version__}", "job": "compare", **kept.metadata}
+    files = [printable(", ".join(getattr(one, "given", ()) or (one.name,))) for one in (before, after)]
+    facts = {"software": f"uavseg {__version__}", "job": "compare", "sources": files, **kept.metadata}
     return replace(found, regions=replace(kept, metadata=facts), changes=sums, warnings=warnings)
 
 
@@ -144,49 +124,45 @@ def _compare_maps(sources: tuple[Source, Source]) -> Comparison:
     """Find objects that are new or gone, and those on ground that only one map knows."""
     before, after = sources
     if before.geobox.crs != after.geobox.crs:
-        raise MapError(
-            f"{before.name} and {after.name} have different coordinate systems; warp one (gdalwarp)"
-        )
+        raise MapError(f"{after.name} has another coordinate system than {before.name}; warp it (gdalwarp)")
     for source in sources:
         placement(source.geobox)  # refuses cells that are not square or not in metres
     with phase("registration"):
         first, second = (Evidence(placed_map(source)) for source in sources)
         found = register(first, second)
-    shift, angle, share = found.shift, found.angle_deg, found.share
-    decided("shift %.3f, %.3f cells, %.3f degrees, %.3f lie on each other", *shift, angle, share)
-    tables, motions = [], (found.motion, found.back)
     with phase("changes"):
-        for one, other, motion, kinds, source in zip(
-            (first, second), (second, first), motions, (_AWAY, _HERE), sources, strict=True
-        ):
-            labels, classes = changed_objects(one, other, motion, found.cell_m)
-            sums = component_sums(labels, len(classes), np.zeros(labels.shape, np.uint16))
-            outlined = renumber_by_size(trace(labels), sums)
-            place = one.geobox.transform if one is second else motion * one.geobox.transform
-            numbers = ClassesByPixel.of(sums.firsts, classes).at(outlined.sums.firsts)
-            tables.append(_table(outlined, replace(one.geobox, transform=place), numbers, kinds, source.name))
-    columns = {name: np.concatenate([one.columns[name] for one in tables]) for name in _COLUMNS}
-    polygons = np.array([*tables[0].polygons, *tables[1].polygons, None], object)[:-1]
+        away = _objects((first, second, found.motion), found, found.motion, _AWAY, before.name)
+        here = _objects((second, first, found.back), found, Affine.identity(), _HERE, after.name)
+    columns = {name: np.concatenate([away.columns[name], here.columns[name]]) for name in _COLUMNS}
+    polygons = np.array([*away.polygons, *here.polygons, None], object)[:-1]
+    facts = {"shift_cells": list(found.shift), "angle_deg": found.angle_deg, "overlap": found.share}
     order = np.argsort(-columns["area_m2"], kind="stable")
-    facts = {"sources": _files(sources), "shift_cells": list(shift), "angle_deg": angle, "overlap": share}
     return Comparison(
-        regions=Regions(columns, polygons, after.geobox.wkt, facts).select(order),
-        changes=dict.fromkeys([name for name, _ in (*_HERE, *_AWAY) if name], (0, 0.0)),
+        regions=Regions(columns, polygons, here.wkt, facts).select(order),
+        changes={name: (0, 0.0) for name, _ in (*_HERE, *_AWAY)},
         grid="after",
         warnings=_texts([one.warnings for one in sources]),
-        in_metres=after.in_metres,
         registration=found,
     )
+
+
+def _objects(
+    maps: tuple[Evidence, Evidence, Affine], found: Registration, place: Affine, kinds: Kinds, source: str
+) -> Regions:
+    """Return the objects of one map that the other has not, with their attributes, moved to a place."""
+    labels, classes = changed_objects(*maps, found.cell_m)
+    sums = component_sums(labels, len(classes), np.zeros(labels.shape, np.uint16))
+    outlined = renumber_by_size(trace(labels), sums)
+    numbers = ClassesByPixel.of(sums.firsts, classes).at(outlined.sums.firsts) - 1
+    geobox = replace(maps[0].geobox, transform=place * maps[0].geobox.transform)
+    return _table(outlined, geobox, numbers, kinds, source)
 
 
 def _compare_rasters(sources: tuple[Source, Source], job: RegionJob, work: Work) -> Comparison:
     """Find what was gained and lost of a range or of classes."""
     before, after = sources
     if (before.geobox.crs is None) != (after.geobox.crs is None):
-        raise RasterError(
-            f"one of {before.name} and {after.name} has a CRS and the other has none, so nobody knows how "
-            "they lie; give it one with gdal_edit.py -a_srs"
-        )
+        raise RasterError(f"one of {before.name} and {after.name} has no CRS; give it one with gdal_edit.py")
     several = getattr(job.request, "classes", None)
     names = ["", *(one.name for one in several.classes)] if several else ["", "in range"]
     if len(names) > MAX_CLASSES + 1:
@@ -205,29 +181,20 @@ def _compare_rasters(sources: tuple[Source, Source], job: RegionJob, work: Work)
     inside = counts[:-1, :-1]
     if not inside.any():
         raise RasterError(f"{before.name} and {after.name} have no valid ground in common")
-    pair = zip(("before", "after"), (before.geobox, after.geobox), strict=True)
-    grids = [name for name, one in pair if one == geobox]
-    known = found[1].regions.metadata
+    grid = "both" if before.geobox == after.geobox else "after" if geobox == after.geobox else "before"
+    known, kinds = found[1].regions.metadata, _kinds(names)
     facts = {key: known[key] for key in ("band", "range", "range_values", "classes") if key in known}
-    facts |= {"sources": _files(sources), "grid": grids[-1] if len(grids) == 1 else "both"}
-    kinds = _kinds(names)
-    regions = _table(
-        outlined, geobox, classes.at(outlined.sums.firsts), kinds, f"{before.name}, {after.name}"
-    )
+    source = f"{before.name}, {after.name}"
+    regions = _table(outlined, geobox, classes.at(outlined.sums.firsts), kinds, source)
     return Comparison(
-        regions=replace(regions, metadata=facts),
-        changes=dict.fromkeys([name for name, _ in kinds if name], (0, 0.0)),
-        grid=facts["grid"],
+        regions=replace(regions, metadata=facts | {"grid": grid}),
+        changes={name: (0, 0.0) for name, _ in kinds if name},
+        grid=grid,
         warnings=(*_texts([one.warnings for one in found]), *_doubts(sources, found, job)),
-        in_metres=after.in_metres,
         before=dict(zip(names[1:], inside.sum(axis=1)[1:].tolist(), strict=True)),
         after=dict(zip(names[1:], inside.sum(axis=0)[1:].tolist(), strict=True)),
         common=int(inside.sum()),
     )
-
-
-def _files(sources: tuple[Source, Source]) -> list[str]:
-    return [printable(", ".join(getattr(one, "given", ()) or (one.name,))) for one in sources]
 
 
 def _texts(warnings: Sequence[Sequence[str]]) -> tuple[str, ...]:
@@ -246,26 +213,21 @@ def _table(outlined: RegionOutlines, geobox: GeoBox, kinds: Integers, names: Kin
 
 
 def _side(source: Source, found: Extraction, names: Sequence[str]) -> Side:
-    columns = found.regions.columns
-    of_label = (
-        [names.index(name) for name in columns["class"]] if "class" in columns else [1] * len(found.regions)
-    )
+    named = found.regions.columns.get("class", [names[1]] * len(found.regions))
+    of_label = [names.index(name) for name in named]
     return source.cleaned(TilePass(())), Rasteriser(found.rings), np.array([0, *of_label], np.uint8)
 
 
-def _fineness(geobox: GeoBox) -> tuple[Any, ...]:
-    """Return a key by which the grid with the smaller pixels on the ground comes last; ties by place."""
+def _fineness(geobox: GeoBox) -> tuple[Any, ...]:  # a key: the smallest pixels last, ties by place
     return -round(1e6 * math.log(np.prod(ground_resolution(geobox)))), tuple(geobox.transform), geobox.shape
 
 
-def _kinds(names: Sequence[str]) -> list[tuple[str, str]]:
+def _kinds(names: Sequence[str]) -> Kinds:
     """Return name and colour of the changes from each class to each: index len(names) * before + after."""
-    suffix = [f" {name}" if len(names) > 2 else "" for name in names]
-    kinds = [
-        (f"{first} to {last}" if first != last else "", _OTHER) for first, last in product(names, repeat=2)
-    ]
-    for k in range(1, len(names)):
-        kinds[k], kinds[k * len(names)] = (f"gained{suffix[k]}", _GAINED), (f"lost{suffix[k]}", _LOST)
+    kinds = [(f"{one} to {other}" if one != other else "", _OTHER) for one, other in product(names, repeat=2)]
+    for k, name in list(enumerate(names))[1:]:
+        suffix = f" {name}" if len(names) > 2 else ""
+        kinds[k], kinds[k * len(names)] = (f"gained{suffix}", _GAINED), (f"lost{suffix}", _LOST)
     return kinds
 
 
@@ -274,10 +236,7 @@ def _doubts(sources: tuple[Source, Source], found: Sequence[Extraction], job: Re
     first, second = (one.stretch for one in found)
     by_v = not isinstance(getattr(job.request, "interval", None), ValueRange)
     if by_v and (first.low, first.high) != (second.low, second.high):
-        yield (
-            f"v is stretched otherwise in the two ({first.name}; {second.name}), so the same range is of "
-            "other values; give --values, or one --stretch LOW,HIGH for both"
-        )
+        yield f"the stretches differ ({first.name}; {second.name}), so v means other values; give --values"
     one, other = (math.sqrt(np.prod(ground_resolution(source.geobox))) for source in sources)
     if max(one, other) > _COARSER * min(one, other):
         yield f"pixels are {one:.3g} and {other:.3g} wide, so borders are uncertain; --min-area drops slivers"
@@ -340,6 +299,6 @@ def _places(geobox: GeoBox, other: GeoBox, window: Window) -> tuple[Integers, In
         x, y = transform_between(geobox.wkt, other.wkt)(x, y)
     t = ~other.transform
     at = np.stack([t.d * x + t.e * y + t.f, t.a * x + t.b * y + t.c])
-    known = (np.abs(at) < -_NOWHERE).all(axis=0)  # not of what is infinite or NaN
-    rows, cols = np.where(known, np.floor(at + 1e-9), _NOWHERE).astype(np.int64)
+    known = (np.abs(at) < 1e15).all(axis=0)  # not where the coordinate system ends
+    rows, cols = np.where(known, np.floor(at + 1e-9), -1).astype(np.int64)
     return rows, cols

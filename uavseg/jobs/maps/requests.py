@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from uavseg.jobs.maps.classify import ClassifyRequest
-    from uavseg.jobs.maps.compare import CompareRequest
     from uavseg.jobs.maps.path import PathRequest
+    from uavseg.jobs.requests import RegionJob
     from uavseg.occupancy.bags.merge_bag import MergeParams
     from uavseg.options.maps import BuildMapOptions, ClassifyOptions, PathOptions
     from uavseg.options.regions import CompareOptions
@@ -63,19 +63,16 @@ def merge_params(options: BuildMapOptions) -> MergeParams:
     )
 
 
-def compare_request(options: CompareOptions) -> CompareRequest:
-    """Return what is compared: a range or classes, or the occupied cells of maps where neither is given."""
+def compare_job(options: CompareOptions) -> RegionJob | None:
+    """Return the job whose regions are compared; None where neither a range nor classes are given: maps."""
     from uavseg.errors import ParameterError
-    from uavseg.jobs.maps.compare import CompareRequest
     from uavseg.jobs.requests import region_job
     from uavseg.options.regions import ExtractOptions
-    from uavseg.regions.edit.small import as_area
 
-    ranges, area = options.ranges, as_area(options.min_area)
-    others = ranges.values, ranges.percentile, options.classes
-    if all(one is None for one in (ranges.range, *others, options.refine)):
-        return CompareRequest(None, area)
+    ranges, classes, refine = options.ranges, options.classes, options.refine
+    others = ranges.values, ranges.percentile, classes
+    if all(one is None for one in (ranges.range, refine, *others)):
+        return None
     if isinstance(ranges.range, list) and any(one is not None for one in others):
         raise ParameterError("several ranges are classes; give them, or values, percentile or classes")
-    extracting = ExtractOptions(ranges=ranges, classes=options.classes, refine=options.refine)
-    return CompareRequest(region_job(extracting), area)
+    return region_job(ExtractOptions(ranges=ranges, classes=classes, refine=refine))

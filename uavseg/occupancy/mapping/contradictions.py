@@ -7,56 +7,52 @@ contradicted cells is forgotten only if it reaches farther from what stands than
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-from uavseg.occupancy.mapping.beams import merge_beams
-from uavseg.occupancy.mapping.log_odds import FREE_LOG_ODDS, MAX_LOG_ODDS, Float32s
-from uavseg.occupancy.mapping.pending import UP_TO_DATE, empty_pending
-from uavseg.raster.grid.tiling import Window, whole_blocks
-from uavseg.units import BLOCK
+from uavseg.dataclass import dataclass
+from uavseg.errors import ParameterError
+from uavseg.occupancy.mapping.log_odds import MAX_LOG_ODDS, Float32s
+from uavseg.raster.grid.tiling import Window
 
-MAX_FORGET_AFTER = 1_000_000
-_BESIDE, _EDGE = 1, 2  # cells: around a return; thickness of the edge of what stands
-_MARGIN = 8  # cells that are looked at outside of those that a scan observes
+MARGIN = 8  # cells that are looked at outside of those that a scan observes
+_EDGE = 2  # cells: thickness of the edge of what stands
+_MAX_SCANS = 1_000_000
 _SQUARE = np.ones((3, 3), bool)
+
+
+@dataclass(frozen=True, slots=True)
+class Fading:
+    """How evidence of a grid fades, see `OccupancyGrid`; ParameterError if a number is not possible."""
+
+    clamp: float = MAX_LOG_ODDS
+    half_life: float | None = None
+    forget_after: float | None = None
+
+    def __post_init__(self) -> None:
+        if not 0 < self.clamp <= MAX_LOG_ODDS:
+            raise ParameterError(f"clamp is above 0 and at most {MAX_LOG_ODDS:g}, not {self.clamp:g}")
+        for name, scans in (("half_life", self.half_life), ("forget_after", self.forget_after)):
+            if scans is not None and not 1 <= scans <= _MAX_SCANS:
+                raise ParameterError(f"{name} is 1 to {_MAX_SCANS:,} scans, not {scans:g}")
 
 
 class Contradictions:
     """Scans in a row that contradicted each cell of a map of a shape, and their log-odds."""
 
-    def __init__(self, shape: tuple[int, int], forget_after: int) -> None:
-        self.forget_after = forget_after
+    def __init__(self, shape: tuple[int, int], forget_after: float) -> None:
+        self._forget_after = forget_after
         self._counts, self._held = np.zeros(shape, np.uint32), np.zeros(shape, np.float32)
-        self._odds, self._pending = np.zeros(shape, np.float32), empty_pending(shape)
 
-    def observe(self, beams: NDArray[np.float64], sigma: float) -> tuple[Window, Float32s, NDArray[np.bool_]]:
-        """Return a window, the log-odds that a scan alone gives its cells, and where the scan returns."""
-        seen = merge_beams(self._odds, self._pending, beams, sigma)
-        window = seen.grown(_MARGIN).clipped(self._odds.shape)
-        first, last = window.row // BLOCK, whole_blocks(window.row + window.rows) // BLOCK
-        left, right = window.col // BLOCK, whole_blocks(window.col + window.cols) // BLOCK
-        blocks = self._pending[first:last, left:right]
-        counts = blocks.transpose(0, 2, 4, 1, 3, 5).reshape(BLOCK * (last - first), BLOCK * (right - left))
-        counts = counts[window.relative_to(Window(BLOCK * first, BLOCK * left, 0, 0)).slices]
-        odds = self._odds[window.slices] + np.float32(FREE_LOG_ODDS) * (counts % UP_TO_DATE)
-        blocks[:], self._odds[window.slices] = 0, 0
-        return window, odds, counts >= UP_TO_DATE
-
-    def revised(
-        self, before: Float32s, after: Float32s, observed: tuple[Window, Float32s, NDArray[np.bool_]]
-    ) -> Float32s:
-        """Return the log-odds of the window of a scan, from those before and after it was merged."""
+    def revised(self, at: Window, before: Float32s, odds: Float32s, after: Float32s, beside: int) -> Float32s:
+        """Return log-odds of a window, from those before a scan, of it alone (returns reach so far), after."""
         from scipy import ndimage
 
-        window, odds, returns = observed
-        counts, held = self._counts[window.slices], self._held[window.slices]
-        occupied = before > 0
-        through = occupied & (odds < 0) & ~ndimage.binary_dilation(returns, _SQUARE, _BESIDE)
+        counts, held = self._counts[at.slices], self._held[at.slices]
+        occupied, is_hit = before > 0, odds > 0
+        through = occupied & (odds < 0) & ~ndimage.binary_dilation(is_hit, _SQUARE, beside)
         counts[through] += 1
         held[through] += odds[through]
-        confirmed = ~occupied | (odds > 0)
-        counts[confirmed], held[confirmed] = 0, 0
-        due = counts >= self.forget_after
+        counts[is_hit | ~occupied], held[is_hit | ~occupied] = 0, 0
+        due = counts >= self._forget_after
         stands = ndimage.binary_dilation(occupied & ~due, _SQUARE, _EDGE)
         groups, number = ndimage.label(due, _SQUARE)
         gone = due & (np.bincount(groups[due & through & ~stands], minlength=number + 1) > 0)[groups]

@@ -2,6 +2,7 @@
 
 import math
 import os
+from dataclasses import asdict
 from typing import Any
 from weakref import WeakSet
 
@@ -10,12 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from uavseg.arguments import checked
 from uavseg.dataclass import dataclass
-from uavseg.errors import MapError, ParameterError
+from uavseg.errors import MapError
 from uavseg.occupancy.mapping.beams import REACH_SIGMAS, merge_beams
-from uavseg.occupancy.mapping.contradictions import MAX_FORGET_AFTER, Contradictions
+from uavseg.occupancy.mapping.contradictions import MARGIN, Contradictions, Fading
 from uavseg.occupancy.mapping.grey_map import GreyMap
 from uavseg.occupancy.mapping.grid_io import (
-    Fading,
     fill_grid_message,
     read_grid_file,
     read_grid_message,
@@ -63,8 +63,8 @@ class OccupancyGrid:
 
     Attributes
     ----------
-    geobox, clamp, half_life, forget_after
-        As given.
+    geobox : GeoBox
+    fading : Fading
     log_odds : (rows, cols) float32 array
 
     Raises
@@ -86,16 +86,13 @@ class OccupancyGrid:
         *,
         clamp: float = MAX_LOG_ODDS,
         half_life: float | None = None,
-        forget_after: int | None = None,
+        forget_after: float | None = None,
     ) -> None:
         check_metres(geobox)
-        for name, number, most in (("clamp", clamp, MAX_LOG_ODDS), ("half_life", half_life, math.inf)):
-            if number is not None and not 0 < number <= most:
-                raise ParameterError(f"{name} is above 0 and at most {most:g}, not {number:g}")
-        if forget_after is not None and not 1 <= forget_after <= MAX_FORGET_AFTER:
-            raise ParameterError(f"forget_after is 1 to {MAX_FORGET_AFTER} scans, not {forget_after}")
-        self.geobox, self.clamp, self.half_life, self.forget_after = geobox, clamp, half_life, forget_after
-        self._contradictions = None if forget_after is None else Contradictions(geobox.shape, forget_after)
+        self.geobox, self.fading = geobox, Fading(clamp, half_life, forget_after)
+        self._forgetting = None
+        if forget_after is not None:  # beside a grid of the last scan alone
+            self._forgetting = Contradictions(geobox.shape, forget_after), OccupancyGrid(geobox)
         self.log_odds = np.zeros(geobox.shape, np.float32)
         self._probabilities: Float32s | None = None
         self._pending = empty_pending(geobox.shape)
@@ -107,14 +104,7 @@ class OccupancyGrid:
     @classmethod
     @checked
     def empty(
-        cls,
-        shape: tuple[int, int],
-        cell_m: float,
-        origin: tuple[float, float] = (0.0, 0.0),
-        *,
-        clamp: float = MAX_LOG_ODDS,
-        half_life: float | None = None,
-        forget_after: int | None = None,
+        cls, shape: tuple[int, int], cell_m: float, origin: tuple[float, float] = (0.0, 0.0), **fading: Any
     ) -> "OccupancyGrid":
         """Make a grid of square cells without observations, 0.5 everywhere.
 
@@ -126,10 +116,9 @@ class OccupancyGrid:
             Side of a cell.
         origin : (float, float)
             x and y of the lower left corner in metres.
-        clamp, half_life, forget_after
-            As of the class.
+        **fading
+            As of the class: clamp, half_life, forget_after.
         """
-        fading: Fading = {"clamp": clamp, "half_life": half_life, "forget_after": forget_after}
         return cls(local_geobox(shape, cell_m, origin), **fading)
 
     @classmethod
@@ -203,20 +192,17 @@ class OccupancyGrid:
         overwrite : bool
             Whether to replace an existing file, which is an OutputExistsError otherwise.
         """
-        fading: Fading = {"clamp": self.clamp, "half_life": self.half_life, "forget_after": self.forget_after}
-        write_grid_file(path, self.log_odds, self.geobox, overwrite, fading)
+        write_grid_file(path, self.log_odds, self.geobox, overwrite, self.fading)
 
     @classmethod
     @checked
     def load(cls, path: str | os.PathLike[str]) -> "OccupancyGrid":
         """Load a grid that `save` saved; later scans continue from its log-odds.
 
-        Contradicting scans are counted anew.
-
         Raises MapError if the file is another raster or damaged, RasterReadError if it cannot be read.
         """
         log_odds, geobox, fading = read_grid_file(path)
-        grid = cls(geobox, **fading)
+        grid = cls(geobox, **asdict(fading))
         grid.log_odds[...] = log_odds
         grid._recompute()
         return grid
@@ -248,25 +234,23 @@ class OccupancyGrid:
         a, b, c, d, e, f = tuple(~self.geobox.transform)[:6]  # from metres to cells
         steps = a * along_x + b * along_y, d * along_x + e * along_y
         beams = np.column_stack([*steps, ranges, reach, a * x + b * y + c, d * x + e * y + f])
-        if self.half_life is not None:
-            self.log_odds *= np.float32(0.5 ** (1 / self.half_life))
+        if self.fading.half_life is not None:
+            self.log_odds *= np.float32(0.5 ** (1 / self.fading.half_life))
             self._recompute()
-        fading = self._contradictions
-        observed = None if fading is None else fading.observe(beams, scan.sigma_m)
-        before = None if observed is None else self.log_odds[observed[0].slices].copy()
+        around, before = None, self.log_odds
+        if self._forgetting is not None:
+            around = self._forgetting[1].merge(scan).grown(MARGIN).clipped(self.geobox.shape)
+            before = self.log_odds[around.slices].copy()
         window = merge_beams(self.log_odds, self._pending, beams, scan.sigma_m)
         self._apply(window)
-        if self.clamp < MAX_LOG_ODDS or observed is not None:
-            around = window if observed is None else observed[0]
-            merged = self.log_odds[around.slices]
-            revised = merged
-            if fading is not None and before is not None and observed is not None:
-                revised = fading.revised(before, merged, observed)
-            revised = np.clip(revised, -self.clamp, self.clamp)
-            rows, cols = np.nonzero(revised != merged)
-            merged[...] = revised
-            mark_up_to_date(self._pending, rows + around.row, cols + around.col)
-            self._apply(around)
+        if self._forgetting is not None and around is not None:
+            contradictions, alone = self._forgetting
+            odds, after = (one.log_odds[around.slices] for one in (alone, self))
+            beside = math.ceil(REACH_SIGMAS * scan.sigma_m * max(map(abs, (a, b, d, e))))
+            self._set(around, contradictions.revised(around, before, odds, after, beside))
+            odds[...] = 0
+        if self.fading.clamp < MAX_LOG_ODDS:
+            self._set(window, np.clip(self.log_odds[window.slices], -self.fading.clamp, self.fading.clamp))
         return window
 
     @checked
@@ -333,6 +317,12 @@ class OccupancyGrid:
         """Set all cells to 0.5. Segmentations follow and keep their contrast bin edges."""
         self.log_odds[...] = 0
         self._recompute()
+
+    def _set(self, window: Window, revised: Float32s) -> None:
+        rows, cols = np.nonzero(revised != self.log_odds[window.slices])
+        self.log_odds[window.slices] = revised
+        mark_up_to_date(self._pending, rows + window.row, cols + window.col)
+        self._apply(window)
 
     def _apply(self, window: Window) -> None:
         apply_pending(self._pending, self.log_odds, self._probabilities, self._grey_map, window)

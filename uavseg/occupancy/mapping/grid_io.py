@@ -9,13 +9,14 @@ import os
 from array import array
 from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any, TypedDict
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import MapError, RasterError, SceneError
 from uavseg.inputs import as_number
+from uavseg.occupancy.mapping.contradictions import Fading
 from uavseg.occupancy.mapping.log_odds import MAX_LOG_ODDS
 from uavseg.occupancy.mapping.rotation import as_quaternion, heading_of, matrix_of_quaternion, tilt_deg
 from uavseg.occupancy.ros.ros_map import RosMap, placement, transform_of
@@ -31,6 +32,7 @@ MAX_CELLS = 100_000_000  # of a grid in a file: 5 km x 5 km of cells of half a m
 LOG_ODDS = "log-odds of occupancy"  # description of the band
 
 _TAG, _CONTENT, _FADING = "UAVSEG_OCCUPANCY_GRID", "log-odds", "UAVSEG_FADING"
+_STAYING = Fading()
 _LEVEL_DEG = 0.1  # an origin that is tilted by less lies in the plane
 
 
@@ -39,17 +41,6 @@ def check_cells(shape: tuple[int, int], what: str) -> None:
     rows, cols = shape
     if rows * cols > MAX_CELLS:
         raise MapError(f"{what} has {cols:,} x {rows:,} cells; at most {MAX_CELLS:,} are possible")
-
-
-class Fading(TypedDict):
-    """How evidence of a grid fades, see `OccupancyGrid`."""
-
-    clamp: float
-    half_life: float | None
-    forget_after: int | None
-
-
-_STAYING: Fading = {"clamp": MAX_LOG_ODDS, "half_life": None, "forget_after": None}
 
 
 def write_grid_file(
@@ -64,7 +55,7 @@ def write_grid_file(
     check_cells(log_odds.shape, "this grid")
     tags = {_TAG: _CONTENT}
     if fading != _STAYING:
-        tags[_FADING] = ",".join("" if number is None else repr(number) for number in fading.values())
+        tags[_FADING] = f"{fading.clamp!r} {fading.half_life!r} {fading.forget_after!r}"
     write_geotiff(path, [log_odds], geobox, [LOG_ODDS], tags, overwrite)
 
 
@@ -82,13 +73,11 @@ def read_grid_file(path: str | os.PathLike[str]) -> tuple[Float32s, GeoBox, Fadi
     log_odds: Float32s = values[0]
     if not (np.abs(log_odds) <= MAX_LOG_ODDS).all():
         raise MapError(f"{name} is damaged: log-odds of a grid lie in -{MAX_LOG_ODDS:g}..{MAX_LOG_ODDS:g}")
-    if _FADING not in tags:
-        return log_odds, geobox, _STAYING
     try:
-        clamp, half_life, forget_after = (float(text) if text else None for text in tags[_FADING].split(","))
-        after = None if forget_after is None else int(forget_after)
-        return log_odds, geobox, {"clamp": clamp or 0.0, "half_life": half_life, "forget_after": after}
-    except (ValueError, OverflowError) as error:
+        words = tags.get(_FADING, f"{MAX_LOG_ODDS} None None").split()
+        clamp, *others = (None if word == "None" else float(word) for word in words)
+        return log_odds, geobox, Fading(clamp or 0.0, *others)
+    except (ValueError, TypeError) as error:
         raise MapError(f"{name} is damaged: how its evidence fades cannot be read") from error
 
 
