@@ -1,6 +1,6 @@
-"""Changes between two maps of one place: recall and false changes on drawn rooms, at shifts of the second map.
+"""Changes between two maps of one place: recall and false changes on drawn rooms, at shifts of the second.
 
-    python -m benchmarks.changes            # tables: two maps; numbers of live segments; evidence that is revised
+    python -m benchmarks.changes    # tables: two maps, numbers of live segments, evidence that fades
 
 Ten scenes of two rooms with boxes. Between the runs one box is taken away, one is added, one is moved. The second map
 lies in a frame that is shifted and turned. A change is found if a region of its kind overlaps it; a region is false if
