@@ -99,7 +99,8 @@ def register(first: Evidence, second: Evidence) -> Registration:
         raise MapError(
             f"the maps do not register within {MAX_SHIFT:g} cells and {MAX_ANGLE_DEG:g} degrees: at best, at "
             f"{dx:.1f}, {dy:.1f} cells and {angle:.1f} degrees, {100 * share:.0f} % of the occupied cells on "
-            f"common ground lie on each other, and {100 * MIN_SHARE:.0f} % are needed"
+            f"common ground lie on each other, and {100 * MIN_SHARE:.0f} % are needed (what is no map of "
+            "probabilities is compared by a range)"
         )
     return Registration(motion=motion, back=back, shift=(dx, dy), angle_deg=angle, share=share, cell_m=cell_m)
 

@@ -75,8 +75,8 @@ def read_grid_file(path: str | os.PathLike[str]) -> tuple[Float32s, GeoBox, Fadi
         raise MapError(f"{name} is damaged: log-odds of a grid lie in -{MAX_LOG_ODDS:g}..{MAX_LOG_ODDS:g}")
     try:
         words = tags.get(_FADING, f"{MAX_LOG_ODDS} None None").split()
-        clamp, *others = (None if word == "None" else float(word) for word in words)
-        return log_odds, geobox, Fading(clamp or 0.0, *others)
+        clamp, half_life, after = (None if word == "None" else float(word) for word in words)
+        return log_odds, geobox, Fading(clamp or 0.0, half_life, after)
     except (ValueError, TypeError) as error:
         raise MapError(f"{name} is damaged: how its evidence fades cannot be read") from error
 

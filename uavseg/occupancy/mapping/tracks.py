@@ -83,7 +83,11 @@ class SegmentTracks:
                 for one, label in labels_of.items()
                 if old.get(one) == one and np.hypot(*(found[label] - centres[one])) >= 0.5
             ),
-            split=_grouped((min(came[one]), one) for one in labels_of if came[one] and old.get(one) != one),
+            split=_grouped(
+                (old.get(one) or min(came[one]), one)
+                for one in labels_of
+                if old.get(one) != one and (old.get(one) or came[one])
+            ),
             merged=_grouped((host, one) for one, host in hosts.items() if host not in (0, one, old.get(one))),
         )
         self._hosts, busy = hosts, {host for one, host in hosts.items() if one != host}
