@@ -3,7 +3,7 @@
 A scan contradicts an occupied cell if beams cross it, and none returns at it or beside it. Its free evidence
 is held back; after so many contradicting scans in a row that of all of them takes the place of the cell's. A
 return at the cell confirms it. Beams that graze a wall cross its edge and return behind: so a group of
-contradicted cells is forgotten only if it reaches farther from what stands than an edge is thick.
+contradicted cells is forgotten only if it reaches farther from what stands, or is unknown, than an edge is thick.
 """
 
 import numpy as np
@@ -43,7 +43,7 @@ class Contradictions:
         self._counts, self._held = np.zeros(shape, np.uint32), np.zeros(shape, np.float32)
 
     def revised(self, at: Window, before: Float32s, odds: Float32s, after: Float32s, beside: int) -> Float32s:
-        """Return log-odds of a window, from those before a scan, of it alone (returns reach so far), after."""
+        """Return log-odds of a window, from those before a scan, of it alone, and after."""
         from scipy import ndimage
 
         counts, held = self._counts[at.slices], self._held[at.slices]
@@ -53,7 +53,7 @@ class Contradictions:
         held[through] += odds[through]
         counts[is_hit | ~occupied], held[is_hit | ~occupied] = 0, 0
         due = counts >= self._forget_after
-        stands = ndimage.binary_dilation(occupied & ~due, _SQUARE, _EDGE)
+        stands = ndimage.binary_dilation((occupied & ~due) | (after == 0), _SQUARE, _EDGE)
         groups, number = ndimage.label(due, _SQUARE)
         gone = due & (np.bincount(groups[due & through & ~stands], minlength=number + 1) > 0)[groups]
         revised = np.where(occupied & (odds < 0), before, after)
