@@ -62,6 +62,7 @@ _AWAY = (("gone", _LOST), ("not seen again", _FADED))
 _HERE = (("new", _GAINED), ("first seen", _OTHER))
 _COLUMNS = ("id", "class", "color", "area_m2", "perimeter_m", "pixels", "holes", "lon", "lat", "source")
 _COARSER = 1.5  # ratio of resolutions from which borders are uncertain
+_TILE = 1024
 
 
 @dataclass(frozen=True)
@@ -172,7 +173,8 @@ def _compare_rasters(sources: tuple[Source, Source], job: RegionJob, work: Work)
     found = [job.find(*both) for both in zip(sources, works, strict=False)]
     sides = [_side(*both, names) for both in zip(sources, found, strict=True)]
     geobox = max((before.geobox, after.geobox), key=_fineness)
-    here = replace(works[2], executor=work.local, checkpoint=None)  # every tile needs the regions of both
+    # Every tile needs the regions of both; the coordinates of its pixels take ten times its memory.
+    here = replace(works[2], tile=work.tile or _TILE, executor=work.local, checkpoint=None)
     tile_pass = here.over(after if geobox == after.geobox else before)
     counts = np.zeros((len(names) + 1, len(names) + 1), np.int64)
     with phase("changes"):

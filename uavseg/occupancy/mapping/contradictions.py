@@ -1,9 +1,9 @@
 """Evidence that is revised by contradiction: occupied cells are forgotten when scans see through them.
 
-A scan contradicts an occupied cell if beams cross it, and none returns at it or beside it. Its free evidence
-is held back; after so many contradicting scans in a row that of all of them takes the place of the cell's. A
-return at the cell confirms it. Beams that graze a wall cross its edge and return behind: so a group of
-contradicted cells is forgotten only if it reaches farther from what stands, or is unknown, than an edge is thick.
+A scan contradicts an occupied cell if beams cross it and none returns within 3 sigma of it. Its free evidence
+is held back; after so many contradicting scans in a row, that of all of them takes the place of the cell's. A
+return at the cell confirms it. Beams that graze a wall cross its edge and return behind: so contradicted
+cells are forgotten only in a group that reaches beyond the edge of what stands, or is unknown.
 """
 
 import numpy as np

@@ -104,7 +104,14 @@ class OccupancyGrid:
     @classmethod
     @checked
     def empty(
-        cls, shape: tuple[int, int], cell_m: float, origin: tuple[float, float] = (0.0, 0.0), **fading: Any
+        cls,
+        shape: tuple[int, int],
+        cell_m: float,
+        origin: tuple[float, float] = (0.0, 0.0),
+        *,
+        clamp: float = MAX_LOG_ODDS,
+        half_life: float | None = None,
+        forget_after: float | None = None,
     ) -> "OccupancyGrid":
         """Make a grid of square cells without observations, 0.5 everywhere.
 
@@ -116,10 +123,11 @@ class OccupancyGrid:
             Side of a cell.
         origin : (float, float)
             x and y of the lower left corner in metres.
-        **fading
-            As of the class: clamp, half_life, forget_after.
+        clamp, half_life, forget_after
+            As of the class.
         """
-        return cls(local_geobox(shape, cell_m, origin), **fading)
+        box = local_geobox(shape, cell_m, origin)
+        return cls(box, clamp=clamp, half_life=half_life, forget_after=forget_after)
 
     @classmethod
     @checked
@@ -246,7 +254,8 @@ class OccupancyGrid:
         if self._forgetting is not None and around is not None:
             contradictions, alone = self._forgetting
             odds, after = (one.log_odds[around.slices] for one in (alone, self))
-            beside = math.ceil(REACH_SIGMAS * scan.sigma_m * max(map(abs, (a, b, d, e))))
+            reach_cells = REACH_SIGMAS * scan.sigma_m * max(map(abs, (a, b, d, e)))
+            beside = math.ceil(min(reach_cells, max(self.geobox.shape)))
             self._set(around, contradictions.revised(around, before, odds, after, beside))
             odds[...] = 0
         if self.fading.clamp < MAX_LOG_ODDS:
