@@ -173,7 +173,7 @@ def _compare_rasters(sources: tuple[Source, Source], job: RegionJob, work: Work)
     found = [job.find(*both) for both in zip(sources, works, strict=False)]
     sides = [_side(*both, names) for both in zip(sources, found, strict=True)]
     geobox = max((before.geobox, after.geobox), key=_fineness)
-    # Every tile needs the regions of both; the coordinates of its pixels take ten times its memory.
+    # Every tile needs the regions of both; the coordinates of its pixels take many times its memory.
     here = replace(works[2], tile=work.tile or _TILE, executor=work.local, checkpoint=None)
     tile_pass = here.over(after if geobox == after.geobox else before)
     counts = np.zeros((len(names) + 1, len(names) + 1), np.int64)
@@ -277,30 +277,34 @@ def _counted(tiles: Iterator[tuple[ClassOutlines, Integers]], counts: Integers) 
 def _classes_at(side: Side, geobox: GeoBox, window: Window, invalid: int) -> NDArray[np.uint8]:
     """Return the class of a raster at the centres of the pixels of a window of the grid of comparison."""
     dataset, labels, of_label = side
-    shape, found = dataset.geobox.shape, np.full((window.rows, window.cols), invalid, np.uint8)
-    rows, cols = _places(geobox, dataset.geobox, window)
-    inside = (rows >= 0) & (rows < shape[0]) & (cols >= 0) & (cols < shape[1])
-    if inside.any():
-        rows, cols = rows[inside], cols[inside]
-        row, col = int(rows.min()), int(cols.min())
-        needed = Window(row, col, int(rows.max()) - row + 1, int(cols.max()) - col + 1)
-        classes, (_, mask) = of_label[labels(needed)], dataset.read(needed)
-        if mask is not None:
-            classes[mask == 0] = invalid
-        found[inside] = classes[rows - row, cols - col]
-    return found
+    (rows, cols), shape = _places(geobox, dataset.geobox, window), dataset.geobox.shape
+    in_rows, in_cols = (rows >= 0) & (rows < shape[0]), (cols >= 0) & (cols < shape[1])
+    inside = in_rows & in_cols
+    if not inside.any():
+        return np.full(inside.shape, invalid, np.uint8)
+    rows, cols = np.where(in_rows, rows, rows[in_rows].min()), np.where(in_cols, cols, cols[in_cols].min())
+    row, col = int(rows.min()), int(cols.min())
+    needed = Window(row, col, int(rows.max()) - row + 1, int(cols.max()) - col + 1)
+    classes, (_, mask) = of_label[labels(needed)], dataset.read(needed)
+    if mask is not None:
+        classes[mask == 0] = invalid
+    return np.where(inside, classes[rows - row, cols - col], np.uint8(invalid))
 
 
-def _places(geobox: GeoBox, other: GeoBox, window: Window) -> tuple[Integers, Integers]:
-    """Return row and column of another raster in which the centre of each pixel of a window lies."""
-    row, col = np.mgrid[window.row : window.row + window.rows, window.col : window.col + window.cols]
+def _places(geobox: GeoBox, other: GeoBox, window: Window) -> list[Integers]:
+    """Return row and column of another raster in which the centre of each pixel of a window lies; or -1.
+
+    They are to be broadcast: rows do not depend on columns where both grids run along the same axes.
+    """
+    row = np.arange(window.row, window.row + window.rows)[:, None]
+    col = np.arange(window.col, window.col + window.cols)[None]
     if geobox == other:
-        return row, col
-    x, y = geobox.xy_from_pixel(row + 0.5, col + 0.5)
-    if geobox.crs != other.crs:
+        return [row, col]
+    x, y, t = col + 0.5, row + 0.5, ~other.transform
+    if geobox.crs == other.crs:
+        t = t * geobox.transform
+    else:
+        x, y = geobox.xy_from_pixel(*np.broadcast_arrays(y, x))
         x, y = transform_between(geobox.wkt, other.wkt)(x, y)
-    t = ~other.transform
-    at = np.stack([t.d * x + t.e * y + t.f, t.a * x + t.b * y + t.c])
-    known = (np.abs(at) < 1e15).all(axis=0)  # not where the coordinate system ends
-    rows, cols = np.where(known, np.floor(at + 1e-9), -1).astype(np.int64)
-    return rows, cols
+    at = (t.e * y + t.f + (t.d * x if t.d else 0.0), t.a * x + t.c + (t.b * y if t.b else 0.0))
+    return [np.where(np.abs(one) < 1e15, np.floor(one + 1e-9), -1).astype(np.int64) for one in at]
