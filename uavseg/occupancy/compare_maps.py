@@ -2,11 +2,9 @@
 
 Registration is truncated chamfer matching, both ways (Borgefors, "Hierarchical chamfer matching", PAMI 1988):
 an occupied cell costs its squared distance to the nearest one of the other map, three cells at most, so what
-changed does not pull. All angles and whole cells are tried, then steps are halved.
-
-A cell has changed where the other map has no occupied cell within the tolerance: free ground contradicts it,
-unknown ground says nothing. Cells within the tolerance of each other are one object. A part of what still
-stands needs more evidence than a whole: beams along a side clear some of its cells in one of the maps.
+changed does not pull. A cell has changed where the other map has no occupied cell within the tolerance: free
+ground contradicts it, unknown ground says nothing. A part of what still stands needs more evidence than a
+whole, because beams along a side clear some of its cells in one of the maps.
 """
 
 import math

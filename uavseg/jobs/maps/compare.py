@@ -142,7 +142,7 @@ def _compare_maps(sources: tuple[Source, Source]) -> Comparison:
         regions=Regions(columns, polygons, here.wkt, facts).select(order),
         changes={name: (0, 0.0) for name, _ in (*_HERE, *_AWAY)},
         grid="after",
-        warnings=_texts([one.warnings for one in sources]),
+        warnings=_texts(before.warnings, after.warnings),
         registration=found,
     )
 
@@ -192,16 +192,15 @@ def _compare_rasters(sources: tuple[Source, Source], job: RegionJob, work: Work)
         regions=replace(regions, metadata=facts | {"grid": grid}),
         changes={name: (0, 0.0) for name, _ in kinds if name},
         grid=grid,
-        warnings=(*_texts([one.warnings for one in found]), *_doubts(sources, found, job)),
+        warnings=(*_texts(found[0].warnings, found[1].warnings), *_doubts(sources, found, job)),
         before=dict(zip(names[1:], inside.sum(axis=1)[1:].tolist(), strict=True)),
         after=dict(zip(names[1:], inside.sum(axis=0)[1:].tolist(), strict=True)),
         common=int(inside.sum()),
     )
 
 
-def _texts(warnings: Sequence[Sequence[str]]) -> tuple[str, ...]:
-    sides = zip(("before", "after"), warnings, strict=True)
-    return tuple(dict.fromkeys(f"{side}: {text}" for side, several in sides for text in several))
+def _texts(before: Sequence[str], after: Sequence[str]) -> tuple[str, ...]:
+    return (*(f"before: {text}" for text in before), *(f"after: {text}" for text in after))
 
 
 def _table(outlined: RegionOutlines, geobox: GeoBox, kinds: Integers, names: Kinds, source: str) -> Regions:

@@ -28,11 +28,14 @@ class Fading:
     forget_after: float | None = None
 
     def __post_init__(self) -> None:
-        if not 0 < self.clamp <= MAX_LOG_ODDS:
-            raise ParameterError(f"clamp is above 0 and at most {MAX_LOG_ODDS:g}, not {self.clamp:g}")
-        for name, scans in (("half_life", self.half_life), ("forget_after", self.forget_after)):
-            if scans is not None and not 1 <= scans <= _MAX_SCANS:
-                raise ParameterError(f"{name} is 1 to {_MAX_SCANS:,} scans, not {scans:g}")
+        limits = {
+            "clamp": (1e-3, MAX_LOG_ODDS),
+            "half_life": (1, _MAX_SCANS),
+            "forget_after": (1, _MAX_SCANS),
+        }
+        for name, (low, high) in limits.items():
+            if (number := getattr(self, name)) is not None and not low <= number <= high:
+                raise ParameterError(f"{name} is {low:g} to {high:g}, not {number:g}")
 
 
 class Contradictions:

@@ -250,7 +250,7 @@ class OccupancyGrid:
             around = self._forgetting[1].merge(scan).grown(MARGIN).clipped(self.geobox.shape)
             before = self.log_odds[around.slices].copy()
         window = merge_beams(self.log_odds, self._pending, beams, scan.sigma_m)
-        self._apply(window)
+        apply_pending(self._pending, self.log_odds, self._probabilities, self._grey_map, window)
         if self._forgetting is not None and around is not None:
             contradictions, alone = self._forgetting
             odds, after = (one.log_odds[around.slices] for one in (alone, self))
@@ -331,9 +331,6 @@ class OccupancyGrid:
         rows, cols = np.nonzero(revised != self.log_odds[window.slices])
         self.log_odds[window.slices] = revised
         mark_up_to_date(self._pending, rows + window.row, cols + window.col)
-        self._apply(window)
-
-    def _apply(self, window: Window) -> None:
         apply_pending(self._pending, self.log_odds, self._probabilities, self._grey_map, window)
 
     def _recompute(self) -> None:
