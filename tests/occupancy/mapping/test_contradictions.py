@@ -102,8 +102,12 @@ def test_what_never_fades_is_the_plain_grid_to_the_bit(seed: int) -> None:
     for _ in range(5):
         scan = random_scan(rng, SHAPE, CELL_M)
         before = free.log_odds.copy()
-        for one in (plain, clamped, free):
+        for one in (plain, clamped):
             one.merge(scan)
+        window = free.merge(scan)
+        outside = np.ones(SHAPE, bool)
+        outside[window.slices] = False
+        assert np.array_equal(free.log_odds[outside], before[outside])
         lost = (before > 0) & (free.log_odds < before)
         assert not lost.any() or not (free.log_odds[lost] > 0).any()  # evidence is lost whole or not at all
     assert np.array_equal(plain.log_odds, clamped.log_odds)

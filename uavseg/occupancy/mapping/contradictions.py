@@ -58,7 +58,11 @@ class Contradictions:
         due = counts >= self._forget_after
         stands = ndimage.binary_dilation((occupied & ~due) | (after == 0), _SQUARE, _EDGE)
         groups, number = ndimage.label(due, _SQUARE)
-        gone = due & (np.bincount(groups[due & through & ~stands], minlength=number + 1) > 0)[groups]
+        gone = (
+            due
+            & (odds < 0)
+            & (np.bincount(groups[due & through & ~stands], minlength=number + 1) > 0)[groups]
+        )
         revised = np.where(occupied & (odds < 0), before, after)
         revised[gone] = np.maximum(held[gone], -MAX_LOG_ODDS)
         counts[gone], held[gone] = 0, 0
