@@ -121,3 +121,16 @@ def test_maps_of_other_places_and_motions_beyond_the_limits_are_refused() -> Non
         register(evidence(same), evidence(same, local_geobox(ROOM, CELL_M, (6 * CELL_M, 0.0))))
     with pytest.raises(MapError, match="no occupied cell"):
         evidence(np.full(ROOM, 0.5))
+
+
+def test_a_map_whose_raster_is_turned_by_a_quarter_gives_the_same() -> None:
+    one, other = seen(1, False), seen(1, True, HARD)
+    cols = other.states.shape[1]
+    place = GeoBox((cols, len(other.states)), other.geobox.transform * Affine(0, -1, cols, 1, 0, 0), None)
+    pair = draw_pair(1)
+    grid = run_map(pair.scene(pair.after), 101, HARD)
+    turned = evidence(np.ascontiguousarray(np.rot90(grid.probabilities)), place)
+    straight, quarter = register(one, other), register(one, turned)
+    assert quarter.shift == pytest.approx(straight.shift) and quarter.share == pytest.approx(straight.share)
+    labels = [changed_objects(one, each, straight.motion, CELL_M)[0] for each in (other, turned)]
+    assert np.array_equal(*labels)
