@@ -12,17 +12,17 @@ from pathlib import Path
 
 import numpy as np
 
-from uavseg.occupancy.explore.block_graph import BlockGraph, block_graph
-from uavseg.occupancy.explore.drive import Explorer, knowable_cells
-from uavseg.occupancy.explore.frontiers import Frontiers, find_frontiers, rays_for
-from uavseg.occupancy.explore.next_view import ViewPlanner
 from uavseg.flight.order.tour import Stops, short_tour
+from uavseg.occupancy.explore.block_graph import block_graph
+from uavseg.occupancy.explore.drive import Explorer, knowable_cells
+from uavseg.occupancy.explore.frontiers import find_frontiers
+from uavseg.occupancy.explore.next_view import ViewPlanner
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.mapping.scan import Pose
 from uavseg.occupancy.simulation.cell_scene import CellScene
 from uavseg.occupancy.simulation.simulate import RangeFinder
 from uavseg.raster.grid.geobox import local_geobox
-from uavseg.units import FREE, OCCUPIED, UNKNOWN
+from uavseg.units import OCCUPIED, UNKNOWN
 
 MAPS = Path(__file__).parents[2] / "shared" / "data" / "maps"
 DONE = 0.99

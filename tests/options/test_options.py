@@ -22,6 +22,7 @@ JOBS: dict[str, type] = {
     "levels": regions.LevelsOptions,
     "match": regions.MatchOptions,
     "suggest": regions.SuggestOptions,
+    "compare": regions.CompareOptions,
     "divide": regions.DivideOptions,
     "original": regions.OriginalOptions,
     "info": regions.InfoOptions,
@@ -44,13 +45,24 @@ JOBS: dict[str, type] = {
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     **{name: getattr(uavseg, name) for name in ("extract", "levels", "match", "suggest", "divide", "info")},
     **{name: getattr(uavseg, name) for name in ("plan", "check", "upload", "download", "classify", "path")},
+    "compare": uavseg.compare,
     "build-map": uavseg.build_map,
     "merge-maps": uavseg.merge_maps,
     "preview": uavseg.preview,
     "map": uavseg.map_page,
     "serve": uavseg.serve,
 }
-OF_PYTHON = {"source", "progress", "regions", "mission", "bag", "maps", "output"}  # not of the command line
+OF_PYTHON = {
+    "source",
+    "before",
+    "after",
+    "progress",
+    "regions",
+    "mission",
+    "bag",
+    "maps",
+    "output",
+}  # not of the command line
 
 
 def command(name: str) -> click.Command:

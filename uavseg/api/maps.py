@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from uavseg.access import Folders, allowing
@@ -14,6 +14,8 @@ from uavseg.jobs.maps.build_map import BuiltMap, topics_of
 from uavseg.jobs.maps.build_map import build_map as run_build_map
 from uavseg.jobs.maps.classify import Classification
 from uavseg.jobs.maps.classify import classify as run_classify
+from uavseg.jobs.maps.compare import Comparison, open_both
+from uavseg.jobs.maps.compare import compare as run_compare
 from uavseg.jobs.maps.explore import Explored
 from uavseg.jobs.maps.explore import explore as run_explore
 from uavseg.jobs.maps.merge_maps import MergedMap, MergeRequest
@@ -23,6 +25,7 @@ from uavseg.jobs.maps.next_view import next_views as run_next_views
 from uavseg.jobs.maps.path import path as run_path
 from uavseg.jobs.maps.requests import (
     classify_request,
+    compare_job,
     explore_request,
     merge_params,
     path_request,
@@ -38,6 +41,8 @@ from uavseg.options.maps import (
     PathOptions,
 )
 from uavseg.options.option import build
+from uavseg.options.regions import CompareOptions
+from uavseg.regions.edit.small import as_area
 
 
 @checked
@@ -418,6 +423,70 @@ def build_map(
         would have more than 100 million cells.
     """
     result = run_build_map(bag, topics_of(scan, odom, tf), merge_params(build(BuildMapOptions, locals())))
+    warn(result.warnings)
+    return result
+
+
+@checked
+def compare(
+    before: Any,
+    after: Any,
+    range: Any = None,
+    *,
+    values: Sequence[float | None] | str | None = None,
+    percentile: Sequence[float | None] | str | None = None,
+    classes: Mapping[str, Any] | str | os.PathLike[str] | None = None,
+    min_area: float | str | None = None,
+    refine: str | None = None,
+    band: int | str | None = None,
+    rgb: tuple[int | str, int | str, int | str] | None = None,
+    index: str | None = None,
+    expr: str | None = None,
+    band_names: str | None = None,
+    nodata: float | str | None = None,
+    stretch: str | None = None,
+    collar: str = "auto",
+    tile: int | None = None,
+    threads: int | None = None,
+    progress: Progress | bool | None = None,
+    resume: str | os.PathLike[str] | None = None,
+    allow_path: Folders = (),
+    allow_network: bool = False,
+) -> Comparison:
+    """Find what changed between two rasters of one place, or between two maps of probabilities.
+
+    Parameters
+    ----------
+    before, after
+        As `source` of `extract`; only ground that is valid in both counts, on the grid of the finer one.
+        Without a range and classes as of `classify`: maps, registered first within 5 cells and 2 degrees.
+    range, values, percentile, classes, refine, band, ..., allow_network
+        As of `extract`.
+    min_area : float or str, optional
+        Square metres, or pixels as "64px": smaller changes are left out of the regions, not of the sums.
+
+    Returns
+    -------
+    found : Comparison
+        `found.frame()`, the changes as a GeoDataFrame, with the column `class`: "gained" and "lost", or for
+        maps "new", "gone", "first seen" and "not seen again"; `found.changes`, pixels and area of each.
+
+    Raises
+    ------
+    UavsegError
+        If a source cannot be read, maps do not register, there is no common ground, or a parameter is wrong.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> compare(np.eye(64), np.ones((64, 64)), (0.5, 1), stretch="none", refine="pixels").changes
+    {'gained': (4032, 4032.0), 'lost': (0, 0.0)}
+    """
+    options = build(CompareOptions, locals())
+    job, least = compare_job(options), as_area(min_area)
+    with allowing(allow_path, allow_network):
+        sources = open_both(before, after, job, options.read)
+        result = run_compare(*sources, job, least, work(options.run, progress))
     warn(result.warnings)
     return result
 

@@ -21,6 +21,7 @@ _COMMANDS = {
     "levels": "Divide a raster into levels of equal width, and each into segments.",
     "match": "Find regions whose texture and intensity are like a sample's.",
     "classify": "Find what is free, unknown and occupied in a map of probabilities.",
+    "compare": "Find what changed between two rasters or two maps of one place.",
     "divide": "Save a raster's block map, from which any range is answered.",
     "plan": "Plan a mission over regions.",
     "check": "Tell what a mission file holds, and who would refuse it.",

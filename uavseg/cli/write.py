@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from uavseg.cli.terminal.say import Reporter
     from uavseg.flight.mission.mission import Mission
     from uavseg.jobs.flights.plan import MissionPlan
+    from uavseg.jobs.maps.compare import Comparison
     from uavseg.jobs.requests import RegionJob
     from uavseg.jobs.result.result import Extraction
     from uavseg.jobs.source.work import Work
@@ -86,7 +87,7 @@ def transaction() -> AbstractContextManager[None]:
 
 
 def write_region_output(
-    found: Extraction, target: str, overwrite: bool, form: GeoJsonForm | None = None
+    found: Extraction | Comparison, target: str, overwrite: bool, form: GeoJsonForm | None = None
 ) -> None:
     """Write regions to a file, or to stdout where it is called -."""
     from uavseg.output.disk import noted_stream

@@ -8,8 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 from uavseg.options import texts
 from uavseg.options.flights import MissionOptions
-from uavseg.options.option import Options, group, option
-from uavseg.options.reading import ONLY_MAPS, RASTER_STRETCH, AccessOptions, RasterArguments, ReadOptions
+from uavseg.options.option import Options, argument, group, option
+from uavseg.options.reading import (
+    MAP_STRETCH,
+    ONLY_MAPS,
+    RASTER_STRETCH,
+    AccessOptions,
+    RasterArguments,
+    ReadOptions,
+)
 from uavseg.options.running import EachOptions, RegionOutputs, StorageOptions, TiledJobOptions, output_option
 
 if TYPE_CHECKING:
@@ -188,6 +195,35 @@ class ExtractOptions(TiledJobOptions):
     flight: MissionOptions = group(
         MissionOptions, python=False, **{name: {"basic": False} for name in ADVANCED_FLIGHT}
     )
+
+
+class CompareOptions(TiledJobOptions):
+    """Comparison."""
+
+    before: str = argument("BEFORE", required=True)
+    after: str = argument("AFTER", required=True)
+    ranges: RangeOptions = group(RangeOptions)
+    classes: Mapping[str, Any] | str | os.PathLike[str] | None = option(
+        "Classes from a .csv or .yaml file, as of extract.", metavar="FILE", basic=True
+    )
+    refine: str | None = option(
+        "How boundaries are found, as of extract.",
+        choices=("tv", "scan", "none", "smooth", "pixels"),
+        shown="tv; none for classes",
+    )
+    min_area: float | str | None = option(
+        "Leave out changes of less; the sums count them.", metavar="M2|Npx", basic=True
+    )
+    output: str = option(
+        "The changes: .geojson, .gpkg, .fgb, .parquet, .shp or .kml; - is GeoJSON on stdout.",
+        *("-o", "--output"),
+        required=True,
+        metavar="PATH",
+        python=False,
+        basic=True,
+    )
+    png: str | None = option("Draw them over AFTER, too.", metavar="PATH.png", python=False, basic=True)
+    read: ReadOptions = group(ReadOptions, *ONLY_MAPS, "flatten", "skip_bad_tiles", **MAP_STRETCH)
 
 
 class LevelsOptions(TiledJobOptions):

@@ -12,7 +12,7 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import MapError, ParameterError
 from uavseg.execution.executors import decided, phase
 from uavseg.jobs.source.open_source import open_probability_map
-from uavseg.jobs.source.source import ProbabilityMap
+from uavseg.jobs.source.source import Pixels, ProbabilityMap
 from uavseg.occupancy.map_file import WritableMap
 from uavseg.occupancy.mapping.grid_io import check_cells
 from uavseg.occupancy.merge_maps import PlacedMap, common_grid, cropped, merge
@@ -80,6 +80,12 @@ def read_map(source: Any, warnings: list[str]) -> PlacedMap:
     opened = open_probability_map(source)
     if not isinstance(opened, ProbabilityMap):
         raise ParameterError(f"{opened.path} is a block map; name the map that it was made from")
+    warnings.extend(opened.warnings)
+    return placed_map(opened)
+
+
+def placed_map(opened: Pixels) -> PlacedMap:
+    """Read a whole map of probabilities; cells without data are unknown. MapError if it is too large."""
     check_cells(opened.geobox.shape, opened.name)
     grey = opened.grey(TilePass([]))
     rows, cols = opened.geobox.shape
@@ -87,5 +93,4 @@ def read_map(source: Any, warnings: list[str]) -> PlacedMap:
     values = tile.grey[:rows, :cols].astype(np.float32) / np.float32(GREY_MAX)
     unknown = tile.grey[:rows, :cols] == GREY_MAX // 2 + 1  # the grey of exactly 0.5
     values[unknown | (tile.valid[:rows, :cols] == 0)] = 0.5
-    warnings.extend(opened.warnings)
     return PlacedMap(name=opened.name, probabilities=values, geobox=opened.geobox)

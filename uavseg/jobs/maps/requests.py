@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from uavseg.jobs.maps.explore import ExploreRequest
     from uavseg.jobs.maps.next_view import ViewRequest
     from uavseg.jobs.maps.path import PathRequest
+    from uavseg.jobs.requests import RegionJob
     from uavseg.occupancy.bags.merge_bag import MergeParams
     from uavseg.options.maps import (
         BuildMapOptions,
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
         NextViewOptions,
         PathOptions,
     )
+    from uavseg.options.regions import CompareOptions
 
 
 def classify_request(options: ClassifyOptions, with_objects: bool | None = None) -> ClassifyRequest:
@@ -96,3 +98,18 @@ def explore_request(options: ExploreOptions) -> ExploreRequest:
     }
     sensor = [(name, value) for name, value in given.items() if value is not None]
     return ExploreRequest(options.start, sensor, options.clearance, options.seed)
+
+
+def compare_job(options: CompareOptions) -> RegionJob | None:
+    """Return the job whose regions are compared; None where neither a range nor classes are given: maps."""
+    from uavseg.errors import ParameterError
+    from uavseg.jobs.requests import region_job
+    from uavseg.options.regions import ExtractOptions
+
+    ranges, classes, refine = options.ranges, options.classes, options.refine
+    others = ranges.values, ranges.percentile, classes
+    if all(one is None for one in (ranges.range, refine, *others)):
+        return None
+    if isinstance(ranges.range, list) and any(one is not None for one in others):
+        raise ParameterError("several ranges are classes; give them, or values, percentile or classes")
+    return region_job(ExtractOptions(ranges=ranges, classes=classes, refine=refine))

@@ -61,7 +61,7 @@ def outline_refined_classes(
     """
     jobs = tile_jobs(every_cell(source.shape), tile_pass.windows, expected, detail)
     tiles = tile_pass.run(partial(_outline_tile, source, partition.grey_table, refine, detail), jobs)
-    return _stitch_classes(source.shape, tile_pass.windows, tiles)
+    return stitch_classes(source.shape, tile_pass.windows, tiles)
 
 
 def outline_likely_classes(
@@ -86,7 +86,7 @@ def outline_likely_classes(
         partial(_outline_likely_tile, grey, similarities, refine, detail),
         LazySequence(len(windows), partial(_same_tile, jobs)),
     )
-    return _stitch_classes(grey.shape, windows, tiles)
+    return stitch_classes(grey.shape, windows, tiles)
 
 
 def _same_tile(jobs: Sequence[Sequence[TileJob]], k: int) -> tuple[TileJob, ...]:
@@ -94,11 +94,11 @@ def _same_tile(jobs: Sequence[Sequence[TileJob]], k: int) -> tuple[TileJob, ...]
 
 
 # Outlines of the components of a tile, and the class of each; None for a tile without components.
-_ClassOutlines = tuple[TileOutlines, NDArray[np.uint8]] | None
+ClassOutlines = tuple[TileOutlines, NDArray[np.uint8]] | None
 
 
-def _stitch_classes(
-    shape: tuple[int, int], windows: Sequence[Window], tiles: Iterable[_ClassOutlines]
+def stitch_classes(
+    shape: tuple[int, int], windows: Sequence[Window], tiles: Iterable[ClassOutlines]
 ) -> tuple[RegionOutlines, ClassesByPixel]:
     """Stitch tiles to regions; those of different classes stay apart."""
     all_firsts, all_classes = [np.empty((0, 2), np.int64)], [np.empty(0, np.uint8)]
@@ -117,7 +117,7 @@ def _stitch_classes(
 
 def _outline_tile(
     source: GreySource, table: NDArray[np.uint8], refine: Refinement, detail: Detail | None, job: TileJob
-) -> _ClassOutlines:
+) -> ClassOutlines:
     refined = refine_tile_classes(source, table, refine, job.refined)
     if refined is None:
         return None
@@ -129,7 +129,7 @@ def _outline_tile(
     )
 
 
-def _with_classes(pixels: NDArray[np.uint8], outlines: TileOutlines | None, window: Window) -> _ClassOutlines:
+def _with_classes(pixels: NDArray[np.uint8], outlines: TileOutlines | None, window: Window) -> ClassOutlines:
     """Return outlines with the class of each component, from the classes of pixels with REFINE_HALO."""
     if outlines is None:
         return None
@@ -143,7 +143,7 @@ def _outline_likely_tile(
     refine: Refinement,
     detail: Detail | None,
     jobs: tuple[TileJob, ...],
-) -> _ClassOutlines:
+) -> ClassOutlines:
     if not any(job.cells.any() for job in jobs):
         return None
     window, refined = jobs[0].window, jobs[0].refined
