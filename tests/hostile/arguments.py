@@ -157,6 +157,8 @@ BASES: dict[str, Callable[[], dict[str, Any]]] = {
         "goal": (4.5, 3.5),
         "threads": 1,
     },
+    "next_views": lambda: {"source": _map(), "pose": (1.5, 1.5), "range": 3.0, "threads": 1},
+    "explore": lambda: {"scene": "lens", "range": 0.5, "step": 5.0},
     "match": lambda: {"source": seeds.image(128, 140), "like": (64.0, 64.0, 40.0), "threads": 1},
     "suggest": lambda: {"source": _field(), "threads": 1},
     "suggest like": lambda: {"source": seeds.image(128, 140), "like": (64.0, 64.0, 20.0), "threads": 1},

@@ -59,6 +59,8 @@ LINES = tuple(
         "classify m.pgm -o out.tif --free-is-white --method paper --allow-lost-obstacles --threads 1",
         f"path x.tif --range 0,0.9 --start 500005,4499920 --goal 500030,4499930 --clearance 1 -o out.geojson {RUN}",
         f"path x.tif --range 0,0.9 --start 500005,4499920 --goal 500030,4499930 -o out.plan {FLIGHT[:-14]} {RUN}",
+        f"next-view m.yaml --pose 1,1,90 --range 2 --fov 90 --clearance 0.1 --count 3 -o out.geojson {RUN}",
+        "explore m.yaml --range 2 --start 1,1 --step 3 -o out.geojson --table out.csv --map out.tif --animation out.gif",
         f"original x.tif -o out.tif --threshold 1.2 --merge-stop 2 --untested 0.1 --radius 2 --sweeps 1 {RUN}",
         f"divide x.tif -o out.tif --co COMPRESS=ZSTD --co ZSTD_LEVEL=3 --co BIGTIFF=YES {DIVISION} --bidx 1 --nodata 5 {RUN}",
         "info x.tif --json --band 1 --nodata 3 --stretch minmax --threads 1",

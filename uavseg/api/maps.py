@@ -174,7 +174,7 @@ def next_views(
         At most so many views are returned.
     clearance : float
         Metres from the robot's centre to everything that is not free.
-    free_below, occupied_above
+    free_below, occupied_above, free_is_white
         As of `classify`.
     band, ..., allow_network
         As of `classify`.

@@ -41,7 +41,7 @@ def command(options: ExploreOptions) -> None:
             grid = found.drive.grid
             write_map(options.map, grid.probabilities, grid.geobox, overwrite)
         if options.animation:
-            write_animation(found, options.animation, overwrite)
+            write_animation(found.drive, options.animation, overwrite)
     reporter.table(_rows(found, options))
 
 

@@ -46,9 +46,6 @@ class Explored:
     """A drive through a scene."""
 
     drive: Drive
-    scene: Scene | CellScene
-    sensor: RangeFinder
-    seed: int
     knowable: NDArray[np.bool_]  # (rows, cols); cells that some place sees which the robot could reach
     warnings: tuple[str, ...]
 
@@ -105,7 +102,7 @@ def explore(scene: str, request: ExploreRequest) -> Explored:
     solid = solids.contains(*geobox.xy_from_pixel(rows, cols))
     at = cell_at(geobox, (start.x, start.y))
     knowable = knowable_cells(solid, at, side, sensor.max_range_m, request.clearance_m)
-    explored = Explored(drive, solids, sensor, request.seed, knowable, tuple(warnings))
+    explored = Explored(drive, knowable, tuple(warnings))
     if explored.share < _COMPLETE:
         known = f"only {100 * explored.share:.1f} % of what could be known is known"
         warnings.append(

@@ -15,7 +15,7 @@ from uavseg.occupancy.explore.block_graph import Mask, block_graph
 from uavseg.occupancy.explore.frontiers import Ints, States, visible_cells
 from uavseg.occupancy.explore.next_view import Cell, ViewPlanner
 from uavseg.occupancy.mapping.grid import OccupancyGrid
-from uavseg.occupancy.mapping.scan import Pose
+from uavseg.occupancy.mapping.scan import Pose, Scan
 from uavseg.occupancy.paths.any_angle import pull_string
 from uavseg.occupancy.paths.astar import shortest_path
 from uavseg.occupancy.simulation.cell_scene import CellScene
@@ -36,6 +36,9 @@ _LIMITS = StateLimits()
 class Drive:
     """What a robot did, and the map that it made."""
 
+    scene: Scene | CellScene
+    sensor: RangeFinder
+    seed: int  # of the noise
     grid: OccupancyGrid
     poses: list[Pose] = field(default_factory=list)  # of the scans
     metres: list[float] = field(default_factory=list)  # driven before each scan
@@ -47,6 +50,10 @@ class Drive:
     def xy(self) -> Floats:
         """Return the places of the scans, (n, 2) in metres."""
         return np.array([(pose.x, pose.y) for pose in self.poses])
+
+    def scan(self, number: int) -> Scan:
+        """Take a scan, which is the same each time."""
+        return self.sensor.scan(self.scene, self.poses[number], np.random.default_rng([self.seed, number]))
 
 
 class Explorer:
@@ -72,12 +79,12 @@ class Explorer:
         clearance_m: float = 0.0,
         seed: int = 0,
     ) -> None:
-        self.scene, self.sensor, self.grid, self.seed = scene, sensor, grid, seed
+        self.scene, self.sensor, self.grid = scene, sensor, grid
         self.cell_m = abs(grid.geobox.transform.a)
         self.planner = ViewPlanner(
             grid.geobox.shape, self.cell_m, sensor.max_range_m, sensor.fov_deg, clearance_m
         )
-        self.drive = Drive(grid)
+        self.drive = Drive(scene, sensor, seed, grid)
         self.states = _LIMITS.of(grid.probabilities)
         self.place = np.zeros(2)  # row and column, as floats
 
@@ -90,6 +97,7 @@ class Explorer:
                 f"the start ({start.x:g}, {start.y:g}) stands inside something solid; move it out"
             )
         self.place = np.array(self._pixel(start.x, start.y))
+        self.planner.driven[self.at] = True
         turns = math.ceil(360 / self.sensor.fov_deg)  # it looks around first
         for k in range(turns):
             self._scan(0.0, start.heading_rad + k * math.tau / turns)
@@ -118,13 +126,11 @@ class Explorer:
 
     def _scan(self, metres: float, heading: float) -> None:
         x, y = self.grid.geobox.xy_from_pixel(*self.place)
-        pose = Pose(float(x), float(y), heading_rad=heading)
-        random = np.random.default_rng([self.seed, len(self.drive.poses)])
-        window = self.grid.merge(self.sensor.scan(self.scene, pose, random))
+        self.drive.poses.append(Pose(float(x), float(y), heading_rad=heading))
+        window = self.grid.merge(self.drive.scan(len(self.drive.poses) - 1))
         here = np.s_[window.row : window.row + window.rows, window.col : window.col + window.cols]
         self.states[here] = _LIMITS.of(self.grid.probabilities[here])
         driven = self.drive.metres[-1] if self.drive.metres else 0.0
-        self.drive.poses.append(pose)
         self.drive.metres.append(driven + metres)
         self.drive.known.append(int(np.count_nonzero(self.states != UNKNOWN)))
 
@@ -147,7 +153,9 @@ class Explorer:
             heading = self._heading(begin, end)
             for share in np.linspace(0, 1, max(math.ceil(span / _SCAN_EVERY_M), 1) + 1)[1:]:
                 step = float(np.hypot(*(begin + share * (end - begin) - self.place))) * self.cell_m
-                self.place = begin + share * (end - begin)
+                reached = begin + share * (end - begin)
+                self.planner.driven[tuple(_cells_between(self.place, reached).T)] = True
+                self.place = reached
                 self._scan(step, heading)
                 if enough is not None and enough(self.states):
                     return False
@@ -166,8 +174,8 @@ class Explorer:
 
     def _is_open(self, begin: Floats, end: Floats) -> bool:
         """Return whether a straight line in cells leads over free ones."""
-        points = np.linspace(begin, end, int(4 * np.abs(end - begin).max()) + 2).astype(np.int64)
-        return bool(((self.states[tuple(points.T)] == FREE) | (points == self.at).all(axis=1)).all())
+        cells = tuple(_cells_between(begin, end).T)
+        return bool(((self.states[cells] == FREE) | self.planner.driven[cells]).all())
 
     def _way(self, view: Cell) -> Floats:
         """Return the corners of the way to a cell, (n, 2) rows and columns, from where the robot stands."""
@@ -176,6 +184,11 @@ class Explorer:
         if len(corners) < 2 or not self._is_open(self.place, corners[1]):
             return np.vstack([self.place, corners])
         return np.vstack([self.place, corners[1:]])
+
+
+def _cells_between(begin: Floats, end: Floats) -> Ints:
+    """Return the cells (n, 2) that a straight line leads over."""
+    return np.linspace(begin, end, int(4 * np.abs(end - begin).max()) + 2).astype(np.int64)
 
 
 def is_frontier(states: States, cells: Ints) -> NDArray[np.bool_]:

@@ -87,6 +87,7 @@ def seen_from(
     """
     starts, size = np.zeros(len(views) + 1, np.int64), 64 * len(views) + count
     last_view = np.full(count, -1, np.int64)
+    views = np.ascontiguousarray(views)
     while True:
         seen = np.empty(size, np.int32)
         last_view.fill(-1)
@@ -98,7 +99,13 @@ def seen_from(
 def visible_cells(solid: NDArray[np.bool_], views: Ints, range_cells: float) -> NDArray[np.bool_]:
     """Return the cells that rays from some views reach, the first solid ones included, (rows, cols)."""
     marked = np.zeros(solid.shape, np.uint8)
-    _mark(solid.view(np.uint8), views, range_cells, rays_for(2 * range_cells), marked)
+    _mark(
+        np.ascontiguousarray(solid).view(np.uint8),
+        np.ascontiguousarray(views),
+        range_cells,
+        rays_for(2 * range_cells),
+        marked,
+    )
     return marked > 0
 
 
@@ -171,7 +178,7 @@ def expected_bits(
     map are occupied. Angles are radians, from the columns towards the rows.
     """
     free, occupied = np.count_nonzero(states == FREE), np.count_nonzero(states == OCCUPIED)
-    p = np.clip(probabilities, 1e-12, 1 - 1e-12).astype(np.float64)
+    p = np.clip(probabilities.astype(np.float64), 1e-12, 1 - 1e-12)
     entropy = -p * np.log2(p) - (1 - p) * np.log2(1 - p)
     blocking = np.where(states == UNKNOWN, (occupied + 1.0) / (free + occupied + 2.0), p)
     rays = rays_for(range_cells)

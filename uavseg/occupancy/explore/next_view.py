@@ -81,9 +81,10 @@ class ViewPlanner:
     fov_deg: float = 360.0
     clearance_m: float = 0.0
     tried: NDArray[np.uint8] = field(init=False)  # (rows, cols); how often a frontier was looked at in vain
+    driven: NDArray[np.bool_] = field(init=False)  # (rows, cols); where the robot was, so that it can return
 
     def __post_init__(self) -> None:
-        self.tried = np.zeros(self.shape, np.uint8)
+        self.tried, self.driven = np.zeros(self.shape, np.uint8), np.zeros(self.shape, bool)
 
     @property
     def side(self) -> int:
@@ -101,7 +102,7 @@ class ViewPlanner:
             free = is_at_least(clearance(free, self.cell_m, self.cell_m), self.clearance_m)
             free[here] |= beside  # where it stands, or it could never leave
         free[at] = True
-        return np.asarray(free)
+        return np.asarray(free | self.driven)
 
     def tour(self, states: States, at: Cell) -> Tour | None:
         """Return views of the frontiers that were looked at least often; None if none is left."""
