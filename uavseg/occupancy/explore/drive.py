@@ -154,7 +154,8 @@ class Explorer:
             for share in np.linspace(0, 1, max(math.ceil(span / _SCAN_EVERY_M), 1) + 1)[1:]:
                 step = float(np.hypot(*(begin + share * (end - begin) - self.place))) * self.cell_m
                 reached = begin + share * (end - begin)
-                self.planner.driven[tuple(_cells_between(self.place, reached).T)] = True
+                rows, cols = _cells_between(self.place, reached).T
+                self.planner.driven[rows, cols] = self.planner.driven[rows[:-1], cols[1:]] = True
                 self.place = reached
                 self._scan(step, heading)
                 if enough is not None and enough(self.states):
