@@ -39,15 +39,7 @@ _EPSG = 32618  # any code that the database of PROJ has
 
 @dataclass(frozen=True, slots=True)
 class Diagnosis:
-    """State of an installation.
-
-    Parameters
-    ----------
-    facts : dict of str
-        What was found, by topic.
-    problems : tuple of str
-        What is wrong, each with what to do; empty where all is well.
-    """
+    """State of an installation: facts by topic, and problems, each with what to do; empty if all is well."""
 
     facts: dict[str, str]
     problems: tuple[str, ...]
@@ -69,10 +61,6 @@ def doctor() -> Diagnosis:
     Versions of Python, GDAL, PROJ and the libraries; whether they load and PROJ finds its database; state of
     the compiled kernels; threads; whether QGIS and a serial port for a vehicle are there. Nothing is compiled
     or installed, and nothing is sent to a vehicle.
-
-    Returns
-    -------
-    Diagnosis
 
     Examples
     --------
