@@ -189,14 +189,8 @@ def preview_missions(
         The picture, .png.
     dem : path or sequence of paths, optional
         Elevation model: the ground is drawn below the flights, and heights are above its zero.
-    width_px : int
-        Width of the picture, 200 to 8000 pixels.
-    overwrite : bool
-        Whether an existing picture may be replaced.
-
-    Returns
-    -------
-    out : Path
+    width_px, overwrite
+        As `width` and `overwrite` of `uavseg.preview`.
 
     Raises
     ------

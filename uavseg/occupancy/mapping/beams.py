@@ -43,18 +43,14 @@ Floats = NDArray[np.float64]
 def merge_beams(log_odds: Float32s, pending: PendingUpdates, beams: Floats, sigma: float) -> Window:
     """Update cells by beams, in beam order; return the smallest window with all of them, which may be empty.
 
-    Parameters
-    ----------
-    log_odds : (rows, cols) float32 array
-        Changed in place where a beam observes something other than p_min; clamped to -6..6.
-    pending : (B, C, 8, 8, 8, 8) uint8 array
-        See `pending.empty_pending`. Changed in place: the updates that `apply_pending` has yet to apply.
-    beams : (n, 6) float64 array
-        Steps in columns and in rows of one metre along the beam, the returned range in metres (infinite for
-        none), the distance in metres up to which the beam updates cells, and column and row of the sensor, in
-        cells from the grid's outer corner.
-    sigma : float
-        Standard deviation of ranges in metres.
+    Both arrays are changed in place: `log_odds`, (rows, cols), where a beam observes something other than
+    p_min, clamped to -6..6; `pending`, see `pending.empty_pending`, by the updates that `apply_pending` has
+    yet to apply.
+
+    `beams`, (n, 6), have steps in columns and in rows of one metre along the beam, the returned range in
+    metres (infinite for none), the distance in metres up to which the beam updates cells, and column and row
+    of the sensor, in cells from the grid's outer corner; `sigma` is the standard deviation of ranges in
+    metres.
     """
     rows, cols = log_odds.shape
     box = np.array([rows, cols, -1, -1], np.int64)

@@ -71,7 +71,6 @@ class MissionLayer:
         return mission_title([self])
 
     def draw(self, ax: Any, point: float) -> None:
-        """Draw on axes; `point` is the length of one point (1/72 inch) in plot coordinates."""
         from matplotlib.collections import LineCollection, PolyCollection
 
         legs = np.stack([self.path[:-1], self.path[1:]], axis=1)
@@ -230,7 +229,6 @@ class FenceLayer:
         return []
 
     def draw(self, ax: Any, point: float) -> None:
-        """Draw on axes; `point` is the length of one point (1/72 inch) in plot coordinates."""
         from matplotlib.patches import Polygon
 
         edge: dict[str, Any]

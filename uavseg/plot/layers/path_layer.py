@@ -50,7 +50,6 @@ class PathLayer:
         return ["path" if self.length_m is None else f"path of {self.length_m:,.5g}{unit}"]
 
     def draw(self, ax: Any, point: float) -> None:
-        """Draw on axes; `point` is the length of one point (1/72 inch) in plot coordinates."""
         for line in self.lines:
             ax.plot(*line.T, color=_CASING_COLOR, lw=3.2, alpha=0.8, solid_joinstyle="round", zorder=4.8)
             ax.plot(*line.T, color=_LINE_COLOR, lw=1.6, solid_joinstyle="round", zorder=4.9)
