@@ -23,16 +23,8 @@ _NEEDED = (
 _EXTRA = ("numba", "llvmlite", "serial", "pyarrow", "rosbags", "distributed", "folium")
 _DISTRIBUTIONS = {"yaml": "PyYAML", "serial": "pyserial", "skimage": "scikit-image"}
 _NAMED = (
-    *(
-        "PROJ_LIB",
-        "PROJ_DATA",
-        "GDAL_DATA",
-        "GDAL_DRIVER_PATH",
-        "PYTHONHOME",
-        "PYTHONPATH",
-        "LD_LIBRARY_PATH",
-    ),
-    "UAVSEG_CACHE",
+    *("PROJ_LIB", "PROJ_DATA", "GDAL_DATA", "GDAL_DRIVER_PATH"),
+    *("PYTHONHOME", "PYTHONPATH", "LD_LIBRARY_PATH", "UAVSEG_CACHE"),
 )
 _EPSG = 32618  # any code that the database of PROJ has
 
@@ -148,11 +140,9 @@ def _projections() -> Findings:
             importlib.import_module(f"{name}.crs").CRS.from_epsg(_EPSG)
         except Exception as error:  # each library has its own errors, and import errors come first
             named = [variable for variable in ("PROJ_LIB", "PROJ_DATA") if variable in os.environ]
-            what = (
-                f"unset {' and '.join(named)}, which may name the data of another PROJ"
-                if named
-                else (f"install {name} again")
-            )
+            what = f"install {name} again"
+            if named:
+                what = f"unset {' and '.join(named)}, which may name the data of another PROJ"
             problems.append(f"{name} cannot look up EPSG:{_EPSG} ({cause_of(error)}); {what}")
     return {"EPSG database": "not readable" if problems else "found"}, problems
 
