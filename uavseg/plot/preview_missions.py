@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.execution.executors import decided, phase
@@ -45,8 +46,6 @@ if TYPE_CHECKING:
 GAP_M = 1.0  # between the bounds of the ground that is drawn
 _GROUND_COLOR, _GROUND_EDGE = "#d8cbb5", "#7a6648"
 _SPACE = 0.04  # between two flights, as a share of all
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

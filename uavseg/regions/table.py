@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
+from uavseg.arrays import Floats, Integers
 from uavseg.dataclass import dataclass
 from uavseg.errors import RasterError
 from uavseg.raster.geodesy.globe import wrap_lon_beyond_180
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
     from uavseg.regions.outline.rings import Rings
     from uavseg.segmentation.components import Sums
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _MIDDLE = 32768  # grey of the only intensity of a stretch without extent
 

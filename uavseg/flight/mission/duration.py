@@ -11,14 +11,11 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from uavseg.arrays import Bools, Floats
 from uavseg.dataclass import dataclass
 from uavseg.flight.mission.braked import braked_seconds
 from uavseg.flight.mission.vehicle import Vehicle
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 HALVINGS = 30  # of an interval, in a search for a root: to a thousandth of a millionth of it
 

@@ -15,9 +15,9 @@ beam observes anything else, the counted ones are added first, so updates are ap
 from math import erf, exp, floor, inf, log, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.arrays import Floats
 from uavseg.occupancy.mapping.log_odds import MAX_LOG_ODDS, P_MIN, Float32s, add_one_free
 from uavseg.occupancy.mapping.pending import (
     MAX_FREE_COUNT,
@@ -36,8 +36,6 @@ FREE_SIGMAS = -2.5  # nearer than this, the model is p_min: the clip is already 
 _MIN_STEP = 1e-100  # the inverse of a smaller number may be infinite
 _NO_STOP = -9  # a row or column that no beam enters
 _MIN_COLUMNS = 4  # fewer columns are not worth a loop of their own
-
-Floats = NDArray[np.float64]
 
 
 def merge_beams(log_odds: Float32s, pending: PendingUpdates, beams: Floats, sigma: float) -> Window:

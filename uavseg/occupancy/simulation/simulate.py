@@ -6,13 +6,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import SceneError
 from uavseg.occupancy.mapping.beams import REACH_SIGMAS
 from uavseg.occupancy.mapping.grey_map import Mask
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.mapping.scan import Pose, Scan, check_distance, check_positive
-from uavseg.occupancy.mapping.sensor_messages import MAX_BEAMS, Floats
+from uavseg.occupancy.mapping.sensor_messages import MAX_BEAMS
 from uavseg.occupancy.simulation.cell_scene import CellScene
 from uavseg.occupancy.simulation.scene import Scene
 from uavseg.raster.grid.geobox import GeoBox

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.plain_text import shown
@@ -24,8 +25,6 @@ _CIRCLE_CORNERS = 72
 _MAX_NUMBERS = 60
 _MIN_ARROW_LEG = 26.0  # points: shorter legs have no arrow
 _MIN_NUMBER_DISTANCE = 15.0  # points between two numbers
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import PathError
 from uavseg.inputs import parse_json, read_bytes
@@ -17,8 +17,6 @@ from uavseg.plot.page.frame import Frame
 _LINE_COLOR, _CASING_COLOR = "#ffffff", "#111111"
 _START_COLOR, _GOAL_COLOR = "#37b24d", "#f03e3e"
 _MISSION_SUFFIXES = (".plan", ".waypoints", ".kmz", ".csv", ".kml")
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
