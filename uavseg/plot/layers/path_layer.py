@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import PathError
 from uavseg.inputs import parse_json, read_bytes
@@ -18,8 +18,6 @@ from uavseg.plot.page.frame import Frame
 _LINE_COLOR, _CASING_COLOR = "#ffffff", "#111111"
 _START_COLOR, _GOAL_COLOR = "#37b24d", "#f03e3e"
 _MISSION_SUFFIXES = (".plan", ".waypoints", ".kmz", ".csv", ".kml")
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -57,7 +55,6 @@ class PathLayer:
         return ["path" if self.length_m is None else f"path of {self.length_m:,.5g}{unit}"]
 
     def draw(self, ax: Any, point: float) -> None:
-        """Draw on axes; `point` is the length of one point (1/72 inch) in plot coordinates."""
         for line in self.lines:
             ax.plot(*line.T, color=_CASING_COLOR, lw=3.2, alpha=0.8, solid_joinstyle="round", zorder=4.8)
             ax.plot(*line.T, color=_LINE_COLOR, lw=1.6, solid_joinstyle="round", zorder=4.9)
