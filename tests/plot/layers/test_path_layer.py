@@ -49,7 +49,8 @@ def test_views_lie_where_their_ways_end(box: GeoBox, tmp_path: Path) -> None:
     layer = path_layer.PathLayer.of(tmp_path / "views.geojson", Frame(box))
     assert np.allclose(layer.views, layer.lines[0][-1:], atol=0.01)
     assert layer.headings == (pytest.approx(np.degrees(1.0), abs=1e-3),)
-    preview(write(tmp_path / "map.tif", beliefs(), box), tmp_path / "out.png", path=tmp_path / "views.geojson")
+    drawn = write(tmp_path / "map.tif", beliefs(), box)
+    preview(drawn, tmp_path / "out.png", path=tmp_path / "views.geojson")
 
 
 @pytest.mark.parametrize("suffix", [".plan", ".waypoints"])
