@@ -269,10 +269,12 @@ def main() -> None:
             done = [drive(scene, planner, place, options.fov, known) for place in places]
             metres = [d.metres[-1] for d, _ in done]
             times = np.concatenate([d.seconds for d, _ in done]) * 1e3
+            choices = np.mean([len(d.seconds) for d, _ in done])
+            scans = np.mean([len(d.poses) for d, _ in done])
+            known_of_all = min(share for _, share in done)
             print(
-                f"  {planner:10s} {np.mean(metres):7.1f} m  known {min(s for _, s in done):.4f}  "
-                f"{np.mean([len(d.seconds) for d, _ in done]):.0f} choices of {np.median(times):.1f} ms, scans "
-                f"{np.mean([len(d.poses) for d, _ in done]):.0f}",
+                f"  {planner:10s} {np.mean(metres):7.1f} m  known {known_of_all:.4f}  {choices:.0f} choices of "
+                f"{np.median(times):.1f} ms, {scans:.0f} scans",
                 flush=True,
             )
 

@@ -59,7 +59,7 @@ class Drive:
 class Explorer:
     """A robot in a scene, and the map that it makes, whose cells are square.
 
-    `clearance_m` is the distance that its centre keeps from everything that is not free; `seed` is that of the
+    `clearance_m` is the distance that its centre keeps from everything that is not free; `seed` is of the
     noise.
     """
 
