@@ -10,7 +10,7 @@ import numpy as np
 
 from uavseg.arrays import Bools, Floats, Integers
 from uavseg.dataclass import dataclass
-from uavseg.errors import SceneError
+from uavseg.errors import PathError, SceneError
 from uavseg.occupancy.explore.block_graph import block_graph
 from uavseg.occupancy.explore.frontiers import States, visible_cells
 from uavseg.occupancy.explore.next_view import Cell, ViewPlanner
@@ -28,6 +28,7 @@ Choose = Callable[[States, Cell], tuple[Cell, Integers] | None]
 
 _SCAN_EVERY_M = 0.25
 _MAX_CHOICES = 100_000
+_MAX_WAYS = 5  # to a view, while what the scans show blocks them
 _LIMITS = StateLimits()
 
 
@@ -139,8 +140,21 @@ class Explorer:
 
     def _drive_to(self, view: Cell, cells: Integers, enough: Callable[[States], bool] | None) -> bool:
         """Scan on the way to a view; return whether it was reached, or left for what the scans have shown."""
-        for begin, end in pairwise(self._way(view)):
+        for _ in range(_MAX_WAYS):
+            try:
+                way = self._way(view)
+            except PathError:  # what the scans have shown lies between
+                return False
+            if self._follow(way, cells, enough):
+                return bool(len(self._left(cells))) and not (enough is not None and enough(self.states))
+        return False
+
+    def _follow(self, way: Floats, cells: Integers, enough: Callable[[States], bool] | None) -> bool:
+        """Scan along a way until its end, or nothing is left to do there; False where it is blocked."""
+        for begin, end in pairwise(way):
             span = float(np.hypot(*(end - begin))) * self.cell_m
+            line = _cells_between(begin, end)
+            line = line[self._is_open(line)]
             heading = self._heading(begin, end)
             for share in np.linspace(0, 1, max(math.ceil(span / _SCAN_EVERY_M), 1) + 1)[1:]:
                 step = float(np.hypot(*(begin + share * (end - begin) - self.place))) * self.cell_m
@@ -149,9 +163,9 @@ class Explorer:
                 self.planner.driven[rows, cols] = self.planner.driven[rows[:-1], cols[1:]] = True
                 self.place = reached
                 self._scan(step, heading)
-                if enough is not None and enough(self.states):
-                    return False
-                if not len(self._left(cells)) or not self._is_open(self.place, end):
+                if (enough is not None and enough(self.states)) or not len(self._left(cells)):
+                    return True
+                if not self._is_open(line).all():
                     return False
         return True
 
@@ -164,16 +178,16 @@ class Explorer:
         """Return which of some cells are frontiers still."""
         return cells[is_frontier(self.states, cells)]
 
-    def _is_open(self, begin: Floats, end: Floats) -> bool:
-        """Return whether a straight line in cells leads over free ones."""
-        cells = tuple(_cells_between(begin, end).T)
-        return bool(((self.states[cells] == FREE) | self.planner.driven[cells]).all())
+    def _is_open(self, cells: Integers) -> Bools:
+        """Return which cells (n, 2) are free, or were driven over, (n,)."""
+        at = tuple(cells.T)
+        return np.asarray((self.states[at] == FREE) | self.planner.driven[at])
 
     def _way(self, view: Cell) -> Floats:
         """Return the corners of the way to a cell, (n, 2) rows and columns, from where the robot stands."""
         passable = self.planner.passable(self.states, self.at)
         corners = pull_string(passable, shortest_path(passable, self.at, view).cells) + 0.5
-        if len(corners) < 2 or not self._is_open(self.place, corners[1]):
+        if len(corners) < 2 or not self._is_open(_cells_between(self.place, corners[1])).all():
             return np.vstack([self.place, corners])
         return np.vstack([self.place, corners[1:]])
 

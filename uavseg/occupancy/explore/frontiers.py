@@ -154,15 +154,19 @@ def _see(states, index, views, range_cells, rays, last_view, starts, seen):  # t
             down, right, per_row, per_col = _begin_ray(rays[ray, 0], rays[ray, 1])
             to_row, to_col, length = per_row / 2, per_col / 2, 0.0
             while length <= range_cells and 0 <= r < rows and 0 <= c < cols and states[r, c] == FREE:
-                cell = index[r, c]
-                if cell >= 0 and last_view[cell] != k:
-                    last_view[cell] = k
-                    seen[used] = cell
-                    used += 1
                 if to_row < to_col:
                     length, to_row, r = to_row, to_row + per_row, r + down
                 else:
                     length, to_col, c = to_col, to_col + per_col, c + right
+            if length > range_cells or not (0 <= r < rows and 0 <= c < cols) or states[r, c] != UNKNOWN:
+                continue
+            for side in range(4):
+                y, x = r + (side == 0) - (side == 1), c + (side == 2) - (side == 3)
+                cell = index[y, x] if 0 <= y < rows and 0 <= x < cols else -1
+                if cell >= 0 and last_view[cell] != k:
+                    last_view[cell] = k
+                    seen[used] = cell
+                    used += 1
         starts[k + 1] = used
     return True
 

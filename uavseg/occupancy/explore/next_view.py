@@ -23,7 +23,8 @@ from uavseg.occupancy.explore.frontiers import Frontiers, States, find_frontiers
 from uavseg.occupancy.paths.clearance import clearance, is_at_least
 from uavseg.units import FREE, UNKNOWN
 
-_SPACING_M = 0.3  # of candidates
+_SPACING = 0.1  # of candidates, in ranges
+_DEEP = 3.0  # ranges; farther unknown space is as deep as that
 _REACHES = (0.9, 0.3, 0.1)  # of the range, from which a frontier is looked at first, second and third
 _DISCOUNT = 0.6  # of views that are farther away by the range: e^-0.6
 _ROUNDS = 60  # of the search for a tour
@@ -90,7 +91,7 @@ class ViewPlanner:
     @property
     def side(self) -> int:
         """Return the cells along the blocks in each of which there is a candidate."""
-        return max(round(_SPACING_M / self.cell_m), 1)
+        return max(round(_SPACING * self.range_m / self.cell_m), 1)
 
     def passable(self, states: States, at: Cell) -> Bools:
         """Return the cells on which the robot may stand: free, with its clearance, or where it is."""
@@ -169,7 +170,7 @@ class ViewPlanner:
         depths = np.zeros(len(views))
         reached = owner >= 0
         np.maximum.at(depths, np.concatenate(view_of_source)[owner[reached]], away[reached])
-        return depths
+        return np.minimum(depths, _DEEP * self.range_m / self.cell_m)
 
     def choose(self, states: States, at: Cell) -> tuple[Cell, Integers] | None:
         """Return the next view, and the frontier cells (n, 2) that it is to resolve; None if all is known."""
