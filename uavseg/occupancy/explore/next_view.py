@@ -48,6 +48,17 @@ class Candidates:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Sights:
+    """Which frontier cells were seen from where, in a map as it was."""
+
+    states: States
+    range_cells: float
+    number: NDArray[np.int32]  # (rows, cols); of each view, -1 elsewhere
+    starts: Integers  # (n + 1,); where the cells of each begin in `seen`
+    seen: Integers  # positions of cells in the flat map
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Tour:
     """Views that together see all frontiers."""
 
@@ -84,6 +95,7 @@ class ViewPlanner:
     clearance_m: float = 0.0
     tried: NDArray[np.uint8] = field(init=False)  # (rows, cols); how often a frontier was looked at in vain
     driven: Bools = field(init=False)  # (rows, cols); where the robot was, so that it can return
+    last: "Sights | None" = field(init=False, default=None)  # of the last choice
 
     def __post_init__(self) -> None:
         self.tried, self.driven = np.zeros(self.shape, np.uint8), np.zeros(self.shape, bool)
@@ -133,23 +145,51 @@ class ViewPlanner:
         range_cells: float,
     ) -> Candidates:
         """Return the nodes within the range of a frontier, and of each block one of its frontier cells."""
-        from scipy.ndimage import maximum_filter
-
-        side = self.side
-        near = np.zeros(tuple(-(-length // side) for length in self.shape), np.uint8)
-        near[tuple(frontiers.cells[wanted].T // side)] = 1
-        near = maximum_filter(near, size=2 * ceil(range_cells / side) + 1)
-        is_near = (near[tuple(graph.places.T // side)] > 0) & np.isfinite(away)
+        near = self._blocks_near(frontiers.cells[wanted], range_cells)
+        is_near = near[tuple(graph.places.T // self.side)] & np.isfinite(away)
         on = frontiers.cells[wanted]
         node = graph.node_of[tuple(on.T)]
         _, first = np.unique(node, return_index=True)
         first = first[(node[first] >= 0) & np.isfinite(away[node[first]])]
         nodes = np.concatenate([np.flatnonzero(is_near), node[first].astype(np.int64)])
         cells = np.concatenate([graph.places[is_near], on[first]])
-        index = frontiers.index.copy()
-        index[tuple(frontiers.cells[~wanted].T)] = -1
-        starts, seen = seen_from(states, index, len(wanted), cells, range_cells)
-        return Candidates(cells, away[nodes], nodes, starts, seen)
+        starts, seen = self._seen(states, frontiers, cells, range_cells)
+        kept = wanted[seen]
+        starts = np.r_[0, np.cumsum(kept)][starts]
+        return Candidates(cells, away[nodes], nodes, starts, seen[kept])
+
+    def _blocks_near(self, cells: Integers, distance: float) -> Bools:
+        """Return in which blocks some place is at most a distance from one of some cells (n, 2), or farther."""
+        from scipy.ndimage import maximum_filter
+
+        blocks = np.zeros(tuple(-(-length // self.side) for length in self.shape), np.uint8)
+        blocks[tuple(cells.T // self.side)] = 1
+        return np.asarray(maximum_filter(blocks, size=2 * ceil(distance / self.side) + 1) > 0)
+
+    def _seen(
+        self, states: States, frontiers: Frontiers, views: Integers, range_cells: float
+    ) -> tuple[Integers, NDArray[np.int32]]:
+        """Return what `seen_from` does, and look only from views in whose range something has changed."""
+        last, number = self.last, np.full(len(views), -1)  # of each view among the last
+        if last is not None and last.range_cells == range_cells:
+            changed = self._blocks_near(np.argwhere(states != last.states), range_cells + 2)
+            number = np.where(changed[tuple(views.T // self.side)], -1, last.number[tuple(views.T)])
+        fresh = number < 0
+        count = len(frontiers.cells)
+        starts, seen = seen_from(states, frontiers.index, count, views[fresh], range_cells)
+        if last is not None:
+            number[fresh] = len(last.starts) - 1 + np.arange(np.count_nonzero(fresh))
+            seen = np.concatenate([frontiers.index.ravel()[last.seen], seen])
+            starts = np.concatenate([last.starts, last.starts[-1] + starts[1:]])
+            lengths = np.diff(starts)[number]
+            begins = np.r_[0, np.cumsum(lengths)]
+            seen = seen[np.arange(begins[-1]) + np.repeat(starts[number] - begins[:-1], lengths)]
+            starts = begins
+        numbers = np.full(self.shape, -1, np.int32)
+        numbers[tuple(views.T)] = np.arange(len(views))
+        at = np.ravel_multi_index(tuple(frontiers.cells[seen].T), self.shape)
+        self.last = Sights(states.copy(), range_cells, numbers, starts, at)
+        return starts, seen
 
     def _depths(
         self, states: States, frontiers: Frontiers, candidates: Candidates, views: list[int]
