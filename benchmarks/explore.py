@@ -14,9 +14,9 @@ import numpy as np
 from uavseg.arrays import Bools, Floats, Integers
 from uavseg.dataclass import dataclass
 from uavseg.occupancy.explore.block_graph import BlockGraph, block_graph
-from uavseg.occupancy.explore.drive import Drive, Explorer, knowable_cells
+from uavseg.occupancy.explore.drive import Choose, Drive, Explorer, knowable_cells
 from uavseg.occupancy.explore.frontiers import States, find_frontiers, visible_cells
-from uavseg.occupancy.explore.next_view import Cell, ViewPlanner, tour_from
+from uavseg.occupancy.explore.next_view import Candidates, Cell, ViewPlanner, cover, tour_from
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.mapping.scan import Pose
 from uavseg.occupancy.simulation.cell_scene import CellScene
@@ -211,6 +211,45 @@ class Baseline:
 BASELINES = ("nearest", "gain/cost", "discounted", "root", "greedy", "tour", "advantage")
 
 
+class KnownMap(ViewPlanner):
+    """Tours of few views through all that is not seen yet, by a robot that has the map: a bound."""
+
+    def learn(self, solid: Bools, known: Bools) -> None:
+        """Take what is solid, and the cells that are to be seen."""
+        self.solid, range_cells = solid, self.range_m / self.cell_m
+        self.graph = block_graph(~solid, self.side)
+        number = np.where(known, 0, -1)
+        number[::2] = number[:, ::2] = -1  # every fourth cell, which is as good
+        number[number == 0] = np.arange(np.count_nonzero(number == 0))
+        self.targets = np.argwhere(number >= 0)
+        seen = [number[visible_cells(solid, place[None], 0.95 * range_cells)] for place in self.graph.places]
+        seen = [cells[cells >= 0].astype(np.int32) for cells in seen]
+        self.begins = np.r_[0, np.cumsum([len(cells) for cells in seen])]
+        self.seen = np.concatenate(seen)
+        self.looked = np.zeros(len(self.targets), bool)  # at, from a place that was to show them
+
+    def passable(self, states: States, at: Cell) -> Bools:
+        return ~self.solid
+
+    def choose(self, states: States, at: Cell) -> tuple[Cell, Integers] | None:
+        node = int(self.graph.node_of[at])
+        if at == tuple(self.graph.places[node]):
+            self.looked[self.seen[self.begins[node] : self.begins[node + 1]]] = True
+        wanted = (states[tuple(self.targets.T)] == UNKNOWN) & ~self.looked
+        away = self.graph.distances(node)
+        candidates = Candidates(self.graph.places, away, np.arange(len(away)), self.begins, self.seen)
+        reached = np.isfinite(away)[np.repeat(np.arange(len(away)), np.diff(self.begins))]
+        wanted &= np.isin(np.arange(len(wanted)), self.seen[reached])
+        views = cover(candidates, wanted, 0.6 * self.cell_m / self.range_m)
+        if not views:
+            return None
+        nodes = [node, *views]
+        lengths = np.stack([self.graph.distances(k)[nodes] for k in nodes])
+        first = views[tour_from(np.minimum(lengths, lengths.T), np.zeros(len(views)))[0]]
+        row, col = self.graph.places[first].tolist()
+        return (row, col), self.targets[:0]
+
+
 def starts(solid: Bools, count: int) -> list[Cell]:
     """Random cells of the largest free component."""
     from skimage.measure import label
@@ -229,7 +268,11 @@ def drive(scene: str, planner: str, start: Cell, fov: float, known: Bools) -> tu
     sensor = RangeFinder(0.03, range_m, fov, min(0.5, math.degrees(0.7 * cell / range_m)))
     explorer = Explorer(CellScene(solid, geobox), sensor, OccupancyGrid(geobox))
     x, y = geobox.xy_from_pixel(start[0] + 0.5, start[1] + 0.5)
-    choose = None if planner == "ours" else Baseline(planner, explorer.planner)
+    choose: Choose | None = None if planner == "ours" else Baseline(planner, explorer.planner)
+    if planner == "known map":
+        choose = None
+        explorer.planner = KnownMap(solid.shape, cell, range_m)
+        explorer.planner.learn(solid, known)
     count = np.count_nonzero(known)
 
     def share(states: States) -> float:

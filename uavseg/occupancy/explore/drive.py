@@ -187,9 +187,11 @@ class Explorer:
         """Return the corners of the way to a cell, (n, 2) rows and columns, from where the robot stands."""
         passable = self.planner.passable(self.states, self.at)
         corners = pull_string(passable, shortest_path(passable, self.at, view).cells) + 0.5
-        if len(corners) < 2 or not self._is_open(_cells_between(self.place, corners[1])).all():
-            return np.vstack([self.place, corners])
-        return np.vstack([self.place, corners[1:]])
+        if np.array_equal(corners[0], self.place):
+            return np.asarray(corners)
+        if len(corners) > 1 and self._is_open(_cells_between(self.place, corners[1])).all():
+            corners = corners[1:]
+        return np.vstack([self.place, corners])
 
 
 def _cells_between(begin: Floats, end: Floats) -> Integers:

@@ -129,7 +129,7 @@ class ViewPlanner:
             wanted = np.maximum(tried, narrow) <= times
             range_cells = max(reach * self.range_m / self.cell_m, 2 + self.clearance_m / self.cell_m)
             candidates = self._candidates(states, frontiers, wanted, graph, away, range_cells)
-            views = _cover(candidates, wanted, _DISCOUNT * self.cell_m / self.range_m)
+            views = cover(candidates, wanted, _DISCOUNT * self.cell_m / self.range_m)
             if views:
                 depths = self._depths(states, frontiers, candidates, views)
                 return _ordered(candidates, frontiers, graph, int(graph.node_of[at]), views, depths)
@@ -272,7 +272,7 @@ def tour_from(lengths: Floats, depths: Floats) -> list[int]:
     return [stop for stop, _ in short_tour(stops, to_end, start=0, end=len(lengths), rounds=_ROUNDS)]
 
 
-def _cover(candidates: Candidates, wanted: Bools, discount: float) -> list[int]:
+def cover(candidates: Candidates, wanted: Bools, discount: float) -> list[int]:
     """Choose few candidates that see all wanted frontier cells which any of them sees."""
     chosen = np.empty(len(candidates.cells), np.int64)
     weights = np.exp(-discount * candidates.away)
