@@ -64,6 +64,23 @@ def test_the_same_seed_gives_the_same_drive_and_scans_again() -> None:
     assert np.array_equal(again.log_odds, one.grid.log_odds)
 
 
+def test_what_was_seen_before_changes_no_choice() -> None:
+    solid = two_rooms()
+    geobox = local_geobox(solid.shape, CELL, (0.0, 0.0))
+    sensor = RangeFinder(sigma_m=0.03, max_range_m=2.5, step_deg=1.0)
+    explorer = Explorer(CellScene(solid, geobox), sensor, OccupancyGrid(geobox))
+
+    def choose(states: np.ndarray, at: tuple[int, int]) -> tuple[tuple[int, int], np.ndarray] | None:
+        fresh = ViewPlanner(states.shape, CELL, 2.5)
+        fresh.tried, fresh.driven = explorer.planner.tried, explorer.planner.driven
+        one, two = explorer.planner.choose(states, at), fresh.choose(states, at)
+        assert (one is None) == (two is None)
+        assert one is None or two is None or (one[0] == two[0] and np.array_equal(one[1], two[1]))
+        return one
+
+    assert len(explorer.run(Pose(1.0, 1.0), choose).seconds) > 8
+
+
 def test_a_closed_room_needs_no_drive() -> None:
     solid = np.ones((20, 20), bool)
     solid[5:15, 5:15] = False

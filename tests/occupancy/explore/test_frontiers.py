@@ -70,18 +70,32 @@ def test_rays_see_and_mark_what_plain_ones_do(
     found = find_frontiers(states)
     starts, seen = seen_from(states, found.index, len(found.cells), np.array([[row, col]]), range_cells)
     assert starts.tolist() == [0, len(seen)] and len(set(seen.tolist())) == len(seen)
-    free = {
-        cell
-        for cells in walked(rays_for(range_cells), row, col, range_cells)
-        for cell in takewhile(lambda cell: states[cell] == FREE, cells)
-    }
-    assert set(map(tuple, found.cells[seen].tolist())) == free & set(map(tuple, found.cells.tolist()))
+    beside = set()  # an unknown cell into which a ray goes from free ones
+    for cells in walked(rays_for(range_cells), row, col, range_cells):
+        entered = next((cell for cell in cells if states[cell] != FREE), (row, col))
+        if states[entered] == UNKNOWN:
+            beside |= {(entered[0] + y, entered[1] + x) for y, x in ((0, 1), (0, -1), (1, 0), (-1, 0))}
+    assert set(map(tuple, found.cells[seen].tolist())) == beside & set(map(tuple, found.cells.tolist()))
     marked = set()
     for cells in walked(rays_for(2 * range_cells), row, col, range_cells):
         before = list(takewhile(lambda cell: states[cell] == FREE, cells))
         marked |= set(cells[: len(before) + 1])
     visible = visible_cells(states != FREE, np.array([[row, col]]), range_cells)
     assert set(map(tuple, np.argwhere(visible).tolist())) == marked
+
+
+def test_a_frontier_along_a_shadow_is_seen_from_elsewhere() -> None:
+    states = np.full((21, 41), FREE, np.uint8)
+    states[:10, 20], states[:10, 21:] = OCCUPIED, UNKNOWN  # a wall, and what it hides from below on the left
+    for row in range(10, 20):
+        states[row, 21 : 21 + (20 - row)] = FREE
+    found = find_frontiers(states)
+    views = np.array([[9, 19], [15, 22]])
+    starts, seen = seen_from(states, found.index, len(found.cells), views, 30.0)
+    hidden = set(found.index[10, 22:30].tolist()) - {-1}
+    assert (
+        hidden and not hidden & set(seen[: starts[1]].tolist()) and hidden <= set(seen[starts[1] :].tolist())
+    )
 
 
 def test_a_long_list_grows() -> None:

@@ -86,10 +86,12 @@ def rays_for(range_cells: float, first: float = 0.0, fov: float = tau) -> Floats
 def seen_from(
     states: States, index: NDArray[np.int32], count: int, views: Integers, range_cells: float
 ) -> tuple[Integers, NDArray[np.int32]]:
-    """Return the frontier cells that are seen from each view, over free cells, whatever the heading.
+    """Return the frontier cells that a scan from each view would resolve, whatever the heading.
 
-    `index` (rows, cols) is the number of a frontier cell, below `count`, and -1 elsewhere; `views` (n, 2) are
-    rows and columns. The result are the starts (n + 1,) of each view in a list of numbers, and the list.
+    They lie beside an unknown cell into which a ray goes from free ones; along the shadow of a corner, rays
+    pass by. `index` (rows, cols) is the number of a frontier cell, below `count`, and -1 elsewhere; `views`
+    (n, 2) are rows and columns. The result are the starts (n + 1,) of each view in a list of numbers, and
+    the list.
     """
     starts, size = np.zeros(len(views) + 1, np.int64), 64 * len(views) + count
     last_view = np.full(count, -1, np.int64)

@@ -95,10 +95,12 @@ class ViewPlanner:
     clearance_m: float = 0.0
     tried: NDArray[np.uint8] = field(init=False)  # (rows, cols); how often a frontier was looked at in vain
     driven: Bools = field(init=False)  # (rows, cols); where the robot was, so that it can return
-    last: "Sights | None" = field(init=False, default=None)  # of the last choice
+    last: Sights = field(init=False)  # of the last choice
 
     def __post_init__(self) -> None:
         self.tried, self.driven = np.zeros(self.shape, np.uint8), np.zeros(self.shape, bool)
+        nowhere, none = np.full(self.shape, -1, np.int32), np.empty(0, np.int64)
+        self.last = Sights(np.zeros(self.shape, np.uint8), 0.0, nowhere, np.zeros(1, np.int64), none)
 
     @property
     def side(self) -> int:
@@ -159,7 +161,7 @@ class ViewPlanner:
         return Candidates(cells, away[nodes], nodes, starts, seen[kept])
 
     def _blocks_near(self, cells: Integers, distance: float) -> Bools:
-        """Return in which blocks some place is at most a distance from one of some cells (n, 2), or farther."""
+        """Return the blocks with a place that is at most a distance in cells from some cells (n, 2)."""
         from scipy.ndimage import maximum_filter
 
         blocks = np.zeros(tuple(-(-length // self.side) for length in self.shape), np.uint8)
@@ -170,21 +172,18 @@ class ViewPlanner:
         self, states: States, frontiers: Frontiers, views: Integers, range_cells: float
     ) -> tuple[Integers, NDArray[np.int32]]:
         """Return what `seen_from` does, and look only from views in whose range something has changed."""
-        last, number = self.last, np.full(len(views), -1)  # of each view among the last
-        if last is not None and last.range_cells == range_cells:
-            changed = self._blocks_near(np.argwhere(states != last.states), range_cells + 2)
-            number = np.where(changed[tuple(views.T // self.side)], -1, last.number[tuple(views.T)])
+        last, count = self.last, len(frontiers.cells)
+        changed = self._blocks_near(np.argwhere(states != last.states), range_cells + 2)
+        changed |= range_cells != last.range_cells
+        number = np.where(changed[tuple(views.T // self.side)], -1, last.number[tuple(views.T)])
         fresh = number < 0
-        count = len(frontiers.cells)
+        number[fresh] = len(last.starts) - 1 + np.arange(np.count_nonzero(fresh))  # after those of the last
         starts, seen = seen_from(states, frontiers.index, count, views[fresh], range_cells)
-        if last is not None:
-            number[fresh] = len(last.starts) - 1 + np.arange(np.count_nonzero(fresh))
-            seen = np.concatenate([frontiers.index.ravel()[last.seen], seen])
-            starts = np.concatenate([last.starts, last.starts[-1] + starts[1:]])
-            lengths = np.diff(starts)[number]
-            begins = np.r_[0, np.cumsum(lengths)]
-            seen = seen[np.arange(begins[-1]) + np.repeat(starts[number] - begins[:-1], lengths)]
-            starts = begins
+        seen = np.concatenate([frontiers.index.ravel()[last.seen], seen])
+        begins = np.concatenate([last.starts, last.starts[-1] + starts[1:]])
+        lengths = np.diff(begins)[number]
+        starts = np.r_[0, np.cumsum(lengths)]
+        seen = seen[np.arange(starts[-1]) + np.repeat(begins[number] - starts[:-1], lengths)]
         numbers = np.full(self.shape, -1, np.int32)
         numbers[tuple(views.T)] = np.arange(len(views))
         at = np.ravel_multi_index(tuple(frontiers.cells[seen].T), self.shape)
