@@ -82,7 +82,18 @@ def _find_nodes(cells, side, node_of, places, stack):  # type: ignore[no-untyped
     for top in range(0, rows, side):
         for left in range(0, cols, side):
             block = top, left, min(top + side, rows), min(left + side, cols)
+            passable = 0
             for row in range(top, block[2]):
+                for col in range(left, block[3]):
+                    passable += cells[row, col]
+            if passable == (block[2] - top) * (block[3] - left):
+                places[count, 0], places[count, 1] = (top + block[2]) // 2, (left + block[3]) // 2
+                for row in range(top, block[2]):
+                    for col in range(left, block[3]):
+                        node_of[row, col] = count
+                count += 1
+                continue
+            for row in range(top, block[2] if passable else top):
                 for col in range(left, block[3]):
                     if cells[row, col] != 0 and node_of[row, col] < 0:
                         _flood(cells, node_of, places[count], stack, count, block, row, col)
@@ -107,7 +118,8 @@ def _link_nodes(node_of, side, links, degrees):  # type: ignore[no-untyped-def]
     # A diagonal step needs both cells beside it, so it leads to another node only at the corners of blocks.
     rows, cols = node_of.shape
     for r in range(rows):
-        for c in range(cols):
+        is_last = (r + 1) % side == 0  # row of a block
+        for c in range(0 if is_last else side - 1, cols, 1 if is_last else side):
             here = node_of[r, c]
             if here < 0:
                 continue
@@ -115,7 +127,7 @@ def _link_nodes(node_of, side, links, degrees):  # type: ignore[no-untyped-def]
             below = r + 1 < rows and node_of[r + 1, c] >= 0
             if right and (c + 1) % side == 0:
                 _link(links, degrees, here, node_of[r, c + 1])
-            if below and (r + 1) % side == 0:
+            if below and is_last:
                 _link(links, degrees, here, node_of[r + 1, c])
                 if right and (c + 1) % side == 0 and node_of[r + 1, c + 1] >= 0:
                     _link(links, degrees, here, node_of[r + 1, c + 1])
