@@ -152,7 +152,7 @@ def _class_name(value: object) -> str | None:
 
 
 def _mask(polygons: NDArray[np.object_], geobox: GeoBox, name: str) -> SampleMask:
-    on_grid = _to_pixels(polygons, geobox)
+    on_grid = to_pixels(polygons, geobox)
     with changing_filters():  # shapely changes them itself
         bounds = shapely.total_bounds(on_grid)
     if not np.isfinite(bounds).all():
@@ -200,7 +200,7 @@ def _read_polygons(name: str, geobox: GeoBox) -> "tuple[Regions, NDArray[np.obje
     )
 
 
-def _to_pixels(polygons: NDArray[np.object_], geobox: GeoBox) -> NDArray[np.object_]:
+def to_pixels(polygons: NDArray[np.object_], geobox: GeoBox) -> NDArray[np.object_]:
     """Return polygons in pixel coordinates (col, row)."""
     back = ~geobox.transform
     on_grid: NDArray[Any] = shapely.transform(

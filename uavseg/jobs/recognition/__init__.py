@@ -1,0 +1,1 @@
+"""Jobs that describe regions and name them."""
