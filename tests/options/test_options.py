@@ -14,7 +14,7 @@ from click.testing import CliRunner
 
 import uavseg
 from uavseg.cli import main
-from uavseg.options import flights, maps, pages, regions
+from uavseg.options import flights, maps, pages, recognition, regions
 from uavseg.options.option import arguments_of, build, group, option, options_of
 
 JOBS: dict[str, type] = {
@@ -31,6 +31,8 @@ JOBS: dict[str, type] = {
     "download": flights.DownloadOptions,
     "classify": maps.ClassifyOptions,
     "path": maps.PathOptions,
+    "describe": recognition.DescribeOptions,
+    "recognise": recognition.RecogniseOptions,
     "build-map": maps.BuildMapOptions,
     "merge-maps": maps.MergeMapsOptions,
     "simulate": maps.SimulateOptions,
@@ -45,6 +47,8 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     **{name: getattr(uavseg, name) for name in ("extract", "levels", "match", "suggest", "divide", "info")},
     **{name: getattr(uavseg, name) for name in ("plan", "check", "upload", "download", "classify", "path")},
     "build-map": uavseg.build_map,
+    "describe": uavseg.describe,
+    "recognise": uavseg.recognise,
     "merge-maps": uavseg.merge_maps,
     "preview": uavseg.preview,
     "map": uavseg.map_page,

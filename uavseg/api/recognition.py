@@ -26,9 +26,6 @@ def describe(
     gap: float = 0.0,
     min_area: float | str | None = None,
     band: int | str | None = None,
-    index: str | None = None,
-    expr: str | None = None,
-    band_names: str | None = None,
     nodata: float | str | None = None,
     stretch: str | None = None,
     free_is_white: bool | None = None,
@@ -53,9 +50,9 @@ def describe(
         Of a map: objects nearer to each other than this many metres are one.
     min_area : float or str, optional
         Of a map: smaller objects are left out, in square metres or as "20px".
-    band, ..., stretch
-        Of the raster, as of `extract`, or of the map.
-    free_is_white, tile, ..., allow_network
+    band, ..., allow_network
+        Of the raster or the map, as of `extract`.
+    free_is_white : bool, optional
         As of `classify`.
 
     Returns
@@ -102,9 +99,6 @@ def recognise(
     gap: float = 0.0,
     min_area: float | str | None = None,
     band: int | str | None = None,
-    index: str | None = None,
-    expr: str | None = None,
-    band_names: str | None = None,
     nodata: float | str | None = None,
     stretch: str | None = None,
     free_is_white: bool | None = None,
@@ -119,7 +113,7 @@ def recognise(
 
     Parameters
     ----------
-    source, raster, ..., allow_network
+    source, raster, layer, gap, min_area, free_is_white, band, ..., allow_network
         As of `describe`.
     library : path
         A file of described regions with a column `name`.

@@ -37,7 +37,7 @@ class DescribeOptions(TiledJobOptions):
     min_area: float | str | None = option(
         "Of MAP: leave out objects of less.", metavar="M2|Npx", basic=True, label="Smallest object"
     )
-    read: ReadOptions = group(ReadOptions, *ONLY_RASTERS, **MAP_STRETCH)
+    read: ReadOptions = group(ReadOptions, *ONLY_RASTERS, "index", "expr", "band_names", **MAP_STRETCH)
 
 
 class RecogniseOptions(DescribeOptions):

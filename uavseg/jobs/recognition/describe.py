@@ -22,7 +22,14 @@ from uavseg.raster.grid.polygon_mask import pixels_inside
 from uavseg.raster.grid.tiling import Window
 from uavseg.regions.edit.small import as_area
 from uavseg.regions.formats import read
-from uavseg.regions.recognise.fit import FREE, SURFACE, Evidence, evidence_of_cells, solid_cells
+from uavseg.regions.recognise.fit import (
+    FREE,
+    SURFACE,
+    Evidence,
+    evidence_of_cells,
+    smooth_contour,
+    solid_cells,
+)
 from uavseg.regions.recognise.measures import Objects, local_metres, objects, pixel_measures, shape_measures
 from uavseg.regions.sample.place import to_pixels
 from uavseg.regions.table import Regions
@@ -180,8 +187,7 @@ def _view(polygon: Any, grey: GreySource) -> tuple[Evidence | None, float, Any]:
     That is the outline of all that is not free and connected with the object, its hidden inside too, where
     free space surrounds it; else the polygon itself.
     """
-    from scipy.ndimage import binary_dilation, gaussian_filter
-    from skimage.measure import find_contours
+    from scipy.ndimage import binary_dilation
 
     bounds, (rows, cols) = np.array(polygon.bounds), grey.shape
     margin = float(np.ptp(bounds.reshape(2, 2), axis=0).max()) / 2 + 8
@@ -195,11 +201,9 @@ def _view(polygon: Any, grey: GreySource) -> tuple[Evidence | None, float, Any]:
     block = np.ones((3, 3), bool)
     surface = binary_dilation(pixels_inside(objects([polygon]), window), block, 2)
     solid = solid_cells(values, surface & (values > SURFACE))
-    rim = np.ones(solid.shape, bool)
-    rim[1:-1, 1:-1] = False
-    if solid.any() and not (solid & rim).any():
-        ring = max(find_contours(gaussian_filter(solid.astype(np.float64), 1.0), 0.5), key=len)
-        polygon = shapely.Polygon(ring[:, ::-1] + (window.col + 0.5, window.row + 0.5))
+    ring = smooth_contour(solid)
+    if ring is not None:
+        polygon = shapely.Polygon(ring + np.array([window.col, window.row]))
     filled = [shapely.Polygon(part.exterior) for part in shapely.get_parts(polygon)]
     inside = binary_dilation(pixels_inside(objects(filled), window), block)
     around = values[binary_dilation(inside, block) & ~inside]

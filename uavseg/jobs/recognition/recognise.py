@@ -24,9 +24,9 @@ from uavseg.segmentation.blocks.g_statistic import g_statistic
 
 CANNOT_TELL = "cannot tell"
 MAX_EXAMPLES = 500
-# Log-evidence of an object of no name, by independent point of its surface and once; and the temperature:
-# calibrated on simulated scenes, see benchmarks/recognition.py.
-_NO_NAME, _TEMPERATURE = (0.25, 3.0), 1.0
+# Log-evidence of an object of no name by independent point of its surface, and the temperature of evidences:
+# calibrated on simulated scenes other than those of benchmarks/recognition.py.
+_NO_NAME, _TEMPERATURE = -0.35, 1.5
 _TEXTURE_SAMPLES = 32.0  # texture counts as so many independent pixels
 _COMPLETE = 0.8  # share of the outline of an example that should have been seen
 
@@ -111,8 +111,7 @@ def _choose(
     scores = np.array([score for score, _ in fits]) + textures
     kinds, top = np.unique(names), scores.max()
     of_kinds = [top + math.log(np.exp(scores[names == kind] - top).mean() + 1e-300) for kind in kinds]
-    no_name = -_NO_NAME[0] * evidence.samples - _NO_NAME[1]
-    exponents = np.array([*of_kinds, no_name]) / _TEMPERATURE
+    exponents = np.array([*of_kinds, _NO_NAME * evidence.samples]) / _TEMPERATURE
     shares = np.exp(exponents - exponents.max())
     shares = np.round(shares / shares.sum(), 6)
     first, second = [*np.argsort(-exponents[:-1], kind="stable"), -1][:2]

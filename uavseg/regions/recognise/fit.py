@@ -20,11 +20,10 @@ from uavseg.dataclass import dataclass
 Floats = NDArray[np.float64]
 
 FREE, SURFACE = 0.4, 0.6  # probabilities below which a cell is free, and above which it is surface
-_CORNERS, _SIDE = 96, 128  # samples of an outline; side of the image of distances to it
+_CORNERS, _SIDE = 96, 64  # samples of an outline; side of the image of distances to it
 _ANGLES, _SCALES, _LARGEST = 36, 7, 2.5  # of the search; the largest outline, in extents of what was seen
 _RANKED, _KEPT, _ROUNDS = 400, 24, 60  # candidates, maxima among them, rounds of the search for each
 _CAP = 9.0  # limit of a squared residual, in variances: robust to outliers
-_FREE_WEIGHT = 0.5  # of outline in free space, against surface beside the outline
 _ACROSS = 64  # cells across a polygon as evidence
 _MAX_CELLS, _MAX_SAMPLES = 400, 128.0  # of a surface that are used; independent ones that they count for
 
@@ -78,6 +77,17 @@ def solid_cells(probabilities: Floats, seeds: NDArray[np.bool_]) -> NDArray[np.b
     return np.isin(known, known[seeds & (known > 0)])
 
 
+def smooth_contour(cells: NDArray[np.bool_]) -> Floats | None:
+    """Return the longest contour (n, 2) of cells as (col, row); None if they are none or reach the border."""
+    from scipy.ndimage import gaussian_filter
+    from skimage.measure import find_contours
+
+    if not cells.any() or cells[1:-1, 1:-1].sum() < cells.sum():
+        return None
+    contours = find_contours(gaussian_filter(cells.astype(np.float64), 1.0), 0.5)
+    return max(contours, key=len)[:, ::-1] + 0.5 if contours and len(max(contours, key=len)) > 3 else None
+
+
 def evidence_of_polygon(polygon: Any) -> Evidence:
     """Return a polygon whose whole exterior is known as evidence."""
     x_min, y_min, x_max, y_max = polygon.bounds
@@ -100,7 +110,7 @@ class Outline:
 
     polygon: Any
     corners: Floats = field(init=False, repr=False)  # (96, 2), evenly spaced
-    distances: Floats = field(init=False, repr=False)  # (128, 128), to the outline; negative inside
+    distances: Floats = field(init=False, repr=False)  # (64, 64), to the outline; negative inside
     shape: Floats = field(init=False, repr=False)  # half the side of that image, perimeter, extent
 
     def __post_init__(self) -> None:
@@ -235,7 +245,7 @@ def _log_likelihood(x, y, turn, log_size, corners, distances, shape, surface, fr
         if 0.0 <= row < free.shape[0] - 1 and 0.0 <= col < free.shape[1] - 1:
             outside += _capped(free, row, col, 0.0, 1.0, grid[3])
     spacing = shape[1] * size / (corners.shape[0] * grid[2])
-    return -0.5 * (squares + _FREE_WEIGHT * spacing * outside)
+    return -0.5 * (squares + spacing * outside)
 
 
 @kernel("void(f8[:,::1], f8[::1], f8[::1], i8, f8[:,::1], f8[:,::1], f8[::1], f8[:,::1], f8[:,::1], f8[::1])")

@@ -20,6 +20,7 @@ Floats = NDArray[np.float64]
 Objects = NDArray[np.object_]
 
 HARMONICS = 4
+_RADIUS_M, _ECCENTRICITY2 = 6378137.0, 0.00669437999014  # of WGS 84
 _PROPERTIES = ("eccentricity", "solidity", "extent", "euler_number", "orientation", "moments_hu")
 _ACROSS = 256  # cells of the mask of which moments are computed
 _MAX_PIXELS = 1 << 24  # of a window that is measured
@@ -44,18 +45,16 @@ def local_metres(regions: Regions) -> list[Any]:
 
     Without a CRS, coordinates are taken for metres and y for north.
     """
-    from uavseg.raster.geodesy.globe import WGS84, ellipsoid_under
-
     if regions.wkt is None:
         return list(regions.polygons)
-    globe = ellipsoid_under(WGS84)
-    assert globe is not None, "WGS 84 has an ellipsoid"
 
     def placed(lonlat: Floats) -> Floats:
         lon, lat = np.radians(lonlat).T
-        along, across = globe.radii(np.full(1, lat.mean()))
+        squeeze = 1 - _ECCENTRICITY2 * math.sin(lat.mean()) ** 2
+        across = _RADIUS_M / math.sqrt(squeeze)  # radius of curvature of the prime vertical
+        along = across * (1 - _ECCENTRICITY2) / squeeze  # and of the meridian
         east = (lon - lon[0] + math.pi) % math.tau - math.pi
-        return np.column_stack([east * across, (lat - lat[0]) * along])
+        return np.column_stack([east * across * np.cos(lat.mean()), (lat - lat[0]) * along])
 
     return [shapely.transform(polygon, placed) for polygon in to_wgs84.wgs84_geometries(regions)]
 

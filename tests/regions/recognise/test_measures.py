@@ -1,0 +1,124 @@
+"""Measures of shape and pixels: invariances, and comparison with slow plain versions."""
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+from affine import Affine
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.intensity.stretch import Stretch
+from uavseg.raster.read.dataset import Dataset
+from uavseg.regions.recognise.measures import (
+    fourier_coefficients,
+    local_metres,
+    objects,
+    pixel_measures,
+    shape_measures,
+)
+from uavseg.regions.table import Regions
+from uavseg.segmentation.source import GreySource
+
+ELL = shapely.Polygon([(0, 0), (5, 0), (5, 1), (1, 1), (1, 3), (0, 3)])
+
+
+def moved(shape: shapely.Polygon, turn: float, size: float, x: float, y: float) -> shapely.Polygon:
+    c, s = size * math.cos(turn), size * math.sin(turn)
+    return shapely.affinity.affine_transform(shape, [c, -s, s, c, x, y])
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.floats(0, math.tau), st.floats(0.1, 1e3), st.floats(-1e3, 1e3), st.integers(0, 5))
+def test_fourier_coefficients_have_no_pose_and_no_start(
+    turn: float, size: float, x: float, start: int
+) -> None:
+    corners = shapely.get_coordinates(moved(ELL, turn, size, x, -x).exterior)[:-1]
+    ring = shapely.LinearRing(np.roll(corners, start, axis=0))
+    expected, found = fourier_coefficients(ELL.exterior), fourier_coefficients(ring)
+    assert found == pytest.approx(expected, abs=1e-6)
+    assert fourier_coefficients(ring.reverse()) == pytest.approx(expected, abs=1e-6)
+
+
+def test_fourier_coefficients_of_an_ellipse_are_its_axes() -> None:
+    turn = np.linspace(0, math.tau, 2000, endpoint=False)
+    found = fourier_coefficients(shapely.LinearRing(np.column_stack([1.02 * np.cos(turn), np.sin(turn)])))
+    assert found["efd1_d"] == pytest.approx(1 / 1.02, abs=0.01)  # of arc length, not of the angle
+    assert max(abs(found[f"efd{n}_{k}"]) for n in (2, 4) for k in "abcd") < 1e-6
+
+
+def test_fourier_coefficients_are_those_of_the_integral() -> None:
+    """Compare harmonic 2 with a plain sum over a densely sampled contour, before normalisation."""
+    ring = ELL.exterior
+    t = (np.arange(200_000) + 0.5) / 200_000
+    x, y = shapely.get_coordinates(ring.interpolate(t, normalized=True)).T
+    plain = []
+    for n in (1, 2):
+        waves = np.cos(math.tau * n * t), np.sin(math.tau * n * t)
+        plain.append(np.array([[2 * (z * wave).mean() for wave in waves] for z in (x, y)]))
+    sizes = [np.linalg.norm(one) for one in plain]
+    found = fourier_coefficients(ring)
+    second = math.sqrt(sum(found[f"efd2_{k}"] ** 2 for k in "abcd"))
+    first = math.sqrt(1 + found["efd1_d"] ** 2)
+    assert second / first == pytest.approx(sizes[1] / sizes[0], rel=1e-3)
+
+
+@pytest.mark.parametrize("turn_deg", [0, 30, 90, 147])
+def test_angles_are_clockwise_from_north(turn_deg: float) -> None:
+    bar = shapely.box(-1, -5, 1, 5)  # to the north
+    found = shape_measures(shapely.affinity.rotate(bar, -turn_deg))
+    for name in ("angle_deg", "orientation_deg"):
+        assert (found[name] - turn_deg + 90) % 180 - 90 == pytest.approx(0, abs=1)
+    assert (found["length_m"], found["width_m"]) == pytest.approx((10, 2))
+
+
+def test_a_hole_lowers_the_euler_number_and_a_disc_is_round() -> None:
+    disc = shapely.Point(3, 4).buffer(2, quad_segs=64)
+    found = shape_measures(disc)
+    assert found["euler_number"] == 1 and found["eccentricity"] < 0.05 and found["solidity"] > 0.98
+    assert found["extent"] == pytest.approx(math.pi / 4, abs=0.01)
+    assert shape_measures(disc.difference(shapely.Point(3, 4).buffer(1)))["euler_number"] == 0
+
+
+def test_local_metres_are_true_lengths() -> None:
+    square = shapely.box(10, 60, 10.001, 60.001)
+    regions = Regions({"id": np.array([1])}, objects([square]), "EPSG:4326")
+    x, y = np.ptp(shapely.get_coordinates(local_metres(regions)[0]), axis=0)
+    assert (x, y) == pytest.approx((55.80, 111.42), abs=0.02)
+
+
+def source(values: np.ndarray) -> GreySource:
+    shape = values.shape[:2]
+    dataset = Dataset.of_values(values, GeoBox(shape, Affine.identity(), None), "drawn")
+    return GreySource(dataset, Stretch(0.0, 255.0, "given"))
+
+
+@pytest.mark.parametrize("slope_deg", [0, 20, 45, 90, 130])
+def test_rows_have_their_direction_whatever_way_is_up(slope_deg: float) -> None:
+    row, col = np.indices((96, 96))
+    bearing = math.radians(slope_deg)  # of rows, from the top of the picture clockwise
+    across = col * math.cos(bearing) + row * math.sin(bearing)
+    picture = (127 + 100 * np.sin(across * 0.8)).astype(np.uint8)
+    for up in (0.0, 12.0):
+        found = pixel_measures(shapely.box(10, 10, 80, 80), source(picture), up)
+        assert (found["rows_deg"] - slope_deg - up + 90) % 180 - 90 == pytest.approx(0, abs=3)
+    assert found["rows_strength"] > 0.9
+
+
+def test_pixel_measures_are_those_of_the_pixels_inside() -> None:
+    picture = np.random.default_rng(0).integers(0, 255, (70, 90), np.uint8)
+    found = pixel_measures(shapely.box(5, 7, 60, 50), source(picture), 0.0)
+    inside = picture[7:50, 5:60].astype(float)
+    expected = {"b1_mean": inside.mean(), "b1_std": inside.std(), "b1_min": inside.min()}
+    assert {name: found[name] for name in expected} == pytest.approx(expected)
+    counts = np.array(found["texture"].split(), int)
+    assert len(counts) == 80 and counts.sum() == inside.size
+    turned = pixel_measures(shapely.box(7, 30, 50, 85), source(np.rot90(picture).copy()), 0.0)
+    assert np.array_equal(np.array(turned["texture"].split(), int), counts)
+
+
+def test_beside_the_raster_nothing_is_known() -> None:
+    found = pixel_measures(shapely.box(200, 200, 220, 220), source(np.zeros((50, 50), np.uint8)), 0.0)
+    assert found["texture"] == "" and math.isnan(found["b1_mean"]) and math.isnan(found["contrast"])
