@@ -4,8 +4,8 @@
 
 Ten shapes of random size (0.8 to 1.6 m across), rotation and position, seen by a simulated range finder
 (sigma 3 cm, beams 0.5 degrees apart) from 1, 2 or 4 poses evenly spread on a circle of 2 m, so two are
-opposite each other; cells of 2.5 cm. Ours has one example of each shape, learned from twelve views of another size
-and rotation. The others are nearest neighbour or a random forest, leave-one-out (or out of bag) among all
+opposite each other; cells of 2.5 cm. Ours has one example of each shape, learned from twelve views of
+another size and rotation. The others are nearest neighbour or a random forest, leave-one-out (or out of bag) among all
 other scenes of the same number of views: a hundred examples of each shape, as incomplete as what is asked.
 """
 
@@ -220,8 +220,8 @@ def _summary(views: int, rows: list[dict[str, Any]], unknown: list[dict[str, Any
     common = ", ".join(f"{one} {wrong.count(one)}" for one in sorted(set(wrong), key=wrong.count)[::-1][:6])
     return (
         f"{views} views: nearest right {right.mean():.3f}; named {told.mean():.3f}, of these right "
-        f"{right[told].mean() if told.any() else math.nan:.3f}; Brier {brier:.3f}, expected calibration error "
-        f"{expected_calibration_error(probability, right):.3f}; of no name in the library and told so "
+        f"{right[told].mean() if told.any() else math.nan:.3f}; Brier {brier:.3f}, calibration error "
+        f"{expected_calibration_error(probability, right):.3f}; left out of the library and 'cannot tell' "
         f"{refused:.3f}; {seconds:.2f} s\n  {common}"
     )
 

@@ -16,7 +16,7 @@ from uavseg.jobs.source.open_source import open_probability_map, open_raster
 from uavseg.jobs.source.source import ProbabilityMap
 from uavseg.jobs.source.work import Work
 from uavseg.options.recognition import DescribeOptions
-from uavseg.raster.geodesy.globe import is_in_metres, transform_between
+from uavseg.raster.geodesy.globe import define_crs, is_in_metres, transform_between
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.polygon_mask import pixels_inside
 from uavseg.raster.grid.tiling import Window
@@ -94,7 +94,9 @@ def _of_regions(source: Any, options: DescribeOptions, work: Work) -> Descriptio
                 f"{beside:,} regions have no texture in {raster.name}: they are too small or beside it",
             )
         rows = [row | one for row, one in zip(rows, pixels, strict=True)]
-    return Description(_measured(regions, rows), tuple(outlines), None, warnings)
+    wkt = None if regions.wkt is None else define_crs(regions.wkt).wkt2
+    measured = replace(_measured(regions, rows), wkt=wkt)
+    return Description(measured, tuple(outlines), None, warnings)
 
 
 def _of_map(source: ProbabilityMap, options: DescribeOptions, work: Work) -> Description:

@@ -25,6 +25,7 @@ _ANGLES, _SCALES, _LARGEST = 36, 7, 2.5  # of the search; the largest outline, i
 _RANKED, _KEPT, _ROUNDS = 400, 24, 60  # candidates, maxima among them, rounds of the search for each
 _CAP = 9.0  # limit of a squared residual, in variances: robust to outliers
 _ACROSS = 64  # cells across a polygon as evidence
+MIN_SAMPLES = 8  # cells along a surface: fewer are a speck, which fits anything
 _MAX_CELLS, _MAX_SAMPLES = 400, 128.0  # of a surface that are used; independent ones that they count for
 
 
@@ -45,7 +46,7 @@ class Evidence:
 
 
 def evidence_of_cells(probabilities: Floats, of_object: NDArray[np.bool_], cell: float) -> Evidence | None:
-    """Return what a part of a map says of one object; None where none of its cells is occupied.
+    """Return what a part of a map says of one object; None where too few are surface.
 
     `probabilities` are (rows, cols), 0.5 where unknown, and `of_object` the cells that may be its surface. A
     laser marks a band of cells behind the surface, whose thickness says how exact it is.
@@ -54,10 +55,11 @@ def evidence_of_cells(probabilities: Floats, of_object: NDArray[np.bool_], cell:
     from skimage.morphology import skeletonize
 
     surface = (probabilities > SURFACE) & of_object
-    if not surface.any():
-        return None
     free = ~solid_cells(probabilities, probabilities > SURFACE)
-    length = max(int(skeletonize(ndimage.binary_closing(np.pad(surface, 3), np.ones((3, 3)))).sum()), 1)
+    closed = ndimage.binary_closing(np.pad(surface, 3), np.ones((3, 3)))
+    length = int(skeletonize(closed).sum()) if surface.any() else 0
+    if length < MIN_SAMPLES:
+        return None
     row, col = np.nonzero(surface)
     thickness = max(len(row) / length, 1.0) * cell
     x, y = col * cell, -row * cell

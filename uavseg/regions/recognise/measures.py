@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from uavseg.raster.geodesy.globe import WGS84
 from uavseg.raster.grid.polygon_mask import pixels_inside
 from uavseg.raster.grid.tiling import Window
 from uavseg.regions.table import Regions
@@ -56,7 +57,8 @@ def local_metres(regions: Regions) -> list[Any]:
         east = (lon - lon[0] + math.pi) % math.tau - math.pi
         return np.column_stack([east * across * np.cos(lat.mean()), (lat - lat[0]) * along])
 
-    return [shapely.transform(polygon, placed) for polygon in to_wgs84.wgs84_geometries(regions)]
+    degrees = regions.polygons if regions.wkt == WGS84 else to_wgs84.wgs84_geometries(regions)
+    return [shapely.transform(polygon, placed) for polygon in degrees]
 
 
 def shape_measures(polygon: Any) -> dict[str, float]:
