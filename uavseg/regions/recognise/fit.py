@@ -25,6 +25,9 @@ _ANGLES, _SCALES, _LARGEST = 36, 7, 2.5  # of the search; the largest outline, i
 _RANKED, _KEPT, _ROUNDS = 400, 24, 60  # candidates, maxima among them, rounds of the search for each
 _CAP = 9.0  # limit of a squared residual, in variances: robust to outliers
 _ACROSS = 64  # cells across a polygon as evidence
+# Of regions whose whole outline is known: how much those of one name differ, by their extent, and at how many
+# independent places.
+_VARIATION, _WHOLE_SAMPLES = 0.08, 32.0
 MIN_SAMPLES = 8  # cells along a surface: fewer are a speck, which fits anything
 _MAX_CELLS, _MAX_SAMPLES = 400, 128.0  # of a surface that are used; independent ones that they count for
 
@@ -102,7 +105,8 @@ def evidence_of_polygon(polygon: Any) -> Evidence:
     probabilities[shapely.distance(polygon.exterior, points) <= 0.5 * cell] = 1.0
     found = evidence_of_cells(probabilities, np.ones(points.shape, bool), cell)
     assert found is not None, "an outline crosses cells"
-    found.grid[3:] = 1.5 * cell, 0.0
+    found.grid[3:] = _VARIATION * _ACROSS * cell, 0.0
+    found.surface[:, 2] *= _WHOLE_SAMPLES / found.samples
     return found
 
 
