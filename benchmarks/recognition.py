@@ -4,9 +4,9 @@
 
 Ten shapes of random size (0.8 to 1.6 m across), rotation and position, seen by a simulated range finder
 (sigma 3 cm, beams 0.5 degrees apart) from 1, 2 or 4 poses evenly spread on a circle of 2 m, so two are
-opposite each other; cells of 2.5 cm. Ours has one example of each shape, learned from twelve views of
-another size and rotation. The others are nearest neighbour or a random forest, leave-one-out (or out of bag) among all
-other scenes of the same number of views: a hundred examples of each shape, as incomplete as what is asked.
+opposite each other; cells of 2.5 cm. Ours has one example of each shape, learned from twelve views of another
+size and rotation. The others are nearest neighbour or a random forest, leave-one-out (or out of bag) among
+all other scenes of the same number of views: examples as incomplete as what is asked.
 """
 
 import argparse

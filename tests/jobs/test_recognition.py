@@ -1,4 +1,4 @@
-"""Description and recognition as jobs, commands and functions: maps with hidden sides, libraries, bad input."""
+"""Description and recognition: maps with hidden sides, libraries, both faces, bad input."""
 
 import math
 import warnings
