@@ -1194,6 +1194,39 @@ def test_merged_maps(maps: str | list[str], output: str, words: Words) -> None:
     assert_equal(in_python(merged), expected)
 
 
+COMPARE: list[tuple[str, str, Words]] = [
+    ("tile.tif", "tile.tif", {"range": (0.55, 1)}),
+    ("tile.tif", "deep.tif", {"range": (0.55, 1)}),
+    ("tile.tif", "two.tif", {"values": (100, None), "refine": "pixels", "min_area": "30px"}),
+    ("tile.tif", "west.tif", {"percentile": (60, 100), "stretch": "minmax", "tile": 64}),
+    ("bands.tif", "bands.tif", {"range": (0.55, 1), "index": "ndvi"}),
+    ("tile.tif", "collar.tif", {"range": ["0,0.4", "0.6,1"], "refine": "none"}),
+    ("tile.tif", "missing.tif", {"range": (0.55, 1)}),
+    ("tile.tif", "tile.tif", {"range": (0.55, 1), "values": (1, 2)}),
+    ("tile.tif", "tile.tif", {"refine": "pixels"}),
+    ("ros.yaml", "ros.yaml", {}),
+    ("ros.yaml", "thin.yaml", {}),
+    ("map.tif", "map.tif", {"min_area": 1.0}),
+    ("map.tif", "utm_map.tif", {}),
+    ("ros.yaml", "ros.yaml", {"resume": "done"}),
+]
+
+
+@pytest.mark.parametrize(("before", "after", "words"), COMPARE)
+def test_comparisons(before: str, after: str, words: Words) -> None:
+    ranges = words["range"] if isinstance(words.get("range"), list) else []
+    others = {name: value for name, value in words.items() if not ranges or name != "range"}
+    named = [part for one in ranges for part in ("--range", one)]
+    line = [before, after, *options(others), *named, "-o", "out.gpkg"]
+    expected = on_the_command_line("compare", line, "out.gpkg")
+
+    def compared() -> bytes:
+        found = uavseg.compare(before, after, **words)
+        return written(lambda path: export.write_regions(found.regions, path), "python.gpkg")
+
+    assert_equal(in_python(compared), expected)
+
+
 # Vehicles
 
 

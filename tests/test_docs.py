@@ -17,7 +17,7 @@ from uavseg.cli import main
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "samples").glob("*.md")]
 DOCS = ROOT / "docs"
-RUN = [DOCS / "tutorial.md", DOCS / "paper.md", *sorted((DOCS / "how-to").glob("*.md"))]
+RUN = [DOCS / "tutorial.md", DOCS / "paper.md", DOCS / "changes.md", *sorted((DOCS / "how-to").glob("*.md"))]
 SHELL = re.compile(r"^```(?:sh|console)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 INLINE = re.compile(r"`(uavseg \w+ [^`]*-[^`]*)`")
 NAMED = re.compile(r"`((?:benchmarks|docs|notebooks|qgis_uavseg|samples|tests|uavseg)/[a-z0-9_/.-]+)`")

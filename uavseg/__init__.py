@@ -14,7 +14,10 @@ if TYPE_CHECKING:
     from uavseg.api.each import extract_to as extract_to
     from uavseg.api.maps import build_map as build_map
     from uavseg.api.maps import classify as classify
+    from uavseg.api.maps import compare as compare
+    from uavseg.api.maps import explore as explore
     from uavseg.api.maps import merge_maps as merge_maps
+    from uavseg.api.maps import next_views as next_views
     from uavseg.api.maps import path as path
     from uavseg.api.missions import check as check
     from uavseg.api.missions import download as download
@@ -49,8 +52,11 @@ _HOMES = {
     "extract": "uavseg.api.rasters",
     "divide": "uavseg.api.rasters",
     "build_map": "uavseg.api.maps",
+    "compare": "uavseg.api.maps",
     "merge_maps": "uavseg.api.maps",
     "classify": "uavseg.api.maps",
+    "explore": "uavseg.api.maps",
+    "next_views": "uavseg.api.maps",
     "levels": "uavseg.api.rasters",
     "each": "uavseg.api.each",
     "extract_to": "uavseg.api.each",

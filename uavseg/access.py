@@ -36,14 +36,8 @@ class AccessPolicy:
     def check_file(self, owner: str | os.PathLike[str], named: str | os.PathLike[str]) -> Path:
         """Refuse a file that the content of `owner` may not name, else return its path.
 
-        Symbolic links and `..` are resolved before folders are compared.
-
-        Raises
-        ------
-        AccessError
-            If it lies neither beside the owner nor in an allowed folder.
-        RasterReadError
-            If it is not a regular file.
+        Symbolic links and `..` are resolved before folders are compared. An AccessError says that it lies
+        neither beside the owner nor in an allowed folder, a RasterReadError that it is not a regular file.
         """
         target = Path(named)
         try:

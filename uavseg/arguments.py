@@ -28,12 +28,8 @@ def checked(target: F) -> F:
 
     Numbers are those of Python and of numpy; a bool is not one. A default fits always. Where an annotation
     says tuple, a list or an array of as many numbers will do. Classes that are imported for types only are
-    not looked at: the function itself checks such a value.
-
-    Raises
-    ------
-    ParameterError
-        On a call, if an argument is of a wrong kind.
+    not looked at: the function itself checks such a value. A call with an argument of a wrong kind is refused
+    with a ParameterError.
 
     Examples
     --------

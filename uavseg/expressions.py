@@ -58,16 +58,8 @@ ALWAYS = Tristate(np.True_, np.False_)
 class Evaluator:
     """Evaluate a syntax tree; a subclass has the vocabulary and the messages.
 
-    Attributes
-    ----------
-    nodes : frozenset of type
-        The kinds of nodes that there may be.
-    operators : mapping of type to callable
-        The operators that there may be.
-    functions : mapping of str to (callable, int)
-        Functions, in lower case, and how many values they take.
-    max_depth : int, optional
-        How deep nodes may lie in each other.
+    The vocabulary is the `nodes` and `operators` that there may be, and `functions`, in lower case, with how
+    many values they take. `max_depth` is how deep nodes may lie in each other; None for no limit.
     """
 
     nodes: ClassVar[frozenset[type]]

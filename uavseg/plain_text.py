@@ -12,12 +12,7 @@ _TAIL = 150  # of a message, which often ends with what to do
 def one_line(text: object, max_length: int = MAX_MESSAGE) -> str:
     r"""Format a text as one printable line: control characters are escaped, the middle of long ones left out.
 
-    Parameters
-    ----------
-    text : object
-        Usually str.
-    max_length : int
-        Characters that are kept.
+    `max_length` is how many characters are kept.
 
     Examples
     --------

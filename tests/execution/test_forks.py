@@ -127,3 +127,25 @@ print(json.dumps(answers))
 """
     )
     assert answers == [False]
+
+
+def test_copies_read_and_write_after_gdal_had_threads(tmp_path: Path) -> None:
+    # a copy has none of the threads that GDAL keeps, and would wait for them for ever
+    shapes = answer(
+        f"""
+import numpy as np
+from uavseg.raster.formats.creation import CreationOptions
+from uavseg.raster.formats.geotiff import read_geotiff, write_geotiff
+from uavseg.raster.grid.geobox import local_geobox
+box = local_geobox((1500, 1500), 1.0, (0.0, 0.0))
+bands = np.random.default_rng(0).integers(0, 99, (1, 1500, 1500)).astype("u4")
+threads = CreationOptions(threads=4)
+def read(item):
+    write_geotiff(f"{tmp_path}/{{item}}.tif", bands, box, [""], creation=threads)
+    return read_geotiff(f"{tmp_path}/{{item}}.tif")[0].shape
+read(9)
+fork_each(read, [1, 2, 3], 2, received)
+print(json.dumps(sorted(came)))
+"""
+    )
+    assert shapes == [[k, [1, 1500, 1500]] for k in (1, 2, 3)]

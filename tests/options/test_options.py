@@ -22,6 +22,7 @@ JOBS: dict[str, type] = {
     "levels": regions.LevelsOptions,
     "match": regions.MatchOptions,
     "suggest": regions.SuggestOptions,
+    "compare": regions.CompareOptions,
     "divide": regions.DivideOptions,
     "original": regions.OriginalOptions,
     "info": regions.InfoOptions,
@@ -33,6 +34,8 @@ JOBS: dict[str, type] = {
     "path": maps.PathOptions,
     "describe": recognition.DescribeOptions,
     "recognise": recognition.RecogniseOptions,
+    "next-view": maps.NextViewOptions,
+    "explore": maps.ExploreOptions,
     "build-map": maps.BuildMapOptions,
     "merge-maps": maps.MergeMapsOptions,
     "simulate": maps.SimulateOptions,
@@ -46,6 +49,9 @@ JOBS: dict[str, type] = {
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     **{name: getattr(uavseg, name) for name in ("extract", "levels", "match", "suggest", "divide", "info")},
     **{name: getattr(uavseg, name) for name in ("plan", "check", "upload", "download", "classify", "path")},
+    "compare": uavseg.compare,
+    "next-view": uavseg.next_views,
+    "explore": uavseg.explore,
     "build-map": uavseg.build_map,
     "describe": uavseg.describe,
     "recognise": uavseg.recognise,
@@ -54,7 +60,18 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "map": uavseg.map_page,
     "serve": uavseg.serve,
 }
-OF_PYTHON = {"source", "progress", "regions", "mission", "bag", "maps", "output"}  # not of the command line
+OF_PYTHON = {
+    "source",
+    "before",
+    "after",
+    "scene",
+    "progress",
+    "regions",
+    "mission",
+    "bag",
+    "maps",
+    "output",
+}  # not of the command line
 
 
 def command(name: str) -> click.Command:

@@ -101,10 +101,7 @@ def _compile(kernel: LoopNest) -> bytes:
 def intermediate_code(kernel: LoopNest, helpers: dict[Any, Any]) -> str:
     """Translate a kernel to LLVM's intermediate code, with a function `ENTRY` of addresses and lengths.
 
-    Parameters
-    ----------
-    helpers : dict
-        Helpers as numba has them, which are compiled once for all kernels that are given the same.
+    `helpers` are those as numba has them, compiled once for all kernels that are given the same.
     """
     import numba
     from numba import types as nb
@@ -163,14 +160,8 @@ def _entry(kernel: LoopNest, name: str, text: str) -> str:
 def object_code(text: str, processor: str, features: str, for_library: bool = False) -> bytes:
     """Compile intermediate code to an object file.
 
-    Parameters
-    ----------
-    text : str
-        As of `intermediate_code`.
-    processor, features : str
-        As LLVM calls them, such as x86-64-v3.
-    for_library : bool
-        Whether the code will be part of a library, where all of it lies together.
+    The text is that of `intermediate_code`; processor and features are as LLVM calls them, such as x86-64-v3.
+    In a library, all of the code lies together.
     """
     import llvmlite.binding as llvm
 

@@ -70,22 +70,9 @@ class _Segment:
 def shared_library(functions: Mapping[str, bytes], entry: str) -> bytes:
     """Link object files.
 
-    Parameters
-    ----------
-    functions : mapping
-        From the name of each exported function to the object file that has it.
-    entry : str
-        Name of the function in the object files.
-
-    Returns
-    -------
-    library : bytes
-        It depends on nothing but the functions; their order makes no difference.
-
-    Raises
-    ------
-    ValueError
-        If an object file holds what is not linked here.
+    `functions` are the names of exported functions with the object files that have them, in which each is
+    called `entry`; their order makes no difference. A ValueError says that an object file holds what is not
+    linked here.
     """
     names = sorted(functions)
     objects = [_read(functions[name]) for name in names]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import tempfile
 import threading
-import warnings
 from contextvars import Context, copy_context
 from dataclasses import replace
 from functools import partial
@@ -14,7 +13,7 @@ from types import TracebackType
 from typing import Any
 
 from uavseg.access import Folders, allowing
-from uavseg.api._values import work
+from uavseg.api._values import warn, work
 from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import threads as thread_pool
@@ -167,8 +166,7 @@ def serve(
     run = thread_pool(threads)
     with allowing(allow_path, allow_network):
         server = MapServer(open_source(source, options.read), request, Work(tile, run, run), port)
-    for warning in server.warnings:
-        warnings.warn(warning, stacklevel=3)
+    warn(server.warnings)
     return server
 
 
@@ -245,6 +243,5 @@ def map_page(
         page = PageFile.prepared(output, overwrite, source, regions, mission, camera)
         found = field_map(page.open_source(source, options.read), request, work(options.run))
         _, notes = page.write(found)
-    for warning in notes:
-        warnings.warn(warning, stacklevel=3)
+    warn(notes)
     return page.path

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
-import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from uavseg.access import Folders, allowing
+from uavseg.api._values import warn
 from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.jobs.source.open_source import open_pixels
@@ -18,6 +18,9 @@ from uavseg.options.option import build
 from uavseg.options.pages import PreviewOptions
 from uavseg.plot.preview import preview as draw_raster
 from uavseg.plot.preview_missions import preview_missions
+
+_LAYERS = ("regions", "states", "leaves", "labels", "levels", "path")
+_OF_RASTERS = (*_LAYERS, "band", "rgb", "index", "expr", "band_names", "nodata")
 
 
 @checked
@@ -85,30 +88,20 @@ def preview(
     >>> import uavseg
     >>> uavseg.preview("tile.tif", regions="regions.gpkg")  # doctest: +SKIP
     """
+    given = locals()
     with allowing(allow_path, allow_network):
         if source is None:
-            _check_alone(
-                mission,
-                regions,
-                states,
-                leaves,
-                labels,
-                levels,
-                path,
-                band,
-                rgb,
-                index,
-                expr,
-                band_names,
-                nodata,
-            )
+            if mission is None:
+                raise ParameterError("there is nothing to draw: give a raster, or a mission")
+            if any(given[name] is not None for name in _OF_RASTERS):
+                raise ParameterError("without a raster, missions alone are drawn; give source as well")
             target = output or f"{_stem(mission)}.preview.png"
             return preview_missions(mission, target, dem=dem, width_px=width, overwrite=overwrite)
         if dem is not None:
             raise ParameterError(
                 "dem is for the profile of a mission without a raster; leave source or dem out"
             )
-        read = build(PreviewOptions, locals()).read
+        read = build(PreviewOptions, given).read
         opened = open_pixels(source, replace(read, stretch=None))
         how: Any = read.spec
         if isinstance(opened, ProbabilityMap) and stretch == "auto":
@@ -118,29 +111,15 @@ def preview(
             result = draw_raster(
                 opened.dataset,
                 output or f"{Path(opened.name).stem}.preview.png",
-                regions=regions,
                 mission=mission,
-                levels=levels,
-                states=states,
-                leaves=leaves,
-                labels=labels,
-                path=path,
+                **{name: given[name] for name in _LAYERS},
                 stretch=how,
                 collar="keep" if isinstance(opened, ProbabilityMap) else collar,
                 width_px=width,
                 overwrite=overwrite,
             )
-    for warning in (*opened.warnings, *work.bad_block_warnings):
-        warnings.warn(warning, stacklevel=3)
+    warn((*opened.warnings, *work.bad_block_warnings))
     return result
-
-
-def _check_alone(mission: Any, *others: Any) -> None:
-    """Check that there are missions where there is no raster, and nothing that needs one."""
-    if mission is None:
-        raise ParameterError("there is nothing to draw: give a raster, or a mission")
-    if any(other is not None for other in others):
-        raise ParameterError("without a raster, missions alone are drawn; give source as well")
 
 
 def _stem(mission: Any) -> str:

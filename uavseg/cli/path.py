@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import click
 
 from uavseg.cli.command import job_command
-from uavseg.cli.terminal.say import Reporter, show, work_of
-from uavseg.cli.write import keep_inputs, shown, write_mission_output
+from uavseg.cli.terminal.say import Reporter, work_of
+from uavseg.cli.write import keep_inputs, shown, write_mission_output, write_text
 from uavseg.errors import MissionError, OutputError, ParameterError
 from uavseg.options.flights import Home
 from uavseg.options.maps import PathOptions
@@ -113,17 +113,10 @@ def _flown(way: PlannedPath, flight: PlanParams, home: Home) -> Mission:
 def _write(way: PlannedPath, mission: Mission | None, output: str, overwrite: bool) -> list[str]:
     """Write a path or a mission; what the format of a mission cannot hold is returned as warnings."""
     from uavseg.occupancy.paths.path_geojson import path_to_geojson
-    from uavseg.output.atomic import atomic_file
-    from uavseg.output.disk import noted_stream
 
     if mission is not None:
         return write_mission_output(mission, output, overwrite)
-    if output == "-":
-        with noted_stream("stdout"):
-            show(path_to_geojson(way).rstrip("\n"))
-    else:
-        with atomic_file(output, overwrite) as temporary:
-            temporary.write_text(path_to_geojson(way), encoding="utf-8", newline="\n")
+    write_text(output, path_to_geojson(way), overwrite)
     return []
 
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from uavseg.cli.terminal.say import Reporter
     from uavseg.flight.mission.mission import Mission
     from uavseg.jobs.flights.plan import MissionPlan
+    from uavseg.jobs.maps.compare import Comparison
     from uavseg.jobs.requests import RegionJob
     from uavseg.jobs.result.result import Extraction
     from uavseg.jobs.source.work import Work
@@ -86,7 +87,7 @@ def transaction() -> AbstractContextManager[None]:
 
 
 def write_region_output(
-    found: Extraction, target: str, overwrite: bool, form: GeoJsonForm | None = None
+    found: Extraction | Comparison, target: str, overwrite: bool, form: GeoJsonForm | None = None
 ) -> None:
     """Write regions to a file, or to stdout where it is called -."""
     from uavseg.output.disk import noted_stream
@@ -109,6 +110,20 @@ def write_label_output(found: Extraction, labels: LabelFile, work: Work, overwri
     run = work.executor if label_raster.is_vrt(labels.path) else work.local
     how = overwrite, labels.creation
     label_raster.write_label_raster(labels.path, found.rings, found.geobox, run, *how)
+
+
+def write_text(path: str, text: str, overwrite: bool) -> None:
+    """Write a text file, or to the standard output where the path is -."""
+    from uavseg.cli.terminal.say import show
+    from uavseg.output.atomic import atomic_file
+    from uavseg.output.disk import noted_stream
+
+    if path == "-":
+        with noted_stream("stdout"):
+            show(text.rstrip("\n"))
+    else:
+        with atomic_file(path, overwrite) as temporary:
+            temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
 def write_mission_output(mission: Mission, path: str, overwrite: bool) -> list[str]:

@@ -209,6 +209,14 @@ OWN_THREAD = "uavseg-"
 """Start of the names of threads that hold no lock which a copy of the process needs; see `forks.can_fork`."""
 
 
+in_copy = False  # set where this process is a copy of another, see `forks.fork_each`
+
+
+def threads_of_gdal(wanted: int | str) -> str:
+    """Return how many threads GDAL may use for a file: 1 in a copy, as the threads of its pool are gone."""
+    return "1" if in_copy else str(wanted)
+
+
 def usable_cores() -> int:
     """Return the number of cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any, TypeVar
 
+from uavseg.execution import executors
 from uavseg.execution.executors import OWN_THREAD, end_with_parent, logger, watched
 from uavseg.output.staging import interrupts_held
 from uavseg.warning_filters import changing_filters
@@ -87,6 +88,7 @@ def fork_each(
 
 def _serve(function: Callable[[Item], Any], calls: Any, others: Sequence[Any]) -> None:
     """Answer the calls of the process of which this one is a copy, until it ends."""
+    executors.in_copy = True
     for other in others:
         other.close()
     signal.set_wakeup_fd(-1)  # which is that of the other process

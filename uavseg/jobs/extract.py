@@ -52,40 +52,23 @@ from uavseg.segmentation.source import GreySource
 class ExtractRequest:
     """Which regions, and how they are drawn.
 
-    Parameters
-    ----------
-    interval : IntensityRange or ValueRange
-        Of v, after the stretch; or of values in the units of the raster, or of percentiles of them.
-    drawing : Drawing
-        How outlines are drawn.
-    fill_holes : Area, optional
-        Holes of less are filled, and regions within them become part of what surrounds them; this comes
-        first.
-    min_area : Area, optional
-        Regions of less are dropped, after holes are filled.
-    detail : Length, optional
-        Structures narrower than this are left out, necks are cut and gaps closed; this comes before holes.
-    min_confidence : float, optional
-        Regions of a lower confidence are dropped at last.
-    thin_lines : bool
-        Whether lines of 1 to 3 pixels are added where their contrast along 15 pixels is significant; before
-        holes too.
+    In this order: thin lines are added where their contrast along 15 pixels is significant; structures
+    narrower than the detail are left out, necks cut and gaps closed; holes are filled, and regions within
+    them become part of what surrounds them; small regions are dropped, and those of a low confidence at last.
 
-    Raises
-    ------
-    ParameterError
-        If thin lines are asked for with a detail, which leaves them out, or without refinement to the pixel;
-        if the minimum confidence is not within 0 and 1, or regions end at block edges, where it is not known.
+    A ParameterError says that thin lines are asked for with a detail, which leaves them out, or without
+    refinement to the pixel; that the minimum confidence is not within 0 and 1, or that regions end at block
+    edges, where it is not known.
     """
 
-    interval: AnyRange
+    interval: AnyRange  # in v, values in the units of the raster, or percentiles of them
     segment: SegmentParams = SegmentParams()
     drawing: Drawing = Drawing()
-    fill_holes: Area | None = None
+    fill_holes: Area | None = None  # holes of less are filled
     min_area: Area | None = None
     detail: Length | None = None
     min_confidence: float | None = None
-    thin_lines: bool = False
+    thin_lines: bool = False  # of 1 to 3 pixels
 
     def __post_init__(self) -> None:
         check_minimum(self.min_confidence, self.segment.refine)
@@ -218,8 +201,7 @@ def measure(
 ) -> Extraction:
     """Return regions with their attributes, the small ones dropped: no region depends on another."""
     info = SourceInfo.of(source)
-    if request.min_area is not None:
-        outlined = drop_small_regions(outlined, info.geobox, request.min_area)
+    outlined = drop_small_regions(outlined, info.geobox, request.min_area)
     interval = detected.interval
     ends = interval.low, interval.high
     confidence = Confidence.of(

@@ -21,32 +21,12 @@ from uavseg.segmentation.params.segment import SegmentParams, ValueClass, ValueC
 class ClassesRequest:
     """Which classes, and how their regions are drawn.
 
-    Parameters
-    ----------
-    classes : ValueClasses
-        Of v, after the stretch.
-    segment : SegmentParams
-        See `segment_classes.joint_params`.
-    drawing : Drawing
-        How outlines are drawn.
-    fill_holes : Area, optional
-        Holes of less are filled, and regions of any class within them become part of what surrounds them;
-        this comes first.
-    min_area : Area, optional
-        Regions of less are dropped, after holes are filled.
-    detail : Length, optional
-        Structures narrower than this become part of what is near, or are left out; this comes before holes.
-    min_confidence : float, optional
-        As of `ExtractRequest`.
-
-    Raises
-    ------
-    ParameterError
-        As of `ExtractRequest`.
+    The rest is as of `ExtractRequest`: regions of any class within a hole that is filled become part of what
+    surrounds them, and structures narrower than the detail part of what is near, or are left out.
     """
 
-    classes: ValueClasses
-    segment: SegmentParams = SegmentParams()
+    classes: ValueClasses  # of v, after the stretch
+    segment: SegmentParams = SegmentParams()  # see `segment_classes.joint_params`
     drawing: Drawing = Drawing()
     fill_holes: Area | None = None
     min_area: Area | None = None
@@ -70,8 +50,7 @@ def extract_classes(source: Source, request: ClassesRequest, work: Work = SERIAL
     found = segment_classes(source, division, work)
     outlined, hints = found.outlined, list(found.notes)
     present = set(found.kinds_at(outlined.sums.firsts).tolist())
-    if request.min_area is not None:
-        outlined = drop_small_regions(outlined, found.info.geobox, request.min_area)
+    outlined = drop_small_regions(outlined, found.info.geobox, request.min_area)
     kind = found.kinds_at(outlined.sums.firsts) - 1
     low = np.array([one.interval.low for one in classes])
     high = np.array([one.interval.high for one in classes])

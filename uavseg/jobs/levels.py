@@ -33,34 +33,18 @@ Small = Literal["drop", "merge"]
 class LevelsRequest:
     """Which levels, and what becomes of small segments.
 
-    Parameters
-    ----------
-    levels : Levels, Breaks or BreakChoice
-        Of v, after the stretch.
-    segment : SegmentParams
-        Its `refine` is "tv", "pixels" or "none"; see `segment_classes.joint_params`.
-    drawing : Drawing
-        How outlines are drawn.
-    small : {"merge", "drop"}
-        Segments of less than `min_area` become part of a neighbour, see `eliminate`, or are dropped.
-    detail : Length, optional
-        Structures that are narrower become part of what is near, before small segments do.
-    min_confidence : float, optional
-        Segments of a lower confidence are dropped at last.
-
-    Raises
-    ------
-    ParameterError
-        If one of them is not allowed.
+    Structures narrower than the detail become part of what is near; then segments of less than `min_area`
+    become part of a neighbour, see `eliminate`, or are dropped. A ParameterError says that one of the
+    parameters is not allowed.
     """
 
-    levels: Levels | Breaks | BreakChoice
-    segment: SegmentParams = SegmentParams()
+    levels: Levels | Breaks | BreakChoice  # of v, after the stretch
+    segment: SegmentParams = SegmentParams()  # see `segment_classes.joint_params`
     drawing: Drawing = Drawing()
     min_area: Area | None = None
-    small: Small = "merge"
+    small: Small = "merge"  # "merge" or "drop"
     detail: Length | None = None
-    min_confidence: float | None = None
+    min_confidence: float | None = None  # segments of less are dropped at last
 
     def __post_init__(self) -> None:
         check_minimum(self.min_confidence, self.segment.refine)
@@ -135,7 +119,7 @@ def _notes(partition: Partition, request: LevelsRequest) -> list[str]:
 def _measured(found: Segmented, request: LevelsRequest) -> Extraction:
     """Return segments with their levels and attributes, the small ones merged or dropped."""
     outlined, info = found.outlined, found.info
-    if request.min_area is not None and request.small == "drop":
+    if request.small == "drop":
         outlined = drop_small_regions(outlined, info.geobox, request.min_area)
     level = found.kinds_at(outlined.sums.firsts) - 1
     if request.min_area is not None and request.small == "merge":

@@ -33,24 +33,14 @@ from uavseg.segmentation.source import GreySource
 
 @dataclass(frozen=True, slots=True)
 class Written:
-    """What was written of partitions, which merges by adding.
+    """What was written of partitions, which merges by adding."""
 
-    Parameters
-    ----------
-    outlined, below_minimum, regions, files : int
-        Regions before small ones were dropped; those of too low a confidence; those in files; files.
-    area : float
-        Total area of those in files.
-    largest : (int, float)
-        Pixels and area of the largest.
-    """
-
-    outlined: int = 0
-    below_minimum: int = 0
-    regions: int = 0
+    outlined: int = 0  # regions before small ones were dropped
+    below_minimum: int = 0  # of too low a confidence
+    regions: int = 0  # in files
     files: int = 0
-    area: float = 0.0
-    largest: tuple[int, float] = (0, 0.0)
+    area: float = 0.0  # of the regions in files
+    largest: tuple[int, float] = (0, 0.0)  # pixels and area of the largest
 
     def __add__(self, other: "Written") -> "Written":
         return Written(
@@ -75,21 +65,9 @@ def extract_partitions(
 
     The regions are the same, apart from their ids: the id of a region is the number of its first pixel,
     counted from 1 row by row. It is in the file of the partition in which that pixel lies, the largest first.
-    Neither ids nor files depend on tiles or workers.
-
-    Parameters
-    ----------
-    path : path
-        Of the folder, which the workers must share.
-    side : int
-        Of a partition in pixels, a multiple of 64.
-
-    Raises
-    ------
-    ParameterError
-        If an option needs all regions at once.
-    UavsegError
-        As `extract`, and if the folder cannot be written.
+    Neither ids nor files depend on tiles or workers. The workers share the folder, `path`; `side` is that of
+    a partition in pixels, a multiple of 64. A ParameterError says that an option needs all regions at once,
+    another UavsegError as of `extract`, or that the folder cannot be written.
     """
     check_local(request)
     if isinstance(source, Blocks):

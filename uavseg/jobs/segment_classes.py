@@ -49,25 +49,17 @@ class PartitionRequest:
 class Segmented:
     """Segments of several kinds.
 
-    Parameters
-    ----------
-    kinds_at : callable
-        The kinds (k,) of segments by their first pixels (k, 2), also after some were dropped or renumbered.
-    refine : str
-        How they were refined: "tv", "pixels", or "none" for those at block edges.
-    notes : tuple of str
-    count : callable, optional
-        How many valid pixels are of each kind by their own value, see `count_pixels`; None where only a block
-        map is at hand.
+    First pixels tell the kinds also after segments were dropped or renumbered. The count is there where
+    pixels are, not a block map alone; see `count_pixels`.
     """
 
     outlined: RegionOutlines
-    kinds_at: Callable[[Firsts], NDArray[np.int64]]
+    kinds_at: Callable[[Firsts], NDArray[np.int64]]  # the kinds (k,) of first pixels (k, 2)
     info: SourceInfo
     partition: Partition
-    refine: str
+    refine: str  # "tv", "pixels", or "none" for segments at block edges
     notes: tuple[str, ...] = ()
-    count: Callable[[], NDArray[np.int64]] | None = None
+    count: Callable[[], NDArray[np.int64]] | None = None  # pixels of each kind by their own value
 
 
 def joint_params(segment: SegmentParams, refine: str | None) -> SegmentParams:

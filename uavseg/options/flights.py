@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from uavseg.options import texts
 from uavseg.options.option import Options, argument, group, option
 from uavseg.options.reading import AccessOptions
-from uavseg.options.running import OverwriteOptions, ProgressOptions, VerbosityOptions
+from uavseg.options.running import OverwriteOptions, ProgressOptions, VerbosityOptions, output_option
 
 if TYPE_CHECKING:
     from uavseg.flight.camera.camera import Camera
@@ -25,7 +25,6 @@ class FlightOptions(Options):
 
     altitude: float | None = option(
         "Height of the flight above home, or with --dem above the ground, in metres.",
-        type=float,
         metavar="M",
         basic=True,
         label="Height of the flight",
@@ -45,10 +44,7 @@ class FlightOptions(Options):
         label="Pattern",
     )
     spacing: float | None = option(
-        "Metres between the lines of a survey or corridor.",
-        type=float,
-        metavar="M",
-        label="Between lines",
+        "Metres between the lines of a survey or corridor.", metavar="M", label="Between lines"
     )
     angle: float | Literal["auto"] = option(
         "Azimuth of the lines, clockwise from north; auto: the one that needs the fewest lines.",
@@ -57,9 +53,7 @@ class FlightOptions(Options):
         parse=texts.number_or("auto", "auto", "--angle is a number of degrees or auto"),
         label="Direction of lines",
     )
-    speed: float = option(
-        "Metres per second.", default=5.0, type=float, metavar="M_S", basic=True, label="Speed in m/s"
-    )
+    speed: float = option("Metres per second.", default=5.0, metavar="M_S", basic=True, label="Speed in m/s")
     autopilot: str = option(
         "What the mission is for; generic: any, with what ArduPilot and PX4 both accept.",
         default="ardupilot",
@@ -68,9 +62,7 @@ class FlightOptions(Options):
         label="Autopilot",
     )
     tolerance: float | None = option(
-        "How far outlines may be moved to save corners.  [default: 1 m, or a pixel where larger]",
-        type=float,
-        metavar="M",
+        "How far outlines may be moved to save corners.  [default: 1 m, or a pixel where larger]", metavar="M"
     )
     vehicle: str | os.PathLike[str] | Vehicle | None = option(
         "What flies, for estimates of time and energy: accelerations, speeds, power and battery. "
@@ -92,7 +84,6 @@ class PhotoOptions(Options):
     )
     gsd: float | None = option(
         "Ground sampling distance, in place of --altitude: centimetres per pixel.",
-        type=float,
         metavar="CM",
         basic=True,
         label="Ground sampling distance in cm",
@@ -100,7 +91,6 @@ class PhotoOptions(Options):
     overlap: Sequence[float] = option(
         "Overlap of photographs along lines and between them, in per cent.",
         default=(75.0, 70.0),
-        type=str,
         metavar="FRONT,SIDE",
         parse=texts.several_numbers("--overlap is FRONT,SIDE in per cent, such as 75,70"),
         shown="75,70",
@@ -108,7 +98,7 @@ class PhotoOptions(Options):
         label="Overlap",
     )
     gimbal_pitch: float = option(
-        "Where the camera looks: -90 is straight down.", default=-90.0, type=float, metavar="DEG"
+        "Where the camera looks: -90 is straight down.", default=-90.0, metavar="DEG"
     )
     sensor: Sequence[float] | None = option(
         "In place of --camera: its sensor in millimetres.",
@@ -120,11 +110,9 @@ class PhotoOptions(Options):
         metavar="WxH",
         parse=texts.numbers("--image is WIDTHxHEIGHT, such as 13.2x8.8", 2, "x"),
     )
-    focal: float | None = option("With --sensor: the focal length.", type=float, metavar="MM")
+    focal: float | None = option("With --sensor: the focal length.", metavar="MM")
     min_interval: float | None = option(
-        "With --sensor: shortest time between photographs; it limits the speed.  [default: 0]",
-        type=float,
-        metavar="S",
+        "With --sensor: shortest time between photographs; it limits the speed.  [default: 0]", metavar="S"
     )
     trigger: str | None = option(
         "Photographs by distance, by time, in hover at a waypoint for each, or not by the mission.  "
@@ -145,7 +133,6 @@ class PatternOptions(Options):
     margin: float | None = option(
         "Survey, corridor: regions are grown by it before they are covered. Orbit: distance of the circle "
         "from the region.  [default: 0]",
-        type=float,
         metavar="M",
     )
     crosshatch: bool = option(
@@ -154,22 +141,18 @@ class PatternOptions(Options):
         label="Survey twice, at a right angle",
     )
     turnaround: float | None = option(
-        "Survey: straight on without photographs before and after each line, for fixed wings.",
-        type=float,
-        metavar="M",
+        "Survey: straight on without photographs before and after each line, for fixed wings.", metavar="M"
     )
     offset: float | None = option(
-        "Perimeter: distance outward from the outline, negative inward.  [default: 0]",
-        type=float,
-        metavar="M",
+        "Perimeter: distance outward from the outline, negative inward.  [default: 0]", metavar="M"
     )
     min_leg: float | None = option(
-        "Perimeter: no leg is shorter.  [default: what is flown in a second]", type=float, metavar="M"
+        "Perimeter: no leg is shorter.  [default: what is flown in a second]", metavar="M"
     )
     holes: str | None = option(
         "Perimeter: whether the outlines of holes are flown.  [default: skip]", choices=("skip", "fly")
     )
-    hold: float | None = option("Visit: seconds over each region.  [default: 0]", type=float, metavar="S")
+    hold: float | None = option("Visit: seconds over each region.  [default: 0]", metavar="S")
 
 
 class TerrainOptions(Options):
@@ -191,16 +174,14 @@ class TerrainOptions(Options):
     )
     terrain_tolerance: float | None = option(
         "How far the height above the ground may differ.  [default: 5, or a quarter of the height]",
-        type=float,
         metavar="M",
     )
     climb: float | None = option(
         "How fast the vehicle climbs in forward flight; steeper legs are flown slower.  "
         "[default: 2.5, or 3 for px4]",
-        type=float,
         metavar="M_S",
     )
-    descent: float | None = option("How fast it descends.  [default: 1.5]", type=float, metavar="M_S")
+    descent: float | None = option("How fast it descends.  [default: 1.5]", metavar="M_S")
 
 
 class SafetyOptions(Options):
@@ -210,7 +191,6 @@ class SafetyOptions(Options):
         "Keep-out zones that no leg enters: a file of polygons, or a range of intensity that is looked for "
         "in the raster. May be given several times.",
         default=(),
-        type=str,
         metavar="FILE|LO,HI",
         multiple=True,
         parse=texts.zones,
@@ -218,11 +198,7 @@ class SafetyOptions(Options):
         label="Keep-out zones",
     )
     avoid_margin: float = option(
-        "Least distance to keep-out zones.",
-        default=10.0,
-        type=float,
-        metavar="M",
-        label="Distance to keep-out zones",
+        "Least distance to keep-out zones.", default=10.0, metavar="M", label="Distance to keep-out zones"
     )
     allow_edge: bool = option(
         "Fly over regions that touch the edge of the raster all the same; they may go on beyond it, or be a "
@@ -233,17 +209,15 @@ class SafetyOptions(Options):
     max_altitude: float | None = option(
         "Refuse to fly higher above home, or above the ground where it is known.",
         default=120.0,
-        type=float,
         metavar="M",
         label="Highest above home",
     )
     max_distance: float | None = option(
-        "Refuse to fly farther from home.", type=float, metavar="M", label="Farthest from home"
+        "Refuse to fly farther from home.", metavar="M", label="Farthest from home"
     )
     fence: float | None = option(
         "Write a fence so far around each flight, which excludes keep-out zones.",
         default=50.0,
-        type=str,
         metavar="M|none",
         parse=texts.number_or("none", None, "--fence is a number of metres or none"),
         shown="50",
@@ -252,7 +226,6 @@ class SafetyOptions(Options):
     rally: Sequence[Sequence[float]] = option(
         "A place to return to in an emergency, with a height above home. May be given several times.",
         default=(),
-        type=str,
         metavar="LAT,LON,M",
         multiple=True,
         parse=texts.each(texts.numbers("--rally is LAT,LON,M in degrees and metres", 3)),
@@ -264,20 +237,17 @@ class LimitOptions(Options):
 
     endurance: float | None = option(
         "Minutes in the air on a full battery: the mission is divided into flights that fit.",
-        type=float,
         metavar="MIN",
         label="Minutes in the air",
     )
     reserve: float = option(
         "Part of the endurance that is left at the end of each flight.",
         default=20.0,
-        type=float,
         metavar="PERCENT",
         label="Reserve in per cent",
     )
     max_items: int | None = option(
         "Items of a flight at most: the mission is divided likewise.  [default: 650 for ardupilot, else 500]",
-        type=int,
         metavar="N",
     )
 
@@ -315,20 +285,13 @@ class PlanOptions(Options):
     """Regions."""
 
     regions: str = argument("REGIONS", required=True)
-    output: str = option(
-        "The mission: .plan, .waypoints, .kmz, .csv, .kml or .geojson.",
-        *("-o", "--output"),
-        required=True,
-        metavar="PATH",
-        python=False,
-        basic=True,
-    )
+    output: str = output_option("The mission: .plan, .waypoints, .kmz, .csv, .kml or .geojson.", "PATH")
     mission: MissionOptions = group(MissionOptions)
     ids: Sequence[int] | None = option(
         "Only the regions with these ids.", metavar="N,N,...", parse=texts.ids, basic=True
     )
     largest: int | None = option(
-        "Only the N largest.", type=int, minimum=1, metavar="N", basic=True, label="Only the largest"
+        "Only the N largest.", minimum=1, metavar="N", basic=True, label="Only the largest"
     )
     where: str | None = option(
         'Only regions that fulfil it, as in "mean > 0.7 and area_m2 > 500". A comparison with a missing '
@@ -348,7 +311,6 @@ class PlanOptions(Options):
         "Regions of this class are keep-out zones. May be given several times.",
         "--avoid-class",
         default=(),
-        type=str,
         multiple=True,
         metavar="NAME",
     )
@@ -421,11 +383,7 @@ class LinkOptions(Options):
         basic=True,
     )
     timeout: float = option(
-        "Seconds to wait for an answer, and without progress.",
-        default=10.0,
-        type=float,
-        metavar="S",
-        basic=True,
+        "Seconds to wait for an answer, and without progress.", default=10.0, metavar="S", basic=True
     )
 
 
@@ -448,14 +406,7 @@ class DownloadOptions(Options):
     """Download."""
 
     link: LinkOptions = group(LinkOptions)
-    output: str = option(
-        "The mission: .plan or another file as of uavseg plan.",
-        *("-o", "--output"),
-        required=True,
-        metavar="FILE",
-        python=False,
-        basic=True,
-    )
+    output: str = output_option("The mission: .plan or another file as of uavseg plan.", "FILE")
     files: OverwriteOptions = group(OverwriteOptions, overwrite={"help": "Replace a mission that is there."})
     progress: ProgressOptions = group(ProgressOptions)
     messages: VerbosityOptions = group(VerbosityOptions)

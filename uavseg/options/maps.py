@@ -176,6 +176,93 @@ class PathOptions(TiledJobOptions):
     division: DivisionOptions = group(DivisionOptions)
 
 
+class NextViewOptions(TiledJobOptions):
+    """Views."""
+
+    map_: str = argument("MAP", required=True)
+    pose: tuple[float, ...] = option(
+        "Where the robot is, in the map's coordinates, and where it looks, counterclockwise from the x axis.",
+        required=True,
+        metavar="X,Y[,DEG]",
+        parse=texts.several_numbers("--pose is X,Y or X,Y,HEADING, such as 12.5,40"),
+        basic=True,
+    )
+    range: float = option("How far the sensor sees.", required=True, type=float, metavar="M", basic=True)
+    fov: float = option("Its field of view.", default=360.0, type=float, metavar="DEG", basic=True)
+    count: int = option("Return at most N views.", default=5, type=int, minimum=1, metavar="N", basic=True)
+    clearance: float = option(
+        "From the robot's centre to everything that is not free.",
+        default=0.0,
+        type=float,
+        metavar="M",
+        basic=True,
+    )
+    free_below: float = option("Free is what has at most this v.", default=0.498, type=float, metavar="V")
+    occupied_above: float = option("Occupied is what has a larger v.", default=0.502, type=float, metavar="V")
+    output: str = option(
+        "The views and the ways to them: .geojson; - is GeoJSON on stdout.",
+        *("-o", "--output"),
+        required=True,
+        metavar="PATH",
+        python=False,
+        basic=True,
+    )
+    read: ReadOptions = group(ReadOptions, *ONLY_RASTERS, **MAP_STRETCH)
+
+
+class ExploreOptions(Options):
+    """Drive."""
+
+    scene: str = argument("lens|circles|SCENE.json|MAP", required=True)
+    output: str = option(
+        "The drive, a line, and its views: .geojson; - is GeoJSON on stdout.",
+        *("-o", "--output"),
+        required=True,
+        metavar="PATH",
+        python=False,
+        basic=True,
+    )
+    table: str | None = option(
+        "Its scans: place, metres, cells that are known.", metavar="PATH.csv", python=False, basic=True
+    )
+    map: str | None = option(
+        "The map that the robot made: .tif (probabilities), or .yaml (ROS map).",
+        metavar="MAP",
+        python=False,
+        basic=True,
+    )
+    animation: str | None = option(
+        "The map while the robot drives, as moving pictures.", metavar="PATH.gif", python=False, basic=True
+    )
+    start: tuple[float, ...] | None = option(
+        "Where it begins, and where it looks.  [default: the scene's first pose]",
+        metavar="X,Y[,DEG]",
+        parse=texts.several_numbers("--start is X,Y or X,Y,HEADING, such as 12.5,40"),
+        basic=True,
+    )
+    range: float | None = option(
+        "How far the sensor sees.  [default: the scene's]", type=float, metavar="M", basic=True
+    )
+    fov: float | None = option(
+        "Its field of view.  [default: the scene's]", type=float, metavar="DEG", basic=True
+    )
+    sigma: float | None = option(
+        "Standard deviation of ranges.  [default: the scene's]", type=float, metavar="M"
+    )
+    step: float | None = option("Between beams.  [default: the scene's]", type=float, metavar="DEG")
+    clearance: float = option(
+        "From the robot's centre to everything that is not free.",
+        default=0.0,
+        type=float,
+        metavar="M",
+        basic=True,
+    )
+    seed: int = option("Of the noise; same seed, same drive.", default=0, type=int, minimum=0)
+    files: OverwriteOptions = group(OverwriteOptions)
+    messages: VerbosityOptions = group(VerbosityOptions)
+    access: AccessOptions = group(AccessOptions)
+
+
 class BuildMapOptions(Options):
     """Bag."""
 

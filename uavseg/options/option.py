@@ -21,85 +21,45 @@ T = TypeVar("T")
 class Option:
     """Description of an option.
 
-    Parameters
-    ----------
-    help : str
-        What it does, for `--help` and the reference.
-    flags : tuple of str
-        Names on the command line; "--name" by default. Empty: a positional argument.
-    type : type
-        str, int, float or bool; what the text of the command line is converted to before `parse`.
-    choices : tuple of str
-        The values that it takes, if these are few.
-    metavar : str
-        How its value is written, with its unit.
-    parse : callable, optional
-        Turns text into the value that Python takes; raises `ParameterError`.
-    multiple : bool
-        Whether it may be repeated.
-    shown : str
-        The default in words, where it follows from other options.
-    basic : bool
-        Whether `--help` lists it; `--help-all` lists all.
-    label : str
-        Name in the dialogs of QGIS; empty: it is in none.
-    python : bool
-        Whether the Python function has it.
-    default : object
-        Value where it is not given.
-    group : str
-        Heading in `--help-all`.
+    By default the type, which the text of the command line is converted to before `parse`, is that of the
+    field; it is str with `parse`, or where a field may be of several types. `parse` raises `ParameterError`.
     """
 
-    help: str
-    flags: tuple[str, ...] = ()
-    type: type = str
-    choices: tuple[str, ...] = ()
-    metavar: str = ""
-    parse: Callable[[Any], Any] | None = None
-    multiple: bool = False
+    help: str  # for `--help` and the reference
+    flags: tuple[str, ...] = ()  # by default "--name"
+    type: type | None = None  # str, int, float or bool
+    choices: tuple[str, ...] = ()  # the values that it takes, if these are few
+    metavar: str = ""  # how its value is written, with its unit
+    parse: Callable[[Any], Any] | None = None  # turns text into the value that Python takes
+    multiple: bool = False  # may be repeated
     required: bool = False
-    shown: str = ""
+    shown: str = ""  # the default in words, where it follows from other options
     minimum: int | None = None
-    basic: bool = False
-    label: str = ""
-    python: bool = True
+    basic: bool = False  # `--help` lists it; `--help-all` lists all
+    label: str = ""  # name in the dialogs of QGIS; empty: it is in none
+    python: bool = True  # the Python function has it
     default: Any = None
-    group: str = ""
+    group: str = ""  # heading in `--help-all`
 
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """Options that a job takes over from a group.
+    """Options that a job takes over from a group."""
 
-    Parameters
-    ----------
-    of : type
-        The dataclass of the group; its docstring is the heading.
-    without : tuple of str
-        Options that this job does not have.
-    python : bool
-        Whether the Python function has them.
-    changed : mapping of str to dict
-        Attributes of `Option` that differ for this job, by the name of the option.
-    """
-
-    of: type
-    without: tuple[str, ...] = ()
-    python: bool = True
-    changed: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    of: type  # a dataclass, whose docstring is the heading
+    without: tuple[str, ...] = ()  # options that this job does not have
+    python: bool = True  # the Python function has them
+    changed: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # attributes by name of `Option`
 
 
 def option(help: str, *flags: str, default: Any = None, **described: Any) -> Any:
     """Declare a field that is an option; see `Option`."""
-    kind = described.pop("type", bool if isinstance(default, bool) else str)
-    described |= {"flags": flags, "type": kind, "default": default}
-    return field(default=default, metadata={"option": Option(help, **described)})
+    return field(default=default, metadata={"option": Option(help, flags, default=default, **described)})
 
 
 def argument(metavar: str, default: Any = None, **described: Any) -> Any:
     """Declare a field that is a positional argument of the command."""
-    found = Option("", metavar=metavar, default=default, python=False, basic=True, **described)
+    found = Option("", type=str, metavar=metavar, default=default, python=False, basic=True, **described)
     return field(default=default, metadata={"argument": found})
 
 
@@ -127,17 +87,23 @@ def options_of(job: type) -> dict[str, Option]:
 
 def _options(job: type) -> Iterator[tuple[str, Option]]:
     heading = (job.__doc__ or "").partition("\n")[0].rstrip(".")
-    for one in sorted(
-        fields(job), key=lambda one: one.name not in job.__annotations__
-    ):  # inherited ones last
+    inherited_last = sorted(fields(job), key=lambda one: one.name not in job.__annotations__)
+    for one in inherited_last:
         if "option" in one.metadata:
-            yield one.name, replace(one.metadata["option"], group=heading)
+            found = one.metadata["option"]
+            yield one.name, replace(found, group=heading, type=found.type or _type_of(str(one.type), found))
         elif "group" in one.metadata:
             taken: Group = one.metadata["group"]
             for name, found in options_of(taken.of).items():
                 if name not in taken.without:
                     described = {"python": found.python and taken.python, **taken.changed.get(name, {})}
                     yield name, replace(found, **described)
+
+
+def _type_of(annotation: str, described: Option) -> type:
+    if described.parse is not None:
+        return str
+    return {"int": int, "float": float, "bool": bool}.get(annotation.removesuffix(" | None"), str)
 
 
 def arguments_of(job: type) -> dict[str, Option]:

@@ -6,13 +6,7 @@ from typing import Any
 
 from uavseg.options import texts
 from uavseg.options.option import Options, argument, group, option
-from uavseg.options.reading import (
-    ONLY_MAPS,
-    RASTER_STRETCH,
-    AccessOptions,
-    RasterArguments,
-    ReadOptions,
-)
+from uavseg.options.reading import ONLY_MAPS, RASTER_STRETCH, AccessOptions, RasterArguments, ReadOptions
 from uavseg.options.regions import DivisionOptions
 from uavseg.options.running import OverwriteOptions, ProgressOptions, RunOptions, VerbosityOptions
 
@@ -51,7 +45,7 @@ class PreviewOptions(Options):
     output: Any = option(
         "The picture.  [default: STEM.preview.png]", "-o", "--output", metavar="PATH", basic=True
     )
-    width: int = option("Width of the picture in pixels.", default=1400, type=int, basic=True)
+    width: int = option("Width of the picture in pixels.", default=1400, basic=True)
     read: ReadOptions = group(ReadOptions, *ONLY_MAPS, "flatten", stretch={"default": "auto", "basic": False})
     files: OverwriteOptions = group(
         OverwriteOptions, overwrite={"python": True, "help": "Replace a picture that is there."}
@@ -63,9 +57,7 @@ class PreviewOptions(Options):
 class PictureOptions(Options):
     """Page."""
 
-    size: int = option(
-        "Longest side of the picture of the raster, in pixels.", default=2048, type=int, basic=True
-    )
+    size: int = option("Longest side of the picture of the raster, in pixels.", default=2048, basic=True)
 
 
 class MapOptions(Options):
@@ -102,9 +94,7 @@ class ServeOptions(Options):
     """Server."""
 
     source: RasterArguments = group(RasterArguments)
-    port: int = option(
-        "Port of 127.0.0.1; 0 is any that is free.", default=0, type=int, metavar="N", basic=True
-    )
+    port: int = option("Port of 127.0.0.1; 0 is any that is free.", default=0, metavar="N", basic=True)
     size: PictureOptions = group(PictureOptions)
     read: ReadOptions = group(ReadOptions, *ONLY_MAPS, "flatten", **RASTER_STRETCH)
     division: DivisionOptions = group(DivisionOptions)
@@ -136,8 +126,6 @@ class DoctorOptions(Options):
 class WarmUpOptions(Options):
     """Warm-up."""
 
-    processes: int | None = option(
-        "How many compile at once.  [default: all cores]", type=int, metavar="N", basic=True
-    )
+    processes: int | None = option("How many compile at once.  [default: all cores]", metavar="N", basic=True)
     messages: VerbosityOptions = group(VerbosityOptions, "verbose", quiet={"basic": True})
     progress: ProgressOptions = group(ProgressOptions, progress={"basic": True})

@@ -98,7 +98,6 @@ class ReadOptions(Options):
     free_is_white: bool | None = option(
         "Of a picture without its YAML file: whether white or black is free; with white, 205 is unknown.",
         "--free-is-white/--free-is-black",
-        type=bool,
     )
 
     def __post_init__(self) -> None:
@@ -162,7 +161,6 @@ class AccessOptions(Options):
     allow_path: str | PathLike[str] | Sequence[str | PathLike[str]] = option(
         "The contents of files may name files in this folder, beside their own; may be repeated.",
         default=(),
-        type=str,
         metavar="DIR",
         multiple=True,
     )

@@ -8,20 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 from uavseg.options import texts
 from uavseg.options.flights import MissionOptions
-from uavseg.options.option import Options, group, option
+from uavseg.options.option import Options, argument, group, option
 from uavseg.options.reading import (
+    MAP_STRETCH,
     ONLY_MAPS,
     RASTER_STRETCH,
     AccessOptions,
     RasterArguments,
     ReadOptions,
 )
-from uavseg.options.running import (
-    EachOptions,
-    RegionOutputs,
-    StorageOptions,
-    TiledJobOptions,
-)
+from uavseg.options.running import EachOptions, RegionOutputs, StorageOptions, TiledJobOptions, output_option
 
 if TYPE_CHECKING:
     from uavseg.segmentation.params.segment import SegmentParams
@@ -29,6 +25,7 @@ if TYPE_CHECKING:
 ADVANCED_FLIGHT = ("pattern", "speed", "autopilot", "overlap", "avoid")  # in the help of extract
 Sample = str | os.PathLike[str] | tuple[float, float, float]
 Ends = Sequence[float | None] | str | None
+SAMPLES: dict[str, Any] = {"default": (), "multiple": True, "metavar": "SAMPLE|X,Y,RADIUS", "basic": True}
 
 
 class RangeOptions(Options):
@@ -66,16 +63,11 @@ class DivisionOptions(Options):
         label="Method",
     )
     threshold: float = option(
-        "Divide where G_max / G_min is larger.",
-        default=1.2,
-        type=float,
-        metavar="X",
-        label="Threshold of G_max / G_min",
+        "Divide where G_max / G_min is larger.", default=1.2, metavar="X", label="Threshold of G_max / G_min"
     )
     intensity_step: float = option(
         "Adaptive: divide where the means of the children differ by more.",
         default=0.05,
-        type=float,
         metavar="TAU",
         label="Intensity step",
     )
@@ -110,7 +102,6 @@ class SizeOptions(Options):
     min_confidence: float | None = option(
         "Drop regions of a lower confidence (0 to 1) at last; on drawn scenes four fifths of those at 0.8 "
         "are right.",
-        type=float,
         metavar="P",
         label="Smallest confidence",
     )
@@ -122,13 +113,11 @@ class DrawingOptions(Options):
     smooth_outline: float | None = option(
         "Draw outlines without stairs, within this many metres of the pixel edges, and never further than "
         "half a pixel; shared borders stay shared, attributes those of the pixels.",
-        type=float,
         metavar="METRES",
         label="Smooth outlines within",
     )
     simplify: float | None = option(
         "Simplify outlines, after they are smoothed; shared borders stay shared.",
-        type=float,
         metavar="METRES",
         label="Simplify outlines within",
     )
@@ -144,7 +133,6 @@ class ExtractOptions(TiledJobOptions):
         "class at most; an end that two ranges share belongs to the lower one.",
         "--class",
         default=(),
-        type=str,
         multiple=True,
         metavar="NAME=LO,HI",
         python=False,
@@ -192,7 +180,6 @@ class ExtractOptions(TiledJobOptions):
         "Fly over regions of this class only. May be given several times.",
         "--mission-class",
         default=(),
-        type=str,
         multiple=True,
         metavar="NAME",
         python=False,
@@ -201,7 +188,6 @@ class ExtractOptions(TiledJobOptions):
         "Regions of this class are keep-out zones. May be given several times.",
         "--avoid-class",
         default=(),
-        type=str,
         multiple=True,
         metavar="NAME",
         python=False,
@@ -211,16 +197,41 @@ class ExtractOptions(TiledJobOptions):
     )
 
 
+class CompareOptions(TiledJobOptions):
+    """Comparison."""
+
+    before: str = argument("BEFORE", required=True)
+    after: str = argument("AFTER", required=True)
+    ranges: RangeOptions = group(RangeOptions)
+    classes: Mapping[str, Any] | str | os.PathLike[str] | None = option(
+        "Classes from a .csv or .yaml file, as of extract.", metavar="FILE", basic=True
+    )
+    refine: str | None = option(
+        "How boundaries are found, as of extract.",
+        choices=("tv", "scan", "none", "smooth", "pixels"),
+        shown="tv; none for classes",
+    )
+    min_area: float | str | None = option(
+        "Leave out changes of less; the sums count them.", metavar="M2|Npx", basic=True
+    )
+    output: str = option(
+        "The changes: .geojson, .gpkg, .fgb, .parquet, .shp or .kml; - is GeoJSON on stdout.",
+        *("-o", "--output"),
+        required=True,
+        metavar="PATH",
+        python=False,
+        basic=True,
+    )
+    png: str | None = option("Draw them over AFTER, too.", metavar="PATH.png", python=False, basic=True)
+    read: ReadOptions = group(ReadOptions, *ONLY_MAPS, "flatten", "skip_bad_tiles", **MAP_STRETCH)
+
+
 class LevelsOptions(TiledJobOptions):
     """Levels."""
 
     source: RasterArguments = group(RasterArguments)
     width: float | None = option(
-        "Width of a level in v, such as 0.1.",
-        type=float,
-        metavar="P",
-        basic=True,
-        label="Width of a level in v",
+        "Width of a level in v, such as 0.1.", metavar="P", basic=True, label="Width of a level in v"
     )
     breaks: Sequence[float] | str | None = option(
         "In place of a width: the values of v between levels, such as 0.2,0.5; or K levels with the smallest "
@@ -274,19 +285,11 @@ class MatchOptions(TiledJobOptions):
     like: Sample | Sequence[Sample] = option(
         "The sample: a file of polygons, or a disc in the raster's coordinates (RADIUS in their unit; in "
         "metres where they are degrees). May be given several times.",
-        default=(),
-        type=str,
-        multiple=True,
-        metavar="SAMPLE|X,Y,RADIUS",
-        basic=True,
+        **SAMPLES,
     )
     unlike: Sequence[Sample] = option(
         "A sample of what is not wanted; may be given several times.",
-        default=(),
-        type=str,
-        multiple=True,
-        metavar="SAMPLE|X,Y,RADIUS",
-        basic=True,
+        **SAMPLES,
     )
     classes: str | os.PathLike[str] | None = option(
         "In place of --like: a file of polygons with a column class; every pixel is of the likeliest class, "
@@ -312,28 +315,24 @@ class MatchOptions(TiledJobOptions):
     window: int | None = option(
         "Side of the window whose texture is compared: 16, 24, 32, 48, 64, 96 or 128.  "
         "[default: 32, or 24 or 16 where the sample is small]",
-        type=int,
         metavar="PIXELS",
         label="Window",
     )
     similarity: float = option(
         "How like the sample's own windows a window must be, up to 1; less finds more.",
         default=0.9,
-        type=float,
         metavar="S",
         label="Similarity",
     )
     intensity: float = option(
         "By how many of the sample's deviations the mean may differ; inf: texture alone.",
         default=1.0,
-        type=float,
         metavar="K|inf",
         label="Deviations of intensity",
     )
     bands: Sequence[int | str] = option(
         "Compare these bands, each by itself; beside texture too.",
         default=(),
-        type=str,
         metavar="BAND,...",
         parse=texts.bands,
         label="Bands to compare",
@@ -358,12 +357,8 @@ class SuggestOptions(TiledJobOptions):
     """Ranges."""
 
     source: RasterArguments = group(RasterArguments)
-    output: str | None = option(
-        "Also draw the ranges beside the histogram.",
-        *("-o", "--output"),
-        metavar="PATH.png",
-        python=False,
-        basic=True,
+    output: str | None = output_option(
+        "Also draw the ranges beside the histogram.", "PATH.png", required=False
     )
     classes: int | str = option(
         "How many ranges: 2 to 8, of Otsu's thresholds alone, or as many as the raster has by itself.",
@@ -376,25 +371,16 @@ class SuggestOptions(TiledJobOptions):
     like: Sample | Sequence[Sample] = option(
         "The band, index or sum of bands and the range of its values that part this sample best: a file of "
         "polygons, or a disc in the raster's coordinates. May be given several times.",
-        default=(),
-        type=str,
-        multiple=True,
-        metavar="SAMPLE|X,Y,RADIUS",
-        basic=True,
+        **SAMPLES,
     )
     unlike: Sequence[Sample] = option(
         "With --like: a sample of what is not wanted; may be given several times.",
-        default=(),
-        type=str,
-        multiple=True,
-        metavar="SAMPLE|X,Y,RADIUS",
-        basic=True,
+        **SAMPLES,
         label="Samples of what to leave out",
     )
     bands: Sequence[int | str] = option(
         "With --like: look at these bands alone.",
         default=(),
-        type=str,
         metavar="BAND,...",
         parse=texts.bands,
         label="Bands to look at",
@@ -408,14 +394,7 @@ class DivideOptions(TiledJobOptions):
     """Block map."""
 
     source: RasterArguments = group(RasterArguments)
-    output: str = option(
-        "The block map.",
-        *("-o", "--output"),
-        required=True,
-        metavar="PATH.tif",
-        python=False,
-        basic=True,
-    )
+    output: str = output_option("The block map.", "PATH.tif")
     creation: StorageOptions = group(StorageOptions)
     read: ReadOptions = group(ReadOptions, *ONLY_MAPS, **RASTER_STRETCH)
     division: DivisionOptions = group(DivisionOptions, python=False)
@@ -425,33 +404,17 @@ class OriginalOptions(TiledJobOptions):
     """LBP/C of Ojala and Pietikäinen."""
 
     source: RasterArguments = group(RasterArguments)
-    output: str = option(
-        "The labels of the segments.",
-        *("-o", "--output"),
-        required=True,
-        metavar="LABELS.tif",
-        python=False,
-        basic=True,
-    )
+    output: str = output_option("The labels of the segments.", "LABELS.tif")
     creation: StorageOptions = group(StorageOptions)
-    threshold: float = option(
-        "Divide where G_max / G_min is larger.", default=1.2, type=float, metavar="X", basic=True
-    )
+    threshold: float = option("Divide where G_max / G_min is larger.", default=1.2, metavar="X", basic=True)
     merge_stop: float = option(
-        "Stop merging where MI / (largest MI before) is larger.",
-        default=2.0,
-        type=float,
-        metavar="Y",
-        basic=True,
+        "Stop merging where MI / (largest MI before) is larger.", default=2.0, metavar="Y", basic=True
     )
     untested: float = option(
-        "Of all possible merges, during which that is not tested.",
-        default=0.1,
-        type=float,
-        metavar="SHARE",
+        "Of all possible merges, during which that is not tested.", default=0.1, metavar="SHARE"
     )
-    radius: int = option("Of the disc around a pixel.", default=11, type=int, metavar="PIXELS")
-    sweeps: int = option("Over the pixels along boundaries.", default=32, type=int, metavar="N")
+    radius: int = option("Of the disc around a pixel.", default=11, metavar="PIXELS")
+    sweeps: int = option("Over the pixels along boundaries.", default=32, metavar="N")
     read: ReadOptions = group(ReadOptions, *ONLY_MAPS, "flatten", **RASTER_STRETCH)
 
 
@@ -461,9 +424,7 @@ class InfoOptions(Options):
     source: RasterArguments = group(RasterArguments)
     as_json: bool = option("Write JSON, for programs.", "--json", default=False, python=False, basic=True)
     read: ReadOptions = group(ReadOptions, *ONLY_MAPS, "flatten", **RASTER_STRETCH)
-    threads: int | None = option(
-        "Threads to count with.  [default: all cores]", type=int, minimum=1, basic=True
-    )
+    threads: int | None = option("Threads to count with.  [default: all cores]", minimum=1, basic=True)
     verbose: bool = option(
         "Say what was decided, and how long it took.",
         *("-v", "--verbose"),

@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 import os
+from typing import Any
 
 from uavseg.options.option import Options, group, option
 from uavseg.options.reading import AccessOptions
+
+
+def output_option(help: str, metavar: str, required: bool = True) -> Any:
+    """Declare the option for the file that a command writes."""
+    return option(help, "-o", "--output", required=required, metavar=metavar, python=False, basic=True)
 
 
 class StorageOptions(Options):
@@ -16,7 +22,6 @@ class StorageOptions(Options):
         "PREDICTOR, BIGTIFF; several times for several. Its pixels stay the same.",
         "--co",
         default=(),
-        type=str,
         multiple=True,
         metavar="NAME=VALUE",
         python=False,
@@ -26,13 +31,11 @@ class StorageOptions(Options):
 class RegionOutputs(Options):
     """Output."""
 
-    output: str | None = option(
+    output: str | None = output_option(
         "The regions: .geojson, .gpkg, .fgb, .parquet, .shp or .kml; - is GeoJSON on stdout.  "
         "[default: STEM.regions.geojson here]",
-        *("-o", "--output"),
-        metavar="PATH",
-        python=False,
-        basic=True,
+        "PATH",
+        required=False,
     )
     labels: str | None = option(
         "Also write the labels of the regions as a raster: one .tif, or a .vrt over a folder of tiles.",
@@ -48,7 +51,6 @@ class RegionOutputs(Options):
     sequence: bool | None = option(
         "With -o -: one feature a line, or one collection.  [default: collection]",
         "--sequence/--collection",
-        type=bool,
         python=False,
     )
     rs: bool = option(
@@ -57,7 +59,6 @@ class RegionOutputs(Options):
     geographic: bool | None = option(
         "With -o -: longitude and latitude, or the CRS of the raster.  [default: geographic]",
         "--geographic/--projected",
-        type=bool,
         python=False,
     )
 
@@ -85,10 +86,8 @@ class EachOptions(Options):
 class RunOptions(Options):
     """Running; changes no result."""
 
-    tile: int | None = option("Side of a tile, a multiple of 64.", type=int, metavar="PIXELS")
-    threads: int | None = option(
-        "Threads to work with.  [default: all cores]", type=int, metavar="N", label="Threads"
-    )
+    tile: int | None = option("Side of a tile, a multiple of 64.", metavar="PIXELS")
+    threads: int | None = option("Threads to work with.  [default: all cores]", metavar="N", label="Threads")
     scheduler: str | None = option(
         "Let the workers of a dask.distributed scheduler do the work.",
         metavar="tcp://HOST:PORT",

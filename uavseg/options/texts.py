@@ -95,12 +95,12 @@ def numbers(expected: str, count: int, separator: str = ",") -> Callable[[str], 
     return parse
 
 
-def several_numbers(expected: str, separator: str = ",") -> Callable[[str], tuple[float, ...]]:
+def several_numbers(expected: str) -> Callable[[str], tuple[float, ...]]:
     """Return a parser of numbers that are counted where they are used."""
 
     def parse(text: str) -> tuple[float, ...]:
         try:
-            return tuple(float(part) for part in text.split(separator))
+            return tuple(float(part) for part in text.split(","))
         except ValueError:
             raise ParameterError(f"{expected}, not {text!r}") from None
 

@@ -38,14 +38,9 @@ _current: ContextVar["Transaction | None"] = ContextVar("transaction", default=N
 def check_target(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
     """Refuse a file that may not be written, before the work whose result it holds, else return its path.
 
-    Before that, what a killed run left in its folder is undone and removed.
-
-    Raises
-    ------
-    OutputExistsError
-        If it exists and `overwrite` is false, or a file that would be read as a part of it.
-    OutputError
-        If its folder does not exist, or an existing file cannot be replaced.
+    Before that, what a killed run left in its folder is undone and removed. An OutputExistsError says that it
+    exists and `overwrite` is false, or a file that would be read as a part of it, an OutputError that its
+    folder does not exist, or that an existing file cannot be replaced.
     """
     return _checked(path, overwrite).given
 
@@ -60,12 +55,8 @@ def atomic_file(path: str | os.PathLike[str], overwrite: bool = False, sync: boo
     are renamed at its end. Where `path` is a symbolic link, the file to which it points is written.
 
     Without `sync` to disk, a file may be empty or torn after a power cut, and is not part of a transaction:
-    for single files that are checked when they are read and can be computed again.
-
-    Raises
-    ------
-    OutputExistsError, OutputError
-        As `check_target`, and if writing fails, as on a full disk.
+    for single files that are checked when they are read and can be computed again. Errors are those of
+    `check_target`; an OutputError also says that writing fails, as on a full disk.
     """
     if is_staged(Path(path)):
         yield Path(path)

@@ -81,11 +81,6 @@ class Stage:
         os.close(self.lock)
 
 
-def has_stages() -> bool:
-    """Return whether this process makes an output."""
-    return bool(_open_stages)
-
-
 def remove_stages() -> None:
     """Remove what this process has made and not renamed, at its end."""
     for folder in tuple(_open_stages):
@@ -203,7 +198,7 @@ def default_signals() -> Iterator[None]:
     would be left.
     """
     is_main = threading.current_thread() is threading.main_thread()
-    if not (_ends_by_signals and is_main) or has_stages():
+    if not (_ends_by_signals and is_main) or _open_stages:
         yield
         return
     before = _set_handlers(signal.SIG_DFL)

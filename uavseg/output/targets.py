@@ -84,13 +84,9 @@ def check_utf8(path: Path) -> None:
 def find_target(path: Path_, overwrite: bool = False) -> Target:
     """Return the target of a name, if it may be written.
 
-    Raises
-    ------
-    OutputExistsError
-        If one of its files exists and `overwrite` is false.
-    OutputError
-        If its folder does not exist, or an existing file cannot be replaced: a folder, a device, a file that
-        other files may need too.
+    An OutputExistsError says that one of its files exists and `overwrite` is false, an OutputError that its
+    folder does not exist, or that an existing file cannot be replaced: a folder, a device, a file that other
+    files may need too.
     """
     given = Path(path)
     target = Target(given, _follow(given) if overwrite and given.is_symlink() else given)

@@ -28,21 +28,11 @@ MIN_SIMILARITY = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class Parting:
-    """Separation of a sample from the rest of a raster by texture.
+    """Separation of a sample from the rest of a raster by texture."""
 
-    Parameters
-    ----------
-    window : int
-        Side in pixels of the windows that are compared.
-    separability : float
-        Of the scores of all cells, see `two_kinds.separability`.
-    pixels : int
-        Of all cells with valid ones, of the whole raster.
-    """
-
-    window: int
-    separability: float
-    pixels: int
+    window: int  # side in pixels of the windows that are compared
+    separability: float  # of the scores of all cells, see `two_kinds.separability`
+    pixels: int  # of all cells with valid ones, of the whole raster
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,21 +63,6 @@ def confidence_of(outlined: RegionOutlines, low: ArrayLike, high: ArrayLike) -> 
     thousandths; NaN where the sums of squares or the contrast are not known.
     """
     return OF_RANGES.probability(region_terms(outlined, low, high))
-
-
-def match_confidence_of(outlined: RegionOutlines, similarity: Floats, parting: float) -> Floats:
-    """Compute the probability that each region like a sample is right; parameters as of `match_terms`."""
-    return OF_MATCHES.probability(match_terms(outlined, similarity, parting))
-
-
-def class_confidence_of(outlined: RegionOutlines, own: Floats, parting: Floats) -> Floats:
-    """Compute the probability that each region of a class is right; parameters as of `class_terms`."""
-    return OF_CLASSES.probability(class_terms(outlined, own, parting))
-
-
-def texture_confidence_of(outlined: RegionOutlines, parting: Parting) -> Floats:
-    """Compute the probability that each region by texture is right; parameters as of `texture_terms`."""
-    return OF_TEXTURES.probability(texture_terms(outlined, parting))
 
 
 def region_terms(outlined: RegionOutlines, low: ArrayLike, high: ArrayLike) -> Floats:
@@ -162,10 +137,7 @@ def keep_confident(
 def check_minimum(minimum: float | None, refine: str = "") -> None:
     """Check a minimum confidence before any work; regions that end at block edges have no confidence.
 
-    Raises
-    ------
-    ParameterError
-        If it is not within 0 and 1, or there will be none to compare it with.
+    A ParameterError says that it is not within 0 and 1, or that there will be none to compare it with.
     """
     if minimum is None:
         return

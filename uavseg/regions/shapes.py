@@ -152,17 +152,6 @@ def _close_rings(vertices, starts, reverse, affine, coordinates):  # type: ignor
 class RaggedPolygons:
     """Regions of polygons of rings of vertices, each level by the offsets of its members (as in GeoArrow).
 
-    Parameters
-    ----------
-    vertices : (v, 2) array
-        Of closed rings.
-    rings : (r + 1,) int64 array
-        Offset of each ring in `vertices`; v at the end.
-    polygons : (p + 1,) int64 array
-        Offset of each polygon in `rings`, its exterior first, then its holes; r at the end.
-    regions : (n + 1,) int64 array
-        Offset of each region in `polygons`; p at the end.
-
     Examples
     --------
     >>> flat = RaggedPolygons.from_geometries(np.array([shapely.box(0, 0, 2, 1), shapely.box(3, 0, 4, 1)]))
@@ -170,10 +159,10 @@ class RaggedPolygons:
     ([0, 5, 10], [0, 1, 2], [0, 1, 2])
     """
 
-    vertices: NDArray[Any]
-    rings: Integers
-    polygons: Integers
-    regions: Integers
+    vertices: NDArray[Any]  # (v, 2): of closed rings
+    rings: Integers  # (r + 1,) int64: offset of each ring in `vertices`; v at the end
+    polygons: Integers  # (p + 1,): offset of each in `rings`, exterior first, then its holes; r at the end
+    regions: Integers  # (n + 1,) int64: offset of each region in `polygons`; p at the end
 
     @classmethod
     def from_geometries(cls, geometries: Objects) -> "RaggedPolygons":

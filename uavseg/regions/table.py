@@ -107,18 +107,10 @@ def make_regions(
 ) -> Regions:
     """Measure regions.
 
-    Parameters
-    ----------
-    rings : Rings
-        Outlines of regions 1..n on the grid of `geobox`.
-    sums : Sums
-        Of each region: pixels, and over them the sums of grey levels 0..65535 and of their squares.
-    interval : (float, float) or two (n,) arrays
-        The requested range of intensity, of all regions or of each.
-    source : str
-        Name of the raster.
-    pixels : (n,) integer array, optional
-        Pixels that the outlines enclose, if not all of them were summed.
+    `rings` are the outlines of regions 1..n on the grid of `geobox`, `sums` are of each: pixels, and over
+    them grey levels 0..65535 and their squares. `interval` is the requested range of intensity, of all
+    regions or of each, (n,), and `source` the name of the raster. `pixels`, (n,), are those that the outlines
+    enclose, if not all of them were summed.
     """
     polygons = LazyPolygons(rings, geobox.transform)
     n = len(polygons)

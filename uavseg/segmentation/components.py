@@ -189,32 +189,16 @@ def _union(pairs, parents):  # type: ignore[no-untyped-def]
 class Sums:
     """Sums over the pixels of each component; those of tiles merge by adding.
 
-    Parameters
-    ----------
-    counts : (n,) int64 array
-        Number of pixels.
-    greys : (n,) uint64 array
-        Sum of g.
-    squares : (n,) uint64 array
-        Sum of g * g; does not overflow up to 4e9 pixels.
-    firsts : (n, 2) int64 array
-        Row and column of the first pixel in raster order; pixels also where components are whole cells.
-    excess : (n,) int64 array, optional
-        Sum of the greys outside the ends of the stretch, see `greys_beyond`; None if it is 0.
-    steps : (n, 2) int64 array, optional
-        Contrast across the border, see `border_steps`; None if it was not measured.
-    similarity : (n, 3) int64 array, optional
-        Of regions of classes, the number of pixels and the sums of their similarity and of its squares;
-        `steps` are then of similarity too.
+    Those of classes have sums of similarity, and steps of similarity in place of greys.
     """
 
-    counts: NDArray[np.int64]
-    greys: NDArray[np.uint64]
-    squares: NDArray[np.uint64]
-    firsts: NDArray[np.int64]
-    excess: NDArray[np.int64] | None = None
-    steps: NDArray[np.int64] | None = None
-    similarity: NDArray[np.int64] | None = None
+    counts: NDArray[np.int64]  # (n,): number of pixels
+    greys: NDArray[np.uint64]  # (n,): sum of g
+    squares: NDArray[np.uint64]  # (n,): sum of g * g; no overflow up to 4e9 pixels
+    firsts: NDArray[np.int64]  # (n, 2): first pixel in raster order; pixels also of whole cells
+    excess: NDArray[np.int64] | None = None  # (n,): sum of `greys_beyond`; None if it is 0
+    steps: NDArray[np.int64] | None = None  # (n, 2): see `border_steps`; None if not measured
+    similarity: NDArray[np.int64] | None = None  # (n, 3): pixels, sums of it and of its squares
 
 
 def with_excess(sums: Sums, labels: NDArray[np.uint32], excess: NDArray[np.int32] | None) -> Sums:
@@ -286,21 +270,10 @@ def border_steps(
     """Sum the differences of grey across the pixel edges along the borders of components.
 
     Edges along the border of a tile count where the margin holds a pixel of another value, so the sums of
-    tiles add up to those of the raster.
-
-    Parameters
-    ----------
-    image : (M + 2 m, N + 2 m) uint8 or uint32 array
-        Adjacent pixels of equal value, not 0, belong together.
-    labels : (M, N) uint32 array
-        Their components 1..count, without the margin.
-    grey, valid : (M + 2 m, N + 2 m) uint16 and uint8 arrays
-        Edges to an invalid pixel do not count.
-
-    Returns
-    -------
-    steps : (count, 2) int64 array
-        Of each component the sum of absolute differences of grey, and the number of edges.
+    tiles add up to those of the raster. In `image`, (M + 2 m, N + 2 m) uint8 or uint32, adjacent pixels of
+    equal value, not 0, belong together; `labels`, (M, N), are their components 1..count, without the margin.
+    `grey` and `valid` have the margin; edges to an invalid pixel do not count. The steps, (count, 2) int64,
+    are of each component the sum of absolute differences, and the number of edges.
 
     Examples
     --------

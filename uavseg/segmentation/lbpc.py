@@ -40,30 +40,14 @@ MIN_LEAF = 16  # pixels: side of the smallest leaf
 class LbpcParams:
     """Parameters of LBP/C; the defaults are the usual values of the literature.
 
-    Parameters
-    ----------
-    threshold : float
-        X, at least 0: a block is divided where R = G_max / G_min is larger.
-    stop : float
-        Y, at least 1: merging stops where MI / (largest MI so far) is larger.
-    untested : float
-        Share of all possible merges, 0 to 1, during which the stop is not tested.
-    radius : int
-        Radius of the disc around a pixel, 1 to 128 pixels.
-    sweeps : int
-        Largest number of sweeps over the boundary pixels; 0 keeps the merged blocks.
-
-    Raises
-    ------
-    ParameterError
-        If a parameter is out of bounds.
+    A ParameterError says that a parameter is out of bounds.
     """
 
-    threshold: float = 1.2
-    stop: float = 2.0
-    untested: float = 0.1
-    radius: int = 11
-    sweeps: int = 32
+    threshold: float = 1.2  # X, at least 0: a block is divided where R = G_max / G_min is larger
+    stop: float = 2.0  # Y, at least 1: merging stops where MI / (largest MI so far) is larger
+    untested: float = 0.1  # share of all possible merges, 0 to 1, during which the stop is not tested
+    radius: int = 11  # radius of the disc around a pixel, 1 to 128 pixels
+    sweeps: int = 32  # largest number of sweeps over the boundary pixels; 0 keeps the merged blocks
 
     def __post_init__(self) -> None:
         if not self.threshold >= 0:
@@ -95,12 +79,8 @@ def segment_lbpc(
 ) -> Labels:
     """Label the segments of an (M, N) image by LBP/C; all pixels are valid without `valid`.
 
-    The labels are 1..n, most pixels first, ties in raster order of the first pixel; 0 where invalid.
-
-    Raises
-    ------
-    RasterError
-        If the image has more than 4096 x 4096 pixels.
+    The labels are 1..n, most pixels first, ties in raster order of the first pixel; 0 where invalid. A
+    RasterError says that the image has more than 4096 x 4096 pixels.
 
     Examples
     --------

@@ -50,18 +50,10 @@ class MeasuredCells:
 
 @dataclass(frozen=True)
 class Part:
-    """A part of a raster that has a block map of its own, for rasters whose block map is too large.
+    """A part of a raster that has a block map of its own, for rasters whose block map is too large."""
 
-    Parameters
-    ----------
-    window : Window
-        Begins at a block.
-    bin_edges : (7,) int32 array
-        Of the contrast of the whole raster.
-    """
-
-    window: Window
-    bin_edges: NDArray[np.int32] = field(repr=False)
+    window: Window  # begins at a block
+    bin_edges: NDArray[np.int32] = field(repr=False)  # (7,): of the contrast of the whole raster
 
 
 def measure_block_map(source: GreySource, tile_pass: TilePass) -> BlockMap:

@@ -32,24 +32,14 @@ _SAME = 0.15  # of the smaller side: cells between two edges that separate the s
 class ChosenRange:
     """A range of v, with the shape and contrast of its cells.
 
-    Parameters
-    ----------
-    low, high : float
-        0, 1, or a decimal number of few digits.
-    is_part : bool
-        Whether it is a part of the darkest or the brightest class; otherwise it is a class, and all classes
-        together are 0..1.
-    border : RangeBorder or None
-        None where no cell counts.
-    pixels : int
-        That lie in it by their grey; 0 if they were not counted.
+    All classes together are 0..1.
     """
 
-    low: float
-    high: float
-    is_part: bool
-    border: RangeBorder | None
-    pixels: int = 0
+    low: float  # 0, 1, or a decimal number of few digits
+    high: float  # likewise
+    is_part: bool  # a part of the darkest or the brightest class; else a class
+    border: RangeBorder | None  # None where no cell counts
+    pixels: int = 0  # that lie in it by their grey; 0 if they were not counted
 
     @property
     def score(self) -> float:
@@ -103,22 +93,13 @@ def choose_ranges(
 ) -> RangeChoice:
     """Choose the ranges of a raster.
 
-    Parameters
-    ----------
-    histogram : (65536,) int64 array
-        Valid pixels by the mean grey of their leaf; not all 0.
-    pairs : CellPairs or None
-        Of the same block map.
-    n_classes : int, optional
-        Number of Otsu's classes, and no parts of them. By default as many as valleys of the histogram
-        separate; where there are no such valleys, two of minimum cross entropy.
-    refined : bool
-        Whether regions are refined to the pixel, so that a cell may differ from its leaf.
-    greys : (65536,) int64 array, optional
-        Pixels by grey.
-    populations : sequence of float
-        Edges between populations of pixels, see `population_edges`. They replace edges that separate the same
-        cells, and are added otherwise; not with a number of classes.
+    `histogram`, (65536,), is of valid pixels by the mean grey of their leaf, not all 0, and `pairs` are of
+    the same block map. `n_classes` is the number of Otsu's classes, without parts of them; by default as many
+    as valleys of the histogram separate, and where there are no such valleys, two of minimum cross entropy.
+    `refined` tells whether regions are refined to the pixel, so that a cell may differ from its leaf.
+    `greys`, (65536,), are pixels by grey, and `populations` the edges between populations of them, see
+    `population_edges`: these replace edges that separate the same cells, and are added otherwise; not with a
+    number of classes.
     """
     candidates = propose_ranges(histogram, n_classes)
     edges, parts = candidates.edges, list[tuple[float, float, bool]]()

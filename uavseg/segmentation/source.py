@@ -21,23 +21,13 @@ from uavseg.units import BLOCK, CELL
 class GreyTile:
     """Grey of a window with a margin; pixels outside the raster are invalid.
 
-    Parameters
-    ----------
-    grey : (M + 2 m, N + 2 m) uint16 array
-        0 where invalid; M and N are the window's sides, rounded up to whole blocks.
-    valid : (M + 2 m, N + 2 m) uint8 array
-        1 where a pixel is valid.
-    all_valid : bool
-        Whether every pixel of the array is valid.
-    excess : (M + 2 m, N + 2 m) int32 array, optional
-        By how many greys pixels lie outside the ends of the stretch, see `greys_beyond`; None if none does,
-        or it was not requested.
+    M and N are the sides of the window, rounded up to whole blocks, and m is the margin.
     """
 
-    grey: NDArray[np.uint16]
-    valid: NDArray[np.uint8]
-    all_valid: bool
-    excess: NDArray[np.int32] | None = None
+    grey: NDArray[np.uint16]  # (M + 2 m, N + 2 m): 0 where invalid
+    valid: NDArray[np.uint8]  # (M + 2 m, N + 2 m): 1 where a pixel is valid
+    all_valid: bool  # whether every pixel of the array is valid
+    excess: NDArray[np.int32] | None = None  # (M + 2 m, N + 2 m): `greys_beyond`, if any and requested
 
     @property
     def mask(self) -> NDArray[np.uint8] | None:

@@ -56,9 +56,9 @@ class Words:
             raise ParameterError(f"{name} is a number")
         return result
 
-    def optional(self, name: str) -> float | None:
-        """Return a finite number, or None."""
-        return self.number(name) if name in self.values else None
+    def area(self, name: str) -> Area | None:
+        """Return an area in square metres, or None."""
+        return Area(self.number(name)) if name in self.values else None
 
     def integer(self, name: str) -> int:
         """Return a whole number."""
@@ -90,8 +90,7 @@ def extract_request(body: bytes, segment: SegmentParams) -> ExtractRequest:
     """Return the question of `{"low": ..., "high": ..., "min_area": ...}`; areas in square metres."""
     words = Words.of(body, ("low", "high", "min_area"))
     interval = IntensityRange(words.number("low"), words.number("high"))
-    area = words.optional("min_area")
-    return ExtractRequest(interval, segment, min_area=None if area is None else Area(area))
+    return ExtractRequest(interval, segment, min_area=words.area("min_area"))
 
 
 def match_request(body: bytes, geobox: GeoBox) -> MatchRequest:
@@ -102,12 +101,8 @@ def match_request(body: bytes, geobox: GeoBox) -> MatchRequest:
     words = Words.of(body, ("center", "edge", "similarity", "min_area"))
     what = "center and edge of a sample are [lat, lon]"
     ends = [_place(words.values.get(name), what) for name in ("center", "edge")]
-    area = words.optional("min_area")
-    return MatchRequest(
-        _disc(ends, geobox),
-        similarity=words.number("similarity", 0.9),
-        min_area=None if area is None else Area(area),
-    )
+    area = words.area("min_area")
+    return MatchRequest(_disc(ends, geobox), similarity=words.number("similarity", 0.9), min_area=area)
 
 
 def _disc(ends: Sequence[tuple[float, float]], geobox: GeoBox) -> Disc:

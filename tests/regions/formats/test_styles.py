@@ -54,10 +54,12 @@ def test_each_class_has_its_rule_and_its_symbol(values: list[str]) -> None:
 
 
 def test_colours_that_are_given_are_used() -> None:
-    text = qml(of_classes("water", "sand", "wood"), [("water", "#0000ff"), ("sand", "#ffff00")])
+    names, colors = ["water", "sand", "wood"], ["#0000ff", "#ffff00", ""]
+    colored = regions(**{"class": np.array(names, object), "color": np.array(colors, object)})
+    text = qml(colored)
     assert 'value="0,0,255,89"' in text and 'value="255,255,0,89"' in text
-    found = classes_of(of_classes("water", "sand", "wood"), [("water", "#0000ff")])
-    assert found is not None and [name for name, _ in found[1]] == ["water", "sand", "wood"]
+    found = classes_of(colored)
+    assert found is not None and [name for name, _ in found[1]] == ["sand", "water", "wood"]
 
 
 def test_levels_go_from_dark_to_bright() -> None:

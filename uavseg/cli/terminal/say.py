@@ -244,12 +244,8 @@ def showing_phases(quiet: bool) -> Iterator[None]:
 def work_of(run: RunOptions, reporter: Reporter) -> Work:
     """Return how a job is run: by threads of this process, or by a cluster that is released with the command.
 
-    Raises
-    ------
-    ParameterError
-        If the number of threads is below 1.
-    ClusterError
-        If the scheduler does not answer or its workers do not fit.
+    A ParameterError says that the number of threads is below 1, a ClusterError that the scheduler does not
+    answer or its workers do not fit.
     """
     from uavseg.execution import executors
     from uavseg.jobs.source.work import Work

@@ -29,21 +29,15 @@ class Photos:
 
     A ParameterError says that the pitch or the exposure time is out of bounds, or the trigger is not known.
 
-    Parameters
-    ----------
-    pitch_deg : float
-        Gimbal pitch: -90 is straight down.
-    trigger : "distance", "interval", "hover" or "none"
-        By metres, by seconds, in hover at a waypoint for each photograph, or not by the mission.
-    shutter_s : float
-        Exposure time, by which motion blur is estimated.
+    With `trigger`, photographs are taken by metres, by seconds, in hover at a waypoint for each, or not by
+    the mission.
     """
 
     camera: Camera
     overlap: Overlap = Overlap(75, 70)
-    pitch_deg: float = NADIR_DEG
-    trigger: str = "distance"
-    shutter_s: float = SHUTTER_S
+    pitch_deg: float = NADIR_DEG  # gimbal pitch: -90 is straight down
+    trigger: str = "distance"  # "distance", "interval", "hover" or "none"
+    shutter_s: float = SHUTTER_S  # exposure time, by which motion blur is estimated
 
     def __post_init__(self) -> None:
         check_pitch(self.pitch_deg)

@@ -193,21 +193,11 @@ def corridor(
 ) -> Corridor:
     """Cover a region with lines along its middle, in a short order.
 
-    A ParameterError says that the spacing is not a positive number, a MissionError that there would be more
-    lines than a mission holds, that there is no path between them, or that the region has too many corners.
-
-    Parameters
-    ----------
-    region : shapely Polygon
-        In metres; it may fork and have holes.
-    spacing_m : float
-        Largest distance between neighbouring lines.
-    reach_m : float
-        Ground that photographs show past the end of a line.
-    min_m : float
-        Length of the shortest line.
-    obstacles : sequence of shapely Polygon
-        Areas that no leg may cross.
+    The region (shapely, in metres) may fork and have holes; no leg crosses an obstacle. `spacing_m` is the
+    largest distance between neighbouring lines, `reach_m` how much ground photographs show past the end of a
+    line, `min_m` the length of the shortest line. A ParameterError says that the spacing is not a positive
+    number, a MissionError that there would be more lines than a mission holds, that there is no path between
+    them, or that the region has too many corners.
 
     Examples
     --------

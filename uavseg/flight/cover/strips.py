@@ -27,18 +27,10 @@ TOUCH_M = 1e-6
 def grid_lines(polygon: Any, spacing_m: float, ends: tuple[float, float], joins: Free) -> list[Floats]:
     """Return the lines along x that cover a polygon, cell by cell.
 
-    For each cell they are (n, 2, 2), from south to north: west and east end of each, as x, y.
-
-    Parameters
-    ----------
-    polygon : shapely Polygon
-        In metres.
-    spacing_m : float
-        Largest distance between neighbouring lines.
-    ends : (float, float)
-        Reach and length of the shortest line, as of `strip_lines`.
-    joins : function of starts, ends (n, 2)
-        Whether a line may lead over a gap in a strip.
+    For each cell they are (n, 2, 2), from south to north: west and east end of each, as x, y. The polygon
+    (shapely) is in metres; `spacing_m` is the largest distance between neighbouring lines, `ends` the reach
+    and the length of the shortest line, as of `strip_lines`. `joins` says of starts and ends, (n, 2), whether
+    a line may lead over a gap in a strip.
 
     Examples
     --------
@@ -121,19 +113,11 @@ WIDTH_SLACK = 1e-3  # share of its height by which a cell may be higher before i
 def strip_lines(cell: Any, spacing_m: float, reach_m: float = 0.0, min_m: float = MIN_LINE_M) -> Floats:
     """Return the lines along x that cover a cell, from south to north.
 
-    They are (n, 2, 2), west and east end of each as x, y; at least one, evenly spaced.
-
-    Parameters
-    ----------
-    cell : shapely Polygon
-        In metres; every line along x meets it in one piece, or nearly.
-    spacing_m : float
-        Largest distance between neighbouring lines.
-    reach_m : float
-        Distance from the end of a line to the end of the ground that it covers. Lines may be so much shorter
-        than the cell in their strip, but do not end inside the cell.
-    min_m : float
-        Length of the shortest line.
+    They are (n, 2, 2), west and east end of each as x, y; at least one, evenly spaced. The cell (shapely) is
+    in metres; every line along x meets it in one piece, or nearly. `spacing_m` is the largest distance
+    between neighbouring lines, `min_m` the length of the shortest. The ground that a line covers ends
+    `reach_m` past its end: lines may be so much shorter than the cell in their strip, but do not end inside
+    the cell.
 
     Examples
     --------

@@ -33,17 +33,10 @@ OVERLAP_M = 1e-6  # by which dividing lines are longer than the polygon is wide
 def monotone_cells(polygon: Any, step_m: float = np.inf, detail_m: float = 0.0) -> list[Any]:
     """Divide a polygon into cells that every line along x meets in one piece at most.
 
-    They come from south to north, then from west to east.
-
-    Parameters
-    ----------
-    polygon : shapely Polygon
-        In metres; may have holes.
-    step_m : float
-        The polygon is also divided at the inner corner of a step: an edge so long that runs nearly along x.
-        A line across it would be too long for the narrow side.
-    detail_m : float
-        Notches that are less deep do not divide it; lines along x may meet cells in more pieces there.
+    They come from south to north, then from west to east. The polygon (shapely, in metres) may have holes. It
+    is also divided at the inner corner of a step, an edge longer than `step_m` that runs nearly along x: a
+    line across it would be too long for the narrow side. Notches less deep than `detail_m` do not divide it;
+    lines along x may meet cells in more pieces there.
 
     Examples
     --------

@@ -62,25 +62,14 @@ def write_mission(
 ) -> None:
     """Write a mission to a file, whole or not at all; what its format cannot hold gives warnings.
 
-    A MissionError says that there is no format of this extension, or that it cannot hold how the mission is
-    flown, a ParameterError that the aircraft is not known, an OutputError that the file exists or cannot be
-    written.
-
-    Parameters
-    ----------
-    path : path
-        Its extension selects the format: .plan (QGroundControl, MAVSDK), .waypoints (Mission Planner, mavwp,
-        QGroundControl), .kmz (DJI), .csv (Litchi), and for display .kml and .geojson. A .waypoints file does
-        not store the autopilot; parameters that are not set are written as 0.
-    overwrite : bool
-        Whether an existing file may be replaced.
-    check : function, optional
-        Called with the mission as it is read back, from home where its format does not hold that; where it
-        raises, nothing is written.
-    editable : bool
-        Whether a .plan holds the survey lines of convex parts as survey items, which QGroundControl can edit.
-    dji_model : str
-        The aircraft of a .kmz, such as "m3e"; see `uavseg.flight.formats.options.DJI_MODELS`.
+    The extension selects the format: .plan (QGroundControl, MAVSDK), .waypoints (Mission Planner, mavwp,
+    QGroundControl), .kmz (DJI), .csv (Litchi), and for display .kml and .geojson. A .waypoints file does not
+    store the autopilot; parameters that are not set are written as 0. `check` is called with the mission as
+    it is read back, from home where its format does not hold that; where it raises, nothing is written. If
+    `editable`, a .plan holds the survey lines of convex parts as survey items, which QGroundControl can edit.
+    `dji_model` is the aircraft of a .kmz, see `uavseg.flight.formats.options.DJI_MODELS`. A MissionError says
+    that there is no format of this extension, or that it cannot hold how the mission is flown, a
+    ParameterError that the aircraft is not known, an OutputError that the file exists or cannot be written.
     """
     suffix = check_mission_format(path)
     mission_format, options = FORMATS[suffix], FileOptions(editable, dji_model)

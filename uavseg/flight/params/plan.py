@@ -36,21 +36,11 @@ class VisitParams:
 @checked
 @dataclass(frozen=True, slots=True)
 class PerimeterParams:
-    """Parameters of perimeters.
+    """Parameters of perimeters."""
 
-    Parameters
-    ----------
-    offset_m : float
-        Distance from the outline, outward; negative inward.
-    min_leg_m : float, optional
-        No leg is shorter; by default a second of flight.
-    holes : "skip" or "fly"
-        Whether the outlines of holes are flown too.
-    """
-
-    offset_m: float = 0.0
-    min_leg_m: float | None = None
-    holes: str = "skip"
+    offset_m: float = 0.0  # distance from the outline, outward; negative inward
+    min_leg_m: float | None = None  # no leg is shorter; by default a second of flight
+    holes: str = "skip"  # "skip" or "fly" their outlines too
 
     def __post_init__(self) -> None:
         _check("offset of a perimeter", self.offset_m, -MAX_MARGIN_M, MAX_MARGIN_M, "m")
@@ -63,22 +53,11 @@ class PerimeterParams:
 @checked
 @dataclass(frozen=True, slots=True)
 class SurveyParams:
-    """Parameters of surveys in parallel lines.
+    """Parameters of surveys in parallel lines."""
 
-    Parameters
-    ----------
-    margin_m : float
-        Metres by which the regions are grown before they are covered.
-    crosshatch : bool
-        Whether lines at a right angle to the first are flown too.
-    turnaround_m : float
-        Straight flight without photographs before and after each line, for vehicles that cannot turn in
-        place.
-    """
-
-    margin_m: float = 0.0
-    crosshatch: bool = False
-    turnaround_m: float = 0.0
+    margin_m: float = 0.0  # metres by which the regions are grown before they are covered
+    crosshatch: bool = False  # whether lines at a right angle to the first are flown too
+    turnaround_m: float = 0.0  # straight flight before and after each line, to turn without photographs
 
     def __post_init__(self) -> None:
         _check("margin", self.margin_m, 0, MAX_MARGIN_M, "m")
@@ -130,21 +109,11 @@ MIN_ITEMS = 10
 @checked
 @dataclass(frozen=True, slots=True)
 class LimitParams:
-    """Limits of each flight; a mission that exceeds them is split.
+    """Limits of each flight; a mission that exceeds them is split."""
 
-    Parameters
-    ----------
-    endurance_min : float, optional
-        Minutes in the air on a full battery; by default without a limit.
-    reserve : float
-        Per cent of the endurance that are left at the end.
-    max_items : int, optional
-        Mission items of a flight; by default the capacity of common boards of the autopilot.
-    """
-
-    endurance_min: float | None = None
-    reserve: float = 20.0
-    max_items: int | None = None
+    endurance_min: float | None = None  # minutes in the air on a full battery; by default without a limit
+    reserve: float = 20.0  # per cent of the endurance that are left at the end
+    max_items: int | None = None  # of a flight; by default what common boards of the autopilot hold
 
     def __post_init__(self) -> None:
         if self.endurance_min is not None and not 0 < self.endurance_min <= 6000:
@@ -163,24 +132,12 @@ class LimitParams:
 @checked
 @dataclass(frozen=True, slots=True)
 class SafetyParams:
-    """Keep-out margins, fence and limits of height and distance.
+    """Keep-out margins, fence and limits of height and distance."""
 
-    Parameters
-    ----------
-    avoid_margin_m : float
-        Minimum distance to keep-out zones.
-    fence_margin_m : float, optional
-        Distance of the fence from the flight; None: no fence is written.
-    max_altitude_m : float
-        Maximum height above home, or above the ground where that is known.
-    max_distance_m : float, optional
-        Maximum distance from home; by default 100 km.
-    """
-
-    avoid_margin_m: float = 10.0
-    fence_margin_m: float | None = 50.0
-    max_altitude_m: float = USUAL_MAX_HEIGHT_M
-    max_distance_m: float | None = None
+    avoid_margin_m: float = 10.0  # minimum distance to keep-out zones
+    fence_margin_m: float | None = 50.0  # distance of the fence from the flight; None: no fence is written
+    max_altitude_m: float = USUAL_MAX_HEIGHT_M  # above home, or above the ground where that is known
+    max_distance_m: float | None = None  # maximum distance from home; by default 100 km
     rally: tuple[RallyPoint, ...] = ()
 
     def __post_init__(self) -> None:

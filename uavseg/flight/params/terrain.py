@@ -21,25 +21,16 @@ class TerrainParams:
 
     A ParameterError says that a value is out of bounds, or a DEM is missing.
 
-    Parameters
-    ----------
-    dem : Dem, optional
-        The elevation model; only the mode "frame" works without one.
-    mode : "absolute", "relative" or "frame"
-        Heights above the sea (MAV_FRAME_GLOBAL) or above home, both from the DEM, with points added where
-        the ground bends; or heights above the terrain, which the vehicle knows itself (ArduPilot only).
-    tolerance_m : float, optional
-        Metres by which the height above the ground may differ; by default 5, or a quarter of the height
-        where that is less.
-    climb_m_s, descent_m_s : float, optional
-        Rates of climb and descent in forward flight; by default those of the vehicle.
+    Heights are above the sea (MAV_FRAME_GLOBAL) or above home, both from the DEM, with points added where the
+    ground bends; or, with the mode "frame", above the terrain, which the vehicle knows itself (ArduPilot
+    only).
     """
 
-    dem: Dem | None
-    mode: str = ABSOLUTE
-    tolerance_m: float | None = None
-    climb_m_s: float | None = None
-    descent_m_s: float | None = None
+    dem: Dem | None  # only the mode "frame" works without one
+    mode: str = ABSOLUTE  # "absolute", "relative" or "frame"
+    tolerance_m: float | None = None  # of the height; by default 5, or a quarter of the height if less
+    climb_m_s: float | None = None  # in forward flight; by default that of the vehicle
+    descent_m_s: float | None = None  # likewise
 
     def __post_init__(self) -> None:
         if self.mode not in MODES:

@@ -282,21 +282,13 @@ def plan_missions(
 ) -> tuple[Mission, ...]:
     """Plan missions over regions: take off, fly their pattern in a short order, return.
 
-    There are more missions than one where the limits of `params` require it. A MissionError says that there
-    are no regions, that they are not near home, that zones make a region or home unreachable, that a part of
-    the mission does not fit into a flight, or that the mission would not be safe.
-
-    Parameters
-    ----------
-    polygons : sequence of shapely Polygon or MultiPolygon
-        The regions in degrees (lon, lat; WGS 84). The parts of a region are flown one by one; parts that
-        touch, as at the antimeridian, are merged.
-    points : sequence of (lon, lat)
-        A point inside each region.
-    home : (lat, lon) or (lat, lon, altitude_m)
-        Where the vehicle starts; its altitude is in metres above the sea.
-    zones : sequence of shapely Polygon or MultiPolygon
-        Keep-out zones in degrees: no leg comes nearer to them than the margin of `params`.
+    Regions and keep-out zones (shapely) are in degrees (lon, lat; WGS 84), with a point (lon, lat) inside
+    each region. The parts of a region are flown one by one; parts that touch, as at the antimeridian, are
+    merged. `home` is (lat, lon), perhaps with its altitude in metres above the sea. No leg comes nearer to a
+    zone than the margin of `params`. There are more missions than one where the limits of `params` require
+    it. A MissionError says that there are no regions, that they are not near home, that zones make a region
+    or home unreachable, that a part of the mission does not fit into a flight, or that the mission would not
+    be safe.
     """
     if len(polygons) == 0:
         raise MissionError("there is no region to fly to; choose at least one")

@@ -21,24 +21,12 @@ GAP = 0.1  # share of the tolerance that the bounds of the ground may be apart
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AltitudeProfile:
-    """Heights of a flight over the ground, from home along a path.
+    """Heights of a flight over the ground, from home along a path."""
 
-    Parameters
-    ----------
-    ground : GroundProfile
-        With n samples.
-    target_m : (n,) float64 array
-        Height of the flight at each sample, above the zero of the DEM, before it is simplified.
-    chosen : (m,) int64 array
-        The samples between which the flight is straight; home is the first.
-    speed_m_s : (m - 1,) float64 array
-        Between them.
-    """
-
-    ground: GroundProfile
-    target_m: Floats
-    chosen: Ints
-    speed_m_s: Floats
+    ground: GroundProfile  # with n samples
+    target_m: Floats  # (n,): height of the flight above the zero of the DEM, not simplified
+    chosen: Ints  # (m,): the samples between which the flight is straight; home is the first
+    speed_m_s: Floats  # (m - 1,): between the chosen samples
 
     @property
     def height_m(self) -> Floats:

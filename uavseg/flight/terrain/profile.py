@@ -23,26 +23,14 @@ SHORT_M = 1e-3  # a shorter leg is a point
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GroundProfile:
-    """Heights of the ground along a path, at n samples.
+    """Heights of the ground along a path, at n samples."""
 
-    Parameters
-    ----------
-    lon, lat : (n,) float64 arrays
-        Degrees.
-    along_m : (n,) float64 array
-        Distance from the start of the path; it never decreases.
-    upper_m, lower_m : (n,) float64 arrays
-        Straight lines between these heights enclose the ground.
-    corners : (k,) int64 array
-        The samples that are the corners of the path.
-    """
-
-    lon: Floats
-    lat: Floats
-    along_m: Floats
-    upper_m: Floats
-    lower_m: Floats
-    corners: Ints
+    lon: Floats  # (n,): degrees
+    lat: Floats  # (n,)
+    along_m: Floats  # (n,) float64: distance from the start of the path; it never decreases
+    upper_m: Floats  # (n,): straight lines between these heights are not below the ground
+    lower_m: Floats  # (n,): and those between these not above it
+    corners: Ints  # (k,) int64: the samples that are the corners of the path
 
 
 def profile_along(dem: Dem, lon: Floats, lat: Floats, gap_m: float) -> GroundProfile:

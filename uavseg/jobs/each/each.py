@@ -37,27 +37,13 @@ NOT_RUN = "it was not begun: the run was stopped"
 
 @dataclass(frozen=True, slots=True)
 class OutputNames:
-    """Where the results of many sources go.
+    """Where the results of many sources go."""
 
-    Parameters
-    ----------
-    regions : str
-        Template of the files of regions, see `fill_template`.
-    labels : str, optional
-        Template of the rasters of their labels.
-    overwrite : bool
-        Whether files that are there may be replaced.
-    skip_existing : bool
-        Whether sources are left out whose outputs are all there.
-    report : str, optional
-        A table of all outcomes, see `write_report`.
-    """
-
-    regions: str
-    labels: str | None = None
-    overwrite: bool = False
-    skip_existing: bool = False
-    report: str | None = None
+    regions: str  # template of the files of regions, see `fill_template`
+    labels: str | None = None  # template of the rasters of their labels
+    overwrite: bool = False  # whether files that are there may be replaced
+    skip_existing: bool = False  # whether sources are left out whose outputs are all there
+    report: str | None = None  # a table of all outcomes, see `write_report`
     creation: CreationOptions = DEFAULT
 
 
@@ -78,23 +64,10 @@ class SourceTask:
 def plan_tasks(sources: Sequence[Path_], names: OutputNames) -> tuple[list[SourceTask], int]:
     """Return the sources with their outputs, checked before anything is computed.
 
-    Parameters
-    ----------
-    sources : sequence of path
-        Folders, patterns and lists stand for their rasters, see `expand_sources`.
-
-    Returns
-    -------
-    tasks : list of SourceTask
-    skipped : int
-        Number of sources that are left out, because their outputs are there.
-
-    Raises
-    ------
-    RasterReadError
-        If there is no source.
-    OutputError
-        If two outputs have the same name, one is there and may not be replaced, or would replace an input.
+    Folders, patterns and lists stand for their rasters, see `expand_sources`. The second result is the number
+    of sources that are left out, because their outputs are there. A RasterReadError says that there is no
+    source, an OutputError that two outputs have the same name, or that one is there and may not be replaced,
+    or would replace an input.
     """
     rasters = expand_sources(sources)
     if not rasters:
@@ -123,25 +96,9 @@ def run_each(
 ) -> list[Outcome]:
     """Run a job for each task; each output appears whole when it is finished.
 
-    The report is written in the end, also of a run that is stopped.
-
-    Parameters
-    ----------
-    tasks : sequence of SourceTask
-    work : Work
-        Its tile size and progress are used.
-    count : int, optional
-        Number of threads, by default one for each core.
-
-    Returns
-    -------
-    outcomes : list of Outcome
-        In the order of the tasks.
-
-    Raises
-    ------
-    OutputError
-        If the report cannot be written; the error of a task is in its outcome.
+    The report is written in the end, also of a run that is stopped. The tile size and the progress of `work`
+    are used; `count` is the number of threads, by default one for each core. Outcomes are in the order of the
+    tasks, with their errors. An OutputError says that the report cannot be written.
     """
     outcomes: dict[SourceTask, Outcome] = {}
     try:

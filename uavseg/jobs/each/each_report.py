@@ -45,15 +45,8 @@ class Outcome:
 def check_report(path: str, outputs: Iterable[str], overwrite: bool = False) -> None:
     """Check that a report may be written, before the work.
 
-    Parameters
-    ----------
-    outputs : iterable of str
-        The other files of the run.
-
-    Raises
-    ------
-    OutputError
-        If it is not a .csv, exists and may not be replaced, or has the name of an output.
+    `outputs` are the other files of the run. An OutputError says that it is not a .csv, exists and may not be
+    replaced, or has the name of an output.
     """
     if Path(path).suffix.lower() != ".csv":
         raise OutputError(f"{path}: a report is written to .csv")
@@ -66,12 +59,8 @@ def write_report(outcomes: Sequence[Outcome], path: str, overwrite: bool = False
     """Write what came out of each source as CSV (RFC 4180, UTF-8).
 
     The columns are source, output, regions, area_m2, warnings (separated by "; ") and error. It says nothing
-    of the time a source took, so that the same run gives the same bytes.
-
-    Raises
-    ------
-    OutputError
-        If it cannot be written.
+    of the time a source took, so that the same run gives the same bytes. An OutputError says that it cannot
+    be written.
     """
     with (
         atomic_file(path, overwrite) as part,

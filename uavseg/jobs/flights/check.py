@@ -47,27 +47,13 @@ OWN_AUTOPILOT = frozenset({".plan", ".kml", ".geojson"})  # formats that hold it
 class CheckRequest:
     """What a mission is checked for.
 
-    Parameters
-    ----------
-    autopilot : "ardupilot", "px4" or "generic", optional
-        By default the one that the file is for, if its format says so.
-    safety : SafetyParams
-        What it keeps away from, and where it stays; by default any height and distance is accepted.
-    zones : sequence of shapely Polygon or MultiPolygon
-        Keep-out zones in degrees (lon, lat; WGS 84).
-    dem : Dem, optional
-        The ground: no leg is nearer to it than `CLEARANCE_M`, and heights are those above it.
-
-    Raises
-    ------
-    ParameterError
-        If the autopilot is not known.
+    A ParameterError says that the autopilot is not known.
     """
 
-    autopilot: str | None = None
-    safety: SafetyParams = ANY_HEIGHT
-    zones: Sequence[Any] = ()
-    dem: Dem | None = None
+    autopilot: str | None = None  # None: the one that the file is for, if its format says so
+    safety: SafetyParams = ANY_HEIGHT  # by default any height and distance is accepted
+    zones: Sequence[Any] = ()  # keep-out zones: polygons in degrees (lon, lat; WGS 84)
+    dem: Dem | None = None  # no leg is nearer to it than `CLEARANCE_M`, and heights are those above it
 
     def __post_init__(self) -> None:
         if self.autopilot is not None and self.autopilot not in AUTOPILOTS:
@@ -151,10 +137,8 @@ class MissionCheck:
 def check(source: str | os.PathLike[str] | Mission, request: CheckRequest) -> MissionCheck:
     """Read a mission back, and say what it is and who would refuse it.
 
-    Raises
-    ------
-    MissionError
-        If the file cannot be read, or holds a mission that would not be safe: which item, and why.
+    A MissionError says that the file cannot be read, or holds a mission that would not be safe: which item,
+    and why.
     """
     refused: dict[str, str] = {}
     own = None

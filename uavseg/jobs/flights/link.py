@@ -40,8 +40,8 @@ class LinkRequest:
 
 
 @dataclass(frozen=True)
-class Uploaded:
-    """A mission that a vehicle holds, as reading it back has shown.
+class Transferred:
+    """A mission that a vehicle holds, as reading it, or reading it back, has shown.
 
     `vehicle` names its autopilot and system id; the warnings are those of the mission, and what the upload
     found.
@@ -52,44 +52,25 @@ class Uploaded:
     warnings: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class Downloaded:
-    """A mission that was read from a vehicle, see `Uploaded`."""
-
-    mission: Mission
-    vehicle: str
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What the person who flies it should know."""
-        return self.mission.warnings
-
-
 def upload(
     source: str | os.PathLike[str] | Mission,
     request: LinkRequest,
     progress: Progress | None = None,
     while_armed: bool = False,
-) -> Uploaded:
+) -> Transferred:
     """Send a mission to a vehicle with its fence and rally points, read them back and compare.
 
     `progress` is called with the number of items that were sent or read back, and of all. With `while_armed`,
-    the mission of a vehicle whose motors are armed may be replaced.
-
-    Raises
-    ------
-    MissionError
-        If the file cannot be read, or the mission is for another autopilot.
-    UnverifiedError
-        If the vehicle accepted the mission, which could then not be read back.
-    LinkError
-        If the vehicle is armed, cannot be reached, refuses, falls silent, or is not alone on the link.
+    the mission of a vehicle whose motors are armed may be replaced. A MissionError says that the file cannot
+    be read, or that the mission is for another autopilot; an UnverifiedError that the vehicle accepted the
+    mission, which could then not be read back; a LinkError that it is armed, cannot be reached, refuses,
+    falls silent, or is not alone on the link.
     """
     mission = source if isinstance(source, Mission) else _read_uploadable(source)
     with _connected(request) as link:
         with phase("upload and comparison"):
             found = upload_mission(link, mission, progress, while_armed)
-        return Uploaded(mission, str(link.vehicle), (*mission.warnings, *found))
+        return Transferred(mission, str(link.vehicle), (*mission.warnings, *found))
 
 
 @contextmanager
@@ -111,17 +92,13 @@ def _read_uploadable(source: str | os.PathLike[str]) -> Mission:
     return read_mission(source)
 
 
-def download(request: LinkRequest, progress: Progress | None = None) -> Downloaded:
+def download(request: LinkRequest, progress: Progress | None = None) -> Transferred:
     """Read the mission of a vehicle, with its fence and rally points.
 
-    Raises
-    ------
-    MissionError
-        If the vehicle holds no mission, or one that would not be safe.
-    LinkError
-        If the vehicle cannot be reached, refuses, falls silent, or is not alone on the link.
+    A MissionError says that the vehicle holds no mission, or one that would not be safe, a LinkError that it
+    cannot be reached, refuses, falls silent, or is not alone on the link.
     """
     with _connected(request) as link:
         with phase("download"):
             found = download_mission(link, progress)
-        return Downloaded(found, str(link.vehicle))
+        return Transferred(found, str(link.vehicle), found.warnings)

@@ -32,38 +32,17 @@ Home = tuple[float, ...] | Literal["auto"]
 class PlanRequest:
     """How to fly, from where, and over which of the regions.
 
-    Parameters
-    ----------
-    home : (lat, lon), (lat, lon, altitude_m) or "auto"
-        Where the vehicle starts; with "auto", near the chosen regions and outside of all of them and of
-        keep-out zones.
-    ids : sequence of int, optional
-        Only the regions with these ids.
-    largest : int, optional
-        Only so many, the largest.
-    where : str, optional
-        Only those that fulfil a condition, see `uavseg.regions.select.where`.
-    allow_edge : bool
-        Whether regions that touch the edge of their raster are flown over, where it is known.
-    classes : sequence of str, optional
-        Only regions of these classes.
-    avoid_classes : sequence of str
-        Regions of these classes are keep-out zones.
-
-    Raises
-    ------
-    ParameterError
-        If a class is to be flown over and kept out of.
+    A ParameterError says that a class is to be flown over and kept out of.
     """
 
     flight: PlanParams
-    home: Home
-    ids: Sequence[int] | None = None
-    largest: int | None = None
-    where: str | None = None
-    allow_edge: bool = False
-    classes: Sequence[str] | None = None
-    avoid_classes: Sequence[str] = ()
+    home: Home  # "auto": near the chosen regions, outside of all of them and of keep-out zones
+    ids: Sequence[int] | None = None  # only the regions with these
+    largest: int | None = None  # only so many
+    where: str | None = None  # a condition, see `uavseg.regions.select.where`
+    allow_edge: bool = False  # fly over regions that touch the edge of their raster too
+    classes: Sequence[str] | None = None  # only regions of these
+    avoid_classes: Sequence[str] = ()  # whose regions are keep-out zones
 
     def __post_init__(self) -> None:
         for name in self.avoid_classes:
@@ -162,16 +141,9 @@ def plan(
 
     Regions and keep-out zones are in degrees (lon, lat; WGS 84), see `uavseg.jobs.flights.plan_regions`. With
     the raster that the regions are of, those that touch its edge are left out, and a home that is found lies
-    on one of its valid pixels.
-
-    Raises
-    ------
-    RegionError
-        If none of the regions is chosen, none is of a class, or one that touches the edge is chosen by its
-        id.
-    MissionError
-        If there are no regions, if they are not near home, if zones make one unreachable, or if the mission
-        would not be safe.
+    on one of its valid pixels. A RegionError says that none of the regions is chosen, none is of a class, or
+    one that touches the edge is chosen by its id; a MissionError that there are no regions, that they are not
+    near home, that zones make one unreachable, or that the mission would not be safe.
     """
     chosen: Regions = regions
     notes: list[str] = []

@@ -21,10 +21,8 @@ def open_regions(
 ) -> Regions:
     """Return regions in degrees from a file (a layer of it), the content of one, a frame or another job.
 
-    Raises
-    ------
-    RegionError
-        If the file cannot be read, has no polygons or not only polygons, or no coordinate system.
+    A RegionError says that the file cannot be read, has no polygons or not only polygons, or no coordinate
+    system.
     """
     if isinstance(source, Regions):
         return in_degrees(source)
@@ -52,16 +50,9 @@ def in_degrees(regions: Regions) -> Regions:
 def zone_polygons(avoid: Sequence[Any], raster: "Source | None" = None) -> list[Any]:
     """Return polygons in degrees of keep-out zones: files, frames, regions, or ranges of intensity.
 
-    A range stands for its regions in the raster.
-
-    Raises
-    ------
-    RegionError
-        If a file cannot be read.
-    ParameterError
-        If there is a range and no raster, or a range is wrong or finds nothing to keep out of.
-    OutputError
-        If the raster has no place on the Earth.
+    A range stands for its regions in the raster. A RegionError says that a file cannot be read, a
+    ParameterError that there is a range and no raster, or that a range is wrong or finds nothing to keep out
+    of, an OutputError that the raster has no place on the Earth.
     """
     result: list[Any] = []
     for zone in avoid:

@@ -12,7 +12,7 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import MapError, ParameterError
 from uavseg.execution.executors import decided, phase
 from uavseg.jobs.source.open_source import open_probability_map
-from uavseg.jobs.source.source import ProbabilityMap
+from uavseg.jobs.source.source import Pixels, ProbabilityMap
 from uavseg.occupancy.map_file import WritableMap
 from uavseg.occupancy.mapping.grid_io import check_cells
 from uavseg.occupancy.merge_maps import PlacedMap, common_grid, cropped, merge
@@ -60,7 +60,7 @@ def merge_maps(sources: Sequence[Any], request: MergeRequest = MergeRequest()) -
         raise ParameterError("name at least one map")
     warnings: list[str] = []
     with phase("maps"):
-        maps = [_read_map(source, warnings) for source in sources]
+        maps = [read_map(source, warnings) for source in sources]
     geobox = common_grid(maps, request.unrotate, request.resolution)
     decided("%d x %d cells", *geobox.shape)
     with phase("merging"):
@@ -73,12 +73,19 @@ def merge_maps(sources: Sequence[Any], request: MergeRequest = MergeRequest()) -
     return MergedMap(probabilities=probabilities, geobox=geobox, disputed=disputed, warnings=tuple(warnings))
 
 
-def _read_map(source: Any, warnings: list[str]) -> PlacedMap:
+def read_map(source: Any, warnings: list[str]) -> PlacedMap:
+    """Read a whole map of probabilities, exactly 0.5 where it is unknown; `warnings` grow."""
     if isinstance(source, str | os.PathLike) and Path(source).suffix.lower() in (".pgm", ".png", ".bmp"):
         raise MapError(f"{os.fspath(source)} is a picture without a position; give the .yaml of its map")
     opened = open_probability_map(source)
     if not isinstance(opened, ProbabilityMap):
         raise ParameterError(f"{opened.path} is a block map; name the map that it was made from")
+    warnings.extend(opened.warnings)
+    return placed_map(opened)
+
+
+def placed_map(opened: Pixels) -> PlacedMap:
+    """Read a whole map of probabilities; cells without data are unknown. MapError if it is too large."""
     check_cells(opened.geobox.shape, opened.name)
     grey = opened.grey(TilePass([]))
     rows, cols = opened.geobox.shape
@@ -86,5 +93,4 @@ def _read_map(source: Any, warnings: list[str]) -> PlacedMap:
     values = tile.grey[:rows, :cols].astype(np.float32) / np.float32(GREY_MAX)
     unknown = tile.grey[:rows, :cols] == GREY_MAX // 2 + 1  # the grey of exactly 0.5
     values[unknown | (tile.valid[:rows, :cols] == 0)] = 0.5
-    warnings.extend(opened.warnings)
     return PlacedMap(name=opened.name, probabilities=values, geobox=opened.geobox)

@@ -6,9 +6,19 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from uavseg.jobs.maps.classify import ClassifyRequest
+    from uavseg.jobs.maps.explore import ExploreRequest
+    from uavseg.jobs.maps.next_view import ViewRequest
     from uavseg.jobs.maps.path import PathRequest
+    from uavseg.jobs.requests import RegionJob
     from uavseg.occupancy.bags.merge_bag import MergeParams
-    from uavseg.options.maps import BuildMapOptions, ClassifyOptions, PathOptions
+    from uavseg.options.maps import (
+        BuildMapOptions,
+        ClassifyOptions,
+        ExploreOptions,
+        NextViewOptions,
+        PathOptions,
+    )
+    from uavseg.options.regions import CompareOptions
 
 
 def classify_request(options: ClassifyOptions, with_objects: bool | None = None) -> ClassifyRequest:
@@ -59,3 +69,47 @@ def merge_params(options: BuildMapOptions) -> MergeParams:
         no_return=options.no_return,
         beam_order=options.beam_order,
     )
+
+
+def view_request(options: NextViewOptions) -> ViewRequest:
+    """Return the robot, its sensor and how many views are asked for."""
+    from uavseg.jobs.maps.next_view import ViewRequest
+    from uavseg.segmentation.params.segment import StateLimits
+
+    return ViewRequest(
+        options.pose,
+        options.range,
+        fov_deg=options.fov,
+        count=options.count,
+        clearance_m=options.clearance,
+        limits=StateLimits(options.free_below, options.occupied_above),
+    )
+
+
+def explore_request(options: ExploreOptions) -> ExploreRequest:
+    """Return how a scene is explored, and by which sensor."""
+    from uavseg.jobs.maps.explore import ExploreRequest
+
+    given = {
+        "max_range_m": options.range,
+        "fov_deg": options.fov,
+        "sigma_m": options.sigma,
+        "step_deg": options.step,
+    }
+    sensor = [(name, value) for name, value in given.items() if value is not None]
+    return ExploreRequest(options.start, sensor, options.clearance, options.seed)
+
+
+def compare_job(options: CompareOptions) -> RegionJob | None:
+    """Return the job whose regions are compared; None where neither a range nor classes are given: maps."""
+    from uavseg.errors import ParameterError
+    from uavseg.jobs.requests import region_job
+    from uavseg.options.regions import ExtractOptions
+
+    ranges, classes, refine = options.ranges, options.classes, options.refine
+    others = ranges.values, ranges.percentile, classes
+    if all(one is None for one in (ranges.range, refine, *others)):
+        return None
+    if isinstance(ranges.range, list) and any(one is not None for one in others):
+        raise ParameterError("several ranges are classes; give them, or values, percentile or classes")
+    return region_job(ExtractOptions(ranges=ranges, classes=classes, refine=refine))

@@ -21,7 +21,7 @@ from uavseg.jobs.source.source import Source, detail_of
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.raster.grid.geobox import Length
 from uavseg.raster.grid.tiling import TilePass
-from uavseg.regions.confidence import Confidence, check_minimum, class_confidence_of, none_confident
+from uavseg.regions.confidence import OF_CLASSES, Confidence, check_minimum, class_terms, none_confident
 from uavseg.regions.edit.small import Area, drop_small_regions
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.sample.place import SampleMask, class_masks
@@ -62,11 +62,8 @@ class MatchClassesRequest:
 def match_classes(source: Source, request: MatchClassesRequest, work: Work = SERIAL) -> Extraction:
     """Return regions of the classes of samples, in the column `class`; adjacent ones share borders.
 
-    Raises
-    ------
-    SampleError
-        If a sample is not on the raster, too small, on nodata or in common with one of another class, or the
-        file has fewer than two classes, or too many.
+    A SampleError says that a sample is not on the raster, too small, on nodata or in common with one of
+    another class, or that the file has fewer than two classes, or too many.
     """
     work = work.begun()
     raster = raster_of(source, "a block map holds no colors to be compared; name the raster itself")
@@ -88,14 +85,13 @@ def match_classes(source: Source, request: MatchClassesRequest, work: Work = SER
     ]
     outlined, classes = outlines_by_classes(grey, likenesses, params, passes[1:], detail)
     outlined = filled(grey, outlined, request.fill_holes, passes[-1])
-    if request.min_area is not None:
-        outlined = drop_small_regions(outlined, grey.dataset.geobox, request.min_area)
+    outlined = drop_small_regions(outlined, grey.dataset.geobox, request.min_area)
     kind = classes.at(outlined.sums.firsts) - 1
     columns = {"class": np.array(list(places), object)[kind]}
     hints += [f"no region is of {name}" for n, name in enumerate(places) if not (kind == n).any()]
     confidence = Confidence.of(
         outlined,
-        lambda: class_confidence_of(outlined, *alike(likenesses, kind)),
+        lambda: OF_CLASSES.probability(class_terms(outlined, *alike(likenesses, kind))),
         request.refine,
         request.min_confidence,
     )

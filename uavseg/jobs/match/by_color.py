@@ -16,7 +16,7 @@ from uavseg.jobs.match.request import MatchRequest
 from uavseg.jobs.result.result import Extraction, SourceInfo, filled, measured
 from uavseg.jobs.source.source import detail_of
 from uavseg.raster.grid.tiling import TilePass
-from uavseg.regions.confidence import Confidence, match_confidence_of
+from uavseg.regions.confidence import OF_MATCHES, Confidence, match_terms
 from uavseg.regions.edit.small import drop_small_regions
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.sample.next_place import next_place
@@ -77,12 +77,14 @@ def regions_by_color(
 ) -> Extraction:
     """Return outlines of `outlines_by_color` as regions, with attributes of the intensity `grey`."""
     outlined = filled(similarity, outlined, request.fill_holes, tile_pass)
-    if request.min_area is not None:
-        outlined = drop_small_regions(outlined, grey.dataset.geobox, request.min_area)
+    outlined = drop_small_regions(outlined, grey.dataset.geobox, request.min_area)
     shares = similarity_of(outlined, similarity.table.sample_mean)
     alike = shares, similarity.table.sample_mean - similarity.table.raster_mean
     confidence = Confidence.of(
-        outlined, lambda: match_confidence_of(outlined, *alike), request.refine, request.min_confidence
+        outlined,
+        lambda: OF_MATCHES.probability(match_terms(outlined, *alike)),
+        request.refine,
+        request.min_confidence,
     )
     with phase("attributes and drawing"):
         outlined = replace(outlined, sums=sum_regions(grey, outlined, tile_pass))

@@ -19,7 +19,7 @@ from uavseg.jobs.match.request import MatchRequest
 from uavseg.jobs.result.result import Extraction, SourceInfo, filled, measured
 from uavseg.jobs.source.source import detail_of
 from uavseg.raster.grid.tiling import TilePass
-from uavseg.regions.confidence import Confidence, Parting, texture_confidence_of
+from uavseg.regions.confidence import OF_TEXTURES, Confidence, Parting, texture_terms
 from uavseg.regions.edit.small import Area, drop_small_regions
 from uavseg.regions.outline.rings import RegionOutlines, Rings
 from uavseg.regions.sample.colors import fit_colors
@@ -151,13 +151,12 @@ def _measured(
     """Return regions with their attributes; holes are filled before small ones are dropped."""
     grey, request, sample = search.grey, search.request, search.sample
     outlined = filled(grey, outlined, request.fill_holes, tile_pass)
-    if request.min_area is not None:
-        outlined = drop_small_regions(outlined, grey.dataset.geobox, request.min_area)
+    outlined = drop_small_regions(outlined, grey.dataset.geobox, request.min_area)
     bounds = sample.bounds(request.intensity)
     interval = bounds.low / GREY_MAX, bounds.high / GREY_MAX
     confidence = Confidence.of(
         outlined,
-        lambda: texture_confidence_of(outlined, parting_of(search)),
+        lambda: OF_TEXTURES.probability(texture_terms(outlined, parting_of(search))),
         request.refine,
         request.min_confidence,
     )

@@ -44,24 +44,12 @@ _NEITHER = (
 
 @dataclass(frozen=True)
 class Match:
-    """Regions like a sample, and what "like" meant.
+    """Regions like a sample, and what "like" meant."""
 
-    Parameters
-    ----------
-    found : Extraction
-        Its regions have the column `similarity`, 1 where they are as like the sample as it is itself.
-    color : SimilarityTable, optional
-        The colors, where they were compared.
-    texture : TextureSample, optional
-        The texture, where it was compared.
-    next_sample : Disc, optional
-        Where a further sample would help most, if color alone decided and left much of the raster undecided.
-    """
-
-    found: Extraction
-    color: SimilarityTable | None
-    texture: TextureSample | None
-    next_sample: Disc | None = None
+    found: Extraction  # with the column `similarity`, 1 where a region is as like the sample as it is itself
+    color: SimilarityTable | None  # where colors were compared
+    texture: TextureSample | None  # where texture was compared
+    next_sample: Disc | None = None  # where a further sample helps most, if color alone left much undecided
 
     @property
     def compared(self) -> str:
@@ -89,10 +77,7 @@ class Match:
 def match(source: Source, request: MatchRequest, work: Work = SERIAL) -> Match:
     """Return regions of a raster that are like a sample of it.
 
-    Raises
-    ------
-    SampleError
-        If the sample is not on the raster, too small, or on nodata.
+    A SampleError says that the sample is not on the raster, too small, or on nodata.
     """
     work = work.begun()
     raster = raster_of(source, "a block map holds no texture to be compared; name the raster itself")

@@ -141,14 +141,9 @@ def open_all_bands(source: Any, options: ReadOptions) -> Raster:
 def ranges_of_sample(raster: Raster, request: SuggestLikeRequest, work: Work = SERIAL) -> SampleRanges:
     """Return ranges of bands, indices and sums of bands that part samples best from the rest of a raster.
 
-    Where a band or a formula of it is chosen, that alone is looked at.
-
-    Raises
-    ------
-    SampleError
-        If a sample is not on the raster, too small, or on nodata.
-    ParameterError
-        If the raster has too many bands of which none is chosen.
+    Where a band or a formula of it is chosen, that alone is looked at. A SampleError says that a sample is
+    not on the raster, too small, or on nodata, a ParameterError that the raster has too many bands of which
+    none is chosen.
     """
     work = work.begun()
     [tile_pass] = work.over(raster).stages(1)

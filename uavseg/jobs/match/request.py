@@ -17,56 +17,26 @@ WINDOWS = (16, 24, 32, 48, 64, 96, 128)
 class MatchRequest:
     """Which sample, and what is like it.
 
-    Parameters
-    ----------
-    like : Disc or str, or tuple of them
-        The sample: a disc on the map, or a file of polygons. Several are compared by color.
-    window : int, optional
-        Side in pixels of the window whose texture is compared; by default 32, or less where the sample is too
-        small for it.
-    similarity : float
-        How like the sample a window must be, above 0 and at most 1, see `Sample.similarity`, and by how much
-        the background may explain it better, see `Evidence.least`. A smaller one finds more.
-    intensity : float
-        By how many of the sample's standard deviations the mean of a window may differ from the sample's;
-        infinite for texture alone.
-    refine : {"pixel", "none"}
-        Whether pixels near boundaries are decided one by one, or regions end at cells of 8 pixels.
-    fill_holes, min_area : Area, optional
-        As of `ExtractRequest`.
-    bands : tuple of int or str
-        Bands whose intensity is compared, each by itself, by number or name; beside texture, they are
-        compared as well.
-    by : {"auto", "color", "texture"}
-        What is compared: color, or texture with intensity. By default color, with texture where that clearly
-        parts what has the color; or texture, where color hardly parts the sample from the rest of the raster,
-        or one of window, similarity and intensity is chosen.
-    unlike : tuple of Disc or str
-        Samples of what is not wanted; they are compared by color.
-    detail : Length, optional
-        As of `ExtractRequest`.
-    min_confidence : float, optional
-        Regions of a lower confidence are dropped at last.
-
-    Raises
-    ------
-    ParameterError
-        If one of them is not allowed.
+    A window is like the sample by its `similarity`, above 0 and at most 1, see `Sample.similarity`, and by
+    how much the background may explain it better, see `Evidence.least`; a smaller one finds more. By default
+    color is compared, with texture where that clearly parts what has the color; or texture, where color
+    hardly parts the sample from the rest of the raster, or one of window, similarity and intensity is chosen.
+    Sizes are as of `ExtractRequest`. A ParameterError says that a parameter is not allowed.
     """
 
-    like: Disc | str | tuple[Disc | str, ...]
-    window: int | None = None
+    like: Disc | str | tuple[Disc | str, ...]  # str: a file of polygons; several are compared by color
+    window: int | None = None  # side in pixels; by default 32, or less where the sample is too small
     similarity: float = 0.9
-    intensity: float = 1.0
-    refine: str = "pixel"
+    intensity: float = 1.0  # standard deviations by which means may differ; infinite: texture alone
+    refine: str = "pixel"  # or "none": regions end at cells of 8 pixels
     drawing: Drawing = Drawing()
     fill_holes: Area | None = None
     min_area: Area | None = None
-    bands: tuple[int | str, ...] = ()
-    by: str = "auto"
-    unlike: tuple[Disc | str, ...] = ()
+    bands: tuple[int | str, ...] = ()  # by number or name, each compared by itself; beside texture too
+    by: str = "auto"  # "auto", "color", or "texture" with intensity
+    unlike: tuple[Disc | str, ...] = ()  # what is not wanted; compared by color
     detail: Length | None = None
-    min_confidence: float | None = None
+    min_confidence: float | None = None  # regions of less are dropped at last
 
     def __post_init__(self) -> None:
         check_minimum(self.min_confidence, self.refine)

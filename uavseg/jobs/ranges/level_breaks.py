@@ -23,22 +23,13 @@ _MAX_QUANTILES = 100
 class BreakChoice:
     """How many levels, and the rule for the breaks between them, from the means of leaves.
 
-    Parameters
-    ----------
-    rule : {"otsu", "quantile"}
-        The smallest variance within levels, as `suggest` has it; or the same number of pixels in each.
-    count : int, optional
-        Of levels: 2 to 8 with "otsu", by default as many as valleys of the histogram separate; 2 to 100 with
-        "quantile", by default 5.
-
-    Raises
-    ------
-    ParameterError
-        If one of them is not allowed.
+    With "otsu" the variance within levels is smallest, as `suggest` has it: 2 to 8 levels, by default as many
+    as valleys of the histogram separate. With "quantile" each has the same number of pixels: 2 to 100, by
+    default 5. A ParameterError says that one of them is not allowed.
     """
 
     rule: BreakRule
-    count: int | None = None
+    count: int | None = None  # of levels
 
     def __post_init__(self) -> None:
         if self.rule not in get_args(BreakRule):

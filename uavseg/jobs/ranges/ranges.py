@@ -52,13 +52,8 @@ def where_to_look(source: Pixels | Blocks | GreySource) -> str:
 def grey_for(source: Pixels, requested: AnyRange, tile_pass: TilePass) -> tuple[GreySource, DetectedRange]:
     """Return the pixels of a source through a stretch that suits a range, and the range in v of that stretch.
 
-    A range of v leaves the ends of the stretch as they are.
-
-    Raises
-    ------
-    ParameterError
-        If the range lies outside of a stretch that the user chose, or slow light is taken away and the range
-        is of values.
+    A range of v leaves the ends of the stretch as they are. A ParameterError says that the range lies outside
+    of a stretch that the user chose, or that slow light is taken away and the range is of values.
     """
     if isinstance(requested, ValueRange):
         if is_flat(source):
@@ -84,10 +79,8 @@ def decided_grey(grey: GreySource, edges: Sequence[float], bounds: Sequence[floa
 def range_of_blocks(source: Blocks, requested: AnyRange) -> DetectedRange:
     """Return a range in v of the stretch that a block map was made with.
 
-    Raises
-    ------
-    ParameterError
-        If it is of percentiles, or reaches beyond that stretch, or slow light was taken away.
+    A ParameterError says that it is of percentiles, or reaches beyond that stretch, or that slow light was
+    taken away.
     """
     axis = source.saved.axis
     if not isinstance(requested, ValueRange):

@@ -24,12 +24,8 @@ def without_edge_regions(
     """Return regions that do not touch the edge of a raster, and a note of those that are left out.
 
     The regions are in degrees; those that were asked for by id are not left out: they are refused. The note
-    is about regions that fulfil the condition.
-
-    Raises
-    ------
-    RegionError
-        If a region that was asked for touches the edge, none is left, or the raster has no CRS.
+    is about regions that fulfil the condition. A RegionError says that a region that was asked for touches
+    the edge, none is left, or the raster has no CRS.
     """
     if raster.geobox.wkt is None:
         raise RegionError(

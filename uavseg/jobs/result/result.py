@@ -37,40 +37,19 @@ def filled(
 
 @dataclass(frozen=True)
 class Extraction:
-    """Regions, and what is needed to describe them and to rasterise them.
-
-    Parameters
-    ----------
-    rings : Rings
-        Their outlines on pixel edges, neither smoothed nor simplified.
-    geobox : GeoBox
-        Of the raster.
-    stretch : Stretch
-        The one that was used.
-    warnings : tuple of str
-    in_metres : bool
-        Whether lengths are metres rather than units of the map.
-    axis : ValueAxis or None
-        How v maps to values in the raster's own units, where that is known.
-    detected : DetectedRange or None
-        The range that was asked for, if it is one.
-    below_minimum : int or None
-        Regions that were left out because of their confidence, if there is a minimum.
-    nothing : str
-        Why no region of the range was found, for messages; empty where some were.
-    """
+    """Regions, and what is needed to describe them and to rasterise them."""
 
     regions: Regions
-    rings: Rings
-    geobox: GeoBox
+    rings: Rings  # on pixel edges, neither smoothed nor simplified
+    geobox: GeoBox  # of the raster
     stretch: Stretch
     band_names: str
     warnings: tuple[str, ...]
-    in_metres: bool = True
-    axis: ValueAxis | None = None
-    detected: DetectedRange | None = None
-    below_minimum: int | None = None
-    nothing: str = ""
+    in_metres: bool = True  # whether lengths are metres rather than units of the map
+    axis: ValueAxis | None = None  # how v maps to values of the raster, where that is known
+    detected: DetectedRange | None = None  # the range that was asked for, if it is one
+    below_minimum: int | None = None  # regions that were left out because of their confidence
+    nothing: str = ""  # why no region of the range was found; empty where some were
 
     @property
     def area_unit(self) -> str:
@@ -117,22 +96,11 @@ _MAX_METRES = 1e8  # more than twice around the Earth
 class Drawing:
     """How outlines are smoothed and simplified; attributes stay those of the pixels.
 
-    Parameters
-    ----------
-    smooth_m : float, optional
-        Largest distance in metres of smoothed outlines from the pixel edges, at most half a pixel; smoothing
-        comes first.
-    simplify_m : float, optional
-        Tolerance in metres of the simplification that follows, see `simplify`.
-
-    Raises
-    ------
-    ParameterError
-        If one of them is negative or not finite.
+    A ParameterError says that one of them is negative or not finite.
     """
 
-    smooth_m: float | None = None
-    simplify_m: float | None = None
+    smooth_m: float | None = None  # from the pixel edges at most, and half a pixel at most; comes first
+    simplify_m: float | None = None  # tolerance, see `simplify`
 
     def __post_init__(self) -> None:
         for metres, what in ((self.smooth_m, "smoothed"), (self.simplify_m, "simplified")):
@@ -166,19 +134,10 @@ def measured(
 ) -> Extraction:
     """Return regions with their attributes.
 
-    Parameters
-    ----------
-    interval : (float, float) or two (n,) arrays
-        Low and high v of all regions, or of each.
-    drawing : Drawing
-        How their outlines are drawn.
-    more : mapping of str to (n,) array
-        Columns that come after the id.
-    detected : DetectedRange, optional
-        The range that was asked for, in both units; by default its values follow from `interval`.
-    confidence : Confidence, optional
-        A column after `more`; regions of less than its minimum are left out. One that is not known is refused
-        with ParameterError.
+    `interval` is the low and high v of all regions, or of each, (n,), and `detected` the range that was asked
+    for, in both units; by default its values follow from the interval. Columns of `more` come after the id,
+    then the confidence, if any; regions of less than its minimum are left out, and one that is not known is
+    refused with a ParameterError.
     """
     below_minimum = None
     if confidence is not None:

@@ -21,13 +21,9 @@ def keep_inputs(outputs: Iterable[Path_ | None], inputs: Iterable[Any]) -> None:
     Of sources as they were given, paths count, with the files that they name (the sources of a VRT, the image
     of a ROS map, the rasters of a block map).
     """
-    there = [path for path in outputs if path is not None and path != "-" and _has_files(path)]
-    if there:
+    named = [path for path in outputs if path is not None and path != "-"]
+    if there := [path for path in named if existing_files(Path(os.path.realpath(path)))]:
         check_not_inputs(there, [name for given in _paths(inputs) for name in _files_read(given)])
-
-
-def _has_files(path: Path_) -> bool:
-    return bool(existing_files(Path(os.path.realpath(path))))
 
 
 def _paths(inputs: Iterable[Any]) -> Iterator[str]:

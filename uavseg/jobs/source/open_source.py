@@ -28,19 +28,12 @@ def open_source(source: Any, options: ReadOptions = ReadOptions()) -> Source:
 
     It is a path, an array, a DataArray, an open raster of rasterio, a sequence of these, a Dataset or an
     OccupancyGrid. Many are one mosaic. A path may name a block map, the YAML file of a ROS map, or several
-    rasters, see `expand_sources`.
-
-    Raises
-    ------
-    RasterReadError
-        If a file cannot be opened.
-    RasterError, MosaicError, MapError
-        If a file is of a kind that cannot be answered correctly, or files do not fit together.
-    ParameterError
-        If an option does not apply to this kind of source.
+    rasters, see `expand_sources`. A RasterReadError says that a file cannot be opened, a RasterError,
+    MosaicError or MapError that one is of a kind that cannot be answered correctly, or that files do not fit
+    together, a ParameterError that an option does not apply to this kind of source.
     """
     if not _is_path(source):
-        if _is_value(source):
+        if isinstance(source, Dataset) or is_pixels(source):
             return _raster(source, options)
         if _is_grid(source):
             return _grid(source, options)
@@ -111,10 +104,6 @@ def raster_of(source: Source, refusal: str = "") -> Raster:
 
 def _is_path(source: Any) -> bool:
     return isinstance(source, str | os.PathLike)
-
-
-def _is_value(source: Any) -> bool:
-    return isinstance(source, Dataset) or is_pixels(source)
 
 
 def _listed(source: Any) -> list[Any]:

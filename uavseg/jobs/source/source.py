@@ -23,13 +23,9 @@ from uavseg.units import GREY_MAX
 def detail_of(length: Length | None, geobox: GeoBox, refine: str, cover: bool = False) -> Detail | None:
     """Return a length in whole pixels along columns and rows, at the centre of a raster; None without one.
 
-    With the refinement "none" regions end at cells, and no detail applies. For `cover` see `Detail`.
-
-    Raises
-    ------
-    ParameterError
-        If regions are not refined to the pixel, if metres are given and there is no CRS, or if the length is
-        less than two pixels, so that it would change nothing, or more than 128.
+    With the refinement "none" regions end at cells, and no detail applies. For `cover` see `Detail`. A
+    ParameterError says that regions are not refined to the pixel, that metres are given and there is no CRS,
+    or that the length is more than 128 pixels, or less than two, so that it would change nothing.
     """
     if length is None:
         return None
@@ -94,10 +90,8 @@ MIN_WIDTH, MAX_WIDTH = 32, 32768  # pixels
 def flatten_width(length: Length, geobox: GeoBox) -> tuple[int, int]:
     """Return the width of a flat field in whole rows and columns of pixels, at the centre of a raster.
 
-    Raises
-    ------
-    ParameterError
-        If metres are given and there is no CRS, or the width is less than 32 pixels or more than 32768.
+    A ParameterError says that metres are given and there is no CRS, or that the width is less than 32 pixels
+    or more than 32768.
     """
     rows, cols = in_pixels(length, geobox)
     if min(rows, cols) < MIN_WIDTH:

@@ -21,15 +21,9 @@ def check_unchanged(grey: GreySource, source: Blocks) -> None:
 
     The block map itself is what pixels are compared with: the sums and counts of the cells of up to 64
     blocks, which are spread over the raster and the same each time. Tiles with cells in range are compared as
-    a whole when they are refined. So nothing else has to be stored, copies of both files pass, and block
-    maps of earlier versions are checked too.
-
-    Raises
-    ------
-    ParameterError
-        If the raster has another size.
-    RasterError
-        If it lies elsewhere, or a block of the sample has other pixels.
+    a whole when they are refined. So nothing else has to be stored, copies of both files pass, and block maps
+    of earlier versions are checked too. A ParameterError says that the raster has another size, a RasterError
+    that it lies elsewhere, or that a block of the sample has other pixels.
     """
     name, blocks = grey.dataset.source, source.saved.blocks
     if grey.shape != source.geobox.shape:

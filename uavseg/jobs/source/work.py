@@ -23,33 +23,17 @@ Result = TypeVar("Result")
 class Work:
     """How a job is run; none of it changes a result.
 
-    Parameters
-    ----------
-    tile : int, optional
-        Side of a tile in pixels, a multiple of 64; by default one that suits the files.
-    executor : Map
-        Runs the tiles.
-    local : Map
-        Threads of this process, for the steps that a cluster would slow down.
-    progress : callable, optional
-        Called with (done, total).
-    checkpoint : path, optional
-        Folder in which finished tiles are kept, and from which they are taken.
-    resumed : callable, optional
-        Called with (stage, done, total) for each stage of which tiles were found in the checkpoint.
-    started : callable, optional
-        Called with the windows when the tiles of a source are known.
-    bad_blocks : set of BadBlock
-        Blocks of files that could not be read; grows as results come in. Each job has a set of its own.
+    Each job has a set of bad blocks of its own, which grows as results come in. `resumed` is called for each
+    stage of which tiles were found in the checkpoint, `started` with the windows.
     """
 
-    tile: int | None = None
-    executor: Map = serial
-    local: Map = serial
-    progress: Progress | None = None
-    checkpoint: str | os.PathLike[str] | None = None
-    resumed: Callable[[str, int, int], object] | None = None
-    started: Callable[[Sequence[Window]], object] | None = None
+    tile: int | None = None  # side in pixels, a multiple of 64; by default one that suits the files
+    executor: Map = serial  # runs the tiles
+    local: Map = serial  # threads of this process, for steps that a cluster would slow down
+    progress: Progress | None = None  # called with (done, total)
+    checkpoint: str | os.PathLike[str] | None = None  # folder of finished tiles
+    resumed: Callable[[str, int, int], object] | None = None  # called with (stage, done, total)
+    started: Callable[[Sequence[Window]], object] | None = None  # called when the tiles of a source are known
     bad_blocks: set[BadBlock] = field(default_factory=set, repr=False, compare=False)
 
     @classmethod
@@ -75,17 +59,10 @@ class Work:
     def over(self, source: "Pixels", block_map: bool = True) -> TilePass:
         """Return the pass over the tiles of a source, which collects its unreadable blocks.
 
-        `block_map` tells whether the work may hold the block map of the whole source.
-
-        Raises
-        ------
-        ParameterError
-            If the side of a tile is not a multiple of 64, or there is a checkpoint and the source is a ROS
-            map, which is read whole.
-        OutputError
-            If the folder of the checkpoint cannot be made.
-        RasterError
-            If the raster is too large for its block map to fit into memory.
+        `block_map` tells whether the work may hold the block map of the whole source; a RasterError says that
+        it would not fit into memory. A ParameterError says that the side of a tile is not a multiple of 64,
+        or that there is a checkpoint and the source is a ROS map, which is read whole, an OutputError that
+        the folder of the checkpoint cannot be made.
         """
         if self.checkpoint is not None:
             source.check_resumable()

@@ -1,6 +1,8 @@
 """Occupancy grid: the probability that each cell is occupied, updated by range scans in log-odds."""
 
+import math
 import os
+from dataclasses import asdict
 from typing import Any
 from weakref import WeakSet
 
@@ -11,6 +13,7 @@ from uavseg.arguments import checked
 from uavseg.dataclass import dataclass
 from uavseg.errors import MapError
 from uavseg.occupancy.mapping.beams import REACH_SIGMAS, merge_beams
+from uavseg.occupancy.mapping.contradictions import MARGIN, Contradictions, Fading
 from uavseg.occupancy.mapping.grey_map import GreyMap
 from uavseg.occupancy.mapping.grid_io import (
     fill_grid_message,
@@ -20,7 +23,7 @@ from uavseg.occupancy.mapping.grid_io import (
 )
 from uavseg.occupancy.mapping.live import LiveSegmentation
 from uavseg.occupancy.mapping.log_odds import MAX_LOG_ODDS, Float32s, probabilities_and_grey
-from uavseg.occupancy.mapping.pending import apply_pending, empty_pending
+from uavseg.occupancy.mapping.pending import apply_pending, empty_pending, mark_up_to_date
 from uavseg.occupancy.mapping.scan import Scan
 from uavseg.raster.grid.geobox import GeoBox, check_metres, local_geobox
 from uavseg.raster.grid.tiling import Window
@@ -50,10 +53,18 @@ class OccupancyGrid:
     ----------
     geobox : GeoBox
         Position of the cells, in metres.
+    clamp : float
+        Largest log-odds that is left of a cell after a scan, above 0 and at most 6.
+    half_life : float, optional
+        Scans after which the log-odds of every cell are halved; for comparison. By default never.
+    forget_after : int, optional
+        An occupied cell loses evidence only after so many scans in a row that see through it, and then all of
+        it; see `mapping.contradictions`. By default every observation counts for itself.
 
     Attributes
     ----------
     geobox : GeoBox
+    fading : Fading
     log_odds : (rows, cols) float32 array
 
     Raises
@@ -69,9 +80,19 @@ class OccupancyGrid:
            [0.5, 0.5, 0.5]], dtype=float32)
     """
 
-    def __init__(self, geobox: GeoBox) -> None:
+    def __init__(
+        self,
+        geobox: GeoBox,
+        *,
+        clamp: float = MAX_LOG_ODDS,
+        half_life: float | None = None,
+        forget_after: float | None = None,
+    ) -> None:
         check_metres(geobox)
-        self.geobox = geobox
+        self.geobox, self.fading = geobox, Fading(clamp, half_life, forget_after)
+        self._forgetting = None
+        if forget_after is not None:  # beside a grid of the last scan alone
+            self._forgetting = Contradictions(geobox.shape, forget_after), OccupancyGrid(geobox)
         self.log_odds = np.zeros(geobox.shape, np.float32)
         self._probabilities: Float32s | None = None
         self._pending = empty_pending(geobox.shape)
@@ -83,7 +104,14 @@ class OccupancyGrid:
     @classmethod
     @checked
     def empty(
-        cls, shape: tuple[int, int], cell_m: float, origin: tuple[float, float] = (0.0, 0.0)
+        cls,
+        shape: tuple[int, int],
+        cell_m: float,
+        origin: tuple[float, float] = (0.0, 0.0),
+        *,
+        clamp: float = MAX_LOG_ODDS,
+        half_life: float | None = None,
+        forget_after: float | None = None,
     ) -> "OccupancyGrid":
         """Make a grid of square cells without observations, 0.5 everywhere.
 
@@ -95,8 +123,11 @@ class OccupancyGrid:
             Side of a cell.
         origin : (float, float)
             x and y of the lower left corner in metres.
+        clamp, half_life, forget_after
+            As of the class.
         """
-        return cls(local_geobox(shape, cell_m, origin))
+        box = local_geobox(shape, cell_m, origin)
+        return cls(box, clamp=clamp, half_life=half_life, forget_after=forget_after)
 
     @classmethod
     @checked
@@ -169,7 +200,7 @@ class OccupancyGrid:
         overwrite : bool
             Whether to replace an existing file, which is an OutputExistsError otherwise.
         """
-        write_grid_file(path, self.log_odds, self.geobox, overwrite)
+        write_grid_file(path, self.log_odds, self.geobox, overwrite, self.fading)
 
     @classmethod
     @checked
@@ -178,8 +209,8 @@ class OccupancyGrid:
 
         Raises MapError if the file is another raster or damaged, RasterReadError if it cannot be read.
         """
-        log_odds, geobox = read_grid_file(path)
-        grid = cls(geobox)
+        log_odds, geobox, fading = read_grid_file(path)
+        grid = cls(geobox, **asdict(fading))
         grid.log_odds[...] = log_odds
         grid._recompute()
         return grid
@@ -211,8 +242,24 @@ class OccupancyGrid:
         a, b, c, d, e, f = tuple(~self.geobox.transform)[:6]  # from metres to cells
         steps = a * along_x + b * along_y, d * along_x + e * along_y
         beams = np.column_stack([*steps, ranges, reach, a * x + b * y + c, d * x + e * y + f])
+        if self.fading.half_life is not None:
+            self.log_odds *= np.float32(0.5 ** (1 / self.fading.half_life))
+            self._recompute()
+        around, before = None, self.log_odds
+        if self._forgetting is not None:
+            around = self._forgetting[1].merge(scan).grown(MARGIN).clipped(self.geobox.shape)
+            before = self.log_odds[around.slices].copy()
         window = merge_beams(self.log_odds, self._pending, beams, scan.sigma_m)
         apply_pending(self._pending, self.log_odds, self._probabilities, self._grey_map, window)
+        if self._forgetting is not None and around is not None:
+            contradictions, alone = self._forgetting
+            odds, after = (one.log_odds[around.slices] for one in (alone, self))
+            reach_cells = REACH_SIGMAS * scan.sigma_m * max(map(abs, (a, b, d, e)))
+            beside = math.ceil(min(reach_cells, max(self.geobox.shape)))
+            self._set(around, contradictions.revised(around, before, odds, after, beside))
+            odds[...] = 0
+        if self.fading.clamp < MAX_LOG_ODDS:
+            self._set(window, np.clip(self.log_odds[window.slices], -self.fading.clamp, self.fading.clamp))
         return window
 
     @checked
@@ -279,6 +326,12 @@ class OccupancyGrid:
         """Set all cells to 0.5. Segmentations follow and keep their contrast bin edges."""
         self.log_odds[...] = 0
         self._recompute()
+
+    def _set(self, window: Window, revised: Float32s) -> None:
+        rows, cols = np.nonzero(revised != self.log_odds[window.slices])
+        self.log_odds[window.slices] = revised
+        mark_up_to_date(self._pending, rows + window.row, cols + window.col)
+        apply_pending(self._pending, self.log_odds, self._probabilities, self._grey_map, window)
 
     def _recompute(self) -> None:
         p, grey = probabilities_and_grey(self.log_odds)

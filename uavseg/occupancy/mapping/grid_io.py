@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from uavseg.errors import MapError, RasterError, SceneError
 from uavseg.inputs import as_number
+from uavseg.occupancy.mapping.contradictions import Fading
 from uavseg.occupancy.mapping.log_odds import MAX_LOG_ODDS
 from uavseg.occupancy.mapping.rotation import as_quaternion, heading_of, matrix_of_quaternion, tilt_deg
 from uavseg.occupancy.ros.ros_map import RosMap, placement, transform_of
@@ -30,7 +31,8 @@ MAX_CELLS = 100_000_000  # of a grid in a file: 5 km x 5 km of cells of half a m
 
 LOG_ODDS = "log-odds of occupancy"  # description of the band
 
-_TAG, _CONTENT = "UAVSEG_OCCUPANCY_GRID", "log-odds"
+_TAG, _CONTENT, _FADING = "UAVSEG_OCCUPANCY_GRID", "log-odds", "UAVSEG_FADING"
+_STAYING = Fading()
 _LEVEL_DEG = 0.1  # an origin that is tilted by less lies in the plane
 
 
@@ -42,16 +44,23 @@ def check_cells(shape: tuple[int, int], what: str) -> None:
 
 
 def write_grid_file(
-    path: str | os.PathLike[str], log_odds: Float32s, geobox: GeoBox, overwrite: bool = False
+    path: str | os.PathLike[str],
+    log_odds: Float32s,
+    geobox: GeoBox,
+    overwrite: bool = False,
+    fading: Fading = _STAYING,
 ) -> None:
     """Write the log-odds (rows, cols) of a grid to a .tif or .tiff."""
     check_geotiff_name(path, "a grid")
     check_cells(log_odds.shape, "this grid")
-    write_geotiff(path, [log_odds], geobox, [LOG_ODDS], {_TAG: _CONTENT}, overwrite)
+    tags = {_TAG: _CONTENT}
+    if fading != _STAYING:
+        tags[_FADING] = f"{fading.clamp!r} {fading.half_life!r} {fading.forget_after!r}"
+    write_geotiff(path, [log_odds], geobox, [LOG_ODDS], tags, overwrite)
 
 
-def read_grid_file(path: str | os.PathLike[str]) -> tuple[Float32s, GeoBox]:
-    """Read the log-odds of a grid, and the position of its cells."""
+def read_grid_file(path: str | os.PathLike[str]) -> tuple[Float32s, GeoBox, Fading]:
+    """Read the log-odds of a grid, the position of its cells, and how its evidence fades."""
     name = os.fspath(path)
     dataset = Dataset.open(name)
     other = f"{name} is not a grid that OccupancyGrid.save saved, but another raster"
@@ -64,7 +73,12 @@ def read_grid_file(path: str | os.PathLike[str]) -> tuple[Float32s, GeoBox]:
     log_odds: Float32s = values[0]
     if not (np.abs(log_odds) <= MAX_LOG_ODDS).all():
         raise MapError(f"{name} is damaged: log-odds of a grid lie in -{MAX_LOG_ODDS:g}..{MAX_LOG_ODDS:g}")
-    return log_odds, geobox
+    try:
+        words = tags.get(_FADING, f"{MAX_LOG_ODDS} None None").split()
+        clamp, half_life, after = (None if word == "None" else float(word) for word in words)
+        return log_odds, geobox, Fading(clamp or 0.0, half_life, after)
+    except (ValueError, TypeError) as error:
+        raise MapError(f"{name} is damaged: how its evidence fades cannot be read") from error
 
 
 def read_grid_message(message: Any) -> tuple[Float32s, GeoBox]:

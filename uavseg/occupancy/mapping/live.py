@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from uavseg._jit import inlined, kernel
 from uavseg.errors import ParameterError
 from uavseg.occupancy.mapping.grey_map import GreyMap, Mask
+from uavseg.occupancy.mapping.tracks import SegmentChanges, SegmentTracks
 from uavseg.segmentation.blocks.block_map import BlockMap, leaves_of_block, mean_v, required_ratios_of_block
 from uavseg.segmentation.blocks.division import block_ratios, selected_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
@@ -64,6 +65,7 @@ class LiveSegmentation:
         self._leaves = (np.zeros(cells, np.uint8), np.zeros(cells))
         self._intervals = np.zeros(cells, np.uint8)
         self._all_ratios = self._blocks.ratios.copy()
+        self._tracks: dict[int, SegmentTracks] = {}
         self._stale = np.ones(self._blocks.blocks, bool)
         self._is_inner = _inner_blocks(grey_map.shape)
         self.refit()
@@ -90,6 +92,22 @@ class LiveSegmentation:
             raise ParameterError(f"only a range has an inside; this segmentation is by {self.partition}")
         return np.asarray(self.intervals == 2)
 
+    def changes(self, interval: int | None = None) -> SegmentChanges:
+        """Tell which segments of an interval appeared, vanished, moved, split or merged since the last call.
+
+        By default those of the highest interval, such as what is occupied. Their cells need not share edges:
+        corners do. See `numbers` for the segments by number; the first call gives the first numbers.
+        """
+        interval = self._checked(interval)
+        if interval not in self._tracks:
+            self._tracks[interval] = SegmentTracks(self._intervals.shape)
+        return self._tracks[interval].update(self.intervals == interval)
+
+    def numbers(self, interval: int | None = None) -> NDArray[np.int64]:
+        """Return the number of the segment of each cell when `changes` was last called, (8 B, 8 C); or 0."""
+        tracks = self._tracks.get(self._checked(interval))
+        return np.zeros(self._intervals.shape, np.int64) if tracks is None else tracks.numbers.copy()
+
     def agreeing(self, interval: int) -> Mask:
         """Return the pixels whose leaf and whose v both lie in an interval: the cells that a path may pass.
 
@@ -97,9 +115,7 @@ class LiveSegmentation:
         An interval is as in `intervals`, 1 for free; a ParameterError says that there is none. The result is
         (rows, cols).
         """
-        count = len(self.partition.edges) + 1
-        if not 1 <= interval <= count:
-            raise ParameterError(f"intervals are 1 to {count} here, not {interval}")
+        interval = self._checked(interval)
         v = np.arange(1 << 16) / GREY_MAX
         within = np.flatnonzero(np.searchsorted(self.partition.edges, v) == interval - 1)
         low, high = (int(within[0]), int(within[-1])) if len(within) else (1, 0)
@@ -108,6 +124,14 @@ class LiveSegmentation:
         grey = self._grey_map.grey[1 : rows + 1, 1 : cols + 1]
         shown = leaves.repeat(CELL, 0).repeat(CELL, 1)[:rows, :cols].view(bool)
         return np.asarray(shown & (grey >= low) & (grey <= high))
+
+    def _checked(self, interval: int | None) -> int:
+        """Return an interval, the highest for None; refuse one that there is not."""
+        count = len(self.partition.edges) + 1
+        interval = count if interval is None else interval
+        if not 1 <= interval <= count:
+            raise ParameterError(f"intervals are 1 to {count} here, not {interval}")
+        return interval
 
     def block_map(self) -> BlockMap:
         """Return the block map with every R, which answers any other question too.

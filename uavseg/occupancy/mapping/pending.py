@@ -41,6 +41,11 @@ def empty_pending(shape: tuple[int, int]) -> PendingUpdates:
     return storage[first : len(storage) - _CACHE_LINE + first].reshape(rows, cols, 8, 8, 8, 8)
 
 
+def mark_up_to_date(pending: PendingUpdates, row: NDArray[np.int64], col: NDArray[np.int64]) -> None:
+    """Mark cells whose log-odds were set, so that `apply_pending` brings probability and grey up to date."""
+    pending[row >> 6, col >> 6, row >> 3 & 7, col >> 3 & 7, row & 7, col & 7] = UP_TO_DATE
+
+
 @inlined
 def row_offset(row, cols):  # type: ignore[no-untyped-def]
     """Return the offset of a row in the flat pending updates, see `empty_pending`; add that of the column."""

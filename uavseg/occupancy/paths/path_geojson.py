@@ -1,6 +1,7 @@
 """A planned path as GeoJSON (RFC 7946): one LineString with its attributes, split at the antimeridian."""
 
 import json
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -55,11 +56,24 @@ def path_to_geojson(path: PlannedPath) -> str:
         "clearance": path.clearance_m,
         "region": path.region,
     }
-    feature = {"type": "Feature", "properties": properties, "geometry": _geometry(path)}
-    return json.dumps({"type": "FeatureCollection", "features": [feature]}, indent=1) + "\n"
+    return feature_collection([(properties, line_geometry(path))])
 
 
-def _geometry(path: PlannedPath) -> dict[str, Any]:
+def feature_collection(features: Iterable[tuple[dict[str, Any], dict[str, Any]]]) -> str:
+    """Write features, their properties and geometries, as GeoJSON."""
+    written = [{"type": "Feature", "properties": about, "geometry": shape} for about, shape in features]
+    return json.dumps({"type": "FeatureCollection", "features": written}, indent=1) + "\n"
+
+
+def point_geometry(path: PlannedPath) -> dict[str, Any]:
+    """Return where a path ends, as `line_geometry`."""
+    positions = path.xy if path.geobox.crs is None else np.stack(path_lonlat(path), axis=1)
+    decimals = 9 if path.geobox.crs is None else decimals_for(min(ground_resolution(path.geobox)))
+    return {"type": "Point", "coordinates": np.round(positions[-1], decimals).tolist()}
+
+
+def line_geometry(path: PlannedPath) -> dict[str, Any]:
+    """Return the line of a path in degrees, or local without a CRS."""
     if path.geobox.crs is None:
         return _line(path.xy)
     degrees = np.stack(path_lonlat(path, _densify(path)), axis=1)

@@ -13,6 +13,7 @@ from uavseg.occupancy.mapping.grey_map import Mask
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.mapping.scan import Pose, Scan, check_distance, check_positive
 from uavseg.occupancy.mapping.sensor_messages import MAX_BEAMS, Floats
+from uavseg.occupancy.simulation.cell_scene import CellScene
 from uavseg.occupancy.simulation.scene import Scene
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.units import FREE, OCCUPIED, UNKNOWN
@@ -62,7 +63,7 @@ class RangeFinder:
         angles: Floats = np.radians((np.arange(beams) - (beams - 1) / 2) * self.step_deg)
         return angles
 
-    def scan(self, scene: Scene, pose: Pose, random: np.random.Generator) -> Scan:
+    def scan(self, scene: Scene | CellScene, pose: Pose, random: np.random.Generator) -> Scan:
         """Simulate one scan.
 
         A beam returns if a surface lies within the maximum range. The range is its distance with noise added:

@@ -25,21 +25,11 @@ _PAGE = re.compile(r"GTIFF_DIR:\d+:", re.IGNORECASE)
 
 @dataclass(frozen=True, slots=True)
 class NamedSource:
-    """A source as a VRT names it.
+    """A source as a VRT names it."""
 
-    Parameters
-    ----------
-    name : str
-        A path, or an address.
-    folder : Path
-        Base of a relative path.
-    is_raw : bool
-        Whether the bytes of the file are read as pixels, whatever it holds.
-    """
-
-    name: str
-    folder: Path
-    is_raw: bool
+    name: str  # a path, or an address
+    folder: Path  # base of a relative path
+    is_raw: bool  # whether the bytes of the file are read as pixels, whatever it holds
 
 
 def is_vrt(start: bytes) -> bool:

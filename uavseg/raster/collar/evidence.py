@@ -109,21 +109,11 @@ COARSE = 1024  # rows and columns at which pieces are looked at
 
 @dataclass(frozen=True, slots=True)
 class Lines:
-    """What a straight border is.
+    """What a straight border is."""
 
-    Parameters
-    ----------
-    most : int
-        Number of lines.
-    share : float
-        Least share of the border on them.
-    tolerance : float
-        Pixels from a line.
-    """
-
-    most: int
-    share: float
-    tolerance: float
+    most: int  # number of lines
+    share: float  # least share of the border on them
+    tolerance: float  # pixels from a line
 
 
 SHARP = Lines(8, 0.75, 2.0)
@@ -134,27 +124,18 @@ SMEARED = Lines(4, 0.9, 4.0)
 class Evidence:
     """What speaks for a collar.
 
-    Parameters
-    ----------
-    is_textured, is_smeared, is_speckled, fades : bool
-        Of `RimCounts`.
-    is_straight : bool
-        Whether a few straight lines hold most of the border, see `Lines`; each is at least an eighth of the
-        shorter side of the raster, and sixteen times the tolerance.
-    is_around, is_all_around : bool
-        Whether it holds three corners or more, or all four, and half of the edge of the raster.
-    is_one_piece : bool
-        Whether 97 % of the picture are connected.
+    Each line of a straight border is at least an eighth of the shorter side of the raster, and sixteen times
+    the tolerance.
     """
 
-    is_textured: bool
+    is_textured: bool  # this and the next three: of `RimCounts`
     is_smeared: bool
     is_speckled: bool
     fades: bool
-    is_straight: bool
-    is_around: bool
-    is_all_around: bool
-    is_one_piece: bool
+    is_straight: bool  # a few straight lines hold most of the border, see `Lines`
+    is_around: bool  # it holds three corners or more
+    is_all_around: bool  # all four, and half of the edge of the raster
+    is_one_piece: bool  # 97 % of the picture are connected
 
     @classmethod
     def of(

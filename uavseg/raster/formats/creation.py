@@ -6,6 +6,7 @@ from typing import Any
 
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
+from uavseg.execution.executors import threads_of_gdal
 from uavseg.plain_text import one_line, shown
 
 _INTERNAL = ("NONE", "DEFLATE", "LZW", "PACKBITS")  # every build of GDAL has them
@@ -19,27 +20,13 @@ _FLOATS = 3  # the predictor of floating point values
 
 @dataclass(frozen=True, slots=True)
 class CreationOptions:
-    """How a GeoTIFF is stored. Its pixels are the same whatever is chosen.
+    """How a GeoTIFF is stored. Its pixels are the same whatever is chosen."""
 
-    Parameters
-    ----------
-    compress : str
-        DEFLATE, LZW, ZSTD, LZMA, PACKBITS or NONE.
-    level : int, optional
-        Of DEFLATE (1 to 9) or ZSTD (1 to 22); by default 6, and GDAL's own.
-    predictor : {1, 2, 3}
-        1 none, 2 differences between neighbours, 3 for floating point values.
-    bigtiff : {"YES", "NO", "IF_NEEDED", "IF_SAFER"}
-        Whether offsets have 64 bits.
-    threads : int
-        Number of threads that compress; the bytes of the file do not depend on it.
-    """
-
-    compress: str = "DEFLATE"
-    level: int | None = None
-    predictor: int = 1
-    bigtiff: str = "IF_SAFER"
-    threads: int = 1
+    compress: str = "DEFLATE"  # DEFLATE, LZW, ZSTD, LZMA, PACKBITS or NONE
+    level: int | None = None  # of DEFLATE (1 to 9) or ZSTD (1 to 22); by default 6, and GDAL's own
+    predictor: int = 1  # 1 none, 2 differences between neighbours, 3 for floating point values
+    bigtiff: str = "IF_SAFER"  # "YES", "NO", "IF_NEEDED", "IF_SAFER": whether offsets have 64 bits
+    threads: int = 1  # number of threads that compress; the bytes of the file do not depend on it
 
     @classmethod
     def of(cls, words: Mapping[str, Any] | Iterable[str] | None) -> "CreationOptions":
@@ -84,7 +71,7 @@ class CreationOptions:
             options["zstd_level"] = self.level
         if self.predictor > 1:
             options["predictor"] = self.predictor
-        return options | {"bigtiff": self.bigtiff, "num_threads": str(self.threads)}
+        return options | {"bigtiff": self.bigtiff, "num_threads": threads_of_gdal(self.threads)}
 
 
 DEFAULT = CreationOptions()

@@ -13,6 +13,7 @@ from rasterio.windows import Window as FileWindow
 
 from uavseg.dataclass import dataclass
 from uavseg.errors import OutputError, RasterReadError
+from uavseg.execution.executors import threads_of_gdal
 from uavseg.inputs import regular_file
 from uavseg.output.atomic import atomic_file
 from uavseg.plain_text import cause_of
@@ -168,7 +169,7 @@ def read_geotiff(
     """
     regular_file(path)
     try:
-        options = {"driver": "GTiff", "num_threads": "all_cpus"}
+        options = {"driver": "GTiff", "num_threads": threads_of_gdal("all_cpus")}
         with gdal_env(), quiet_open(_page_name(path, page), **options) as file:
             check_limits(os.fspath(path), file)
             if shape not in (None, file.shape) or bands not in (None, file.count):

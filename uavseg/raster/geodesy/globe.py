@@ -50,51 +50,28 @@ class _Crs:
 
 @dataclass(frozen=True, slots=True)
 class CrsDefinition:
-    """How a file defines a CRS.
-
-    Parameters
-    ----------
-    authority : str or None
-        Such as "EPSG"; None for a CRS that none has numbered.
-    number : int
-        0 without an authority.
-    wkt1 : str or None
-        As GDAL writes it; None where WKT 1 cannot define it, such as one of three axes.
-    wkt2 : str
-        Of 2015.
-    """
+    """How a file defines a CRS."""
 
     name: str
-    authority: str | None
-    number: int
-    wkt1: str | None
-    wkt2: str
+    authority: str | None  # such as "EPSG"; None for a CRS that none has numbered
+    number: int  # 0 without an authority
+    wkt1: str | None  # as GDAL writes it; None where WKT 1 cannot define it, such as one of three axes
+    wkt2: str  # of 2015
 
 
 @dataclass(frozen=True, slots=True)
 class Ellipsoid:
     """The ellipsoid under a CRS, and the transform from the map to its longitude and latitude.
 
-    Parameters
-    ----------
-    inverse : Transform or None
-        From map coordinates to longitude and latitude; None where they are that already, and the pole is that
-        of the ellipsoid.
-    unit : float
-        Radians in one unit of longitude and latitude.
-    unit_m : float
-        Metres, roughly, in one unit of the map.
-    radius : float
-        Semi-major axis in metres.
-    eccentricity2 : float
-        Square of the first eccentricity.
+    There is no transform where map coordinates are longitude and latitude already, and the pole is that of
+    the ellipsoid.
     """
 
-    inverse: Transform | None
-    unit: float
-    unit_m: float
-    radius: float
-    eccentricity2: float
+    inverse: Transform | None  # from map coordinates to longitude and latitude
+    unit: float  # radians in one unit of longitude and latitude
+    unit_m: float  # metres, roughly, in one unit of the map
+    radius: float  # semi-major axis in metres
+    eccentricity2: float  # square of the first eccentricity
 
     def radii(self, lat: Floats) -> tuple[Floats, Floats]:
         """Return radii of curvature of the meridian and of the parallel, in metres; `lat` in radians."""

@@ -32,19 +32,12 @@ UNITS_M = {
 class VerticalReference:
     """What heights are measured from.
 
-    Parameters
-    ----------
-    zero : "sea", "ellipsoid" or "unknown"
-        A geoid or the level of a tide gauge; the ellipsoid, as satellite positioning has it at first.
-    name : str
-        The name of the vertical CRS, such as "EGM96 height"; empty where there is none.
-    unit_m : float, optional
-        Metres in a unit; None where the CRS does not say.
+    That is a geoid or the level of a tide gauge, or the ellipsoid, as satellite positioning has it at first.
     """
 
     zero: Literal["sea", "ellipsoid", "unknown"] = "unknown"
-    name: str = ""
-    unit_m: float | None = None
+    name: str = ""  # the name of the vertical CRS, such as "EGM96 height"; empty where there is none
+    unit_m: float | None = None  # metres in a unit; None where the CRS does not say
 
 
 def vertical_reference(wkt: str) -> VerticalReference:

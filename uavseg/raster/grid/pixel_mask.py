@@ -20,20 +20,12 @@ Pixels = NDArray[np.bool_]
 class PixelMask:
     """A set of pixels of a raster; its memory grows with the length of its outline, not with its area.
 
-    Parameters
-    ----------
-    codes : (B, C) uint8 array
-        Whether no pixel, all pixels or some pixels of each block of 64 are in the set; what lies beyond the
-        raster counts neither way.
-    places : (k,) int64 array
-        The mixed blocks, as indices into the flat `codes`, ascending.
-    bits : (k, 64, 8) uint8 array
-        Their pixels, eight to a byte.
+    What lies beyond the raster counts neither way.
     """
 
-    codes: NDArray[np.uint8] = field(repr=False)
-    places: NDArray[np.int64] = field(repr=False)
-    bits: NDArray[np.uint8] = field(repr=False)
+    codes: NDArray[np.uint8] = field(repr=False)  # (B, C): no, all or some pixels of a block of 64
+    places: NDArray[np.int64] = field(repr=False)  # (k,): mixed blocks, as ascending indices into `codes`
+    bits: NDArray[np.uint8] = field(repr=False)  # (k, 64, 8): their pixels, eight to a byte
 
     @classmethod
     def of(cls, pixels: Pixels) -> "PixelMask":

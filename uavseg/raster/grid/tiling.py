@@ -164,21 +164,11 @@ def _in_units(window: Window, unit: int) -> tuple[slice, slice]:
 
 @dataclass(frozen=True, slots=True)
 class TilePass:
-    """One pass over the tiles of a raster.
+    """One pass over the tiles of a raster."""
 
-    Parameters
-    ----------
-    windows : sequence of Window
-        Tiles that cover the raster, each after those above it and to its left in its panel.
-    map : Map
-        The executor.
-    progress : callable, optional
-        Called with (done, total).
-    """
-
-    windows: Sequence[Window]
+    windows: Sequence[Window]  # each after those above it and to its left in its panel
     map: Map = serial
-    progress: Progress | None = None
+    progress: Progress | None = None  # called with (done, total)
 
     def run(
         self, function: Callable[[Any], Result], items: Sequence[Any] | None = None

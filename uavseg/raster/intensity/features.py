@@ -23,24 +23,12 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Feature:
-    """A number per pixel, in the words that choose it.
+    """A number per pixel, in the words that choose it."""
 
-    Parameters
-    ----------
-    kind : {"band", "index", "sum"}
-        From what is simplest to read: a band or the luminance, an index or a ratio, a weighted sum.
-    band : int, optional
-        The band, if it is one.
-    words : BandWords
-        The index or the expression, if it is one.
-    choice : BandChoice
-        What the words choose.
-    """
-
-    kind: str
-    band: int | None
-    words: BandWords
-    choice: BandChoice = field(repr=False)
+    kind: str  # "band" (or luminance), "index" (or ratio) or "sum"; from what is simplest to read
+    band: int | None  # the band, if it is one
+    words: BandWords  # index or expression, if it is one
+    choice: BandChoice = field(repr=False)  # what the words choose
 
     def values(self, planes: Mapping[int, Floats], scales: Mapping[int, BandScale]) -> Floats:
         """Return its values, in the units of the raster, from stored numbers (n,) of each band."""

@@ -82,16 +82,13 @@ def _lookup_table(low: float, high: float, type_code: str) -> Grey:
     return grey
 
 
-@kernel("void(u1[::1], u2[::1], u2[::1])")
-def _look_up_u1(values, table, grey):  # type: ignore[no-untyped-def]
+def _look_up(values, table, grey):  # type: ignore[no-untyped-def]
     for i in range(values.size):
         grey[i] = table[values[i]]
 
 
-@kernel("void(u2[::1], u2[::1], u2[::1])")
-def _look_up_u2(values, table, grey):  # type: ignore[no-untyped-def]
-    for i in range(values.size):
-        grey[i] = table[values[i]]
+_look_up_u1 = kernel("void(u1[::1], u2[::1], u2[::1])")(_look_up)
+_look_up_u2 = kernel("void(u2[::1], u2[::1], u2[::1])")(_look_up)
 
 
 @inlined
@@ -120,31 +117,20 @@ def _luminance(red, green, blue):  # type: ignore[no-untyped-def]
     return RED * red + GREEN * green + BLUE * blue
 
 
-@kernel("void(u1[:,::1], f8, f8, u2[::1])")
-def _grey_rgb_u1(planes, low, high, grey):  # type: ignore[no-untyped-def]
+def _grey_rgb(planes, low, high, grey):  # type: ignore[no-untyped-def]
     for i in range(grey.size):
         grey[i] = _grey_of(_luminance(planes[0, i], planes[1, i], planes[2, i]), low, high)
 
 
-@kernel("void(u2[:,::1], f8, f8, u2[::1])")
-def _grey_rgb_u2(planes, low, high, grey):  # type: ignore[no-untyped-def]
-    for i in range(grey.size):
-        grey[i] = _grey_of(_luminance(planes[0, i], planes[1, i], planes[2, i]), low, high)
+_grey_rgb_u1 = kernel("void(u1[:,::1], f8, f8, u2[::1])")(_grey_rgb)
+_grey_rgb_u2 = kernel("void(u2[:,::1], f8, f8, u2[::1])")(_grey_rgb)
+_grey_rgb_f4 = kernel("void(f4[:,::1], f8, f8, u2[::1])")(_grey_rgb)
 
 
-@kernel("void(f4[:,::1], f8, f8, u2[::1])")
-def _grey_rgb_f4(planes, low, high, grey):  # type: ignore[no-untyped-def]
-    for i in range(grey.size):
-        grey[i] = _grey_of(_luminance(planes[0, i], planes[1, i], planes[2, i]), low, high)
-
-
-@kernel("void(u1[:,::1], f4[::1])")
-def _luminance_u1(planes, result):  # type: ignore[no-untyped-def]
+def _luminances(planes, result):  # type: ignore[no-untyped-def]
     for i in range(result.size):
         result[i] = _luminance(planes[0, i], planes[1, i], planes[2, i])
 
 
-@kernel("void(u2[:,::1], f4[::1])")
-def _luminance_u2(planes, result):  # type: ignore[no-untyped-def]
-    for i in range(result.size):
-        result[i] = _luminance(planes[0, i], planes[1, i], planes[2, i])
+_luminance_u1 = kernel("void(u1[:,::1], f4[::1])")(_luminances)
+_luminance_u2 = kernel("void(u2[:,::1], f4[::1])")(_luminances)

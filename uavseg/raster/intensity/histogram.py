@@ -84,18 +84,14 @@ def _mask_bytes(valid: NDArray[np.bool_] | None) -> NDArray[np.uint8]:
     return np.ascontiguousarray(valid).reshape(-1).view(np.uint8)
 
 
-@kernel("void(u1[::1], u1[::1], i8[::1])")
-def _count_u1(values, valid, counts):  # type: ignore[no-untyped-def]
+def _count(values, valid, counts):  # type: ignore[no-untyped-def]
     for i in range(values.size):
         if valid.size == 0 or valid[i]:
             counts[values[i]] += 1
 
 
-@kernel("void(u2[::1], u1[::1], i8[::1])")
-def _count_u2(values, valid, counts):  # type: ignore[no-untyped-def]
-    for i in range(values.size):
-        if valid.size == 0 or valid[i]:
-            counts[values[i]] += 1
+_count_u1 = kernel("void(u1[::1], u1[::1], i8[::1])")(_count)
+_count_u2 = kernel("void(u2[::1], u1[::1], i8[::1])")(_count)
 
 
 @kernel("void(u4[::1], u1[::1], i8[::1])")

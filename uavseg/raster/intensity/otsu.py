@@ -23,20 +23,13 @@ VALLEY = 1 / 3  # largest height of a valley, as a share of the lower of two mod
 class Classes:
     """A partition of a histogram into classes of adjacent bins.
 
-    Parameters
-    ----------
-    ends : tuple of int
-        The last non-empty bin of each class but the last.
-    starts : tuple of int
-        The first non-empty bin of each class but the first. All bins between the end of a class and the start
-        of the next are empty, so any threshold between them is equally good.
-    explained : float
-        Between-class variance as a share of the total variance, 0 to 1.
+    All bins between the end of a class and the start of the next are empty, so any threshold between them is
+    equally good.
     """
 
-    ends: tuple[int, ...]
-    starts: tuple[int, ...]
-    explained: float
+    ends: tuple[int, ...]  # the last non-empty bin of each class but the last
+    starts: tuple[int, ...]  # the first non-empty bin of each class but the first
+    explained: float  # between-class variance as a share of the total variance, 0 to 1
 
     @property
     def count(self) -> int:

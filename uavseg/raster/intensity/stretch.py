@@ -25,20 +25,13 @@ AUTO_PERCENTILES = (Fraction(2), Fraction(98))
 class Border:
     """A bound of a range, on which greys are decided by the intensities themselves.
 
-    Parameters
-    ----------
-    intensity : float
-        Stored intensity of the bound, which belongs to the range.
-    grey : int
-        The last grey of the range. Intensities outside of the bound that have it get the next grey outside;
-        those inside that have the next grey outside get this one.
-    is_low : bool
-        Whether the range lies above it.
+    Intensities outside of the bound that have the last grey of the range get the next grey outside; those
+    inside that have the next grey outside get this one.
     """
 
-    intensity: float
-    grey: int
-    is_low: bool
+    intensity: float  # stored; belongs to the range
+    grey: int  # the last of the range
+    is_low: bool  # the range lies above it
 
     @property
     def outside(self) -> int:
@@ -53,28 +46,17 @@ class Stretch:
     v = (intensity − low) / (high − low), clipped to [0, 1], and grey = floor(65535 v + 0.5). If low = high, v
     is 0 below, 1 above and 0.5 at that intensity, so a constant image is middle grey.
 
-    Parameters
-    ----------
-    low, high : float
-        The intensities that become black and white.
-    name : str
-        Description for messages: "percentile:2,98 -> 113..2045".
-    warnings : tuple of str
-        For the user.
-    borders : tuple of Border
-        Bounds of ranges that greys alone would not decide exactly.
-
     Examples
     --------
     >>> Stretch(0.0, 255.0, "dtype").apply(np.array([[[0, 128, 255]]], np.uint8))
     array([[    0, 32896, 65535]], dtype=uint16)
     """
 
-    low: float
-    high: float
-    name: str
+    low: float  # the intensity that becomes black
+    high: float  # and white
+    name: str  # for messages: "percentile:2,98 -> 113..2045"
     warnings: tuple[str, ...] = ()
-    borders: tuple[Border, ...] = ()
+    borders: tuple[Border, ...] = ()  # of ranges that greys alone would not decide exactly
 
     @property
     def clips(self) -> bool:

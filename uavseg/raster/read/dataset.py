@@ -57,11 +57,6 @@ class OpenRaster(RasterFile):
     def __reduce__(self) -> tuple[Callable[..., RasterFile], tuple[Any, ...]]:
         raise ParameterError(f"{self.path} is an open raster, which no other process can read; give its path")
 
-    @property
-    def name(self) -> str:
-        """The last part of the path."""
-        return Path(self.path).name
-
     def fingerprint(self) -> Any:
         """Raise ParameterError: what is open cannot be recognised in another run."""
         raise ParameterError(
@@ -204,13 +199,7 @@ class Dataset:
 
     @checked
     def of_band(self, band: int | str, nodata: float | str | None = None) -> "Dataset":
-        """Return the same raster with the intensity of one band, by its number or name.
-
-        Raises
-        ------
-        ParameterError
-            If there is no such band.
-        """
+        """Return the same raster with the intensity of one band; ParameterError if there is no such band."""
         choice = choose(self.mosaic.files[0].layout, band, None, BandWords())
         check_names_agree(self.mosaic.files, choice.bands)
         files, warnings = with_nodata(self.mosaic.files, choice, nodata)
@@ -268,10 +257,7 @@ class Dataset:
     def windows(self, tile: int | None = None) -> list[Window]:
         """Return the tiles in reading order: squares of this side in pixels, or a size that suits the files.
 
-        Raises
-        ------
-        ParameterError
-            If the side is not a positive multiple of 64.
+        A ParameterError says that the side is not a positive multiple of 64.
         """
         shape = self.geobox.shape
         return in_panels(tiles(shape, tile_side(shape, self.file_block) if tile is None else tile))

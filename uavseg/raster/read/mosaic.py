@@ -30,21 +30,11 @@ RasterSource = RasterFile | ArraySource
 
 @dataclass(frozen=True, eq=False)
 class Mosaic:
-    """Rasters on a common grid.
+    """Rasters on a common grid."""
 
-    Parameters
-    ----------
-    files : tuple of Source
-        The first wins where they overlap.
-    boxes : (files, 4) int64 array
-        First row, first column, end row and end column of each file, in pixels of `geobox`.
-    geobox : GeoBox
-        The smallest grid that contains all of them.
-    """
-
-    files: tuple[RasterSource, ...]
-    boxes: Boxes
-    geobox: GeoBox
+    files: tuple[RasterSource, ...]  # the first wins where they overlap
+    boxes: Boxes  # (files, 4): first row, first column, end row and end column, in pixels of `geobox`
+    geobox: GeoBox  # the smallest grid that contains all of them
 
     def parts(self, window: Window) -> Iterator[tuple[RasterSource, Window, tuple[slice, slice]]]:
         """Yield the files that intersect `window`, the part of each, and its index in an array of that."""

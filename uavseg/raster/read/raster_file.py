@@ -84,48 +84,25 @@ FileState = tuple[str, int, int]
 
 @dataclass(frozen=True, slots=True)
 class RasterFile:
-    """Metadata of a raster file; the pixels stay in the file.
-
-    Parameters
-    ----------
-    transform : affine.Affine
-        The identity if the file is not georeferenced.
-    nodatas : tuple of float or None
-        The nodata value of each band.
-    added_nodata : float or None
-        Another one, of all bands that are read.
-    block : (int, int)
-        Rows and columns of one block of the file.
-    masks : str
-        "file" if all bands share a mask, "band" if each has its own, or "".
-    white_is_zero : bool
-        Whether large values are dark.
-    palette : tuple of (red, green, blue, alpha), or None
-    online : bool
-        Whether reading it may make requests.
-    overviews : tuple of int
-        Downsampling factors of the overviews in the file.
-    scales : tuple of BandScale
-        The scale, offset and unit of each band.
-    """
+    """Metadata of a raster file; the pixels stay in the file."""
 
     path: str
     shape: tuple[int, int]
-    transform: Affine
+    transform: Affine  # the identity if the file is not georeferenced
     crs: CRS | None
     located: bool
     layout: BandLayout
-    nodatas: tuple[float | None, ...]
-    block: tuple[int, int]
-    masks: str
-    white_is_zero: bool
+    nodatas: tuple[float | None, ...]  # the nodata value of each band
+    block: tuple[int, int]  # rows and columns of one block of the file
+    masks: str  # "file" if all bands share a mask, "band" if each has its own, or ""
+    white_is_zero: bool  # whether large values are dark
     palette: tuple[tuple[int, int, int, int], ...] | None
     driver: str
-    online: bool
-    overviews: tuple[int, ...]
+    online: bool  # whether reading it may make requests
+    overviews: tuple[int, ...]  # downsampling factors of the overviews in the file
     warnings: tuple[str, ...]
-    scales: tuple[BandScale, ...] = ()
-    added_nodata: float | None = None
+    scales: tuple[BandScale, ...] = ()  # the scale, offset and unit of each band
+    added_nodata: float | None = None  # another one, of all bands that are read
 
     def __reduce__(self) -> tuple[Callable[..., "RasterFile"], tuple[Any, ...]]:
         # A relative path becomes absolute: another process may have another working directory.

@@ -193,21 +193,11 @@ _GIVEN = re.compile(r"[^\W\d]\w{0,39}")
 
 @dataclass(frozen=True, slots=True)
 class BandName:
-    """The names of one band.
+    """The names of one band."""
 
-    Parameters
-    ----------
-    number : int
-        Counted from 1.
-    description : str
-        From the file or the user; may be empty.
-    common : str
-        Such as "nir", see `common_names`; may be empty.
-    """
-
-    number: int
-    description: str
-    common: str
+    number: int  # counted from 1
+    description: str  # from the file or the user; may be empty
+    common: str  # such as "nir", see `common_names`; may be empty
 
     @property
     def keys(self) -> frozenset[str]:

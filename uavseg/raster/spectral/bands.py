@@ -131,25 +131,13 @@ def values_text(ends: Sequence[float], unit: str = "") -> str:
 
 @dataclass(frozen=True, slots=True)
 class BandLayout:
-    """Types, colour interpretations and bit depths of the bands of a file, first band first.
-
-    Parameters
-    ----------
-    dtypes, roles : tuple of str
-        Type of each band, and its colour interpretation ("red", "alpha", "undefined", ...).
-    bits : tuple of int
-        Bits of each band that are used: 12 for 12-bit data stored as uint16.
-    descriptions : tuple of str
-        Name of each band, "" where it has none; empty if no band has one.
-    micrometres : tuple of float or None
-        Central wavelength of each band; empty if none is known.
-    """
+    """Types, colour interpretations and bit depths of the bands of a file, first band first."""
 
     dtypes: tuple[str, ...]
-    roles: tuple[str, ...]
-    bits: tuple[int, ...]
-    descriptions: tuple[str, ...] = ()
-    micrometres: tuple[float | None, ...] = ()
+    roles: tuple[str, ...]  # colour interpretations: "red", "alpha", "undefined", ...
+    bits: tuple[int, ...]  # that are used: 12 for 12-bit data stored as uint16
+    descriptions: tuple[str, ...] = ()  # "" for a band without; empty if no band has one
+    micrometres: tuple[float | None, ...] = ()  # central wavelengths; empty if none is known
 
     @property
     def alpha(self) -> int | None:

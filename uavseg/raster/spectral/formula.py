@@ -24,20 +24,11 @@ class BandWords:
     """What the user says of bands beside their numbers.
 
     A ParameterError says that both an index and an expression are given.
-
-    Parameters
-    ----------
-    index : str, optional
-        A spectral index, see `indices`.
-    expr : str, optional
-        Band arithmetic, see `expression`.
-    names : str, optional
-        Names for the bands, see `band_names.renamed`.
     """
 
-    index: str | None = None
-    expr: str | None = None
-    names: str | None = None
+    index: str | None = None  # a spectral index, see `indices`
+    expr: str | None = None  # band arithmetic, see `expression`
+    names: str | None = None  # names for the bands, see `band_names.renamed`
 
     def __post_init__(self) -> None:
         if self.index is not None and self.expr is not None:
@@ -51,22 +42,12 @@ class BandWords:
 
 @dataclass(frozen=True, slots=True)
 class Formula:
-    """Band arithmetic over bands of a raster.
+    """Band arithmetic over bands of a raster."""
 
-    Parameters
-    ----------
-    title : str
-        Such as "ndvi".
-    limits : (float, float), optional
-        Between which all values lie.
-    of_reflectance : bool
-        Whether it holds for reflectance alone.
-    """
-
-    title: str
+    title: str  # such as "ndvi"
     expression: "Expression"
-    limits: tuple[float, float] | None = None
-    of_reflectance: bool = False
+    limits: tuple[float, float] | None = None  # between which all values lie
+    of_reflectance: bool = False  # whether it holds for reflectance alone
 
     @property
     def name(self) -> str:

@@ -12,23 +12,13 @@ from uavseg.plain_text import shown
 
 @dataclass(frozen=True, slots=True)
 class SpectralIndex:
-    """A spectral index.
+    """A spectral index."""
 
-    Parameters
-    ----------
-    name : str
-        In full.
-    limits : (float, float), optional
-        Between which every value lies, of bands that are not negative.
-    of_reflectance : bool
-        Whether it holds for reflectance (0 to 1) alone: its constants are added to bands.
-    """
-
-    name: str
+    name: str  # in full
     formula: str
     reference: str
-    limits: tuple[float, float] | None = (-1.0, 1.0)
-    of_reflectance: bool = False
+    limits: tuple[float, float] | None = (-1.0, 1.0)  # between which all values of positive bands lie
+    of_reflectance: bool = False  # for reflectance (0 to 1) alone: constants are added to bands
 
 
 _DOI = "https://doi.org/"

@@ -19,7 +19,7 @@ from rasterio.io import DatasetReader
 
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.spectral.bands import Values
-from uavseg.raster.tiff.directories import BlockStream, checked_blocks, file_of, strip_rows
+from uavseg.raster.tiff.directories import BlockStream, CheckedBlocks, file_of, strip_rows
 
 _known: "WeakKeyDictionary[DatasetReader, DeflateBlocks | None]" = WeakKeyDictionary()  # by open file
 
@@ -51,39 +51,28 @@ def _deflate_blocks(name: str, source: DatasetReader) -> "DeflateBlocks | None":
     return DeflateBlocks(name, path, source, is_tiled=rows is None)
 
 
-class DeflateBlocks:
+class DeflateBlocks(CheckedBlocks):
     """The blocks of an open TIFF that is compressed by deflate."""
 
     def __init__(self, name: str, path: Path, source: DatasetReader, is_tiled: bool) -> None:
-        structure = source.tags(ns="IMAGE_STRUCTURE")
-        self._path = path
-        self._predictor = structure.get("PREDICTOR", "1")
-        self._all_bands = structure.get("INTERLEAVE") == "PIXEL" and source.count > 1
+        super().__init__(name, path, source)
+        self._predictor = source.tags(ns="IMAGE_STRUCTURE").get("PREDICTOR", "1")
         self._bits = source.tags(1, ns="IMAGE_STRUCTURE").get("NBITS")
-        self._shape = source.block_shapes[0]
         self._is_tiled = is_tiled
-        rows, cols = self._shape
-        size = (1 if self._all_bands else source.count, -(-source.height // rows), -(-source.width // cols))
-        self._checked = checked_blocks(name, path, size)
 
     def check(
         self, source: DatasetReader, bands: tuple[int, ...], window: Window, values: Values | None
     ) -> None:
         """Check as `check_deflate_blocks`."""
         rows, cols = self._shape
-        i, j = window.row // rows, window.col // cols
-        last = -(-(window.row + window.rows) // rows), -(-(window.col + window.cols) // cols)
-        planes = [0] if self._all_bands else [band - 1 for band in bands]
-        left = np.argwhere(~self._checked[planes, i : last[0], j : last[1]])
-        for plane, row, col in (left + np.array([0, i, j])).tolist():
+        for k, row, col in self._left(bands, window):
             block = Window(row * rows, col * cols, rows, cols).clipped(source.shape)
-            every = tuple(source.indexes) if self._all_bands else (bands[plane],)
-            own = None if values is None else values[plane : plane + len(every)]
+            every = tuple(source.indexes) if self._all_bands else (bands[k],)
+            own = None if values is None else values[k : k + len(every)]
             if self._all_bands and bands != every:
                 own = None  # without the other bands of the block
             if not self._is_right(source, every, (row, col), block, _part(own, window, block)):
                 raise RasterBlockError(f"the stream of the block at {row}, {col} goes on beyond its end")
-            self._checked[planes[plane], row, col] = True
 
     def _is_right(
         self,

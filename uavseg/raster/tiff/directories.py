@@ -14,6 +14,7 @@ next one, the last one 0.
 import os
 import re
 import struct
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import BinaryIO
@@ -27,6 +28,7 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import RasterReadError
 from uavseg.inputs import regular_file
 from uavseg.plain_text import cause_of
+from uavseg.raster.grid.tiling import Window
 
 _PAGE = re.compile(r"GTIFF_DIR:(?:off:)?\d+:(.+)", re.IGNORECASE | re.DOTALL)
 
@@ -67,10 +69,27 @@ class BlockStream:
             return file.read(left if most is None else min(left, most))
 
 
-def checked_blocks(name: str, path: Path, shape: tuple[int, int, int]) -> NDArray[np.bool_]:
-    """Return blocks of an image known to be right, by plane, row and column; for all threads."""
-    about = path.stat()
-    return _checked(name, about.st_size, about.st_mtime_ns, shape)
+class CheckedBlocks:
+    """The blocks of an image, which all threads check once: `name` is that of the image, `path` its file."""
+
+    def __init__(self, name: str, path: Path, source: DatasetReader) -> None:
+        self._path = path
+        rows, cols = self._shape = source.block_shapes[0]
+        self._all_bands = source.tags(ns="IMAGE_STRUCTURE").get("INTERLEAVE") == "PIXEL" and source.count > 1
+        planes, about = 1 if self._all_bands else source.count, path.stat()
+        size = planes, -(-source.height // rows), -(-source.width // cols)
+        self._checked = _checked(name, about.st_size, about.st_mtime_ns, size)
+
+    def _left(self, bands: Sequence[int], window: Window) -> Iterator[tuple[int, int, int]]:
+        """Yield index of the band, row and column of blocks to check; each counts as right if it goes on."""
+        rows, cols = self._shape
+        i, j = window.row // rows, window.col // cols
+        last = -(-(window.row + window.rows) // rows), -(-(window.col + window.cols) // cols)
+        planes = [0] if self._all_bands else [band - 1 for band in bands]
+        left = np.argwhere(~self._checked[planes, i : last[0], j : last[1]])
+        for k, row, col in (left + np.array([0, i, j])).tolist():
+            yield k, row, col
+            self._checked[planes[k], row, col] = True
 
 
 @lru_cache(maxsize=64)

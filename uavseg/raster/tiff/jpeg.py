@@ -10,14 +10,13 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from weakref import WeakKeyDictionary
 
-import numpy as np
 from rasterio.enums import Compression, PhotometricInterp
 from rasterio.errors import RasterBlockError
 from rasterio.io import DatasetReader
 
 from uavseg.dataclass import dataclass
 from uavseg.raster.grid.tiling import Window
-from uavseg.raster.tiff.directories import BlockStream, checked_blocks, file_of
+from uavseg.raster.tiff.directories import BlockStream, CheckedBlocks, file_of
 
 HEADER_BYTES = 4096  # in which the frame header usually lies
 _START_OF_FRAME = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}  # these three are tables, or reserved
@@ -51,32 +50,22 @@ def _jpeg_blocks(name: str, source: DatasetReader) -> "JpegBlocks | None":
     return None if path is None else JpegBlocks(name, path, source)
 
 
-class JpegBlocks:
+class JpegBlocks(CheckedBlocks):
     """The blocks of an open TIFF that is compressed by JPEG."""
 
     def __init__(self, name: str, path: Path, source: DatasetReader) -> None:
-        self._path = path
-        self._all_bands = source.tags(ns="IMAGE_STRUCTURE").get("INTERLEAVE") == "PIXEL" and source.count > 1
-        rows, cols = self._shape = source.block_shapes[0]
-        planes = 1 if self._all_bands else source.count
+        super().__init__(name, path, source)
         tables = source.get_tag_item("JPEGTABLES", "TIFF", bidx=1) or ""
         self._tables = _parse(bytes.fromhex(tables)).defined
-        size = planes, -(-source.height // rows), -(-source.width // cols)
-        self._checked = checked_blocks(name, path, size)
 
     def check(self, source: DatasetReader, bands: Sequence[int], window: Window) -> None:
         """Check as `check_jpeg_blocks`."""
         rows, cols = self._shape
-        i, j = window.row // rows, window.col // cols
-        last = -(-(window.row + window.rows) // rows), -(-(window.col + window.cols) // cols)
-        planes = [0] if self._all_bands else [band - 1 for band in bands]
-        left = np.argwhere(~self._checked[planes, i : last[0], j : last[1]])
-        for plane, row, col in (left + np.array([0, i, j])).tolist():
-            stored = BlockStream.of(self._path, source, planes[plane] + 1, (row, col))
+        for k, row, col in self._left(bands, window):
+            stored = BlockStream.of(self._path, source, 1 if self._all_bands else bands[k], (row, col))
             expected = min(rows, source.height - row * rows) if cols == source.width else rows, cols
             if stored is not None:
                 self._check_header(stored, expected, (row, col))
-            self._checked[planes[plane], row, col] = True
 
     def _check_header(self, stored: BlockStream, expected: tuple[int, int], place: tuple[int, int]) -> None:
         header = _parse(stored.read(0, HEADER_BYTES))
@@ -96,24 +85,14 @@ class JpegBlocks:
 class _Header:
     """What the segments before the pixels of a JPEG say.
 
-    Parameters
-    ----------
-    size : (int, int) or None
-        Rows and columns; None without a frame header.
-    defined, named : frozenset of (str, int)
-        Tables that it holds and those that it needs: "Q" and the number of a table of quantisation, "H" and
-        class and number of one of Huffman codes.
-    ends : bool
-        Whether the pixels begin.
-    damaged : bool
-        Whether something else stands where a segment should begin.
+    A table is "Q" and the number of one of quantisation, or "H" and class and number of one of Huffman codes.
     """
 
-    size: tuple[int, int] | None
-    defined: frozenset[tuple[str, int]]
-    named: frozenset[tuple[str, int]]
-    ends: bool
-    damaged: bool
+    size: tuple[int, int] | None  # rows and columns; None without a frame header
+    defined: frozenset[tuple[str, int]]  # tables that it holds
+    named: frozenset[tuple[str, int]]  # tables that it needs
+    ends: bool  # the pixels begin
+    damaged: bool  # something else stands where a segment should begin
 
 
 def _parse(stream: bytes) -> _Header:

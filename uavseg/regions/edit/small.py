@@ -57,8 +57,10 @@ def fill_small_holes(outlined: RegionOutlines, geobox: GeoBox, min_area: Area) -
     return renumber_by_size(rings, outlined.sums, kept)
 
 
-def drop_small_regions(outlined: RegionOutlines, geobox: GeoBox, min_area: Area) -> RegionOutlines:
-    """Drop regions below a minimum area, and number the others 1..n in order."""
+def drop_small_regions(outlined: RegionOutlines, geobox: GeoBox, min_area: Area | None) -> RegionOutlines:
+    """Drop regions below a minimum area, if there is one, and number the others 1..n in order."""
+    if min_area is None:
+        return outlined
     rings = outlined.rings
     areas = region_areas(outlined, geobox, min_area)
     return renumber_by_size(rings, outlined.sums, areas[rings.labels - 1] >= min_area.value)

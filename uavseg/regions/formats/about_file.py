@@ -19,37 +19,18 @@ KML_NAMES = KML_FIELDS | {"id2"}  # that GDAL gives each KML file
 
 @dataclass(frozen=True, slots=True)
 class RegionFile:
-    """Metadata of a file of regions.
-
-    Parameters
-    ----------
-    format : str
-        Such as "GeoPackage".
-    layer : str or None
-        The first layer.
-    others : int
-        Number of other layers.
-    geometry : str
-        Type of its geometries.
-    crs : str or None
-        Name of the CRS.
-    bounds : (float, float, float, float) or None
-        left, bottom, right, top in coordinates of the CRS; None if the file is empty or they are not finite.
-    columns : tuple of str
-    metadata : dict
-        Source and parameters of the regions; empty where the file has none.
-    """
+    """Metadata of a file of regions."""
 
     path: str
-    format: str
-    layer: str | None
-    others: int
-    geometry: str
+    format: str  # such as "GeoPackage"
+    layer: str | None  # the first
+    others: int  # number of other layers
+    geometry: str  # type
     regions: int
-    crs: str | None
-    bounds: tuple[float, float, float, float] | None
+    crs: str | None  # name
+    bounds: tuple[float, float, float, float] | None  # left, bottom, right, top; None if not finite
     columns: tuple[str, ...]
-    metadata: dict[str, Any]
+    metadata: dict[str, Any]  # source and parameters of the regions; may be empty
 
     def as_dict(self) -> dict[str, Any]:
         """Return all fields as plain values for JSON."""
@@ -67,12 +48,8 @@ def is_region_file(path: str | os.PathLike[str]) -> bool:
 def about_file(path: str | os.PathLike[str]) -> RegionFile:
     """Read the metadata of a file of regions, without the regions.
 
-    Raises
-    ------
-    RegionError
-        If it cannot be read as regions.
-    AccessError
-        If its content names other files or addresses.
+    A RegionError says that it cannot be read as regions, an AccessError that its content names other files or
+    addresses.
     """
     name = os.fspath(path)
     check_vector(path, name)

@@ -24,15 +24,8 @@ _GEOMETRY = b'"geometry"'
 def check_feature_count(source: str | os.PathLike[str] | bytes, name: str, layer: str | None = None) -> int:
     """Return how many features a layer claims, -1 if that is not known before they are read.
 
-    Refuse a layer that claims more than its file has bytes, and JSON with features that GDAL does not count,
-    with a RegionError.
-
-    Parameters
-    ----------
-    name : str
-        For messages.
-    layer : str, optional
-        By default the first one.
+    Refuse a layer, by default the first one, that claims more than its file has bytes, and JSON with features
+    that GDAL does not count, with a RegionError. `name` is for messages.
     """
     import pyogrio
 
@@ -49,28 +42,14 @@ def check_feature_count(source: str | os.PathLike[str] | bytes, name: str, layer
 def check_count(count: int, features: int, name: str) -> None:
     """Refuse a layer of which fewer or more features were read than it claims, with a RegionError.
 
-    Parameters
-    ----------
-    count : int
-        Features that were read.
-    features : int
-        Features that it claims; -1 if unknown.
-    name : str
-        For messages.
+    It claims `features`, -1 if unknown, and `count` were read; `name` is for messages.
     """
     if features not in (-1, count):
         raise RegionError(f"{name} claims {features:,} features, and {count:,} can be read; it is damaged")
 
 
 def check_geometries(geometries: NDArray[np.object_], name: str) -> None:
-    """Refuse features without a geometry, or with an empty one, with a RegionError.
-
-    Parameters
-    ----------
-    geometries : ndarray of shapely geometries or None
-    name : str
-        For messages.
-    """
+    """Refuse features without a geometry (None), or with an empty one, with a RegionError about `name`."""
     missing = np.flatnonzero(shapely.is_missing(geometries) | shapely.is_empty(geometries))
     if len(missing) == len(geometries):
         raise RegionError(f"{name} holds no regions")
@@ -84,12 +63,7 @@ def check_geometries(geometries: NDArray[np.object_], name: str) -> None:
 def check_attributes(source: str | os.PathLike[str] | bytes, name: str, count: int) -> None:
     """Refuse a Shapefile whose table of attributes was not read, with a RegionError.
 
-    Parameters
-    ----------
-    name : str
-        For messages.
-    count : int
-        Attributes that were read.
+    `name` is for messages, `count` is how many attributes were read.
     """
     if count == 0 and not isinstance(source, bytes):
         table = Path(source).with_suffix(".dbf")

@@ -43,22 +43,10 @@ def write_regions(
 ) -> None:
     """Write regions to a file in the format of its extension, or as GeoJSON to an open stream.
 
-    Parameters
-    ----------
-    path : path or file
-        .geojson, .json, .gpkg, .fgb, .parquet, .shp or .kml. GeoJSON and KML are in WGS 84; the others keep
-        the CRS of the regions. A stream may be binary or text.
-    overwrite : bool
-        Whether an existing file may be replaced.
-    form : GeoJsonForm
-        Of the GeoJSON on a stream.
-
-    Raises
-    ------
-    OutputExistsError
-        If the file exists and `overwrite` is false.
-    OutputError
-        If the extension is unknown, the file cannot be written, or the format cannot hold the regions.
+    GeoJSON and KML are in WGS 84; .gpkg, .fgb, .parquet and .shp keep the CRS of the regions. A stream, whose
+    GeoJSON has the `form`, may be binary or text. An OutputExistsError says that the file exists and
+    `overwrite` is false, an OutputError that the extension is unknown, the file cannot be written, or the
+    format cannot hold the regions.
     """
     if not isinstance(path, str | os.PathLike):
         _write_stream(regions, path, form)
@@ -71,10 +59,7 @@ def write_regions(
 def check_region_path(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
     """Return the path, if regions can be written there; call it before computing them.
 
-    Raises
-    ------
-    OutputExistsError, OutputError
-        As `write_regions`.
+    Errors are those of `write_regions`.
 
     Examples
     --------
@@ -113,13 +98,7 @@ def check_region_folder(path: str | os.PathLike[str], overwrite: bool = False) -
 
 
 def format_notes(regions: Regions, path: str | os.PathLike[str]) -> list[str]:
-    """Return warnings about what readers of the format of a file cannot show.
-
-    Parameters
-    ----------
-    path : path
-        Of the file that they are written to.
-    """
+    """Return warnings about what readers of the format of a file, at this path, cannot show."""
     if Path(path).suffix.lower() != ".kml":
         return []
     from uavseg.regions.formats.kml import kml_notes
@@ -139,14 +118,8 @@ def suffix_for(wkt: str | None) -> str:
 def check_region_crs(path: str | os.PathLike[str], wkt: str | None, form: GeoJsonForm = COLLECTION) -> None:
     """Refuse a CRS that is not of the Earth where the format needs one, with an OutputError.
 
-    KML needs one, and so does GeoJSON in longitude and latitude, unless there is no CRS.
-
-    Parameters
-    ----------
-    path : path
-        Of the file; "-" for a stream.
-    form : GeoJsonForm
-        Of the GeoJSON on a stream.
+    KML needs one, and so does GeoJSON in longitude and latitude, unless there is no CRS. The path of a
+    stream, which has the `form`, is "-".
     """
     suffix = Path(path).suffix.lower()
     if path == "-" and form.projected:
@@ -272,12 +245,7 @@ def is_complete(path: Path, count: int) -> bool:
 
     By the layout of FlatGeobuf 3 (magic, header, packed Hilbert R-tree, features, each preceded by its size);
     and the file lengths stated in the headers of shapefiles (ESRI Shapefile Technical Description, 1998) and
-    dBASE III tables.
-
-    Parameters
-    ----------
-    count : int
-        Regions that were written.
+    dBASE III tables. `count` regions were written.
     """
     check = {".fgb": _flatgeobuf, ".shp": _shapefile}[path.suffix.lower()]
     try:

@@ -34,16 +34,9 @@ def degree_words(decimals: int) -> int:
 def write_degrees(value: NDArray[np.int64], words: Words, decimals: int, after: str = "") -> None:
     """Format integers of the last decimal as degrees.
 
-    Parameters
-    ----------
-    value : (n,) int64 array
-        In units of the last decimal, within -180..180 degrees; within -90..90 degrees if `after` is given.
-    words : (n, degree_words(decimals)) uint32 array
-        Output: sign and degrees, point and three decimals, four decimals, those that follow.
-    decimals : int
-        7 to 11.
-    after : str
-        A single character before the number, or none.
+    `value`, (n,) int64, is in units of the last decimal, within -180..180 degrees, or -90..90 degrees if
+    `after` is given: a single character before the number. `words`, (n, degree_words(decimals)) uint32, get
+    sign and degrees, point and three decimals, four decimals, and those that follow, 7 to 11.
     """
     degrees = _degrees(after)
     unit, rest = 10**decimals, 10 ** (decimals - MIN_DECIMALS)
@@ -94,21 +87,11 @@ def _decimals(count: int, before: str = "") -> Words:
 
 @dataclass(frozen=True, slots=True)
 class GeoJsonForm:
-    """Form of GeoJSON on a stream, with the options of rasterio's and fiona's commands.
+    """Form of GeoJSON on a stream, with the options of rasterio's and fiona's commands."""
 
-    Parameters
-    ----------
-    projected : bool
-        Coordinates in the CRS of the regions, which a collection names in its member ``crs`` (GeoJSON 2008).
-    sequence : bool
-        One feature a line, in place of a collection.
-    rs : bool
-        The character RS (0x1E) before each feature of a sequence (RFC 8142).
-    """
-
-    projected: bool = False
-    sequence: bool = False
-    rs: bool = False
+    projected: bool = False  # in the CRS of the regions, named in the member ``crs`` (GeoJSON 2008)
+    sequence: bool = False  # one feature a line, in place of a collection
+    rs: bool = False  # the character RS (0x1E) before each feature of a sequence (RFC 8142)
 
 
 COLLECTION = GeoJsonForm()

@@ -145,17 +145,9 @@ _CELL = np.dtype([("id", ">i8"), ("bounds", ">f4", 4)])  # of a node of the spat
 def write_geopackage(regions: Regions, path: Path, layer: str, date: str) -> None:
     """Write regions as one layer of a new GeoPackage, with a spatial index, their metadata and style.
 
-    Parameters
-    ----------
-    path : Path
-        Of a file that is not there; after an error, a part of it is.
-    date : str
-        Of the last change, such as "2000-01-01T00:00:00Z".
-
-    Raises
-    ------
-    OutputError
-        If SQLite cannot write it, such as to a full disk, or two columns differ in their case alone.
+    The file is not there yet; after an error, a part of it is. `date` is that of the last change, such as
+    "2000-01-01T00:00:00Z". An OutputError says that SQLite cannot write it, such as to a full disk, or that
+    two columns differ in their case alone.
     """
     try:
         with closing(sqlite3.connect(path, isolation_level=None)) as base:
@@ -245,12 +237,7 @@ def _pack_index(base: sqlite3.Connection, index: str, bounds: NDArray[np.float64
 
     Rows are in the order of S. T. Leutenegger, M. A. Lopez and J. Edgington, "STR: a simple and efficient
     algorithm for R-tree packing" (ICDE 1997). Nodes: "Shadow tables" of https://www.sqlite.org/rtree.html.
-
-    Parameters
-    ----------
-    base : sqlite3.Connection
-    bounds : (n, 4) float64
-        Of rows 1 to n: least and greatest x, least and greatest y.
+    `bounds`, (n, 4) float64, are of rows 1 to n: least and greatest x, least and greatest y.
     """
     [(node_bytes,)] = base.execute(f'SELECT length(data) FROM "{index}_node"')
     capacity = (node_bytes - 4) // _CELL.itemsize

@@ -40,10 +40,7 @@ _RING = b"<LinearRing><coordinates>%b</coordinates></LinearRing>"
 def write_kml(regions: Regions, stream: IO[bytes]) -> None:
     """Write regions as KML, in WGS 84 with decimals as the pixels need, cut at the antimeridian.
 
-    Raises
-    ------
-    OutputError
-        If the regions are not on the Earth.
+    An OutputError says that the regions are not on the Earth.
     """
     fields = (
         f'<SimpleField name="{name}" type="{_TYPES[column.dtype.kind]}"/>'

@@ -25,12 +25,8 @@ Path_ = str | os.PathLike[str]
 def check_labels(path: Path_, overwrite: bool = False) -> None:
     """Refuse a path where labels cannot be written; call it before computing them.
 
-    Raises
-    ------
-    ParameterError
-        If the name ends neither in .tif nor in .vrt.
-    OutputExistsError, OutputError
-        If a file exists that may not be replaced, or the folder cannot be written to.
+    A ParameterError says that the name ends neither in .tif nor in .vrt, an OutputExistsError or OutputError
+    that a file exists that may not be replaced, or that the folder cannot be written to.
     """
     if is_vrt(path):
         check_label_tiles(path, overwrite)
@@ -57,12 +53,7 @@ def write_label_raster(
 ) -> None:
     """Write the labels of regions: one GeoTIFF, or for a .vrt tiles that the executor's workers write.
 
-    The pixels of both are the same, and depend on neither tiles nor workers.
-
-    Parameters
-    ----------
-    path : path
-        .tif, .tiff or .vrt, see `check_labels`.
+    The pixels of both are the same, and depend on neither tiles nor workers. For the path see `check_labels`.
     """
     if is_vrt(path):
         parts = edge_tables(rings, label_windows(geobox.shape))
@@ -75,13 +66,7 @@ def write_label_raster(
 def label_strips(
     rings: Rings, shape: tuple[int, int], map: Map = serial
 ) -> Iterator[tuple[Window, NDArray[np.uint32]]]:
-    """Rasterise labels in windows of full width, from top to bottom.
-
-    Parameters
-    ----------
-    shape : (int, int)
-        Rows and columns of the raster.
-    """
+    """Rasterise labels in windows of full width, from top to bottom; `shape` is rows and columns."""
     rows, cols = shape
     strip = max((1 << 24) // cols // BLOCK, 1) * BLOCK
     windows = tiles((rows, cols), (strip, -(-cols // BLOCK) * BLOCK))

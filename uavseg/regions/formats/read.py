@@ -48,27 +48,13 @@ def read_regions(
 ) -> Regions:
     """Read regions from a file, in WGS 84.
 
-    Files of other tools are completed: regions without an integer `id` are numbered from 1, the parts of a
-    multipolygon separately; `area_m2` (geodesic) and `lon`, `lat` of a point inside are computed.
-
-    Parameters
-    ----------
-    source : path or bytes
-        GeoJSON, GeoPackage, FlatGeobuf, GeoParquet, Shapefile or KML; or the content of such a file.
-    layer : str, optional
-        The layer, if the file has several. All layers of a KML file are read.
-    local : bool
-        Whether a file without a CRS is read too, with its coordinates as they are and no lon and lat.
-
-    Returns
-    -------
-    regions : Regions
-        Polygons and multipolygons as (lon, lat), with all attributes of the file.
-
-    Raises
-    ------
-    RegionError
-        If the file cannot be read, has no polygons or other geometries too, no CRS, or local coordinates.
+    The source is GeoJSON, GeoPackage, FlatGeobuf, GeoParquet, Shapefile or KML, or the content of such a
+    file. The result has polygons and multipolygons as (lon, lat), with all attributes. Files of other tools
+    are completed: regions without an integer `id` are numbered from 1, the parts of a multipolygon
+    separately; `area_m2` (geodesic) and `lon`, `lat` of a point inside are computed. `layer` is for a file
+    that has several, other than KML, of which all are read. A RegionError says that the file cannot be read,
+    has no polygons or other geometries too, no CRS, or local coordinates; with `local`, coordinates without a
+    CRS are read as they are.
     """
     name = "standard input" if isinstance(source, bytes) else str(source)
     return _complete_frame(_read_frame(source, name, layer), name, local)
@@ -77,10 +63,7 @@ def read_regions(
 def regions_of_frame(frame: "GeoDataFrame", local: bool = False) -> Regions:
     """Return regions of a GeoDataFrame, in WGS 84, completed like those of a file (`local` too).
 
-    Raises
-    ------
-    RegionError
-        If the frame has no polygons or other geometries too, no CRS, or local coordinates.
+    A RegionError says that it has no polygons or other geometries too, no CRS, or local coordinates.
     """
     return _complete_frame(frame, "the frame", local)
 
@@ -315,7 +298,10 @@ def _complete(columns: dict[str, NDArray[Any]], polygons: NDArray[np.object_], w
         lon, lat = _inner_points(polygons, columns.get("lon"), columns.get("lat"))
     area = columns.get("area_m2")
     if area is None or area.dtype.kind not in "iuf" or not np.isfinite(area).all():
-        area = shapely.area(polygons) if wkt is None else _areas_m2(polygons)
+        geod = geod_wgs84()
+        area = shapely.area(polygons)
+        if wkt is not None:
+            area = np.array([abs(geod.geometry_area_perimeter(polygon)[0]) for polygon in polygons])
     columns = {"id": ids, "area_m2": area, **columns} | {"id": ids, "area_m2": area, "lon": lon, "lat": lat}
     return Regions(columns, polygons, wkt).select(np.argsort(ids, kind="stable"))
 
@@ -330,8 +316,3 @@ def _inner_points(polygons: NDArray[np.object_], lon: Any, lat: Any) -> tuple[An
         points[outside] = shapely.get_coordinates(shapely.point_on_surface(polygons[outside]))
         steps_done(part.stop, len(polygons))
     return points[:, 0], points[:, 1]
-
-
-def _areas_m2(polygons: NDArray[np.object_]) -> NDArray[np.float64]:
-    geod = geod_wgs84()
-    return np.array([abs(geod.geometry_area_perimeter(polygon)[0]) for polygon in polygons])

@@ -7,7 +7,6 @@ where they have levels.
 
 import os
 import sqlite3
-from collections.abc import Sequence
 from html import escape
 from itertools import cycle
 from pathlib import Path
@@ -28,16 +27,13 @@ _RAMP = ("#440154", "#fde725")  # the ends of viridis
 _RAMP_MIDDLE = "#21918c"
 
 
-def classes_of(regions: Regions, colors: Sequence[Class] = ()) -> tuple[str, tuple[Class, ...]] | None:
+def classes_of(regions: Regions) -> tuple[str, tuple[Class, ...]] | None:
     """Return the column by which regions are coloured, and its values with colours; None for one colour.
 
-    Parameters
-    ----------
-    colors : sequence of (name, colour)
-        Of classes; others get colours from a palette, in the order of their names.
+    Classes without a colour get colours from a palette, in the order of their names.
     """
     if "class" in regions.columns:
-        colors = colors or _column_colors(regions)
+        colors = _column_colors(regions)
         names = sorted(
             {str(name) for name in regions.columns["class"].tolist()} - {name for name, _ in colors}
         )
@@ -56,14 +52,9 @@ def _column_colors(regions: Regions) -> tuple[Class, ...]:
     return tuple(sorted({str(name): str(color) for name, color in pairs if color}.items()))
 
 
-def qml(regions: Regions, colors: Sequence[Class] = ()) -> str:
-    """Return the style as QML, as QGIS 3 reads it.
-
-    Parameters
-    ----------
-    colors : sequence of (name, colour)
-    """
-    classes = classes_of(regions, colors)
+def qml(regions: Regions) -> str:
+    """Return the style as QML, as QGIS 3 reads it."""
+    classes = classes_of(regions)
     if classes is None:
         head = '<renderer-v2 type="singleSymbol" enableorderby="0" forceraster="0" symbollevels="0">'
         inner = f"<symbols>{_qml_symbol('0', COLOR)}</symbols>"
@@ -88,16 +79,9 @@ def qml(regions: Regions, colors: Sequence[Class] = ()) -> str:
     )
 
 
-def sld(regions: Regions, layer: str = "regions", colors: Sequence[Class] = ()) -> str:
-    """Return the style as SLD 1.0.
-
-    Parameters
-    ----------
-    layer : str
-        Name of the layer that it is for.
-    colors : sequence of (name, colour)
-    """
-    classes = classes_of(regions, colors)
+def sld(regions: Regions, layer: str = "regions") -> str:
+    """Return the style of a layer as SLD 1.0."""
+    classes = classes_of(regions)
     rules = (
         _sld_rule("regions", COLOR)
         if classes is None
@@ -178,16 +162,7 @@ _CREATE = f"""CREATE TABLE {STYLE_TABLE} (
 def check_style(target: str | os.PathLike[str], format: str, overwrite: bool = False) -> Path:
     """Return the style file of a file of regions (its stem with .qml or .sld), if it may be made.
 
-    Parameters
-    ----------
-    target : path
-        The file of the regions.
-    format : {"qml", "sld"}
-
-    Raises
-    ------
-    OutputError
-        For another format, and as of `check_target`.
+    The format is "qml" or "sld". An OutputError says that it is another one, or as of `check_target`.
     """
     if format not in ("qml", "sld"):
         raise OutputError(f"a style is qml (of QGIS) or sld, not {format!r}")
@@ -195,23 +170,11 @@ def check_style(target: str | os.PathLike[str], format: str, overwrite: bool = F
 
 
 def write_style(
-    regions: Regions,
-    target: str | os.PathLike[str],
-    format: str,
-    overwrite: bool = False,
-    colors: Sequence[Class] = (),
+    regions: Regions, target: str | os.PathLike[str], format: str, overwrite: bool = False
 ) -> Path:
-    """Write the style of regions beside their file; return its path.
-
-    Parameters
-    ----------
-    target, format, overwrite
-        As of `check_style`.
-    colors : sequence of (name, colour)
-        Of classes, see `classes_of`.
-    """
+    """Write the style of regions beside their file, see `check_style`; return its path."""
     path = check_style(target, format, overwrite)
-    text = qml(regions, colors) if format == "qml" else sld(regions, Path(target).stem, colors)
+    text = qml(regions) if format == "qml" else sld(regions, Path(target).stem)
     with atomic_file(path, overwrite) as part:
         part.write_text(text, encoding="utf-8")
     return path
@@ -220,14 +183,8 @@ def write_style(
 def add_style(base: sqlite3.Connection, regions: Regions, layer: str, geometry: str, date: str) -> None:
     """Add the style of a layer to a GeoPackage, as its default.
 
-    Parameters
-    ----------
-    base : sqlite3.Connection
-        To a GeoPackage.
-    layer, geometry : str
-        Names of the layer and of its column of geometries.
-    date : str
-        Of the change, such as "2000-01-01T00:00:00Z".
+    `geometry` is the name of the column of geometries of the layer, `date` that of the change, such as
+    "2000-01-01T00:00:00Z".
     """
     row = ("", "", layer, geometry, layer, qml(regions), sld(regions, layer), True, "", "", None)
     base.execute(_CREATE)

@@ -20,6 +20,7 @@ from uavseg.inputs import MAX_TEXT, parse_json, read_bytes, read_start, regular_
 from uavseg.output.staging import default_signals
 from uavseg.plain_text import cause_of
 from uavseg.raster.access.databases import check_database
+from uavseg.raster.access.opening import OFFLINE_OPTIONS
 
 _EXTENSIONS = {
     "GeoJSON": (".geojson", ".json", ".geojsonl", ".geojsons", ".ndjson", ".topojson"),
@@ -39,8 +40,7 @@ _MAGIC = {
 }
 _BESIDE = (".shx", ".dbf", ".prj", ".cpg", ".cst", ".qix", ".sbn", ".qpj")  # of a Shapefile
 _OPTIONS = {
-    "GDAL_HTTP_PROXY": "none://offline",  # an unknown type of proxy: every request fails before it is sent
-    "CPL_VSIL_CURL_ALLOWED_FILENAME": "\n",  # no file of a network file system has this name
+    **OFFLINE_OPTIONS,
     "OGR_SQLITE_ALLOW_EXTERNAL_ACCESS": "NO",
     "LIBKML_RESOLVE_STYLE": "NO",
 }
@@ -55,19 +55,8 @@ _KML = re.compile(rb"<\s*(?:\w+:)?kml[\s>]", re.IGNORECASE)
 def check_vector(source: str | os.PathLike[str] | bytes, name: str) -> None:
     """Refuse a file that is not of a known format and that of its extension, or that links to others.
 
-    Parameters
-    ----------
-    source : path or bytes
-        A local file, or the content of one.
-    name : str
-        For messages.
-
-    Raises
-    ------
-    RegionError
-        If it is not a regular file, or of another format.
-    AccessError
-        If its content names other files or addresses.
+    The source is a local file, or the content of one; `name` is for messages. A RegionError says that it is
+    not a regular file, or of another format, an AccessError that its content names other files or addresses.
     """
     if not isinstance(source, bytes):
         regular_file(source, RegionError)

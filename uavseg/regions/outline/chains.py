@@ -23,46 +23,30 @@ OWNER, START, FIRST, LAST, HEAD, TAIL = range(6)  # columns of Chains.table
 class Chains:
     """Pieces of boundaries as sequences of pixel corners.
 
-    Parameters
-    ----------
-    vertices : (v, 2) int32 array
-        Row and column of pixel corners. A closed chain holds turns and nodes only; an open one begins with
-        its first point, which may lie on a straight edge, and ends before the first point of its
-        continuation.
-    pinched : (v,) uint8 array
-        1 where the component touches itself, or another one of its label, corner to corner.
-    table : (k, 6) int64 array
-        Of each chain, by column: OWNER, its label; START, its first vertex; FIRST and LAST, its first and
-        last direction, FIRST -1 where its first vertex is a node; HEAD and TAIL, the keys of its first edge
-        and of the edge after its last, -1 if closed.
+    A closed chain holds turns and nodes only; an open one begins with its first point, which may lie on a
+    straight edge, and ends before the first point of its continuation. The columns of the table are OWNER,
+    the label of a chain; START, its first vertex; FIRST and LAST, its first and last direction, FIRST -1
+    where its first vertex is a node; HEAD and TAIL, the keys of its first edge and of the edge after its
+    last, -1 if closed.
     """
 
-    vertices: NDArray[np.int32]
-    pinched: NDArray[np.uint8]
-    table: NDArray[np.int64]
+    vertices: NDArray[np.int32]  # (v, 2): row and column of pixel corners
+    pinched: NDArray[np.uint8]  # (v,): 1 where components of a label touch corner to corner
+    table: NDArray[np.int64]  # (k, 6)
 
 
 @dataclass(frozen=True, slots=True)
 class PackedChains:
     """Chain code: a byte for most vertices, to save memory until chains are linked.
 
-    Parameters
-    ----------
-    steps : (b,) uint8 array
-        For each vertex a byte: 128 where it is pinched, 32 times the direction in which it was reached, and
-        the number of pixels, or 0 where it follows in four bytes. For first vertices the pinch alone.
-    corners : (k, 2) int32 array
-        The first vertex of each chain.
-    counts : (k,) int64 array
-        Vertices of each chain.
-    table : (k, 6) int64 array
-        As of `Chains`; START is the first of `steps`.
+    The byte of a vertex is 128 where it is pinched, 32 times the direction in which it was reached, and the
+    number of pixels, or 0 where it follows in four bytes; of a first vertex the pinch alone.
     """
 
-    steps: NDArray[np.uint8]
-    corners: NDArray[np.int32]
-    counts: NDArray[np.int64]
-    table: NDArray[np.int64]
+    steps: NDArray[np.uint8]  # (b,): a byte for each vertex
+    corners: NDArray[np.int32]  # (k, 2): the first vertex of each chain
+    counts: NDArray[np.int64]  # (k,): vertices of each chain
+    table: NDArray[np.int64]  # (k, 6): as of `Chains`; START is the first of `steps`
 
     def unpacked(self, which: NDArray[np.int64]) -> Chains:
         """Return some of the chains, by number and in that order."""

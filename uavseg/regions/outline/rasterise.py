@@ -34,20 +34,13 @@ def _edge_table_of(rasteriser: "Rasteriser", windows: Sequence[Window], k: int) 
 class EdgeTable:
     """Edge table of one window for scan-line fill: all that is needed to rasterise its labels.
 
-    Parameters
-    ----------
-    first : (rows,) uint32 array
-        Labels of the first column.
-    edges : (e, 3) int32 array
-        Vertical edges to the right of it, in pixels of the window: first row, row after the last, column.
-    steps : (e,) uint32 array
-        What is added to the label, modulo 2^32, where a row crosses the edge from left to right.
+    Where a row crosses an edge from left to right, its step is added to the label, modulo 2^32.
     """
 
     window: Window
-    first: NDArray[np.uint32]
-    edges: NDArray[np.int32]
-    steps: NDArray[np.uint32]
+    first: NDArray[np.uint32]  # (rows,): labels of the first column
+    edges: NDArray[np.int32]  # (e, 3): vertical edges to the right of it: first row, end row, column
+    steps: NDArray[np.uint32]  # (e,)
 
     def rasterise(self) -> NDArray[np.uint32]:
         """Return the labels of the window, (rows, cols) uint32."""

@@ -19,24 +19,14 @@ class Rings:
     holes. A ring begins at its uppermost, then leftmost vertex. Exteriors run clockwise in the image (rows
     downwards), holes counter-clockwise.
 
-    Parameters
-    ----------
-    vertices : (v, 2) int32 array
-        Row and column of pixel corners; the first vertex is not repeated. Vertices are turns, and nodes:
-        corners where the neighbour across the outline changes.
-    starts : (r + 1,) int64 array
-        Offset of each ring in `vertices`; v at the end.
-    labels : (r,) int64 array
-        The region, 1..n, that each ring belongs to.
-    parts : (r,) int64 array
-        The polygon, 0..p - 1, that each ring belongs to; its exterior comes first. A region whose pixels do
-        not all share edges has several.
+    Vertices are turns, and nodes: corners where the neighbour across the outline changes. A region whose
+    pixels do not all share edges has several polygons.
     """
 
-    vertices: NDArray[np.int32]
-    starts: NDArray[np.int64]
-    labels: NDArray[np.int64]
-    parts: NDArray[np.int64]
+    vertices: NDArray[np.int32]  # (v, 2): row and column of pixel corners; the first is not repeated
+    starts: NDArray[np.int64]  # (r + 1,): offset of each ring in `vertices`; v at the end
+    labels: NDArray[np.int64]  # (r,): the region, 1..n, that each ring belongs to
+    parts: NDArray[np.int64]  # (r,): the polygon, 0..p - 1, that each ring belongs to, exterior first
 
     @property
     def exteriors(self) -> NDArray[np.bool_]:

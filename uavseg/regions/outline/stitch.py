@@ -27,19 +27,11 @@ from uavseg.units import CELL
 
 @dataclass(frozen=True, slots=True)
 class TileOutlines:
-    """Components of one tile: their sums, boundary chains, and labels along the tile's borders.
+    """Components of one tile: their sums, boundary chains, and labels along the tile's borders."""
 
-    Parameters
-    ----------
-    sums : Sums
-        Of components 1..n.
-    top, bottom, left, right : uint32 arrays
-        The component of each pixel along a border, 0 for none.
-    """
-
-    sums: Sums
+    sums: Sums  # of components 1..n
     chains: Chains
-    top: NDArray[np.uint32]
+    top: NDArray[np.uint32]  # component of each pixel along this border, 0 for none
     bottom: NDArray[np.uint32]
     left: NDArray[np.uint32]
     right: NDArray[np.uint32]
@@ -50,24 +42,10 @@ def outline_tile(
 ) -> TileOutlines | None:
     """Sum and trace the components of one tile.
 
-    Parameters
-    ----------
-    image : (M + 2 m, N + 2 m) uint8 or uint32 array
-        The tile with a halo of m pixels, a multiple of 8. Adjacent pixels of equal value, not 0, belong
-        together.
-    labels : (M, N) uint32 array
-        Connected components 1..count of the tile without its halo.
-    tile : GreyTile
-        Grey levels 0..65535 of the tile with its halo.
-    window : Window
-        The tile; M and N may exceed it, up to whole blocks.
-    width : int
-        Columns of the raster.
-
-    Returns
-    -------
-    TileOutlines or None
-        None if the tile has no component.
+    `image`, (M + 2 m, N + 2 m) uint8 or uint32, is the tile with a halo of m pixels, a multiple of 8;
+    adjacent pixels of equal value, not 0, belong together. `labels`, (M, N), are the connected components
+    1..count without the halo; M and N may exceed the window, up to whole blocks. `tile` is grey with the
+    halo, `width` the columns of the raster. None if there is no component.
     """
     if count == 0:
         return None
@@ -117,14 +95,8 @@ class JoinedBorders:
 class Contacts:
     """Pairs of components that meet at the borders of windows; components are numbered over all windows.
 
-    It holds only the last labels along the border, so each window comes after those above it and to its left.
-
-    Parameters
-    ----------
-    shape : (int, int)
-        Rows and columns of the raster.
-    first : Window
-        The window that is added first, which has the first row and the first column of all.
+    `shape` is rows and columns of the raster. It holds only the last labels along the border, so each window
+    comes after those above it and to its left; the `first` has the first row and column of all.
     """
 
     def __init__(self, shape: tuple[int, int], first: Window) -> None:
@@ -169,14 +141,8 @@ class Contacts:
 class TileStitcher:
     """Stitcher that merges the components that meet at tile borders.
 
-    Parameters
-    ----------
-    shape : (int, int)
-        Rows and columns of the raster.
-    windows : sequence of Window
-        In the order of `Contacts`.
-    tiles : iterable of TileOutlines or None
-        One for each window; None for one without components.
+    `shape` is rows and columns of the raster. Windows are in the order of `Contacts`; there is one of `tiles`
+    for each, None for one without components.
     """
 
     def __init__(
@@ -202,15 +168,11 @@ class TileStitcher:
     ) -> RegionOutlines:
         """Return all regions: components that meet at tile borders, or belong to the same leaves, are one.
 
-        Parameters
-        ----------
-        leaves : (m, n) uint8 or uint32 array, optional
-            The cells that the pixels come from, where they were not refined: 0 for no region, and the same
-            number where adjacent cells belong together. Then components of different numbers stay apart, and
-            cells that share an edge are one region also where invalid pixels separate their pixels.
-        classes : (n,) uint8 array, optional
-            In place of leaves: the class of each component, in the order in which tiles were added.
-            Components of different classes stay apart.
+        `leaves`, (m, n), are numbers of the cells that the pixels come from, where they were not refined: 0
+        for no region, and the same where adjacent cells belong together. Then components of different numbers
+        stay apart, and cells that share an edge are one region also where invalid pixels separate their
+        pixels. In their place, `classes`, (n,), are those of the components, in the order in which tiles were
+        added; components of different classes stay apart.
         """
         trim_heap()  # tiles are not needed any more
         sums, pairs, count = concatenate_sums(self._sums), self._contacts.pairs, self._contacts.count
@@ -228,10 +190,8 @@ class TileStitcher:
     def join(self, window: Window) -> tuple[JoinedBorders, Components, Components] | None:
         """Join the tiles of a part of the raster, `window`; None if there is no component.
 
-        Returns
-        -------
-        reaching, within : Components
-            Those that reach a border with another part, in the order of `borders`, and complete regions.
+        The components are those that reach a border with another part, in the order of the borders, and
+        complete regions.
         """
         found, (rows, cols) = self._contacts, window.slices
         if found.count == 0:

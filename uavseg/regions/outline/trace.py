@@ -192,14 +192,9 @@ def link_chains(
 ) -> tuple[Vertices, NDArray[np.uint8], Integers, Integers]:
     """Join open chains of all tiles, see `Chains`, to closed rings.
 
-    Returns
-    -------
-    vertices, pinched
-        As given, in the order of the rings, without first vertices on straight edges unless they are nodes.
-    starts : (r + 1,) int64 array
-        Offset of each ring in `vertices`.
-    owners : (r,) int64 array
-        The component that each ring belongs to.
+    The results are vertices and pinches in the order of the rings, without first vertices on straight edges
+    unless they are nodes; the offset of each ring in the vertices, (r + 1,); and the component that it
+    belongs to, (r,).
     """
     after = np.arange(len(table))
     opened = np.flatnonzero(table[:, HEAD] >= 0)

@@ -96,14 +96,9 @@ class SampleMask:
 def sample_mask(like: Disc | str, geobox: GeoBox) -> SampleMask:
     """Return the mask of the pixels of a raster whose centres lie in a sample.
 
-    It is a disc, or the name of a file of polygons in any CRS, see `read_regions`.
-
-    Raises
-    ------
-    SampleError
-        If the sample lies outside of the raster, or its bounding box has more than 2^24 pixels.
-    RegionError
-        If the file cannot be read as polygons.
+    It is a disc, or the name of a file of polygons in any CRS, see `read_regions`. A SampleError says that
+    the sample lies outside of the raster, or that its bounding box has more than 2^24 pixels, a RegionError
+    that the file cannot be read as polygons.
     """
     polygons = _disc_polygon(like, geobox) if isinstance(like, Disc) else _read_polygons(like, geobox)[1]
     return _mask(polygons, geobox, "the sample" if isinstance(like, Disc) else f"the sample {like}")
@@ -112,15 +107,9 @@ def sample_mask(like: Disc | str, geobox: GeoBox) -> SampleMask:
 def class_masks(name: str, geobox: GeoBox) -> dict[str, list[SampleMask]]:
     """Return masks of the samples of each class, in the order in which classes first appear.
 
-    `name` is a file of polygons with a column `class`, in any coordinate system.
-
-    Raises
-    ------
-    SampleError
-        If the raster has no CRS, the file has no such column, a sample has no class or lies outside of the
-        raster, or there are fewer than two classes.
-    RegionError
-        If the file cannot be read as polygons.
+    `name` is a file of polygons with a column `class`, in any coordinate system. A SampleError says that the
+    raster has no CRS, the file has no such column, a sample has no class or lies outside of the raster, or
+    there are fewer than two classes; a RegionError that the file cannot be read as polygons.
     """
     regions, polygons = _read_polygons(name, geobox)
     if _CLASS not in regions.columns:

@@ -37,30 +37,14 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Criterion:
-    """Criterion by which a window is like a sample.
+    """Criterion by which a window is like a sample."""
 
-    Parameters
-    ----------
-    model : TextureModel
-        Of the sample.
-    bin_edges : (7,) int32 array
-        Of the histogram of contrast.
-    side : int
-        Side of a window in cells.
-    bounds : GreyBounds
-        Of the mean grey of a window.
-    limit : int
-        The largest score of a window that is like the sample.
-    colors : tuple of ColorBand
-        Further bands whose means are bounded.
-    """
-
-    model: TextureModel
-    bin_edges: NDArray[np.int32]
-    side: int
-    bounds: GreyBounds
-    limit: int
-    colors: tuple[ColorBand, ...] = ()
+    model: TextureModel  # of the sample
+    bin_edges: NDArray[np.int32]  # (7,): of the histogram of contrast
+    side: int  # side of a window in cells
+    bounds: GreyBounds  # of the mean grey of a window
+    limit: int  # the largest score of a window that is like the sample
+    colors: tuple[ColorBand, ...] = ()  # further bands whose means are bounded
 
     @classmethod
     def of(
@@ -88,24 +72,12 @@ class Criterion:
 
 @dataclass(frozen=True)
 class CellScores:
-    """Best scores of the cells of a raster, and texture models of unlike cells and of all cells.
+    """Best scores of the cells of a raster, and texture models of unlike cells and of all cells."""
 
-    Parameters
-    ----------
-    best : (8 B, 8 C) uint16 array
-        See `g_scores.best_scores`.
-    rest : TextureModel
-        Of the cells with a score that is too large; not of all that `reject_unlike` rejects.
-    whole : (2, 2048) int64 array
-        Count of each symbol in the raster, at both scales.
-    rest_colors : (bands, 64) int64 array
-        Histograms of the cells of `rest` in further bands.
-    """
-
-    best: NDArray[np.uint16]
-    rest: TextureModel
-    whole: Integers
-    rest_colors: Integers
+    best: NDArray[np.uint16]  # (8 B, 8 C): see `g_scores.best_scores`
+    rest: TextureModel  # of the cells with a score that is too large; not of all that `reject_unlike` rejects
+    whole: Integers  # (2, 2048) int64: count of each symbol in the raster, at both scales
+    rest_colors: Integers  # (bands, 64) int64: histograms of the cells of `rest` in further bands
 
 
 def score_cells(source: GreySource, criterion: Criterion, tile_pass: TilePass) -> CellScores:

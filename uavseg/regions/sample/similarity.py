@@ -88,23 +88,10 @@ def sample_colors(
 ) -> SampledColors:
     """Collect colours of samples, and of pixels all over the raster.
 
-    Parameters
-    ----------
-    bands : sequence of GreySource
-        Of one raster.
-    places, unlike : sequences of SampleMask
-        Samples of the target, and of other areas.
-    tile_pass : TilePass
-        Its executor reads; the result depends neither on it nor on its tiles.
-    name : str
-        Name of the samples of the target in errors.
-    spread : (n, bands) uint16 array, optional
-        From `spread_colors`, where several samples are compared.
-
-    Raises
-    ------
-    SampleError
-        If either have fewer than 64 valid pixels, or some have pixels in common.
+    The bands are of one raster; `places` are samples of the target, called `name` in errors, `unlike` those
+    of other areas. `spread`, (n, bands), is from `spread_colors`, where several samples are compared. The
+    result depends neither on the executor of the pass nor on its tiles. A SampleError says that either have
+    fewer than 64 valid pixels, or that some have pixels in common.
     """
     if any(place.meets(other) for place in places for other in unlike):
         raise SampleError(

@@ -21,12 +21,8 @@ def select_regions(
     """Select the regions that have one of the ids and fulfil the condition; of these, the largest.
 
     They stay in their original order. `largest` is the number to keep at most, by `area_m2`; of equal ones
-    the first. For conditions see `uavseg.regions.select.where.where`.
-
-    Raises
-    ------
-    RegionError
-        If an id does not exist, the condition is not understood, or no region is left.
+    the first. For conditions see `uavseg.regions.select.where.where`. A RegionError says that an id does not
+    exist, the condition is not understood, or no region is left.
     """
     kept = np.ones(len(regions), dtype=bool)
     if ids is not None:
@@ -43,10 +39,7 @@ def select_regions(
 def of_classes(regions: Regions, names: Sequence[str]) -> NDArray[np.bool_]:
     """Return the mask of the regions that are of some classes, by their column `class`.
 
-    Raises
-    ------
-    RegionError
-        If no class is named, there is no such column, or no region of one of the classes.
+    A RegionError says that no class is named, there is no such column, or no region of one of the classes.
     """
     if not names:
         raise RegionError("no class is named; leave classes out to take the regions of all")

@@ -137,12 +137,9 @@ def smooth_outlines(rings: Rings, metres: float, geobox: GeoBox) -> tuple[Rings,
     Rings run along the pixel edges of `geobox`; those that are returned are in corners of the finer grid,
     with STEPS_PER_PIXEL times as many rows and columns, and may begin at any of their vertices. `metres` is
     the largest distance of outlines from the pixel edges, in units of the transform where there is no CRS.
-    More than half a pixel counts as half a pixel; with less, stairs are flattened, not removed.
-
-    Raises
-    ------
-    ParameterError
-        If `metres` is negative or not finite, or the raster has more than eight million rows or columns.
+    More than half a pixel counts as half a pixel; with less, stairs are flattened, not removed. A
+    ParameterError says that `metres` is negative or not finite, or that the raster has more than eight
+    million rows or columns.
 
     Examples
     --------

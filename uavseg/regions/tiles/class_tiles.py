@@ -28,27 +28,14 @@ LIKELY = IntensityRange(0.5, 1)  # similarities at which a pixel may belong to a
 
 @dataclass(frozen=True, slots=True)
 class ClassesByPixel:
-    """Class of each segment by its first pixel: known however segments are renumbered.
+    """Class of each segment by its first pixel: known however segments are renumbered."""
 
-    Parameters
-    ----------
-    firsts : (n, 2) int64 array
-        In raster order.
-    classes : (n,) uint8 array
-    """
-
-    firsts: Firsts
-    classes: NDArray[np.uint8]
+    firsts: Firsts  # (n, 2): in raster order
+    classes: NDArray[np.uint8]  # (n,)
 
     @classmethod
     def of(cls, firsts: Firsts, classes: NDArray[np.uint8]) -> "ClassesByPixel":
-        """Sort components by their first pixels.
-
-        Parameters
-        ----------
-        firsts : (n, 2) int64 array
-        classes : (n,) uint8 array
-        """
+        """Sort components, (n, 2) first pixels and (n,) classes, by their first pixels."""
         order = np.lexsort((firsts[:, 1], firsts[:, 0]))
         return cls(firsts[order], classes[order])
 
@@ -69,17 +56,12 @@ def outline_refined_classes(
 ) -> tuple[RegionOutlines, ClassesByPixel]:
     """Outline segments of a partition, refined together: none overlap, and borders are shared.
 
-    Parameters
-    ----------
-    refine : {"tv", "pixels"}
-    expected : BlockMap, optional
-        The sums and counts that cells must have, if the block map was made earlier; see `check_sums`.
-    detail : Detail, optional
-        Narrower structures are removed after refinement.
+    Refinement is by "tv" or "pixels". `expected` are the sums and counts that cells must have, if the block
+    map was made earlier, see `check_sums`; structures narrower than `detail` are removed after refinement.
     """
     jobs = tile_jobs(every_cell(source.shape), tile_pass.windows, expected, detail)
     tiles = tile_pass.run(partial(_outline_tile, source, partition.grey_table, refine, detail), jobs)
-    return _stitch_classes(source.shape, tile_pass.windows, tiles)
+    return stitch_classes(source.shape, tile_pass.windows, tiles)
 
 
 def outline_likely_classes(
@@ -92,24 +74,11 @@ def outline_likely_classes(
 ) -> tuple[RegionOutlines, ClassesByPixel]:
     """Outline the regions of classes: each pixel belongs to the likeliest of the possible classes, if any.
 
-    Parameters
-    ----------
-    grey : GreySource
-        The intensity that regions are measured in.
-    similarities : sequence of GreySource
-        Similarity to each class; a class is possible where it is one half or more, refined.
-    cells : sequence of (m, n) uint8 array
-        Of each class, from `pipeline.cells_to_refine`.
-    refine : {"tv", "none"}
-    detail : Detail, optional
-        Narrower structures are assigned to adjacent classes, or to none; not with "none".
-
-    Returns
-    -------
-    outlined : RegionOutlines
-        With the sums of grey, and of the similarity of each region to its class.
-    classes : ClassesByPixel
-        1 for the first class, and so on.
+    Regions are measured in the intensity `grey`. A class is possible where its similarity is one half or
+    more, refined by "tv" or "none"; there are cells, (m, n), of each class, from `pipeline.cells_to_refine`.
+    Structures narrower than `detail`, not with "none", are assigned to adjacent classes, or to none. The sums
+    of the outlines are of grey, and of the similarity of each region to its class; classes are counted from
+    1.
     """
     windows = tile_pass.windows
     jobs = [tile_jobs(one, windows, detail=detail) for one in cells]
@@ -117,7 +86,7 @@ def outline_likely_classes(
         partial(_outline_likely_tile, grey, similarities, refine, detail),
         LazySequence(len(windows), partial(_same_tile, jobs)),
     )
-    return _stitch_classes(grey.shape, windows, tiles)
+    return stitch_classes(grey.shape, windows, tiles)
 
 
 def _same_tile(jobs: Sequence[Sequence[TileJob]], k: int) -> tuple[TileJob, ...]:
@@ -125,11 +94,11 @@ def _same_tile(jobs: Sequence[Sequence[TileJob]], k: int) -> tuple[TileJob, ...]
 
 
 # Outlines of the components of a tile, and the class of each; None for a tile without components.
-_ClassOutlines = tuple[TileOutlines, NDArray[np.uint8]] | None
+ClassOutlines = tuple[TileOutlines, NDArray[np.uint8]] | None
 
 
-def _stitch_classes(
-    shape: tuple[int, int], windows: Sequence[Window], tiles: Iterable[_ClassOutlines]
+def stitch_classes(
+    shape: tuple[int, int], windows: Sequence[Window], tiles: Iterable[ClassOutlines]
 ) -> tuple[RegionOutlines, ClassesByPixel]:
     """Stitch tiles to regions; those of different classes stay apart."""
     all_firsts, all_classes = [np.empty((0, 2), np.int64)], [np.empty(0, np.uint8)]
@@ -148,7 +117,7 @@ def _stitch_classes(
 
 def _outline_tile(
     source: GreySource, table: NDArray[np.uint8], refine: Refinement, detail: Detail | None, job: TileJob
-) -> _ClassOutlines:
+) -> ClassOutlines:
     refined = refine_tile_classes(source, table, refine, job.refined)
     if refined is None:
         return None
@@ -160,7 +129,7 @@ def _outline_tile(
     )
 
 
-def _with_classes(pixels: NDArray[np.uint8], outlines: TileOutlines | None, window: Window) -> _ClassOutlines:
+def _with_classes(pixels: NDArray[np.uint8], outlines: TileOutlines | None, window: Window) -> ClassOutlines:
     """Return outlines with the class of each component, from the classes of pixels with REFINE_HALO."""
     if outlines is None:
         return None
@@ -174,7 +143,7 @@ def _outline_likely_tile(
     refine: Refinement,
     detail: Detail | None,
     jobs: tuple[TileJob, ...],
-) -> _ClassOutlines:
+) -> ClassOutlines:
     if not any(job.cells.any() for job in jobs):
         return None
     window, refined = jobs[0].window, jobs[0].refined

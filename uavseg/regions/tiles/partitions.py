@@ -88,26 +88,10 @@ def join_partitions(
 ) -> list[PartitionJob]:
     """Outline the partitions of a raster, and find the components that are one region.
 
-    Parameters
-    ----------
-    source, interval, tile_pass, detail
-        As of `outline_regions`.
-    segment : SegmentParams
-        Its refinement is not "none".
-    folder : Path
-        One that the workers share; it holds components until their regions are put together.
-    side : int
-        Of a partition in pixels, a multiple of 64.
-
-    Returns
-    -------
-    list of PartitionJob
-        One for each partition with components, row by row.
-
-    Raises
-    ------
-    OutputError
-        If a worker does not share the folder.
+    Parameters are those of `outline_regions`, with a refinement other than "none". The workers share the
+    `folder`, which holds components until their regions are put together; otherwise an OutputError is raised.
+    `side` is that of a partition in pixels, a multiple of 64. There is a job for each partition with
+    components, row by row.
     """
     first, windows = tile_pass.windows[0], tiles(source.shape, side)
     tile = whole_blocks(first.rows), whole_blocks(first.cols)

@@ -55,16 +55,10 @@ def outline_regions(
 ) -> RegionOutlines:
     """Outline the regions of a raster, refined to the pixel.
 
-    Parameters
-    ----------
-    cells : (m, n) uint8 array
-        Bit flags of cells, from `pipeline.cells_to_refine`.
-    refine : {"none", "scan", "smooth", "tv", "pixels"}
-        With "none", leaves that share an edge are one region also where invalid pixels separate their pixels.
-    expected : BlockMap, optional
-        The sums and counts that cells must have, if the block map was made earlier; see `check_sums`.
-    detail : Detail or ThinLines, optional
-        Narrower structures are removed after refinement, or thin lines are added; not with "none".
+    `cells`, (m, n), are bit flags from `pipeline.cells_to_refine`. With the refinement "none", leaves that
+    share an edge are one region also where invalid pixels separate their pixels. `expected` are the sums and
+    counts that cells must have, if the block map was made earlier, see `check_sums`. Structures narrower than
+    a `detail` are removed after refinement, or thin lines are added; not with "none".
     """
     jobs = tile_jobs(cells, tile_pass.windows, expected, detail)
     stitcher = stitch_tiles(source, interval, refine, tile_pass, jobs, detail)
@@ -152,12 +146,8 @@ def _outline_tile(
 def with_detail(pixels: NDArray[np.uint8], tile: GreyTile, detail: Detail) -> Refined:
     """Remove narrow structures from a refined tile, and crop the halo that this takes.
 
-    Parameters
-    ----------
-    pixels : (M + 2 m, N + 2 m) uint8 array
-        Class of each pixel, exact on the tile grown by `detail.halo` and one pixel more.
-    tile : GreyTile
-        Of the same pixels.
+    `pixels`, (M + 2 m, N + 2 m), are the class of each pixel of `tile`, exact on the tile grown by
+    `detail.halo` and one pixel more.
     """
     halo = detail.halo
     inner = np.s_[halo : pixels.shape[0] - halo, halo : pixels.shape[1] - halo]
@@ -183,10 +173,7 @@ def _with_thin_lines(
 def check_sums(source: GreySource, job: TileJob, tile: GreyTile) -> None:
     """Refuse a tile whose cells have other sums or counts than its job expects, with a RasterError.
 
-    Parameters
-    ----------
-    tile : GreyTile
-        With a halo of REFINE_HALO pixels.
+    The tile has a halo of REFINE_HALO pixels.
     """
     if job.expected is None:
         return
@@ -260,15 +247,9 @@ def estimate_regions(
 
     A ratio estimate: regions of leaves are counted over the whole raster, and multiplied by what refinement
     makes of their number in 5 x 5 evenly spaced parts of 1024 x 1024 pixels. Where no leaf of these parts is
-    in range, their number per pixel is used. The share is that in these parts.
-
-    Parameters
-    ----------
-    cells : (m, n) uint8 array
-        1 where the leaf of a cell is in range, from `leaves.cells_in_range`.
-    refine : {"none", "scan", "smooth", "tv", "pixels"}
-    tile_pass : TilePass
-        Its executor and its progress are used.
+    in range, their number per pixel is used. The share is that in these parts. `cells`, (m, n), are 1 where
+    the leaf of a cell is in range, from `leaves.cells_in_range`. Of `tile_pass`, the executor and the
+    progress are used.
     """
     whole = int(label_equal_values(cells)[1]) if cells.any() else 0
     count_part = partial(_count_part, source, cells, interval, refine)
@@ -282,13 +263,7 @@ def estimate_regions(
 
 
 def count_greys(source: GreySource, tile_pass: TilePass, exact: bool = True) -> NDArray[np.int64]:
-    """Count valid pixels by grey, (65536,) int64.
-
-    Parameters
-    ----------
-    exact : bool
-        All pixels; otherwise those of `sample_parts`.
-    """
+    """Count valid pixels by grey, (65536,) int64: all, or if not `exact` those of `sample_parts`."""
     counts = np.zeros(GREY_LEVELS, np.int64)
     for part in tile_pass.run(partial(_count_greys, source), None if exact else sample_parts(source.shape)):
         counts += part
@@ -298,10 +273,7 @@ def count_greys(source: GreySource, tile_pass: TilePass, exact: bool = True) -> 
 def count_pixels(source: GreySource, table: NDArray[np.uint8], tile_pass: TilePass) -> NDArray[np.int64]:
     """Count the valid pixels of each class by their intensity, (256,) int64.
 
-    Parameters
-    ----------
-    table : (65536,) uint8 array
-        The class of each grey, see `Partition.grey_table`.
+    `table`, (65536,), is the class of each grey, see `Partition.grey_table`.
     """
     return np.bincount(table, count_greys(source, tile_pass), 256).astype(np.int64)
 

@@ -28,10 +28,7 @@ _Job = tuple[Window, NDArray[Any]]
 def outline_segments(source: GreySource, cells: NDArray[Any], tile_pass: TilePass) -> RegionOutlines:
     """Outline segments: cells of the same class that share an edge, not refined.
 
-    Parameters
-    ----------
-    cells : (m, n) uint8 or uint32 array
-        The class of each cell, such as its level; 0 for no segment.
+    `cells`, (m, n), are the class of each cell, such as its level; 0 for no segment.
     """
     tiles = tile_pass.run(partial(_outline_cells, source), cell_jobs(cells, tile_pass.windows, CELL))
     return TileStitcher(source.shape, tile_pass.windows, tiles).finish(cells)
@@ -46,12 +43,8 @@ def outline_state(
 ) -> RegionOutlines:
     """Outline the connected components of the pixels of one state.
 
-    Parameters
-    ----------
-    tile_pass : TilePass
-        It is quickest if tiles of the same rows follow each other.
-    leaves : (m, n) uint8 array, optional
-        The states of cells, where they were not refined: leaves that share an edge are then one object.
+    It is quickest if tiles of the same rows follow each other. `leaves`, (m, n), are the states of cells,
+    where they were not refined: those that share an edge are then one object.
     """
     tiles = tile_pass.run(partial(_outline_pixels, source), _state_jobs(image, state, tile_pass.windows))
     of_state = None if leaves is None else (leaves == state).view(np.uint8)
@@ -59,16 +52,7 @@ def outline_state(
 
 
 def cell_jobs(cells: NDArray[Any], windows: Sequence[Window], halo: int) -> LazySequence[_Job]:
-    """Return tiles with their cells and those within `halo` pixels around them.
-
-    Parameters
-    ----------
-    cells : (m, n) array
-        Values of the cells of a raster.
-    windows : sequence of Window
-    halo : int
-        In pixels.
-    """
+    """Return tiles with their values of the (m, n) cells, and those within `halo` pixels around them."""
     return LazySequence(len(windows), partial(_cell_job, cells, windows, halo))
 
 
@@ -118,15 +102,8 @@ def _outline_pixels(source: GreySource, job: _Job) -> TileOutlines | None:
 def outline_block_map(blocks: BlockMap, classes: NDArray[Any]) -> RegionOutlines:
     """Outline segments of adjacent cells of one class; cells without valid pixels are left out.
 
-    Parameters
-    ----------
-    classes : (8 B, 8 C) uint8 or uint32 array
-        1 for cells in range, or the level of each cell; 0 for no segment.
-
-    Returns
-    -------
-    RegionOutlines
-        In pixels of the raster.
+    `classes`, (8 B, 8 C), are 1 for cells in range, or the level of each; 0 for no segment. Outlines are in
+    pixels.
     """
     rows, cols = _cell_shape(blocks)
     leaves, count = label_equal_values(np.ascontiguousarray(classes[:rows, :cols]))
@@ -140,10 +117,7 @@ def outline_block_map(blocks: BlockMap, classes: NDArray[Any]) -> RegionOutlines
 def count_segments(blocks: BlockMap, classes: NDArray[Any], count: int) -> NDArray[np.int64]:
     """Count the segments of `outline_block_map` by class, (count,) int64, without outlining them.
 
-    Parameters
-    ----------
-    classes : (8 B, 8 C) uint8 or uint32 array
-        Class 1..count of each cell; 0 for no segment.
+    `classes`, (8 B, 8 C), are 1..count for each cell; 0 for no segment.
     """
     rows, cols = _cell_shape(blocks)
     cells = np.ascontiguousarray(classes[:rows, :cols])
@@ -154,13 +128,7 @@ def count_segments(blocks: BlockMap, classes: NDArray[Any], count: int) -> NDArr
 
 
 def sum_enclosed_cells(blocks: BlockMap, outlined: RegionOutlines) -> RegionOutlines:
-    """Return the same outlines with the sums of all cells that they enclose.
-
-    Parameters
-    ----------
-    outlined : RegionOutlines
-        From `outline_block_map`.
-    """
+    """Return the outlines of `outline_block_map` with the sums of all cells that they enclose."""
     on_cells = replace(outlined.rings, vertices=-(-outlined.rings.vertices // np.int32(CELL)))
     labels = rasterise(on_cells, Window(0, 0, *_cell_shape(blocks)))
     return replace(outlined, sums=_sum_cells(blocks, labels, len(outlined.sums.counts)))

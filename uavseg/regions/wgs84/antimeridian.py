@@ -138,12 +138,8 @@ def densify_edges(
     """Add vertices to edges of rings that would deviate if they were straight in degrees.
 
     The rings, the side of a pixel and the radius of the Earth are in units of the map; `degrees`, (v, 2), are
-    the longitudes and latitudes of the vertices, and `to_degrees` computes them, both of (m, 2) arrays.
-
-    Raises
-    ------
-    OutputError
-        If edges are so long that millions of vertices would be added.
+    the longitudes and latitudes of the vertices, and `to_degrees` computes them, both of (m, 2) arrays. An
+    OutputError says that edges are so long that millions of vertices would be added.
     """
     xy, starts = flat.vertices, flat.rings
     for _ in range(8):

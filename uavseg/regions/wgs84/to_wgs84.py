@@ -61,13 +61,8 @@ class Wgs84Batch:
 def wgs84_batches(regions: Regions, vertices: int = shapes.BATCH_VERTICES) -> Iterator[Wgs84Batch]:
     """Yield the regions in WGS 84, in batches of about so many vertices.
 
-    Exteriors run counter-clockwise, holes clockwise.
-
-    Raises
-    ------
-    OutputError
-        If the CRS is of another celestial body or local, or the regions exceed the domain of their
-        projection.
+    Exteriors run counter-clockwise, holes clockwise. An OutputError says that the CRS is of another celestial
+    body or local, or that the regions exceed the domain of their projection.
     """
     if not len(regions):
         return

@@ -70,12 +70,8 @@ def write_block_map(
     The bands that a viewer displays are the mean v and the side of each leaf, for the X and tau of
     `division`. Further pages hold the block map itself: sums and counts of the cells, and R of all blocks
     with a pixel for each block of 64. `creation` is how integers, which most of the file holds, are stored.
-
-    Raises
-    ------
-    OutputExistsError, OutputError
-        If the file exists, is not named .tif, cannot be written, or is one of the rasters that the block map
-        was made from.
+    An OutputExistsError or OutputError says that the file exists, is not named .tif, cannot be written, or is
+    one of the rasters that the block map was made from.
     """
     check_block_map_name(path)
     check_not_inputs([path], saved.origin.find_rasters(path) or [])

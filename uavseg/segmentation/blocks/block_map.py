@@ -33,24 +33,12 @@ _STRIP_BLOCKS = 64  # rows of blocks in a strip of `leaf_means_by_strip`
 
 @dataclass(frozen=True, slots=True)
 class BlockMap:
-    """Cell sums, cell counts and block ratios over a grid of B x C blocks of 64 x 64 pixels.
+    """Cell sums, cell counts and block ratios over a grid of B x C blocks of 64 x 64 pixels."""
 
-    Parameters
-    ----------
-    shape : (int, int)
-        Rows and columns of the image in pixels; the blocks extend past its right and bottom edge.
-    sums : (8 B, 8 C) uint32 array
-        Sum of the grey of the valid pixels of each cell.
-    counts : (8 B, 8 C) uint8 array
-        Number of valid pixels of each cell, 0 to 64.
-    ratios : (B, C, 21) float64 array
-        R of each block, as `division.block_ratios` orders them.
-    """
-
-    shape: tuple[int, int]
-    sums: NDArray[np.uint32]
-    counts: NDArray[np.uint8]
-    ratios: NDArray[np.float64]
+    shape: tuple[int, int]  # of the image in pixels; blocks extend past its right and bottom edge
+    sums: NDArray[np.uint32]  # (8 B, 8 C): sum of the grey of valid pixels of each cell
+    counts: NDArray[np.uint8]  # (8 B, 8 C): valid pixels of each cell, 0 to 64
+    ratios: NDArray[np.float64]  # (B, C, 21): R of each block, as `division.block_ratios` orders them
 
     @classmethod
     def empty(cls, shape: tuple[int, int]) -> "BlockMap":
@@ -128,21 +116,10 @@ def required_ratios(
     """Return bit masks of the ratios R that decide in which interval the mean of every leaf lies.
 
     Where the means of all cells of a block lie in one interval, so does the mean of any leaf made of them,
-    whatever its R. R is not required either where intensity alone divides the block.
-
-    Parameters
-    ----------
-    sums, counts : (8 B, 8 C) arrays
-        Of the cells, as in `BlockMap`.
-    edges : sequence of float
-        Between the intervals, increasing; a mean on an edge lies in the interval below it.
-    step : float
-        Tau; infinite for no intensity test.
-
-    Returns
-    -------
-    required : (B, C) uint32 array
-        Bit k is set where ratio k of a block is required, unless a larger block around it is not divided.
+    whatever its R. R is not required either where intensity alone divides the block. Sums and counts are
+    those of `BlockMap`; edges between the intervals increase, and a mean on an edge lies in the interval
+    below it. `step` is tau, infinite for no intensity test. Bit k of the masks, (B, C), is set where ratio k
+    of a block is required, unless a larger block around it is not divided.
     """
     required = np.zeros((sums.shape[0] // CELLS, sums.shape[1] // CELLS), np.uint32)
     _required_ratios(sums, counts, np.array(edges, np.float64), step, required)

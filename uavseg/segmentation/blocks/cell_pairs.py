@@ -24,25 +24,13 @@ Counts = NDArray[np.int64]
 class RangeBorder:
     """Shape and contrast of the cells of a range of means.
 
-    Parameters
-    ----------
-    share : float
-        Of the cells.
-    frame : float
-        Of the cells beside the edge of the raster or nodata, the share that lies in the range: the background
-        touches the frame, objects on it do not.
-    compactness : float
-        Of the pairs of neighbouring cells with one or both in the range, the share with both; 1 for a range
-        without borders.
-    contrast : float
-        Difference of the means on both sides of the border, two cells apart, as a multiple of that between
-        means on one side of it.
+    The background touches the frame, objects on it do not.
     """
 
-    share: float
-    frame: float
-    compactness: float
-    contrast: float
+    share: float  # of the cells
+    frame: float  # in the range, of cells beside the edge of the raster or nodata
+    compactness: float  # pairs of neighbours both in the range, of those with one or both; 1: no border
+    contrast: float  # of means across the border, two cells apart, over that on one side of it
 
     @property
     def score(self) -> float:
@@ -52,26 +40,14 @@ class RangeBorder:
 
 @dataclass(frozen=True)
 class CellPairs:
-    """Co-occurrence histograms of the means of neighbouring cells, in bins of grey.
+    """Co-occurrence histograms of the means of neighbouring cells, in bins of grey."""
 
-    Parameters
-    ----------
-    first, width : int
-        The grey at which the first bin begins, and greys in each.
-    cells : (512,) int64 array
-        Cells of each bin that have at least 32 valid pixels.
-    frame : (512,) int64 array
-        Those of them beside the edge of the raster or a cell that does not count.
-    near, far : (512, 512) int64 arrays
-        Pairs of such cells side by side, and two cells apart, along rows and columns; the darker is the row.
-    """
-
-    first: int
-    width: int
-    cells: Counts
-    frame: Counts
-    near: Counts
-    far: Counts
+    first: int  # grey at which the first bin begins
+    width: int  # greys in each bin
+    cells: Counts  # (512,): with at least 32 valid pixels, by bin
+    frame: Counts  # (512,): of them, beside the edge of the raster or a cell that does not count
+    near: Counts  # (512, 512): pairs side by side, along rows and columns; the darker is the row
+    far: Counts  # (512, 512): two cells apart
 
     def bin_of(self, v: float) -> int:
         """Return the number of bins below a bound, rounded."""

@@ -34,22 +34,12 @@ def block_ratios(
 ) -> NDArray[np.float64]:
     """Compute R of blocks of 64 x 64 pixels and of the blocks of 32 and 16 within them.
 
-    Parameters
-    ----------
-    grey : (M + 2, N + 2) uint16 array
-        Image with a border of one pixel.
-    valid : (M + 2, N + 2) uint8 array or None
-        1 where a pixel is valid; None where all are.
-    bin_edges : (7,) int32 array
-        Of the contrast, from `lbp.contrast_bin_edges`.
-    corners : (B, 2) int64 array
-        Row and column of each block's first pixel, 0 to M - 64 and N - 64, without the border.
-
-    Returns
-    -------
-    ratios : (B, 21) float64 array
-        Side 64, then the four of side 32, then the sixteen of side 16, row by row. 0 where every G is 0 or
-        fewer than two children have counted pixels (not divided); infinite where only the smallest G is 0.
+    `grey` and `valid`, 1 where a pixel is valid and None where all are, are (M + 2, N + 2), with a border of
+    one pixel. `bin_edges`, (7,), are those of the contrast, from `lbp.contrast_bin_edges`, and `corners`, (B,
+    2), row and column of each block's first pixel, 0 to M - 64 and N - 64, without the border. The ratios,
+    (B, 21), are those of side 64, then the four of side 32, then the sixteen of side 16, row by row: 0 where
+    every G is 0 or fewer than two children have counted pixels (not divided); infinite where only the
+    smallest G is 0.
     """
     ratios = np.empty((len(corners), RATIOS))
     scratch = np.zeros((6, SYMBOLS), np.uint64)

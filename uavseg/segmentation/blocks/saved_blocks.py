@@ -26,32 +26,16 @@ _MAX_STEP = 1 << 16  # pixels; far more than squares of illumination have
 
 @dataclass(frozen=True)
 class Origin:
-    """Rasters that a block map was made from, and how they were read.
+    """Rasters that a block map was made from, and how they were read."""
 
-    Parameters
-    ----------
-    rasters : tuple of str
-        Paths as given by the user.
-    folder : str
-        Base folder of relative paths.
-    band, rgb, nodata
-        Options of the user, or None; bands by their numbers.
-    words : BandWords
-        An index or an expression, and names of bands.
-    collar : {"auto", "keep"}
-        "auto" if a collar was detected, which counts as nodata.
-    flatten : str, optional
-        The width over which illumination was estimated, such as "12.5" (metres) or "200px".
-    """
-
-    rasters: tuple[str, ...]
-    folder: str
-    band: int | None = None
+    rasters: tuple[str, ...]  # paths as given by the user
+    folder: str  # base of relative paths
+    band: int | None = None  # an option of the user; bands by their numbers
     rgb: tuple[int, int, int] | None = None
     nodata: float | str | None = None
     words: BandWords = BandWords()
-    collar: str = "keep"
-    flatten: str | None = None
+    collar: str = "keep"  # "auto" if one was detected, which counts as nodata
+    flatten: str | None = None  # width over which illumination was estimated: "12.5" (metres) or "200px"
 
     def find_rasters(self, beside: str | os.PathLike[str]) -> list[str] | None:
         """Return the paths of the rasters, in their folder or beside the block map; None if any is gone."""

@@ -24,21 +24,11 @@ Moments = dict[tuple[int, int], Floats]
 
 @dataclass(frozen=True)
 class Illumination:
-    """Illumination of a raster in grey, and the mean grey that replaces it.
+    """Illumination of a raster in grey, and the mean grey that replaces it."""
 
-    Parameters
-    ----------
-    nodes : (m, n) uint16 array
-        Illumination at the centres of squares that cover the raster from its top-left corner.
-    step : int
-        Side of a square in pixels, a power of two.
-    target : int
-        Mean grey of all valid pixels.
-    """
-
-    nodes: NDArray[np.uint16]
-    step: int
-    target: int
+    nodes: NDArray[np.uint16]  # (m, n): at centres of squares from the top-left corner
+    step: int  # side of a square in pixels, a power of two
+    target: int  # mean grey of all valid pixels
 
     def subtract_from(
         self, grey: NDArray[np.uint16], valid: NDArray[np.bool_] | None, corner: tuple[int, int]

@@ -35,28 +35,16 @@ class DivisionParams:
 class SegmentParams:
     """Parameters of the segmentation.
 
-    Parameters
-    ----------
-    method : {"adaptive", "paper"}
-        Division by texture and intensity, or by texture alone.
-    threshold : float
-        X, at least 0: a block is divided where R = G_max / G_min is larger.
-    intensity_step : float
-        Tau, 0 to 1: the adaptive method also divides where the means of the children differ by more.
-    refine : {"tv", "scan", "none", "smooth", "pixels"}
-        Refinement to the pixel. The default is total variation, which decides each pixel by its denoised
-        value, and scans with the paper's method; "pixels" is a threshold: each pixel by its own value. With
-        the others leaves decide, and scans and local means move their boundaries.
+    Refinement is by total variation by default, which decides each pixel by its denoised value, and by scans
+    with the paper's method; "pixels" is a threshold: each pixel by its own value. With the others leaves
+    decide, and scans and local means move their boundaries.
 
-    Raises
-    ------
-    ParameterError
-        If a parameter is out of bounds.
+    A ParameterError says that a parameter is out of bounds.
     """
 
-    method: Method = "adaptive"
-    threshold: float = 1.2
-    intensity_step: float = 0.05
+    method: Method = "adaptive"  # "adaptive": by texture and intensity, "paper": by texture alone
+    threshold: float = 1.2  # X, at least 0: a block is divided where R = G_max / G_min is larger
+    intensity_step: float = 0.05  # tau: "adaptive" also divides where means of children differ by more
     refine: Refinement = None  # type: ignore[assignment]  # the default depends on the method
 
     def __post_init__(self) -> None:
@@ -191,12 +179,9 @@ class StateLimits:
 class Levels:
     """Levels of equal width over 0..1; the last may be narrower.
 
-    Level k, from 0, holds the values above k P up to (k + 1) P with P the `width`; level 0 also holds 0.
-
-    Raises
-    ------
-    ParameterError
-        If the width is not above 0 and at most 1, or so small that there are more levels than greys.
+    Level k, from 0, holds the values above k P up to (k + 1) P with P the `width`; level 0 also holds 0. A
+    ParameterError says that the width is not above 0 and at most 1, or so small that there are more levels
+    than greys.
 
     Examples
     --------
@@ -262,10 +247,7 @@ class Partition:
 class Breaks:
     """Levels between given edges over 0..1; a value on an edge belongs to the level below it.
 
-    Raises
-    ------
-    ParameterError
-        If the edges do not increase, above 0 and below 1.
+    A ParameterError says that the edges do not increase, above 0 and below 1.
 
     Examples
     --------
@@ -331,12 +313,8 @@ class ValueClass:
 class ValueClasses:
     """Classes whose ranges do not overlap, numbered from 1.
 
-    A range includes both its ends. Where two ranges share an end, it belongs to the lower of them.
-
-    Raises
-    ------
-    ParameterError
-        If there are none or too many, two have the same name, or two overlap.
+    A range includes both its ends. Where two ranges share an end, it belongs to the lower of them. A
+    ParameterError says that there are none or too many, two have the same name, or two overlap.
 
     Examples
     --------

@@ -78,17 +78,12 @@ def _chords(disc: PixelDisc) -> _Chords:
 class Detail:
     """Smallest structure that remains.
 
-    Parameters
-    ----------
-    rows, cols : int
-        Its size along a column and along a row, 1..128 pixels.
-    cover : bool
-        Narrow structures take the class of a pixel nearby or keep theirs, and none is dropped: for classes
-        that cover a raster, as levels do.
+    With `cover` narrow structures take the class of a pixel nearby or keep theirs, and none is dropped: for
+    classes that cover a raster, as levels do.
     """
 
-    rows: int
-    cols: int
+    rows: int  # size along a column, 1..128 pixels
+    cols: int  # along a row
     cover: bool = False
 
     @property

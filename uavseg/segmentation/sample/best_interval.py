@@ -35,16 +35,9 @@ def best_interval(values: Floats, similarity: Floats, sample: Floats) -> Interva
     """Choose the interval with the largest expected intersection over union with a sample's class.
 
     It is open at an end where that costs almost no agreement; None where all values are one, or none is
-    finite.
-
-    Parameters
-    ----------
-    values : (n,) float64 array
-        Of pixels all over the raster.
-    similarity : (n,) float64 array
-        Probability that each is of the class.
-    sample : (m,) float64 array
-        Values of the sample's pixels. An interval that lacks more than a tenth of them counts for less.
+    finite. `values`, (n,), are of pixels all over the raster, `similarity`, (n,), the probability that each
+    is of the class. An interval that lacks more than a tenth of the values of the `sample`, (m,), counts for
+    less.
     """
     finite = np.isfinite(values)
     values, similarity, sample = values[finite], similarity[finite], sample[np.isfinite(sample)]

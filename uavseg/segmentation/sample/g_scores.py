@@ -47,14 +47,8 @@ _PART = 1 << 20  # scores that are counted at a time
 class TextureModel:
     """Texture and grey histograms of counted pixels; those of parts merge by adding.
 
-    Parameters
-    ----------
-    texture : (2048,) int64 array
-        Histogram of symbols, see `lbp.lbp_symbols`.
-    greys : (64,) int64 array
-        Histogram of grey in bins of 1024.
-    coarse : (2048,) int64 array
-        Histogram of symbols of means of 2 x 2 pixels, see `coarse_lbp.coarse_symbols`.
+    `texture` (2048,) is the histogram of symbols, see `lbp.lbp_symbols`, `greys` (64,) that of grey in bins
+    of 1024, and `coarse` (2048,) that of symbols of means of 2 x 2 pixels, see `coarse_lbp.coarse_symbols`.
     """
 
     texture: NDArray[np.int64] = field(default_factory=lambda: np.zeros(SYMBOLS, np.int64))
@@ -115,23 +109,12 @@ def window_scores(
 ) -> NDArray[np.uint16]:
     """Score every window: G against a model less its expectation, per counted pixel.
 
-    Parameters
-    ----------
-    symbols, grey : (M, N) uint16 arrays
-        From `lbp_symbols`, and the grey of the same pixels; M and N are multiples of 8.
-    side : int
-        Side of a window, in cells.
-    bounds : GreyBounds
-        Bounds of the mean grey of a window's counted pixels.
-    leave_one_out : bool
-        Whether each window, a part of the model, is compared with the rest of the model.
-
-    Returns
-    -------
-    scores : (M / 8 - side + 1, N / 8 - side + 1) uint16 array
-        Of the window that begins at each cell: (G - expected G) / pixels in units of 1 / 2048, rounded down,
-        plus `NULL_SCORE`. 65534 where the mean is out of bounds, 65535 where less than seven eighths of the
-        window are counted.
+    `symbols`, from `lbp_symbols`, and the `grey` of the same pixels are (M, N), multiples of 8; `side` is
+    that of a window in cells, and `bounds` are those of the mean grey of its counted pixels. With
+    `leave_one_out` each window, a part of the model, is compared with the rest of the model. The scores, (M /
+    8 - side + 1, N / 8 - side + 1), are of the window that begins at each cell: (G - expected G) / pixels in
+    units of 1 / 2048, rounded down, plus `NULL_SCORE`. 65534 where the mean is out of bounds, 65535 where
+    less than seven eighths of the window are counted.
     """
     rows, cols = (length // CELL - side + 1 for length in symbols.shape)
     scores = np.full((max(rows, 0), max(cols, 0)), NO_SCORE, np.uint16)

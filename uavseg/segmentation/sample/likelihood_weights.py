@@ -30,19 +30,10 @@ SymbolPair = tuple[NDArray[np.uint16], NDArray[np.uint16]]  # of the same pixels
 
 @dataclass(frozen=True)
 class SampleWeights:
-    """Weights of symbols for a sample, and the mean weight that its windows reach.
+    """Weights of symbols for a sample, and the mean weight that its windows reach."""
 
-    Parameters
-    ----------
-    weights : (2, 2048) int64 array
-        Log-likelihood ratio of each symbol, sample against background, in units of 1 / 1024, at both scales.
-    sample_level : int
-        Mean weight that nineteen of twenty of the sample's windows reach, each against the rest of the
-        sample; at most 0.
-    """
-
-    weights: NDArray[np.int64]
-    sample_level: int
+    weights: NDArray[np.int64]  # (2, 2048): log-likelihood ratios, both scales, in 1 / 1024
+    sample_level: int  # reached by 19 of 20 windows of the sample, each against its rest; at most 0
 
     @classmethod
     def of(cls, sample: SymbolPair, background: NDArray[np.int64], side: int) -> "SampleWeights":

@@ -67,19 +67,10 @@ def classify_pixels(
 ) -> NDArray[np.uint8]:
     """Classify pixels as their cell, in undecided cells by the sign of the weight of a 13 x 13 window.
 
-    Parameters
-    ----------
-    cells : (M / 8, N / 8) uint8 array
-        0 outside, 1 inside, 2 undecided.
-    valid, grey : (M, N) uint8 and uint16 arrays
-    symbols : (M - 2, N - 2) uint16 array
-        From `lbp_symbols`: without a border of one pixel, which has no weight.
-    coarse : (M - 6, N - 6) uint16 array
-        From `coarse_symbols`: without a border of three pixels.
-
-    Returns
-    -------
-    inside : (M, N) uint8 array, 1 inside; 0 where a pixel is not valid
+    `cells`, (M / 8, N / 8), are 0 outside, 1 inside, 2 undecided; `valid` and `grey` are (M, N). Pixels along
+    the border have no weight: `symbols`, from `lbp_symbols`, are without a border of one pixel, `coarse`,
+    from `coarse_symbols`, without one of three. The result, (M, N), is 1 inside; 0 where a pixel is not
+    valid.
     """
     inside = np.zeros_like(valid)
     columns = np.zeros(valid.shape[1], np.int64)

@@ -27,34 +27,16 @@ _OTHERS = 0.05  # share of the raster that is certainly of other classes
 
 @dataclass(frozen=True)
 class SimilarityTable:
-    """Lookup table of the probability that a colour is of the sample's class.
+    """Lookup table of the probability that a colour is of the sample's class."""
 
-    Parameters
-    ----------
-    weights : (axes, bands) float64 array
-        Of the bands in each axis.
-    lows, scales : (axes,) float64 arrays
-        Start of the first bin of each axis, and bins per unit.
-    similarity : (bins ** axes,) uint16 array
-        Probability of each bin, 65535 for 1; the last axis runs fastest.
-    sample_mean : float
-        Mean probability of the sample's pixels.
-    raster_mean : float
-        Mean probability of the raster's pixels.
-    other_mean : float, optional
-        Mean probability of the pixels of samples of other classes.
-    uncertain : float
-        Share of the raster's pixels with a probability of 0.25 to 0.75.
-    """
-
-    weights: NDArray[np.float64]
-    lows: NDArray[np.float64]
-    scales: NDArray[np.float64]
-    similarity: NDArray[np.uint16]
-    sample_mean: float
-    raster_mean: float
-    other_mean: float | None = None
-    uncertain: float = 0.0
+    weights: NDArray[np.float64]  # (axes, bands): of the bands in each axis
+    lows: NDArray[np.float64]  # (axes,): start of the first bin of each axis
+    scales: NDArray[np.float64]  # (axes,): bins per unit
+    similarity: NDArray[np.uint16]  # (bins ** axes,): 65535 for 1; the last axis runs fastest
+    sample_mean: float  # mean probability of the sample's pixels
+    raster_mean: float  # of the raster's pixels
+    other_mean: float | None = None  # of pixels of samples of other classes
+    uncertain: float = 0.0  # share of the raster's pixels with 0.25 to 0.75
 
     @classmethod
     def fit(

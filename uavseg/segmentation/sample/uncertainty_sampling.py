@@ -42,20 +42,10 @@ def most_uncertain_cells(
 ) -> NDArray[np.int64]:
     """Return the cells around which a disc of valid pixels is most uncertain, in descending order: (k, 2).
 
-    The uncertainty of a cell is 1 where its mean similarity is one half, and 0 where that is 0 or 1.
-
-    Parameters
-    ----------
-    sums, counts : (m, n) uint32 and uint8 arrays
-        Of the similarity, as in a block map.
-    taken : (m, n) bool array
-        Cells that no disc may touch.
-    radius : float
-        Of the disc, in pixels.
-    count : int
-        Maximum number; of equal ones the first by row and column.
-    minimum : float
-        Of the uncertainty of a disc, 0 to 1.
+    The uncertainty of a cell is 1 where its mean similarity is one half, and 0 where that is 0 or 1; that of
+    a disc is `minimum`, 0 to 1, or more. Sums and counts are of the similarity, as in a block map. No disc,
+    whose radius is in pixels, may touch the cells `taken`. `count` is the maximum number; of equal ones the
+    first by row and column.
     """
     widths = half_widths(radius)
     limit = int(np.ceil(minimum * _CERTAIN * int((2 * widths + 1).sum())))

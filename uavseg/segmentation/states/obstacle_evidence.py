@@ -50,20 +50,14 @@ _MEDIAN_OF_NORMAL = 0.6744897501960817  # of |z|
 class EvidenceRule:
     """Thresholds of evidence above which structures of cells with occupied values are obstacles.
 
-    Parameters
-    ----------
-    codes : (65536,) uint8 array
-        Evidence of each grey: 0 where noise explains it; else 1 + ln(v / (1 - v)) in eighths, rounded down,
-        126 and more for v = 1, plus 128 where v is above 0.65 too.
-    min_cells : int
-        An 8-connected structure of so many cells, without an occupied cell beside it, is an obstacle.
-    min_evidence : int
-        So is a structure of strong cells with this sum of evidence, in eighths of a nat.
+    The evidence of a grey is 0 where noise explains it; else 1 + ln(v / (1 - v)) in eighths, rounded down,
+    126 and more for v = 1, plus 128 where v is above 0.65 too. An 8-connected structure of enough cells,
+    without an occupied cell beside it, is an obstacle; so is one of strong cells with enough evidence.
     """
 
-    codes: NDArray[np.uint8]
+    codes: NDArray[np.uint8]  # (65536,): evidence of each grey
     min_cells: int
-    min_evidence: int
+    min_evidence: int  # in eighths of a nat
 
 
 def evidence_rule(limits: StateLimits, cells: int, noise: float, trinary: bool) -> EvidenceRule:

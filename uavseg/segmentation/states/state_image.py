@@ -22,12 +22,8 @@ class StateImage:
     """Codes of the pixels of a raster (see `state_scans`), packed two to a byte.
 
     Images of up to 64 MB are held in memory, larger ones in an unnamed temporary file, so that memory is
-    bounded. Codes are stored for the whole blocks of the raster.
-
-    Raises
-    ------
-    OutputError
-        If there is no space for the temporary file.
+    bounded. Codes are stored for the whole blocks of the raster. An OutputError says that there is no space
+    for the file.
     """
 
     def __init__(self, shape: tuple[int, int]) -> None:

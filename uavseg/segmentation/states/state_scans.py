@@ -37,42 +37,6 @@ def decode_states(codes: Codes) -> NDArray[np.uint8]:
     return codes & np.uint8(3)
 
 
-def compact_rows(codes: Codes) -> None:
-    """Compact along rows, right to left, then left to right, in place.
-
-    Half pixels after an unknown one become unknown.
-    """
-    _compact_rows(codes)
-
-
-def resolve_rows(codes: Codes) -> None:
-    """Resolve free against occupied along rows, right to left, then left to right, in place.
-
-    Where the previous pixel is A and this one is B, {A, B} = {free, occupied}, the first pixel that is not
-    half decides, of this one and at most two more that are B. If the state of its value is A, all pixels from
-    this one through it become A.
-    """
-    _resolve_rows(codes)
-
-
-def compact_columns(codes: Codes, previous: NDArray[np.uint8], upwards: bool) -> None:
-    """Compact along columns, upwards (from bottom to top) or downwards, in place; see `compact_rows`.
-
-    `previous`, (N,), are the states of the row before the (M, N) strip in scan order, 0 if there is none;
-    updated to those of the strip's last row.
-    """
-    _compact_columns(codes, previous, upwards)
-
-
-def resolve_columns(codes: Codes, previous: NDArray[np.uint8], upwards: bool) -> None:
-    """Resolve free against occupied along columns, in place; see `resolve_rows` and `compact_columns`.
-
-    The (M + 2, N) strip has the next two rows in scan order, which are not changed; rows of 0 if there are
-    none.
-    """
-    _resolve_columns(codes, previous, upwards)
-
-
 def refine_states(codes: Codes) -> NDArray[np.uint8]:
     """Run all eight scans over a whole (M, N) image, whose codes are changed in place; return its states.
 
@@ -130,7 +94,11 @@ def resolve_pixel(code, after, second, previous):  # type: ignore[no-untyped-def
 
 
 @kernel("void(u1[:,::1])")
-def _compact_rows(codes):  # type: ignore[no-untyped-def]
+def compact_rows(codes):  # type: ignore[no-untyped-def]
+    """Compact along rows, right to left, then left to right, in place.
+
+    Half pixels after an unknown one become unknown.
+    """
     rows, cols = codes.shape
     for r in range(rows):
         previous = np.uint8(0)
@@ -147,7 +115,13 @@ def _compact_rows(codes):  # type: ignore[no-untyped-def]
 
 
 @kernel("void(u1[:,::1])")
-def _resolve_rows(codes):  # type: ignore[no-untyped-def]
+def resolve_rows(codes):  # type: ignore[no-untyped-def]
+    """Resolve free against occupied along rows, right to left, then left to right, in place.
+
+    Where the previous pixel is A and this one is B, {A, B} = {free, occupied}, the first pixel that is not
+    half decides, of this one and at most two more that are B. If the state of its value is A, all pixels from
+    this one through it become A.
+    """
     rows, cols = codes.shape
     for r in range(rows):
         previous = np.uint8(0)
@@ -168,7 +142,12 @@ def _resolve_rows(codes):  # type: ignore[no-untyped-def]
 
 
 @kernel("void(u1[:,::1], u1[::1], b1)")
-def _compact_columns(codes, previous, upwards):  # type: ignore[no-untyped-def]
+def compact_columns(codes, previous, upwards):  # type: ignore[no-untyped-def]
+    """Compact along columns, upwards (from bottom to top) or downwards, in place; see `compact_rows`.
+
+    `previous`, (N,), are the states of the row before the (M, N) strip in scan order, 0 if there is none;
+    updated to those of the strip's last row.
+    """
     rows, cols = codes.shape
     for k in range(rows):
         r = rows - 1 - k if upwards else k
@@ -178,7 +157,12 @@ def _compact_columns(codes, previous, upwards):  # type: ignore[no-untyped-def]
 
 
 @kernel("void(u1[:,::1], u1[::1], b1)")
-def _resolve_columns(codes, previous, upwards):  # type: ignore[no-untyped-def]
+def resolve_columns(codes, previous, upwards):  # type: ignore[no-untyped-def]
+    """Resolve free against occupied along columns, in place; see `resolve_rows` and `compact_columns`.
+
+    The (M + 2, N) strip has the next two rows in scan order, which are not changed; rows of 0 if there are
+    none.
+    """
     rows, cols = codes.shape
     step = -1 if upwards else 1
     for k in range(rows - 2):

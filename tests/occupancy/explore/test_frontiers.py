@@ -1,0 +1,83 @@
+"""Frontiers, what is seen of them, and what a scan is expected to tell, beside plain versions."""
+
+import math
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.ndimage import label
+
+from uavseg.occupancy.explore.frontiers import expected_bits, find_frontiers, seen_from, visible_cells
+from uavseg.units import FREE, OCCUPIED, UNKNOWN
+
+STATES = st.integers(0, 10_000).map(
+    lambda seed: np.random.default_rng(seed).choice([1, 1, 1, 2, 3], (12, 15)).astype(np.uint8)
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(STATES)
+def test_frontiers_are_free_cells_beside_unknown_ones_in_groups(states: np.ndarray) -> None:
+    found = find_frontiers(states)
+    plain = {
+        (r, c)
+        for r, c in np.argwhere(states == FREE).tolist()
+        for y, x in ((r + 1, c), (r - 1, c), (r, c + 1), (r, c - 1))
+        if 0 <= y < 12 and 0 <= x < 15 and states[y, x] == UNKNOWN
+    }
+    assert set(map(tuple, found.cells.tolist())) == plain and len(found.cells) == len(plain)
+    assert np.array_equal(found.index[tuple(found.cells.T)], np.arange(len(plain)))
+    assert np.count_nonzero(found.index >= 0) == len(plain)
+    groups, _ = label(found.index >= 0, np.ones((3, 3)))
+    of_cell = groups[tuple(found.cells.T)]
+    assert len(set(of_cell)) == 1 + np.count_nonzero(np.diff(of_cell)) if len(of_cell) else True  # together
+    for group in set(of_cell):
+        cells = found.cells[of_cell == group]
+        assert set(found.widths[of_cell == group]) == {int(np.ptp(cells, axis=0).max()) + 1}
+
+
+@settings(max_examples=40, deadline=None)
+@given(STATES, st.integers(0, 11), st.integers(0, 14), st.floats(1, 12))
+def test_what_is_seen_is_in_range_and_nothing_but_free_cells_lies_before(
+    states: np.ndarray, row: int, col: int, range_cells: float
+) -> None:
+    states[row, col] = FREE
+    found = find_frontiers(states)
+    starts, seen = seen_from(states, found.index, len(found.cells), np.array([[row, col]]), range_cells)
+    assert starts.tolist() == [0, len(seen)] and len(set(seen.tolist())) == len(seen)
+    visible = visible_cells(states != FREE, np.array([[row, col]]), range_cells)
+    for cell in found.cells[seen]:
+        assert math.hypot(*(cell - (row, col))) <= range_cells + 1.5
+        assert visible[tuple(cell)]
+    wall = np.full((12, 15), OCCUPIED, np.uint8)
+    wall[row, col] = FREE
+    assert visible_cells(wall != FREE, np.array([[row, col]]), range_cells).sum() <= 9
+
+
+def test_a_long_list_grows() -> None:
+    states = np.full((200, 200), FREE, np.uint8)
+    states[::4, ::4] = UNKNOWN
+    found = find_frontiers(states)
+    views = np.argwhere(states == FREE)[:40]
+    starts, seen = seen_from(states, found.index, len(found.cells), views, 150.0)
+    one = seen_from(states, found.index, len(found.cells), views[7:8], 150.0)[1]
+    assert np.array_equal(seen[starts[7] : starts[8]], one)
+
+
+def test_expected_bits_count_each_cell_once_and_nothing_behind_walls() -> None:
+    states = np.full((41, 41), UNKNOWN, np.uint8)
+    states[15:26, 15:26] = FREE
+    p = np.where(states == FREE, np.float32(0.0), np.float32(0.5))
+    open_ = expected_bits(p, states, (20, 20), 12.0)
+    assert 0 < open_ <= np.count_nonzero(states == UNKNOWN)
+    near = expected_bits(p, states, (20, 20), 4.0)
+    assert near < 1e-6  # only free cells are reached
+    closed, walls = states.copy(), p.copy()
+    closed[14, 14:27] = closed[26, 14:27] = closed[14:27, 14] = closed[14:27, 26] = OCCUPIED
+    walls[closed == OCCUPIED] = 1.0
+    assert expected_bits(walls, closed, (20, 20), 12.0) < 1e-6
+    halves = [expected_bits(p, states, (20, 20), 12.0, angle, math.pi) for angle in (0.0, math.pi)]
+    assert all(0.3 * open_ < half < 0.75 * open_ for half in halves)
+    more_walls = states.copy()
+    more_walls[18:23, 18] = OCCUPIED  # known cells are occupied more often, so unknown ones block more
+    assert expected_bits(p, more_walls, (20, 20), 12.0) < open_

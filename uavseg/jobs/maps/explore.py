@@ -1,0 +1,125 @@
+"""Job of a robot that explores a simulated scene until nothing that it can see is unknown."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.dataclass import dataclass
+from uavseg.errors import SceneError
+from uavseg.execution.executors import decided, phase
+from uavseg.jobs.maps.merge_maps import read_map
+from uavseg.jobs.maps.next_view import cell_at, cell_side, pose_of
+from uavseg.occupancy.explore.drive import Drive, Explorer, knowable_cells
+from uavseg.occupancy.map_file import trinary_states
+from uavseg.occupancy.mapping.grid import OccupancyGrid
+from uavseg.occupancy.mapping.scan import Pose
+from uavseg.occupancy.paths.find_path import PathParams
+from uavseg.occupancy.paths.path_geojson import feature_collection
+from uavseg.occupancy.simulation.cell_scene import CellScene
+from uavseg.occupancy.simulation.paper_scenes import BUILT_IN_SCENES
+from uavseg.occupancy.simulation.scene import Scene
+from uavseg.occupancy.simulation.scene_file import load_scene
+from uavseg.occupancy.simulation.simulate import RangeFinder
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.segmentation.params.segment import StateLimits
+from uavseg.units import FREE, UNKNOWN
+
+_COMPLETE = 0.99  # share of what can be known, below which a drive is not complete
+
+
+@dataclass(frozen=True, slots=True)
+class ExploreRequest:
+    """How a scene is explored."""
+
+    start: Sequence[float] | None = None  # x, y and perhaps the heading; None: the first pose of the scene
+    sensor: Sequence[tuple[str, float]] = ()  # names and values of a `RangeFinder` that are not the scene's
+    clearance_m: float = 0.0
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Explored:
+    """A drive through a scene."""
+
+    drive: Drive
+    knowable: NDArray[np.bool_]  # (rows, cols); cells that some place sees which the robot could reach
+    warnings: tuple[str, ...]
+
+    def to_geojson(self) -> str:
+        """Return the drive, a line, and the views at which it stopped, as GeoJSON in local coordinates."""
+        drive = self.drive
+        places = np.round(drive.xy, 6).tolist()
+        about = {"length_m": round(drive.metres[-1], 6), "scans": len(places), "known": round(self.share, 6)}
+        features: list[tuple[dict[str, Any], dict[str, Any]]] = [
+            (about, {"type": "LineString", "coordinates": places if len(places) > 1 else places * 2})
+        ]
+        for number, scan in enumerate(drive.views, start=1):
+            heading = round(math.degrees(drive.poses[scan].heading_rad) % 360, 3)
+            view = {
+                "view": number,
+                "scan": scan,
+                "heading_deg": heading,
+                "driven_m": round(drive.metres[scan], 6),
+            }
+            features.append((view, {"type": "Point", "coordinates": places[scan]}))
+        return feature_collection(features)
+
+    def table(self) -> str:
+        """Return the scans as CSV: place, heading, metres driven and cells that are known."""
+        lines = ["scan,x,y,heading_deg,driven_m,known_cells"]
+        for k, (pose, metres, known) in enumerate(
+            zip(self.drive.poses, self.drive.metres, self.drive.known, strict=True)
+        ):
+            heading = math.degrees(pose.heading_rad) % 360
+            lines.append(f"{k},{pose.x:.6f},{pose.y:.6f},{heading:.3f},{metres:.6f},{known}")
+        return "\n".join(lines) + "\n"
+
+    @property
+    def share(self) -> float:
+        """Return the share of what can be known that is known at the end."""
+        known = StateLimits().of(self.drive.grid.probabilities) != UNKNOWN
+        return float((known & self.knowable).sum() / self.knowable.sum())
+
+
+def explore(scene: str, request: ExploreRequest) -> Explored:
+    """Let a robot explore a scene: "lens", "circles", a JSON file, or a map whose free cells it may enter."""
+    warnings: list[str] = []
+    solids, sensor, geobox, first = _opened(scene, dict(request.sensor), warnings)
+    side = cell_side(geobox)
+    PathParams(request.clearance_m)
+    start = first if request.start is None else pose_of(request.start, "start")
+    if start is None:
+        raise SceneError(f"{scene} is a map, so nobody knows where the robot begins; give it (--start X,Y)")
+    explorer = Explorer(solids, sensor, OccupancyGrid(geobox), request.clearance_m, request.seed)
+    with phase("drive"):
+        drive = explorer.run(start)
+    decided("%d scans, %d choices", len(drive.poses), len(drive.seconds))
+    rows, cols = np.indices(geobox.shape) + 0.5
+    solid = solids.contains(*geobox.xy_from_pixel(rows, cols))
+    at = cell_at(geobox, (start.x, start.y))
+    knowable = knowable_cells(solid, at, side, sensor.max_range_m, request.clearance_m)
+    explored = Explored(drive, knowable, tuple(warnings))
+    if explored.share < _COMPLETE:
+        known = f"only {100 * explored.share:.1f} % of what could be known is known"
+        warnings.append(
+            f"{known}; the rest was looked at in vain (a longer range, or smaller steps of the beams)"
+        )
+    return replace(explored, warnings=tuple(warnings))
+
+
+def _opened(
+    scene: str, changes: dict[str, float], warnings: list[str]
+) -> tuple[Scene | CellScene, RangeFinder, GeoBox, Pose | None]:
+    """Return what is solid, the sensor, the cells of the map and the first pose of a scene or a map."""
+    if scene not in BUILT_IN_SCENES and not scene.lower().endswith(".json"):
+        if "max_range_m" not in changes:
+            raise SceneError(f"{scene} is a map, and has no sensor; say how far it sees (--range M)")
+        found = read_map(scene, warnings)
+        solid = trinary_states(found.probabilities) != FREE
+        return CellScene(solid, found.geobox), RangeFinder(**changes), found.geobox, None
+    whole = BUILT_IN_SCENES[scene]() if scene in BUILT_IN_SCENES else load_scene(scene)
+    return whole.scene, replace(whole.sensor, **changes), whole.geobox, whole.poses[0]

@@ -1,0 +1,212 @@
+"""Job of where a robot looks next: views of a map, the best first."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.dataclass import dataclass
+from uavseg.errors import MapError, ParameterError
+from uavseg.execution.executors import phase
+from uavseg.jobs.maps.classify import ClassifyRequest, classify
+from uavseg.jobs.source.source import Blocks, ProbabilityMap
+from uavseg.jobs.source.work import SERIAL, Work
+from uavseg.occupancy.explore.frontiers import expected_bits
+from uavseg.occupancy.explore.next_view import Cell, Tour, ViewPlanner, tour_from
+from uavseg.occupancy.mapping.scan import Pose
+from uavseg.occupancy.paths.any_angle import pull_string
+from uavseg.occupancy.paths.astar import shortest_path
+from uavseg.occupancy.paths.find_path import PathParams, PlannedPath
+from uavseg.occupancy.simulation.simulate import RangeFinder
+from uavseg.raster.grid.geobox import GeoBox, check_metres
+from uavseg.raster.grid.ground import line_length
+from uavseg.raster.grid.tiling import Window
+from uavseg.segmentation.params.segment import StateLimits
+from uavseg.units import FREE, GREY_MAX, OCCUPIED, UNKNOWN
+
+if TYPE_CHECKING:
+    from uavseg.occupancy.explore.frontiers import States
+
+_SQUARE = 1e-6  # relative difference of the sides of a cell that is square
+_STATES = {0: "has no value", UNKNOWN: "is unknown", OCCUPIED: "is occupied"}
+
+
+@dataclass(frozen=True, slots=True)
+class ViewRequest:
+    """The robot and its sensor."""
+
+    pose: Sequence[float]  # x, y and perhaps the heading in degrees, counterclockwise from the x axis
+    range_m: float
+    fov_deg: float = 360.0
+    count: int = 5
+    clearance_m: float = 0.0
+    limits: StateLimits = StateLimits()
+
+    def __post_init__(self) -> None:
+        pose_of(self.pose, "pose")
+        RangeFinder(max_range_m=self.range_m, fov_deg=self.fov_deg)
+        PathParams(self.clearance_m)
+        if self.count < 1:
+            raise ParameterError(f"the number of views is at least 1, not {self.count}")
+
+
+@dataclass(frozen=True)
+class View:
+    """A pose of the sensor from which unknown space can be seen."""
+
+    pose: Pose
+    way: PlannedPath  # the safe way to it from where the robot is
+    bits: float  # entropy of the cells that a scan is expected to reach
+    frontier_m: float  # length of the frontiers that it sees
+    score: float  # the shortest tour through all views, over that which begins with this one: at most 1
+
+    @property
+    def properties(self) -> dict[str, float]:
+        """Return what is written of the view."""
+        return {
+            "heading_deg": round(math.degrees(self.pose.heading_rad) % 360, 3),
+            "distance_m": round(self.way.length_m, 6),
+            "gain_bits": round(self.bits, 3),
+            "frontier_m": round(self.frontier_m, 6),
+            "score": round(self.score, 6),
+        }
+
+
+@dataclass(frozen=True)
+class NextViews:
+    """Views of a map, the best first; none where nothing that can be reached is unknown."""
+
+    views: tuple[View, ...]
+    geobox: GeoBox
+    warnings: tuple[str, ...]
+
+    def to_geojson(self) -> str:
+        """Return the views, points with their rank and values, and the ways to them, as GeoJSON."""
+        from uavseg.occupancy.paths.path_geojson import feature_collection, line_geometry, point_geometry
+
+        features: list[tuple[dict[str, Any], dict[str, Any]]] = []
+        for rank, view in enumerate(self.views, start=1):
+            features.append(({"view": rank, **view.properties}, point_geometry(view.way)))
+            features.append(({"way_to": rank, "length_m": view.way.length_m}, line_geometry(view.way)))
+        return feature_collection(features)
+
+
+def pose_of(numbers: Sequence[float], name: str) -> Pose:
+    """Return the pose of x, y and perhaps a heading in degrees."""
+    if len(numbers) not in (2, 3):
+        raise ParameterError(f"--{name} is X,Y or X,Y,HEADING, two or three numbers, not {len(numbers)}")
+    x, y, heading = [*map(float, numbers), 0.0][:3]
+    return Pose(x, y, heading_rad=math.radians(heading))
+
+
+def cell_side(geobox: GeoBox) -> float:
+    """Return the side of the cells in metres; refuse those that are not square."""
+    check_metres(geobox)
+    t = geobox.transform
+    width, height = math.hypot(t.a, t.d), math.hypot(t.b, t.e)
+    if abs(width - height) > _SQUARE * width:
+        raise MapError(f"views need square cells, and these are {width:g} m x {height:g} m; warp the map")
+    return width
+
+
+def next_views(source: ProbabilityMap | Blocks, request: ViewRequest, work: Work = SERIAL) -> NextViews:
+    """Find the views of a map from which a sensor would see what is unknown, in the order to go there."""
+    work = work.begun()
+    if isinstance(source, Blocks):
+        raise ParameterError(
+            f"{source.path} is a block map; views are of single cells, so give the map itself"
+        )
+    side = cell_side(source.geobox)
+    found = classify(source, ClassifyRequest(request.limits, objects=False), replace(work, progress=None))
+    states = found.states
+    at = cell_at(source.geobox, request.pose)
+    if states[at] != FREE:
+        raise MapError(
+            f"the cell at the pose {request.pose[0]:g},{request.pose[1]:g} {_STATES[int(states[at])]}; "
+            "a robot stands on a free one"
+        )
+    tile = source.grey(work.over(source).silent).read(Window(0, 0, *states.shape), 0)
+    probabilities = (tile.grey[: states.shape[0], : states.shape[1]] / np.float32(GREY_MAX)).astype(
+        np.float32
+    )
+    planner = ViewPlanner(states.shape, side, request.range_m, request.fov_deg, request.clearance_m)
+    with phase("views"):
+        tour = planner.tour(states, at)
+        views = (
+            () if tour is None else _ranked(planner, tour, states, probabilities, at, request, source.geobox)
+        )
+    notes = [*found.warnings]
+    if not views:
+        notes.append("nothing that a robot could see from where it can go is unknown: there is no next view")
+    return work.finished(NextViews(views, source.geobox, tuple(notes)))
+
+
+def cell_at(geobox: GeoBox, place: Sequence[float]) -> Cell:
+    """Return the cell in which a place lies; refuse one outside of the map."""
+    col, row = ~geobox.transform * (float(place[0]), float(place[1]))
+    if not (0 <= row < geobox.shape[0] and 0 <= col < geobox.shape[1]):
+        raise MapError(f"the pose {place[0]:g},{place[1]:g} lies outside of the map")
+    return int(row), int(col)
+
+
+def _ranked(
+    planner: ViewPlanner,
+    tour: Tour,
+    states: States,
+    probabilities: NDArray[np.float32],
+    at: Cell,
+    request: ViewRequest,
+    geobox: GeoBox,
+) -> tuple[View, ...]:
+    """Return the views by the length of the tour that begins with each; the first of the shortest leads."""
+    lengths = np.array([_length_from(tour, k) for k in range(len(tour.views))])
+    order = [0, *(1 + np.argsort(lengths[1:], kind="stable")).tolist()][: request.count]
+    passable = planner.passable(states, at)
+    views = []
+    for k in order:
+        view = planner.place(tour) if k == 0 else tour.views[k]
+        row, col = tour.candidates.cells[view].tolist()
+        angle, seen = planner.heading((row, col), tour.frontiers.cells[tour.candidates.seen_by(view)])
+        path = shortest_path(passable, at, (row, col))
+        corners = pull_string(passable, path.cells)
+        way = PlannedPath(
+            corners=corners,
+            geobox=geobox,
+            length_m=line_length(geobox, *(corners + 0.5).T),
+            cells=len(path.cells),
+            expanded=path.expanded,
+            clearance_m=request.clearance_m,
+            region=0,
+            walls=0,
+            warnings=(),
+        )
+        (x, ahead_x), (y, ahead_y) = geobox.xy_from_pixel(
+            np.array([row, row + math.sin(angle)]) + 0.5, np.array([col, col + math.cos(angle)]) + 0.5
+        )
+        reach, fov = request.range_m / planner.cell_m, math.radians(request.fov_deg)
+        views.append(
+            View(
+                pose=Pose(float(x), float(y), heading_rad=math.atan2(ahead_y - y, ahead_x - x)),
+                way=way,
+                bits=expected_bits(probabilities, states, (row, col), reach, angle, fov),
+                frontier_m=len(seen) * planner.cell_m,
+                score=float(min(lengths[0] / lengths[k], 1.0)) if lengths[k] > 0 else 1.0,
+            )
+        )
+    return tuple(views)
+
+
+def _length_from(tour: Tour, k: int) -> float:
+    """Return the length of a short tour through all views that begins with the k-th, in cells."""
+    rest = [j for j in range(len(tour.views)) if j != k]
+    sequence = [k + 1, *(j + 1 for j in rest)]
+    if rest and k > 0:
+        order = tour_from(tour.lengths[np.ix_(sequence, sequence)], tour.depths[rest])
+        sequence = [k + 1, *(rest[j] + 1 for j in order)]
+    legs = tour.lengths[[0, *sequence[:-1]], sequence]
+    return float(legs.sum())

@@ -1,0 +1,179 @@
+"""Changes between two occupancy maps: rigid registration, then occupied cells that the other map has not.
+
+Registration is truncated chamfer matching, both ways (Borgefors, "Hierarchical chamfer matching", PAMI 1988):
+an occupied cell costs its squared distance to the nearest one of the other map, three cells at most, so what
+changed does not pull. A cell has changed where the other map has no occupied cell within the tolerance: free
+ground contradicts it, unknown ground says nothing. A part of what still stands needs more evidence than a
+whole, because beams along a side clear some of its cells in one of the maps.
+"""
+
+import math
+
+import numpy as np
+from affine import Affine
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from uavseg.dataclass import dataclass
+from uavseg.errors import MapError
+from uavseg.occupancy.map_file import trinary_states
+from uavseg.occupancy.merge_maps import PlacedMap
+from uavseg.units import FREE, OCCUPIED, UNKNOWN
+
+Floats = NDArray[np.float64]
+
+MAX_SHIFT, MAX_ANGLE_DEG = 5.0, 2.0  # cells, where the maps have their centre
+TOLERANCE = 2.0  # cells: what is left of a shift, and the noise of a wall
+MIN_SHARE = 0.6  # of the occupied cells on ground that both maps know, which have to lie on each other
+
+_TRUNCATED, _STEPS = 3.0, (0.5, 0.25, 0.125, 0.0625, 0.03125)  # cells
+_COARSE, _FINE = 4_000, 20_000  # points that a step looks at
+_MIN_COMMON = 0.2  # of the occupied cells of the smaller map, to tell anything
+_WHOLE, _PART = (3, 0.5), (8, 0.75)  # changed cells, and the share of them that is free
+_SQUARE = np.ones((3, 3), bool)
+
+
+@dataclass(frozen=True, slots=True)
+class Registration:
+    """How the first of two maps lies on the second."""
+
+    motion: Affine  # of x and y in the first map to those in the second
+    back: Affine
+    shift: tuple[float, float]  # x and y in cells, at the centre of the maps
+    angle_deg: float  # counterclockwise
+    share: float  # of occupied cells on common ground, those that lie on occupied ones of the other map
+    cell_m: float  # side of the larger cells, in which lengths are counted
+
+
+class Evidence:
+    """The states of a map, and distances to its occupied cells; MapError where there are none."""
+
+    def __init__(self, one: PlacedMap) -> None:
+        self.geobox, self.states = one.geobox, trinary_states(one.probabilities)
+        self.cells = np.argwhere(self.states == OCCUPIED)
+        if not len(self.cells):
+            raise MapError(f"{one.name} has no occupied cell, so it cannot be registered")
+        self.points = np.column_stack(one.geobox.xy_from_pixel(*(self.cells + 0.5).T))  # (n, 2) x, y
+        self.cell_m = math.hypot(one.geobox.transform.a, one.geobox.transform.d)
+        rows, cols = one.geobox.shape
+        self.centre = np.ravel(one.geobox.xy_from_pixel(rows / 2, cols / 2))
+        far = ndimage.distance_transform_edt(self.states != OCCUPIED, self.cell_m)
+        self._distances = np.asarray(far, np.float32)
+
+    def distances(self, points: Floats, largest: float) -> Floats:
+        """Return metres to the nearest occupied cell, `largest` at most and outside of the map; (n,)."""
+        return np.asarray(np.minimum(self._at(self._distances, points, 1, largest), largest))
+
+    def states_at(self, points: Floats) -> Floats:
+        """Return the states of the cells in which points lie, unknown outside of the map; (n,)."""
+        return self._at(self.states, points, 0, UNKNOWN)
+
+    def _at(self, image: NDArray[np.generic], points: Floats, order: int, outside: float) -> Floats:
+        where = moved(~self.geobox.transform, points).T[::-1] - 0.5
+        found = ndimage.map_coordinates(image, where, float, order=order, mode="constant", cval=outside)
+        return np.asarray(found)
+
+
+def moved(motion: Affine, points: Floats) -> Floats:
+    """Apply an affine transform to points, (n, 2) x and y."""
+    x, y = points.T
+    return np.column_stack([motion.a * x + motion.b * y + motion.c, motion.d * x + motion.e * y + motion.f])
+
+
+def register(first: Evidence, second: Evidence) -> Registration:
+    """Register two maps within 5 cells and 2 degrees; the other way round gives exactly the reverse.
+
+    A MapError says that no motion within the limits lays 60 % of the occupied cells on each other.
+    """
+    orders = [(len(one.cells), one.states.tobytes(), tuple(one.geobox.transform)) for one in (first, second)]
+    one, other = (second, first) if orders[0] > orders[1] else (first, second)
+    cell_m, centre = max(one.cell_m, other.cell_m), (one.centre + other.centre) / 2
+    there = _best_motion(one, other, centre, cell_m)
+    share = min(_share(one, other, there, cell_m), _share(other, one, ~there, cell_m))
+    motion, back = (there, ~there) if one is first else (~there, there)
+    dx, dy = ((moved(motion, centre[None])[0] - centre) / cell_m).tolist()
+    angle = math.degrees(math.atan2(motion.d, motion.a))
+    if share < MIN_SHARE or math.hypot(dx, dy) > MAX_SHIFT or abs(angle) > MAX_ANGLE_DEG:
+        raise MapError(
+            f"the maps do not register within {MAX_SHIFT:g} cells and {MAX_ANGLE_DEG:g} degrees: at best, at "
+            f"{dx:.1f}, {dy:.1f} cells and {angle:.1f} degrees, {100 * share:.0f} % of the occupied cells on "
+            f"common ground lie on each other, and {100 * MIN_SHARE:.0f} % are needed (what is no map of "
+            "probabilities is compared by a range)"
+        )
+    return Registration(motion=motion, back=back, shift=(dx, dy), angle_deg=angle, share=share, cell_m=cell_m)
+
+
+def _best_motion(first: Evidence, second: Evidence, centre: Floats, cell_m: float) -> Affine:
+    ones, others = (one.points[:: -(-len(one.points) // _FINE)] for one in (first, second))
+    few = first.points[:: -(-len(first.points) // _COARSE)]
+    radius = max(float(np.hypot(*(few - centre).T).max()), cell_m)
+
+    def motion(at: Floats) -> Affine:  # x, y and the arc of the outermost cell, in cells
+        turn = Affine.rotation(math.degrees(at[2] * cell_m / radius))
+        dx, dy = centre + at[:2] * cell_m - moved(turn, centre[None])[0]
+        return Affine(turn.a, turn.b, dx, turn.d, turn.e, dy)
+
+    def cost(at: Floats) -> float:
+        there = motion(at)
+        return _cost(second, moved(there, ones), cell_m) + _cost(first, moved(~there, others), cell_m)
+
+    arcs = np.arange(math.ceil(math.radians(MAX_ANGLE_DEG + 0.5) * radius / cell_m) + 1.0)
+    reach = np.arange(-MAX_SHIFT - 1, MAX_SHIFT + 2)  # beyond the limits, to see what lies there
+    best, least = np.zeros(3), math.inf
+    for arc in np.stack([arcs, -arcs], 1).ravel():
+        turned = moved(motion(np.array([0.0, 0.0, arc])), few)
+        for shift in np.stack(np.meshgrid(reach, reach), -1).reshape(-1, 2):
+            found = _cost(second, turned + shift * cell_m, cell_m)
+            if found < least:
+                best, least = np.array([*shift, arc]), found
+    least = cost(best)
+    for step in _STEPS:
+        while True:
+            near = [best + sign * step * axis for axis in np.eye(3) for sign in (-1, 1)]
+            costs = [cost(at) for at in near]
+            if min(costs) >= least:
+                break
+            best, least = near[int(np.argmin(costs))], min(costs)
+    return motion(best)
+
+
+def _cost(other: Evidence, points: Floats, cell_m: float) -> float:
+    return float((other.distances(points, _TRUNCATED * cell_m) ** 2).mean())
+
+
+def _share(one: Evidence, other: Evidence, motion: Affine, cell_m: float) -> float:
+    points = moved(motion, one.points)
+    near = other.distances(points, 2 * TOLERANCE * cell_m) <= TOLERANCE * cell_m
+    common = near | (other.states_at(points) != UNKNOWN)
+    return float(near.sum() / max(common.sum(), _MIN_COMMON * min(len(one.cells), len(other.cells))))
+
+
+def changed_objects(
+    one: Evidence, other: Evidence, motion: Affine, cell_m: float
+) -> tuple[NDArray[np.uint32], NDArray[np.uint8]]:
+    """Find the objects of one map that another, to which `motion` leads, has not.
+
+    Returns labels of the cells of the first, (rows, cols): objects 1..n in raster order, 0 elsewhere; and the
+    kind of each object, (n,): 1 where its cells are free in the other map, 2 where they are unknown.
+    """
+    points = moved(motion, one.points)
+    distances = other.distances(points, 2 * TOLERANCE * cell_m)
+    far, apart, there = (np.zeros(one.states.shape, kind) for kind in (bool, bool, np.uint8))
+    place = tuple(one.cells.T)
+    far[place], apart[place] = distances > TOLERANCE * cell_m, distances > cell_m
+    there[place] = other.states_at(points)
+    reach = round(TOLERANCE * cell_m / one.cell_m)
+    apart &= ndimage.binary_dilation(far, _SQUARE, reach)
+    groups, count = ndimage.label(ndimage.binary_dilation(apart, _SQUARE, reach), _SQUARE)
+    groups[~apart] = 0
+    counted = (far, far & (there == FREE), far & (there == UNKNOWN), apart)
+    known, free, unknown, size = (np.bincount(groups[mask], minlength=count + 1)[1:] for mask in counted)
+    connected, _ = ndimage.label(one.states == OCCUPIED, _SQUARE)
+    pairs = np.unique(np.stack([groups[apart], connected[apart]], 1), axis=0)
+    sizes = np.bincount(connected.ravel())[pairs[:, 1]]
+    is_whole = 2 * size >= np.bincount(pairs[:, 0], sizes, count + 1)[1:]
+    cells, share = (np.where(is_whole, *both) for both in zip(_WHOLE, _PART, strict=True))
+    is_gone = free >= share * known
+    kept = (known >= cells) & (is_gone | (2 * unknown >= known))
+    numbers = np.concatenate([[0], np.where(kept, np.cumsum(kept), 0)]).astype(np.uint32)
+    return numbers[groups], np.where(is_gone, 1, 2).astype(np.uint8)[kept]

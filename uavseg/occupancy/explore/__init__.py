@@ -1,0 +1,1 @@
+"""Where a robot looks next: views of frontiers, the order of them, and drives through simulated scenes."""

@@ -1,0 +1,210 @@
+"""A robot that drives through a scene until nothing that it can see is unknown."""
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import field
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.dataclass import dataclass
+from uavseg.errors import SceneError
+from uavseg.occupancy.explore.block_graph import Mask, block_graph
+from uavseg.occupancy.explore.frontiers import Ints, States, visible_cells
+from uavseg.occupancy.explore.next_view import Cell, ViewPlanner
+from uavseg.occupancy.mapping.grid import OccupancyGrid
+from uavseg.occupancy.mapping.scan import Pose, Scan
+from uavseg.occupancy.paths.any_angle import pull_string
+from uavseg.occupancy.paths.astar import shortest_path
+from uavseg.occupancy.simulation.cell_scene import CellScene
+from uavseg.occupancy.simulation.scene import Scene
+from uavseg.occupancy.simulation.simulate import RangeFinder
+from uavseg.segmentation.params.segment import StateLimits
+from uavseg.units import FREE, OCCUPIED, UNKNOWN
+
+Floats = NDArray[np.float64]
+Choose = Callable[[States, Cell], tuple[Cell, Ints] | None]
+
+_SCAN_EVERY_M = 0.25
+_MAX_CHOICES = 100_000
+_LIMITS = StateLimits()
+
+
+@dataclass(slots=True)
+class Drive:
+    """What a robot did, and the map that it made."""
+
+    scene: Scene | CellScene
+    sensor: RangeFinder
+    seed: int  # of the noise
+    grid: OccupancyGrid
+    poses: list[Pose] = field(default_factory=list)  # of the scans
+    metres: list[float] = field(default_factory=list)  # driven before each scan
+    known: list[int] = field(default_factory=list)  # cells that are not unknown, after each scan
+    views: list[int] = field(default_factory=list)  # scans that were taken at a chosen view
+    seconds: list[float] = field(default_factory=list)  # of each choice
+
+    @property
+    def xy(self) -> Floats:
+        """Return the places of the scans, (n, 2) in metres."""
+        return np.array([(pose.x, pose.y) for pose in self.poses])
+
+    def scan(self, number: int) -> Scan:
+        """Take a scan, which is the same each time."""
+        return self.sensor.scan(self.scene, self.poses[number], np.random.default_rng([self.seed, number]))
+
+
+class Explorer:
+    """A robot with a range finder in a scene, and the map that it has of it.
+
+    Parameters
+    ----------
+    scene : Scene or CellScene
+    sensor : RangeFinder
+    grid : OccupancyGrid
+        The map that is begun; its cells are square.
+    clearance_m : float
+        Distance that the robot's centre keeps from everything that is not free.
+    seed : int
+        Of the noise.
+    """
+
+    def __init__(
+        self,
+        scene: Scene | CellScene,
+        sensor: RangeFinder,
+        grid: OccupancyGrid,
+        clearance_m: float = 0.0,
+        seed: int = 0,
+    ) -> None:
+        self.scene, self.sensor, self.grid = scene, sensor, grid
+        self.cell_m = abs(grid.geobox.transform.a)
+        self.planner = ViewPlanner(
+            grid.geobox.shape, self.cell_m, sensor.max_range_m, sensor.fov_deg, clearance_m
+        )
+        self.drive = Drive(scene, sensor, seed, grid)
+        self.states = _LIMITS.of(grid.probabilities)
+        self.place = np.zeros(2)  # row and column, as floats
+
+    def run(
+        self, start: Pose, choose: Choose | None = None, enough: Callable[[States], bool] | None = None
+    ) -> Drive:
+        """Drive from a pose until all is known, or enough; `choose` are the planner's views by default."""
+        if self.scene.contains([start.x], [start.y]).any():
+            raise SceneError(
+                f"the start ({start.x:g}, {start.y:g}) stands inside something solid; move it out"
+            )
+        self.place = np.array(self._pixel(start.x, start.y))
+        self.planner.driven[self.at] = True
+        turns = math.ceil(360 / self.sensor.fov_deg)  # it looks around first
+        for k in range(turns):
+            self._scan(0.0, start.heading_rad + k * math.tau / turns)
+        choose = choose or self.planner.choose
+        for _ in range(_MAX_CHOICES):
+            if enough is not None and enough(self.states):
+                break
+            began = time.perf_counter()
+            chosen = choose(self.states, self.at)
+            self.drive.seconds.append(time.perf_counter() - began)
+            if chosen is None:
+                break
+            self._go(*chosen, enough)
+        return self.drive
+
+    @property
+    def at(self) -> Cell:
+        """Return the cell in which the robot stands."""
+        return int(self.place[0]), int(self.place[1])
+
+    def _pixel(self, x: float, y: float) -> tuple[float, float]:
+        col, row = ~self.grid.geobox.transform * (x, y)
+        if not (0 <= row < self.states.shape[0] and 0 <= col < self.states.shape[1]):
+            raise SceneError(f"the start ({x:g}, {y:g}) lies outside of the map")
+        return float(row), float(col)
+
+    def _scan(self, metres: float, heading: float) -> None:
+        x, y = self.grid.geobox.xy_from_pixel(*self.place)
+        self.drive.poses.append(Pose(float(x), float(y), heading_rad=heading))
+        window = self.grid.merge(self.drive.scan(len(self.drive.poses) - 1))
+        here = np.s_[window.row : window.row + window.rows, window.col : window.col + window.cols]
+        self.states[here] = _LIMITS.of(self.grid.probabilities[here])
+        driven = self.drive.metres[-1] if self.drive.metres else 0.0
+        self.drive.metres.append(driven + metres)
+        self.drive.known.append(int(np.count_nonzero(self.states != UNKNOWN)))
+
+    def _go(self, view: Cell, cells: Ints, enough: Callable[[States], bool] | None) -> None:
+        """Drive towards a view until what it is to see is known; note what nothing new was learned of."""
+        known = self.drive.known[-1]
+        left = cells
+        if self._drive_to(view, cells, enough):
+            angle, left = self.planner.heading(self.at, self._left(cells))
+            ahead = np.array([math.sin(angle), math.cos(angle)])
+            self._scan(0.0, self._heading(self.place, self.place + ahead))
+            self.drive.views.append(len(self.drive.poses) - 1)
+        if self.drive.known[-1] <= known:
+            self.planner.tried[tuple(self._left(left).T)] += 1
+
+    def _drive_to(self, view: Cell, cells: Ints, enough: Callable[[States], bool] | None) -> bool:
+        """Scan on the way to a view; return whether it was reached, or left for what the scans have shown."""
+        for begin, end in pairwise(self._way(view)):
+            span = float(np.hypot(*(end - begin))) * self.cell_m
+            heading = self._heading(begin, end)
+            for share in np.linspace(0, 1, max(math.ceil(span / _SCAN_EVERY_M), 1) + 1)[1:]:
+                step = float(np.hypot(*(begin + share * (end - begin) - self.place))) * self.cell_m
+                reached = begin + share * (end - begin)
+                self.planner.driven[tuple(_cells_between(self.place, reached).T)] = True
+                self.place = reached
+                self._scan(step, heading)
+                if enough is not None and enough(self.states):
+                    return False
+                if not len(self._left(cells)) or not self._is_open(self.place, end):
+                    return False
+        return True
+
+    def _heading(self, begin: Floats, end: Floats) -> float:
+        """Return the direction on the map of a step in cells, in radians."""
+        (x0, x1), (y0, y1) = self.grid.geobox.xy_from_pixel(*np.stack([begin, end]).T)
+        return math.atan2(y1 - y0, x1 - x0)
+
+    def _left(self, cells: Ints) -> Ints:
+        """Return which of some cells are frontiers still."""
+        return cells[is_frontier(self.states, cells)]
+
+    def _is_open(self, begin: Floats, end: Floats) -> bool:
+        """Return whether a straight line in cells leads over free ones."""
+        cells = tuple(_cells_between(begin, end).T)
+        return bool(((self.states[cells] == FREE) | self.planner.driven[cells]).all())
+
+    def _way(self, view: Cell) -> Floats:
+        """Return the corners of the way to a cell, (n, 2) rows and columns, from where the robot stands."""
+        passable = self.planner.passable(self.states, self.at)
+        corners = pull_string(passable, shortest_path(passable, self.at, view).cells) + 0.5
+        if len(corners) < 2 or not self._is_open(self.place, corners[1]):
+            return np.vstack([self.place, corners])
+        return np.vstack([self.place, corners[1:]])
+
+
+def _cells_between(begin: Floats, end: Floats) -> Ints:
+    """Return the cells (n, 2) that a straight line leads over."""
+    return np.linspace(begin, end, int(4 * np.abs(end - begin).max()) + 2).astype(np.int64)
+
+
+def is_frontier(states: States, cells: Ints) -> NDArray[np.bool_]:
+    """Return which cells (n, 2) are free beside an unknown one, (n,)."""
+    rows, cols = states.shape
+    beside = np.zeros(len(cells), bool)
+    for down, right in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        r, c = np.clip(cells[:, 0] + down, 0, rows - 1), np.clip(cells[:, 1] + right, 0, cols - 1)
+        beside |= states[r, c] == UNKNOWN
+    return np.asarray(beside & (states[tuple(cells.T)] == FREE))
+
+
+def knowable_cells(solid: Mask, at: Cell, cell_m: float, range_m: float, clearance_m: float = 0.0) -> Mask:
+    """Return the cells that some place sees which the robot can reach, if it knew the map; (rows, cols)."""
+    states = np.where(solid, np.uint8(OCCUPIED), np.uint8(FREE))
+    planner = ViewPlanner(solid.shape, cell_m, range_m, clearance_m=clearance_m)
+    graph = block_graph(planner.passable(states, at), max(round(0.2 / cell_m), 1))
+    reached = np.isfinite(graph.distances(int(graph.node_of[at])))
+    return visible_cells(solid, graph.places[reached], range_m / cell_m)
