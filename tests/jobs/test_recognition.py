@@ -6,6 +6,7 @@ from pathlib import Path
 
 import geopandas
 import numpy as np
+import pandas
 import pytest
 import shapely
 from affine import Affine
@@ -15,7 +16,7 @@ from rasterio.crs import CRS
 import uavseg
 from uavseg.cli import main
 from uavseg.errors import ParameterError, RegionError
-from uavseg.jobs.recognition.recognise import CANNOT_TELL
+from uavseg.jobs.maps.recognition import CANNOT_TELL
 from uavseg.raster.formats.geotiff import write_geotiff
 from uavseg.raster.grid.geobox import GeoBox
 
@@ -165,10 +166,26 @@ def test_wrong_libraries_are_refused(tmp_path: Path) -> None:
     REGIONS.to_file(tmp_path / "nameless.gpkg")
     with pytest.raises(RegionError, match="column 'name'"):
         uavseg.recognise(seen_from(DISC, 4), tmp_path / "nameless.gpkg")
-    with pytest.raises(RegionError, match="has a CRS"):
-        uavseg.recognise(seen_from(DISC, 4), tmp_path / "nameless.gpkg", learn="disc", ids=[1])
     with pytest.raises(RegionError, match="does not exist"):
         uavseg.recognise(seen_from(DISC, 4), tmp_path / "none.gpkg")
+
+
+def test_a_library_with_a_crs_learns_in_metres_around_centroids(library: Path, tmp_path: Path) -> None:
+    on_ground, local = tmp_path / "ground.gpkg", geopandas.read_file(library, layer="regions")
+    named = REGIONS.assign(name=["disc", "bar", "ell"], since=pandas.Timestamp("2020-02-02"))
+    named.to_crs("EPSG:3857").to_file(on_ground)
+    with pytest.warns(UserWarning, match="had a CRS"):
+        uavseg.recognise(seen_from(BAR, 4), on_ground, learn="bar", ids=[1])
+    frame = geopandas.read_file(on_ground, layer="regions")
+    assert frame.crs is None and frame["name"].tolist() == ["disc", "bar", "ell", "bar"]
+    assert frame["kind"].tolist()[:3] == ["a", "b", "c"] and frame["since"].notna().tolist() == [True] * 3 + [
+        False
+    ]
+    assert frame.area.tolist()[:3] == pytest.approx([DISC.area, BAR.area, ELL.area], rel=2e-3)  # scale of UTM
+    assert np.allclose(shapely.get_coordinates(frame.centroid), 0, atol=1e-6)
+    assert local.columns.isin(frame.columns).all()
+    for shape, name in ((DISC, "disc"), (ELL, "ell")):
+        assert uavseg.recognise(seen_from(shape, 4), on_ground).frame()["name"].tolist() == [name]
 
 
 def test_an_example_that_was_seen_in_part_is_learned_with_a_warning(tmp_path: Path) -> None:
@@ -196,7 +213,7 @@ def test_the_command_names_what_it_learned(tmp_path: Path, monkeypatch: pytest.M
         return result.exit_code, result.output
 
     assert run("describe map.tif -o things.gpkg")[0] == 0
-    assert "examples    1 -> l.gpkg" in run("recognise map.tif --library l.gpkg --learn disc --ids 1")[1]
+    assert "regions     1 -> l.gpkg" in run("recognise map.tif --library l.gpkg --learn disc --ids 1")[1]
     code, output = run("recognise map.tif --library l.gpkg -o named.gpkg")
     assert code == 0 and "disc        1" in output
     assert "exists" in run("recognise map.tif --library l.gpkg -o named.gpkg")[1]

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 
 import uavseg
 from uavseg.cli import main
-from uavseg.options import flights, maps, pages, recognition, regions
+from uavseg.options import flights, maps, pages, regions
 from uavseg.options.option import arguments_of, build, group, option, options_of
 
 JOBS: dict[str, type] = {
@@ -32,8 +32,8 @@ JOBS: dict[str, type] = {
     "download": flights.DownloadOptions,
     "classify": maps.ClassifyOptions,
     "path": maps.PathOptions,
-    "describe": recognition.DescribeOptions,
-    "recognise": recognition.RecogniseOptions,
+    "describe": maps.DescribeOptions,
+    "recognise": maps.RecogniseOptions,
     "next-view": maps.NextViewOptions,
     "explore": maps.ExploreOptions,
     "build-map": maps.BuildMapOptions,

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+from uavseg.cli import write
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter, work_of
-from uavseg.cli.write import keep_inputs
-from uavseg.options.recognition import DescribeOptions
+from uavseg.options.maps import DescribeOptions
 
 if TYPE_CHECKING:
-    from uavseg.jobs.recognition.describe import Description
+    from collections.abc import Callable
+
+    from uavseg.jobs.maps.recognition import Description
 
 
 @job_command("describe", DescribeOptions)
@@ -22,22 +22,24 @@ def command(options: DescribeOptions) -> None:
     REGIONS is a file of polygons, such as `uavseg extract` writes. MAP is a raster of probabilities or the
     YAML file of a ROS map; its objects also have the share of their outline that was seen.
     """
-    from uavseg.jobs.recognition.describe import described
+    from uavseg.jobs.maps.recognition import described
 
-    write_described(options, described)
+    run_described(options, described, options.output)
 
 
-def write_described(options: Any, job: Callable[..., Description], *inputs: str) -> None:
-    """Run a job that gives described regions, and write them; its names are counted in the table."""
-    from uavseg.regions.formats.export import check_region_crs, check_region_path, write_regions
+def run_described(options: Any, job: Callable[..., Description], target: str | None, *inputs: str) -> Any:
+    """Run a job that gives described regions, and write them to a target, if there is one."""
+    from uavseg.regions.formats import export
 
-    reporter, target = Reporter(options.messages, options.progress), options.output
-    check_region_path(target, options.files.overwrite)
-    keep_inputs([target], options.source, options.raster, *inputs)
+    reporter, overwrite = Reporter(options.messages, options.progress), options.files.overwrite
+    write.check_targets(target, None, overwrite)
+    write.keep_inputs([target], options.source, options.raster, *inputs)
     found = job(options, work_of(options.run, reporter))
-    reporter.finish(found.warnings)
-    check_region_crs(target, found.regions.wkt)
-    write_regions(found.regions, target, options.files.overwrite)
-    names = Counter(found.regions.columns["name"].tolist() if inputs else ())
-    counts = {name: f"{count:,}" for name, count in names.most_common(20)}
-    reporter.table({"regions": f"{len(found.regions):,} -> {target}", **counts})
+    if target is not None:
+        export.check_region_crs(target, found.regions.wkt)
+    reporter.finish([*found.warnings, *export.format_notes(found.regions, target or "")])
+    if target is not None:
+        write.write_region_output(found, target, overwrite)
+    names = found.regions.columns["name"].tolist() if inputs else []
+    counts = {name: f"{names.count(name):,}" for name in list(dict.fromkeys(names))[:20]}
+    reporter.table({"regions": f"{len(found.regions):,} -> {write.shown(target or inputs[0])}", **counts})

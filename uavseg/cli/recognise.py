@@ -5,9 +5,8 @@ from __future__ import annotations
 import click
 
 from uavseg.cli.command import job_command
-from uavseg.cli.describe import write_described
-from uavseg.cli.terminal.say import Reporter, work_of
-from uavseg.options.recognition import RecogniseOptions
+from uavseg.cli.describe import run_described
+from uavseg.options.maps import RecogniseOptions
 
 
 @job_command("recognise", RecogniseOptions)
@@ -19,16 +18,10 @@ def command(options: RecogniseOptions) -> None:
     fits, the name is 'cannot tell'. With --learn NAME --ids N,..., regions become examples of the library
     instead; the file is written anew with what it held.
     """
-    from uavseg.jobs.recognition.recognise import recognised
+    from uavseg.jobs.maps.recognition import recognised
 
     if (options.learn is None) != (options.ids is None):
         raise click.UsageError("--learn NAME and --ids N,... belong together")
     if (options.output is None) == (options.learn is None):
         raise click.UsageError("give either -o PATH, to name regions, or --learn NAME, to add examples")
-    if options.learn is None:
-        write_described(options, recognised, options.library)
-        return
-    reporter = Reporter(options.messages, options.progress)
-    learned = recognised(options, work_of(options.run, reporter))
-    reporter.finish(learned.warnings)
-    reporter.table({"examples": f"{len(learned.regions):,} -> {options.library}"})
+    run_described(options, recognised, options.output, options.library)

@@ -1,6 +1,6 @@
 """Region table: polygons in the raster's CRS with measured attributes (area, perimeter, mean, ...)."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -95,6 +95,15 @@ class Regions:
         frame = RegionFrame({**self.columns, "geometry": geometry}, geometry="geometry")
         frame.attrs["uavseg"] = dict(self.metadata)
         return frame
+
+
+def concatenated(parts: Sequence[Regions]) -> Regions:
+    """Return regions one after the other, with all columns; what one lacks is missing there."""
+    import pandas
+
+    frame = pandas.concat([pandas.DataFrame(part.columns) for part in parts], ignore_index=True)
+    polygons = np.array([*(polygon for part in parts for polygon in part.polygons), None], object)[:-1]
+    return Regions({str(name): frame[name].to_numpy() for name in frame}, polygons, parts[0].wkt)
 
 
 def make_regions(

@@ -12,7 +12,6 @@ from uavseg.regions.recognise.fit import (
     Evidence,
     Outline,
     evidence_of_cells,
-    evidence_of_polygon,
     log_evidence,
     smooth_contour,
     solid_cells,
@@ -22,7 +21,7 @@ SQUARE = shapely.box(0, 0, 2, 2)
 BAR = shapely.box(0, 0, 6, 1)
 ELL = shapely.Polygon([(0, 0), (3, 0), (3, 1), (1, 1), (1, 3), (0, 3)])
 SHAPES = {"square": SQUARE, "bar": BAR, "ell": ELL, "disc": shapely.Point(0, 0).buffer(1, quad_segs=32)}
-OUTLINES = {name: Outline(shape) for name, shape in SHAPES.items()}
+OUTLINES = {name: Outline.of(shape) for name, shape in SHAPES.items()}
 
 
 def moved(shape: shapely.Polygon, turn: float, size: float, x: float, y: float) -> shapely.Polygon:
@@ -45,13 +44,13 @@ def best_name(evidence: Evidence) -> str:
 def test_whole_outlines_are_recognised_at_any_pose(
     name: str, turn: float, size: float, x: float, y: float
 ) -> None:
-    evidence = evidence_of_polygon(moved(SHAPES[name], turn, size, x, y))
+    evidence = Outline.of(moved(SHAPES[name], turn, size, x, y)).as_evidence()
     assert best_name(evidence) == name
-    assert -0.25 < log_evidence(OUTLINES[name], evidence)[1] / evidence.samples <= 0
+    assert -0.25 < log_evidence(OUTLINES[name], evidence)[1] / evidence.surface[:, 2].sum() <= 0
 
 
 def test_an_outline_has_no_pose() -> None:
-    one, other = OUTLINES["ell"], Outline(moved(ELL, 0.0, 40.0, 5.0, -7.0))
+    one, other = OUTLINES["ell"], Outline.of(moved(ELL, 0.0, 40.0, 5.0, -7.0))
     assert np.allclose(one.corners, other.corners) and np.allclose(one.distances, other.distances)
     assert shapely.Polygon(one.corners).area == pytest.approx(1, rel=0.01)
 
@@ -80,7 +79,7 @@ def test_half_of_an_outline_is_enough_where_the_rest_is_hidden(name: str) -> Non
 
 
 def test_outline_in_unknown_space_costs_nothing_and_in_free_space_it_does() -> None:
-    seen = seen_from_the_left(drawn(moved(OUTLINES["disc"].polygon, 0.0, 20.0, 40.0, 40.0)))
+    seen = seen_from_the_left(drawn(moved(SHAPES["disc"], 0.0, 20.0, 40.0, 40.0)))
     hidden = evidence_of_cells(seen, np.ones(seen.shape, bool), 1.0)
     known = evidence_of_cells(np.where(seen == 0.5, 0.1, seen), np.ones(seen.shape, bool), 1.0)
     assert hidden is not None and known is not None
@@ -96,7 +95,7 @@ def test_evidence_does_not_depend_on_the_unit_of_length() -> None:
 
 
 def test_the_same_evidence_gives_the_same_bits() -> None:
-    evidence = evidence_of_polygon(ELL)
+    evidence = OUTLINES["ell"].as_evidence()
     assert len({log_evidence(OUTLINES["ell"], evidence) for _ in range(3)}) == 1
 
 

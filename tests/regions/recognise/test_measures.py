@@ -22,6 +22,7 @@ from uavseg.regions.recognise.measures import (
 from uavseg.regions.table import Regions
 from uavseg.segmentation.source import GreySource
 
+UPRIGHT = Affine.identity()
 ELL = shapely.Polygon([(0, 0), (5, 0), (5, 1), (1, 1), (1, 3), (0, 3)])
 
 
@@ -89,9 +90,9 @@ def test_local_metres_are_true_lengths() -> None:
     assert (x, y) == pytest.approx((55.80, 111.42), abs=0.02)
 
 
-def source(values: np.ndarray) -> GreySource:
+def source(values: np.ndarray, transform: Affine = UPRIGHT) -> GreySource:
     shape = values.shape[:2]
-    dataset = Dataset.of_values(values, GeoBox(shape, Affine.identity(), None), "drawn")
+    dataset = Dataset.of_values(values, GeoBox(shape, transform, None), "drawn")
     return GreySource(dataset, Stretch(0.0, 255.0, "given"))
 
 
@@ -102,23 +103,24 @@ def test_rows_have_their_direction_whatever_way_is_up(slope_deg: float) -> None:
     across = col * math.cos(bearing) + row * math.sin(bearing)
     picture = (127 + 100 * np.sin(across * 0.8)).astype(np.uint8)
     for up in (0.0, 12.0):
-        found = pixel_measures(shapely.box(10, 10, 80, 80), source(picture), up)
+        c, s = math.cos(math.radians(up)), math.sin(math.radians(up))
+        found = pixel_measures(shapely.box(10, 10, 80, 80), source(picture, Affine(c, -s, 0, -s, -c, 0)))
         assert (found["rows_deg"] - slope_deg - up + 90) % 180 - 90 == pytest.approx(0, abs=3)
     assert found["rows_strength"] > 0.9
 
 
 def test_pixel_measures_are_those_of_the_pixels_inside() -> None:
     picture = np.random.default_rng(0).integers(0, 255, (70, 90), np.uint8)
-    found = pixel_measures(shapely.box(5, 7, 60, 50), source(picture), 0.0)
+    found = pixel_measures(shapely.box(5, 7, 60, 50), source(picture))
     inside = picture[7:50, 5:60].astype(float)
     expected = {"b1_mean": inside.mean(), "b1_std": inside.std(), "b1_min": inside.min()}
     assert {name: found[name] for name in expected} == pytest.approx(expected)
     counts = np.array(found["texture"].split(), int)
     assert len(counts) == 80 and counts.sum() == inside.size
-    turned = pixel_measures(shapely.box(7, 30, 50, 85), source(np.rot90(picture).copy()), 0.0)
+    turned = pixel_measures(shapely.box(7, 30, 50, 85), source(np.rot90(picture).copy()))
     assert np.array_equal(np.array(turned["texture"].split(), int), counts)
 
 
 def test_beside_the_raster_nothing_is_known() -> None:
-    found = pixel_measures(shapely.box(200, 200, 220, 220), source(np.zeros((50, 50), np.uint8)), 0.0)
+    found = pixel_measures(shapely.box(200, 200, 220, 220), source(np.zeros((50, 50), np.uint8)))
     assert found["texture"] == "" and math.isnan(found["b1_mean"]) and math.isnan(found["contrast"])

@@ -7,61 +7,49 @@ chapter 27), so an outline that fits in a single exact pose counts less than one
 """
 
 import math
-from dataclasses import field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-from uavseg.dataclass import dataclass
 
 Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 FREE, SURFACE = 0.4, 0.6  # probabilities below which a cell is free, and above which it is surface
 _CORNERS, _SIDE = 96, 64  # samples of an outline; side of the image of distances to it
 _ANGLES, _SCALES, _LARGEST = 36, 7, 2.5  # of the search; the largest outline, in extents of what was seen
 _RANKED, _KEPT, _ROUNDS = 400, 24, 60  # candidates, maxima among them, rounds of the search for each
 _CAP = 9.0  # limit of a squared residual, in variances: robust to outliers
-_ACROSS = 64  # cells across a polygon as evidence
-# Of regions whose whole outline is known: how much those of one name differ, by their extent, and at how many
+_MIN_SAMPLES = 8  # cells along a surface: fewer are a speck, which fits anything
+_MAX_CELLS, _MAX_SAMPLES = 400, 128.0  # of a surface that are used; independent ones that they count for
+# Of outlines that are known as a whole: how much those of one name differ, by their extent, and at how many
 # independent places.
 _VARIATION, _WHOLE_SAMPLES = 0.08, 32.0
-MIN_SAMPLES = 8  # cells along a surface: fewer are a speck, which fits anything
-_MAX_CELLS, _MAX_SAMPLES = 400, 128.0  # of a surface that are used; independent ones that they count for
 
 
-@dataclass(frozen=True, eq=False)
-class Evidence:
+class Evidence(NamedTuple):
     """Cells that are surface of an object, and free space around it; y is up."""
 
-    surface: Floats  # (n, 3): x, y from the middle of the surface, and weight
+    surface: Floats  # (n, 3): x, y from the middle of the surface, and weight: how many independent points
     free: Floats  # (rows, cols): depth in free space, 0 elsewhere
-    # x and y of the first cell's centre, side of a cell, standard deviation of surface cells from the
-    # outline, and how far behind it they lie on average
-    grid: Floats
-
-    @property
-    def samples(self) -> float:
-        """Return the number of independent points of the surface."""
-        return float(self.surface[:, 2].sum())
+    grid: Floats  # x, y of the first cell, its side, deviation of surface from the outline, depth behind it
 
 
-def evidence_of_cells(probabilities: Floats, of_object: NDArray[np.bool_], cell: float) -> Evidence | None:
-    """Return what a part of a map says of one object; None where too few are surface.
+def evidence_of_cells(probabilities: Floats, of_object: Flags, cell: float) -> Evidence | None:
+    """Return what a part of a map says of one object; None where too few cells are surface.
 
-    `probabilities` are (rows, cols), 0.5 where unknown, and `of_object` the cells that may be its surface. A
-    laser marks a band of cells behind the surface, whose thickness says how exact it is.
+    `probabilities` are 0.5 where unknown, and `of_object` the cells that may be its surface. A laser marks a
+    band of cells behind the surface, whose thickness says how exact it is.
     """
     from scipy import ndimage
     from skimage.morphology import skeletonize
 
     surface = (probabilities > SURFACE) & of_object
-    free = ~solid_cells(probabilities, probabilities > SURFACE)
-    closed = ndimage.binary_closing(np.pad(surface, 3), np.ones((3, 3)))
-    length = int(skeletonize(closed).sum()) if surface.any() else 0
-    if length < MIN_SAMPLES:
+    length = int(skeletonize(ndimage.binary_closing(np.pad(surface, 3), np.ones((3, 3)))).sum())
+    if length < _MIN_SAMPLES:
         return None
     row, col = np.nonzero(surface)
     thickness = max(len(row) / length, 1.0) * cell
@@ -69,77 +57,65 @@ def evidence_of_cells(probabilities: Floats, of_object: NDArray[np.bool_], cell:
     points = np.column_stack([x - x.mean(), y - y.mean(), 2 * probabilities[surface] - 1])
     points = np.ascontiguousarray(points[:: math.ceil(len(points) / _MAX_CELLS)], np.float64)
     points[:, 2] *= min(length, _MAX_SAMPLES) / points[:, 2].sum()
-    depth = np.ascontiguousarray(ndimage.distance_transform_edt(free) * cell, np.float64)
+    free = ~solid_cells(probabilities, probabilities > SURFACE)
     grid = np.array([-x.mean(), -y.mean(), cell, max(0.6 * thickness, cell), thickness / 3])
-    return Evidence(surface=points, free=depth, grid=grid)
+    return Evidence(points, np.asarray(ndimage.distance_transform_edt(free) * cell, np.float64), grid)
 
 
-def solid_cells(probabilities: Floats, seeds: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def solid_cells(probabilities: Floats, seeds: Flags) -> Flags:
     """Return the cells that are not free and connected with some cells; specks in free space are free."""
-    from scipy.ndimage import label
+    from scipy.ndimage import binary_propagation
 
-    known, _ = label(probabilities >= FREE, np.ones((3, 3)))
-    return np.isin(known, known[seeds & (known > 0)])
+    return np.asarray(binary_propagation(seeds, np.ones((3, 3)), mask=probabilities >= FREE))
 
 
-def smooth_contour(cells: NDArray[np.bool_]) -> Floats | None:
+def smooth_contour(cells: Flags) -> Floats | None:
     """Return the longest contour (n, 2) of cells as (col, row); None if they are none or reach the border."""
     from scipy.ndimage import gaussian_filter
     from skimage.measure import find_contours
 
-    if not cells.any() or cells[1:-1, 1:-1].sum() < cells.sum():
-        return None
     contours = find_contours(gaussian_filter(cells.astype(np.float64), 1.0), 0.5)
-    return max(contours, key=len)[:, ::-1] + 0.5 if contours and len(max(contours, key=len)) > 3 else None
+    longest = max(contours, key=len, default=np.empty((0, 2)))
+    inside = len(longest) > 3 and cells[1:-1, 1:-1].sum() == cells.sum()
+    return longest[:, ::-1] + 0.5 if inside else None
 
 
-def evidence_of_polygon(polygon: Any) -> Evidence:
-    """Return a polygon whose whole exterior is known as evidence."""
-    x_min, y_min, x_max, y_max = polygon.bounds
-    cell = max(x_max - x_min, y_max - y_min) / _ACROSS
-    x = np.arange(x_min - 11.5 * cell, x_max + 12 * cell, cell)
-    y = np.arange(y_max + 11.5 * cell, y_min - 12 * cell, -cell)
-    points = shapely.points(*np.meshgrid(x, y))
-    shapely.prepare(polygon)
-    probabilities = np.where(shapely.contains(polygon, points), 0.5, 0.0)
-    probabilities[shapely.distance(polygon.exterior, points) <= 0.5 * cell] = 1.0
-    found = evidence_of_cells(probabilities, np.ones(points.shape, bool), cell)
-    assert found is not None, "an outline crosses cells"
-    found.grid[3:] = _VARIATION * _ACROSS * cell, 0.0
-    found.surface[:, 2] *= _WHOLE_SAMPLES / found.samples
-    return found
-
-
-@dataclass(frozen=True, eq=False)
-class Outline:
+class Outline(NamedTuple):
     """The exterior of a polygon without position and size: its centroid at 0, its area 1."""
 
-    polygon: Any
-    corners: Floats = field(init=False, repr=False)  # (96, 2), evenly spaced
-    distances: Floats = field(init=False, repr=False)  # (64, 64), to the outline; negative inside
-    shape: Floats = field(init=False, repr=False)  # half the side of that image, perimeter, extent
+    corners: Floats  # (96, 2), evenly spaced
+    distances: Floats  # (64, 64), to the outline; negative inside
+    shape: Floats  # half the side of that image, perimeter, extent
 
-    def __post_init__(self) -> None:
-        ring = shapely.Polygon(self.polygon.exterior)
+    @classmethod
+    def of(cls, polygon: Any) -> "Outline":
+        """Return the outline of a polygon."""
+        ring = shapely.Polygon(polygon.exterior)
         middle, size = shapely.get_coordinates(ring.centroid), math.sqrt(ring.area)
         ring = shapely.transform(ring, lambda xy: (xy - middle) / size)
-        line = ring.exterior
         shares = (np.arange(_CORNERS) + 0.5) / _CORNERS
-        corners = shapely.get_coordinates(line.interpolate(shares, normalized=True))
+        corners = shapely.get_coordinates(ring.exterior.interpolate(shares, normalized=True))
         half = 1.3 * float(np.abs(corners).max())
         centres = ((np.arange(_SIDE) + 0.5) / _SIDE * 2 - 1) * half
         points = shapely.points(*np.meshgrid(centres, centres))
-        shapely.prepare([line, ring])
-        distances = shapely.distance(line, points) * np.where(shapely.contains(ring, points), -1.0, 1.0)
-        object.__setattr__(self, "corners", np.ascontiguousarray(corners))
-        object.__setattr__(self, "distances", np.ascontiguousarray(distances))
-        object.__setattr__(self, "shape", np.array([half, line.length, _extent(corners)]))
+        shapely.prepare([ring, ring.exterior])
+        distances = shapely.distance(ring.exterior, points)
+        distances[shapely.contains(ring, points)] *= -1
+        return cls(corners, distances, np.array([half, ring.length, _extent(corners)]))
+
+    def as_evidence(self) -> Evidence:
+        """Return the outline as evidence of an object that is known as a whole."""
+        half, _, extent = self.shape
+        cell, middle = 2 * half / _SIDE, self.corners.mean(axis=0)
+        weights = np.full(_CORNERS, _WHOLE_SAMPLES / _CORNERS)
+        grid = np.array([*((cell / 2 - half, half - cell / 2) - middle), cell, _VARIATION * extent, 0.0])
+        free = np.ascontiguousarray(np.maximum(self.distances[::-1], 0.0))
+        return Evidence(np.column_stack([self.corners - middle, weights]), free, grid)
 
 
 def _extent(xy: Floats) -> float:
-    """Return the largest extent of points in any direction, by 32 directions."""
-    turn = np.arange(32) * math.pi / 32
-    return float(np.ptp(xy[:, :2] @ np.stack([np.cos(turn), np.sin(turn)]), axis=0).max())
+    """Return the diameter of the smallest circle around points."""
+    return 2 * float(shapely.minimum_bounding_radius(shapely.multipoints(xy[:, :2])))
 
 
 def log_evidence(outline: Outline, evidence: Evidence) -> tuple[float, float]:
@@ -147,77 +123,68 @@ def log_evidence(outline: Outline, evidence: Evidence) -> tuple[float, float]:
 
     The integral is up to a constant that all outlines share; the maximum is 0 for a perfect fit.
     """
-    sigma = float(evidence.grid[3])
+    sigma, fields = float(evidence.grid[3]), (*outline, *evidence)
     seen = max(_extent(evidence.surface), 2 * sigma)
-    sizes = np.array([max(seen - 3 * sigma, 0.7 * seen), _LARGEST * seen]) / outline.shape[2]
+    limits = np.log(np.array([max(seen - 3 * sigma, 0.7 * seen), _LARGEST * seen]) / outline.shape[2])
     steps = np.array([1.0, 1.0, 2 / seen, 2 / seen]) * 0.7 * sigma
-    poses = _distinct(_candidates(outline, evidence, np.log(sizes)), outline, 2.5 * sigma)
-    fields = outline.corners, outline.distances, outline.shape, evidence.surface, evidence.free, evidence.grid
-    _climb(poses, steps, np.log(sizes), _ROUNDS, *fields)
-    poses = _distinct(poses[np.argsort(-poses[:, 4], kind="stable")], outline, 1.5 * sigma)
+    poses = _distinct(_candidates(outline, evidence, limits), outline, 2.5 * sigma)
+    _climb(poses, steps, limits, _ROUNDS, *fields)
+    poses = _distinct(poses, outline, 1.5 * sigma)
     modes = poses[:, 4] - _half_log_curvature(poses, steps * 0.7, fields)
-    return float(modes.max() + np.log(np.exp(modes - modes.max()).sum())), float(poses[0, 4])
+    return float(np.logaddexp.reduce(modes)), float(poses[0, 4])
 
 
 def _candidates(outline: Outline, evidence: Evidence, limits: Floats) -> Floats:
-    """Return the best poses (n, 5) of a coarse search in which some corner lies on the middle of the surface.
+    """Return poses (n, 5) of a coarse search in which some corner lies on the middle of the surface.
 
-    They are x, y, rotation in radians, logarithm of the size, and log-likelihood; best first.
+    They are x, y, rotation in radians, logarithm of the size, and log-likelihood.
     """
-    surface, wide = evidence.surface, evidence.grid.copy()
-    middle = np.median(surface[:, :2], axis=0)
-    anchor = surface[int(np.argmin(np.hypot(*(surface[:, :2] - middle).T))), :2]
-    axes = (
-        np.arange(_ANGLES) * math.tau / _ANGLES,
-        np.linspace(limits[0], limits[1], _SCALES),
-        np.arange(0, _CORNERS, 3),
-    )
-    angle, size, corner = (one.ravel() for one in np.meshgrid(*axes, indexing="ij"))
+    surface, wide = evidence.surface, evidence.grid * (1.0, 1.0, 1.0, 2.0, 1.0)
+    anchor = surface[np.hypot(*(surface[:, :2] - np.median(surface[:, :2], axis=0)).T).argmin(), :2]
+    sizes = np.linspace(limits[0], limits[1], _SCALES)
+    angle, size, corner = np.meshgrid(np.arange(_ANGLES), sizes, np.arange(0, _CORNERS, 3), indexing="ij")
     poses = np.zeros((angle.size, 5))
-    poses[:, 2], poses[:, 3] = angle, size
-    poses[:, :2] = anchor - _placed(poses, outline.corners[corner.astype(np.int64), None])[:, 0]
+    poses[:, 2], poses[:, 3] = angle.ravel() * math.tau / _ANGLES, size.ravel()
+    poses[:, :2] = anchor - _placed(poses, outline.corners[corner.ravel(), None])[:, 0]
     few = np.ascontiguousarray(surface[:: math.ceil(len(surface) / 60)])
     few[:, 2] *= surface[:, 2].sum() / few[:, 2].sum()
-    wide[3] *= 2
     half = np.ascontiguousarray(outline.corners[::2])
-    _climb(poses, limits, limits, 0, half, outline.distances, outline.shape, few, evidence.free, wide)
-    return poses[np.argsort(-poses[:, 4], kind="stable")[:_RANKED]]
+    _climb(poses, limits, limits, 0, half, *outline[1:], few, evidence.free, wide)
+    return poses
 
 
 def _placed(poses: Floats, points: Floats) -> Floats:
     """Return points (n or 1, m, 2) of an outline where poses (n, 5) put them."""
-    turn = poses[:, 2, None]
-    x, y = points[..., 0], points[..., 1]
-    rotated = np.stack([np.cos(turn) * x - np.sin(turn) * y, np.sin(turn) * x + np.cos(turn) * y], axis=-1)
-    return poses[:, None, :2] + np.exp(poses[:, 3])[:, None, None] * rotated
+    turned = (points[..., 0] + 1j * points[..., 1]) * np.exp(poses[:, 3] + 1j * poses[:, 2])[:, None]
+    return np.asarray(poses[:, None, :2] + np.stack([turned.real, turned.imag], axis=-1))
 
 
 def _distinct(poses: Floats, outline: Outline, apart: float) -> Floats:
-    """Return poses, best first, that differ from better ones by more than a distance somewhere."""
+    """Return the best poses, best first, that differ from better ones by more than a distance somewhere."""
+    poses = poses[np.argsort(-poses[:, 4], kind="stable")[:_RANKED]]
     placed = _placed(poses, outline.corners[None, ::12])
     chosen: list[int] = []
     left = np.arange(len(poses))
     while len(left) and len(chosen) < _KEPT:
         chosen.append(int(left[0]))
         left = left[np.abs(placed[left] - placed[left[0]]).max(axis=(1, 2)) > apart]
-    return poses[chosen].copy()
+    return poses[chosen]
 
 
 def _half_log_curvature(poses: Floats, steps: Floats, fields: tuple[Floats, ...]) -> Floats:
     """Return half the logarithm of the determinant of the Hessian at each maximum, in units of steps."""
-    axes = [(i, j) for i in range(4) for j in range(i + 1)]
+    first, second = np.tril_indices(4)
     signs = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)])
-    unit = np.eye(4) * steps
-    moves = np.tile([a * unit[i] + b * unit[j] for i, j in axes for a, b in signs], (len(poses), 1))
-    probes = np.repeat(poses, len(axes) * 4, axis=0)
-    around = np.column_stack([np.zeros((len(moves), 2)), moves[:, 2:]])  # the middle of the surface
-    probes[:, :2] = _placed(around, probes[:, None, :2])[:, 0]
+    unit = np.diag(steps)
+    moves = signs[:, :1] * unit[first, None] + signs[:, 1:] * unit[second, None]  # (10, 4, 4)
+    probes = np.repeat(poses, moves.size // 4, axis=0)
+    moves = np.tile(moves.reshape(-1, 4), (len(poses), 1))
+    about = np.column_stack([np.zeros((len(moves), 2)), moves[:, 2:]])  # the middle of the surface
+    probes[:, :2] = _placed(about, probes[:, None, :2])[:, 0]
     probes[:, :4] += moves
     _climb(probes, steps, steps, 0, *fields)
-    second = -(probes[:, 4].reshape(len(poses), len(axes), 4) @ signs.prod(axis=1)) / 4
     hessian = np.zeros((len(poses), 4, 4))
-    for k, (i, j) in enumerate(axes):
-        hessian[:, i, j] = hessian[:, j, i] = second[:, k]
+    hessian[:, first, second] = probes[:, 4].reshape(len(poses), -1, 4) @ signs.prod(axis=1) / -4
     curvature = np.maximum(np.linalg.eigvalsh(hessian), 0.0) + 0.1  # no flatter than the spacing of maxima
     return np.asarray(0.5 * np.log(curvature).sum(axis=1))
 
@@ -238,11 +205,7 @@ def _capped(image, row, col, behind, size, sigma):  # type: ignore[no-untyped-de
 @inlined
 def _log_likelihood(x, y, turn, log_size, corners, distances, shape, surface, free, grid):  # type: ignore[no-untyped-def]
     """Sum capped squares: of seen surface from the outline, and of outline in free space."""
-    size, c, s = (
-        math.exp(log_size),
-        math.cos(turn),
-        math.cos(turn - 0.5 * math.pi),
-    )  # no sincos, which is GNU's
+    size, c, s = math.exp(log_size), math.cos(turn), math.cos(turn - 0.5 * math.pi)  # no sincos, GNU's
     scale = distances.shape[0] / (2.0 * shape[0])
     squares = outside = 0.0
     for k in range(surface.shape[0]):

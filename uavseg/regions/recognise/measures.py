@@ -8,7 +8,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from uavseg.raster.geodesy.globe import WGS84
+from uavseg.raster.geodesy.globe import WGS84, geod_wgs84
+from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.polygon_mask import pixels_inside
 from uavseg.raster.grid.tiling import Window
 from uavseg.regions.table import Regions
@@ -17,48 +18,36 @@ from uavseg.segmentation.blocks.lbp import CONTRAST_BINS, UNCOUNTED, lbp_symbols
 from uavseg.segmentation.source import GreySource
 from uavseg.units import GREY_MAX
 
-Floats = NDArray[np.float64]
-Objects = NDArray[np.object_]
-
 HARMONICS = 4
-_RADIUS_M, _ECCENTRICITY2 = 6378137.0, 0.00669437999014  # of WGS 84
 _PROPERTIES = ("eccentricity", "solidity", "extent", "euler_number", "orientation", "moments_hu")
 _ACROSS = 256  # cells of the mask of which moments are computed
 _MAX_PIXELS = 1 << 24  # of a window that is measured
 _CONTRAST_EDGES = np.array([2**k for k in range(8, 15)], np.int32)  # of grey, the same for every raster
 _CONTRASTS = np.array([0.0, *(_CONTRAST_EDGES * math.sqrt(2))]) / GREY_MAX  # the middle of each bin
 # Rotation-invariant uniform patterns: the number of ones, or 9 where ones and zeros change more than twice.
-_UNIFORM = np.array(
-    [
-        code.bit_count() if (code ^ (code >> 1 | (code & 1) << 7)).bit_count() <= 2 else 9
-        for code in range(256)
-    ]
-)
+_CHANGES = [(code ^ (code >> 1 | (code & 1) << 7)).bit_count() for code in range(256)]
+_UNIFORM = np.array([code.bit_count() if _CHANGES[code] <= 2 else 9 for code in range(256)])
 
 
-def objects(polygons: Iterable[Any]) -> Objects:
+def objects(polygons: Iterable[Any]) -> NDArray[np.object_]:
     """Return polygons as an array of objects."""
     return np.array([*polygons, None], object)[:-1]
 
 
 def local_metres(regions: Regions) -> list[Any]:
-    """Return polygons in metres around a corner of their own: x to the east, y to true north.
+    """Return each polygon in metres around a corner of its own: x to the east, y to true north.
 
-    Without a CRS, coordinates are taken for metres and y for north.
+    The projection is azimuthal equidistant. Without a CRS, coordinates are taken for metres and y for north.
     """
     if regions.wkt is None:
         return list(regions.polygons)
 
-    def placed(lonlat: Floats) -> Floats:
-        lon, lat = np.radians(lonlat).T
-        squeeze = 1 - _ECCENTRICITY2 * math.sin(lat.mean()) ** 2
-        across = _RADIUS_M / math.sqrt(squeeze)  # radius of curvature of the prime vertical
-        along = across * (1 - _ECCENTRICITY2) / squeeze  # and of the meridian
-        east = (lon - lon[0] + math.pi) % math.tau - math.pi
-        return np.column_stack([east * across * np.cos(lat.mean()), (lat - lat[0]) * along])
+    def placed(lon: Any, lat: Any) -> tuple[Any, Any]:
+        bearing, _, metres = geod_wgs84().inv(np.full_like(lon, lon[0]), np.full_like(lat, lat[0]), lon, lat)
+        return metres * np.sin(np.radians(bearing)), metres * np.cos(np.radians(bearing))
 
     degrees = regions.polygons if regions.wkt == WGS84 else to_wgs84.wgs84_geometries(regions)
-    return [shapely.transform(polygon, placed) for polygon in degrees]
+    return [shapely.transform(polygon, placed, interleaved=False) for polygon in degrees]
 
 
 def shape_measures(polygon: Any) -> dict[str, float]:
@@ -99,67 +88,55 @@ def fourier_coefficients(ring: Any) -> dict[str, float]:
     """Compute elliptic Fourier coefficients a, b, c, d of harmonics 1 to 4, invariant to similarity.
 
     F. P. Kuhl and C. R. Giardina, "Elliptic Fourier features of a closed contour", Computer Graphics and
-    Image Processing 18 (1982) 236-258: start, rotation and size are those of the first ellipse, so that a, b
-    and c of harmonic 1 are 1, 0 and 0, and left out. Of the two ends of that ellipse, the start is the one
-    for which a of harmonic 2 is not negative.
+    Image Processing 18 (1982) 236-258, with x + iy for the two coordinates: start, rotation and size are
+    those of the first ellipse, so that a, b and c of harmonic 1 are 1, 0 and 0, and left out. Of the two ends
+    of that ellipse, the start is the one for which a of harmonic 2 is not negative.
     """
-    steps = np.diff(shapely.get_coordinates(ring if ring.is_ccw else ring.reverse()), axis=0)
-    lengths = np.hypot(*steps.T)
-    steps, lengths = steps[lengths > 0], lengths[lengths > 0]
-    along = np.concatenate([[0.0], np.cumsum(lengths)]) * math.tau / lengths.sum()
-    matrices = []
-    for n in range(1, HARMONICS + 1):
-        waves = np.stack([np.diff(np.cos(n * along)), np.diff(np.sin(n * along))])
-        matrices.append((steps / lengths[:, None]).T @ waves.T / n**2)  # [[a, b], [c, d]], up to a factor
-    (a, b), (c, d) = matrices[0]
-    start = 0.5 * math.atan2(2 * (a * b + c * d), a**2 - b**2 + c**2 - d**2)
-    first = matrices[0] @ _rotation(start)
-    turn = math.atan2(first[1, 0], first[0, 0])
-    size = math.hypot(first[0, 0], first[1, 0])
-    normal = [
-        _rotation(turn).T @ one @ _rotation(n * start) / size if size else one * 0.0
-        for n, one in enumerate(matrices, 1)
-    ]
-    sign = -1.0 if normal[1][0, 0] < 0 else 1.0  # the other end of the ellipse: even harmonics change sign
-    names = [(n, k) for n in range(1, HARMONICS + 1) for k in range(4) if n > 1 or k == 3]
-    return {
-        f"efd{n}_{'abcd'[k]}": float(normal[n - 1].flat[k] * (sign if n % 2 == 0 else 1)) for n, k in names
-    }
+    steps = np.diff(shapely.get_coordinates(ring if ring.is_ccw else ring.reverse()) @ (1, 1j))
+    steps = steps[steps != 0]
+    along = np.concatenate([[0.0], np.cumsum(np.abs(steps))]) * math.tau / np.abs(steps).sum()
+    n = np.arange(1, HARMONICS + 1)
+    forward, back = (
+        np.diff(np.exp(-1j * np.outer(k, along))) @ (steps / np.abs(steps)) / k**2 for k in (n, -n)
+    )
+    first, last = np.angle(forward[0]), np.angle(back[0])
+    size = np.exp(0.5j * (first + last)) * (abs(forward[0]) + abs(back[0]))
+    forward *= np.exp(0.5j * n * (last - first)) / size
+    back *= np.exp(0.5j * n * (first - last)) / size
+    ac, bd = forward + back, 1j * (forward - back)
+    sign = np.where((n % 2 == 0) & (ac[1].real < 0), -1, 1)  # the other end: even harmonics change sign
+    table = np.stack([ac.real, bd.real, ac.imag, bd.imag], axis=1) * sign[:, None]
+    kept = [(k, j) for k in n.tolist() for j in range(4) if k > 1 or j == 3]
+    return {f"efd{k}_{'abcd'[j]}": float(table[k - 1, j]) for k, j in kept}
 
 
-def _rotation(angle: float) -> Floats:
-    return np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
-
-
-def pixel_measures(polygon: Any, source: GreySource, up_deg: float) -> dict[str, Any]:
+def pixel_measures(polygon: Any, source: GreySource) -> dict[str, Any]:
     """Measure what a raster holds inside a polygon, which is in its pixels as (col, row).
 
     `texture` counts pixels by rotation-invariant uniform LBP (10) and contrast (8 bins that double), as text;
-    `contrast` is its mean in v. `rows_deg` is the direction of rows, clockwise from north: along the least
-    eigenvector of the structure tensor; `rows_strength` its coherence, 0 without a direction. Then mean,
-    standard deviation, minimum and maximum of each band. All is NaN where no pixel is valid, or too many are.
-
-    `up_deg` is the direction of decreasing rows, clockwise from north.
+    `contrast` is its mean in v. `rows_deg` is the direction of rows, along the least eigenvector of the
+    structure tensor, clockwise from north; `rows_strength` its coherence, 0 without a direction. All is NaN
+    where no pixel is valid, or too many are.
     """
     left, top, right, bottom = np.clip(polygon.bounds, 0, [*source.shape[::-1], *source.shape[::-1]])
     window = Window(int(top), int(left), math.ceil(bottom) - int(top), math.ceil(right) - int(left))
     if not 0 < window.rows * window.cols <= _MAX_PIXELS:
         window = Window(0, 0, 1, 1)
-    inside = pixels_inside(objects([polygon]), window)
-    tile = source.read(window, 1)
+    inside, tile = pixels_inside(objects([polygon]), window), source.read(window, 1)
     symbols = lbp_symbols(tile.grey, tile.mask, _CONTRAST_EDGES)[: window.rows, : window.cols]
     counted = inside & (symbols != UNCOUNTED)
     code, contrast = np.divmod(symbols[counted], CONTRAST_BINS)
     counts = np.bincount(_UNIFORM[code] * CONTRAST_BINS + contrast, minlength=10 * CONTRAST_BINS)
-    gradients: Any = np.gradient(tile.grey / GREY_MAX)
-    down, right_ = (one[1 : window.rows + 1, 1 : window.cols + 1][counted] for one in gradients)
-    xx, xy, yy = (float((a * b).sum()) for a, b in ((right_, right_), (right_, down), (down, down)))
-    strength = math.hypot(xx - yy, 2 * xy) / (xx + yy) if xx + yy > 0 else math.nan
-    across = math.degrees(0.5 * math.atan2(2 * xy, xx - yy))  # of the gradient, from columns towards rows
+    slopes: Any = np.gradient(tile.grey / GREY_MAX)
+    y, x = (one[1 : window.rows + 1, 1 : window.cols + 1][counted] for one in slopes)
+    energy, tensor = float((x * x + y * y).sum()), complex(((x + 1j * y) ** 2).sum())
+    strength = abs(tensor) / energy if energy > 0 else math.nan
     found: dict[str, Any] = {
         "texture": " ".join(map(str, counts.tolist())) if counted.any() else "",
         "contrast": float(_CONTRASTS[contrast].mean()) if counted.any() else math.nan,
-        "rows_deg": (across + up_deg) % 180 if strength > 0 else math.nan,
+        "rows_deg": (math.degrees(np.angle(tensor)) / 2 + _up_deg(polygon, source.dataset.geobox)) % 180
+        if strength > 0
+        else math.nan,
         "rows_strength": strength,
     }
     roles = source.dataset.mosaic.files[0].layout.roles
@@ -169,3 +146,13 @@ def pixel_measures(polygon: Any, source: GreySource, up_deg: float) -> dict[str,
         for what in ("mean", "std", "min", "max"):
             found[f"b{band}_{what}"] = float(getattr(chosen, what)()) if len(chosen) else math.nan
     return found
+
+
+def _up_deg(polygon: Any, geobox: GeoBox) -> float:
+    """Return the direction of decreasing rows at a polygon in pixels, clockwise from true north."""
+    col, row = polygon.centroid.coords[0]
+    x, y = geobox.xy_from_pixel([row, row - 1], [col, col])
+    if geobox.crs is None:
+        return math.degrees(math.atan2(x[1] - x[0], y[1] - y[0]))
+    lon, lat = geobox.lonlat_from_xy(x, y)
+    return float(geod_wgs84().inv(lon[0], lat[0], lon[1], lat[1])[0])

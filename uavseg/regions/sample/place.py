@@ -189,8 +189,11 @@ def _read_polygons(name: str, geobox: GeoBox) -> "tuple[Regions, NDArray[np.obje
     )
 
 
-def to_pixels(polygons: NDArray[np.object_], geobox: GeoBox) -> NDArray[np.object_]:
-    """Return polygons in pixel coordinates (col, row)."""
+def to_pixels(polygons: NDArray[np.object_], geobox: GeoBox, wkt: str | None = None) -> NDArray[np.object_]:
+    """Return polygons, of the raster's CRS or another, in pixel coordinates (col, row)."""
+    if wkt is not None:
+        project = transform_between(wkt, geobox.wkt)
+        polygons = shapely.transform(polygons, lambda x, y: project(x, y), interleaved=False)
     back = ~geobox.transform
     on_grid: NDArray[Any] = shapely.transform(
         polygons,

@@ -1,0 +1,290 @@
+"""Jobs that measure regions or the occupied objects of a map, and name them by the examples that fit best."""
+
+import math
+import re
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from uavseg.dataclass import dataclass
+from uavseg.errors import ParameterError, RegionError
+from uavseg.execution.executors import phase, steps_done
+from uavseg.jobs.info_regions import names_regions
+from uavseg.jobs.maps.classify import ClassifyRequest, classify
+from uavseg.jobs.source.inputs import keep_inputs
+from uavseg.jobs.source.open_source import open_probability_map, open_raster, pixels_of
+from uavseg.jobs.source.work import Work
+from uavseg.options.maps import DescribeOptions, RecogniseOptions
+from uavseg.raster.access.opening import file_exists
+from uavseg.raster.geodesy.globe import define_crs, is_in_metres
+from uavseg.raster.grid.polygon_mask import pixels_inside
+from uavseg.raster.grid.tiling import Window
+from uavseg.regions.edit.small import as_area
+from uavseg.regions.formats.export import check_region_path, write_regions
+from uavseg.regions.formats.read import read_regions, regions_of_frame
+from uavseg.regions.recognise import fit
+from uavseg.regions.recognise.measures import (
+    largest_part,
+    local_metres,
+    objects,
+    pixel_measures,
+    shape_measures,
+)
+from uavseg.regions.sample.place import to_pixels
+from uavseg.regions.table import Regions, concatenated
+from uavseg.segmentation.blocks.g_statistic import g_statistic
+from uavseg.segmentation.source import GreySource
+from uavseg.units import GREY_MAX
+
+if TYPE_CHECKING:
+    from geopandas import GeoDataFrame
+
+CANNOT_TELL = "cannot tell"
+MAX_EXAMPLES = 500
+# Log-evidence of an object of no name by independent point of its surface, and the temperature of evidences:
+# calibrated on simulated scenes other than those of benchmarks/recognition.py.
+_NO_NAME, _TEMPERATURE = -0.35, 1.5
+_TEXTURE_SAMPLES = 32.0  # texture counts as so many independent pixels
+_COMPLETE = 0.8  # share of the outline of an example that should have been seen
+_MAX_CELLS = 1 << 22  # of the surroundings of an object that is fitted
+_OF_PARTS = dict.fromkeys(("area_m2", "perimeter_m", "pixels", "holes"), "sum")  # columns of joined objects
+_OF_PARTS |= {"x_min": "min", "y_min": "min", "x_max": "max", "y_max": "max"}
+
+Counts = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Description:
+    """Regions with their measures, and what is known of their outlines."""
+
+    regions: Regions
+    outlines: list[Any]  # polygons in metres, y to the north; solid for objects that were seen all round
+    # Of objects of a map, None for one that is too large; None where all outlines are known as a whole.
+    evidence: list[fit.Evidence | None] | None
+    warnings: tuple[str, ...]
+
+    def frame(self) -> "GeoDataFrame":
+        """Return the regions and their measures as a GeoDataFrame."""
+        return self.regions.frame()
+
+
+def described(options: DescribeOptions, work: Work) -> Description:
+    """Measure regions by themselves and by a raster, or the occupied objects of a map."""
+    source: Any = options.source
+    work = work.begun()
+    if isinstance(source, bytes) or names_regions(source) or hasattr(source, "geometry"):
+        return work.finished(_of_regions(options, work))
+    return _of_map(options, work)
+
+
+def _of_regions(options: DescribeOptions, work: Work) -> Description:
+    source: Any = options.source
+    if options.gap or options.min_area is not None:
+        raise ParameterError("--gap and --min-area are for objects of a map; regions are taken as they are")
+    if hasattr(source, "geometry"):
+        regions = regions_of_frame(source, local=True)
+    else:
+        regions = read_regions(source, options.layer, local=True)
+    outlines = local_metres(regions)
+    rows: list[dict[str, Any]] = [dict(shape_measures(outline)) for outline in outlines]
+    warnings: tuple[str, ...] = ()
+    if options.raster is not None:
+        raster = open_raster(options.raster, options.read)
+        if (regions.wkt is None) != (raster.geobox.wkt is None):
+            raise RegionError("regions or raster have no CRS, so their relative place is unknown")
+        grey, warnings = raster.grey(work.over(raster, False)), raster.warnings
+        with phase("texture"):
+            pixels = to_pixels(objects(regions.polygons), raster.geobox, regions.wkt)
+            for row, one in zip(rows, pixels, strict=True):
+                row |= pixel_measures(one, grey)
+        if beside := sum(not row["texture"] for row in rows):
+            text = f"{beside:,} regions have no texture in {raster.name}: they are too small or beside it"
+            warnings = (*warnings, text)
+    wkt = None if regions.wkt is None else define_crs(regions.wkt).wkt2
+    return Description(replace(_measured(regions, rows), wkt=wkt), outlines, None, warnings)
+
+
+def _of_map(options: DescribeOptions, work: Work) -> Description:
+    opened = open_probability_map(options.source, options.read)
+    source: Any = pixels_of(opened, "objects are described on the map itself, not on its block map")
+    if options.raster is not None or options.layer is not None:
+        raise ParameterError("a map is described by its own cells; --raster and --layer are for regions")
+    if not is_in_metres(source.geobox.wkt):
+        raise ParameterError(f"{source.name} is not in metres; objects are described in a map that is")
+    if not options.gap >= 0:
+        raise ParameterError(f"a gap is 0 m or more, not {options.gap:g}")
+    request = ClassifyRequest(min_area=as_area(options.min_area), allow_lost_obstacles=True)
+    found = classify(source, request, work)
+    assert found.objects is not None, "as requested"
+    grey, regions = GreySource(source.dataset, found.source.stretch), found.objects.regions
+    if options.gap:
+        regions = _joined(regions, options.gap)
+    views = [_view(polygon, grey) for polygon in to_pixels(objects(regions.polygons), found.geobox)]
+    xy = found.geobox.xy_from_pixel
+    solid = shapely.transform(objects(one[2] for one in views), lambda x, y: xy(y, x), interleaved=False)
+    outlines = local_metres(replace(regions, polygons=solid))
+    rows = [
+        shape_measures(one) | {"seen_outline": view[1]} for one, view in zip(outlines, views, strict=True)
+    ]
+    return Description(_measured(regions, rows), outlines, [one[0] for one in views], found.warnings)
+
+
+def _measured(regions: Regions, rows: list[dict[str, Any]]) -> Regions:
+    """Add measures of each region as columns."""
+    columns = {name: np.array([row[name] for row in rows]) for name in (rows[0] if rows else ())}
+    return replace(regions, columns=regions.columns | columns)
+
+
+def _joined(regions: Regions, gap_m: float) -> Regions:
+    """Join objects nearer to each other than a gap."""
+    polygons = objects(regions.polygons)
+    groups = shapely.get_parts(shapely.union_all(shapely.buffer(polygons, gap_m / 2)))
+    group = shapely.STRtree(groups).query(shapely.point_on_surface(polygons), "within")[1]
+    how = {name: _OF_PARTS.get(name, "first") for name in regions.columns}
+    frame = regions.frame().dissolve(group, aggfunc=how).sort_values("id")
+    columns = {name: frame[name].to_numpy() for name in how}
+    return replace(regions, columns=columns, polygons=objects(frame.geometry))
+
+
+def _view(polygon: Any, grey: GreySource) -> tuple[fit.Evidence | None, float, Any]:
+    """Return what cells say of an object, which share of its border is free, and its solid outline in pixels.
+
+    That is the outline of all that is not free and connected with the object, its hidden inside too, where
+    free space surrounds it; else the polygon itself.
+    """
+    from scipy import ndimage
+
+    bounds, (rows, cols) = np.array(polygon.bounds), grey.shape
+    margin = max(bounds[2:] - bounds[:2]) / 2 + 8
+    left, top = np.maximum(bounds[:2] - margin, 0).astype(int).tolist()
+    right, bottom = np.minimum(np.ceil(bounds[2:] + margin), [cols, rows]).astype(int).tolist()
+    window = Window(top, left, bottom - top, right - left)
+    if window.rows * window.cols > _MAX_CELLS:
+        return None, math.nan, polygon
+    tile, block = grey.read(window, 0), np.ones((3, 3), bool)
+    values = np.where(tile.valid > 0, tile.grey / GREY_MAX, 0.5)[: window.rows, : window.cols]
+    cells = pixels_inside(objects([polygon]), window)
+    surface = ndimage.binary_dilation(cells, block, 2)
+    solid = fit.solid_cells(values, surface & (values > fit.SURFACE))
+    if (ring := fit.smooth_contour(solid)) is not None:
+        polygon, cells = shapely.Polygon(ring + np.array([left, top])), solid
+    inside = ndimage.binary_dilation(ndimage.binary_fill_holes(cells), block)
+    around = values[ndimage.binary_dilation(inside, block) & ~inside]
+    free, known = int((around < fit.FREE).sum()), int((around <= fit.SURFACE).sum())
+    cell = math.sqrt(abs(grey.dataset.geobox.transform.determinant))
+    return fit.evidence_of_cells(values, surface, cell), free / max(known, 1), polygon
+
+
+def recognised(options: RecogniseOptions, work: Work) -> Description:
+    """Name regions or objects by the examples of a library; or add them to it, and return all of it."""
+    path, name, ids = options.library, options.learn, options.ids
+    if name is None:
+        if ids is not None:
+            raise ParameterError("ids are those of examples to learn; give their name too (--learn)")
+        if not 0 <= options.min_probability <= 1:
+            raise ParameterError(f"a probability lies in 0..1, not {options.min_probability:g}")
+        library = _named(read_regions(path, local=True))
+        return _recognised(described(options, work), library, options.min_probability, work)
+    if not name.isprintable() or name.strip() in ("", CANNOT_TELL):
+        raise ParameterError(f"an example needs a printable name other than {CANNOT_TELL!r}")
+    keep_inputs([path], [options.source, options.raster])
+    check_region_path(path, True)
+    before = [read_regions(path, local=True)] if file_exists(path) else []
+    learned = _learned(described(options, work), before, name, list(dict.fromkeys(ids or ())))
+    write_regions(learned.regions, path, overwrite=True)
+    return learned
+
+
+def _named(library: Regions) -> Regions:
+    """Return the examples that have a name."""
+    names = library.columns.get("name", np.full(len(library), "", object))
+    named = [isinstance(one, str) and one not in ("", CANNOT_TELL) for one in names]
+    if not 0 < sum(named) <= MAX_EXAMPLES:
+        raise RegionError(
+            f"the library has {sum(named):,} examples with a name (column 'name'), and 1 to {MAX_EXAMPLES} "
+            "are expected; recognise --learn NAME --ids N,... adds some"
+        )
+    return library.select(np.array(named))
+
+
+def _recognised(found: Description, library: Regions, minimum: float, work: Work) -> Description:
+    """Add names; one has the mean evidence of its examples, and no name that of a mediocre fit."""
+    from scipy.special import logsumexp, softmax
+
+    outlines = [fit.Outline.of(largest_part(polygon)) for polygon in local_metres(library)]
+    evidence = found.evidence
+    if evidence is None:
+        evidence = [fit.Outline.of(largest_part(one)).as_evidence() for one in found.outlines]
+
+    def fits(one: fit.Evidence | None) -> list[tuple[float, float]]:
+        return [(0.0, 0.0) if one is None else fit.log_evidence(outline, one) for outline in outlines]
+
+    table = np.empty((len(evidence), len(outlines), 2))
+    with phase("fit"):
+        for k, row in enumerate(work.local(fits, evidence)):
+            table[k] = row
+            steps_done(k + 1, len(evidence))
+    known = _textures(library)
+    textures = [_log_texture(one, other) for one in _textures(found.regions) for other in known]
+    scores = table[..., 0] + np.reshape(textures, table.shape[:2])
+    names, of_names = np.unique(library.columns["name"].astype(str), return_inverse=True)
+    samples = np.array([np.nan if one is None else one.surface[:, 2].sum() for one in evidence])
+    lost = np.isnan(samples)
+    each = np.where(of_names == np.arange(len(names))[:, None], 1 / np.bincount(of_names)[:, None], 0.0)
+    scores = logsumexp(scores[:, None], axis=2, b=each)
+    shares = softmax(np.column_stack([scores, _NO_NAME * samples]) / _TEMPERATURE, axis=1)[:, :-1]
+    probability = np.where(lost, 0.0, shares.max(axis=1)).round(6)
+    nearest = np.where(lost, "", names[shares.argmax(axis=1)])
+    columns: dict[str, NDArray[Any]] = {
+        "name": np.where((probability >= minimum) & ~lost, nearest, CANNOT_TELL),
+        "probability": probability,
+        "nearest": nearest,
+        "misfit": (-2 * table[..., 1].max(axis=1) / samples).round(6),
+    }
+    warnings = found.warnings
+    if lost.any():
+        warnings += (f"{lost.sum():,} objects are too large or too faint to be fitted: {CANNOT_TELL}",)
+    regions = replace(found.regions, columns=found.regions.columns | columns)
+    return replace(found, regions=regions, warnings=warnings)
+
+
+def _log_texture(first: Counts, second: Counts) -> float:
+    """Return the log-likelihood ratio of one texture against two, G by pixel less its expectation."""
+    if not (first.any() and second.any()):
+        return 0.0
+    pixels = 1 / (1 / first.sum() + 1 / second.sum())
+    by_chance = (np.count_nonzero(first + second) - 1) / (2 * pixels)
+    return -_TEXTURE_SAMPLES * max(float(g_statistic(first, second) / (2 * pixels) - by_chance), 0.0)
+
+
+def _textures(regions: Regions) -> list[Counts]:
+    """Return the histograms of the column `texture`; empty where there is none."""
+    texts = [str(text) for text in regions.columns.get("texture", [""] * len(regions))]
+    valid = re.compile(r"[0-9]{1,12}( [0-9]{1,12}){79}")
+    return [np.array(text.split() if valid.fullmatch(text) else [], np.int64) for text in texts]
+
+
+def _learned(found: Description, before: list[Regions], name: str, ids: list[int]) -> Description:
+    """Return a library with regions of these ids as further examples: in metres around their centroids."""
+    have = found.regions.columns["id"].tolist()
+    if not ids or not set(ids) <= set(have):
+        unknown = ", ".join(str(k) for k in ids if k not in have) or "none was named (--ids N,...)"
+        raise ParameterError(f"examples are regions by their ids, of which there is no such one: {unknown}")
+    chosen = np.array([have.index(k) for k in ids])
+    added = found.regions.select(chosen)
+    added.columns["name"] = np.full(len(added), name, object)
+    outlines = [one for part in before for one in local_metres(part)] + [found.outlines[k] for k in chosen]
+    centred = [shapely.affinity.translate(one, -one.centroid.x, -one.centroid.y) for one in outlines]
+    library = concatenated([*before, added])
+    library.columns["id"] = np.arange(1, len(library) + 1)
+    warnings = found.warnings + tuple(
+        f"part of the outline of region {k} was not seen; it is learned as it is drawn"
+        for k, seen in zip(ids, added.columns.get("seen_outline", np.ones(len(ids))), strict=True)
+        if seen < _COMPLETE
+    )
+    if any(part.wkt is not None for part in before):
+        warnings += ("the library had a CRS: its outlines are now in metres around their centroids",)
+    return Description(replace(library, polygons=objects(centred), wkt=None), centred, None, warnings)

@@ -1,1 +1,0 @@
-"""Jobs that describe regions and name them."""
