@@ -109,8 +109,7 @@ def run_map(scene: Scene, seed: int, frame: Frame = (0.0, 0.0, 0.0), poses: int 
         scan = SENSOR.scan(scene, pose, random)
         x, y = place_of((pose.x, pose.y), frame)
         seen = Pose(x, y, heading_rad=pose.heading_rad + math.radians(frame[2]))
-        numbers = {"max_range_m": scan.max_range_m, "sigma_m": scan.sigma_m}
-        grid.merge(Scan(pose=seen, angles=scan.angles, ranges=scan.ranges, **numbers))
+        grid.merge(Scan(seen, scan.angles, scan.ranges, scan.max_range_m, scan.sigma_m))
     return grid
 
 
@@ -161,7 +160,9 @@ def compare_table(scenes: int) -> None:
                 truth = [shapely.Polygon([place_of(tuple(c), frame) for c in _corners(box)]) for box in boxes]
                 labels, kinds = changed_objects(one, other, motion, lies.cell_m)
                 place = lies.motion if back is not None else Affine.identity()
-                hits, wrong = _judged(one, labels, [k + 1 for k in np.flatnonzero(kinds == 1)], truth, place)
+                hits, wrong = _judged(
+                    one, labels, [int(k) + 1 for k in np.flatnonzero(kinds == 1)], truth, place
+                )
                 found, false = found + hits, false + wrong
                 mask = (one.states == OCCUPIED) & (other.states == FREE)
                 groups, count = ndimage.label(mask, np.ones((3, 3)))
@@ -215,13 +216,13 @@ def identity_score(seed: int, updates: int) -> float:
             here = numbers == one
             shared, name = max((int((here & where).sum()), name) for name, where in segments.items())
             agreeing[name, one] += 2 * shared >= here.sum()
-    names, ids_found = (sorted({pair[k] for pair in agreeing}) for k in (0, 1))  # type: ignore[type-var]
+    names, ids_found = sorted({name for name, _ in agreeing}), sorted({one for _, one in agreeing})
     matrix = np.array([[agreeing[name, one] for one in ids_found] for name in names])
     rows, cols = linear_sum_assignment(-matrix)
     return float(2 * matrix[rows, cols].sum() / (true + found))
 
 
-def _true_segments(ids: NDArray[np.generic], names: list[str]) -> dict[str, Mask]:
+def _true_segments(ids: NDArray[np.int64], names: list[str]) -> dict[str, Mask]:
     """Return connected solid cells of 8 x 8 pixels, by the object that has most of them."""
     rows, cols = ids.shape[0] // 8, ids.shape[1] // 8
     cells = ids.reshape(rows, 8, cols, 8).transpose(0, 2, 1, 3).reshape(rows, cols, 64)

@@ -6,17 +6,17 @@ each, a scan every 0.25 m. The number is the metres driven until 99 % of what ca
 
 import argparse
 import math
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
-from uavseg.flight.order.tour import Stops, short_tour
-from uavseg.occupancy.explore.block_graph import block_graph
-from uavseg.occupancy.explore.drive import Explorer, knowable_cells
-from uavseg.occupancy.explore.frontiers import find_frontiers
-from uavseg.occupancy.explore.next_view import ViewPlanner
+from uavseg.arrays import Floats
+from uavseg.dataclass import dataclass
+from uavseg.occupancy.explore.block_graph import BlockGraph, Mask, block_graph
+from uavseg.occupancy.explore.drive import Drive, Explorer, knowable_cells
+from uavseg.occupancy.explore.frontiers import Ints, States, find_frontiers, visible_cells
+from uavseg.occupancy.explore.next_view import Cell, ViewPlanner, tour_from
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.mapping.scan import Pose
 from uavseg.occupancy.simulation.cell_scene import CellScene
@@ -28,7 +28,7 @@ MAPS = Path(__file__).parents[2] / "shared" / "data" / "maps"
 DONE = 0.99
 
 
-def rooms(cell: float = 0.1) -> np.ndarray:
+def rooms(cell: float = 0.1) -> Mask:
     """Eight rooms along a corridor, 20 m x 14 m."""
     solid = np.ones((int(14 / cell), int(20 / cell)), bool)
 
@@ -47,7 +47,7 @@ def rooms(cell: float = 0.1) -> np.ndarray:
     return solid
 
 
-def loop(cell: float = 0.1) -> np.ndarray:
+def loop(cell: float = 0.1) -> Mask:
     """Corridors around four blocks with niches, 24 m x 16 m."""
     solid = np.zeros((int(16 / cell), int(24 / cell)), bool)
     solid[:2] = solid[-2:] = True
@@ -60,7 +60,7 @@ def loop(cell: float = 0.1) -> np.ndarray:
     return solid
 
 
-def clutter(cell: float = 0.1) -> np.ndarray:
+def clutter(cell: float = 0.1) -> Mask:
     """One hall with 26 boxes, 20 m x 15 m."""
     random = np.random.default_rng(3)
     solid = np.zeros((int(15 / cell), int(20 / cell)), bool)
@@ -73,7 +73,7 @@ def clutter(cell: float = 0.1) -> np.ndarray:
     return solid
 
 
-def office(cell: float = 0.25, seed: int = 1, leaf: float = 4.0) -> np.ndarray:
+def office(cell: float = 0.25, seed: int = 1, leaf: float = 4.0) -> Mask:
     """Corridors two by two, and between them rooms with a door each, 60 m x 40 m."""
     random = np.random.default_rng(seed)
     cols, rows = int(60 / cell), int(40 / cell)
@@ -104,7 +104,7 @@ def office(cell: float = 0.25, seed: int = 1, leaf: float = 4.0) -> np.ndarray:
     return solid
 
 
-def of_map(name: str) -> np.ndarray:
+def of_map(name: str) -> Mask:
     """The free cells of a map of ours that hang together; everything else is solid."""
     import rasterio
     from skimage.measure import label
@@ -118,7 +118,7 @@ def of_map(name: str) -> np.ndarray:
 
 
 # drawing, side of a cell and range of the sensor in metres
-SCENES: dict[str, tuple[Callable[[], np.ndarray], float, float]] = {
+SCENES: dict[str, tuple[Callable[[], Mask], float, float]] = {
     "rooms": (rooms, 0.1, 3.0),
     "loop": (loop, 0.1, 3.0),
     "office": (office, 0.25, 4.5),
@@ -129,127 +129,114 @@ SCENES: dict[str, tuple[Callable[[], np.ndarray], float, float]] = {
 }
 
 
+@dataclass(frozen=True)
+class Pieces:
+    """Groups of frontiers, in pieces no longer than the range, where a robot is."""
+
+    cells: list[Ints]  # of each piece, (n, 2)
+    middles: Ints  # (n, 2); the cell of each that is nearest to its mean
+    nodes: Ints  # (n,); of the graph
+    graph: BlockGraph
+    reach: Floats  # of each node from the robot, in cells
+    here: int  # the node of the robot
+
+
+@dataclass(frozen=True)
 class Baseline:
-    """Published planners, each over the groups of frontiers, in pieces no longer than the range."""
+    """A published planner over pieces of frontiers."""
 
-    def __init__(self, planner: ViewPlanner) -> None:
-        self.planner = planner
+    name: str
+    planner: ViewPlanner  # what it knows of the robot, and what was looked at in vain
 
-    def pieces(self, states, at):
+    def __call__(self, states: States, at: Cell) -> tuple[Cell, Ints] | None:
+        """Return the place that scores highest, and the cells that are looked at from there."""
+        pieces = self._pieces(states, at)
+        if pieces is None:
+            return None
+        best = int(np.argmax(self._scores(states, pieces)))
+        row, col = pieces.middles[best].tolist()
+        return (row, col), pieces.middles[best : best + 1] if self.name == "nearest" else pieces.cells[best]
+
+    def _pieces(self, states: States, at: Cell) -> Pieces | None:
         frontiers = find_frontiers(states)
         graph = block_graph(self.planner.passable(states, at), self.planner.side)
-        away = graph.distances(int(graph.node_of[at]))
+        here = int(graph.node_of[at])
+        reach = graph.distances(here)
         cells = frontiers.cells[frontiers.widths >= 2]
         cells = cells if len(cells) else frontiers.cells
-        for times in range(4):
-            usable = (self.planner.tried[tuple(cells.T)] == times) & (graph.node_of[tuple(cells.T)] >= 0)
-            usable &= np.isfinite(away[graph.node_of[tuple(cells.T)]])
-            if usable.any():
-                break
-        else:
+        node = graph.node_of[tuple(cells.T)]
+        tried = np.where((node >= 0) & np.isfinite(reach[node]), self.planner.tried[tuple(cells.T)], 255)
+        if tried.min(initial=255) >= 4:
             return None
-        cells = cells[usable]
+        cells = cells[tried == tried.min()]
         gaps = np.abs(np.diff(cells, axis=0)).max(axis=1) > 1
-        groups = np.split(cells, np.flatnonzero(gaps) + 1)
         longest = self.planner.range_m / self.planner.cell_m
-        pieces = []
-        for group in groups:
+        pieces: list[Ints] = []
+        for group in np.split(cells, np.flatnonzero(gaps) + 1):
             span = np.ptp(group, axis=0)
-            count = max(math.ceil(span.max() / longest), 1)
             ordered = group[np.argsort(group[:, int(np.argmax(span))], kind="stable")]
-            pieces += np.array_split(ordered, count)
+            pieces += np.array_split(ordered, max(math.ceil(span.max() / longest), 1))
         pieces = [piece for piece in pieces if len(piece)]
-        middles = np.array(
-            [piece[np.argmin(((piece - piece.mean(axis=0)) ** 2).sum(axis=1))] for piece in pieces]
-        )
-        nodes = graph.node_of[tuple(middles.T)]
-        return pieces, middles, nodes, away[nodes], graph, away
+        from_mean = [((piece - piece.mean(axis=0)) ** 2).sum(axis=1) for piece in pieces]
+        middles = np.array([piece[np.argmin(away)] for piece, away in zip(pieces, from_mean, strict=True)])
+        return Pieces(pieces, middles, graph.node_of[tuple(middles.T)].astype(np.int64), graph, reach, here)
 
-    def gains(self, states, middles):
-        from uavseg.occupancy.explore.frontiers import visible_cells
-
-        longest = self.planner.range_m / self.planner.cell_m
-        return np.array(
-            [
-                np.count_nonzero(
-                    visible_cells(states == OCCUPIED, middle[None], longest) & (states == UNKNOWN)
-                )
-                for middle in middles
-            ]
-        )
-
-    def scores(self, name, states, at, found):
-        _, middles, nodes, away, graph, reach = found
-        metres = away * self.planner.cell_m
-        range_m = self.planner.range_m
-        if name == "nearest":
+    def _scores(self, states: States, pieces: Pieces) -> Floats:
+        graph, away = pieces.graph, pieces.reach[pieces.nodes]
+        metres, range_m = away * self.planner.cell_m, self.planner.range_m
+        if self.name == "nearest":
             return -away
-        if name == "tour":
-            stops = Stops.of([np.array([[k, k]]) for k in range(1, len(nodes) + 1)])
-            every = [int(graph.node_of[at]), *nodes.tolist()]
-            lengths = np.stack([graph.distances(node)[every] for node in every])
-            order = short_tour(stops, np.minimum(lengths, lengths.T), start=0, rounds=60)
-            return -np.argsort([stop for stop, _ in order]).astype(float)
+        if self.name == "tour":
+            every = np.r_[pieces.here, pieces.nodes]
+            lengths = np.stack([graph.distances(int(node))[every] for node in every])
+            order = tour_from(np.minimum(lengths, lengths.T), np.zeros(len(pieces.nodes)))
+            return -np.argsort(order).astype(np.float64)
         if (
-            name == "advantage"
-        ):  # arXiv 2504.01980: mean distance from the free cells within 15 m, less that from here
-            near = np.isfinite(reach) & (reach * self.planner.cell_m <= 15)
-            return np.array([graph.distances(int(node))[near].mean() for node in nodes]) - away
-        gains = self.gains(states, middles).astype(float)
-        if name == "greedy":
-            return gains
-        if name == "gain/cost":
-            return gains / np.maximum(metres, self.planner.cell_m)
-        if name == "discounted":
-            return gains * np.exp(-metres / range_m)
-        return np.sqrt(gains) * np.exp(-metres / (0.3 * range_m))
-
-    def choose(self, name):
-        def chosen(states, at):
-            found = self.pieces(states, at)
-            if found is None:
-                return None
-            best = int(np.argmax(self.scores(name, states, at, found)))
-            cells = found[0][best] if name != "nearest" else found[1][best : best + 1]
-            return tuple(found[1][best].tolist()), cells
-
-        return chosen
+            self.name == "advantage"
+        ):  # arXiv 2504.01980: farther from the free cells within 15 m than from here
+            near = np.isfinite(pieces.reach) & (pieces.reach * self.planner.cell_m <= 15)
+            return np.array([graph.distances(int(node))[near].mean() for node in pieces.nodes]) - away
+        solid, unknown = states == OCCUPIED, states == UNKNOWN
+        seen = [visible_cells(solid, place[None], range_m / self.planner.cell_m) for place in pieces.middles]
+        gains = np.array([np.count_nonzero(cells & unknown) for cells in seen], np.float64)
+        scores: dict[str, Floats] = {
+            "greedy": gains,
+            "gain/cost": gains / np.maximum(metres, self.planner.cell_m),
+            "discounted": gains * np.exp(-metres / range_m),
+            "root": np.sqrt(gains) * np.exp(-metres / (0.3 * range_m)),
+        }
+        return scores[self.name]
 
 
 BASELINES = ("nearest", "gain/cost", "discounted", "root", "greedy", "tour", "advantage")
 
 
-def starts(solid: np.ndarray, count: int) -> list[tuple[int, int]]:
+def starts(solid: Mask, count: int) -> list[Cell]:
     """Random cells of the largest free component."""
     from skimage.measure import label
 
     labels = label(~solid, connectivity=1)
     cells = np.argwhere(labels == np.argmax(np.bincount(labels[labels > 0])))
-    return [
-        tuple(cell)
-        for cell in cells[np.random.default_rng(0).choice(len(cells), count, replace=False)].tolist()
-    ]
+    chosen = np.random.default_rng(0).choice(len(cells), count, replace=False)
+    return [(int(row), int(col)) for row, col in cells[chosen]]
 
 
-def drive(scene: str, planner: str, start: tuple[int, int], fov: float, known=None, sigma: float = 0.03):
+def drive(scene: str, planner: str, start: Cell, fov: float, known: Mask) -> tuple[Drive, float]:
+    """Explore a scene until 99 % of the cells that can be known are; the drive, and their share."""
     draw, cell, range_m = SCENES[scene]
     solid = draw()
     geobox = local_geobox(solid.shape, cell, (0.0, 0.0))
-    if known is None:
-        known = knowable_cells(solid, start, cell, range_m)
-    step = min(0.5, math.degrees(0.7 * cell / range_m))
-    sensor = RangeFinder(sigma, range_m, fov, step)
+    sensor = RangeFinder(0.03, range_m, fov, min(0.5, math.degrees(0.7 * cell / range_m)))
     explorer = Explorer(CellScene(solid, geobox), sensor, OccupancyGrid(geobox))
     x, y = geobox.xy_from_pixel(start[0] + 0.5, start[1] + 0.5)
-    choose = None if planner == "ours" else Baseline(explorer.planner).choose(planner)
-    wanted = DONE * np.count_nonzero(known)
+    choose = None if planner == "ours" else Baseline(planner, explorer.planner)
+    count = np.count_nonzero(known)
 
-    def enough(states):
-        return np.count_nonzero(known & (states != UNKNOWN)) >= wanted
+    def share(states: States) -> float:
+        return float(np.count_nonzero(known & (states != UNKNOWN)) / count)
 
-    done = explorer.run(Pose(float(x), float(y)), choose, enough)
-    share = np.count_nonzero(known & (explorer.states != UNKNOWN)) / np.count_nonzero(known)
-    return done, share
+    done = explorer.run(Pose(float(x), float(y)), choose, lambda states: share(states) >= DONE)
+    return done, share(explorer.states)
 
 
 def main() -> None:
@@ -269,13 +256,15 @@ def main() -> None:
             done = [drive(scene, planner, place, options.fov, known) for place in places]
             metres = [d.metres[-1] for d, _ in done]
             times = np.concatenate([d.seconds for d, _ in done]) * 1e3
+            choices = np.mean([len(d.seconds) for d, _ in done])
+            scans = np.mean([len(d.poses) for d, _ in done])
+            known_of_all = min(share for _, share in done)
             print(
-                f"  {planner:10s} {np.mean(metres):7.1f} m  known {min(s for _, s in done):.4f}  "
-                f"{np.mean([len(d.seconds) for d, _ in done]):.0f} choices of {np.median(times):.1f} ms, scans "
-                f"{np.mean([len(d.poses) for d, _ in done]):.0f}",
+                f"  {planner:10s} {np.mean(metres):7.1f} m  known {known_of_all:.4f}  {choices:.0f} "
+                f"choices of {np.median(times):.1f} ms, {scans:.0f} scans",
                 flush=True,
             )
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

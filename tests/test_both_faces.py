@@ -809,6 +809,53 @@ def test_paths(source: str, words: Words) -> None:
     assert_equal(in_python(lambda: path_to_geojson(uavseg.path(source, **words)).encode()), expected)
 
 
+VIEW: Words = {"pose": (1.05, 12.05), "range": 3.0}
+
+
+@pytest.mark.parametrize(
+    ("source", "words"),
+    [
+        ("map.tif", VIEW),
+        ("map.tif", VIEW | {"pose": (1.05, 12.05, 90.0), "fov": 75.0, "count": 2, "clearance": 0.2}),
+        ("map.tif", VIEW | {"free_below": 0.3, "occupied_above": 0.7, "tile": 64, "threads": 2}),
+        ("ros.yaml", VIEW),
+        ("percent.tif", {"pose": (4e5 + 21, 5e6 - 21), "range": 30.0, "stretch": "0,100"}),
+        ("map.tif", VIEW | {"pose": (99.0, 1.0)}),
+        ("map.tif", VIEW | {"pose": (1.0,)}),
+        ("map.tif", VIEW | {"range": -1.0}),
+        ("map.tif", VIEW | {"fov": 400.0}),
+        ("blocks.tif", VIEW),
+        ("missing.tif", VIEW),
+    ],
+)
+def test_next_views(source: str, words: Words) -> None:
+    arguments = [source, *options(words), "-o", "out.geojson"]
+    expected = on_the_command_line("next-view", arguments, "out.geojson")
+    assert_equal(in_python(lambda: uavseg.next_views(source, **words).to_geojson().encode()), expected)
+
+
+@pytest.mark.parametrize(
+    ("scene", "words"),
+    [
+        ("lens", {"range": 1.0, "step": 2.0}),
+        (
+            "lens",
+            {"range": 1.0, "step": 2.0, "fov": 60.0, "seed": 3, "clearance": 0.05, "start": (0.2, 0.2, 45.0)},
+        ),
+        ("ros.yaml", {"range": 3.0, "step": 2.0, "start": (1.05, 12.05)}),
+        ("ros.yaml", {"start": (1.05, 12.05)}),
+        ("ros.yaml", {"range": 3.0}),
+        ("lens", {"start": (1.6, 1.6)}),
+        ("lens", {"start": (99.0, 1.6)}),
+        ("lens", {"sigma": -1.0}),
+        ("missing.json", {}),
+    ],
+)
+def test_drives(scene: str, words: Words) -> None:
+    expected = on_the_command_line("explore", [scene, *options(words), "-o", "out.geojson"], "out.geojson")
+    assert_equal(in_python(lambda: uavseg.explore(scene, **words).to_geojson().encode()), expected)
+
+
 FLIGHT: Words = {"altitude": 60, "home": "auto"}
 
 

@@ -10,10 +10,7 @@ from uavseg.plain_text import one_line
 class UavsegError(Exception):
     """Base class: an error that the user can correct.
 
-    Parameters
-    ----------
-    message : str
-        Control characters in it are escaped, and the middle of a long one is left out.
+    Control characters in its message are escaped, and the middle of a long one is left out.
     """
 
     exit_code = 1

@@ -38,16 +38,7 @@ NO_TILES = (
 
 
 class MapServer:
-    """A local server of maps, that answers until it is closed.
-
-    Parameters
-    ----------
-    source : Raster
-    request : FieldMapRequest
-    work : Work
-    port : int
-        0 is any that is free.
-    """
+    """A local server of maps, that answers until it is closed; port 0 is any that is free."""
 
     def __init__(self, source: Source, request: FieldMapRequest, work: Work, port: int = 0) -> None:
         raster = raster_of(source, "a block map holds no picture; name the raster that it was made from")
@@ -135,12 +126,10 @@ def serve(
 
     Parameters
     ----------
-    source : path, sequence of paths, DataArray, open raster of rasterio, or Dataset
-        Many paths are one mosaic. It has a coordinate system.
+    source, size, method, threshold, intensity_step
+        As of `map_page`.
     port : int
         Of 127.0.0.1; 0 is any that is free.
-    size, method, threshold, intensity_step
-        As of `map_page`.
     band, ..., allow_network
         As of `extract`.
 

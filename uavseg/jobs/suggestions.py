@@ -14,43 +14,22 @@ from uavseg.segmentation.blocks.block_map import BlockMap
 
 @dataclass(frozen=True, slots=True)
 class Suggestion:
-    """A range of v that one may ask for.
-
-    Parameters
-    ----------
-    low, high : float
-        Both ends are in it, and no leaf has one of them for its mean, 0 and 1 aside.
-    pixels : int
-        That extracting it gives; where regions end at block edges, those of the leaves whose mean lies in it,
-        and of a part of a class, of such cells of 8 x 8 pixels.
-    share : float
-        Of all valid pixels, 0 to 1.
-    regions : int
-        How many regions extracting it gives.
-    exact : bool
-        Whether pixels and regions were counted; otherwise they are estimates, see `estimate_regions`.
-    value_low, value_high : float or None
-        The range in the units of the raster; None where it is open, or values are not known.
-    unit : str
-        Of the values; empty where it is not known.
-    part : bool
-        Whether it is a part of the darkest or the brightest range, of small things that stand out in it; the
-        others together are 0..1.
-    contrast : float or None
-        Difference of the means on both sides of its borders, as a multiple of that between means on one side;
-        below 2.5, the borders are those of noise or of slow light. None where it is not known.
-    """
+    """A range of v that one may ask for, with both ends; none is the mean of a leaf, 0 and 1 aside."""
 
     low: float
     high: float
+    # That extracting it gives; where regions end at block edges, those of the leaves whose mean lies in it,
+    # and of a part of a class, of such cells of 8 x 8 pixels.
     pixels: int
-    share: float
-    regions: int
-    exact: bool = True
-    value_low: float | None = None
+    share: float  # of all valid pixels, 0 to 1
+    regions: int  # how many extracting it gives
+    exact: bool = True  # pixels and regions were counted; otherwise they are those of `estimate_regions`
+    value_low: float | None = None  # in the units of the raster; None where open, or values are not known
     value_high: float | None = None
-    unit: str = ""
-    part: bool = False
+    unit: str = ""  # of the values; empty where it is not known
+    part: bool = False  # of the darkest or brightest range, of small things in it; the others make up 0..1
+    # Difference of the means on both sides of its borders, as a multiple of that between means on one side;
+    # below 2.5, the borders are those of noise or of slow light. None where it is not known.
     contrast: float | None = None
 
     @property
@@ -80,31 +59,20 @@ class Suggestion:
 class Suggestions:
     """Ranges of v, and what they come from.
 
-    Parameters
-    ----------
-    ranges : tuple of Suggestion
-        Those that look most like things on a ground first: compact, closed and contrasting at their borders.
-        None where all leaves have one mean.
-    explained : float
-        Share of the variance of the leaves' means that lies between the ranges, parts aside.
-    histogram : (65536,) int64 array
-        Valid pixels by the mean grey of their leaf, or by their own.
-    intervals : (8 B, 8 C) uint8 array
-        Which of `by_intensity` the leaf of each cell of 8 x 8 pixels lies in, or the cell itself where that
-        is a part, counted from 1; 0 where the leaf has no valid pixel.
-    warnings : tuple of str
-    by_pixel : bool
-        Whether the ranges part populations of pixels, so that pixels show them better than cells.
+    Those that look most like things on a ground come first: compact, closed and contrasting at their borders.
+    There are none where all leaves have one mean.
     """
 
     ranges: tuple[Suggestion, ...]
-    explained: float
-    histogram: NDArray[np.int64] = field(repr=False)
+    explained: float  # share of the variance of the leaves' means between the ranges, parts aside
+    histogram: NDArray[np.int64] = field(repr=False)  # (65536,): by the grey of leaves, or of pixels
+    # (8 B, 8 C): which of `by_intensity`, from 1, the leaf of each cell of 8 x 8 pixels lies in, or the cell
+    # itself where that is a part; 0 where the leaf has no valid pixel
     intervals: NDArray[np.uint8] = field(repr=False)
     blocks: BlockMap = field(repr=False)
     source: SourceInfo
     warnings: tuple[str, ...]
-    by_pixel: bool = False
+    by_pixel: bool = False  # the ranges part populations of pixels, which pixels show better than cells
 
     @property
     def by_intensity(self) -> tuple[Suggestion, ...]:

@@ -176,11 +176,8 @@ def classes_of_options(ranges: Any, texts: Sequence[str], classes: Any) -> Value
         raise ParameterError(f"classes are a mapping of names to ranges, or a file, not {shown(classes)}")
     if texts:
         return classes_of_texts(texts)
-    return (
-        classes_of_ranges(ranges)
-        if isinstance(ranges, list) and len(ranges) > 1 and isinstance(ranges[0], str)
-        else None
-    )
+    several = isinstance(ranges, list) and len(ranges) > 1 and isinstance(ranges[0], str)
+    return classes_of_ranges(ranges) if several else None
 
 
 def classes_of_mapping(classes: Mapping[str, Any]) -> ValueClasses:

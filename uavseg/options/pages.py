@@ -35,7 +35,9 @@ class PreviewOptions(Options):
         basic=True,
     )
     levels: Any = option("Levels in grey: the segments that levels wrote.", metavar="PATH", basic=True)
-    path: Any = option("A path to draw: .geojson, .plan or .waypoints.", metavar="PATH", basic=True)
+    path: Any = option(
+        "A path, views or a drive to draw: .geojson, .plan or .waypoints.", metavar="PATH", basic=True
+    )
     dem: Any = option(
         "For missions without RASTER: the ground below them; may be repeated, for a mosaic.",
         metavar="DEM.tif",

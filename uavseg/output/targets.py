@@ -6,10 +6,9 @@ import stat
 from collections.abc import Iterable, Sequence
 from pathlib import Path, PurePath
 
+from uavseg.arrays import Path_
 from uavseg.dataclass import dataclass
 from uavseg.errors import OutputError, OutputExistsError
-
-Path_ = str | os.PathLike[str]
 
 _PAM = (".aux.xml", ".ovr", ".msk", ".ovr.msk", ".msk.ovr")  # GDAL's sidecars of any raster
 _APPENDED: dict[str, tuple[str, ...]] = {  # suffixes after the whole name: t.tif.aux.xml

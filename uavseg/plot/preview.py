@@ -79,32 +79,16 @@ def preview(
         Several paths form one mosaic; the YAML file of a ROS map is a raster too.
     out : path
         The picture, .png.
-    regions : path or GeoDataFrame, optional
-    mission : Mission, path or sequence of these, optional
-        Flights with their fence, or mission files; without a raster, see `uavseg.plot.preview_missions`.
-    levels : path or GeoDataFrame, optional
-        Segments with a column `level`, and `range_low` and `range_high` of v: drawn in grey.
-    states : Dataset or path, optional
-        A raster of states (1 free, 2 unknown, 3 occupied, 0 nothing), or a ROS map of them.
-    leaves : path, optional
-        The block map of this raster; its leaves are outlined.
-    labels : Dataset or path, optional
-        A raster of labels, 0 outside of segments; the segments are outlined.
-    path : PlannedPath or path, optional
-        A .geojson, .plan or .waypoints file.
+    regions, mission, levels, states, leaves, labels, path : optional
+        As of `uavseg.preview`; states and labels may be a Dataset too. Without a raster, see
+        `uavseg.plot.preview_missions`.
     stretch : Stretch, StretchSpec or str
         With "auto", a raster under states or a path is a map of probabilities, which is not stretched.
     collar : {"auto", "keep"}
         Whether an untagged black or white collar is left out, with a warning, or is drawn. A map of
         probabilities has none.
-    width_px : int
-        Width of the picture, 200 to 8000 pixels.
-    overwrite : bool
-        Whether an existing picture may be replaced.
-
-    Returns
-    -------
-    out : Path
+    width_px, overwrite
+        As `width` and `overwrite` of `uavseg.preview`.
 
     Raises
     ------

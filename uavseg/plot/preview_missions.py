@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.execution.executors import decided, phase
@@ -45,8 +46,6 @@ if TYPE_CHECKING:
 GAP_M = 1.0  # between the bounds of the ground that is drawn
 _GROUND_COLOR, _GROUND_EDGE = "#d8cbb5", "#7a6648"
 _SPACE = 0.04  # between two flights, as a share of all
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -189,14 +188,8 @@ def preview_missions(
         The picture, .png.
     dem : path or sequence of paths, optional
         Elevation model: the ground is drawn below the flights, and heights are above its zero.
-    width_px : int
-        Width of the picture, 200 to 8000 pixels.
-    overwrite : bool
-        Whether an existing picture may be replaced.
-
-    Returns
-    -------
-    out : Path
+    width_px, overwrite
+        As `width` and `overwrite` of `uavseg.preview`.
 
     Raises
     ------

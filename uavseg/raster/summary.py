@@ -33,78 +33,38 @@ HISTOGRAM_BINS = 20
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """Metadata and intensity statistics of a raster.
-
-    Parameters
-    ----------
-    crs : str or None
-        Name of the CRS.
-    located : bool
-        Whether the raster is georeferenced.
-    resolution : (float, float)
-        Ground metres of a pixel along a row and along a column (map units if there is no CRS).
-    bounds : (float, float, float, float)
-        left, bottom, right, top in map coordinates.
-    center : (float, float) or None
-        lon, lat in degrees.
-    bands : tuple of (dtype, colour interpretation, nodata)
-    names : tuple of str
-        Description and common name of each band, "" where it has neither.
-    used : str
-        The bands that become intensity.
-    exact : bool
-        Whether every pixel was counted; otherwise a sample of `counted` pixels.
-    counted, valid : int
-        Number of pixels counted, and how many of them are valid.
-    stretch : str
-        The stretch and its bounds.
-    histogram : tuple of HISTOGRAM_BINS ints
-        Valid pixels by v, in equal steps from 0 to 1.
-    mean, std : float
-        Of v; NaN if no pixel is valid.
-    cut : float
-        Otsu's threshold: the v that splits the histogram best into dark and bright.
-    in_metres : bool
-        Whether `resolution` is in metres rather than in units of the map.
-    command : str
-        A command to try next: it extracts the rarer of dark and bright, see `interval`; "" if none is valid.
-    axis : ValueAxis or None
-        How v maps to values in the units of the raster; None if bands or files have different scales.
-    mean_beyond : float
-        How much larger the mean of v would be if v were not clipped to 0..1.
-    interval : str
-        The rarest population of pixels, see `population_edges`, as --range takes it; where there is one, the
-        rarer of dark and bright, at Otsu's threshold in steps of 0.05. `suggest` looks at the means of leaves
-        too, which noise hardly affects.
-    """
+    """Metadata and intensity statistics of a raster."""
 
     paths: tuple[str, ...]
     driver: str
     rows: int
     cols: int
-    crs: str | None
+    crs: str | None  # its name
     epsg: int | None
-    located: bool
-    resolution: tuple[float, float]
-    bounds: tuple[float, float, float, float]
-    center: tuple[float, float] | None
-    bands: tuple[tuple[str, str, float | None], ...]
-    names: tuple[str, ...]
-    used: str
-    exact: bool
+    located: bool  # georeferenced
+    resolution: tuple[float, float]  # ground metres (or map units) of a pixel along a row and a column
+    bounds: tuple[float, float, float, float]  # left, bottom, right, top in map coordinates
+    center: tuple[float, float] | None  # lon, lat in degrees
+    bands: tuple[tuple[str, str, float | None], ...]  # dtype, colour interpretation, nodata
+    names: tuple[str, ...]  # description and common name of each band, "" where it has neither
+    used: str  # the bands that become intensity
+    exact: bool  # whether every pixel was counted; otherwise a sample of `counted` pixels
     counted: int
-    valid: int
-    stretch: str
-    histogram: tuple[int, ...]
-    mean: float
+    valid: int  # of the pixels counted
+    stretch: str  # and its bounds
+    histogram: tuple[int, ...]  # valid pixels in HISTOGRAM_BINS equal steps of v
+    mean: float  # of v, as `std`; NaN if no pixel is valid
     std: float
-    cut: float
+    cut: float  # Otsu's threshold: the v that splits the histogram best into dark and bright
     overviews: tuple[int, ...]
-    in_metres: bool
+    in_metres: bool  # whether `resolution` is in metres rather than in units of the map
     warnings: tuple[str, ...]
-    command: str = ""
-    axis: ValueAxis | None = None
-    mean_beyond: float = 0.0
+    command: str = ""  # one to try next, which extracts `interval`; "" if no pixel is valid
+    axis: ValueAxis | None = None  # v to values of the raster; None if bands or files have different scales
+    mean_beyond: float = 0.0  # how much larger the mean of v would be if v were not clipped to 0..1
+    # The rarest population of pixels, see `population_edges`, as --range takes it; where there is one, the
+    # rarer of dark and bright, at Otsu's threshold in steps of 0.05. `suggest` looks at the means of leaves
+    # too, which noise hardly affects.
     interval: str = ""
 
     @property

@@ -12,13 +12,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.regions.outline.rings import RegionOutlines, Rings, renumber_by_size
 from uavseg.segmentation.components import Sums
 from uavseg.units import GREY_MAX
-
-Floats = NDArray[np.float64]
 
 COLUMN = "confidence"
 DECIMALS = 3  # few enough that logarithms of other platforms make no difference

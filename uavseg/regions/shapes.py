@@ -10,13 +10,13 @@ from affine import Affine
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.arrays import Integers
 from uavseg.dataclass import dataclass
 
 if TYPE_CHECKING:
     from uavseg.regions.outline.rings import Rings
 
 
-Integers = NDArray[np.int64]
 Objects = NDArray[np.object_]
 
 BATCH_VERTICES = 1 << 18  # of the polygons that are built at a time

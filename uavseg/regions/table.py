@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
+from uavseg.arrays import Floats, Integers
 from uavseg.dataclass import dataclass
 from uavseg.errors import RasterError
 from uavseg.raster.geodesy.globe import wrap_lon_beyond_180
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
     from uavseg.regions.outline.rings import Rings
     from uavseg.segmentation.components import Sums
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _MIDDLE = 32768  # grey of the only intensity of a stretch without extent
 
@@ -57,25 +56,18 @@ VALUE_COLUMNS: dict[str, type] = {
 class Regions:
     """Regions and their attributes, largest first.
 
-    Parameters
-    ----------
-    columns : dict of str -> (n,) array
-        `id` (the label, from 1), `area_m2` and `perimeter_m` on the ground (local units without a CRS),
-        `mean` and `std` of intensity in [0, 1], `pixels`, `holes`, `lon` and `lat` of a point inside the
-        region (NaN without a CRS), `range_low`, `range_high`, `source`.
-    polygons : (n,) object array of shapely Polygon, or LazyPolygons
-        In the raster's CRS, along pixel edges, exteriors counter-clockwise. A MultiPolygon where the pixels
-        of a region do not all share edges.
-    wkt : str or None
-        The CRS; None for local coordinates.
-    metadata : mapping
-        Source and parameters, as plain values for JSON; written to files.
+    The columns, (n,), are `id` (the label, from 1), `area_m2` and `perimeter_m` on the ground (local units
+    without a CRS), `mean` and `std` of intensity in [0, 1], `pixels`, `holes`, `lon` and `lat` of a point
+    inside the region (NaN without a CRS), `range_low`, `range_high`, `source`.
+
+    Polygons run along pixel edges in the raster's CRS, exteriors counter-clockwise: shapely's Polygon, or a
+    MultiPolygon where the pixels of a region do not all share edges.
     """
 
     columns: dict[str, NDArray[Any]]
-    polygons: PolygonArray
-    wkt: str | None
-    metadata: Mapping[str, Any] = field(default_factory=dict)
+    polygons: PolygonArray  # (n,)
+    wkt: str | None  # the CRS; None for local coordinates
+    metadata: Mapping[str, Any] = field(default_factory=dict)  # source and parameters, plain values for JSON
 
     def __len__(self) -> int:
         return len(self.polygons)

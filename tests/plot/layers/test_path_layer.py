@@ -38,6 +38,21 @@ def test_a_path_from_a_file_lies_where_the_planned_path_lies(box: GeoBox, tmp_pa
     assert np.allclose(here[0], frame.plot_from_xy([box.xy_from_pixel(20.5, 10.5)])[0])
 
 
+@pytest.mark.parametrize("box", [BOX, LOCAL], ids=["on the globe", "local"])
+def test_views_lie_where_their_ways_end(box: GeoBox, tmp_path: Path) -> None:
+    from uavseg.jobs.maps.next_view import NextViews, View
+
+    way = planned_path(box)
+    place = (float(way.xy[-1, 0]), float(way.xy[-1, 1]))
+    view = View(uavseg.Pose(*place, heading_rad=1.0), way, bits=1.0, frontier_m=2.0, score=1.0)
+    (tmp_path / "views.geojson").write_text(NextViews((view,), box, ()).to_geojson())
+    layer = path_layer.PathLayer.of(tmp_path / "views.geojson", Frame(box))
+    assert np.allclose(layer.views, layer.lines[0][-1:], atol=0.01)
+    assert layer.headings == (pytest.approx(np.degrees(1.0), abs=1e-3),)
+    drawn = write(tmp_path / "map.tif", beliefs(), box)
+    preview(drawn, tmp_path / "out.png", path=tmp_path / "views.geojson")
+
+
 @pytest.mark.parametrize("suffix", [".plan", ".waypoints"])
 def test_a_path_may_be_a_mission(suffix: str, tmp_path: Path) -> None:
     from uavseg.occupancy.paths.path_geojson import path_lonlat

@@ -14,12 +14,10 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from uavseg.arrays import Floats, Integers
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.avoid.visibility import Edges, cheapest, shortest_paths
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 TOUCH_M = 1e-4
 """Legs may run along the edge of free space: that close to it, they are in it."""
@@ -112,7 +110,7 @@ class FreeSpace:
         return corners
 
     @cached_property
-    def _between_corners(self) -> tuple[Floats, Ints]:
+    def _between_corners(self) -> tuple[Floats, Integers]:
         """Shortest paths between corners."""
         return shortest_paths(self._among(self.corners, np.ones(len(self.corners), bool)))
 
@@ -173,9 +171,9 @@ class Detours:
 
     corners: Floats  # (c, 2)
     lengths: Floats  # (n, n), metres between points; infinite where there is no path
-    first: Ints  # (n, c), the first corner of the path from each point to each corner
-    last: Ints  # (n, n), the last corner of the path to each point (row) from each (column)
-    before: Ints  # (c, c), the corner before each corner (column) on the path from each corner (row)
+    first: Integers  # (n, c), the first corner of the path from each point to each corner
+    last: Integers  # (n, n), the last corner of the path to each point (row) from each (column)
+    before: Integers  # (c, c), the corner before each corner (column) on the path from each corner (row)
 
     def bends(self, start: int, end: int) -> Floats:
         """Return the corners on the path from one point to another."""

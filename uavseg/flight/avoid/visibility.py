@@ -7,9 +7,7 @@ import shapely
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from uavseg.arrays import Floats, Integers
 
 
 class Edges:
@@ -32,7 +30,7 @@ class Edges:
         return crossed
 
 
-def shortest_paths(weights: Floats) -> tuple[Floats, Ints]:
+def shortest_paths(weights: Floats) -> tuple[Floats, Integers]:
     """Compute the shortest paths between all nodes of a graph (Floyd and Warshall).
 
     `weights` (n, n) are lengths of edges, infinite where there is none, 0 on the diagonal. The results are
@@ -44,7 +42,7 @@ def shortest_paths(weights: Floats) -> tuple[Floats, Ints]:
     return lengths, before
 
 
-def cheapest(sparse: Floats, matrix: Floats) -> tuple[Floats, Ints]:
+def cheapest(sparse: Floats, matrix: Floats) -> tuple[Floats, Integers]:
     """Return the minimum of ``sparse[i, k] + matrix[k, j]`` over k, and that k (min-plus matrix product).
 
     `sparse` (n, m) are lengths; where they are infinite, nothing is computed. `matrix` is (m, p), the results

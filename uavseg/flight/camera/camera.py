@@ -33,17 +33,6 @@ class Camera:
 
     A ParameterError says that a number is not positive or above 1e7, or pixels are not square within 10 %.
 
-    Parameters
-    ----------
-    sensor_mm : (float, float)
-        Width and height of the sensor's image area, across and along the direction of flight.
-    image_px : (int, int)
-        Columns and rows of an image.
-    focal_mm : float
-        Focal length of the lens, not its 35 mm equivalent.
-    min_interval_s : float
-        Shortest time between two photographs; 0 if it is not known.
-
     Examples
     --------
     >>> camera = Camera("DJI Phantom 4 Pro", (13.2, 8.8), (5472, 3648), 8.8, 2)
@@ -52,10 +41,10 @@ class Camera:
     """
 
     name: str
-    sensor_mm: tuple[float, float]
-    image_px: tuple[int, int]
-    focal_mm: float
-    min_interval_s: float = 0.0
+    sensor_mm: tuple[float, float]  # width and height of the image area, across and along the flight
+    image_px: tuple[int, int]  # columns and rows
+    focal_mm: float  # not the 35 mm equivalent
+    min_interval_s: float = 0.0  # between two photographs; 0 if it is not known
 
     def __post_init__(self) -> None:
         sizes = (*self.sensor_mm, *self.image_px, self.focal_mm)

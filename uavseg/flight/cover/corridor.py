@@ -16,17 +16,15 @@ from typing import Any
 import numpy as np
 import shapely
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 from shapely.ops import substring
 
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.avoid.enclosing import MANY_CORNERS
 from uavseg.flight.cover.lines import flight_space, join_cells, path_length, to_and_fro
 from uavseg.flight.cover.strips import MIN_LINE_M, grid_lines
 from uavseg.flight.cover.survey import axes
-
-Floats = NDArray[np.float64]
 
 STEPS = 6.0  # points on the outline for each unit of detail
 MAX_POINTS = 6000

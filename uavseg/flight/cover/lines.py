@@ -6,15 +6,12 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from uavseg.arrays import Floats, Integers
 from uavseg.dataclass import dataclass
 from uavseg.flight.avoid.enclosing import MANY_CORNERS, enclosing, without_small_holes
 from uavseg.flight.avoid.free_space import FreeSpace
 from uavseg.flight.order.tour import Stops, short_tour
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 LEEWAY = 0.6
 """Spacings by which lines, and legs between them, may leave the region."""
@@ -95,7 +92,7 @@ def fly_lines(lines: SurveyLines, space: FreeSpace) -> Iterator[tuple[Floats, Fl
         yield _in_order(flat, order), placed, tuple(space.each_path(placed[:-1, 1], placed[1:, 0]))
 
 
-def to_and_fro(cell: Sequence[int]) -> list[Ints]:
+def to_and_fro(cell: Sequence[int]) -> list[Integers]:
     """Return the four orders of the lines of a cell: 2 k is line k and 2 k + 1 is line k reversed."""
     index = np.array(cell, np.int64)
     odd = np.arange(len(index)) % 2
@@ -103,7 +100,7 @@ def to_and_fro(cell: Sequence[int]) -> list[Ints]:
     return forward + [(one ^ 1)[::-1] for one in forward]
 
 
-def join_cells(candidates: list[list[Ints]], ends: Floats, space: FreeSpace) -> Ints:
+def join_cells(candidates: list[list[Integers]], ends: Floats, space: FreeSpace) -> Integers:
     """Return one order of the lines of all cells, with a short tour over the cells.
 
     `candidates` are for each cell its orders, as of `to_and_fro`; rows 2 k and 2 k + 1 of `ends` (m, 2) are
@@ -121,7 +118,7 @@ def path_length(path: Floats) -> float:
     return math.fsum(np.hypot(*np.diff(path, axis=0).T).tolist())
 
 
-def _in_order(lines: Floats, order: Ints) -> Floats:
+def _in_order(lines: Floats, order: Integers) -> Floats:
     flown = lines[order // 2]
     turned = order % 2 == 1
     flown[turned] = flown[turned, ::-1]

@@ -15,9 +15,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from uavseg.arrays import Floats
 from uavseg.errors import MissionError, ParameterError
-
-Floats = NDArray[np.float64]
 
 Free = Callable[[Floats, Floats], NDArray[np.bool_]]
 

@@ -19,13 +19,12 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.flight.avoid.free_space import FreeSpace
 from uavseg.flight.cover.lines import SurveyLines, flight_space, fly_lines, path_length
 from uavseg.flight.cover.strips import MIN_LINE_M, grid_lines, strip_lines
-
-Floats = NDArray[np.float64]
 
 OVERLAP_M = 1e-6  # by which dividing lines are longer than the polygon is wide
 

@@ -6,7 +6,7 @@ as far as the ground is as high as home. Heights above the terrain are drawn abo
 """
 
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 from uavseg.errors import MissionError
 from uavseg.flight.formats.options import FileOptions
@@ -41,6 +41,7 @@ FOLDERS = {
 }
 _COLORS = {FLIGHT: "ff00d7ff", PHOTOS: "ff0055ff", FENCE: "ff00ff00"}  # aabbggrr
 _FLAGS = {"true": True, "false": False}
+_SHAPES = ("Point", "LineString", "Polygon")
 
 
 def write_kml(mission: Mission, options: FileOptions) -> bytes:
@@ -80,7 +81,15 @@ def _placemark(folder: ET.Element, feature: MissionFeature, home_m: float) -> No
     for key, value in {"kind": feature.role, **feature.values}.items():
         entry = ET.SubElement(data, "Data", {"name": key})
         child(entry, "value", _value_text(value))
-    _GEOMETRIES[feature.shape](placemark, feature, home_m)
+    if feature.shape == "Polygon":
+        ring = child(child(child(placemark, "Polygon"), "outerBoundaryIs"), "LinearRing")
+        places = (f"{_degrees(lon)},{_degrees(lat)}" for lat, lon, _ in feature.places)
+        child(ring, "coordinates", " ".join(places))
+    elif feature.shape:
+        geometry = child(placemark, feature.shape)
+        if feature.shape == "LineString":
+            child(geometry, "tessellate", "0")
+        _coordinates(geometry, feature, home_m)
 
 
 def _name(feature: MissionFeature) -> str:
@@ -96,34 +105,6 @@ def _value_text(value: Value) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     return "" if value is None else repr(value) if isinstance(value, float) else str(value)
-
-
-def _point(placemark: ET.Element, feature: MissionFeature, home_m: float) -> None:
-    _coordinates(child(placemark, "Point"), feature, home_m)
-
-
-def _line(placemark: ET.Element, feature: MissionFeature, home_m: float) -> None:
-    line = child(placemark, "LineString")
-    child(line, "tessellate", "0")
-    _coordinates(line, feature, home_m)
-
-
-def _polygon(placemark: ET.Element, feature: MissionFeature, home_m: float) -> None:
-    polygon = child(placemark, "Polygon")
-    ring = child(child(polygon, "outerBoundaryIs"), "LinearRing")
-    child(ring, "coordinates", " ".join(f"{_degrees(lon)},{_degrees(lat)}" for lat, lon, _ in feature.places))
-
-
-def _nothing(placemark: ET.Element, feature: MissionFeature, home_m: float) -> None:
-    pass
-
-
-_GEOMETRIES: dict[str, Callable[[ET.Element, MissionFeature, float], None]] = {
-    "Point": _point,
-    "LineString": _line,
-    "Polygon": _polygon,
-    "": _nothing,
-}
 
 
 def _coordinates(parent: ET.Element, feature: MissionFeature, home_m: float) -> None:
@@ -149,7 +130,7 @@ def _read_placemark(placemark: ET.Element) -> MissionFeature:
         entry.get("name", ""): _read_value(entry.findtext("value") or "")
         for entry in placemark.findall("ExtendedData/Data")
     }
-    shape = next((shape for shape in _GEOMETRIES if shape and placemark.find(shape) is not None), "")
+    shape = next((shape for shape in _SHAPES if placemark.find(shape) is not None), "")
     places = tuple(_read_places(placemark.findtext(f".//{shape}//coordinates") or "")) if shape else ()
     if shape and not places:
         raise MissionError("a placemark in it has no coordinates")

@@ -17,13 +17,10 @@ TrajectoryConstraints.hpp; src/lib/mathlib/math/TrajMath.hpp; src/modules/naviga
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.arrays import Bools, Floats
 from uavseg.flight.mission.vehicle import Vehicle
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 STEP_S = 0.05
 MAX_STEPS = 200_000

@@ -11,14 +11,11 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from uavseg.arrays import Bools, Floats
 from uavseg.dataclass import dataclass
 from uavseg.flight.mission.braked import braked_seconds
 from uavseg.flight.mission.vehicle import Vehicle
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 HALVINGS = 30  # of an interval, in a search for a root: to a thousandth of a millionth of it
 
@@ -89,21 +86,11 @@ def leg_seconds(
 ) -> Floats:
     """Compute the time of each leg of a path that is flown from rest to rest.
 
-    There are n - 1 times; what is saved in a corner is shared by the legs before and after it.
+    There are n - 1 times; what is saved in a corner is shared by the legs before and after it. The corners
+    `xyz_m`, (n, 3), are metres east, north and up; the speed over ground is one, or that of each leg. At
+    `stops`, (n,), the vehicle stops, as for a hold; it always does at the first and the last. The wait
+    `hold_s`, (n,), is not part of the result.
 
-    Parameters
-    ----------
-    xyz_m : (n, 3) float64 array
-        Corners of the path in metres: east, north and up.
-    speed_m_s : float or (n - 1,) float64 array
-        Speed over ground, of each leg.
-    stops : (n,) bool array, optional
-        Corners at which the vehicle stops, as for a hold; it always stops at the first and the last.
-    hold_s : (n,) float64 array, optional
-        Wait at each corner, by default 0. This time is not part of the result.
-
-    Notes
-    -----
     With ``turns="blend"`` each leg is an S-curve from rest to rest, and the next one begins before it ends:
     as early as the middle of the turn lies within the radius of the corner, and neither speed nor
     acceleration exceed their limits there (ArduPilot, libraries/AP_Math/SCurve.cpp,

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.flight.camera.photos import Photos
@@ -16,8 +16,6 @@ from uavseg.flight.mission.items import MOUNT_CONTROL, ROI_LOCATION
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.plane import Plane
 from uavseg.flight.mission.vehicle import Vehicle, default_vehicle
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

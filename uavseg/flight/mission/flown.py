@@ -6,6 +6,7 @@ from dataclasses import field
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.flight.mission.duration import leg_seconds
 from uavseg.flight.mission.items import (
@@ -27,7 +28,6 @@ from uavseg.flight.mission.mission import CRUISE_M_S, Mission
 from uavseg.flight.mission.plane import Plane
 from uavseg.flight.mission.vehicle import Vehicle
 
-Floats = NDArray[np.float64]
 Place = tuple[float, float, float]
 
 CIRCLE_M = 10.0

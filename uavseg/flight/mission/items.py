@@ -59,29 +59,15 @@ class MissionItem:
     A MissionError says that a number is not finite, that the position is not on Earth, at or below home, or
     too high, that photographs follow one another by less than 0.01 m or s, or that the speed is less than
     0.01 m/s.
-
-    Parameters
-    ----------
-    command, frame : int
-        MAV_CMD and MAV_FRAME: 3 relative to home, 0 above the sea, 10 above the terrain, 2 without
-        position.
-    params : four floats or None
-        param1 to param4; None means "not set" (NaN on the link).
-    lat, lon : float
-        Degrees, WGS 84. Not used by commands without position.
-    altitude_m : float
-        Metres above the zero of `frame`.
-    autocontinue : bool
-        Whether the next item follows by itself. ArduPilot always continues; PX4 waits where it is False.
     """
 
-    command: int
-    frame: int
-    params: ItemParams = (0.0, 0.0, 0.0, 0.0)
-    lat: float = 0.0
+    command: int  # MAV_CMD
+    frame: int  # MAV_FRAME: 3 relative to home, 0 above the sea, 10 above the terrain, 2 without position
+    params: ItemParams = (0.0, 0.0, 0.0, 0.0)  # param1 to param4; None means "not set" (NaN on the link)
+    lat: float = 0.0  # degrees, WGS 84; not used by commands without position
     lon: float = 0.0
-    altitude_m: float = 0.0
-    autocontinue: bool = True
+    altitude_m: float = 0.0  # above the zero of `frame`
+    autocontinue: bool = True  # ArduPilot always continues; PX4 waits at the item where it is False
 
     def __post_init__(self) -> None:
         if len(self.params) != 4 or not all(p is None or math.isfinite(p) for p in self.params):

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.camera.photos import Photos
@@ -36,9 +36,6 @@ if TYPE_CHECKING:
     from geopandas import GeoDataFrame
 
     from uavseg.flight.mission.estimate import Estimate
-
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

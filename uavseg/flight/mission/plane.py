@@ -8,10 +8,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.raster.geodesy.globe import wrap_lon
-
-Floats = NDArray[np.float64]
 
 LONGEST_EDGE_DEG = 0.005  # a straight edge in degrees bends by less than a centimetre over it
 

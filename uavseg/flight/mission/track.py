@@ -8,12 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.arrays import Bools, Floats
 from uavseg.dataclass import dataclass
 from uavseg.flight.camera.photos import Photos
 from uavseg.flight.mission.plane import Plane
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 SAME_PLACE_M = 1e-3
 HOVER_S = 1.0

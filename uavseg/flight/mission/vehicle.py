@@ -39,55 +39,29 @@ class Vehicle:
 
     A ParameterError says that a number is not positive (or 0 where that has a meaning), not 1e-9 to 1e9, or
     that power is given in part.
-
-    Parameters
-    ----------
-    turns : "blend" or "slow"
-        At corners the legs before and after overlap in time, as ArduCopter does it, or the vehicle slows down
-        to a speed for each corner, as PX4 does it.
-    acceleration_m_s2, jerk_m_s3 : float
-        Of the horizontal flight.
-    jerk_rise_s : float
-        Time in which the jerk builds up.
-    corner_acceleration_m_s2 : float
-        Maximum acceleration in a corner.
-    radius_m : float
-        A waypoint is passed within this distance.
-    return_speed_m_s : float
-        Speed over ground of a return, which the speed of the mission does not set.
-    return_height_m, return_slope : float
-        A return climbs to this height above home, or to the slope times its length where that is lower.
-    return_hold_s : float
-        Wait above home before the descent.
-    takeoff_m_s, takeoff_height_m : float
-        Speed of the first metres of a climb, and their number.
-    landing_m_s, landing_height_m : float
-        Speed of the last metres before the ground, and their number.
-    hover_w, cruise_w, battery_wh : float, optional
-        Power in hover and in forward flight, and the energy of a full battery.
     """
 
     name: str
-    turns: str
-    acceleration_m_s2: float
+    turns: str  # at corners: "blend", both legs overlap in time (ArduCopter), or "slow", to a speed (PX4)
+    acceleration_m_s2: float  # of the horizontal flight
     jerk_m_s3: float
-    jerk_rise_s: float
-    corner_acceleration_m_s2: float
-    radius_m: float
+    jerk_rise_s: float  # time in which the jerk builds up
+    corner_acceleration_m_s2: float  # at most
+    radius_m: float  # within which a waypoint is passed
     climb_m_s: float
     descent_m_s: float
     vertical_acceleration_m_s2: float
-    return_speed_m_s: float
-    return_height_m: float
-    return_slope: float
-    return_hold_s: float
-    takeoff_m_s: float
-    takeoff_height_m: float
-    landing_m_s: float
-    landing_height_m: float
+    return_speed_m_s: float  # over ground; the speed of the mission does not set it
+    return_height_m: float  # above home, to which a return climbs
+    return_slope: float  # times the length of the return: its height where that is lower
+    return_hold_s: float  # above home, before the descent
+    takeoff_m_s: float  # of the first metres of a climb
+    takeoff_height_m: float  # their number
+    landing_m_s: float  # of the last metres before the ground
+    landing_height_m: float  # their number
     hover_w: float | None = None
-    cruise_w: float | None = None
-    battery_wh: float | None = None
+    cruise_w: float | None = None  # in forward flight
+    battery_wh: float | None = None  # of a full one
 
     def __post_init__(self) -> None:
         if self.turns not in TURNS:

@@ -13,9 +13,9 @@ A tour is an array of options; `enters` and `leaves` are the points at which eac
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.arrays import Floats, Integers
 from uavseg.dataclass import dataclass
 
 LONGEST_PART = 3  # stops that Or-opt moves together
@@ -237,9 +237,6 @@ def double_bridge(tour, copy, turn):  # type: ignore[no-untyped-def]
     return low, high
 
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-
 MAX_STOPS, MAX_STEPS = 12, 3e7  # of an exact tour, which then takes a fraction of a second
 ROUNDS = 4000
 EFFORT = 400_000  # rounds times stops, at most
@@ -253,14 +250,14 @@ AT_ONCE = 1e7  # pairs of stops for one call of the kernel, about 0.1 s: Ctrl-C 
 class Stops:
     """Stops 0..n - 1; each is flown in one of several options, which enter and leave at different points."""
 
-    first: Ints  # (n + 1,), where the options of each stop begin; their number at the end
-    enters: Ints  # (m,), the point at which each option is entered
-    leaves: Ints  # (m,), the point at which it is left
+    first: Integers  # (n + 1,), where the options of each stop begin; their number at the end
+    enters: Integers  # (m,), the point at which each option is entered
+    leaves: Integers  # (m,), the point at which it is left
     costs: Floats  # (m,), cost of flying an option
-    reverse: Ints  # (m,), the reversed option of the same stop; itself where both points are one
+    reverse: Integers  # (m,), the reversed option of the same stop; itself where both points are one
 
     @classmethod
-    def of(cls, options: Sequence[Ints], costs: Sequence[Floats] | None = None) -> "Stops":
+    def of(cls, options: Sequence[Integers], costs: Sequence[Floats] | None = None) -> "Stops":
         """Make stops of pairs of points to enter and leave, (k, 2) each; the reverse of a pair is an option.
 
         The costs of options, (k,) for each stop, are 0 by default.
@@ -283,14 +280,14 @@ class Stops:
     def __len__(self) -> int:
         return len(self.first) - 1
 
-    def distinct(self) -> tuple["Stops", Ints]:
+    def distinct(self) -> tuple["Stops", Integers]:
         """Return the stops without options that equal an earlier one, and the options that are left."""
         left = np.flatnonzero(self.reverse[self.reverse] == np.arange(len(self.reverse)))
         first, reverse = np.searchsorted(left, self.first), np.searchsorted(left, self.reverse[left])
         return Stops(first, self.enters[left], self.leaves[left], self.costs[left], reverse), left
 
     @property
-    def stop_of(self) -> Ints:
+    def stop_of(self) -> Integers:
         """Stop of each option."""
         return np.repeat(np.arange(len(self)), np.diff(self.first))
 
@@ -323,7 +320,7 @@ def short_tour(
     return list(zip(chosen.tolist(), (tour - stops.first[chosen]).tolist(), strict=True))
 
 
-def exact_tour(stops: Stops, distances: Floats, start: int, end: int) -> Ints:
+def exact_tour(stops: Stops, distances: Floats, start: int, end: int) -> Integers:
     """Return the options of the shortest tour, in order (Held and Karp); parameters as of `short_tour`."""
     sets, options = 1 << len(stops), len(stops.enters)
     best, before = np.full((sets, options), np.inf), np.zeros((sets, options), np.int64)
@@ -361,7 +358,9 @@ def _fill(distances, stop_of, enters, leaves, costs, start, best, before):  # ty
                     before[visited | bit, after] = option
 
 
-def local_search_tour(stops: Stops, distances: Floats, start: int, end: int, rounds: int = ROUNDS) -> Ints:
+def local_search_tour(
+    stops: Stops, distances: Floats, start: int, end: int, rounds: int = ROUNDS
+) -> Integers:
     """Return the options of a short tour, in order (iterated local search); parameters as of `short_tour`."""
     stops, options_left = stops.distinct()
     tour = _nearest_neighbour(stops, distances, start)
@@ -378,11 +377,13 @@ def local_search_tour(stops: Stops, distances: Floats, start: int, end: int, rou
     arrays = (stops.first, options, stops.costs, state, lengths, scratch, sums, apart, totals, before)
     while state[0] <= rounds:
         _search(distances, *arrays, passes)
-    best: Ints = options_left[scratch[1, :count]]
+    best: Integers = options_left[scratch[1, :count]]
     return best
 
 
-def _groups(stops: Stops, distances: Floats, tour: Ints, home: tuple[int, int]) -> tuple[Ints, Floats]:
+def _groups(
+    stops: Stops, distances: Floats, tour: Integers, home: tuple[int, int]
+) -> tuple[Integers, Floats]:
     """Return the stops in groups of neighbours, home as the last stop, and each point's distance from them.
 
     The distances (p, groups) are those from the nearest point of a group; 0 where the tour may end anywhere.
@@ -397,7 +398,7 @@ def _groups(stops: Stops, distances: Floats, tour: Ints, home: tuple[int, int]) 
     return members, np.ascontiguousarray(apart.T)
 
 
-def _nearest_neighbour(stops: Stops, distances: Floats, start: int) -> Ints:
+def _nearest_neighbour(stops: Stops, distances: Floats, start: int) -> Integers:
     left = np.ones(len(stops.enters), bool)
     tour, here = [], start
     for _ in range(len(stops)):

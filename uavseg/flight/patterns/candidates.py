@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.avoid.enclosing import MANY_CORNERS, enclosing
@@ -30,8 +30,6 @@ from uavseg.flight.params.plan import (
     VisitParams,
 )
 from uavseg.flight.patterns.perimeter import OffsetRings, default_tolerance_m, offset_rings
-
-Floats = NDArray[np.float64]
 
 MAX_STARTS = 16  # corners at which a ring may begin
 MAX_CANDIDATES = 4000  # of all regions, so that their distances fit into memory

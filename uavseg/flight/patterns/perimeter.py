@@ -6,14 +6,12 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.flight.avoid.enclosing import MANY_CORNERS
 from uavseg.flight.mission.track import leg_lengths
 from uavseg.flight.params.plan import MIN_MARGIN_M, PerimeterParams
-
-Floats = NDArray[np.float64]
 
 ARC_SAGITTA_M = 0.05  # of the arcs around corners, before they are simplified
 MIN_CORNERS = 3

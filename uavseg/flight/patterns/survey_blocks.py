@@ -4,15 +4,13 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from uavseg.arrays import Floats
 from uavseg.flight.cover.survey import Survey
 from uavseg.flight.mission.items import DEGREE_DECIMALS
 from uavseg.flight.mission.mission import NEARLY_CONVEX, Position, SurveyBlock
 from uavseg.flight.mission.plane import Plane
 from uavseg.flight.params.plan import PlanParams
-
-Floats = NDArray[np.float64]
 
 SLACK = 0.1  # spacings by which outlines are simplified
 NEIGHBOURS = 1.05  # spacings between lines of one block, at most

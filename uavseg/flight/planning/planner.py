@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.mission.duration import leg_seconds
@@ -30,8 +31,6 @@ from uavseg.flight.safety.keep_out import KeepOut, near_zones, return_notes
 from uavseg.flight.terrain.altitude_profile import LegPoints, points_of_leg
 from uavseg.flight.terrain.follow import follow_ground, home_on_ground
 from uavseg.flight.terrain.leg_speeds import fewest_changes, speed_notes, with_speeds
-
-Floats = NDArray[np.float64]
 
 MAX_LISTED = 10  # places in a message
 MIN_SHARE = 0.01  # of a region: smaller pieces that zones leave of it are not flown

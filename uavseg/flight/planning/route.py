@@ -4,15 +4,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.avoid.free_space import FreeSpace
 from uavseg.flight.mission.track import Track, leg_lengths
 from uavseg.flight.order.tour import Stops, short_tour
-
-Floats = NDArray[np.float64]
 
 MAX_REGIONS = 4000  # far more than any vehicle stores
 

@@ -10,14 +10,13 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.mission.track import Track
 from uavseg.flight.planning.route import RegionRoute
 
-Floats = NDArray[np.float64]
 Seconds = Callable[[Floats], Floats]
 Costs = Callable[[Track], tuple[Floats, Floats]]
 

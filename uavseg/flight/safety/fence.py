@@ -7,14 +7,12 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from uavseg.arrays import Floats
 from uavseg.flight.mission.fence import Fence, FenceCircle, FencePolygon
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.plane import Plane, plane_around
 from uavseg.flight.safety.keep_out import KeepOut
-
-Floats = NDArray[np.float64]
 
 MAX_VERTICES = 64  # of all polygons together: what PX4 stores, and about what boards with ArduPilot do
 _DECIMALS = 8  # of degrees: a millimetre

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.avoid.enclosing import enclosing, merged, neighbour_groups
@@ -18,8 +18,6 @@ from uavseg.flight.mission.plane import Plane
 from uavseg.flight.mission.track import Track, leg_lengths
 from uavseg.flight.mission.vehicle import returning_vehicles
 from uavseg.flight.params.plan import PlanParams
-
-Floats = NDArray[np.float64]
 
 MIN_TOLERANCE_M, MAX_TOLERANCE_M = 0.5, 100.0
 MIN_REACH_M = 2.0  # of outlines around zones of many corners

@@ -1,17 +1,14 @@
 """Altitude profile of a flight over the ground: waypoints by polyline simplification, speeds on slopes."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from uavseg.arrays import Floats, Integers
 from uavseg.dataclass import dataclass
 from uavseg.flight.mission.vehicle import default_vehicle
 from uavseg.flight.params.plan import PlanParams
 from uavseg.flight.params.terrain import FRAME
 from uavseg.flight.terrain.profile import GroundProfile, profile_along
 from uavseg.raster.elevation.dem import Dem
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 SLOWEST_M_S = 1.0  # a vehicle is not slowed down further: it is raised before ground that is steeper
 SPEED_STEP_M_S = 0.5  # speeds of slow legs are multiples of it, so that those of neighbours often agree
@@ -25,7 +22,7 @@ class AltitudeProfile:
 
     ground: GroundProfile  # with n samples
     target_m: Floats  # (n,): height of the flight above the zero of the DEM, not simplified
-    chosen: Ints  # (m,): the samples between which the flight is straight; home is the first
+    chosen: Integers  # (m,): the samples between which the flight is straight; home is the first
     speed_m_s: Floats  # (m - 1,): between the chosen samples
 
     @property

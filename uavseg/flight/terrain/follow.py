@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.arrays import Floats, Integers
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.mission.items import FRAME_AMSL, FRAME_RELATIVE, FRAME_TERRAIN, HomePosition
@@ -18,8 +19,6 @@ from uavseg.flight.terrain.leg_speeds import speeds_of
 from uavseg.flight.terrain.profile import GroundProfile, check_known, profile_along
 from uavseg.raster.elevation.dem import Dem
 from uavseg.raster.geodesy.globe import geod_wgs84
-
-Floats = NDArray[np.float64]
 
 ONBOARD_TERRAIN = (
     "heights are above the terrain that the vehicle itself knows (ArduPilot: TERRAIN_ENABLE 1, data of the "
@@ -187,8 +186,6 @@ def _early_return_notes(paths: _ReturnPaths, flight: AltitudeProfile, params: Pl
         )
 
 
-Ints = NDArray[np.int64]
-
 DECIMALS = 8  # of degrees: a millimetre
 NOTED_M = 10.0  # a larger difference is reported: satellite heights and most models are better than that
 REFUSED_M = 50.0  # a larger one is refused: as large as the distance of geoid and ellipsoid in many places
@@ -270,7 +267,7 @@ def follow_ground(track: Track, home: HomePosition, params: PlanParams) -> Groun
     return GroundPath(track=track, heights=heights, ground=ground, notes=tuple(notes))
 
 
-def _with_added(track: Track, places: Floats, added: NDArray[np.bool_], leg: Ints) -> Track:
+def _with_added(track: Track, places: Floats, added: NDArray[np.bool_], leg: Integers) -> Track:
     """Add points to the legs of a track; what is done on a leg continues there.
 
     `places` (n, 2) are those of all corners, in degrees; `added` (n,) says which of them are not corners of
@@ -285,7 +282,7 @@ def _with_added(track: Track, places: Floats, added: NDArray[np.bool_], leg: Int
 
 def _heights(
     flight: AltitudeProfile, params: PlanParams, terrain: TerrainParams
-) -> tuple[WaypointHeights, Ints]:
+) -> tuple[WaypointHeights, Integers]:
     """Return heights of the waypoints, and the samples at which they are."""
     kept, speed = flight.chosen[1:], flight.speed_m_s
     is_corner = np.isin(kept, flight.ground.corners)
@@ -308,7 +305,7 @@ def _heights(
     return heights, kept
 
 
-def _check_above_home(ground: GroundProfile, kept: Ints, height_m: Floats) -> None:
+def _check_above_home(ground: GroundProfile, kept: Integers, height_m: Floats) -> None:
     lowest = int(np.argmin(height_m))
     if height_m[lowest] < 1.0:
         k = kept[lowest]

@@ -9,15 +9,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from uavseg.arrays import Floats
 from uavseg.flight.mission.duration import Ramp
 from uavseg.flight.mission.track import Track, leg_lengths
 from uavseg.flight.mission.vehicle import default_vehicle
 from uavseg.flight.params.plan import PlanParams
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 CHANGE_S = 5.0  # what a change of speed must save, and what speeding up and slowing down take
 LONGEST_RUN = 1000  # limits that one speed may be for

@@ -3,15 +3,13 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from uavseg.arrays import Floats, Integers
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.raster.elevation.dem import Dem
 from uavseg.raster.geodesy.globe import geod_wgs84
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Places = Callable[[Floats], tuple[Floats, Floats]]
 
 STEP_PIXELS = 0.9  # between the first samples: no line of pixel centres is crossed twice
@@ -30,7 +28,7 @@ class GroundProfile:
     along_m: Floats  # (n,) float64: distance from the start of the path; it never decreases
     upper_m: Floats  # (n,): straight lines between these heights are not below the ground
     lower_m: Floats  # (n,): and those between these not above it
-    corners: Ints  # (k,) int64: the samples that are the corners of the path
+    corners: Integers  # (k,) int64: the samples that are the corners of the path
 
 
 def profile_along(dem: Dem, lon: Floats, lat: Floats, gap_m: float) -> GroundProfile:

@@ -12,6 +12,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from uavseg.arrays import Path_
 from uavseg.dataclass import dataclass
 from uavseg.errors import OutputExistsError, RasterReadError, UavsegError
 from uavseg.execution.executors import Progress, serial, threads, usable_cores
@@ -29,8 +30,6 @@ from uavseg.plain_text import cause_of, one_line
 from uavseg.raster.access.opening import gdal_env
 from uavseg.raster.formats.creation import DEFAULT, CreationOptions
 from uavseg.raster.read.source_list import expand_sources
-
-Path_ = str | os.PathLike[str]
 
 NOT_RUN = "it was not begun: the run was stopped"
 

@@ -14,18 +14,9 @@ _HEADER = ("source", "output", "regions", "area_m2", "warnings", "error")
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What came out of one source.
+    """What came out of one source: how many regions, or the error why there are none.
 
-    Parameters
-    ----------
-    source, output : str
-    regions : int or None
-        How many; None if it failed.
-    area_m2 : float or None
-        Their total area; in the units of the raster where it has no CRS.
-    warnings : tuple of str
-    error : str or None
-        Why there is no output.
+    `area_m2` is their total area, in the units of the raster where it has no CRS.
     """
 
     source: str

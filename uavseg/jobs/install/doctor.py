@@ -23,31 +23,15 @@ _NEEDED = (
 _EXTRA = ("numba", "llvmlite", "serial", "pyarrow", "rosbags", "distributed", "folium")
 _DISTRIBUTIONS = {"yaml": "PyYAML", "serial": "pyserial", "skimage": "scikit-image"}
 _NAMED = (
-    *(
-        "PROJ_LIB",
-        "PROJ_DATA",
-        "GDAL_DATA",
-        "GDAL_DRIVER_PATH",
-        "PYTHONHOME",
-        "PYTHONPATH",
-        "LD_LIBRARY_PATH",
-    ),
-    "UAVSEG_CACHE",
+    *("PROJ_LIB", "PROJ_DATA", "GDAL_DATA", "GDAL_DRIVER_PATH"),
+    *("PYTHONHOME", "PYTHONPATH", "LD_LIBRARY_PATH", "UAVSEG_CACHE"),
 )
 _EPSG = 32618  # any code that the database of PROJ has
 
 
 @dataclass(frozen=True, slots=True)
 class Diagnosis:
-    """State of an installation.
-
-    Parameters
-    ----------
-    facts : dict of str
-        What was found, by topic.
-    problems : tuple of str
-        What is wrong, each with what to do; empty where all is well.
-    """
+    """State of an installation: facts by topic, and problems, each with what to do; empty if all is well."""
 
     facts: dict[str, str]
     problems: tuple[str, ...]
@@ -69,10 +53,6 @@ def doctor() -> Diagnosis:
     Versions of Python, GDAL, PROJ and the libraries; whether they load and PROJ finds its database; state of
     the compiled kernels; threads; whether QGIS and a serial port for a vehicle are there. Nothing is compiled
     or installed, and nothing is sent to a vehicle.
-
-    Returns
-    -------
-    Diagnosis
 
     Examples
     --------
@@ -160,11 +140,9 @@ def _projections() -> Findings:
             importlib.import_module(f"{name}.crs").CRS.from_epsg(_EPSG)
         except Exception as error:  # each library has its own errors, and import errors come first
             named = [variable for variable in ("PROJ_LIB", "PROJ_DATA") if variable in os.environ]
-            what = (
-                f"unset {' and '.join(named)}, which may name the data of another PROJ"
-                if named
-                else (f"install {name} again")
-            )
+            what = f"install {name} again"
+            if named:
+                what = f"unset {' and '.join(named)}, which may name the data of another PROJ"
             problems.append(f"{name} cannot look up EPSG:{_EPSG} ({cause_of(error)}); {what}")
     return {"EPSG database": "not readable" if problems else "found"}, problems
 

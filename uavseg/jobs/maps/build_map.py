@@ -18,17 +18,9 @@ DEFAULT_ODOM = "/odom"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BuiltMap(WritableMap):
-    """The map of a bag.
+    """The map of a bag, in the coordinate `frame` that its poses are in, such as "odom" or "map".
 
-    Parameters
-    ----------
-    grid : OccupancyGrid
-        With its log-odds; `grid.save` keeps them.
-    frame : str
-        Coordinate frame of the map, such as "odom" or "map".
-    scans : ScanCounts
-        Numbers of merged and of omitted scans.
-    warnings : tuple of str
+    `grid.save` keeps the log-odds; `scans` counts merged and omitted ones.
     """
 
     grid: OccupancyGrid

@@ -36,16 +36,9 @@ class MergeRequest:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MergedMap(WritableMap):
-    """A map merged from others.
+    """A map merged from others: probabilities, (rows, cols), exactly 0.5 where unknown.
 
-    Parameters
-    ----------
-    probabilities : (rows, cols) float32 array
-        Exactly 0.5 where unknown.
-    geobox : GeoBox
-    disputed : int
-        Cells that are free in one map and occupied in another, and hence occupied.
-    warnings : tuple of str
+    `disputed` cells are free in one map and occupied in another, and hence occupied.
     """
 
     probabilities: NDArray[np.float32]

@@ -181,9 +181,6 @@ def _ranked(
             cells=len(path.cells),
             expanded=path.expanded,
             clearance_m=request.clearance_m,
-            region=0,
-            walls=0,
-            warnings=(),
         )
         (x, ahead_x), (y, ahead_y) = geobox.xy_from_pixel(
             np.array([row, row + math.sin(angle)]) + 0.5, np.array([col, col + math.cos(angle)]) + 0.5

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, UnchosenBandsError
 from uavseg.execution.executors import decided, phase
@@ -44,8 +45,6 @@ _MIXED = (
     "the best range agrees in {:.0%} only with what has the colors of the sample; uavseg match compares all "
     "bands at once"
 )
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any
 
 from uavseg.access import current_policy
+from uavseg.arrays import Path_
 from uavseg.errors import UavsegError
 from uavseg.output.targets import check_not_inputs, existing_files
 from uavseg.raster.read.file_list import raster_files
 from uavseg.raster.read.source_list import expand_sources
 
-Path_ = str | os.PathLike[str]
 _ROS = (".yaml", ".yml")
 
 

@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import BagError
 from uavseg.occupancy.bags.bag import ODOMETRY, TRANSFORMS, Bag
 from uavseg.occupancy.mapping.rotation import matrix_of_quaternion, slerp
 from uavseg.plain_text import shown
-
-Floats = NDArray[np.float64]
 
 MAX_POSES = 10_000_000  # of all frames, 27 hours at 100 Hz: 640 MB
 MIN_LENGTH = 1e-6  # of a quaternion; a shorter one is not a rotation

@@ -57,18 +57,10 @@ class Drive:
 
 
 class Explorer:
-    """A robot with a range finder in a scene, and the map that it has of it.
+    """A robot in a scene, and the map that it makes, whose cells are square.
 
-    Parameters
-    ----------
-    scene : Scene or CellScene
-    sensor : RangeFinder
-    grid : OccupancyGrid
-        The map that is begun; its cells are square.
-    clearance_m : float
-        Distance that the robot's centre keeps from everything that is not free.
-    seed : int
-        Of the noise.
+    `clearance_m` is the distance that its centre keeps from everything that is not free; `seed` is of the
+    noise.
     """
 
     def __init__(
@@ -80,7 +72,7 @@ class Explorer:
         seed: int = 0,
     ) -> None:
         self.scene, self.sensor, self.grid = scene, sensor, grid
-        self.cell_m = abs(grid.geobox.transform.a)
+        self.cell_m = math.hypot(grid.geobox.transform.a, grid.geobox.transform.d)
         self.planner = ViewPlanner(
             grid.geobox.shape, self.cell_m, sensor.max_range_m, sensor.fov_deg, clearance_m
         )
@@ -154,7 +146,8 @@ class Explorer:
             for share in np.linspace(0, 1, max(math.ceil(span / _SCAN_EVERY_M), 1) + 1)[1:]:
                 step = float(np.hypot(*(begin + share * (end - begin) - self.place))) * self.cell_m
                 reached = begin + share * (end - begin)
-                self.planner.driven[tuple(_cells_between(self.place, reached).T)] = True
+                rows, cols = _cells_between(self.place, reached).T
+                self.planner.driven[rows, cols] = self.planner.driven[rows[:-1], cols[1:]] = True
                 self.place = reached
                 self._scan(step, heading)
                 if enough is not None and enough(self.states):

@@ -4,7 +4,7 @@ B. Yamauchi, "A frontier-based approach for autonomous exploration" (1997): a fr
 beside unknown ones. Rays go from cell to cell (Amanatides and Woo, 1987).
 """
 
-from math import cos, inf, sin, tau
+from math import inf, tau
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from uavseg.dataclass import dataclass
 from uavseg.units import FREE, OCCUPIED, UNKNOWN
 
 Ints = NDArray[np.int64]
+Floats = NDArray[np.float64]
 States = NDArray[np.uint8]  # (rows, cols); 1 free, 2 unknown, 3 occupied, 0 no data, which is never entered
 _MAX_RAYS = 360
 _CELLS_BETWEEN_RAYS = 0.7  # at the end of the range
@@ -72,9 +73,15 @@ def _group(found, index, cells, widths):  # type: ignore[no-untyped-def]
             widths[j] = max(bottom - top, right - left) + 1
 
 
-def rays_for(range_cells: float) -> int:
-    """Return the number of rays of a whole turn, so that no frontier lies between two of them."""
-    return min(max(int(tau * range_cells / _CELLS_BETWEEN_RAYS), 16), _MAX_RAYS)
+def rays_for(range_cells: float, first: float = 0.0, fov: float = tau) -> Floats:
+    """Return rays from an angle on, so close that no frontier lies between two at the end of the range.
+
+    The result (n, 2) are the rows and columns of one step; angles are radians, from the columns to the rows.
+    """
+    turn = min(max(int(tau * range_cells / _CELLS_BETWEEN_RAYS), 16), _MAX_RAYS)
+    angles = first + tau * np.arange(max(int(turn * fov / tau), 1)) / turn
+    rays: Floats = np.stack([np.sin(angles), np.cos(angles)], axis=1)
+    return rays
 
 
 def seen_from(
@@ -109,13 +116,13 @@ def visible_cells(solid: NDArray[np.bool_], views: Ints, range_cells: float) -> 
     return marked > 0
 
 
-@kernel("void(u1[:,::1], i8[:,::1], f8, i8, u1[:,::1])")
+@kernel("void(u1[:,::1], i8[:,::1], f8, f8[:,::1], u1[:,::1])")
 def _mark(solid, views, range_cells, rays, marked):  # type: ignore[no-untyped-def]
     rows, cols = solid.shape
     for k in range(views.shape[0]):
-        for ray in range(rays):
+        for ray in range(rays.shape[0]):
             r, c = views[k, 0], views[k, 1]
-            down, right, per_row, per_col = _begin_ray(ray, rays, 0.0)
+            down, right, per_row, per_col = _begin_ray(rays[ray, 0], rays[ray, 1])
             to_row, to_col, length = per_row / 2, per_col / 2, 0.0
             while length <= range_cells and 0 <= r < rows and 0 <= c < cols:
                 marked[r, c] = 1
@@ -128,16 +135,14 @@ def _mark(solid, views, range_cells, rays, marked):  # type: ignore[no-untyped-d
 
 
 @inlined
-def _begin_ray(ray, rays, first):  # type: ignore[no-untyped-def]
-    """Return the steps of a ray from the middle of a cell, and the lengths to the next row and column."""
-    angle = first + tau * ray / rays
-    down, right = sin(angle), cos(angle)
+def _begin_ray(down, right):  # type: ignore[no-untyped-def]
+    """Return the directions in which a ray leaves cells, and how long it is in a row and in a column."""
     per_row = 1.0 / abs(down) if abs(down) > 1e-12 else inf
     per_col = 1.0 / abs(right) if abs(right) > 1e-12 else inf
     return (1 if down > 0 else -1), (1 if right > 0 else -1), per_row, per_col
 
 
-@kernel("b1(u1[:,::1], i4[:,::1], i8[:,::1], f8, i8, i8[::1], i8[::1], i4[::1])")
+@kernel("b1(u1[:,::1], i4[:,::1], i8[:,::1], f8, f8[:,::1], i8[::1], i8[::1], i4[::1])")
 def _see(states, index, views, range_cells, rays, last_view, starts, seen):  # type: ignore[no-untyped-def]
     # False if `seen` is too short.
     rows, cols = states.shape
@@ -145,9 +150,9 @@ def _see(states, index, views, range_cells, rays, last_view, starts, seen):  # t
     for k in range(views.shape[0]):
         if used + last_view.shape[0] > seen.shape[0]:
             return False
-        for ray in range(rays):
+        for ray in range(rays.shape[0]):
             r, c = views[k, 0], views[k, 1]
-            down, right, per_row, per_col = _begin_ray(ray, rays, 0.0)
+            down, right, per_row, per_col = _begin_ray(rays[ray, 0], rays[ray, 1])
             to_row, to_col, length = per_row / 2, per_col / 2, 0.0
             while length <= range_cells and 0 <= r < rows and 0 <= c < cols and states[r, c] == FREE:
                 cell = index[r, c]
@@ -181,20 +186,17 @@ def expected_bits(
     p = np.clip(probabilities.astype(np.float64), 1e-12, 1 - 1e-12)
     entropy = -p * np.log2(p) - (1 - p) * np.log2(1 - p)
     blocking = np.where(states == UNKNOWN, (occupied + 1.0) / (free + occupied + 2.0), p)
-    rays = rays_for(range_cells)
-    count = rays if fov >= tau else max(int(rays * fov / tau), 1)
-    reached = np.zeros(states.shape)
-    sees = (*view, range_cells, heading - fov / 2, rays, count)
-    return float(_expect(entropy, blocking, states, *sees, reached))
+    rays = rays_for(range_cells, heading - fov / 2, fov)
+    return float(_expect(entropy, blocking, states, *view, range_cells, rays, np.zeros(states.shape)))
 
 
-@kernel("f8(f8[:,::1], f8[:,::1], u1[:,::1], i8, i8, f8, f8, i8, i8, f8[:,::1])")
-def _expect(entropy, blocking, states, row, col, range_cells, first, rays, count, reached):  # type: ignore[no-untyped-def]
+@kernel("f8(f8[:,::1], f8[:,::1], u1[:,::1], i8, i8, f8, f8[:,::1], f8[:,::1])")
+def _expect(entropy, blocking, states, row, col, range_cells, rays, reached):  # type: ignore[no-untyped-def]
     rows, cols = states.shape
     bits = 0.0
-    for ray in range(count):
+    for ray in range(rays.shape[0]):
         r, c = row, col
-        down, right, per_row, per_col = _begin_ray(ray, rays, first)
+        down, right, per_row, per_col = _begin_ray(rays[ray, 0], rays[ray, 1])
         to_row, to_col, length, chance = per_row / 2, per_col / 2, 0.0, 1.0
         while length <= range_cells and 0 <= r < rows and 0 <= c < cols and states[r, c] != 0:
             if chance > reached[r, c]:

@@ -15,9 +15,9 @@ beam observes anything else, the counted ones are added first, so updates are ap
 from math import erf, exp, floor, inf, log, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.arrays import Floats
 from uavseg.occupancy.mapping.log_odds import MAX_LOG_ODDS, P_MIN, Float32s, add_one_free
 from uavseg.occupancy.mapping.pending import (
     MAX_FREE_COUNT,
@@ -37,24 +37,18 @@ _MIN_STEP = 1e-100  # the inverse of a smaller number may be infinite
 _NO_STOP = -9  # a row or column that no beam enters
 _MIN_COLUMNS = 4  # fewer columns are not worth a loop of their own
 
-Floats = NDArray[np.float64]
-
 
 def merge_beams(log_odds: Float32s, pending: PendingUpdates, beams: Floats, sigma: float) -> Window:
     """Update cells by beams, in beam order; return the smallest window with all of them, which may be empty.
 
-    Parameters
-    ----------
-    log_odds : (rows, cols) float32 array
-        Changed in place where a beam observes something other than p_min; clamped to -6..6.
-    pending : (B, C, 8, 8, 8, 8) uint8 array
-        See `pending.empty_pending`. Changed in place: the updates that `apply_pending` has yet to apply.
-    beams : (n, 6) float64 array
-        Steps in columns and in rows of one metre along the beam, the returned range in metres (infinite for
-        none), the distance in metres up to which the beam updates cells, and column and row of the sensor, in
-        cells from the grid's outer corner.
-    sigma : float
-        Standard deviation of ranges in metres.
+    Both arrays are changed in place: `log_odds`, (rows, cols), where a beam observes something other than
+    p_min, clamped to -6..6; `pending`, see `pending.empty_pending`, by the updates that `apply_pending` has
+    yet to apply.
+
+    `beams`, (n, 6), have steps in columns and in rows of one metre along the beam, the returned range in
+    metres (infinite for none), the distance in metres up to which the beam updates cells, and column and row
+    of the sensor, in cells from the grid's outer corner; `sigma` is the standard deviation of ranges in
+    metres.
     """
     rows, cols = log_odds.shape
     box = np.array([rows, cols, -1, -1], np.int64)

@@ -4,12 +4,10 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from uavseg.arrays import Floats
 from uavseg.errors import SceneError
 from uavseg.plain_text import shown
-
-Floats = NDArray[np.float64]
 
 MAX_TILT_DEG = 30.0  # a planar sensor that is tilted more measures floor and ceiling, not walls
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from uavseg.arguments import checked
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import SceneError
 from uavseg.occupancy.mapping.rotation import (
@@ -17,7 +18,6 @@ from uavseg.occupancy.mapping.rotation import (
     tilt_deg,
 )
 from uavseg.occupancy.mapping.sensor_messages import (
-    Floats,
     Heights,
     nearest_points,
     read_laserscan,

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.arrays import Floats
 from uavseg.errors import SceneError
 from uavseg.inputs import as_number
 from uavseg.plain_text import shown
 
-Floats = NDArray[np.float64]
 Heights = tuple[float, float]
 
 MAX_BEAMS = 1_000_000

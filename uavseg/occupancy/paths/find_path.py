@@ -183,9 +183,9 @@ class PlannedPath:
     cells: int  # number of cells of the path before string pulling
     expanded: int  # number of cells that the search expanded
     clearance_m: float  # the requested clearance
-    region: int  # the region's label
-    walls: int  # number of cells of the region that are impassable because of their value
-    warnings: tuple[str, ...]
+    region: int = 0  # the region's label
+    walls: int = 0  # number of cells of the region that are impassable because of their value
+    warnings: tuple[str, ...] = ()
 
     @property
     def xy(self) -> NDArray[np.float64]:

@@ -5,16 +5,14 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from uavseg.arrays import Floats
 from uavseg.errors import OutputError, RasterError
 from uavseg.occupancy.paths.find_path import PlannedPath
 from uavseg.raster.geodesy.globe import decimals_for, densify_line, split_at_antimeridian, wrap_lon_beyond_180
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.ground import ground_resolution
 from uavseg.regions.wgs84 import to_wgs84
-
-Floats = NDArray[np.float64]
 
 _LONGEST_LEG_M = 500.0  # a straight leg on the map bends by less than a centimetre over it
 

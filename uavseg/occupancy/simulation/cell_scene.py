@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uavseg._jit import kernel
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
-from uavseg.occupancy.simulation.scene import Floats
 from uavseg.raster.grid.geobox import GeoBox
 
 

@@ -10,11 +10,10 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 
 from uavseg._jit import kernel
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import SceneError
 from uavseg.occupancy.mapping.scan import check_distance, check_place
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

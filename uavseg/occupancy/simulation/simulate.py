@@ -6,13 +6,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import SceneError
 from uavseg.occupancy.mapping.beams import REACH_SIGMAS
 from uavseg.occupancy.mapping.grey_map import Mask
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.mapping.scan import Pose, Scan, check_distance, check_positive
-from uavseg.occupancy.mapping.sensor_messages import MAX_BEAMS, Floats
+from uavseg.occupancy.mapping.sensor_messages import MAX_BEAMS
 from uavseg.occupancy.simulation.cell_scene import CellScene
 from uavseg.occupancy.simulation.scene import Scene
 from uavseg.raster.grid.geobox import GeoBox
@@ -23,25 +24,16 @@ from uavseg.units import FREE, OCCUPIED, UNKNOWN
 class RangeFinder:
     """A laser range finder.
 
-    Parameters
-    ----------
-    sigma_m : float
-        Standard deviation of the Gaussian noise on ranges.
-    fov_deg : float
-        Field of view, up to 360.
-    step_deg : float
-        Between neighbouring beams.
-
     Examples
     --------
     >>> np.degrees(RangeFinder(0.05, 2.0, fov_deg=2.0, step_deg=0.5).angles).round(9)
     array([-1. , -0.5,  0. ,  0.5,  1. ])
     """
 
-    sigma_m: float = 0.05
+    sigma_m: float = 0.05  # standard deviation of the Gaussian noise on ranges
     max_range_m: float = 2.0
-    fov_deg: float = 360.0
-    step_deg: float = 0.5
+    fov_deg: float = 360.0  # field of view, up to 360
+    step_deg: float = 0.5  # between neighbouring beams
 
     def __post_init__(self) -> None:
         check_distance("a standard deviation of ranges", self.sigma_m)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.plain_text import shown
@@ -24,8 +25,6 @@ _CIRCLE_CORNERS = 72
 _MAX_NUMBERS = 60
 _MIN_ARROW_LEG = 26.0  # points: shorter legs have no arrow
 _MIN_NUMBER_DISTANCE = 15.0  # points between two numbers
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -71,7 +70,6 @@ class MissionLayer:
         return mission_title([self])
 
     def draw(self, ax: Any, point: float) -> None:
-        """Draw on axes; `point` is the length of one point (1/72 inch) in plot coordinates."""
         from matplotlib.collections import LineCollection, PolyCollection
 
         legs = np.stack([self.path[:-1], self.path[1:]], axis=1)
@@ -230,7 +228,6 @@ class FenceLayer:
         return []
 
     def draw(self, ax: Any, point: float) -> None:
-        """Draw on axes; `point` is the length of one point (1/72 inch) in plot coordinates."""
         from matplotlib.patches import Polygon
 
         edge: dict[str, Any]

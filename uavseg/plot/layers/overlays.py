@@ -137,7 +137,6 @@ class StatesLayer:
         ]
 
     def draw(self, ax: Any, point: float) -> None:
-        """Draw on axes; `point` is the length of one point (1/72 inch) in plot coordinates."""
         from matplotlib.collections import LineCollection
         from matplotlib.colors import to_rgba
 
@@ -195,7 +194,6 @@ class LeavesLayer:
         return [f"{len(self.sides):,} {'leaf' if len(self.sides) == 1 else 'leaves'}"]
 
     def draw(self, ax: Any, point: float) -> None:
-        """Draw on axes; `point` is the length of one point (1/72 inch) in plot coordinates."""
         from matplotlib.collections import PolyCollection
 
         outlines = PolyCollection(list(self.corners), facecolor="none", edgecolor=_LEAF_COLOR, label="leaf")

@@ -73,7 +73,6 @@ class RegionLayer:
         return [count, area_text(self.area_m2)] if has_crs and self.area_m2 is not None else [count]
 
     def draw(self, ax: Any, point: float) -> None:
-        """Draw on axes; `point` is the length of one point (1/72 inch) in plot coordinates."""
         from matplotlib.collections import PathCollection
 
         visible = np.sqrt(shapely.area(self.polygons)) > _MIN_SIDE * point
@@ -202,7 +201,6 @@ class LevelsLayer:
         return [f"{count:,} segment{'s' if count != 1 else ''} of {levels} level{'s' if levels != 1 else ''}"]
 
     def draw(self, ax: Any, point: float) -> None:
-        """Draw on axes; `point` is the length of one point (1/72 inch) in plot coordinates."""
         from matplotlib.collections import PathCollection
 
         visible = shapely.area(self.polygons) > (_MIN_SIDE * point) ** 2

@@ -5,14 +5,13 @@ from functools import cached_property
 
 import numpy as np
 from affine import Affine
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import RasterError
 from uavseg.raster.geodesy.globe import WGS84, Transform, geod_of, is_geographic, transform_between
 from uavseg.raster.grid.geobox import GeoBox
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

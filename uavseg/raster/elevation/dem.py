@@ -11,6 +11,7 @@ import numpy as np
 import rasterio
 from numpy.typing import ArrayLike, NDArray
 
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, RasterError, RasterReadError
 from uavseg.plain_text import cause_of, shown
@@ -34,8 +35,6 @@ from uavseg.raster.geodesy.vertical import (
 )
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.read.dataset import Dataset
-
-Floats = NDArray[np.float64]
 
 SIDE = 256
 """Pixels by which neighbouring tiles are apart; each also holds the first row and column of the next."""

@@ -11,6 +11,7 @@ from affine import Affine
 from numpy.typing import NDArray
 from rasterio.windows import Window as FileWindow
 
+from uavseg.arrays import Path_
 from uavseg.dataclass import dataclass
 from uavseg.errors import OutputError, RasterReadError
 from uavseg.execution.executors import threads_of_gdal
@@ -26,7 +27,6 @@ from uavseg.raster.grid.tiling import Window
 STRIPE = 256  # rows that are written at once, and the side of a block in the file
 
 Labels = NDArray[np.uint32]
-Path_ = str | os.PathLike[str]
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rasterio.io import DatasetReader
 
+from uavseg.arrays import Path_
 from uavseg.errors import OutputError, RasterReadError
 from uavseg.output.atomic import atomic_file
 from uavseg.plain_text import cause_of
@@ -14,7 +15,6 @@ from uavseg.raster.access.opening import GDAL_ERRORS, gdal_env, quiet_open
 
 Bytes = NDArray[np.uint8]
 Opaque = NDArray[np.bool_]
-Path_ = str | os.PathLike[str]
 
 REC601_WEIGHTS = (306, 601, 117)  # of red, green and blue in 1024ths
 

@@ -1,6 +1,5 @@
 """Label tiles: many GeoTIFFs under one VRT, each written by the worker that rasterises it."""
 
-import os
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -9,6 +8,7 @@ from xml.etree import ElementTree
 
 from affine import Affine
 
+from uavseg.arrays import Path_
 from uavseg.errors import OutputError
 from uavseg.execution.executors import Map, serial
 from uavseg.output.atomic import atomic_file, check_target
@@ -19,8 +19,6 @@ from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import Window, tiles
 
 LABEL_TILE_SIDE = 2048  # pixels; independent of the tiles of the processing
-
-Path_ = str | os.PathLike[str]
 
 
 class LabelTile(Protocol):

@@ -18,11 +18,11 @@ from rasterio.crs import CRS
 from rasterio.errors import CRSError
 from rasterio.warp import transform as gdal_transform
 
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import RasterError
 from uavseg.plain_text import cause_of
 
-Floats = NDArray[np.float64]
 Transform = Callable[[Any, Any], tuple[Floats, Floats]]
 """From x and y to x and y of another CRS, arrays of one shape; infinite where there is no such place."""
 

@@ -6,14 +6,13 @@ from functools import lru_cache
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import RasterError
 from uavseg.raster.geodesy.globe import parse_crs
 from uavseg.warning_filters import changing_filters
 
-Floats = NDArray[np.float64]
 SeaHeights = Callable[[Floats, Floats, Floats], Floats]
 """From longitude and latitude in degrees and ellipsoidal heights to heights above the sea, in metres."""
 

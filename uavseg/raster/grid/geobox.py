@@ -5,10 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 from affine import Affine
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from rasterio.crs import CRS
 
 from uavseg.arguments import checked
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import MapError, ParameterError, RasterError
 from uavseg.raster.geodesy.globe import is_in_metres, lonlat_transform, unit_name
@@ -59,9 +60,6 @@ def as_length(given: float | str | None) -> Length | None:
     if given is None:
         return None
     return parse_length(given) if isinstance(given, str) else Length(float(given))
-
-
-Floats = NDArray[np.float64]
 
 
 @checked

@@ -16,11 +16,11 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from uavseg._jit import Kernel, kernel
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.raster.geodesy.globe import Ellipsoid, densify_line, ellipsoid_under, unit_factor
 from uavseg.raster.grid.geobox import GeoBox
 
-Floats = NDArray[np.float64]
 Integers = NDArray[np.integer[Any]]
 
 _CHUNK = 1 << 20  # vertices measured at a time

@@ -1,14 +1,12 @@
 """Table of longitudes and latitudes of evenly spaced pixel corners, for linear interpolation."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import RasterError
 from uavseg.raster.geodesy.globe import geod_wgs84
 from uavseg.raster.grid.geobox import GeoBox
-
-Floats = NDArray[np.float64]
 
 TOLERANCE_DEG = 5e-8  # of the interpolation: half a centimetre
 MAX_INTERVALS = 256

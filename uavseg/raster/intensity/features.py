@@ -5,8 +5,8 @@ from dataclasses import field, replace
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.raster.intensity.grey import luminance
@@ -17,8 +17,6 @@ from uavseg.raster.spectral.formula import BandWords, bind_formula
 from uavseg.raster.spectral.indices import INDICES
 
 _MOST_IN_RATIOS = 6  # bands of which all pairs are compared
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

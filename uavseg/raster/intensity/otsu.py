@@ -11,9 +11,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
-
-Floats = NDArray[np.float64]
 
 SMOOTHING = 1 / 32  # standard deviation of the Gaussian, as a share of the non-empty extent
 VALLEY = 1 / 3  # largest height of a valley, as a share of the lower of two modes

@@ -145,16 +145,11 @@ class Dataset:
             Several rasters make one mosaic; where they overlap, the first with a valid pixel wins. A path is
             anything that GDAL opens. A DataArray needs rioxarray. An array is (rows, cols), or has at most 16
             bands first or last; it has no place on the map, and is no part of a mosaic.
-        band : int or str, optional
-            The band to use, counted from 1 or by its name.
-        rgb : three ints or texts, optional
-            The bands of red, green and blue, to use their luminance.
+        band, rgb, skip_bad_tiles
+            As of `uavseg.extract`.
         nodata : float or str, optional
             A value that counts for nothing beside the nodata value of the files, NaN too; "only:V" takes its
             place, "none" leaves it out.
-        skip_bad_tiles : bool
-            Whether blocks of a file that cannot be read count as nodata instead of being an error; see
-            `raster.bad_blocks`.
         words : BandWords
             An index or an expression to use in place of a band, and names for the bands.
 

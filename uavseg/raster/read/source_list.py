@@ -6,11 +6,10 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from uavseg.access import current_policy, is_address
+from uavseg.arrays import Path_
 from uavseg.errors import RasterReadError
 from uavseg.inputs import read_bytes
 from uavseg.raster.access.opening import file_exists, image_extensions, is_remote, names_no_file
-
-Path_ = str | os.PathLike[str]
 
 MAX_LIST = 64 << 20  # bytes of a file of names
 

@@ -9,11 +9,10 @@ import numpy as np
 from affine import Affine
 from numpy.typing import NDArray
 
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.raster.geodesy.globe import WGS84, Transform, lonlat_transform, transform_between
 from uavseg.raster.grid.geobox import GeoBox
-
-Floats = NDArray[np.float64]
 
 SIDE = 256
 TOLERANCE = 1 / 64  # of the interpolation, in pixels of the raster

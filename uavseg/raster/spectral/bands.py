@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, RasterError
 from uavseg.plain_text import one_line
@@ -15,7 +16,6 @@ from uavseg.plain_text import one_line
 if TYPE_CHECKING:
     from uavseg.raster.spectral.formula import Formula
 
-Floats = NDArray[np.float64]
 
 _MAX_UNIT = 24  # characters
 

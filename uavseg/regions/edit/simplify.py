@@ -7,13 +7,12 @@ import shapely
 from affine import Affine
 from numpy.typing import NDArray
 
+from uavseg.arrays import Integers
 from uavseg.errors import ParameterError
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.ground import ground_resolution
 from uavseg.regions.shapes import RaggedPolygons
 from uavseg.regions.table import Regions
-
-Integers = NDArray[np.int64]
 
 
 def simplify(regions: Regions, metres: float, geobox: GeoBox) -> Regions:

@@ -1,12 +1,12 @@
 """Label rasters: region outlines rasterised to one GeoTIFF, or to tiles under a VRT."""
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.arrays import Path_
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Map, serial
 from uavseg.output.atomic import check_target
@@ -18,8 +18,6 @@ from uavseg.raster.grid.tiling import Window, tiles
 from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
 from uavseg.regions.outline.rings import Rings
 from uavseg.units import BLOCK
-
-Path_ = str | os.PathLike[str]
 
 
 def check_labels(path: Path_, overwrite: bool = False) -> None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
 from uavseg.arguments import checked
+from uavseg.arrays import Integers
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Map, serial
@@ -184,7 +185,6 @@ def _linked(
 
 
 Vertices = NDArray[np.int32]
-Integers = NDArray[np.int64]
 
 
 def link_chains(

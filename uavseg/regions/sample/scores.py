@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.arrays import Integers
 from uavseg.dataclass import dataclass
 from uavseg.execution.executors import LazySequence
 from uavseg.raster.grid.tiling import TilePass, Window, window_cells
@@ -31,8 +32,6 @@ from uavseg.segmentation.sample.g_scores import (
 from uavseg.segmentation.sample.likelihood_weights import best_mean_weights
 from uavseg.segmentation.source import GreySource
 from uavseg.units import CELL
-
-Integers = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

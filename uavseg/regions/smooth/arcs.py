@@ -7,10 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.arrays import Integers
 from uavseg.dataclass import dataclass
 from uavseg.regions.outline.rings import Rings
-
-Integers = NDArray[np.int64]
 
 _PASSED = 16  # bit of a corner through which another boundary goes straight
 

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.arrays import Integers
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.raster.grid.geobox import GeoBox, scaled
@@ -117,8 +118,6 @@ def restore_area(x, y, base_x, base_y, n, cyclic, missing, along_x, along_y):  #
         x[n] = x[0]
         y[n] = y[0]
 
-
-Integers = NDArray[np.int64]
 
 _MAX_TRIES = 6  # to restore the area that straight segments cut off or add
 AREA_TOLERANCE = 0.01  # largest relative change of a region's area

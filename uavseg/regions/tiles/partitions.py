@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.arrays import Integers
 from uavseg.dataclass import dataclass
 from uavseg.errors import OutputError
 from uavseg.execution.checkpoint import DamagedResultError, decode_result, encode_result
@@ -48,8 +49,6 @@ from uavseg.units import GREY_LEVELS
 
 PARTITION = 8192
 """Side of a partition in pixels; independent of the tiles of the processing, as results are."""
-
-Integers = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)

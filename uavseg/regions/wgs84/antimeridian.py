@@ -14,13 +14,11 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from uavseg.arrays import Floats, Integers
 from uavseg.errors import OutputError
 from uavseg.raster.geodesy.globe import densify_rings, unwrap_lon
 from uavseg.regions.shapes import RaggedPolygons
-
-Floats = NDArray[np.float64]
 
 _AT_POLE = 90 * (1 - 1e-11)
 _MAX_TURNS = 16  # around the Earth, by one region
@@ -126,8 +124,6 @@ def _band_of(polygon: Any, centre: float, degree: float) -> Any:
     areas = shapely.union_all(parts[shapely.area(parts) > 0])
     return shapely.transform(areas, lambda lonlat: lonlat - [centre * degree, 0])
 
-
-Integers = NDArray[np.int64]
 
 _SAG = 1 / 500  # largest distance of an edge from its true course, in pixels
 

@@ -13,6 +13,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import OutputError, RasterError
 from uavseg.raster.geodesy.globe import (
@@ -31,8 +32,6 @@ from uavseg.regions.shapes import RaggedPolygons
 from uavseg.regions.table import Regions
 from uavseg.regions.wgs84.antimeridian import PAST_EDGE, cut_at_antimeridian, densify_edges
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 Objects = NDArray[np.object_]
 Flags = NDArray[np.bool_]
 

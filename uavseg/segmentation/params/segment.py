@@ -88,13 +88,7 @@ class Intervals(Protocol):
 @checked
 @dataclass(frozen=True, slots=True)
 class IntensityRange:
-    """A closed interval of v: both ends belong to it.
-
-    Raises
-    ------
-    IntensityRangeError
-        If not 0 <= low < high <= 1.
-    """
+    """A closed interval of v: both ends belong to it; IntensityRangeError if not 0 <= low < high <= 1."""
 
     low: float
     high: float

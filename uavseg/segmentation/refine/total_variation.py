@@ -47,9 +47,9 @@ def _threshold_panels(
     M is even, N a multiple of 8. A cell has one weight, in units of half a grey, 0 to `MAX_WEIGHT`; between
     cells the smaller one holds.
     """
-    low, high = (greys[0] + 1) // 2, greys[1] // 2  # in units of half a grey
-    for panel, buffers in _panels(weights, grey.shape[1]):
-        _threshold_tv(grey, valid, *panel, low, high, *buffers, inside)
+    table = np.zeros(GREY_LEVELS, np.uint8)
+    table[greys[0] : greys[1] + 1] = 1
+    _classify_panels(grey, valid, weights, table, inside)
 
 
 def _classify_panels(
@@ -188,23 +188,6 @@ def relax_groups(begin, end, groups, runs, u, weights, flows, upper, lower, leng
 
 
 @inlined
-def threshold_pixel(value, grey, valid, low, high, inside):  # type: ignore[no-untyped-def]
-    """Return 1 where the denoised grey of a pixel is in range; an unchanged pixel keeps its side."""
-    in_range = np.uint8(low <= value) & np.uint8(value <= high) & valid
-    return in_range if value != np.int16(grey >> 1) else inside
-
-
-@inlined
-def threshold_run(u, even, odd, grey, valid, low, high, first, begin, end, inside):  # type: ignore[no-untyped-def]
-    """Classify a run of pixels of a row."""
-    for k in range(begin, end):
-        c = first + np.uintp(2) * k
-        d = c + np.uintp(1)
-        inside[c] = threshold_pixel(u[even + k], grey[c], valid[c], low, high, inside[c])
-        inside[d] = threshold_pixel(u[odd + k], grey[d], valid[d], low, high, inside[d])
-
-
-@inlined
 def classify_run(u, even, odd, grey, valid, table, first, begin, end, classes):  # type: ignore[no-untyped-def]
     """Classify a run of pixels of a row by their denoised grey; an unchanged pixel keeps its class."""
     for k in range(begin, end):
@@ -246,39 +229,13 @@ def relax_step(  # type: ignore[no-untyped-def]
 
 
 @kernel(
-    "void(u2[:,::1], u1[:,::1], i2[:,::1], i8[:,:,:,::1], i8[::1], i2, i2, i2[::1], i2[::1], i2[::1],"
-    " i2[::1], i8[:,::1], u1[:,::1])"
-)
-def _threshold_tv(  # type: ignore[no-untyped-def]
-    grey, valid, cell_weights, runs, panel, low, high, u, weights, diagonals, flows, groups, inside
-):
-    # All sweeps run over the rows together, each a pair of rows behind the one before: few lines are active.
-    rows = grey.shape[0]
-    length = flows.shape[0] // (_LINES * _GROUPS)
-    width = length + _GAP
-    first = np.uintp(panel[0])
-    begin, end = (panel[1] - panel[0]) // 2, (panel[2] - panel[0]) // 2
-    for step in range(rows // 2 + SWEEPS):
-        relax_step(step, grey, valid, cell_weights, runs, first, u, weights, diagonals, flows, groups, length)
-        done = 2 * (step - SWEEPS + 1)
-        for row in range(max(done - 1, 0), min(done + 1, rows)):
-            even, odd = np.uintp(2 * (row % _LINES) * width), np.uintp((2 * (row % _LINES) + 1) * width)
-            for run in range(runs.shape[2]):
-                low_k = np.uintp(max(runs[0, row // 8, run, 0], begin))
-                high_k = np.uintp(max(min(runs[0, row // 8, run, 1], end), begin))
-                threshold_run(
-                    u, even, odd, grey[row], valid[row], low, high, first, low_k, high_k, inside[row]
-                )
-
-
-@kernel(
     "void(u2[:,::1], u1[:,::1], i2[:,::1], i8[:,:,:,::1], i8[::1], u1[::1], i2[::1], i2[::1], i2[::1],"
     " i2[::1], i8[:,::1], u1[:,::1])"
 )
 def _classify_tv(  # type: ignore[no-untyped-def]
     grey, valid, cell_weights, runs, panel, table, u, weights, diagonals, flows, groups, classes
 ):
-    # As _threshold_tv, with a table of classes in place of a range.
+    # All sweeps run over the rows together, each a pair of rows behind the one before: few lines are active.
     rows = grey.shape[0]
     length = flows.shape[0] // (_LINES * _GROUPS)
     width = length + _GAP

@@ -101,17 +101,13 @@ def compact_rows(codes):  # type: ignore[no-untyped-def]
     """
     rows, cols = codes.shape
     for r in range(rows):
-        previous = np.uint8(0)
-        for k in range(cols):
-            c = cols - 1 - k
-            if codes[r, c] & np.uint8(3) != previous:  # rarely true
-                codes[r, c] = compact_pixel(codes[r, c], previous)
-                previous = codes[r, c] & np.uint8(3)
-        previous = np.uint8(0)
-        for c in range(cols):
-            if codes[r, c] & np.uint8(3) != previous:
-                codes[r, c] = compact_pixel(codes[r, c], previous)
-                previous = codes[r, c] & np.uint8(3)
+        for step in (-1, 1):
+            previous = np.uint8(0)
+            for k in range(cols):
+                c = k if step > 0 else cols - 1 - k
+                if codes[r, c] & np.uint8(3) != previous:  # rarely true
+                    codes[r, c] = compact_pixel(codes[r, c], previous)
+                    previous = codes[r, c] & np.uint8(3)
 
 
 @kernel("void(u1[:,::1])")
@@ -124,21 +120,15 @@ def resolve_rows(codes):  # type: ignore[no-untyped-def]
     """
     rows, cols = codes.shape
     for r in range(rows):
-        previous = np.uint8(0)
-        for k in range(cols):
-            c = cols - 1 - k
-            if codes[r, c] & np.uint8(3) != previous:
-                after = codes[r, c - 1] if c > 0 else np.uint8(0)
-                second = codes[r, c - 2] if c > 1 else np.uint8(0)
-                codes[r, c] = resolve_pixel(codes[r, c], after, second, previous)
-                previous = codes[r, c] & np.uint8(3)
-        previous = np.uint8(0)
-        for c in range(cols):
-            if codes[r, c] & np.uint8(3) != previous:
-                after = codes[r, c + 1] if c + 1 < cols else np.uint8(0)
-                second = codes[r, c + 2] if c + 2 < cols else np.uint8(0)
-                codes[r, c] = resolve_pixel(codes[r, c], after, second, previous)
-                previous = codes[r, c] & np.uint8(3)
+        for step in (-1, 1):
+            previous = np.uint8(0)
+            for k in range(cols):
+                c = k if step > 0 else cols - 1 - k
+                if codes[r, c] & np.uint8(3) != previous:
+                    after = codes[r, c + step] if k + 1 < cols else np.uint8(0)
+                    second = codes[r, c + 2 * step] if k + 2 < cols else np.uint8(0)
+                    codes[r, c] = resolve_pixel(codes[r, c], after, second, previous)
+                    previous = codes[r, c] & np.uint8(3)
 
 
 @kernel("void(u1[:,::1], u1[::1], b1)")
