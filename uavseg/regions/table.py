@@ -95,7 +95,23 @@ def concatenated(parts: Sequence[Regions]) -> Regions:
 
     frame = pandas.concat([pandas.DataFrame(part.columns) for part in parts], ignore_index=True)
     polygons = np.array([*(polygon for part in parts for polygon in part.polygons), None], object)[:-1]
-    return Regions({str(name): frame[name].to_numpy() for name in frame}, polygons, parts[0].wkt)
+    return Regions(plain_columns({str(name): frame[name] for name in frame}), polygons, parts[0].wkt)
+
+
+def plain_columns(columns: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
+    """Return columns as integers, floats or texts, which every format has; a missing text is empty."""
+    import pandas
+
+    plain: dict[str, NDArray[Any]] = {}
+    for name, column in columns.items():
+        if name.lower() in ("fid", "geom"):  # of GeoPackages
+            continue
+        if column.dtype.kind in "biuf":
+            plain[name] = np.asarray(column, np.float64 if column.dtype.kind == "f" else np.int64)
+        else:
+            texts = pandas.Series(column).astype(str).where(pandas.notna(column), "")
+            plain[name] = texts.to_numpy(object)
+    return plain
 
 
 def make_regions(

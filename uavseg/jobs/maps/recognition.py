@@ -34,7 +34,7 @@ from uavseg.regions.recognise.measures import (
     shape_measures,
 )
 from uavseg.regions.sample.place import to_pixels
-from uavseg.regions.table import Regions, concatenated
+from uavseg.regions.table import Regions, concatenated, plain_columns
 from uavseg.segmentation.blocks.g_statistic import g_statistic
 from uavseg.segmentation.source import GreySource
 from uavseg.units import GREY_MAX
@@ -135,7 +135,7 @@ def _of_map(options: DescribeOptions, work: Work) -> Description:
 def _measured(regions: Regions, rows: list[dict[str, Any]]) -> Regions:
     """Add measures of each region as columns."""
     columns = {name: np.array([row[name] for row in rows]) for name in (rows[0] if rows else ())}
-    return replace(regions, columns=regions.columns | columns)
+    return replace(regions, columns=plain_columns(regions.columns | columns))
 
 
 def _joined(regions: Regions, gap_m: float) -> Regions:
@@ -247,7 +247,7 @@ def _recognised(found: Description, library: Regions, minimum: float, work: Work
     warnings = found.warnings
     if lost.any():
         warnings += (f"{lost.sum():,} objects are too large or too faint to be fitted: {CANNOT_TELL}",)
-    regions = replace(found.regions, columns=found.regions.columns | columns)
+    regions = replace(found.regions, columns=plain_columns(found.regions.columns | columns))
     return replace(found, regions=regions, warnings=warnings)
 
 
