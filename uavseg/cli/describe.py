@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import Any
 
 from uavseg.cli import write
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter, work_of
 from uavseg.options.maps import DescribeOptions
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from uavseg.jobs.maps.recognition import Description
 
 
 @job_command("describe", DescribeOptions)
@@ -24,14 +20,15 @@ def command(options: DescribeOptions) -> None:
     """
     from uavseg.jobs.maps.recognition import described
 
-    run_described(options, described, options.output)
+    run_described(options, described)
 
 
-def run_described(options: Any, job: Callable[..., Description], target: str | None, *inputs: str) -> Any:
-    """Run a job that gives described regions, and write them to a target, if there is one."""
+def run_described(options: Any, job: Callable[..., Any], *inputs: str) -> None:
+    """Run a job that gives described regions, and write them, if there is an output."""
     from uavseg.regions.formats import export
 
-    reporter, overwrite = Reporter(options.messages, options.progress), options.files.overwrite
+    target, overwrite = options.output, options.files.overwrite
+    reporter = Reporter(options.messages, options.progress)
     write.check_targets(target, None, overwrite)
     write.keep_inputs([target], options.source, options.raster, *inputs)
     found = job(options, work_of(options.run, reporter))

@@ -24,4 +24,4 @@ def command(options: RecogniseOptions) -> None:
         raise click.UsageError("--learn NAME and --ids N,... belong together")
     if (options.output is None) == (options.learn is None):
         raise click.UsageError("give either -o PATH, to name regions, or --learn NAME, to add examples")
-    run_described(options, recognised, options.output, options.library)
+    run_described(options, recognised, options.library)

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from uavseg.flight.mission.mission import Mission
     from uavseg.jobs.flights.plan import MissionPlan
     from uavseg.jobs.maps.compare import Comparison
-    from uavseg.jobs.maps.recognition import Description
     from uavseg.jobs.requests import RegionJob
     from uavseg.jobs.result.result import Extraction
     from uavseg.jobs.source.work import Work
@@ -88,10 +87,7 @@ def transaction() -> AbstractContextManager[None]:
 
 
 def write_region_output(
-    found: Extraction | Comparison | Description,
-    target: str,
-    overwrite: bool,
-    form: GeoJsonForm | None = None,
+    found: Extraction | Comparison, target: str, overwrite: bool, form: GeoJsonForm | None = None
 ) -> None:
     """Write regions to a file, or to stdout where it is called -."""
     from uavseg.output.disk import noted_stream

@@ -186,13 +186,9 @@ class DescribeOptions(TiledJobOptions):
     output: str | None = output_option(
         "The regions with their measures: .gpkg, .geojson, .fgb, .parquet, .shp or .kml.", "PATH"
     )
-    raster: str | None = option(
-        "Of REGIONS: measure texture and bands of this raster too.", metavar="RASTER", basic=True
-    )
+    raster: str | None = option("Of REGIONS: measure texture and bands too.", metavar="RASTER", basic=True)
     layer: str | None = option("The layer of REGIONS, if the file has several.", metavar="NAME")
-    gap: float = option(
-        "Of MAP: objects nearer to each other than this are one.", default=0.0, metavar="METRES", basic=True
-    )
+    gap: float = option("Of MAP: join objects nearer than this.", default=0.0, metavar="METRES", basic=True)
     min_area: float | str | None = option("Of MAP: leave out objects of less.", metavar="M2|Npx", basic=True)
     read: ReadOptions = group(ReadOptions, *ONLY_RASTERS, "index", "expr", "band_names", **MAP_STRETCH)
 
@@ -203,21 +199,12 @@ class RecogniseOptions(DescribeOptions):
     output: str | None = output_option(
         "The regions with their names: .gpkg, .geojson, .fgb, .parquet, .shp or .kml.", "PATH", required=False
     )
-    library: str = option(
-        "Described examples with a column 'name', such as --learn writes (.gpkg).",
-        required=True,
-        metavar="LIBRARY",
-        basic=True,
-    )
-    learn: str | None = option(
-        "Add regions to the library as examples of this name, instead.", metavar="NAME", basic=True
-    )
+    library: str = option("Examples, with a column 'name'.", required=True, metavar="LIBRARY", basic=True)
+    learn: str | None = option("Add examples of this name to the library.", metavar="NAME", basic=True)
     ids: Sequence[int] | None = option(
-        "With --learn: the ids of these regions.", metavar="N,N,...", parse=texts.ids, basic=True
+        "With --learn: which regions.", metavar="N,N,...", parse=texts.ids, basic=True
     )
-    min_probability: float = option(
-        "Below it, the name is 'cannot tell'.", default=0.5, metavar="P", basic=True
-    )
+    min_probability: float = option("Below it: 'cannot tell'.", default=0.5, metavar="P", basic=True)
 
 
 class NextViewOptions(TiledJobOptions):

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from uavseg.arrays import Integers
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, RegionError
 from uavseg.execution.executors import phase, steps_done
@@ -26,13 +26,7 @@ from uavseg.regions.edit.small import as_area
 from uavseg.regions.formats.export import check_region_path, write_regions
 from uavseg.regions.formats.read import read_regions, regions_of_frame
 from uavseg.regions.recognise import fit
-from uavseg.regions.recognise.measures import (
-    largest_part,
-    local_metres,
-    objects,
-    pixel_measures,
-    shape_measures,
-)
+from uavseg.regions.recognise.measures import local_metres, objects, pixel_measures, shape_measures
 from uavseg.regions.sample.place import to_pixels
 from uavseg.regions.table import Regions, concatenated, plain_columns
 from uavseg.segmentation.blocks.g_statistic import g_statistic
@@ -52,8 +46,6 @@ _COMPLETE = 0.8  # share of the outline of an example that should have been seen
 _MAX_CELLS = 1 << 22  # of the surroundings of an object that is fitted
 _OF_PARTS = dict.fromkeys(("area_m2", "perimeter_m", "pixels", "holes"), "sum")  # columns of joined objects
 _OF_PARTS |= {"x_min": "min", "y_min": "min", "x_max": "max", "y_max": "max"}
-
-Counts = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -75,36 +67,28 @@ def described(options: DescribeOptions, work: Work) -> Description:
     """Measure regions by themselves and by a raster, or the occupied objects of a map."""
     source: Any = options.source
     work = work.begun()
-    if isinstance(source, bytes) or names_regions(source) or hasattr(source, "geometry"):
-        return work.finished(_of_regions(options, work))
-    return _of_map(options, work)
-
-
-def _of_regions(options: DescribeOptions, work: Work) -> Description:
-    source: Any = options.source
+    if not (isinstance(source, bytes) or names_regions(source) or hasattr(source, "geometry")):
+        return _of_map(options, work)
     if options.gap or options.min_area is not None:
         raise ParameterError("--gap and --min-area are for objects of a map; regions are taken as they are")
-    if hasattr(source, "geometry"):
-        regions = regions_of_frame(source, local=True)
-    else:
-        regions = read_regions(source, options.layer, local=True)
-    outlines = local_metres(regions)
-    rows: list[dict[str, Any]] = [dict(shape_measures(outline)) for outline in outlines]
-    warnings: tuple[str, ...] = ()
+    is_frame = hasattr(source, "geometry")
+    regions = regions_of_frame(source, True) if is_frame else read_regions(source, options.layer, True)
+    outlines, warnings = local_metres(regions), list[str]()
+    rows: list[dict[str, Any]] = [{**shape_measures(outline)} for outline in outlines]
     if options.raster is not None:
         raster = open_raster(options.raster, options.read)
         if (regions.wkt is None) != (raster.geobox.wkt is None):
             raise RegionError("regions or raster have no CRS, so their relative place is unknown")
-        grey, warnings = raster.grey(work.over(raster, False)), raster.warnings
+        grey = raster.grey(work.over(raster, False))
         with phase("texture"):
             pixels = to_pixels(objects(regions.polygons), raster.geobox, regions.wkt)
-            for row, one in zip(rows, pixels, strict=True):
-                row |= pixel_measures(one, grey)
+            rows = [row | pixel_measures(one, grey) for row, one in zip(rows, pixels, strict=True)]
+        warnings += raster.warnings
         if beside := sum(not row["texture"] for row in rows):
-            text = f"{beside:,} regions have no texture in {raster.name}: they are too small or beside it"
-            warnings = (*warnings, text)
+            warnings.append(f"{beside:,} regions have no texture: they are too small or beside the raster")
     wkt = None if regions.wkt is None else define_crs(regions.wkt).wkt2
-    return Description(replace(_measured(regions, rows), wkt=wkt), outlines, None, warnings)
+    measured = replace(_measured(regions, rows), wkt=wkt)
+    return work.finished(Description(measured, outlines, None, tuple(warnings)))
 
 
 def _of_map(options: DescribeOptions, work: Work) -> Description:
@@ -119,17 +103,19 @@ def _of_map(options: DescribeOptions, work: Work) -> Description:
     request = ClassifyRequest(min_area=as_area(options.min_area), allow_lost_obstacles=True)
     found = classify(source, request, work)
     assert found.objects is not None, "as requested"
-    grey, regions = GreySource(source.dataset, found.source.stretch), found.objects.regions
+    grey, geobox, regions = (
+        GreySource(source.dataset, found.source.stretch),
+        found.geobox,
+        found.objects.regions,
+    )
     if options.gap:
         regions = _joined(regions, options.gap)
-    views = [_view(polygon, grey) for polygon in to_pixels(objects(regions.polygons), found.geobox)]
-    xy = found.geobox.xy_from_pixel
-    solid = shapely.transform(objects(one[2] for one in views), lambda x, y: xy(y, x), interleaved=False)
-    outlines = local_metres(replace(regions, polygons=solid))
-    rows = [
-        shape_measures(one) | {"seen_outline": view[1]} for one, view in zip(outlines, views, strict=True)
-    ]
-    return Description(_measured(regions, rows), outlines, [one[0] for one in views], found.warnings)
+    views = [_view(polygon, grey) for polygon in to_pixels(objects(regions.polygons), geobox)]
+    evidence, seen, solid = (list(one) for one in zip(*views, strict=True)) if views else ([], [], [])
+    on_map = shapely.transform(objects(solid), lambda x, y: geobox.xy_from_pixel(y, x), interleaved=False)
+    outlines = local_metres(replace(regions, polygons=on_map))
+    rows = [shape_measures(one) | {"seen_outline": share} for one, share in zip(outlines, seen, strict=True)]
+    return Description(_measured(regions, rows), outlines, evidence, found.warnings)
 
 
 def _measured(regions: Regions, rows: list[dict[str, Any]]) -> Regions:
@@ -186,8 +172,15 @@ def recognised(options: RecogniseOptions, work: Work) -> Description:
             raise ParameterError("ids are those of examples to learn; give their name too (--learn)")
         if not 0 <= options.min_probability <= 1:
             raise ParameterError(f"a probability lies in 0..1, not {options.min_probability:g}")
-        library = _named(read_regions(path, local=True))
-        return _recognised(described(options, work), library, options.min_probability, work)
+        library = read_regions(path, local=True)
+        names = library.columns.get("name", np.full(len(library), "", object))
+        named = np.array([isinstance(one, str) and one not in ("", CANNOT_TELL) for one in names], bool)
+        if not 0 < named.sum() <= MAX_EXAMPLES:
+            raise RegionError(
+                f"the library has {named.sum():,} examples with a name (column 'name'), and 1 to "
+                f"{MAX_EXAMPLES} are expected; recognise --learn NAME --ids N,... adds some"
+            )
+        return _recognised(described(options, work), library.select(named), options.min_probability, work)
     if not name.isprintable() or name.strip() in ("", CANNOT_TELL):
         raise ParameterError(f"an example needs a printable name other than {CANNOT_TELL!r}")
     keep_inputs([path], [options.source, options.raster])
@@ -198,26 +191,14 @@ def recognised(options: RecogniseOptions, work: Work) -> Description:
     return learned
 
 
-def _named(library: Regions) -> Regions:
-    """Return the examples that have a name."""
-    names = library.columns.get("name", np.full(len(library), "", object))
-    named = [isinstance(one, str) and one not in ("", CANNOT_TELL) for one in names]
-    if not 0 < sum(named) <= MAX_EXAMPLES:
-        raise RegionError(
-            f"the library has {sum(named):,} examples with a name (column 'name'), and 1 to {MAX_EXAMPLES} "
-            "are expected; recognise --learn NAME --ids N,... adds some"
-        )
-    return library.select(np.array(named))
-
-
 def _recognised(found: Description, library: Regions, minimum: float, work: Work) -> Description:
     """Add names; one has the mean evidence of its examples, and no name that of a mediocre fit."""
     from scipy.special import logsumexp, softmax
 
-    outlines = [fit.Outline.of(largest_part(polygon)) for polygon in local_metres(library)]
+    outlines = [fit.Outline.of(polygon) for polygon in local_metres(library)]
     evidence = found.evidence
     if evidence is None:
-        evidence = [fit.Outline.of(largest_part(one)).as_evidence() for one in found.outlines]
+        evidence = [fit.Outline.of(one).as_evidence() for one in found.outlines]
 
     def fits(one: fit.Evidence | None) -> list[tuple[float, float]]:
         return [(0.0, 0.0) if one is None else fit.log_evidence(outline, one) for outline in outlines]
@@ -238,7 +219,7 @@ def _recognised(found: Description, library: Regions, minimum: float, work: Work
     shares = softmax(np.column_stack([scores, _NO_NAME * samples]) / _TEMPERATURE, axis=1)[:, :-1]
     probability = np.where(lost, 0.0, shares.max(axis=1)).round(6)
     nearest = np.where(lost, "", names[shares.argmax(axis=1)])
-    columns: dict[str, NDArray[Any]] = {
+    columns: dict[str, Any] = {
         "name": np.where((probability >= minimum) & ~lost, nearest, CANNOT_TELL),
         "probability": probability,
         "nearest": nearest,
@@ -251,7 +232,7 @@ def _recognised(found: Description, library: Regions, minimum: float, work: Work
     return replace(found, regions=regions, warnings=warnings)
 
 
-def _log_texture(first: Counts, second: Counts) -> float:
+def _log_texture(first: Integers, second: Integers) -> float:
     """Return the log-likelihood ratio of one texture against two, G by pixel less its expectation."""
     if not (first.any() and second.any()):
         return 0.0
@@ -260,7 +241,7 @@ def _log_texture(first: Counts, second: Counts) -> float:
     return -_TEXTURE_SAMPLES * max(float(g_statistic(first, second) / (2 * pixels) - by_chance), 0.0)
 
 
-def _textures(regions: Regions) -> list[Counts]:
+def _textures(regions: Regions) -> list[Integers]:
     """Return the histograms of the column `texture`; empty where there is none."""
     texts = [str(text) for text in regions.columns.get("texture", [""] * len(regions))]
     valid = re.compile(r"[0-9]{1,12}( [0-9]{1,12}){79}")

@@ -1,9 +1,7 @@
-"""Registration of outlines with incomplete evidence: likelihoods integrated over similarity transforms.
+"""Registration of outlines with incomplete evidence: likelihood over position, rotation and size.
 
 Surface that was seen has to lie on the outline, the outline may not pass through free space, and outline in
-unknown space costs nothing. The integral over position, rotation and size is a sum of Laplace's approximation
-over the local maxima (D. J. C. MacKay, "Information Theory, Inference, and Learning Algorithms", 2003,
-chapter 27), so an outline that fits in a single exact pose counts less than one that fits in many.
+unknown space costs nothing.
 """
 
 import math
@@ -11,12 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from uavseg.arrays import Bools, Floats
 
 FREE, SURFACE = 0.4, 0.6  # probabilities below which a cell is free, and above which it is surface
 _CORNERS, _SIDE = 96, 64  # samples of an outline; side of the image of distances to it
@@ -38,7 +33,7 @@ class Evidence(NamedTuple):
     grid: Floats  # x, y of the first cell, its side, deviation of surface from the outline, depth behind it
 
 
-def evidence_of_cells(probabilities: Floats, of_object: Flags, cell: float) -> Evidence | None:
+def evidence_of_cells(probabilities: Floats, of_object: Bools, cell: float) -> Evidence | None:
     """Return what a part of a map says of one object; None where too few cells are surface.
 
     `probabilities` are 0.5 where unknown, and `of_object` the cells that may be its surface. A laser marks a
@@ -62,14 +57,14 @@ def evidence_of_cells(probabilities: Floats, of_object: Flags, cell: float) -> E
     return Evidence(points, np.asarray(ndimage.distance_transform_edt(free) * cell, np.float64), grid)
 
 
-def solid_cells(probabilities: Floats, seeds: Flags) -> Flags:
+def solid_cells(probabilities: Floats, seeds: Bools) -> Bools:
     """Return the cells that are not free and connected with some cells; specks in free space are free."""
     from scipy.ndimage import binary_propagation
 
     return np.asarray(binary_propagation(seeds, np.ones((3, 3)), mask=probabilities >= FREE))
 
 
-def smooth_contour(cells: Flags) -> Floats | None:
+def smooth_contour(cells: Bools) -> Floats | None:
     """Return the longest contour (n, 2) of cells as (col, row); None if they are none or reach the border."""
     from scipy.ndimage import gaussian_filter
     from skimage.measure import find_contours
@@ -89,8 +84,8 @@ class Outline(NamedTuple):
 
     @classmethod
     def of(cls, polygon: Any) -> "Outline":
-        """Return the outline of a polygon."""
-        ring = shapely.Polygon(polygon.exterior)
+        """Return the outline of a polygon, or of the largest of several."""
+        ring = shapely.Polygon(max(shapely.get_parts(polygon), key=shapely.area).exterior)
         middle, size = shapely.get_coordinates(ring.centroid), math.sqrt(ring.area)
         ring = shapely.transform(ring, lambda xy: (xy - middle) / size)
         shares = (np.arange(_CORNERS) + 0.5) / _CORNERS
@@ -119,19 +114,19 @@ def _extent(xy: Floats) -> float:
 
 
 def log_evidence(outline: Outline, evidence: Evidence) -> tuple[float, float]:
-    """Return the logarithm of the likelihood of an outline, integrated over its poses, and its maximum.
+    """Return the logarithm of the likelihood of an outline and its maximum, which is 0 for a perfect fit.
 
-    The integral is up to a constant that all outlines share; the maximum is 0 for a perfect fit.
+    The likelihood is the sum of its distinct local maxima over position, rotation and size, so an outline
+    that fits in a single pose counts less than one that fits in many.
     """
-    sigma, fields = float(evidence.grid[3]), (*outline, *evidence)
+    sigma = float(evidence.grid[3])
     seen = max(_extent(evidence.surface), 2 * sigma)
     limits = np.log(np.array([max(seen - 3 * sigma, 0.7 * seen), _LARGEST * seen]) / outline.shape[2])
     steps = np.array([1.0, 1.0, 2 / seen, 2 / seen]) * 0.7 * sigma
     poses = _distinct(_candidates(outline, evidence, limits), outline, 2.5 * sigma)
-    _climb(poses, steps, limits, _ROUNDS, *fields)
-    poses = _distinct(poses, outline, 1.5 * sigma)
-    modes = poses[:, 4] - _half_log_curvature(poses, steps * 0.7, fields)
-    return float(np.logaddexp.reduce(modes)), float(poses[0, 4])
+    _climb(poses, steps, limits, _ROUNDS, *outline, *evidence)
+    maxima = _distinct(poses, outline, 1.5 * sigma)[:, 4]
+    return float(np.logaddexp.reduce(maxima)), float(maxima[0])
 
 
 def _candidates(outline: Outline, evidence: Evidence, limits: Floats) -> Floats:
@@ -169,24 +164,6 @@ def _distinct(poses: Floats, outline: Outline, apart: float) -> Floats:
         chosen.append(int(left[0]))
         left = left[np.abs(placed[left] - placed[left[0]]).max(axis=(1, 2)) > apart]
     return poses[chosen]
-
-
-def _half_log_curvature(poses: Floats, steps: Floats, fields: tuple[Floats, ...]) -> Floats:
-    """Return half the logarithm of the determinant of the Hessian at each maximum, in units of steps."""
-    first, second = np.tril_indices(4)
-    signs = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)])
-    unit = np.diag(steps)
-    moves = signs[:, :1] * unit[first, None] + signs[:, 1:] * unit[second, None]  # (10, 4, 4)
-    probes = np.repeat(poses, moves.size // 4, axis=0)
-    moves = np.tile(moves.reshape(-1, 4), (len(poses), 1))
-    about = np.column_stack([np.zeros((len(moves), 2)), moves[:, 2:]])  # the middle of the surface
-    probes[:, :2] = _placed(about, probes[:, None, :2])[:, 0]
-    probes[:, :4] += moves
-    _climb(probes, steps, steps, 0, *fields)
-    hessian = np.zeros((len(poses), 4, 4))
-    hessian[:, first, second] = probes[:, 4].reshape(len(poses), -1, 4) @ signs.prod(axis=1) / -4
-    curvature = np.maximum(np.linalg.eigvalsh(hessian), 0.0) + 0.1  # no flatter than the spacing of maxima
-    return np.asarray(0.5 * np.log(curvature).sum(axis=1))
 
 
 @inlined

@@ -75,13 +75,8 @@ def shape_measures(polygon: Any) -> dict[str, float]:
         "angle_deg": math.degrees(math.atan2(*length)) % 180,
         "orientation_deg": math.degrees(math.atan2(math.sin(turn), -math.cos(turn))) % 180,
         **found,
-        **fourier_coefficients(largest_part(polygon).exterior),
+        **fourier_coefficients(max(shapely.get_parts(polygon), key=shapely.area).exterior),
     }
-
-
-def largest_part(polygon: Any) -> Any:
-    """Return the polygon, or the largest of several."""
-    return max(shapely.get_parts(polygon), key=lambda part: part.area)
 
 
 def fourier_coefficients(ring: Any) -> dict[str, float]:
@@ -114,9 +109,8 @@ def pixel_measures(polygon: Any, source: GreySource) -> dict[str, Any]:
     """Measure what a raster holds inside a polygon, which is in its pixels as (col, row).
 
     `texture` counts pixels by rotation-invariant uniform LBP (10) and contrast (8 bins that double), as text;
-    `contrast` is its mean in v. `rows_deg` is the direction of rows, along the least eigenvector of the
-    structure tensor, clockwise from north; `rows_strength` its coherence, 0 without a direction. All is NaN
-    where no pixel is valid, or too many are.
+    `contrast` is its mean in v. `rows_deg` is the direction of the least eigenvector of the structure tensor,
+    clockwise from north; `rows_strength` its coherence. All is NaN where no pixel is valid, or too many are.
     """
     left, top, right, bottom = np.clip(polygon.bounds, 0, [*source.shape[::-1], *source.shape[::-1]])
     window = Window(int(top), int(left), math.ceil(bottom) - int(top), math.ceil(right) - int(left))
