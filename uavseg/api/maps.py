@@ -524,7 +524,6 @@ def describe(
     raster : path, array or Dataset, optional
         Of regions: the raster of which texture and bands are measured too.
     layer : str, optional
-        The layer of a file of regions that has several.
     gap : float
         Of a map: objects nearer to each other than this many metres are one.
     min_area : float or str, optional
@@ -535,10 +534,9 @@ def describe(
     Returns
     -------
     found : Description
-        `frame()` has the columns of the regions, and those of https://uavseg.readthedocs.io: of shape, among
-        them Hu moments and elliptic Fourier coefficients, of texture and bands; angles in degrees clockwise
-        from true north. Objects of a map have `seen_outline`, the share of their outline that borders on
-        free space rather than on unknown; hidden space that free space surrounds is theirs.
+        `frame()` has the columns of the regions and their measures: of shape, texture and bands; angles in
+        degrees clockwise from true north. Objects of a map have `seen_outline`, the share of their outline
+        that borders on free space rather than on unknown.
 
     Raises
     ------

@@ -21,13 +21,12 @@ from uavseg.options.maps import DescribeOptions, RecogniseOptions
 from uavseg.raster.access.opening import file_exists
 from uavseg.raster.geodesy.globe import define_crs, is_in_metres
 from uavseg.raster.grid.polygon_mask import pixels_inside
-from uavseg.raster.grid.tiling import Window
 from uavseg.regions.edit.small import as_area
 from uavseg.regions.formats.export import check_region_path, write_regions
 from uavseg.regions.formats.read import read_regions, regions_of_frame
 from uavseg.regions.recognise import fit
 from uavseg.regions.recognise.measures import local_metres, objects, pixel_measures, shape_measures
-from uavseg.regions.sample.place import to_pixels
+from uavseg.regions.sample.place import bounding_cells, to_pixels
 from uavseg.regions.table import Regions, concatenated, plain_columns
 from uavseg.segmentation.blocks.g_statistic import g_statistic
 from uavseg.segmentation.source import GreySource
@@ -101,13 +100,9 @@ def _of_map(options: DescribeOptions, work: Work) -> Description:
     if not options.gap >= 0:
         raise ParameterError(f"a gap is 0 m or more, not {options.gap:g}")
     request = ClassifyRequest(min_area=as_area(options.min_area), allow_lost_obstacles=True)
-    found = classify(source, request, work)
-    assert found.objects is not None, "as requested"
-    grey, geobox, regions = (
-        GreySource(source.dataset, found.source.stretch),
-        found.geobox,
-        found.objects.regions,
-    )
+    found: Any = classify(source, request, work)
+    grey, geobox = GreySource(source.dataset, found.source.stretch), found.geobox
+    regions = found.objects.regions
     if options.gap:
         regions = _joined(regions, options.gap)
     views = [_view(polygon, grey) for polygon in to_pixels(objects(regions.polygons), geobox)]
@@ -131,8 +126,7 @@ def _joined(regions: Regions, gap_m: float) -> Regions:
     group = shapely.STRtree(groups).query(shapely.point_on_surface(polygons), "within")[1]
     how = {name: _OF_PARTS.get(name, "first") for name in regions.columns}
     frame = regions.frame().dissolve(group, aggfunc=how).sort_values("id")
-    columns = {name: frame[name].to_numpy() for name in how}
-    return replace(regions, columns=columns, polygons=objects(frame.geometry))
+    return replace(regions, columns={k: frame[k].to_numpy() for k in how}, polygons=objects(frame.geometry))
 
 
 def _view(polygon: Any, grey: GreySource) -> tuple[fit.Evidence | None, float, Any]:
@@ -143,11 +137,9 @@ def _view(polygon: Any, grey: GreySource) -> tuple[fit.Evidence | None, float, A
     """
     from scipy import ndimage
 
-    bounds, (rows, cols) = np.array(polygon.bounds), grey.shape
+    bounds = np.array(polygon.bounds)
     margin = max(bounds[2:] - bounds[:2]) / 2 + 8
-    left, top = np.maximum(bounds[:2] - margin, 0).astype(int).tolist()
-    right, bottom = np.minimum(np.ceil(bounds[2:] + margin), [cols, rows]).astype(int).tolist()
-    window = Window(top, left, bottom - top, right - left)
+    window = bounding_cells(bounds + np.repeat([-margin, margin], 2), grey.shape)
     if window.rows * window.cols > _MAX_CELLS:
         return None, math.nan, polygon
     tile, block = grey.read(window, 0), np.ones((3, 3), bool)
@@ -156,7 +148,7 @@ def _view(polygon: Any, grey: GreySource) -> tuple[fit.Evidence | None, float, A
     surface = ndimage.binary_dilation(cells, block, 2)
     solid = fit.solid_cells(values, surface & (values > fit.SURFACE))
     if (ring := fit.smooth_contour(solid)) is not None:
-        polygon, cells = shapely.Polygon(ring + np.array([left, top])), solid
+        polygon, cells = shapely.Polygon(ring + np.array([window.col, window.row])), solid
     inside = ndimage.binary_dilation(ndimage.binary_fill_holes(cells), block)
     around = values[ndimage.binary_dilation(inside, block) & ~inside]
     free, known = int((around < fit.FREE).sum()), int((around <= fit.SURFACE).sum())
@@ -225,11 +217,9 @@ def _recognised(found: Description, library: Regions, minimum: float, work: Work
         "nearest": nearest,
         "misfit": (-2 * table[..., 1].max(axis=1) / samples).round(6),
     }
-    warnings = found.warnings
-    if lost.any():
-        warnings += (f"{lost.sum():,} objects are too large or too faint to be fitted: {CANNOT_TELL}",)
+    hint = f"{lost.sum():,} objects are too large or too faint to be fitted: {CANNOT_TELL}"
     regions = replace(found.regions, columns=plain_columns(found.regions.columns | columns))
-    return replace(found, regions=regions, warnings=warnings)
+    return replace(found, regions=regions, warnings=found.warnings + (hint,) * bool(lost.any()))
 
 
 def _log_texture(first: Integers, second: Integers) -> float:

@@ -146,7 +146,7 @@ def _mask(polygons: NDArray[np.object_], geobox: GeoBox, name: str) -> SampleMas
         bounds = shapely.total_bounds(on_grid)
     if not np.isfinite(bounds).all():
         raise SampleError(f"{name} has no coordinates in the raster's CRS")
-    window = _bounding_cells(bounds, geobox.shape)
+    window = bounding_cells(bounds, geobox.shape)
     if window.rows == 0 or window.cols == 0:
         raise SampleError(f"{name} lies outside of the raster, which is {_extent(geobox)}")
     if window.rows * window.cols > MAX_SAMPLE_PIXELS:
@@ -203,7 +203,7 @@ def to_pixels(polygons: NDArray[np.object_], geobox: GeoBox, wkt: str | None = N
     return on_grid
 
 
-def _bounding_cells(bounds: NDArray[np.float64], shape: tuple[int, int]) -> Window:
+def bounding_cells(bounds: NDArray[np.float64], shape: tuple[int, int]) -> Window:
     """Return the window of the cells that bounds (col, row, col, row) intersect, clipped to the raster."""
     limit = np.array([shape[1], shape[0]])
     first = np.clip(np.floor(bounds[:2]), 0, limit).astype(int) // CELL * CELL
