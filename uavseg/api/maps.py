@@ -528,7 +528,7 @@ def describe(
         Of a map: objects nearer to each other than this many metres are one.
     min_area : float or str, optional
         Of a map: smaller objects are left out, in square metres or as "20px".
-    band, ..., allow_network
+    free_is_white, band, ..., allow_network
         Of the raster or the map, as of `classify`.
 
     Returns
@@ -585,7 +585,7 @@ def recognise(
 
     Parameters
     ----------
-    source, raster, layer, gap, min_area, band, ..., allow_network
+    source, raster, layer, gap, min_area, free_is_white, band, ..., allow_network
         As of `describe`.
     library : path
         A file of described regions with a column `name`.

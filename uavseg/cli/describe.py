@@ -32,10 +32,9 @@ def run_described(options: Any, job: Callable[..., Any], *inputs: str) -> None:
     write.check_targets(target, None, overwrite)
     write.keep_inputs([target], options.source, options.raster, *inputs)
     found = job(options, work_of(options.run, reporter))
-    if target is not None:
-        export.check_region_crs(target, found.regions.wkt)
     reporter.finish([*found.warnings, *export.format_notes(found.regions, target or "")])
     if target is not None:
+        export.check_region_crs(target, found.regions.wkt)
         write.write_region_output(found, target, overwrite)
     names = found.regions.columns["name"].tolist() if inputs else []
     counts = {name: f"{names.count(name):,}" for name in list(dict.fromkeys(names))[:20]}

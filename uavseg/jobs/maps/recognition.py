@@ -84,7 +84,7 @@ def described(options: DescribeOptions, work: Work) -> Description:
             rows = [row | pixel_measures(one, grey) for row, one in zip(rows, pixels, strict=True)]
         warnings += raster.warnings
         if beside := sum(not row["texture"] for row in rows):
-            warnings.append(f"{beside:,} regions have no texture: they are too small or beside the raster")
+            warnings.append(f"{beside:,} regions have no texture: too small, too large, or beside the raster")
     wkt = None if regions.wkt is None else define_crs(regions.wkt).wkt2
     measured = replace(_measured(regions, rows), wkt=wkt)
     return work.finished(Description(measured, outlines, None, tuple(warnings)))

@@ -298,11 +298,9 @@ def _complete(columns: dict[str, NDArray[Any]], polygons: NDArray[np.object_], w
         lon, lat = _inner_points(polygons, columns.get("lon"), columns.get("lat"))
     area = columns.get("area_m2")
     if area is None or area.dtype.kind not in "iuf" or not np.isfinite(area).all():
-        area = (
-            shapely.area(polygons)
-            if wkt is None
-            else np.array([abs(geod_wgs84().geometry_area_perimeter(one)[0]) for one in polygons])
-        )
+        geod, area = geod_wgs84(), shapely.area(polygons)
+        if wkt is not None:
+            area = np.array([abs(geod.geometry_area_perimeter(polygon)[0]) for polygon in polygons])
     columns = {"id": ids, "area_m2": area, **columns} | {"id": ids, "area_m2": area, "lon": lon, "lat": lat}
     return Regions(columns, polygons, wkt).select(np.argsort(ids, kind="stable"))
 

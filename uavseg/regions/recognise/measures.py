@@ -114,9 +114,9 @@ def pixel_measures(polygon: Any, source: GreySource) -> dict[str, Any]:
     """
     left, top, right, bottom = np.clip(polygon.bounds, 0, [*source.shape[::-1], *source.shape[::-1]])
     window = Window(int(top), int(left), math.ceil(bottom) - int(top), math.ceil(right) - int(left))
-    if not 0 < window.rows * window.cols <= _MAX_PIXELS:
-        window = Window(0, 0, 1, 1)
-    inside, tile = pixels_inside(objects([polygon]), window), source.read(window, 1)
+    fits = 0 < window.rows * window.cols <= _MAX_PIXELS
+    window = window if fits else Window(0, 0, 1, 1)
+    inside, tile = pixels_inside(objects([polygon]), window) & fits, source.read(window, 1)
     symbols = lbp_symbols(tile.grey, tile.mask, _CONTRAST_EDGES)[: window.rows, : window.cols]
     counted = inside & (symbols != UNCOUNTED)
     code, contrast = np.divmod(symbols[counted], CONTRAST_BINS)
@@ -125,12 +125,11 @@ def pixel_measures(polygon: Any, source: GreySource) -> dict[str, Any]:
     y, x = (one[1 : window.rows + 1, 1 : window.cols + 1][counted] for one in slopes)
     energy, tensor = float((x * x + y * y).sum()), complex(((x + 1j * y) ** 2).sum())
     strength = abs(tensor) / energy if energy > 0 else math.nan
+    rows_deg = (math.degrees(np.angle(tensor)) / 2 + _up_deg(polygon, source.dataset.geobox)) % 180
     found: dict[str, Any] = {
         "texture": " ".join(map(str, counts.tolist())) if counted.any() else "",
         "contrast": float(_CONTRASTS[contrast].mean()) if counted.any() else math.nan,
-        "rows_deg": (math.degrees(np.angle(tensor)) / 2 + _up_deg(polygon, source.dataset.geobox)) % 180
-        if strength > 0
-        else math.nan,
+        "rows_deg": rows_deg if strength > 0 else math.nan,
         "rows_strength": strength,
     }
     roles = source.dataset.mosaic.files[0].layout.roles
