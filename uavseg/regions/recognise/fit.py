@@ -22,7 +22,7 @@ _MIN_SAMPLES = 8  # cells along a surface: fewer are a speck, which fits anythin
 _MAX_CELLS, _MAX_SAMPLES = 400, 128.0  # of a surface that are used; independent ones that they count for
 # Of outlines that are known as a whole: how much those of one name differ, by their extent, and at how many
 # independent places.
-_VARIATION, _WHOLE_SAMPLES = 0.08, 32.0
+_VARIATION, _WHOLE_SAMPLES = 0.07, 32.0
 
 
 class Evidence(NamedTuple):
