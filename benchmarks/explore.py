@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
-from uavseg.arrays import Floats
+from uavseg.arrays import Bools, Floats, Integers
 from uavseg.dataclass import dataclass
-from uavseg.occupancy.explore.block_graph import BlockGraph, Mask, block_graph
+from uavseg.occupancy.explore.block_graph import BlockGraph, block_graph
 from uavseg.occupancy.explore.drive import Drive, Explorer, knowable_cells
-from uavseg.occupancy.explore.frontiers import Ints, States, find_frontiers, visible_cells
+from uavseg.occupancy.explore.frontiers import States, find_frontiers, visible_cells
 from uavseg.occupancy.explore.next_view import Cell, ViewPlanner, tour_from
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.mapping.scan import Pose
@@ -28,7 +28,7 @@ MAPS = Path(__file__).parents[2] / "shared" / "data" / "maps"
 DONE = 0.99
 
 
-def rooms(cell: float = 0.1) -> Mask:
+def rooms(cell: float = 0.1) -> Bools:
     """Eight rooms along a corridor, 20 m x 14 m."""
     solid = np.ones((int(14 / cell), int(20 / cell)), bool)
 
@@ -47,7 +47,7 @@ def rooms(cell: float = 0.1) -> Mask:
     return solid
 
 
-def loop(cell: float = 0.1) -> Mask:
+def loop(cell: float = 0.1) -> Bools:
     """Corridors around four blocks with niches, 24 m x 16 m."""
     solid = np.zeros((int(16 / cell), int(24 / cell)), bool)
     solid[:2] = solid[-2:] = True
@@ -60,7 +60,7 @@ def loop(cell: float = 0.1) -> Mask:
     return solid
 
 
-def clutter(cell: float = 0.1) -> Mask:
+def clutter(cell: float = 0.1) -> Bools:
     """One hall with 26 boxes, 20 m x 15 m."""
     random = np.random.default_rng(3)
     solid = np.zeros((int(15 / cell), int(20 / cell)), bool)
@@ -73,7 +73,7 @@ def clutter(cell: float = 0.1) -> Mask:
     return solid
 
 
-def office(cell: float = 0.25, seed: int = 1, leaf: float = 4.0) -> Mask:
+def office(cell: float = 0.25, seed: int = 1, leaf: float = 4.0) -> Bools:
     """Corridors two by two, and between them rooms with a door each, 60 m x 40 m."""
     random = np.random.default_rng(seed)
     cols, rows = int(60 / cell), int(40 / cell)
@@ -104,7 +104,7 @@ def office(cell: float = 0.25, seed: int = 1, leaf: float = 4.0) -> Mask:
     return solid
 
 
-def of_map(name: str) -> Mask:
+def of_map(name: str) -> Bools:
     """The free cells of a map of ours that hang together; everything else is solid."""
     import rasterio
     from skimage.measure import label
@@ -118,7 +118,7 @@ def of_map(name: str) -> Mask:
 
 
 # drawing, side of a cell and range of the sensor in metres
-SCENES: dict[str, tuple[Callable[[], Mask], float, float]] = {
+SCENES: dict[str, tuple[Callable[[], Bools], float, float]] = {
     "rooms": (rooms, 0.1, 3.0),
     "loop": (loop, 0.1, 3.0),
     "office": (office, 0.25, 4.5),
@@ -133,9 +133,9 @@ SCENES: dict[str, tuple[Callable[[], Mask], float, float]] = {
 class Pieces:
     """Groups of frontiers, in pieces no longer than the range, where a robot is."""
 
-    cells: list[Ints]  # of each piece, (n, 2)
-    middles: Ints  # (n, 2); the cell of each that is nearest to its mean
-    nodes: Ints  # (n,); of the graph
+    cells: list[Integers]  # of each piece, (n, 2)
+    middles: Integers  # (n, 2); the cell of each that is nearest to its mean
+    nodes: Integers  # (n,); of the graph
     graph: BlockGraph
     reach: Floats  # of each node from the robot, in cells
     here: int  # the node of the robot
@@ -148,7 +148,7 @@ class Baseline:
     name: str
     planner: ViewPlanner  # what it knows of the robot, and what was looked at in vain
 
-    def __call__(self, states: States, at: Cell) -> tuple[Cell, Ints] | None:
+    def __call__(self, states: States, at: Cell) -> tuple[Cell, Integers] | None:
         """Return the place that scores highest, and the cells that are looked at from there."""
         pieces = self._pieces(states, at)
         if pieces is None:
@@ -171,7 +171,7 @@ class Baseline:
         cells = cells[tried == tried.min()]
         gaps = np.abs(np.diff(cells, axis=0)).max(axis=1) > 1
         longest = self.planner.range_m / self.planner.cell_m
-        pieces: list[Ints] = []
+        pieces: list[Integers] = []
         for group in np.split(cells, np.flatnonzero(gaps) + 1):
             span = np.ptp(group, axis=0)
             ordered = group[np.argsort(group[:, int(np.argmax(span))], kind="stable")]
@@ -211,7 +211,7 @@ class Baseline:
 BASELINES = ("nearest", "gain/cost", "discounted", "root", "greedy", "tour", "advantage")
 
 
-def starts(solid: Mask, count: int) -> list[Cell]:
+def starts(solid: Bools, count: int) -> list[Cell]:
     """Random cells of the largest free component."""
     from skimage.measure import label
 
@@ -221,7 +221,7 @@ def starts(solid: Mask, count: int) -> list[Cell]:
     return [(int(row), int(col)) for row, col in cells[chosen]]
 
 
-def drive(scene: str, planner: str, start: Cell, fov: float, known: Mask) -> tuple[Drive, float]:
+def drive(scene: str, planner: str, start: Cell, fov: float, known: Bools) -> tuple[Drive, float]:
     """Explore a scene until 99 % of the cells that can be known are; the drive, and their share."""
     draw, cell, range_m = SCENES[scene]
     solid = draw()

@@ -48,7 +48,8 @@ class MapServer:
         tiles = cleaned if has_map_tiles(cleaned) else None
         self.warnings = found.warnings if tiles else (*found.warnings, NO_TILES)
         names = [one.name for one in cameras()]
-        offered = {"tiles": tiles is not None, "cameras": names, "areas": _areas(cells)}
+        areas = None if cells is None else [float(f"{area:.10g}") for area in cells.areas]  # by their codes
+        offered = {"tiles": tiles is not None, "cameras": names, "areas": areas}
         page = page_of(found, None, [], offered)
         self._folder = tempfile.TemporaryDirectory(prefix="uavseg-serve-", ignore_cleanup_errors=True)
         self._tasks = Tasks(Path(self._folder.name))
@@ -87,11 +88,6 @@ class MapServer:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-
-def _areas(cells: CellTiles | None) -> list[float] | None:
-    """Return areas of cells by their codes, for a page that asks for tiles of them."""
-    return None if cells is None else [float(f"{area:.10g}") for area in cells.areas]
 
 
 def _within(context: Context, site: Site, method: str, path: str, body: bytes) -> Answer:

@@ -12,7 +12,6 @@ from uavseg.cli.terminal.say import Reporter, showing_phases, work_of
 from uavseg.cli.write import (
     RegionFiles,
     answer_each,
-    check_alone,
     confidence_row,
     geojson_form,
     keep_inputs,
@@ -50,10 +49,8 @@ def command(options: ExtractOptions) -> None:
     reporter = Reporter(options.messages, options.progress)
     job = region_job(options)
     _check_classes(options, _class_names(job.request))
-    if options.each.each:
-        answer_each(options, job, ".regions.geojson", reporter)
+    if answer_each(options, job, ".regions.geojson", reporter):
         return
-    check_alone(options.each)
     if is_region_folder(options.outputs.output or ""):
         _write_partitions(options, job, reporter)
         return

@@ -8,7 +8,7 @@ import click
 
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter, work_of
-from uavseg.cli.write import RegionFiles, answer_each, check_alone, summary_rows, transaction
+from uavseg.cli.write import RegionFiles, answer_each, summary_rows, transaction
 from uavseg.options.regions import LevelsOptions
 
 if TYPE_CHECKING:
@@ -37,10 +37,8 @@ def command(options: LevelsOptions) -> None:
     if (options.width is None) == (options.breaks is None):
         raise click.UsageError("give --width P, or --breaks V,V,... (or otsu, quantile)")
     job = region_job(options)
-    if options.each.each:
-        answer_each(options, job, ".levels.geojson", reporter)
+    if answer_each(options, job, ".levels.geojson", reporter):
         return
-    check_alone(options.each)
     files = RegionFiles(options, ".levels.geojson")
     source = open_source(options.source.rasters, job.read)
     files.check_crs(source.geobox.wkt)

@@ -8,7 +8,7 @@ import click
 
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter, work_of
-from uavseg.cli.write import RegionFiles, answer_each, check_alone, confidence_row, summary_rows, transaction
+from uavseg.cli.write import RegionFiles, answer_each, confidence_row, summary_rows, transaction
 from uavseg.options.regions import MatchOptions
 
 if TYPE_CHECKING:
@@ -49,10 +49,8 @@ def command(options: MatchOptions) -> None:
     reporter = Reporter(options.messages, options.progress)
     _check_samples(options)
     job = region_job(options)
-    if options.each.each:
-        answer_each(options, job, ".match.geojson", reporter)
+    if answer_each(options, job, ".match.geojson", reporter):
         return
-    check_alone(options.each)
     files = RegionFiles(options, ".match.geojson", options.like, options.unlike, options.classes)
     source = open_source(options.source.rasters, job.read)
     files.check_crs(source.geobox.wkt)

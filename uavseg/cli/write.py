@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from uavseg.jobs.source.work import Work
     from uavseg.options.flights import MissionFileOptions
     from uavseg.options.regions import ExtractOptions, LevelsOptions, MatchOptions
-    from uavseg.options.running import EachOptions, RegionOutputs, StorageOptions
+    from uavseg.options.running import RegionOutputs, StorageOptions
     from uavseg.raster.formats.creation import CreationOptions
     from uavseg.regions.formats.geojson import GeoJsonForm
 
@@ -248,19 +248,20 @@ class RegionFiles:
         return "stdout" if self.target == "-" else self.target
 
 
-def check_alone(options: EachOptions) -> None:
-    """Refuse what is for many rasters where --each is not given, with UsageError."""
-    for given, flag in ((options.report, "--report"), (options.skip_existing, "--skip-existing")):
-        if given:
-            raise click.UsageError(f"{flag} is for each of many rasters; give it with --each")
-
-
-def answer_each(options: RegionOptions, job: RegionJob, ending: str, reporter: Reporter) -> None:
+def answer_each(options: RegionOptions, job: RegionJob, ending: str, reporter: Reporter) -> bool:
     """Run a job for each raster, list those that failed, and end with exit code 1 if there are any.
 
-    `ending` is what follows {stem} in the names of outputs where none are given. Options that do not go with
-    --each are refused with UsageError.
+    `ending` is what follows {stem} in the names of outputs where none are given. False where --each is not
+    given, and nothing is done. Options that do not go with it, or need it, are refused with UsageError.
     """
+    if not options.each.each:
+        for given, flag in (
+            (options.each.report, "--report"),
+            (options.each.skip_existing, "--skip-existing"),
+        ):
+            if given:
+                raise click.UsageError(f"{flag} is for each of many rasters; give it with --each")
+        return False
     _check_each(options)
     from uavseg.cli.terminal.say import say
     from uavseg.execution import executors
@@ -294,6 +295,7 @@ def answer_each(options: RegionOptions, job: RegionJob, ending: str, reporter: R
         say(f"uavseg: error: {one.failure}")
     if failed:
         click.get_current_context().exit(1)
+    return True
 
 
 def _check_each(options: RegionOptions) -> None:

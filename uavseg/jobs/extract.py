@@ -243,11 +243,9 @@ def _ways(
     source: GreySource, interval: IntensityRange, request: ExtractRequest, tile_pass: TilePass
 ) -> list[str]:
     """Return options that find the pixels in range of which no region was found."""
-
+    ways = [] if request.segment.refine == "pixels" else [EACH_PIXEL]
     if request.detail is not None:
-        ways = ["a smaller --detail keeps more"]
-    elif not request.thin_lines and has_thin_lines(source, interval, tile_pass):
-        ways = ["--thin-lines finds lines of 1 to 3 pixels"]
-    else:
-        ways = []
-    return ways if request.segment.refine == "pixels" else [*ways, EACH_PIXEL]
+        return ["a smaller --detail keeps more", *ways]
+    if not request.thin_lines and has_thin_lines(source, interval, tile_pass):
+        return ["--thin-lines finds lines of 1 to 3 pixels", *ways]
+    return ways

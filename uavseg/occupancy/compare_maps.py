@@ -14,13 +14,12 @@ from affine import Affine
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import MapError
 from uavseg.occupancy.map_file import trinary_states
 from uavseg.occupancy.merge_maps import PlacedMap
 from uavseg.units import FREE, OCCUPIED, UNKNOWN
-
-Floats = NDArray[np.float64]
 
 MAX_SHIFT, MAX_ANGLE_DEG = 5.0, 2.0  # cells, where the maps have their centre
 TOLERANCE = 2.0  # cells: what is left of a shift, and the noise of a wall

@@ -28,7 +28,8 @@ class Written:
     def __str__(self) -> str:
         """Return one clause, such as "nothing was written"."""
         nothing = self.ended or "nothing was written"
-        parts = [f"{_named(self.files)} {_were(self.files)} written" if self.files else nothing]
+        were = "was" if len(self.files) == 1 else "were"
+        parts = [f"{_named(self.files)} {were} written" if self.files else nothing]
         if missing := [name for name in self.planned if name not in set(self.files)]:
             parts.append(f"{len(missing):,} of {len(self.planned):,} outputs were not: {_named(missing)}")
         if self.unfinished:
@@ -94,10 +95,6 @@ def _named(names: list[str]) -> str:
     if len(names) <= _MAX_NAMES:
         return ", ".join(names)
     return f"{', '.join(names[:2])} ... {names[-1]} ({len(names):,} files)"
-
-
-def _were(names: list[str]) -> str:
-    return "was" if len(names) == 1 else "were"
 
 
 LOCK_TIMEOUT_S = 10.0  # how long others may take to rename their files

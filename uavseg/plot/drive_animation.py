@@ -12,14 +12,15 @@ from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.output.atomic import atomic_file
 from uavseg.units import FREE, OCCUPIED, UNKNOWN
 
-_COLORS = {UNKNOWN: (150, 150, 150), FREE: (255, 255, 255), OCCUPIED: (20, 20, 20)}
-_TRACK, _ROBOT = len(_COLORS) + 1, len(_COLORS) + 2  # in the palette, after the states 0..3
-_PALETTE = [
-    (150, 150, 150),
-    *(_COLORS[state] for state in (FREE, UNKNOWN, OCCUPIED)),
-    (34, 139, 230),
-    (240, 62, 62),
-]
+_TRACK, _ROBOT = 4, 5  # in the palette, after the states
+_PALETTE = {
+    0: (150, 150, 150),
+    FREE: (255, 255, 255),
+    UNKNOWN: (150, 150, 150),
+    OCCUPIED: (20, 20, 20),
+    _TRACK: (34, 139, 230),
+    _ROBOT: (240, 62, 62),
+}
 _SIDE_PX = 640
 _MAX_FRAMES = 150
 _FRAME_MS, _LAST_MS = 80, 3000
@@ -47,7 +48,7 @@ def _frame(states: NDArray[np.uint8], track: NDArray[np.float64]) -> Any:
     scale = _SIDE_PX / max(states.shape)
     size = max(round(states.shape[1] * scale), 1), max(round(states.shape[0] * scale), 1)
     picture = Image.fromarray(states).resize(size, Image.Resampling.NEAREST)
-    picture.putpalette([level for color in _PALETTE for level in color])
+    picture.putpalette([level for color in _PALETTE.values() for level in color])
     draw = ImageDraw.Draw(picture)
     points = [tuple(point) for point in (track * scale).tolist()]
     if len(points) > 1:

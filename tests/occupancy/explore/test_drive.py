@@ -14,7 +14,7 @@ from uavseg.occupancy.simulation.cell_scene import CellScene
 from uavseg.occupancy.simulation.simulate import RangeFinder
 from uavseg.raster.grid.geobox import local_geobox
 from uavseg.segmentation.params.segment import StateLimits
-from uavseg.units import FREE, UNKNOWN
+from uavseg.units import FREE, OCCUPIED, UNKNOWN
 
 CELL = 0.1
 
@@ -105,3 +105,25 @@ def test_frontier_cells_are_told_from_others() -> None:
     cells = np.argwhere(states < 9)
     expected = find_frontiers(states).index[tuple(cells.T)] >= 0
     assert np.array_equal(is_frontier(states, cells), expected)
+
+
+def test_depths_tell_a_closed_room_from_a_corridor_that_goes_on() -> None:
+    states = np.full((30, 120), OCCUPIED, np.uint8)
+    states[10:20, 20:60] = FREE
+    states[10:20, 8:20] = UNKNOWN  # 12 cells to the left, and walls around
+    states[10:20, 60:118] = UNKNOWN  # 58 cells to the right
+    tour = ViewPlanner(states.shape, CELL, 2.0).tour(states, (15, 40))
+    assert tour is not None and len(tour.views) == 2
+    left, right = sorted(zip(tour.candidates.cells[tour.views, 1], tour.depths, strict=True))
+    assert left[1] == pytest.approx(12, abs=4) and right[1] == pytest.approx(58, abs=4)
+    assert tour.candidates.cells[tour.views[0], 1] == left[0]  # the room is finished before
+
+
+def test_a_robot_can_return_where_it_was_whatever_noise_says_of_it() -> None:
+    states = np.full((20, 60), OCCUPIED, np.uint8)
+    states[8:12, 5:50], states[8:12, 50:55] = FREE, UNKNOWN
+    states[8:12, 20] = OCCUPIED  # noise closed the way on which it came
+    planner = ViewPlanner(states.shape, CELL, 1.0)
+    assert planner.choose(states, (10, 8)) is None
+    planner.driven[10, 6:30] = True
+    assert planner.choose(states, (10, 8)) is not None

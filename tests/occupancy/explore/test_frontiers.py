@@ -1,13 +1,21 @@
 """Frontiers, what is seen of them, and what a scan is expected to tell, beside plain versions."""
 
 import math
+from collections.abc import Iterator
+from itertools import accumulate, repeat, takewhile
 
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.ndimage import binary_dilation, label
+from scipy.ndimage import label
 
-from uavseg.occupancy.explore.frontiers import expected_bits, find_frontiers, seen_from, visible_cells
+from uavseg.occupancy.explore.frontiers import (
+    expected_bits,
+    find_frontiers,
+    rays_for,
+    seen_from,
+    visible_cells,
+)
 from uavseg.units import FREE, OCCUPIED, UNKNOWN
 
 STATES = st.integers(0, 10_000).map(
@@ -36,23 +44,44 @@ def test_frontiers_are_free_cells_beside_unknown_ones_in_groups(states: np.ndarr
         assert set(found.widths[of_cell == group]) == {int(np.ptp(cells, axis=0).max()) + 1}
 
 
+def walked(rays: np.ndarray, row: int, col: int, range_cells: float) -> Iterator[list[tuple[int, int]]]:
+    """Yield the cells of each ray in turn, from its crossings of the lines between cells by length."""
+    for down, right in rays:
+        crossings = []
+        for axis, step in enumerate((down, right)):
+            if abs(step) > 1e-12:
+                lengths = accumulate(repeat(1 / abs(step), 40), initial=1 / abs(step) / 2)
+                crossings += [(length, 1 - axis, axis) for length in lengths]
+        cell, cells = [row, col], [(row, col)]
+        for length, _, axis in sorted(crossings):
+            if length > range_cells:
+                break
+            cell[axis] += 1 if (down, right)[axis] > 0 else -1
+            cells.append((cell[0], cell[1]))
+        yield [(r, c) for r, c in cells if 0 <= r < 12 and 0 <= c < 15]
+
+
 @settings(max_examples=40, deadline=None)
 @given(STATES, st.integers(0, 11), st.integers(0, 14), st.floats(1, 12))
-def test_what_is_seen_is_in_range_and_nothing_but_free_cells_lies_before(
+def test_rays_see_and_mark_what_plain_ones_do(
     states: np.ndarray, row: int, col: int, range_cells: float
 ) -> None:
     states[row, col] = FREE
     found = find_frontiers(states)
     starts, seen = seen_from(states, found.index, len(found.cells), np.array([[row, col]]), range_cells)
     assert starts.tolist() == [0, len(seen)] and len(set(seen.tolist())) == len(seen)
+    free = {
+        cell
+        for cells in walked(rays_for(range_cells), row, col, range_cells)
+        for cell in takewhile(lambda cell: states[cell] == FREE, cells)
+    }
+    assert set(map(tuple, found.cells[seen].tolist())) == free & set(map(tuple, found.cells.tolist()))
+    marked = set()
+    for cells in walked(rays_for(2 * range_cells), row, col, range_cells):
+        before = list(takewhile(lambda cell: states[cell] == FREE, cells))
+        marked |= set(cells[: len(before) + 1])
     visible = visible_cells(states != FREE, np.array([[row, col]]), range_cells)
-    visible = binary_dilation(visible, np.ones((3, 3)))  # the two cast different rays
-    for cell in found.cells[seen]:
-        assert math.hypot(*(cell - (row, col))) <= range_cells + 1.5
-        assert visible[tuple(cell)]
-    wall = np.full((12, 15), OCCUPIED, np.uint8)
-    wall[row, col] = FREE
-    assert visible_cells(wall != FREE, np.array([[row, col]]), range_cells).sum() <= 9
+    assert set(map(tuple, np.argwhere(visible).tolist())) == marked
 
 
 def test_a_long_list_grows() -> None:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from benchmarks.changes import identity_score
 from uavseg.errors import ParameterError
 from uavseg.occupancy.mapping.grid import OccupancyGrid
-from uavseg.occupancy.mapping.tracks import PATIENCE, SegmentTracks
+from uavseg.occupancy.mapping.tracks import MAX_ABSENT_UPDATES, SegmentTracks
 from uavseg.segmentation.params.segment import IntensityRange
 
 
@@ -65,10 +65,10 @@ def test_a_part_that_breaks_off_is_new_and_the_larger_one_keeps_the_number() -> 
 def test_a_number_comes_back_at_its_place_for_some_updates() -> None:
     tracks, box, empty = SegmentTracks((1, 4)), picture("##.."), picture("....")
     tracks.update(box)
-    for _ in range(PATIENCE - 1):
+    for _ in range(MAX_ABSENT_UPDATES - 1):
         tracks.update(empty)
     assert tracks.update(box).appeared == (1,)
-    for _ in range(PATIENCE + 1):
+    for _ in range(MAX_ABSENT_UPDATES + 1):
         tracks.update(empty)
     assert tracks.update(box).appeared == (2,)
 

@@ -18,6 +18,7 @@ from affine import Affine
 from numpy.typing import NDArray
 
 from uavseg._version import __version__
+from uavseg.arrays import Integers
 from uavseg.dataclass import dataclass
 from uavseg.errors import MapError, ParameterError, RasterError
 from uavseg.execution.executors import phase, split_progress
@@ -53,7 +54,6 @@ if TYPE_CHECKING:
 
 Source = Raster | ProbabilityMap
 Kinds = Sequence[tuple[str, str]]  # of changes, each with its colour
-Integers = NDArray[np.int64]
 Side = tuple[Dataset, Rasteriser, NDArray[np.uint8]]  # a raster, its regions, the class of each by label
 
 MAX_CLASSES = 15  # the changes from one to another are counted in a byte

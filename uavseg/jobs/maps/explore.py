@@ -12,13 +12,14 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import SceneError
 from uavseg.execution.executors import decided, phase
 from uavseg.jobs.maps.merge_maps import read_map
-from uavseg.jobs.maps.next_view import cell_at, cell_side, pose_of
+from uavseg.jobs.maps.next_view import cell_at, pose_of
 from uavseg.occupancy.explore.drive import Drive, Explorer, knowable_cells
 from uavseg.occupancy.map_file import trinary_states
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.mapping.scan import Pose
 from uavseg.occupancy.paths.find_path import PathParams
 from uavseg.occupancy.paths.path_geojson import feature_collection
+from uavseg.occupancy.ros.ros_map import placement
 from uavseg.occupancy.simulation.cell_scene import CellScene
 from uavseg.occupancy.simulation.paper_scenes import BUILT_IN_SCENES
 from uavseg.occupancy.simulation.scene import Scene
@@ -89,7 +90,7 @@ def explore(scene: str, request: ExploreRequest) -> Explored:
     """Let a robot explore a scene: "lens", "circles", a JSON file, or a map whose free cells it may enter."""
     warnings: list[str] = []
     solids, sensor, geobox, first = _opened(scene, dict(request.sensor), warnings)
-    side = cell_side(geobox)
+    side, _, _ = placement(geobox)  # refuses cells that are not square or not in metres
     PathParams(request.clearance_m)
     start = first if request.start is None else pose_of(request.start, "start")
     if start is None:

@@ -14,6 +14,7 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import MapError, ParameterError
 from uavseg.execution.executors import phase
 from uavseg.jobs.maps.classify import ClassifyRequest, classify
+from uavseg.jobs.maps.merge_maps import placed_map
 from uavseg.jobs.source.source import Blocks, ProbabilityMap
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.occupancy.explore.frontiers import expected_bits
@@ -22,17 +23,16 @@ from uavseg.occupancy.mapping.scan import Pose
 from uavseg.occupancy.paths.any_angle import pull_string
 from uavseg.occupancy.paths.astar import shortest_path
 from uavseg.occupancy.paths.find_path import PathParams, PlannedPath
+from uavseg.occupancy.ros.ros_map import placement
 from uavseg.occupancy.simulation.simulate import RangeFinder
-from uavseg.raster.grid.geobox import GeoBox, check_metres
+from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.ground import line_length
-from uavseg.raster.grid.tiling import Window
 from uavseg.segmentation.params.segment import StateLimits
-from uavseg.units import FREE, GREY_MAX, OCCUPIED, UNKNOWN
+from uavseg.units import FREE, OCCUPIED, UNKNOWN
 
 if TYPE_CHECKING:
     from uavseg.occupancy.explore.frontiers import States
 
-_SQUARE = 1e-6  # relative difference of the sides of a cell that is square
 _STATES = {0: "has no value", UNKNOWN: "is unknown", OCCUPIED: "is occupied"}
 
 
@@ -104,16 +104,6 @@ def pose_of(numbers: Sequence[float], name: str) -> Pose:
     return Pose(x, y, heading_rad=math.radians(heading))
 
 
-def cell_side(geobox: GeoBox) -> float:
-    """Return the side of the cells in metres; refuse those that are not square."""
-    check_metres(geobox)
-    t = geobox.transform
-    width, height = math.hypot(t.a, t.d), math.hypot(t.b, t.e)
-    if abs(width - height) > _SQUARE * width:
-        raise MapError(f"views need square cells, and these are {width:g} m x {height:g} m; warp the map")
-    return width
-
-
 def next_views(source: ProbabilityMap | Blocks, request: ViewRequest, work: Work = SERIAL) -> NextViews:
     """Find the views of a map from which a sensor would see what is unknown, in the order to go there."""
     work = work.begun()
@@ -121,7 +111,7 @@ def next_views(source: ProbabilityMap | Blocks, request: ViewRequest, work: Work
         raise ParameterError(
             f"{source.path} is a block map; views are of single cells, so give the map itself"
         )
-    side = cell_side(source.geobox)
+    side, _, _ = placement(source.geobox)  # refuses cells that are not square or not in metres
     found = classify(source, ClassifyRequest(request.limits, objects=False), replace(work, progress=None))
     states = found.states
     at = cell_at(source.geobox, request.pose)
@@ -130,10 +120,7 @@ def next_views(source: ProbabilityMap | Blocks, request: ViewRequest, work: Work
             f"the cell at the pose {request.pose[0]:g},{request.pose[1]:g} {_STATES[int(states[at])]}; "
             "a robot stands on a free one"
         )
-    tile = source.grey(work.over(source).silent).read(Window(0, 0, *states.shape), 0)
-    probabilities = (tile.grey[: states.shape[0], : states.shape[1]] / np.float32(GREY_MAX)).astype(
-        np.float32
-    )
+    probabilities = placed_map(source).probabilities
     planner = ViewPlanner(states.shape, side, request.range_m, request.fov_deg, request.clearance_m)
     with phase("views"):
         tour = planner.tour(states, at)
@@ -169,7 +156,7 @@ def _ranked(
     passable = planner.passable(states, at)
     views = []
     for k in order:
-        view = planner.place(tour) if k == 0 else tour.views[k]
+        view = planner.place(tour, tour.own()) if k == 0 else tour.views[k]
         row, col = tour.candidates.cells[view].tolist()
         angle, seen = planner.heading((row, col), tour.frontiers.cells[tour.candidates.seen_by(view)])
         path = shortest_path(passable, at, (row, col))

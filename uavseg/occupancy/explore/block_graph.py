@@ -11,10 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.arrays import Bools, Floats, Integers
 from uavseg.dataclass import dataclass
-
-Mask = NDArray[np.bool_]
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -22,15 +20,15 @@ class BlockGraph:
     """The nodes of a mask and their links."""
 
     node_of: NDArray[np.int32]  # (rows, cols); -1 where a cell is not passable
-    places: Ints  # (n, 2); row and column of each node
+    places: Integers  # (n, 2); row and column of each node
     links: NDArray[np.int32]  # (n, m); the linked nodes first, then whatever
     degrees: NDArray[np.int32]  # (n,); number of links
 
-    def distances(self, node: int) -> NDArray[np.float64]:
+    def distances(self, node: int) -> Floats:
         """Return the distance of each node from one, (n,) in cells; infinite where no way leads."""
         return self.nearest(np.array([node]))[0]
 
-    def nearest(self, sources: Ints) -> tuple[NDArray[np.float64], Ints]:
+    def nearest(self, sources: Integers) -> tuple[Floats, Integers]:
         """Return the distance of each node from the nearest of some, and which one that is; -1 if none."""
         distances, owners = np.full(len(self.places), np.inf), np.full(len(self.places), -1, np.int64)
         size = int(self.degrees.sum()) + len(sources)
@@ -39,7 +37,7 @@ class BlockGraph:
         return distances, owners
 
 
-def block_graph(passable: Mask, side: int) -> BlockGraph:
+def block_graph(passable: Bools, side: int) -> BlockGraph:
     """Return the graph of the blocks of `side` x `side` cells of a mask (rows, cols).
 
     Examples

@@ -7,12 +7,12 @@ from dataclasses import field
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from uavseg.arrays import Bools, Floats, Integers
 from uavseg.dataclass import dataclass
 from uavseg.errors import SceneError
-from uavseg.occupancy.explore.block_graph import Mask, block_graph
-from uavseg.occupancy.explore.frontiers import Ints, States, visible_cells
+from uavseg.occupancy.explore.block_graph import block_graph
+from uavseg.occupancy.explore.frontiers import States, visible_cells
 from uavseg.occupancy.explore.next_view import Cell, ViewPlanner
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.mapping.scan import Pose, Scan
@@ -24,8 +24,7 @@ from uavseg.occupancy.simulation.simulate import RangeFinder
 from uavseg.segmentation.params.segment import StateLimits
 from uavseg.units import FREE, OCCUPIED, UNKNOWN
 
-Floats = NDArray[np.float64]
-Choose = Callable[[States, Cell], tuple[Cell, Ints] | None]
+Choose = Callable[[States, Cell], tuple[Cell, Integers] | None]
 
 _SCAN_EVERY_M = 0.25
 _MAX_CHOICES = 100_000
@@ -126,7 +125,7 @@ class Explorer:
         self.drive.metres.append(driven + metres)
         self.drive.known.append(int(np.count_nonzero(self.states != UNKNOWN)))
 
-    def _go(self, view: Cell, cells: Ints, enough: Callable[[States], bool] | None) -> None:
+    def _go(self, view: Cell, cells: Integers, enough: Callable[[States], bool] | None) -> None:
         """Drive towards a view until what it is to see is known; note what nothing new was learned of."""
         known = self.drive.known[-1]
         left = cells
@@ -138,7 +137,7 @@ class Explorer:
         if self.drive.known[-1] <= known:
             self.planner.tried[tuple(self._left(left).T)] += 1
 
-    def _drive_to(self, view: Cell, cells: Ints, enough: Callable[[States], bool] | None) -> bool:
+    def _drive_to(self, view: Cell, cells: Integers, enough: Callable[[States], bool] | None) -> bool:
         """Scan on the way to a view; return whether it was reached, or left for what the scans have shown."""
         for begin, end in pairwise(self._way(view)):
             span = float(np.hypot(*(end - begin))) * self.cell_m
@@ -161,7 +160,7 @@ class Explorer:
         (x0, x1), (y0, y1) = self.grid.geobox.xy_from_pixel(*np.stack([begin, end]).T)
         return math.atan2(y1 - y0, x1 - x0)
 
-    def _left(self, cells: Ints) -> Ints:
+    def _left(self, cells: Integers) -> Integers:
         """Return which of some cells are frontiers still."""
         return cells[is_frontier(self.states, cells)]
 
@@ -179,12 +178,12 @@ class Explorer:
         return np.vstack([self.place, corners[1:]])
 
 
-def _cells_between(begin: Floats, end: Floats) -> Ints:
+def _cells_between(begin: Floats, end: Floats) -> Integers:
     """Return the cells (n, 2) that a straight line leads over."""
     return np.linspace(begin, end, int(4 * np.abs(end - begin).max()) + 2).astype(np.int64)
 
 
-def is_frontier(states: States, cells: Ints) -> NDArray[np.bool_]:
+def is_frontier(states: States, cells: Integers) -> Bools:
     """Return which cells (n, 2) are free beside an unknown one, (n,)."""
     rows, cols = states.shape
     beside = np.zeros(len(cells), bool)
@@ -194,7 +193,7 @@ def is_frontier(states: States, cells: Ints) -> NDArray[np.bool_]:
     return np.asarray(beside & (states[tuple(cells.T)] == FREE))
 
 
-def knowable_cells(solid: Mask, at: Cell, cell_m: float, range_m: float, clearance_m: float = 0.0) -> Mask:
+def knowable_cells(solid: Bools, at: Cell, cell_m: float, range_m: float, clearance_m: float = 0.0) -> Bools:
     """Return the cells that some place sees which the robot can reach, if it knew the map; (rows, cols)."""
     states = np.where(solid, np.uint8(OCCUPIED), np.uint8(FREE))
     planner = ViewPlanner(solid.shape, cell_m, range_m, clearance_m=clearance_m)

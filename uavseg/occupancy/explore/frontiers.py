@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.arrays import Bools, Floats, Integers
 from uavseg.dataclass import dataclass
 from uavseg.units import FREE, OCCUPIED, UNKNOWN
 
-Ints = NDArray[np.int64]
-Floats = NDArray[np.float64]
 States = NDArray[np.uint8]  # (rows, cols); 1 free, 2 unknown, 3 occupied, 0 no data, which is never entered
 _MAX_RAYS = 360
 _CELLS_BETWEEN_RAYS = 0.7  # at the end of the range
@@ -24,8 +23,8 @@ _CELLS_BETWEEN_RAYS = 0.7  # at the end of the range
 class Frontiers:
     """Free cells that share an edge with unknown ones."""
 
-    cells: Ints  # (n, 2); row and column, 8-connected groups together
-    widths: Ints  # (n,); cells along the longer side of the group's bounding box
+    cells: Integers  # (n, 2); row and column, 8-connected groups together
+    widths: Integers  # (n,); cells along the longer side of the group's bounding box
     index: NDArray[np.int32]  # (rows, cols); position in `cells`, -1 elsewhere
 
 
@@ -85,8 +84,8 @@ def rays_for(range_cells: float, first: float = 0.0, fov: float = tau) -> Floats
 
 
 def seen_from(
-    states: States, index: NDArray[np.int32], count: int, views: Ints, range_cells: float
-) -> tuple[Ints, NDArray[np.int32]]:
+    states: States, index: NDArray[np.int32], count: int, views: Integers, range_cells: float
+) -> tuple[Integers, NDArray[np.int32]]:
     """Return the frontier cells that are seen from each view, over free cells, whatever the heading.
 
     `index` (rows, cols) is the number of a frontier cell, below `count`, and -1 elsewhere; `views` (n, 2) are
@@ -103,7 +102,7 @@ def seen_from(
         size *= 4
 
 
-def visible_cells(solid: NDArray[np.bool_], views: Ints, range_cells: float) -> NDArray[np.bool_]:
+def visible_cells(solid: Bools, views: Integers, range_cells: float) -> Bools:
     """Return the cells that rays from some views reach, the first solid ones included, (rows, cols)."""
     marked = np.zeros(solid.shape, np.uint8)
     _mark(

@@ -15,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import kernel
+from uavseg.arrays import Bools, Floats, Integers
 from uavseg.dataclass import dataclass
 from uavseg.flight.order.tour import Stops, short_tour
 from uavseg.occupancy.explore.block_graph import BlockGraph, block_graph
-from uavseg.occupancy.explore.frontiers import Frontiers, Ints, States, find_frontiers, seen_from
+from uavseg.occupancy.explore.frontiers import Frontiers, States, find_frontiers, seen_from
 from uavseg.occupancy.paths.clearance import clearance, is_at_least
 from uavseg.units import FREE, UNKNOWN
 
@@ -34,10 +35,10 @@ Cell = tuple[int, int]
 class Candidates:
     """Places from which frontiers are seen."""
 
-    cells: Ints  # (n, 2); row and column
-    away: NDArray[np.float64]  # (n,); cells from the robot
-    nodes: Ints  # (n,); of the graph
-    starts: Ints  # (n + 1,); where the frontier cells of each begin in `seen`
+    cells: Integers  # (n, 2); row and column
+    away: Floats  # (n,); cells from the robot
+    nodes: Integers  # (n,); of the graph
+    starts: Integers  # (n + 1,); where the frontier cells of each begin in `seen`
     seen: NDArray[np.int32]  # positions in the frontiers
 
     def seen_by(self, view: int) -> NDArray[np.int32]:
@@ -53,15 +54,15 @@ class Tour:
     frontiers: Frontiers
     graph: BlockGraph
     views: list[int]  # candidates, in the order of the tour
-    lengths: NDArray[np.float64]  # (n + 1, n + 1); cells between the robot and the views, in that order
-    depths: NDArray[np.float64]  # (n,); how far unknown space goes on behind each, in cells
+    lengths: Floats  # (n + 1, n + 1); cells between the robot and the views, in that order
+    depths: Floats  # (n,); how far unknown space goes on behind each, in cells
 
-    def own(self, k: int) -> NDArray[np.int32]:
-        """Return the frontier cells that the k-th view sees, without those that another sees too."""
+    def own(self) -> NDArray[np.int32]:
+        """Return the frontier cells that the first view sees, without those that another sees too."""
         counts = np.zeros(len(self.frontiers.cells), np.int64)
         for view in self.views:
             counts[self.candidates.seen_by(view)] += 1
-        seen = self.candidates.seen_by(self.views[k])
+        seen = self.candidates.seen_by(self.views[0])
         own = seen[counts[seen] == 1]
         return own if len(own) else seen
 
@@ -81,7 +82,7 @@ class ViewPlanner:
     fov_deg: float = 360.0
     clearance_m: float = 0.0
     tried: NDArray[np.uint8] = field(init=False)  # (rows, cols); how often a frontier was looked at in vain
-    driven: NDArray[np.bool_] = field(init=False)  # (rows, cols); where the robot was, so that it can return
+    driven: Bools = field(init=False)  # (rows, cols); where the robot was, so that it can return
 
     def __post_init__(self) -> None:
         self.tried, self.driven = np.zeros(self.shape, np.uint8), np.zeros(self.shape, bool)
@@ -91,7 +92,7 @@ class ViewPlanner:
         """Return the cells along the blocks in each of which there is a candidate."""
         return max(round(_SPACING_M / self.cell_m), 1)
 
-    def passable(self, states: States, at: Cell) -> NDArray[np.bool_]:
+    def passable(self, states: States, at: Cell) -> Bools:
         """Return the cells on which the robot may stand: free, with its clearance, or where it is."""
         free = states == FREE
         if self.clearance_m > 0:
@@ -125,9 +126,9 @@ class ViewPlanner:
         self,
         states: States,
         frontiers: Frontiers,
-        wanted: NDArray[np.bool_],
+        wanted: Bools,
         graph: BlockGraph,
-        away: NDArray[np.float64],
+        away: Floats,
         range_cells: float,
     ) -> Candidates:
         """Return the nodes within the range of a frontier, and of each block one of its frontier cells."""
@@ -151,7 +152,7 @@ class ViewPlanner:
 
     def _depths(
         self, states: States, frontiers: Frontiers, candidates: Candidates, views: list[int]
-    ) -> NDArray[np.float64]:
+    ) -> Floats:
         """Return how far unknown space goes on behind what each view sees, (n,) in cells."""
         unknown = block_graph(states == UNKNOWN, self.side)
         view_of = np.full(len(frontiers.cells), -1, np.int64)
@@ -170,17 +171,18 @@ class ViewPlanner:
         np.maximum.at(depths, np.concatenate(view_of_source)[owner[reached]], away[reached])
         return depths
 
-    def choose(self, states: States, at: Cell) -> tuple[Cell, Ints] | None:
+    def choose(self, states: States, at: Cell) -> tuple[Cell, Integers] | None:
         """Return the next view, and the frontier cells (n, 2) that it is to resolve; None if all is known."""
         tour = self.tour(states, at)
         if tour is None:
             return None
-        row, col = tour.candidates.cells[self.place(tour)].tolist()
-        return (row, col), tour.frontiers.cells[tour.own(0)]
+        own = tour.own()
+        row, col = tour.candidates.cells[self.place(tour, own)].tolist()
+        return (row, col), tour.frontiers.cells[own]
 
-    def place(self, tour: Tour) -> int:
+    def place(self, tour: Tour, own: NDArray[np.int32]) -> int:
         """Return the candidate on the shortest way that sees what the first view of a tour alone sees."""
-        found, own = tour.candidates, tour.own(0)
+        found = tour.candidates
         mark = np.zeros(len(tour.frontiers.cells), np.uint8)
         mark[own] = 1
         counts = np.zeros(len(found.cells), np.int64)
@@ -190,7 +192,7 @@ class ViewPlanner:
             way += tour.graph.distances(int(found.nodes[tour.views[1]]))[found.nodes]
         return int(np.argmin(np.where(counts == len(own), way, np.inf)))
 
-    def heading(self, at: Cell, cells: Ints) -> tuple[float, Ints]:
+    def heading(self, at: Cell, cells: Integers) -> tuple[float, Integers]:
         """Return the direction in which most of some cells are in view, in radians, and these cells."""
         angles = np.arctan2(*(cells - at).T)
         turn = (angles[None, :] - angles[:, None]) % tau  # counted from each of the cells
@@ -206,7 +208,7 @@ def _ordered(
     graph: BlockGraph,
     at: int,
     views: list[int],
-    depths: NDArray[np.float64],
+    depths: Floats,
 ) -> Tour:
     """Return views in the order of a short tour from a node, which ends rather where a depth is great."""
     nodes = [at, *candidates.nodes[views].tolist()]
@@ -218,7 +220,7 @@ def _ordered(
     return Tour(candidates, frontiers, graph, [views[k] for k in order], lengths, depths[order])
 
 
-def tour_from(lengths: NDArray[np.float64], depths: NDArray[np.float64]) -> list[int]:
+def tour_from(lengths: Floats, depths: Floats) -> list[int]:
     """Return the order of views, counted from 0, for which the way less the depth of the last is short.
 
     `lengths` (n + 1, n + 1) are between the start and the views, `depths` are (n,).
@@ -229,7 +231,7 @@ def tour_from(lengths: NDArray[np.float64], depths: NDArray[np.float64]) -> list
     return [stop for stop, _ in short_tour(stops, to_end, start=0, end=len(lengths), rounds=_ROUNDS)]
 
 
-def _cover(candidates: Candidates, wanted: NDArray[np.bool_], discount: float) -> list[int]:
+def _cover(candidates: Candidates, wanted: Bools, discount: float) -> list[int]:
     """Choose few candidates that see all wanted frontier cells which any of them sees."""
     chosen = np.empty(len(candidates.cells), np.int64)
     weights = np.exp(-discount * candidates.away)

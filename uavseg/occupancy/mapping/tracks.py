@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from uavseg.dataclass import dataclass
 
 REACH = 3.0  # cells of 8 x 8 pixels between the centres of a segment that moved without overlap
-PATIENCE = 5  # updates after which a number that vanished does not come back
+MAX_ABSENT_UPDATES = 5  # updates after which a number that vanished does not come back
 
 Groups = Mapping[int, tuple[int, ...]]
 
@@ -74,7 +74,7 @@ class SegmentTracks:
         hosts = {one: one for one in labels_of}
         for one in old.keys() - labels_of.keys():
             inner = [numbers[label] for host, label in pairs if host == old[one]]
-            if inner or old[one] > -PATIENCE:
+            if inner or old[one] > -MAX_ABSENT_UPDATES:
                 hosts[one] = inner[0] if inner else min(old[one], 0) - 1
         came = {one: [host for host, label in pairs if label == labels_of[one]] for one in labels_of}
         was = {one: max(old.get(one, 0), 0) for one in hosts}
