@@ -121,7 +121,7 @@ def log_evidence(outline: Outline, evidence: Evidence) -> tuple[float, float]:
     """
     sigma = float(evidence.grid[3])
     seen = max(_extent(evidence.surface), 2 * sigma)
-    limits = np.log(np.array([max(seen - 3 * sigma, 0.7 * seen), _LARGEST * seen]) / outline.shape[2])
+    limits = np.array([max(seen - 3 * sigma, 0.7 * seen), _LARGEST * seen]) / outline.shape[2]
     steps = np.array([1.0, 1.0, 2 / seen, 2 / seen]) * 0.7 * sigma
     poses = _distinct(_candidates(outline, evidence, limits), outline, 2.5 * sigma)
     _climb(poses, steps, limits, _ROUNDS, *outline, *evidence)
@@ -132,15 +132,16 @@ def log_evidence(outline: Outline, evidence: Evidence) -> tuple[float, float]:
 def _candidates(outline: Outline, evidence: Evidence, limits: Floats) -> Floats:
     """Return poses (n, 5) of a coarse search in which some corner lies on the middle of the surface.
 
-    They are x, y, rotation in radians, logarithm of the size, and log-likelihood.
+    They are x, y, size times cosine and sine of the rotation, and log-likelihood.
     """
     surface, wide = evidence.surface, evidence.grid * (1.0, 1.0, 1.0, 2.0, 1.0)
     anchor = surface[np.hypot(*(surface[:, :2] - np.median(surface[:, :2], axis=0)).T).argmin(), :2]
-    sizes = np.linspace(limits[0], limits[1], _SCALES)
-    angle, size, corner = np.meshgrid(np.arange(_ANGLES), sizes, np.arange(0, _CORNERS, 3), indexing="ij")
-    poses = np.zeros((angle.size, 5))
-    poses[:, 2], poses[:, 3] = angle.ravel() * math.tau / _ANGLES, size.ravel()
-    poses[:, :2] = anchor - _placed(poses, outline.corners[corner.ravel(), None])[:, 0]
+    angles = np.exp(1j * math.tau / _ANGLES * np.arange(_ANGLES))
+    turns = (angles[:, None] * np.geomspace(*limits, _SCALES)).ravel().repeat(_CORNERS // 3)
+    poses = np.zeros((len(turns), 5))
+    poses[:, 2], poses[:, 3] = turns.real, turns.imag
+    corners = np.tile(outline.corners[::3], (_ANGLES * _SCALES, 1))
+    poses[:, :2] = anchor - _placed(poses, corners[:, None])[:, 0]
     few = np.ascontiguousarray(surface[:: math.ceil(len(surface) / 60)])
     few[:, 2] *= surface[:, 2].sum() / few[:, 2].sum()
     half = np.ascontiguousarray(outline.corners[::2])
@@ -150,7 +151,7 @@ def _candidates(outline: Outline, evidence: Evidence, limits: Floats) -> Floats:
 
 def _placed(poses: Floats, points: Floats) -> Floats:
     """Return points (n or 1, m, 2) of an outline where poses (n, 5) put them."""
-    turned = (points[..., 0] + 1j * points[..., 1]) * np.exp(poses[:, 3] + 1j * poses[:, 2])[:, None]
+    turned = (points[..., 0] + 1j * points[..., 1]) * (poses[:, 2] + 1j * poses[:, 3])[:, None]
     return np.asarray(poses[:, None, :2] + np.stack([turned.real, turned.imag], axis=-1))
 
 
@@ -180,18 +181,19 @@ def _capped(image, row, col, behind, size, sigma):  # type: ignore[no-untyped-de
 
 
 @inlined
-def _log_likelihood(x, y, turn, log_size, corners, distances, shape, surface, free, grid):  # type: ignore[no-untyped-def]
+def _log_likelihood(x, y, a, b, corners, distances, shape, surface, free, grid):  # type: ignore[no-untyped-def]
     """Sum capped squares: of seen surface from the outline, and of outline in free space."""
-    size, c, s = math.exp(log_size), math.cos(turn), math.cos(turn - 0.5 * math.pi)  # no sincos, GNU's
+    square = a * a + b * b
+    size = math.sqrt(square)
     scale = distances.shape[0] / (2.0 * shape[0])
     squares = outside = 0.0
     for k in range(surface.shape[0]):
-        dx, dy = (surface[k, 0] - x) / size, (surface[k, 1] - y) / size
-        col, row = (c * dx + s * dy + shape[0]) * scale - 0.5, (c * dy - s * dx + shape[0]) * scale - 0.5
+        dx, dy = (surface[k, 0] - x) / square, (surface[k, 1] - y) / square
+        col, row = (a * dx + b * dy + shape[0]) * scale - 0.5, (a * dy - b * dx + shape[0]) * scale - 0.5
         squares += surface[k, 2] * _capped(distances, row, col, grid[4], size, grid[3])
     for k in range(corners.shape[0]):
-        col = (x + size * (c * corners[k, 0] - s * corners[k, 1]) - grid[0]) / grid[2]
-        row = (grid[1] - y - size * (s * corners[k, 0] + c * corners[k, 1])) / grid[2]
+        col = (x + a * corners[k, 0] - b * corners[k, 1] - grid[0]) / grid[2]
+        row = (grid[1] - y - b * corners[k, 0] - a * corners[k, 1]) / grid[2]
         if 0.0 <= row < free.shape[0] - 1 and 0.0 <= col < free.shape[1] - 1:
             outside += _capped(free, row, col, 0.0, 1.0, grid[3])
     spacing = shape[1] * size / (corners.shape[0] * grid[2])
@@ -202,29 +204,32 @@ def _log_likelihood(x, y, turn, log_size, corners, distances, shape, surface, fr
 def _climb(poses, steps, limits, rounds, corners, distances, shape, surface, free, grid):  # type: ignore[no-untyped-def]
     """Score each pose and move it to a local maximum by pattern search (Hooke and Jeeves 1961)."""
     for n in range(poses.shape[0]):
-        x, y, turn, size = poses[n, 0], poses[n, 1], poses[n, 2], poses[n, 3]
-        best = _log_likelihood(x, y, turn, size, corners, distances, shape, surface, free, grid)
+        x, y, a, b = poses[n, 0], poses[n, 1], poses[n, 2], poses[n, 3]
+        best = _log_likelihood(x, y, a, b, corners, distances, shape, surface, free, grid)
         share = 1.0
         for _ in range(rounds):
             moved = False
             for k in range(8):
                 h = share * steps[k // 2] * (1.0 if k % 2 else -1.0)
-                u, v, t, z = x, y, turn, size
+                u, v, c, s = x, y, 1.0, 0.0
                 if k < 2:
                     u += h
                 elif k < 4:
                     v += h
-                elif k < 6:  # around the middle of the surface, as is growing
-                    c, s = math.cos(h), math.cos(h - 0.5 * math.pi)
-                    u, v, t = c * x - s * y, s * x + c * y, turn + h
-                else:
-                    u, v, z = math.exp(h) * x, math.exp(h) * y, size + h
-                if limits[0] <= z <= limits[1]:
-                    score = _log_likelihood(u, v, t, z, corners, distances, shape, surface, free, grid)
+                else:  # around the middle of the surface; rotation by arctan(h), since only sqrt is exact
+                    if k < 6:
+                        c = 1.0 / math.sqrt(1.0 + h * h)
+                        s = h * c
+                    else:
+                        c = 1.0 + h if k % 2 else 1.0 / (1.0 - h)
+                    u, v = c * x - s * y, s * x + c * y
+                p, q = c * a - s * b, s * a + c * b
+                if limits[0] <= math.sqrt(p * p + q * q) <= limits[1]:
+                    score = _log_likelihood(u, v, p, q, corners, distances, shape, surface, free, grid)
                     if score > best + 1e-9:
-                        best, moved, x, y, turn, size = score, True, u, v, t, z
+                        best, moved, x, y, a, b = score, True, u, v, p, q
             if not moved:
                 share *= 0.5
                 if share < 0.06:
                     break
-        poses[n, 0], poses[n, 1], poses[n, 2], poses[n, 3], poses[n, 4] = x, y, turn, size, best
+        poses[n, 0], poses[n, 1], poses[n, 2], poses[n, 3], poses[n, 4] = x, y, a, b, best
