@@ -2,7 +2,9 @@
 
 import math
 import re
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,8 +27,9 @@ from uavseg.regions.edit.small import as_area
 from uavseg.regions.formats.export import check_region_path, write_regions
 from uavseg.regions.formats.read import read_regions, regions_of_frame
 from uavseg.regions.recognise import fit
-from uavseg.regions.recognise.measures import local_metres, objects, pixel_measures, shape_measures
+from uavseg.regions.recognise.measures import local_metres, pixel_measures, shape_measures
 from uavseg.regions.sample.place import bounding_cells, to_pixels
+from uavseg.regions.shapes import Objects
 from uavseg.regions.table import Regions, concatenated, plain_columns
 from uavseg.segmentation.blocks.g_statistic import g_statistic
 from uavseg.segmentation.source import GreySource
@@ -39,7 +42,7 @@ CANNOT_TELL = "cannot tell"
 MAX_EXAMPLES = 500
 # Log-evidence of an object of no name by independent point of its surface, and the temperature of evidences:
 # calibrated on simulated scenes other than those of benchmarks/recognition.py.
-_NO_NAME, _TEMPERATURE = -0.35, 1.5
+_NO_NAME, _TEMPERATURE = -0.35, 1.25
 _TEXTURE_SAMPLES = 32.0  # texture counts as so many independent pixels
 _COMPLETE = 0.8  # share of the outline of an example that should have been seen
 _MAX_CELLS = 1 << 22  # of the surroundings of an object that is fitted
@@ -52,9 +55,9 @@ class Description:
     """Regions with their measures, and what is known of their outlines."""
 
     regions: Regions
-    outlines: list[Any]  # polygons in metres, y to the north; solid for objects that were seen all round
-    # Of objects of a map, None for one that is too large; None where all outlines are known as a whole.
-    evidence: list[fit.Evidence | None] | None
+    outlines: Objects  # polygons in metres, y to the north; solid for objects that were seen all round
+    # Of objects of a map, None for one too large or too faint; None where all outlines are known as a whole.
+    evidence: Sequence[fit.Evidence | None] | None
     warnings: tuple[str, ...]
 
     def frame(self) -> "GeoDataFrame":
@@ -65,29 +68,28 @@ class Description:
 def described(options: DescribeOptions, work: Work) -> Description:
     """Measure regions by themselves and by a raster, or the occupied objects of a map."""
     source: Any = options.source
-    work = work.begun()
-    if not (isinstance(source, bytes) or names_regions(source) or hasattr(source, "geometry")):
+    work, is_frame = work.begun(), hasattr(source, "geometry")
+    if not (is_frame or isinstance(source, bytes) or names_regions(source)):
         return _of_map(options, work)
     if options.gap or options.min_area is not None:
         raise ParameterError("--gap and --min-area are for objects of a map; regions are taken as they are")
-    is_frame = hasattr(source, "geometry")
     regions = regions_of_frame(source, True) if is_frame else read_regions(source, options.layer, True)
     outlines, warnings = local_metres(regions), list[str]()
-    rows: list[dict[str, Any]] = [{**shape_measures(outline)} for outline in outlines]
+    columns: dict[str, Any] = {**shape_measures(outlines)}
     if options.raster is not None:
         raster = open_raster(options.raster, options.read)
         if (regions.wkt is None) != (raster.geobox.wkt is None):
             raise RegionError("regions or raster have no CRS, so their relative place is unknown")
         grey = raster.grey(work.over(raster, False))
+        pixels = to_pixels(_array(regions.polygons), raster.geobox, regions.wkt)
         with phase("texture"):
-            pixels = to_pixels(objects(regions.polygons), raster.geobox, regions.wkt)
-            rows = [row | pixel_measures(one, grey) for row, one in zip(rows, pixels, strict=True)]
+            rows = list(work.local(partial(pixel_measures, grey), pixels.tolist()))
+        columns |= {name: np.array([row[name] for row in rows]) for name in rows[0]}
         warnings += raster.warnings
-        if beside := sum(not row["texture"] for row in rows):
+        if beside := (columns["texture"] == "").sum():
             warnings.append(f"{beside:,} regions have no texture: too small, too large, or beside the raster")
-    wkt = None if regions.wkt is None else define_crs(regions.wkt).wkt2
-    measured = replace(_measured(regions, rows), wkt=wkt)
-    return work.finished(Description(measured, outlines, None, tuple(warnings)))
+    regions = _with(replace(regions, wkt=regions.wkt and define_crs(regions.wkt).wkt2), columns)
+    return work.finished(Description(regions, outlines, None, tuple(warnings)))
 
 
 def _of_map(options: DescribeOptions, work: Work) -> Description:
@@ -105,28 +107,30 @@ def _of_map(options: DescribeOptions, work: Work) -> Description:
     regions = found.objects.regions
     if options.gap:
         regions = _joined(regions, options.gap)
-    views = [_view(polygon, grey) for polygon in to_pixels(objects(regions.polygons), geobox)]
-    evidence, seen, solid = (list(one) for one in zip(*views, strict=True)) if views else ([], [], [])
-    on_map = shapely.transform(objects(solid), lambda x, y: geobox.xy_from_pixel(y, x), interleaved=False)
+    views = [_view(polygon, grey) for polygon in to_pixels(_array(regions.polygons), geobox)]
+    evidence, seen, solid = zip(*views, strict=True) if views else ((), (), ())
+    on_map = shapely.transform(_array(solid), lambda x, y: geobox.xy_from_pixel(y, x), interleaved=False)
     outlines = local_metres(replace(regions, polygons=on_map))
-    rows = [shape_measures(one) | {"seen_outline": share} for one, share in zip(outlines, seen, strict=True)]
-    return Description(_measured(regions, rows), outlines, evidence, found.warnings)
+    columns = shape_measures(outlines) | {"seen_outline": np.array(seen, np.float64)}
+    return Description(_with(regions, columns), outlines, evidence, found.warnings)
 
 
-def _measured(regions: Regions, rows: list[dict[str, Any]]) -> Regions:
-    """Add measures of each region as columns."""
-    columns = {name: np.array([row[name] for row in rows]) for name in (rows[0] if rows else ())}
+def _with(regions: Regions, columns: dict[str, Any]) -> Regions:
     return replace(regions, columns=plain_columns(regions.columns | columns))
+
+
+def _array(polygons: Iterable[Any]) -> Objects:
+    return np.array([*polygons], object)
 
 
 def _joined(regions: Regions, gap_m: float) -> Regions:
     """Join objects nearer to each other than a gap."""
-    polygons = objects(regions.polygons)
+    polygons = _array(regions.polygons)
     groups = shapely.get_parts(shapely.union_all(shapely.buffer(polygons, gap_m / 2)))
     group = shapely.STRtree(groups).query(shapely.point_on_surface(polygons), "within")[1]
     how = {name: _OF_PARTS.get(name, "first") for name in regions.columns}
     frame = regions.frame().dissolve(group, aggfunc=how).sort_values("id")
-    return replace(regions, columns={k: frame[k].to_numpy() for k in how}, polygons=objects(frame.geometry))
+    return replace(regions, columns={k: frame[k].to_numpy() for k in how}, polygons=_array(frame.geometry))
 
 
 def _view(polygon: Any, grey: GreySource) -> tuple[fit.Evidence | None, float, Any]:
@@ -144,7 +148,7 @@ def _view(polygon: Any, grey: GreySource) -> tuple[fit.Evidence | None, float, A
         return None, math.nan, polygon
     tile, block = grey.read(window, 0), np.ones((3, 3), bool)
     values = np.where(tile.valid > 0, tile.grey / GREY_MAX, 0.5)[: window.rows, : window.cols]
-    cells = pixels_inside(objects([polygon]), window)
+    cells = pixels_inside([polygon], window)
     surface = ndimage.binary_dilation(cells, block, 2)
     solid = fit.solid_cells(values, surface & (values > fit.SURFACE))
     if (ring := fit.smooth_contour(solid)) is not None:
@@ -204,21 +208,20 @@ def _recognised(found: Description, library: Regions, minimum: float, work: Work
     textures = [_log_texture(one, other) for one in _textures(found.regions) for other in known]
     scores = table[..., 0] + np.reshape(textures, table.shape[:2])
     names, of_names = np.unique(library.columns["name"].astype(str), return_inverse=True)
+    shares = np.equal.outer(np.arange(len(names)), of_names) / np.bincount(of_names)[:, None]
     samples = np.array([np.nan if one is None else one.surface[:, 2].sum() for one in evidence])
+    scores = np.column_stack([logsumexp(scores[:, None], axis=2, b=shares), _NO_NAME * samples])
     lost = np.isnan(samples)
-    each = np.where(of_names == np.arange(len(names))[:, None], 1 / np.bincount(of_names)[:, None], 0.0)
-    scores = logsumexp(scores[:, None], axis=2, b=each)
-    shares = softmax(np.column_stack([scores, _NO_NAME * samples]) / _TEMPERATURE, axis=1)[:, :-1]
-    probability = np.where(lost, 0.0, shares.max(axis=1)).round(6)
-    nearest = np.where(lost, "", names[shares.argmax(axis=1)])
-    columns: dict[str, Any] = {
+    best = softmax(scores / _TEMPERATURE, axis=1)[:, :-1].max(axis=1)
+    probability, nearest = np.where(lost, 0.0, best.round(6)), names[scores[:, :-1].argmax(axis=1)]
+    columns = {
         "name": np.where((probability >= minimum) & ~lost, nearest, CANNOT_TELL),
         "probability": probability,
-        "nearest": nearest,
+        "nearest": np.where(lost, "", nearest),
         "misfit": (-2 * table[..., 1].max(axis=1) / samples).round(6),
     }
     hint = f"{lost.sum():,} objects are too large or too faint to be fitted: {CANNOT_TELL}"
-    regions = replace(found.regions, columns=plain_columns(found.regions.columns | columns))
+    regions = _with(found.regions, columns)
     return replace(found, regions=regions, warnings=found.warnings + (hint,) * bool(lost.any()))
 
 
@@ -247,8 +250,8 @@ def _learned(found: Description, before: list[Regions], name: str, ids: list[int
     chosen = np.array([have.index(k) for k in ids])
     added = found.regions.select(chosen)
     added.columns["name"] = np.full(len(added), name, object)
-    outlines = [one for part in before for one in local_metres(part)] + [found.outlines[k] for k in chosen]
-    centred = [shapely.affinity.translate(one, -one.centroid.x, -one.centroid.y) for one in outlines]
+    outlines = np.concatenate([*map(local_metres, before), found.outlines[chosen]])
+    centred = _array(shapely.affinity.translate(one, -one.centroid.x, -one.centroid.y) for one in outlines)
     library = concatenated([*before, added])
     library.columns["id"] = np.arange(1, len(library) + 1)
     warnings = found.warnings + tuple(
@@ -258,4 +261,4 @@ def _learned(found: Description, before: list[Regions], name: str, ids: list[int
     )
     if any(part.wkt is not None for part in before):
         warnings += ("the library had a CRS: its outlines are now in metres around their centroids",)
-    return Description(replace(library, polygons=objects(centred), wkt=None), centred, None, warnings)
+    return Description(replace(library, polygons=centred, wkt=None), centred, None, warnings)

@@ -16,7 +16,8 @@ from uavseg.arrays import Bools, Floats
 FREE, SURFACE = 0.4, 0.6  # probabilities below which a cell is free, and above which it is surface
 _CORNERS, _SIDE = 96, 64  # samples of an outline; side of the image of distances to it
 _ANGLES, _SCALES, _LARGEST = 36, 7, 2.5  # of the search; the largest outline, in extents of what was seen
-_RANKED, _KEPT, _ROUNDS = 400, 24, 60  # candidates, maxima among them, rounds of the search for each
+_RANKED, _KEPT = 400, 24  # candidates, and maxima among them
+_HALVINGS, _ROUNDS = 5, 20  # of the step of the pattern search; rounds for each step
 _CAP = 9.0  # limit of a squared residual, in variances: robust to outliers
 _MIN_SAMPLES = 8  # cells along a surface: fewer are a speck, which fits anything
 _MAX_CELLS, _MAX_SAMPLES = 400, 128.0  # of a surface that are used; independent ones that they count for
@@ -122,9 +123,12 @@ def log_evidence(outline: Outline, evidence: Evidence) -> tuple[float, float]:
     sigma = float(evidence.grid[3])
     seen = max(_extent(evidence.surface), 2 * sigma)
     limits = np.array([max(seen - 3 * sigma, 0.7 * seen), _LARGEST * seen]) / outline.shape[2]
-    steps = np.array([1.0, 1.0, 2 / seen, 2 / seen]) * 0.7 * sigma
+    steps = 0.7 * sigma * 0.5 ** np.arange(_HALVINGS)[:, None]
+    factors = np.exp(steps * (0, 0, 0, 0, 2j, -2j, 2, -2) / seen)  # around the middle of the surface
+    shifts = steps * (1, -1, 1j, -1j, 0, 0, 0, 0)
+    moves = np.stack([factors.real, factors.imag, shifts.real, shifts.imag], axis=-1)
     poses = _distinct(_candidates(outline, evidence, limits), outline, 2.5 * sigma)
-    _climb(poses, steps, limits, _ROUNDS, *outline, *evidence)
+    _climb(poses, moves, limits, *outline, *evidence)
     maxima = _distinct(poses, outline, 1.5 * sigma)[:, 4]
     return float(np.logaddexp.reduce(maxima)), float(maxima[0])
 
@@ -137,7 +141,7 @@ def _candidates(outline: Outline, evidence: Evidence, limits: Floats) -> Floats:
     surface, wide = evidence.surface, evidence.grid * (1.0, 1.0, 1.0, 2.0, 1.0)
     anchor = surface[np.hypot(*(surface[:, :2] - np.median(surface[:, :2], axis=0)).T).argmin(), :2]
     angles = np.exp(1j * math.tau / _ANGLES * np.arange(_ANGLES))
-    turns = (angles[:, None] * np.geomspace(*limits, _SCALES)).ravel().repeat(_CORNERS // 3)
+    turns = (angles[:, None] * np.geomspace(limits[0], limits[1], _SCALES)).ravel().repeat(_CORNERS // 3)
     poses = np.zeros((len(turns), 5))
     poses[:, 2], poses[:, 3] = turns.real, turns.imag
     corners = np.tile(outline.corners[::3], (_ANGLES * _SCALES, 1))
@@ -145,7 +149,7 @@ def _candidates(outline: Outline, evidence: Evidence, limits: Floats) -> Floats:
     few = np.ascontiguousarray(surface[:: math.ceil(len(surface) / 60)])
     few[:, 2] *= surface[:, 2].sum() / few[:, 2].sum()
     half = np.ascontiguousarray(outline.corners[::2])
-    _climb(poses, limits, limits, 0, half, *outline[1:], few, evidence.free, wide)
+    _climb(poses, np.empty((0, 0, 4)), limits, half, *outline[1:], few, evidence.free, wide)
     return poses
 
 
@@ -200,36 +204,22 @@ def _log_likelihood(x, y, a, b, corners, distances, shape, surface, free, grid):
     return -0.5 * (squares + spacing * outside)
 
 
-@kernel("void(f8[:,::1], f8[::1], f8[::1], i8, f8[:,::1], f8[:,::1], f8[::1], f8[:,::1], f8[:,::1], f8[::1])")
-def _climb(poses, steps, limits, rounds, corners, distances, shape, surface, free, grid):  # type: ignore[no-untyped-def]
+@kernel("void(f8[:,::1], f8[:,:,::1], f8[::1], f8[:,::1], f8[:,::1], f8[::1], f8[:,::1], f8[:,::1], f8[::1])")
+def _climb(poses, moves, limits, corners, distances, shape, surface, free, grid):  # type: ignore[no-untyped-def]
     """Score each pose and move it to a local maximum by pattern search (Hooke and Jeeves 1961)."""
     for n in range(poses.shape[0]):
         x, y, a, b = poses[n, 0], poses[n, 1], poses[n, 2], poses[n, 3]
         best = _log_likelihood(x, y, a, b, corners, distances, shape, surface, free, grid)
-        share = 1.0
-        for _ in range(rounds):
-            moved = False
-            for k in range(8):
-                h = share * steps[k // 2] * (1.0 if k % 2 else -1.0)
-                u, v, c, s = x, y, 1.0, 0.0
-                if k < 2:
-                    u += h
-                elif k < 4:
-                    v += h
-                else:  # around the middle of the surface; rotation by arctan(h), since only sqrt is exact
-                    if k < 6:
-                        c = 1.0 / math.sqrt(1.0 + h * h)
-                        s = h * c
-                    else:
-                        c = 1.0 + h if k % 2 else 1.0 / (1.0 - h)
-                    u, v = c * x - s * y, s * x + c * y
-                p, q = c * a - s * b, s * a + c * b
-                if limits[0] <= math.sqrt(p * p + q * q) <= limits[1]:
-                    score = _log_likelihood(u, v, p, q, corners, distances, shape, surface, free, grid)
-                    if score > best + 1e-9:
-                        best, moved, x, y, a, b = score, True, u, v, p, q
-            if not moved:
-                share *= 0.5
-                if share < 0.06:
-                    break
+        for level in range(moves.shape[0]):
+            rounds, moved = 0, True
+            while moved and rounds < _ROUNDS:
+                rounds, moved = rounds + 1, False
+                for k in range(moves.shape[1]):
+                    c, s = moves[level, k, 0], moves[level, k, 1]
+                    u, v = c * x - s * y + moves[level, k, 2], s * x + c * y + moves[level, k, 3]
+                    p, q = c * a - s * b, s * a + c * b
+                    if limits[0] <= math.sqrt(p * p + q * q) <= limits[1]:
+                        score = _log_likelihood(u, v, p, q, corners, distances, shape, surface, free, grid)
+                        if score > best + 1e-9:
+                            best, moved, x, y, a, b = score, True, u, v, p, q
         poses[n, 0], poses[n, 1], poses[n, 2], poses[n, 3], poses[n, 4] = x, y, a, b, best

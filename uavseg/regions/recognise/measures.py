@@ -1,17 +1,17 @@
 """Measures of regions: moments and Fourier coefficients of their shape, and texture and bands inside them."""
 
 import math
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from uavseg.arrays import Floats, Integers
 from uavseg.raster.geodesy.globe import WGS84, geod_wgs84
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.polygon_mask import pixels_inside
 from uavseg.raster.grid.tiling import Window
+from uavseg.regions.shapes import Objects
 from uavseg.regions.table import Regions
 from uavseg.regions.wgs84 import to_wgs84
 from uavseg.segmentation.blocks.lbp import CONTRAST_BINS, UNCOUNTED, lbp_symbols
@@ -19,8 +19,6 @@ from uavseg.segmentation.source import GreySource
 from uavseg.units import GREY_MAX
 
 HARMONICS = 4
-_PROPERTIES = ("eccentricity", "solidity", "extent", "euler_number", "orientation", "moments_hu")
-_ACROSS = 256  # cells of the mask of which moments are computed
 _MAX_PIXELS = 1 << 24  # of a window that is measured
 _CONTRAST_EDGES = np.array([2**k for k in range(8, 15)], np.int32)  # of grey, the same for every raster
 _CONTRASTS = np.array([0.0, *(_CONTRAST_EDGES * math.sqrt(2))]) / GREY_MAX  # the middle of each bin
@@ -29,63 +27,82 @@ _CHANGES = [(code ^ (code >> 1 | (code & 1) << 7)).bit_count() for code in range
 _UNIFORM = np.array([code.bit_count() if _CHANGES[code] <= 2 else 9 for code in range(256)])
 
 
-def objects(polygons: Iterable[Any]) -> NDArray[np.object_]:
-    """Return polygons as an array of objects."""
-    return np.array([*polygons, None], object)[:-1]
-
-
-def local_metres(regions: Regions) -> list[Any]:
+def local_metres(regions: Regions) -> Objects:
     """Return each polygon in metres around a corner of its own: x to the east, y to true north.
 
     The projection is azimuthal equidistant. Without a CRS, coordinates are taken for metres and y for north.
     """
     if regions.wkt is None:
-        return list(regions.polygons)
+        return np.array([*regions.polygons], object)
 
     def placed(lon: Any, lat: Any) -> tuple[Any, Any]:
         bearing, _, metres = geod_wgs84().inv(np.full_like(lon, lon[0]), np.full_like(lat, lat[0]), lon, lat)
         return metres * np.sin(np.radians(bearing)), metres * np.cos(np.radians(bearing))
 
     degrees = regions.polygons if regions.wkt == WGS84 else to_wgs84.wgs84_geometries(regions)
-    return [shapely.transform(polygon, placed, interleaved=False) for polygon in degrees]
+    return np.array([shapely.transform(one, placed, interleaved=False) for one in degrees], object)
 
 
-def shape_measures(polygon: Any) -> dict[str, float]:
-    """Measure the shape of a polygon in metres, y to the north.
+def shape_measures(polygons: Objects) -> dict[str, Floats]:
+    """Measure shapes of polygons (n,) in metres, y to the north.
 
-    Length, width and angle (degrees clockwise from north) of the smallest box around it; eccentricity,
-    solidity, extent, Euler number, orientation (likewise) and Hu moments as `regionprops` of scikit-image has
-    them, of a mask 256 cells across; elliptic Fourier coefficients of the largest ring.
+    Length, width and angle (degrees clockwise from north) of the smallest box; solidity, extent, orientation
+    (likewise), eccentricity and Hu moments as `regionprops` of scikit-image has them, but of the polygons
+    themselves; parts less holes; elliptic Fourier coefficients of the largest ring.
     """
-    from skimage.measure import regionprops_table
-
-    x_min, y_min, x_max, y_max = polygon.bounds
-    cell = max(x_max - x_min, y_max - y_min) / _ACROSS
-    pixels = shapely.transform(polygon, lambda xy: (xy - (x_min, y_max)) * (1, -1) / cell)
-    mask = pixels_inside(objects([pixels]), Window(0, 0, _ACROSS, _ACROSS))
-    mask[0, 0] |= not mask.any()  # of a sliver without the centre of a cell
-    table = regionprops_table(mask.astype(np.uint8), properties=_PROPERTIES)
-    found = {name.replace("moments_hu-", "hu"): float(value[0]) for name, value in table.items()}
-    turn = found.pop("orientation")  # between the rows and the major axis
-    corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(polygon))
-    width, length = sorted(np.diff(corners[:3], axis=0).tolist(), key=lambda side: math.hypot(*side))
+    parts, of_parts = shapely.get_parts(shapely.orient_polygons(polygons), return_index=True)
+    rings, of_rings = shapely.get_rings(parts, return_index=True)
+    c11, c20, c21, c30 = _moments(polygons, rings, of_parts[of_rings])
+    box = shapely.get_coordinates(shapely.minimum_rotated_rectangle(polygons)).reshape(-1, 5, 2)
+    sides = np.diff(box[:, :3, 0] + 1j * box[:, :3, 1])
+    sides = np.take_along_axis(sides, np.abs(sides).argsort(axis=1), axis=1)
+    bounds = np.diff(shapely.bounds(polygons).reshape(-1, 2, 2), axis=1)
+    spread, cubed = np.abs(c20), c30 * c21.conj() ** 3
+    hu = [c11.real, spread**2, np.abs(c30) ** 2, np.abs(c21) ** 2]
+    hu += [cubed.real, (c20 * c21.conj() ** 2).real, cubed.imag]
+    largest = (max(shapely.get_parts(one), key=shapely.area).exterior for one in polygons)
+    efd = np.array([fourier_coefficients(ring) for ring in largest]).reshape(-1, 4 * HARMONICS)[:, 3:]
     return {
-        "length_m": math.hypot(*length),
-        "width_m": math.hypot(*width),
-        "angle_deg": math.degrees(math.atan2(*length)) % 180,
-        "orientation_deg": math.degrees(math.atan2(math.sin(turn), -math.cos(turn))) % 180,
-        **found,
-        **fourier_coefficients(max(shapely.get_parts(polygon), key=shapely.area).exterior),
+        "length_m": np.abs(sides[:, 1]),
+        "width_m": np.abs(sides[:, 0]),
+        "angle_deg": (90 - np.degrees(np.angle(sides[:, 1]))) % 180,
+        "orientation_deg": (90 - np.degrees(np.angle(c20)) / 2) % 180,
+        "eccentricity": np.sqrt(2 * spread / (hu[0] + spread)),
+        "solidity": shapely.area(polygons) / shapely.area(shapely.convex_hull(polygons)),
+        "extent": shapely.area(polygons) / bounds.prod(axis=(1, 2)),
+        "euler_number": 2 * np.bincount(of_parts) - np.bincount(of_parts[of_rings]),
+        **{f"hu{k}": one for k, one in enumerate(hu)},
+        **{f"efd{k // 4 + 1}_{'abcd'[k % 4]}": one for k, one in enumerate(efd.T, 3)},
     }
 
 
-def fourier_coefficients(ring: Any) -> dict[str, float]:
-    """Compute elliptic Fourier coefficients a, b, c, d of harmonics 1 to 4, invariant to similarity.
+def _moments(polygons: Objects, rings: Objects, owner: Integers) -> list[Any]:
+    """Compute complex moments: integrals of z^p conj(z)^q around the centroid, for an area of 1.
+
+    Each edge adds a triangle with the centroid; Gauss's rule of two nodes is exact for powers up to 3.
+    """
+    xy, ring = shapely.get_coordinates(rings, return_index=True)
+    middle = shapely.get_coordinates(shapely.centroid(polygons))
+    xy = (xy - middle[owner[ring]]) / np.sqrt(shapely.area(polygons))[owner[ring], None]
+    inner = ring[1:] == ring[:-1]
+    z = xy[:, 0] + 1j * xy[:, 1]
+    first, last = z[:-1][inner], z[1:][inner]
+    starts = np.searchsorted(owner[ring[1:]][inner], np.arange(len(polygons)))
+    nodes = [first + (last - first) * (0.5 + sign / math.sqrt(12)) for sign in (-1, 1)]
+    cross = (first.conj() * last).imag / 2
+    return [
+        np.add.reduceat(sum(cross * z**p * z.conj() ** q for z in nodes), starts) / (p + q + 2)
+        for p, q in ((1, 1), (2, 0), (2, 1), (3, 0))
+    ]
+
+
+def fourier_coefficients(ring: Any) -> Floats:
+    """Compute elliptic Fourier coefficients a, b, c, d (4, 4) of harmonics 1 to 4, invariant to similarity.
 
     F. P. Kuhl and C. R. Giardina, "Elliptic Fourier features of a closed contour", Computer Graphics and
     Image Processing 18 (1982) 236-258, with x + iy for the two coordinates: start, rotation and size are
-    those of the first ellipse, so that a, b and c of harmonic 1 are 1, 0 and 0, and left out. Of the two ends
-    of that ellipse, the start is the one for which a of harmonic 2 is not negative.
+    those of the first ellipse, so a, b and c of harmonic 1 are 1, 0 and 0. Of the two ends of that ellipse,
+    the start is the one for which a of harmonic 2 is not negative.
     """
     steps = np.diff(shapely.get_coordinates(ring if ring.is_ccw else ring.reverse()) @ (1, 1j))
     steps = steps[steps != 0]
@@ -100,12 +117,10 @@ def fourier_coefficients(ring: Any) -> dict[str, float]:
     back *= np.exp(0.5j * n * (first - last)) / size
     ac, bd = forward + back, 1j * (forward - back)
     sign = np.where((n % 2 == 0) & (ac[1].real < 0), -1, 1)  # the other end: even harmonics change sign
-    table = np.stack([ac.real, bd.real, ac.imag, bd.imag], axis=1) * sign[:, None]
-    kept = [(k, j) for k in n.tolist() for j in range(4) if k > 1 or j == 3]
-    return {f"efd{k}_{'abcd'[j]}": float(table[k - 1, j]) for k, j in kept}
+    return np.asarray(np.stack([ac.real, bd.real, ac.imag, bd.imag], axis=1) * sign[:, None])
 
 
-def pixel_measures(polygon: Any, source: GreySource) -> dict[str, Any]:
+def pixel_measures(source: GreySource, polygon: Any) -> dict[str, Any]:
     """Measure what a raster holds inside a polygon, which is in its pixels as (col, row).
 
     `texture` counts pixels by rotation-invariant uniform LBP (10) and contrast (8 bins that double), as text;
@@ -116,7 +131,7 @@ def pixel_measures(polygon: Any, source: GreySource) -> dict[str, Any]:
     window = Window(int(top), int(left), math.ceil(bottom) - int(top), math.ceil(right) - int(left))
     fits = 0 < window.rows * window.cols <= _MAX_PIXELS
     window = window if fits else Window(0, 0, 1, 1)
-    inside, tile = pixels_inside(objects([polygon]), window) & fits, source.read(window, 1)
+    inside, tile = pixels_inside([polygon], window) & fits, source.read(window, 1)
     symbols = lbp_symbols(tile.grey, tile.mask, _CONTRAST_EDGES)[: window.rows, : window.cols]
     counted = inside & (symbols != UNCOUNTED)
     code, contrast = np.divmod(symbols[counted], CONTRAST_BINS)
