@@ -1,6 +1,6 @@
 """Region table: polygons in the raster's CRS with measured attributes (area, perimeter, mean, ...)."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -89,28 +89,17 @@ class Regions:
         return frame
 
 
-def concatenated(parts: Sequence[Regions]) -> Regions:
-    """Return regions one after the other, with all columns; what one lacks is missing there."""
-    import pandas
-
-    frame = pandas.concat([pandas.DataFrame(part.columns) for part in parts], ignore_index=True)
-    polygons = np.array([*(polygon for part in parts for polygon in part.polygons), None], object)[:-1]
-    return Regions(plain_columns({str(name): frame[name] for name in frame}), polygons, parts[0].wkt)
-
-
-def plain_columns(columns: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
+def plain_columns(columns: Any) -> dict[str, NDArray[Any]]:
     """Return columns as integers, floats or texts, which every format has; a missing text is empty."""
     import pandas
 
     plain: dict[str, NDArray[Any]] = {}
-    for name, column in columns.items():
-        if name.lower() in ("fid", "geom"):  # of GeoPackages
-            continue
+    for name in (name for name in columns if name.lower() not in ("fid", "geom")):  # these are of GeoPackages
+        column = pandas.Series(columns[name])
         if column.dtype.kind in "biuf":
-            plain[name] = np.asarray(column, np.float64 if column.dtype.kind == "f" else np.int64)
+            plain[name] = column.to_numpy(np.float64 if column.dtype.kind == "f" else np.int64)
         else:
-            texts = pandas.Series(column).astype(str).where(pandas.notna(column), "")
-            plain[name] = texts.to_numpy(object)
+            plain[name] = column.astype(str).where(column.notna(), "").to_numpy(object)
     return plain
 
 

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -30,7 +30,7 @@ from uavseg.regions.recognise import fit
 from uavseg.regions.recognise.measures import local_metres, pixel_measures, shape_measures
 from uavseg.regions.sample.place import bounding_cells, to_pixels
 from uavseg.regions.shapes import Objects
-from uavseg.regions.table import Regions, concatenated, plain_columns
+from uavseg.regions.table import Regions, plain_columns
 from uavseg.segmentation.blocks.g_statistic import g_statistic
 from uavseg.segmentation.source import GreySource
 from uavseg.units import GREY_MAX
@@ -74,22 +74,22 @@ def described(options: DescribeOptions, work: Work) -> Description:
     if options.gap or options.min_area is not None:
         raise ParameterError("--gap and --min-area are for objects of a map; regions are taken as they are")
     regions = regions_of_frame(source, True) if is_frame else read_regions(source, options.layer, True)
-    outlines, warnings = local_metres(regions), list[str]()
+    outlines, warnings = local_metres(regions), tuple[str, ...]()
     columns: dict[str, Any] = {**shape_measures(outlines)}
     if options.raster is not None:
         raster = open_raster(options.raster, options.read)
         if (regions.wkt is None) != (raster.geobox.wkt is None):
             raise RegionError("regions or raster have no CRS, so their relative place is unknown")
         grey = raster.grey(work.over(raster, False))
-        pixels = to_pixels(_array(regions.polygons), raster.geobox, regions.wkt)
+        pixels = to_pixels(np.asarray(regions.polygons), raster.geobox, regions.wkt)
         with phase("texture"):
             rows = list(work.local(partial(pixel_measures, grey), pixels.tolist()))
         columns |= {name: np.array([row[name] for row in rows]) for name in rows[0]}
-        warnings += raster.warnings
-        if beside := (columns["texture"] == "").sum():
-            warnings.append(f"{beside:,} regions have no texture: too small, too large, or beside the raster")
-    regions = _with(replace(regions, wkt=regions.wkt and define_crs(regions.wkt).wkt2), columns)
-    return work.finished(Description(regions, outlines, None, tuple(warnings)))
+        beside = sum(not row["texture"] for row in rows)
+        hint = f"{beside:,} regions have no texture: too small, too large, or beside the raster"
+        warnings = (*raster.warnings, *[hint] * (beside > 0))
+    regions = replace(regions, wkt=regions.wkt and define_crs(regions.wkt).wkt2)
+    return work.finished(Description(_with(regions, columns), outlines, None, warnings))
 
 
 def _of_map(options: DescribeOptions, work: Work) -> Description:
@@ -107,10 +107,11 @@ def _of_map(options: DescribeOptions, work: Work) -> Description:
     regions = found.objects.regions
     if options.gap:
         regions = _joined(regions, options.gap)
-    views = [_view(polygon, grey) for polygon in to_pixels(_array(regions.polygons), geobox)]
+    views = [_view(polygon, grey) for polygon in to_pixels(np.asarray(regions.polygons), geobox)]
     evidence, seen, solid = zip(*views, strict=True) if views else ((), (), ())
-    on_map = shapely.transform(_array(solid), lambda x, y: geobox.xy_from_pixel(y, x), interleaved=False)
-    outlines = local_metres(replace(regions, polygons=on_map))
+    polygons = np.array(solid, object)
+    polygons = shapely.transform(polygons, lambda x, y: geobox.xy_from_pixel(y, x), interleaved=False)
+    outlines = local_metres(replace(regions, polygons=polygons))
     columns = shape_measures(outlines) | {"seen_outline": np.array(seen, np.float64)}
     return Description(_with(regions, columns), outlines, evidence, found.warnings)
 
@@ -119,18 +120,14 @@ def _with(regions: Regions, columns: dict[str, Any]) -> Regions:
     return replace(regions, columns=plain_columns(regions.columns | columns))
 
 
-def _array(polygons: Iterable[Any]) -> Objects:
-    return np.array([*polygons], object)
-
-
 def _joined(regions: Regions, gap_m: float) -> Regions:
     """Join objects nearer to each other than a gap."""
-    polygons = _array(regions.polygons)
+    polygons = np.asarray(regions.polygons)
     groups = shapely.get_parts(shapely.union_all(shapely.buffer(polygons, gap_m / 2)))
     group = shapely.STRtree(groups).query(shapely.point_on_surface(polygons), "within")[1]
     how = {name: _OF_PARTS.get(name, "first") for name in regions.columns}
     frame = regions.frame().dissolve(group, aggfunc=how).sort_values("id")
-    return replace(regions, columns={k: frame[k].to_numpy() for k in how}, polygons=_array(frame.geometry))
+    return replace(regions, columns={k: frame[k].to_numpy() for k in how}, polygons=frame.geometry.to_numpy())
 
 
 def _view(polygon: Any, grey: GreySource) -> tuple[fit.Evidence | None, float, Any]:
@@ -141,12 +138,12 @@ def _view(polygon: Any, grey: GreySource) -> tuple[fit.Evidence | None, float, A
     """
     from scipy import ndimage
 
-    bounds = np.array(polygon.bounds)
+    bounds, block = np.array(polygon.bounds), np.ones((3, 3), bool)
     margin = max(bounds[2:] - bounds[:2]) / 2 + 8
     window = bounding_cells(bounds + np.repeat([-margin, margin], 2), grey.shape)
     if window.rows * window.cols > _MAX_CELLS:
         return None, math.nan, polygon
-    tile, block = grey.read(window, 0), np.ones((3, 3), bool)
+    tile = grey.read(window, 0)
     values = np.where(tile.valid > 0, tile.grey / GREY_MAX, 0.5)[: window.rows, : window.cols]
     cells = pixels_inside([polygon], window)
     surface = ndimage.binary_dilation(cells, block, 2)
@@ -155,36 +152,37 @@ def _view(polygon: Any, grey: GreySource) -> tuple[fit.Evidence | None, float, A
         polygon, cells = shapely.Polygon(ring + np.array([window.col, window.row])), solid
     inside = ndimage.binary_dilation(ndimage.binary_fill_holes(cells), block)
     around = values[ndimage.binary_dilation(inside, block) & ~inside]
-    free, known = int((around < fit.FREE).sum()), int((around <= fit.SURFACE).sum())
+    seen = (around < fit.FREE).sum() / max((around <= fit.SURFACE).sum(), 1)
     cell = math.sqrt(abs(grey.dataset.geobox.transform.determinant))
-    return fit.evidence_of_cells(values, surface, cell), free / max(known, 1), polygon
+    return fit.evidence_of_cells(values, surface, cell), seen, polygon
 
 
 def recognised(options: RecogniseOptions, work: Work) -> Description:
     """Name regions or objects by the examples of a library; or add them to it, and return all of it."""
-    path, name, ids = options.library, options.learn, options.ids
-    if name is None:
-        if ids is not None:
-            raise ParameterError("ids are those of examples to learn; give their name too (--learn)")
-        if not 0 <= options.min_probability <= 1:
-            raise ParameterError(f"a probability lies in 0..1, not {options.min_probability:g}")
-        library = read_regions(path, local=True)
-        names = library.columns.get("name", np.full(len(library), "", object))
-        named = np.array([isinstance(one, str) and one not in ("", CANNOT_TELL) for one in names], bool)
-        if not 0 < named.sum() <= MAX_EXAMPLES:
-            raise RegionError(
-                f"the library has {named.sum():,} examples with a name (column 'name'), and 1 to "
-                f"{MAX_EXAMPLES} are expected; recognise --learn NAME --ids N,... adds some"
-            )
-        return _recognised(described(options, work), library.select(named), options.min_probability, work)
-    if not name.isprintable() or name.strip() in ("", CANNOT_TELL):
-        raise ParameterError(f"an example needs a printable name other than {CANNOT_TELL!r}")
-    keep_inputs([path], [options.source, options.raster])
-    check_region_path(path, True)
-    before = [read_regions(path, local=True)] if file_exists(path) else []
-    learned = _learned(described(options, work), before, name, list(dict.fromkeys(ids or ())))
-    write_regions(learned.regions, path, overwrite=True)
-    return learned
+    path, name = options.library, options.learn
+    if name is not None:
+        if not name.isprintable() or name.strip() in ("", CANNOT_TELL):
+            raise ParameterError(f"an example needs a printable name other than {CANNOT_TELL!r}")
+        keep_inputs([path], [options.source, options.raster])
+        check_region_path(path, True)
+        before = [read_regions(path, local=True)] if file_exists(path) else []
+        learned = _learned(described(options, work), before, name, list(dict.fromkeys(options.ids or ())))
+        write_regions(learned.regions, path, overwrite=True)
+        return learned
+    if options.ids is not None:
+        raise ParameterError("ids are those of examples to learn; give their name too (--learn)")
+    if not 0 <= options.min_probability <= 1:
+        raise ParameterError(f"a probability lies in 0..1, not {options.min_probability:g}")
+    library = read_regions(path, local=True)
+    names = library.columns.get("name", np.full(len(library), "", object))
+    named = [isinstance(one, str) and one not in ("", CANNOT_TELL) for one in names]
+    library = library.select(np.array(named, bool))
+    if not 0 < len(library) <= MAX_EXAMPLES:
+        raise RegionError(
+            f"the library has {len(library):,} examples with a name (column 'name'), and 1 to {MAX_EXAMPLES} "
+            "are expected; recognise --learn NAME --ids N,... adds some"
+        )
+    return _recognised(described(options, work), library, options.min_probability, work)
 
 
 def _recognised(found: Description, library: Regions, minimum: float, work: Work) -> Description:
@@ -221,8 +219,8 @@ def _recognised(found: Description, library: Regions, minimum: float, work: Work
         "misfit": (-2 * table[..., 1].max(axis=1) / samples).round(6),
     }
     hint = f"{lost.sum():,} objects are too large or too faint to be fitted: {CANNOT_TELL}"
-    regions = _with(found.regions, columns)
-    return replace(found, regions=regions, warnings=found.warnings + (hint,) * bool(lost.any()))
+    warnings = found.warnings + (hint,) * bool(lost.any())
+    return replace(found, regions=_with(found.regions, columns), warnings=warnings)
 
 
 def _log_texture(first: Integers, second: Integers) -> float:
@@ -230,30 +228,34 @@ def _log_texture(first: Integers, second: Integers) -> float:
     if not (first.any() and second.any()):
         return 0.0
     pixels = 1 / (1 / first.sum() + 1 / second.sum())
-    by_chance = (np.count_nonzero(first + second) - 1) / (2 * pixels)
-    return -_TEXTURE_SAMPLES * max(float(g_statistic(first, second) / (2 * pixels) - by_chance), 0.0)
+    excess = g_statistic(first, second) - np.count_nonzero(first + second) + 1
+    return -_TEXTURE_SAMPLES * max(float(excess / (2 * pixels)), 0.0)
 
 
 def _textures(regions: Regions) -> list[Integers]:
     """Return the histograms of the column `texture`; empty where there is none."""
-    texts = [str(text) for text in regions.columns.get("texture", [""] * len(regions))]
+    texts = map(str, regions.columns.get("texture", [""] * len(regions)))
     valid = re.compile(r"[0-9]{1,12}( [0-9]{1,12}){79}")
     return [np.array(text.split() if valid.fullmatch(text) else [], np.int64) for text in texts]
 
 
 def _learned(found: Description, before: list[Regions], name: str, ids: list[int]) -> Description:
     """Return a library with regions of these ids as further examples: in metres around their centroids."""
+    import pandas
+
     have = found.regions.columns["id"].tolist()
     if not ids or not set(ids) <= set(have):
         unknown = ", ".join(str(k) for k in ids if k not in have) or "none was named (--ids N,...)"
         raise ParameterError(f"examples are regions by their ids, of which there is no such one: {unknown}")
     chosen = np.array([have.index(k) for k in ids])
     added = found.regions.select(chosen)
-    added.columns["name"] = np.full(len(added), name, object)
+    frames = [pandas.DataFrame(part.columns) for part in (*before, added)]
+    frames[-1]["name"] = name
+    table = pandas.concat(frames, ignore_index=True)
+    table["id"] = np.arange(1, len(table) + 1)
     outlines = np.concatenate([*map(local_metres, before), found.outlines[chosen]])
-    centred = _array(shapely.affinity.translate(one, -one.centroid.x, -one.centroid.y) for one in outlines)
-    library = concatenated([*before, added])
-    library.columns["id"] = np.arange(1, len(library) + 1)
+    centred = [shapely.affinity.translate(one, -one.centroid.x, -one.centroid.y) for one in outlines]
+    library, polygons = plain_columns(table), np.array(centred, object)
     warnings = found.warnings + tuple(
         f"part of the outline of region {k} was not seen; it is learned as it is drawn"
         for k, seen in zip(ids, added.columns.get("seen_outline", np.ones(len(ids))), strict=True)
@@ -261,4 +263,4 @@ def _learned(found: Description, before: list[Regions], name: str, ids: list[int
     )
     if any(part.wkt is not None for part in before):
         warnings += ("the library had a CRS: its outlines are now in metres around their centroids",)
-    return Description(replace(library, polygons=centred, wkt=None), centred, None, warnings)
+    return Description(Regions(library, polygons, None), polygons, None, warnings)

@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 import shapely
 
-from uavseg.arrays import Floats, Integers
+from uavseg.arrays import Floats
 from uavseg.raster.geodesy.globe import WGS84, geod_wgs84
-from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.polygon_mask import pixels_inside
 from uavseg.raster.grid.tiling import Window
 from uavseg.regions.shapes import Objects
@@ -28,9 +27,9 @@ _UNIFORM = np.array([code.bit_count() if _CHANGES[code] <= 2 else 9 for code in 
 
 
 def local_metres(regions: Regions) -> Objects:
-    """Return each polygon in metres around a corner of its own: x to the east, y to true north.
+    """Project each polygon to metres around a corner of its own (azimuthal equidistant), y to true north.
 
-    The projection is azimuthal equidistant. Without a CRS, coordinates are taken for metres and y for north.
+    Without a CRS, coordinates are taken for metres and y for north.
     """
     if regions.wkt is None:
         return np.array([*regions.polygons], object)
@@ -52,71 +51,58 @@ def shape_measures(polygons: Objects) -> dict[str, Floats]:
     """
     parts, of_parts = shapely.get_parts(shapely.orient_polygons(polygons), return_index=True)
     rings, of_rings = shapely.get_rings(parts, return_index=True)
-    c11, c20, c21, c30 = _moments(polygons, rings, of_parts[of_rings])
-    box = shapely.get_coordinates(shapely.minimum_rotated_rectangle(polygons)).reshape(-1, 5, 2)
-    sides = np.diff(box[:, :3, 0] + 1j * box[:, :3, 1])
-    sides = np.take_along_axis(sides, np.abs(sides).argsort(axis=1), axis=1)
-    bounds = np.diff(shapely.bounds(polygons).reshape(-1, 2, 2), axis=1)
+    xy, ring = shapely.get_coordinates(rings, return_index=True)
+    owner, area = of_parts[of_rings][ring], shapely.area(polygons)
+    xy = (xy - shapely.get_coordinates(shapely.centroid(polygons))[owner]) / np.sqrt(area)[owner, None]
+    edges, z = np.flatnonzero(ring[1:] == ring[:-1]), xy[:, 0] + 1j * xy[:, 1]
+    first, last, owner = z[edges], z[edges + 1], owner[edges]
+    # Complex moments, integrals of z^p conj(z)^q: each edge adds a triangle with the centroid, for which
+    # Gauss's rule of two nodes is exact for powers to 3.
+    nodes = [first + (last - first) * (0.5 + sign / math.sqrt(12)) for sign in (-1, 1)]
+    starts, cross = np.searchsorted(owner, np.arange(len(polygons))), (first.conj() * last).imag / 2
+    c11, c20, c21, c30 = (
+        np.add.reduceat(sum(cross * z**p * z.conj() ** q for z in nodes), starts) / (p + q + 2)
+        for p, q in ((1, 1), (2, 0), (2, 1), (3, 0))
+    )
     spread, cubed = np.abs(c20), c30 * c21.conj() ** 3
     hu = [c11.real, spread**2, np.abs(c30) ** 2, np.abs(c21) ** 2]
     hu += [cubed.real, (c20 * c21.conj() ** 2).real, cubed.imag]
+    box = shapely.get_coordinates(shapely.minimum_rotated_rectangle(polygons)).reshape(-1, 5, 2)
+    sides = np.diff(box[:, :3, 0] + 1j * box[:, :3, 1])
+    width, length = np.take_along_axis(sides, np.abs(sides).argsort(axis=1), axis=1).T
+    bounds = np.diff(shapely.bounds(polygons).reshape(-1, 2, 2), axis=1)
     largest = (max(shapely.get_parts(one), key=shapely.area).exterior for one in polygons)
     efd = np.array([fourier_coefficients(ring) for ring in largest]).reshape(-1, 4 * HARMONICS)[:, 3:]
     return {
-        "length_m": np.abs(sides[:, 1]),
-        "width_m": np.abs(sides[:, 0]),
-        "angle_deg": (90 - np.degrees(np.angle(sides[:, 1]))) % 180,
+        "length_m": np.abs(length),
+        "width_m": np.abs(width),
+        "angle_deg": (90 - np.degrees(np.angle(length))) % 180,
         "orientation_deg": (90 - np.degrees(np.angle(c20)) / 2) % 180,
         "eccentricity": np.sqrt(2 * spread / (hu[0] + spread)),
-        "solidity": shapely.area(polygons) / shapely.area(shapely.convex_hull(polygons)),
-        "extent": shapely.area(polygons) / bounds.prod(axis=(1, 2)),
+        "solidity": area / shapely.area(shapely.convex_hull(polygons)),
+        "extent": area / bounds.prod(axis=(1, 2)),
         "euler_number": 2 * np.bincount(of_parts) - np.bincount(of_parts[of_rings]),
         **{f"hu{k}": one for k, one in enumerate(hu)},
         **{f"efd{k // 4 + 1}_{'abcd'[k % 4]}": one for k, one in enumerate(efd.T, 3)},
     }
 
 
-def _moments(polygons: Objects, rings: Objects, owner: Integers) -> list[Any]:
-    """Compute complex moments: integrals of z^p conj(z)^q around the centroid, for an area of 1.
-
-    Each edge adds a triangle with the centroid; Gauss's rule of two nodes is exact for powers up to 3.
-    """
-    xy, ring = shapely.get_coordinates(rings, return_index=True)
-    middle = shapely.get_coordinates(shapely.centroid(polygons))
-    xy = (xy - middle[owner[ring]]) / np.sqrt(shapely.area(polygons))[owner[ring], None]
-    inner = ring[1:] == ring[:-1]
-    z = xy[:, 0] + 1j * xy[:, 1]
-    first, last = z[:-1][inner], z[1:][inner]
-    starts = np.searchsorted(owner[ring[1:]][inner], np.arange(len(polygons)))
-    nodes = [first + (last - first) * (0.5 + sign / math.sqrt(12)) for sign in (-1, 1)]
-    cross = (first.conj() * last).imag / 2
-    return [
-        np.add.reduceat(sum(cross * z**p * z.conj() ** q for z in nodes), starts) / (p + q + 2)
-        for p, q in ((1, 1), (2, 0), (2, 1), (3, 0))
-    ]
-
-
 def fourier_coefficients(ring: Any) -> Floats:
     """Compute elliptic Fourier coefficients a, b, c, d (4, 4) of harmonics 1 to 4, invariant to similarity.
 
     F. P. Kuhl and C. R. Giardina, "Elliptic Fourier features of a closed contour", Computer Graphics and
-    Image Processing 18 (1982) 236-258, with x + iy for the two coordinates: start, rotation and size are
-    those of the first ellipse, so a, b and c of harmonic 1 are 1, 0 and 0. Of the two ends of that ellipse,
-    the start is the one for which a of harmonic 2 is not negative.
+    Image Processing 18 (1982) 236-258. Start, rotation and size are those of the first ellipse, so a, b and c
+    of harmonic 1 are 1, 0 and 0; the start is that of its two ends for which a of harmonic 2 is not negative.
     """
     steps = np.diff(shapely.get_coordinates(ring if ring.is_ccw else ring.reverse()) @ (1, 1j))
     steps = steps[steps != 0]
     along = np.concatenate([[0.0], np.cumsum(np.abs(steps))]) * math.tau / np.abs(steps).sum()
-    n = np.arange(1, HARMONICS + 1)
-    forward, back = (
-        np.diff(np.exp(-1j * np.outer(k, along))) @ (steps / np.abs(steps)) / k**2 for k in (n, -n)
-    )
-    first, last = np.angle(forward[0]), np.angle(back[0])
-    size = np.exp(0.5j * (first + last)) * (abs(forward[0]) + abs(back[0]))
-    forward *= np.exp(0.5j * n * (last - first)) / size
-    back *= np.exp(0.5j * n * (first - last)) / size
-    ac, bd = forward + back, 1j * (forward - back)
-    sign = np.where((n % 2 == 0) & (ac[1].real < 0), -1, 1)  # the other end: even harmonics change sign
+    n = np.outer((1, -1), np.arange(1, HARMONICS + 1))
+    waves = np.diff(np.exp(-1j * n[..., None] * along)) @ (steps / np.abs(steps)) / n**2
+    first, last = np.angle(waves[:, 0])
+    waves *= np.exp(0.5j * (n * (last - first) - first - last)) / np.abs(waves[:, 0]).sum()
+    ac, bd = waves[0] + waves[1], 1j * (waves[0] - waves[1])
+    sign = np.where((n[0] % 2 == 0) & (ac[1].real < 0), -1, 1)  # the other end: even harmonics change sign
     return np.asarray(np.stack([ac.real, bd.real, ac.imag, bd.imag], axis=1) * sign[:, None])
 
 
@@ -140,27 +126,24 @@ def pixel_measures(source: GreySource, polygon: Any) -> dict[str, Any]:
     y, x = (one[1 : window.rows + 1, 1 : window.cols + 1][counted] for one in slopes)
     energy, tensor = float((x * x + y * y).sum()), complex(((x + 1j * y) ** 2).sum())
     strength = abs(tensor) / energy if energy > 0 else math.nan
-    rows_deg = (math.degrees(np.angle(tensor)) / 2 + _up_deg(polygon, source.dataset.geobox)) % 180
+    col, row = polygon.centroid.coords[0]
+    east, north = source.dataset.geobox.xy_from_pixel([row, row - 1], [col, col])
+    if source.dataset.geobox.crs is None:
+        up = math.degrees(math.atan2(*np.diff([east, north])[:, 0]))
+    else:
+        lon, lat = source.dataset.geobox.lonlat_from_xy(east, north)
+        up = geod_wgs84().inv(lon[0], lat[0], lon[1], lat[1])[0]
     found: dict[str, Any] = {
         "texture": " ".join(map(str, counts.tolist())) if counted.any() else "",
         "contrast": float(_CONTRASTS[contrast].mean()) if counted.any() else math.nan,
-        "rows_deg": rows_deg if strength > 0 else math.nan,
+        "rows_deg": (math.degrees(np.angle(tensor)) / 2 + up) % 180 if strength > 0 else math.nan,
         "rows_strength": strength,
     }
-    roles = source.dataset.mosaic.files[0].layout.roles
-    for band in (k for k, role in enumerate(roles, 1) if role != "alpha"):
+    for band, role in enumerate(source.dataset.mosaic.files[0].layout.roles, 1):
+        if role == "alpha":
+            continue
         values, valid = source.dataset.of_band(band).read(window)
         chosen = values[0][inside if valid is None else inside & valid].astype(np.float64)
         for what in ("mean", "std", "min", "max"):
             found[f"b{band}_{what}"] = float(getattr(chosen, what)()) if len(chosen) else math.nan
     return found
-
-
-def _up_deg(polygon: Any, geobox: GeoBox) -> float:
-    """Return the direction of decreasing rows at a polygon in pixels, clockwise from true north."""
-    col, row = polygon.centroid.coords[0]
-    x, y = geobox.xy_from_pixel([row, row - 1], [col, col])
-    if geobox.crs is None:
-        return math.degrees(math.atan2(x[1] - x[0], y[1] - y[0]))
-    lon, lat = geobox.lonlat_from_xy(x, y)
-    return float(geod_wgs84().inv(lon[0], lat[0], lon[1], lat[1])[0])
