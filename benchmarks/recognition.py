@@ -64,7 +64,7 @@ _CORNERS: dict[str, Any] = {
 def _unit(corners: Any) -> Floats:
     """Return corners around the middle of their box, whose longer side becomes 1."""
     ring = np.asarray(corners, np.float64)
-    return (ring - (ring.min(axis=0) + ring.max(axis=0)) / 2) / np.ptp(ring, axis=0).max()
+    return np.asarray((ring - (ring.min(axis=0) + ring.max(axis=0)) / 2) / np.ptp(ring, axis=0).max())
 
 
 SHAPES = {name: _unit(corners) for name, corners in _CORNERS.items()}

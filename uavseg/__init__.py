@@ -15,12 +15,10 @@ if TYPE_CHECKING:
     from uavseg.api.maps import build_map as build_map
     from uavseg.api.maps import classify as classify
     from uavseg.api.maps import compare as compare
-    from uavseg.api.maps import describe as describe
     from uavseg.api.maps import explore as explore
     from uavseg.api.maps import merge_maps as merge_maps
     from uavseg.api.maps import next_views as next_views
     from uavseg.api.maps import path as path
-    from uavseg.api.maps import recognise as recognise
     from uavseg.api.missions import check as check
     from uavseg.api.missions import download as download
     from uavseg.api.missions import plan as plan
@@ -34,6 +32,8 @@ if TYPE_CHECKING:
     from uavseg.api.rasters import divide as divide
     from uavseg.api.rasters import extract as extract
     from uavseg.api.rasters import levels as levels
+    from uavseg.api.recognition import describe as describe
+    from uavseg.api.recognition import recognise as recognise
     from uavseg.api.widget import RangeWidget as RangeWidget
     from uavseg.errors import UavsegError as UavsegError
     from uavseg.flight.params.plan import PlanParams as PlanParams
@@ -65,8 +65,8 @@ _HOMES = {
     "match": "uavseg.api.questions",
     "path": "uavseg.api.maps",
     "suggest": "uavseg.api.questions",
-    "describe": "uavseg.api.maps",
-    "recognise": "uavseg.api.maps",
+    "describe": "uavseg.api.recognition",
+    "recognise": "uavseg.api.recognition",
     "plan": "uavseg.api.missions",
     "preview": "uavseg.api.preview",
     "map_page": "uavseg.api.pages",

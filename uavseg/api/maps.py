@@ -23,9 +23,6 @@ from uavseg.jobs.maps.merge_maps import merge_maps as run_merge_maps
 from uavseg.jobs.maps.next_view import NextViews
 from uavseg.jobs.maps.next_view import next_views as run_next_views
 from uavseg.jobs.maps.path import path as run_path
-from uavseg.jobs.maps.recognition import Description
-from uavseg.jobs.maps.recognition import described as run_describe
-from uavseg.jobs.maps.recognition import recognised as run_recognise
 from uavseg.jobs.maps.requests import (
     classify_request,
     compare_job,
@@ -39,11 +36,9 @@ from uavseg.occupancy.paths.find_path import PlannedPath
 from uavseg.options.maps import (
     BuildMapOptions,
     ClassifyOptions,
-    DescribeOptions,
     ExploreOptions,
     NextViewOptions,
     PathOptions,
-    RecogniseOptions,
 )
 from uavseg.options.option import build
 from uavseg.options.regions import CompareOptions
@@ -494,124 +489,6 @@ def compare(
         result = run_compare(*sources, job, least, work(options.run, progress))
     warn(result.warnings)
     return result
-
-
-@checked
-def describe(
-    source: Any,
-    *,
-    raster: Any = None,
-    layer: str | None = None,
-    gap: float = 0.0,
-    min_area: float | str | None = None,
-    band: int | str | None = None,
-    nodata: float | str | None = None,
-    stretch: str | None = None,
-    free_is_white: bool | None = None,
-    tile: int | None = None,
-    threads: int | None = None,
-    progress: Progress | bool | None = None,
-    resume: str | os.PathLike[str] | None = None,
-    allow_path: Folders = (),
-    allow_network: bool = False,
-) -> Description:
-    """Measure the shape, texture and bands of regions, or of the occupied objects of a map.
-
-    Parameters
-    ----------
-    source : path, GeoDataFrame, array, OccupancyGrid, ...
-        A file of regions or their frame; or a map of probabilities in metres, as of `classify`.
-    raster : path, array or Dataset, optional
-        Of regions: the raster of which texture and bands are measured too.
-    layer : str, optional
-    gap : float
-        Of a map: objects nearer to each other than this many metres are one.
-    min_area : float or str, optional
-        Of a map: smaller objects are left out, in square metres or as "20px".
-    free_is_white, band, ..., allow_network
-        Of the raster or the map, as of `classify`.
-
-    Returns
-    -------
-    found : Description
-        `frame()` has the columns of the regions and their measures: of shape, texture and bands; angles in
-        degrees clockwise from true north. Objects of a map have `seen_outline`, the share of their outline
-        that borders on free space rather than on unknown.
-
-    Raises
-    ------
-    UavsegError
-        If regions, raster or map cannot be read or do not fit together, or a parameter is wrong.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> walls = np.zeros((64, 64))
-    >>> walls[16:32, 16:48] = 1.0
-    >>> describe(walls).frame()[["length_m", "width_m", "seen_outline"]].round(1).values.tolist()
-    [[32.0, 16.0, 1.0]]
-    """
-    options = build(DescribeOptions, locals())
-    with allowing(allow_path, allow_network):
-        found = run_describe(options, work(options.run, progress))
-    warn(found.warnings)
-    return found
-
-
-@checked
-def recognise(
-    source: Any,
-    library: str | os.PathLike[str],
-    *,
-    learn: str | None = None,
-    ids: Sequence[int] | None = None,
-    min_probability: float = 0.5,
-    raster: Any = None,
-    layer: str | None = None,
-    gap: float = 0.0,
-    min_area: float | str | None = None,
-    band: int | str | None = None,
-    nodata: float | str | None = None,
-    stretch: str | None = None,
-    free_is_white: bool | None = None,
-    tile: int | None = None,
-    threads: int | None = None,
-    progress: Progress | bool | None = None,
-    resume: str | os.PathLike[str] | None = None,
-    allow_path: Folders = (),
-    allow_network: bool = False,
-) -> Description:
-    """Name regions, or the objects of a map, by the described examples that fit them best.
-
-    Parameters
-    ----------
-    source, raster, layer, gap, min_area, free_is_white, band, ..., allow_network
-        As of `describe`.
-    library : path
-        A file of described regions with a column `name`.
-    learn : str, optional
-        Add the regions of these `ids` to the library, or to a new one, as examples of this name instead.
-    ids : sequence of int, optional
-    min_probability : float
-        Below it, the name is "cannot tell".
-
-    Returns
-    -------
-    named : Description
-        `frame()` has the columns of `describe`, and `name`, `probability`, `nearest` (the most probable name
-        in any case) and `misfit` (mean squared residual of the best fit, in variances). With `learn`, the
-        library.
-
-    Raises
-    ------
-    UavsegError
-        As of `describe`; if the library cannot be read, holds no name, or there is no region of an id.
-    """
-    options = build(RecogniseOptions, locals())
-    with allowing(allow_path, allow_network):
-        found = run_recognise(options, work(options.run, progress))
-    warn(found.warnings)
-    return found
 
 
 @checked

@@ -89,13 +89,17 @@ class Regions:
         return frame
 
 
-def plain_columns(columns: Any) -> dict[str, NDArray[Any]]:
-    """Return columns as integers, floats or texts, which every format has; a missing text is empty."""
+def plain_columns(*tables: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Return columns of tables, one after the other, as integers, floats or texts, which every format has.
+
+    A text that a table lacks is empty, a number NaN.
+    """
     import pandas
 
     plain: dict[str, NDArray[Any]] = {}
-    for name in (name for name in columns if name.lower() not in ("fid", "geom")):  # these are of GeoPackages
-        column = pandas.Series(columns[name])
+    for name, column in pandas.concat([pandas.DataFrame(dict(one)) for one in tables]).items():
+        if name.lower() in ("fid", "geom"):  # of GeoPackages
+            continue
         if column.dtype.kind in "biuf":
             plain[name] = column.to_numpy(np.float64 if column.dtype.kind == "f" else np.int64)
         else:

@@ -241,21 +241,18 @@ def _textures(regions: Regions) -> list[Integers]:
 
 def _learned(found: Description, before: list[Regions], name: str, ids: list[int]) -> Description:
     """Return a library with regions of these ids as further examples: in metres around their centroids."""
-    import pandas
-
     have = found.regions.columns["id"].tolist()
     if not ids or not set(ids) <= set(have):
         unknown = ", ".join(str(k) for k in ids if k not in have) or "none was named (--ids N,...)"
         raise ParameterError(f"examples are regions by their ids, of which there is no such one: {unknown}")
     chosen = np.array([have.index(k) for k in ids])
     added = found.regions.select(chosen)
-    frames = [pandas.DataFrame(part.columns) for part in (*before, added)]
-    frames[-1]["name"] = name
-    table = pandas.concat(frames, ignore_index=True)
-    table["id"] = np.arange(1, len(table) + 1)
+    added.columns["name"] = np.full(len(added), name, object)
+    columns = plain_columns(*(part.columns for part in (*before, added)))
     outlines = np.concatenate([*map(local_metres, before), found.outlines[chosen]])
     centred = [shapely.affinity.translate(one, -one.centroid.x, -one.centroid.y) for one in outlines]
-    library, polygons = plain_columns(table), np.array(centred, object)
+    columns["id"] = np.arange(1, len(centred) + 1)
+    library = Regions(columns, polygons := np.array(centred, object), None)
     warnings = found.warnings + tuple(
         f"part of the outline of region {k} was not seen; it is learned as it is drawn"
         for k, seen in zip(ids, added.columns.get("seen_outline", np.ones(len(ids))), strict=True)
@@ -263,4 +260,4 @@ def _learned(found: Description, before: list[Regions], name: str, ids: list[int
     )
     if any(part.wkt is not None for part in before):
         warnings += ("the library had a CRS: its outlines are now in metres around their centroids",)
-    return Description(Regions(library, polygons, None), polygons, None, warnings)
+    return Description(library, polygons, None, warnings)
