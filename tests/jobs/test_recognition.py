@@ -91,6 +91,20 @@ def test_a_gap_joins_objects_and_their_areas() -> None:
     assert near.frame().iloc[0][["x_min", "x_max"]].tolist() == [10, 34]
 
 
+def test_pieces_that_are_joined_have_the_outline_of_all(tmp_path: Path) -> None:
+    """A frame of four walls apart at its corners, free inside as in maps that call the unknown free."""
+    walls = [shapely.box(24, 20, 56, 22), shapely.box(24, 58, 56, 60)]
+    walls += [shapely.box(20, 24, 22, 56), shapely.box(58, 24, 60, 56)]
+    frame = shapely.union_all(walls)
+    cells = np.where(shapely.contains_xy(frame, X, Y), 0.95, 0.05)
+    found = uavseg.describe(cells, gap=8)
+    assert found.frame()[["length_m", "width_m"]].iloc[0].tolist() == pytest.approx([40, 40], abs=1)
+    turned = shapely.affinity.rotate(frame, 30, "center")
+    uavseg.recognise(cells, tmp_path / "library.gpkg", learn="box", ids=[1], gap=8)
+    again = np.where(shapely.contains_xy(turned, X, Y), 0.95, 0.05)
+    assert uavseg.recognise(again, tmp_path / "library.gpkg", gap=8).frame()["name"].tolist() == ["box"]
+
+
 def test_threads_and_tiles_change_nothing(library: Path) -> None:
     picture = seen_from(ELL, 2)
     first, second = (

@@ -107,7 +107,7 @@ def _of_map(options: DescribeOptions, work: Work) -> Description:
     regions = found.objects.regions
     if options.gap:
         regions = _joined(regions, options.gap)
-    views = [_view(polygon, grey) for polygon in to_pixels(np.asarray(regions.polygons), geobox)]
+    views = [_view(polygon, grey, options.gap) for polygon in to_pixels(np.asarray(regions.polygons), geobox)]
     evidence, seen, solid = zip(*views, strict=True) if views else ((), (), ())
     polygons = np.array(solid, object)
     polygons = shapely.transform(polygons, lambda x, y: geobox.xy_from_pixel(y, x), interleaved=False)
@@ -130,31 +130,33 @@ def _joined(regions: Regions, gap_m: float) -> Regions:
     return replace(regions, columns={k: frame[k].to_numpy() for k in how}, polygons=frame.geometry.to_numpy())
 
 
-def _view(polygon: Any, grey: GreySource) -> tuple[fit.Evidence | None, float, Any]:
+def _view(polygon: Any, grey: GreySource, gap_m: float) -> tuple[fit.Evidence | None, float, Any]:
     """Return what cells say of an object, which share of its border is free, and its solid outline in pixels.
 
     That is the outline of all that is not free and connected with the object, its hidden inside too, where
-    free space surrounds it; else the polygon itself.
+    that is one piece and free space surrounds it; else the polygon itself, with gaps closed.
     """
     from scipy import ndimage
 
     bounds, block = np.array(polygon.bounds), np.ones((3, 3), bool)
     margin = max(bounds[2:] - bounds[:2]) / 2 + 8
     window = bounding_cells(bounds + np.repeat([-margin, margin], 2), grey.shape)
+    cell = math.sqrt(abs(grey.dataset.geobox.transform.determinant))
+    gap = gap_m / cell / 2
+    closed = polygon.buffer(gap).buffer(-gap) if gap else polygon
     if window.rows * window.cols > _MAX_CELLS:
-        return None, math.nan, polygon
+        return None, math.nan, closed
     tile = grey.read(window, 0)
     values = np.where(tile.valid > 0, tile.grey / GREY_MAX, 0.5)[: window.rows, : window.cols]
     cells = pixels_inside([polygon], window)
     surface = ndimage.binary_dilation(cells, block, 2)
     solid = fit.solid_cells(values, surface & (values > fit.SURFACE))
     if (ring := fit.smooth_contour(solid)) is not None:
-        polygon, cells = shapely.Polygon(ring + np.array([window.col, window.row])), solid
+        closed, cells = shapely.Polygon(ring + np.array([window.col, window.row])), solid
     inside = ndimage.binary_dilation(ndimage.binary_fill_holes(cells), block)
     around = values[ndimage.binary_dilation(inside, block) & ~inside]
     seen = (around < fit.FREE).sum() / max((around <= fit.SURFACE).sum(), 1)
-    cell = math.sqrt(abs(grey.dataset.geobox.transform.determinant))
-    return fit.evidence_of_cells(values, surface, cell), seen, polygon
+    return fit.evidence_of_cells(values, surface, cell), seen, closed
 
 
 def recognised(options: RecogniseOptions, work: Work) -> Description:

@@ -66,14 +66,14 @@ def solid_cells(probabilities: Floats, seeds: Bools) -> Bools:
 
 
 def smooth_contour(cells: Bools) -> Floats | None:
-    """Return the longest contour (n, 2) of cells as (col, row); None if they are none or reach the border."""
-    from scipy.ndimage import gaussian_filter
+    """Return the contour (n, 2) of cells as (col, row); None unless they are one piece off the border."""
+    from scipy.ndimage import gaussian_filter, label
     from skimage.measure import find_contours
 
     contours = find_contours(gaussian_filter(cells.astype(np.float64), 1.0), 0.5)
     longest = max(contours, key=len, default=np.empty((0, 2)))
-    inside = len(longest) > 3 and cells[1:-1, 1:-1].sum() == cells.sum()
-    return longest[:, ::-1] + 0.5 if inside else None
+    inside = label(cells, np.ones((3, 3)))[1] == 1 and cells[1:-1, 1:-1].sum() == cells.sum()
+    return longest[:, ::-1] + 0.5 if inside and len(longest) > 3 else None
 
 
 class Outline(NamedTuple):
