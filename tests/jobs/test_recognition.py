@@ -105,6 +105,16 @@ def test_pieces_that_are_joined_have_the_outline_of_all(tmp_path: Path) -> None:
     assert uavseg.recognise(again, tmp_path / "library.gpkg", gap=8).frame()["name"].tolist() == ["box"]
 
 
+@pytest.mark.parametrize("gap", [1e-6, 0.5, 30.0, 1000.0])
+def test_gaps_of_any_width_keep_what_there_is(gap: float) -> None:
+    cells = np.full((64, 64), 0.05)
+    cells[10:12, 10:30] = cells[20:40, 30:32] = cells[50:52, 50:52] = 0.95
+    found = uavseg.describe(cells, gap=gap)
+    assert sum(found.regions.columns["area_m2"]) == 84
+    outlines = shapely.union_all(found.outlines)
+    assert outlines.buffer(1).covers(shapely.union_all([*uavseg.describe(cells).outlines]))
+
+
 def test_threads_and_tiles_change_nothing(library: Path) -> None:
     picture = seen_from(ELL, 2)
     first, second = (
@@ -165,6 +175,7 @@ def test_texture_parts_equal_shapes(tmp_path: Path) -> None:
         ({"min_probability": 1.5}, "0..1"),
         ({"gap": -1.0}, "0 m or more"),
         ({"gap": math.nan}, "0 m or more"),
+        ({"gap": 1e9}, "1000 m at most"),
         ({"raster": "x.tif"}, "by its own cells"),
         ({"layer": "x"}, "by its own cells"),
     ],

@@ -60,14 +60,6 @@ def describe(
     ------
     UavsegError
         If regions, raster or map cannot be read or do not fit together, or a parameter is wrong.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> walls = np.zeros((64, 64))
-    >>> walls[16:32, 16:48] = 1.0
-    >>> describe(walls).frame()[["length_m", "width_m", "seen_outline"]].round(1).values.tolist()
-    [[32.0, 16.0, 1.0]]
     """
     options = build(DescribeOptions, locals())
     with allowing(allow_path, allow_network):

@@ -45,7 +45,7 @@ MAX_EXAMPLES = 500
 _NO_NAME, _TEMPERATURE = -0.35, 1.25
 _TEXTURE_SAMPLES = 32.0  # texture counts as so many independent pixels
 _COMPLETE = 0.8  # share of the outline of an example that should have been seen
-_MAX_CELLS = 1 << 22  # of the surroundings of an object that is fitted
+_MAX_CELLS, _MAX_GAP_M = 1 << 22, 1000.0  # around an object that is fitted; between its pieces
 _OF_PARTS = dict.fromkeys(("area_m2", "perimeter_m", "pixels", "holes"), "sum")  # columns of joined objects
 _OF_PARTS |= {"x_min": "min", "y_min": "min", "x_max": "max", "y_max": "max"}
 
@@ -99,8 +99,8 @@ def _of_map(options: DescribeOptions, work: Work) -> Description:
         raise ParameterError("a map is described by its own cells; --raster and --layer are for regions")
     if not is_in_metres(source.geobox.wkt):
         raise ParameterError(f"{source.name} is not in metres; objects are described in a map that is")
-    if not options.gap >= 0:
-        raise ParameterError(f"a gap is 0 m or more, not {options.gap:g}")
+    if not 0 <= options.gap <= _MAX_GAP_M:
+        raise ParameterError(f"a gap is 0 m or more, and {_MAX_GAP_M:g} m at most, not {options.gap:g}")
     request = ClassifyRequest(min_area=as_area(options.min_area), allow_lost_obstacles=True)
     found: Any = classify(source, request, work)
     grey, geobox = GreySource(source.dataset, found.source.stretch), found.geobox
@@ -143,7 +143,7 @@ def _view(polygon: Any, grey: GreySource, gap_m: float) -> tuple[fit.Evidence | 
     window = bounding_cells(bounds + np.repeat([-margin, margin], 2), grey.shape)
     cell = math.sqrt(abs(grey.dataset.geobox.transform.determinant))
     gap = gap_m / cell / 2
-    closed = polygon.buffer(gap).buffer(-gap) if gap else polygon
+    closed = polygon.union(polygon.buffer(gap).buffer(-gap)) if gap else polygon  # buffers are not exact
     if window.rows * window.cols > _MAX_CELLS:
         return None, math.nan, closed
     tile = grey.read(window, 0)

@@ -21,9 +21,7 @@ _HALVINGS, _ROUNDS = 5, 20  # of the step of the pattern search; rounds for each
 _CAP = 9.0  # limit of a squared residual, in variances: robust to outliers
 _MIN_SAMPLES = 8  # cells along a surface: fewer are a speck, which fits anything
 _MAX_CELLS, _MAX_SAMPLES = 400, 128.0  # of a surface that are used; independent ones that they count for
-# Of outlines that are known as a whole: how much those of one name differ, by their extent, and at how many
-# independent places.
-_VARIATION, _WHOLE_SAMPLES = 0.07, 32.0
+_VARIATION, _WHOLE_SAMPLES = 0.07, 32.0  # of whole outlines of one name: by extent, at independent places
 
 
 class Evidence(NamedTuple):
@@ -146,8 +144,8 @@ def _candidates(outline: Outline, evidence: Evidence, limits: Floats) -> Floats:
     poses[:, 2], poses[:, 3] = turns.real, turns.imag
     corners = np.tile(outline.corners[::3], (_ANGLES * _SCALES, 1))
     poses[:, :2] = anchor - _placed(poses, corners[:, None])[:, 0]
-    few = np.ascontiguousarray(surface[:: math.ceil(len(surface) / 60)])
-    few[:, 2] *= surface[:, 2].sum() / few[:, 2].sum()
+    few = surface[:: math.ceil(len(surface) / 60)]
+    few = few * (1.0, 1.0, surface[:, 2].sum() / few[:, 2].sum())
     half = np.ascontiguousarray(outline.corners[::2])
     _climb(poses, np.empty((0, 0, 4)), limits, half, *outline[1:], few, evidence.free, wide)
     return poses

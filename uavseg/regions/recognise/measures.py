@@ -126,13 +126,11 @@ def pixel_measures(source: GreySource, polygon: Any) -> dict[str, Any]:
     y, x = (one[1 : window.rows + 1, 1 : window.cols + 1][counted] for one in slopes)
     energy, tensor = float((x * x + y * y).sum()), complex(((x + 1j * y) ** 2).sum())
     strength = abs(tensor) / energy if energy > 0 else math.nan
-    col, row = polygon.centroid.coords[0]
-    east, north = source.dataset.geobox.xy_from_pixel([row, row - 1], [col, col])
-    if source.dataset.geobox.crs is None:
-        up = math.degrees(math.atan2(*np.diff([east, north])[:, 0]))
-    else:
-        lon, lat = source.dataset.geobox.lonlat_from_xy(east, north)
-        up = geod_wgs84().inv(lon[0], lat[0], lon[1], lat[1])[0]
+    (col, row), geobox = polygon.centroid.coords[0], source.dataset.geobox
+    place: Any = geobox.xy_from_pixel([row, row - 1], [col, col])
+    up = math.degrees(math.atan2(*np.diff(place)[:, 0]))
+    if geobox.crs is not None:
+        up = geod_wgs84().inv(*np.transpose(geobox.lonlat_from_xy(*place)).ravel())[0]
     found: dict[str, Any] = {
         "texture": " ".join(map(str, counts.tolist())) if counted.any() else "",
         "contrast": float(_CONTRASTS[contrast].mean()) if counted.any() else math.nan,
