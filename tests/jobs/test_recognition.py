@@ -161,6 +161,7 @@ def test_texture_parts_equal_shapes(tmp_path: Path) -> None:
     assert found["name"].tolist() == ["smooth", "smooth", "rough", "rough"]
     assert found["b1_mean"].round().tolist()[:2] == [100, 100] and found["contrast"][0] < found["contrast"][2]
     described = uavseg.describe(frame, raster=raster).frame()
+    assert described.equals(uavseg.describe(frame, raster=raster, threads=3, tile=64).frame())
     assert described["area_m2"].tolist() == pytest.approx([math.pi * 625] * 4, rel=0.01)
 
 

@@ -255,11 +255,9 @@ def _learned(found: Description, before: list[Regions], name: str, ids: list[int
     centred = [shapely.affinity.translate(one, -one.centroid.x, -one.centroid.y) for one in outlines]
     columns["id"] = np.arange(1, len(centred) + 1)
     library = Regions(columns, polygons := np.array(centred, object), None)
-    warnings = found.warnings + tuple(
-        f"part of the outline of region {k} was not seen; it is learned as it is drawn"
-        for k, seen in zip(ids, added.columns.get("seen_outline", np.ones(len(ids))), strict=True)
-        if seen < _COMPLETE
-    )
+    seen, warnings = added.columns.get("seen_outline", np.ones(len(ids))), found.warnings
+    for k in np.array(ids)[seen < _COMPLETE].tolist():
+        warnings += (f"part of the outline of region {k} was not seen; it is learned as it is drawn",)
     if any(part.wkt is not None for part in before):
         warnings += ("the library had a CRS: its outlines are now in metres around their centroids",)
     return Description(library, polygons, None, warnings)
