@@ -736,6 +736,44 @@ def test_states(source: str, words: Words) -> None:
     assert_equal(in_python(classify_states), expected)
 
 
+@pytest.mark.parametrize(
+    ("source", "words"),
+    [
+        ("map.tif", {}),
+        ("map.tif", {"gap": 1.0, "min_area": "4px", "threads": 2}),
+        ("ros.yaml", {}),
+        ("found.gpkg", {}),
+        ("found.gpkg", {"raster": "utm_map.tif", "band": 1}),
+        ("found.gpkg", {"gap": 1.0}),
+        ("ros.yaml", {"raster": "map.tif"}),
+        ("missing.gpkg", {}),
+    ],
+)
+def test_descriptions_and_names(source: str, words: Words) -> None:
+    _, words = Path("library.gpkg").unlink(missing_ok=True), dict(words)
+    if source == "found.gpkg":
+        export.write_regions(regions_of(uavseg.extract("utm_map.tif", range=(0.6, 1))), source, True)
+    arguments = [source, *options(words), "-o", "out.gpkg"]
+    expected = on_the_command_line("describe", arguments, "out.gpkg")
+
+    def describe() -> bytes:
+        found = uavseg.describe(source, **words)
+        return written(lambda path: export.write_regions(found.regions, path), "python.gpkg")
+
+    assert_equal(in_python(describe), expected)
+    if isinstance(expected.content, bytes):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            uavseg.recognise(source, "library.gpkg", learn="one", ids=[1], **words)
+        expected = on_the_command_line("recognise", [*arguments, "--library", "library.gpkg"], "out.gpkg")
+
+        def recognise() -> bytes:
+            found = uavseg.recognise(source, "library.gpkg", **words)
+            return written(lambda path: export.write_regions(found.regions, path), "python.gpkg")
+
+        assert_equal(in_python(recognise), expected)
+
+
 ENDS = {"range": (0, 0.45), "start": (1.05, 12.05), "goal": (15.05, 1.05)}
 ON_UTM = {"range": (0, 0.45), "start": (4e5 + 21, 5e6 - 21), "goal": (4e5 + 301, 5e6 - 251)}
 

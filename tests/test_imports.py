@@ -174,7 +174,7 @@ ONLY_IN = {
     "matplotlib": {"plot"},
     "rosbags": {"occupancy.bags"},
     "anywidget": {"api.widget"},
-    "skimage": {"segmentation.sample", "occupancy.paths.find_path"},
+    "skimage": {"segmentation.sample", "occupancy.paths.find_path", "regions.recognise"},
     "xarray": {"xarray"},
     "apsw": {"occupancy.bags"},
     "lz4": {"occupancy.bags"},

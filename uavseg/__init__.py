@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from uavseg.api.rasters import divide as divide
     from uavseg.api.rasters import extract as extract
     from uavseg.api.rasters import levels as levels
+    from uavseg.api.recognition import describe as describe
+    from uavseg.api.recognition import recognise as recognise
     from uavseg.api.widget import RangeWidget as RangeWidget
     from uavseg.errors import UavsegError as UavsegError
     from uavseg.flight.params.plan import PlanParams as PlanParams
@@ -63,6 +65,8 @@ _HOMES = {
     "match": "uavseg.api.questions",
     "path": "uavseg.api.maps",
     "suggest": "uavseg.api.questions",
+    "describe": "uavseg.api.recognition",
+    "recognise": "uavseg.api.recognition",
     "plan": "uavseg.api.missions",
     "preview": "uavseg.api.preview",
     "map_page": "uavseg.api.pages",

@@ -150,6 +150,8 @@ BASES: dict[str, Callable[[], dict[str, Any]]] = {
     "levels": lambda: {"source": _field(), "width": 0.3, "threads": 1},
     "divide": lambda: {"source": _dataset(), "threads": 1},
     "classify": lambda: {"source": _map(), "threads": 1},
+    "describe": lambda: {"source": _map(), "threads": 1},
+    "recognise": lambda: {"source": _map(), "library": "r.gpkg", "learn": "disc", "ids": [1], "threads": 1},
     "path": lambda: {
         "source": _map(),
         "range": (0, 0.5),

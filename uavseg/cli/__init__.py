@@ -21,6 +21,8 @@ _COMMANDS = {
     "levels": "Divide a raster into levels of equal width, and each into segments.",
     "match": "Find regions whose texture and intensity are like a sample's.",
     "classify": "Find what is free, unknown and occupied in a map of probabilities.",
+    "describe": "Measure shape, texture and bands of regions or of a map's objects.",
+    "recognise": "Name regions or a map's objects by examples.",
     "compare": "Find what changed between two rasters or two maps of one place.",
     "divide": "Save a raster's block map, from which any range is answered.",
     "plan": "Plan a mission over regions.",

@@ -1,6 +1,8 @@
-"""Options of the jobs over occupancy maps: classify, path, build-map, merge-maps, simulate."""
+"""Options of the jobs over occupancy maps, and regions: classify, path, recognise, simulate, ..."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 from uavseg.options import texts
 from uavseg.options.flights import AUTOPILOTS, Home
@@ -12,6 +14,7 @@ from uavseg.options.running import (
     StorageOptions,
     TiledJobOptions,
     VerbosityOptions,
+    output_option,
 )
 
 MODES = ("trinary", "scale", "raw")
@@ -174,6 +177,34 @@ class PathOptions(TiledJobOptions):
     autopilot: str = option("For a mission.", default="ardupilot", choices=AUTOPILOTS, python=False)
     read: ReadOptions = group(ReadOptions, *ONLY_RASTERS, **MAP_STRETCH)
     division: DivisionOptions = group(DivisionOptions)
+
+
+class DescribeOptions(TiledJobOptions):
+    """Description."""
+
+    source: str = argument("REGIONS|MAP", required=True)
+    output: str | None = output_option(
+        "The regions with their measures: .gpkg, .geojson, .fgb, .parquet, .shp or .kml.", "PATH"
+    )
+    raster: str | None = option("Of REGIONS: measure texture and bands too.", metavar="RASTER", basic=True)
+    layer: str | None = option("The layer of REGIONS, if the file has several.", metavar="NAME")
+    gap: float = option("Of MAP: join objects nearer than this.", default=0.0, metavar="METRES", basic=True)
+    min_area: float | str | None = option("Of MAP: leave out objects of less.", metavar="M2|Npx", basic=True)
+    read: ReadOptions = group(ReadOptions, *ONLY_RASTERS, "index", "expr", "band_names", **MAP_STRETCH)
+
+
+class RecogniseOptions(DescribeOptions):
+    """Recognition."""
+
+    output: str | None = output_option(
+        "The regions with their names: .gpkg, .geojson, .fgb, .parquet, .shp or .kml.", "PATH", required=False
+    )
+    library: str = option("Examples, with a column 'name'.", required=True, metavar="LIBRARY", basic=True)
+    learn: str | None = option("Add examples of this name to the library.", metavar="NAME", basic=True)
+    ids: Sequence[int] | None = option(
+        "With --learn: which regions.", metavar="N,N,...", parse=texts.ids, basic=True
+    )
+    min_probability: float = option("Below it: 'cannot tell'.", default=0.5, metavar="P", basic=True)
 
 
 class NextViewOptions(TiledJobOptions):

@@ -89,6 +89,24 @@ class Regions:
         return frame
 
 
+def plain_columns(*tables: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Return columns of tables, one after the other, as integers, floats or texts, which every format has.
+
+    A text that a table lacks is empty, a number NaN.
+    """
+    import pandas
+
+    plain: dict[str, NDArray[Any]] = {}
+    for name, column in pandas.concat([pandas.DataFrame(dict(one)) for one in tables]).items():
+        if name.lower() in ("fid", "geom"):  # of GeoPackages
+            continue
+        if column.dtype.kind in "biuf":
+            plain[name] = column.to_numpy(np.float64 if column.dtype.kind == "f" else np.int64)
+        else:
+            plain[name] = column.astype(str).where(column.notna(), "").to_numpy(object)
+    return plain
+
+
 def make_regions(
     rings: "Rings",
     sums: "Sums",

@@ -1,5 +1,6 @@
 """Polygon rasterisation: a mask of the pixels whose centres lie inside polygons."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from uavseg.raster.grid.tiling import Window
 from uavseg.warning_filters import changing_filters
 
 
-def pixels_inside(polygons: NDArray[np.object_], window: Window) -> NDArray[np.bool_]:
+def pixels_inside(polygons: Iterable[Any], window: Window) -> NDArray[np.bool_]:
     """Return the mask (rows, cols) of the pixels of a window whose centres lie inside polygons.
 
     These (shapely) are in pixels as (col, row); the outer corner of the first pixel is (0, 0).

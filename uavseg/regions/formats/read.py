@@ -43,7 +43,9 @@ KML_FIELDS = {
 FULL_NAMES = {"perim_m": "perimeter_m", "range_lo": "range_low", "range_hi": "range_high"}  # of Shapefiles
 
 
-def read_regions(source: str | os.PathLike[str] | bytes, layer: str | None = None) -> Regions:
+def read_regions(
+    source: str | os.PathLike[str] | bytes, layer: str | None = None, local: bool = False
+) -> Regions:
     """Read regions from a file, in WGS 84.
 
     The source is GeoJSON, GeoPackage, FlatGeobuf, GeoParquet, Shapefile or KML, or the content of such a
@@ -51,31 +53,33 @@ def read_regions(source: str | os.PathLike[str] | bytes, layer: str | None = Non
     are completed: regions without an integer `id` are numbered from 1, the parts of a multipolygon
     separately; `area_m2` (geodesic) and `lon`, `lat` of a point inside are computed. `layer` is for a file
     that has several, other than KML, of which all are read. A RegionError says that the file cannot be read,
-    has no polygons or other geometries too, no CRS, or local coordinates.
+    has no polygons or other geometries too, no CRS, or local coordinates; with `local`, coordinates without a
+    CRS are read as they are.
     """
     name = "standard input" if isinstance(source, bytes) else str(source)
-    return _complete_frame(_read_frame(source, name, layer), name)
+    return _complete_frame(_read_frame(source, name, layer), name, local)
 
 
-def regions_of_frame(frame: "GeoDataFrame") -> Regions:
-    """Return regions of a GeoDataFrame, in WGS 84, completed like those of a file.
+def regions_of_frame(frame: "GeoDataFrame", local: bool = False) -> Regions:
+    """Return regions of a GeoDataFrame, in WGS 84, completed like those of a file (`local` too).
 
     A RegionError says that it has no polygons or other geometries too, no CRS, or local coordinates.
     """
-    return _complete_frame(frame, "the frame")
+    return _complete_frame(frame, "the frame", local)
 
 
 @np.errstate(all="ignore")  # coordinates that are not finite, or far too large, are refused below
-def _complete_frame(frame: "GeoDataFrame", name: str) -> Regions:
+def _complete_frame(frame: "GeoDataFrame", name: str, local: bool) -> Regions:
     check_geometries(np.asarray(frame.geometry, dtype=object), name)
-    frame = _to_wgs84(frame, name)
+    local = local and frame.crs is None
+    frame = frame if local else _to_wgs84(frame, name)
     fields = [field for field in frame.columns if field != frame.geometry.name]
     if len({str(field) for field in fields}) < len(fields):
         raise RegionError(f"{name} has two attributes of the same name; rename one of them")
     with vector_errors(name):  # texts of a damaged file may not be UTF-8
         columns = {str(field): np.asarray(frame[field]) for field in fields}
     geometries = _polygons(np.asarray(frame.geometry, dtype=object), name)
-    return _complete(_restore_names(columns), geometries)
+    return _complete(_restore_names(columns), geometries, None if local else WGS84)
 
 
 def _read_frame(source: str | os.PathLike[str] | bytes, name: str, layer: str | None) -> "GeoDataFrame":
@@ -281,7 +285,7 @@ def _integers(values: NDArray[Any] | None) -> NDArray[np.int64] | None:
     return np.array(texts, dtype=np.int64)
 
 
-def _complete(columns: dict[str, NDArray[Any]], polygons: NDArray[np.object_]) -> Regions:
+def _complete(columns: dict[str, NDArray[Any]], polygons: NDArray[np.object_], wkt: str | None) -> Regions:
     ids = _integers(columns.get("id"))
     if ids is None:
         polygons, origin = shapely.get_parts(polygons, return_index=True)
@@ -289,13 +293,16 @@ def _complete(columns: dict[str, NDArray[Any]], polygons: NDArray[np.object_]) -
             name: values[origin] for name, values in columns.items() if name not in {"area_m2", "lon", "lat"}
         }
         ids = np.arange(1, len(polygons) + 1)
-    lon, lat = _inner_points(polygons, columns.get("lon"), columns.get("lat"))
+    lon, lat = np.full((2, len(polygons)), np.nan)
+    if wkt is not None:
+        lon, lat = _inner_points(polygons, columns.get("lon"), columns.get("lat"))
     area = columns.get("area_m2")
     if area is None or area.dtype.kind not in "iuf" or not np.isfinite(area).all():
-        geod = geod_wgs84()
-        area = np.array([abs(geod.geometry_area_perimeter(polygon)[0]) for polygon in polygons])
+        geod, area = geod_wgs84(), shapely.area(polygons)
+        if wkt is not None:
+            area = np.array([abs(geod.geometry_area_perimeter(polygon)[0]) for polygon in polygons])
     columns = {"id": ids, "area_m2": area, **columns} | {"id": ids, "area_m2": area, "lon": lon, "lat": lat}
-    return Regions(columns, polygons, WGS84).select(np.argsort(ids, kind="stable"))
+    return Regions(columns, polygons, wkt).select(np.argsort(ids, kind="stable"))
 
 
 def _inner_points(polygons: NDArray[np.object_], lon: Any, lat: Any) -> tuple[Any, Any]:

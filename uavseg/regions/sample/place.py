@@ -141,12 +141,12 @@ def _class_name(value: object) -> str | None:
 
 
 def _mask(polygons: NDArray[np.object_], geobox: GeoBox, name: str) -> SampleMask:
-    on_grid = _to_pixels(polygons, geobox)
+    on_grid = to_pixels(polygons, geobox)
     with changing_filters():  # shapely changes them itself
         bounds = shapely.total_bounds(on_grid)
     if not np.isfinite(bounds).all():
         raise SampleError(f"{name} has no coordinates in the raster's CRS")
-    window = _bounding_cells(bounds, geobox.shape)
+    window = bounding_cells(bounds, geobox.shape)
     if window.rows == 0 or window.cols == 0:
         raise SampleError(f"{name} lies outside of the raster, which is {_extent(geobox)}")
     if window.rows * window.cols > MAX_SAMPLE_PIXELS:
@@ -189,8 +189,11 @@ def _read_polygons(name: str, geobox: GeoBox) -> "tuple[Regions, NDArray[np.obje
     )
 
 
-def _to_pixels(polygons: NDArray[np.object_], geobox: GeoBox) -> NDArray[np.object_]:
-    """Return polygons in pixel coordinates (col, row)."""
+def to_pixels(polygons: NDArray[np.object_], geobox: GeoBox, wkt: str | None = None) -> NDArray[np.object_]:
+    """Return polygons, of the raster's CRS or another, in pixel coordinates (col, row)."""
+    if wkt is not None:
+        project = transform_between(wkt, geobox.wkt)
+        polygons = shapely.transform(polygons, lambda x, y: project(x, y), interleaved=False)
     back = ~geobox.transform
     on_grid: NDArray[Any] = shapely.transform(
         polygons,
@@ -200,7 +203,7 @@ def _to_pixels(polygons: NDArray[np.object_], geobox: GeoBox) -> NDArray[np.obje
     return on_grid
 
 
-def _bounding_cells(bounds: NDArray[np.float64], shape: tuple[int, int]) -> Window:
+def bounding_cells(bounds: NDArray[np.float64], shape: tuple[int, int]) -> Window:
     """Return the window of the cells that bounds (col, row, col, row) intersect, clipped to the raster."""
     limit = np.array([shape[1], shape[0]])
     first = np.clip(np.floor(bounds[:2]), 0, limit).astype(int) // CELL * CELL

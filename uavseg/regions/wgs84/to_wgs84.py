@@ -66,7 +66,9 @@ def wgs84_batches(regions: Regions, vertices: int = shapes.BATCH_VERTICES) -> It
     if not len(regions):
         return
     reprojection = _Reprojection.of(regions.wkt)
-    pixels = regions.columns["pixels"].sum()
+    pixels = np.asarray(regions.columns.get("pixels", 0)).sum()
+    if not (isinstance(pixels, np.number) and pixels > 0):  # regions of other programs
+        pixels = shapely.get_num_coordinates(list(regions.polygons)).sum()
     pixel = shapes.total_area(regions.polygons) / pixels
     decimals = decimals_for(float(np.sqrt(np.nansum(regions.columns["area_m2"]) / pixels)))
     for part in shapes.batch_slices(regions.polygons, vertices):

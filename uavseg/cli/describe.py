@@ -1,0 +1,41 @@
+"""`uavseg describe`: measures of regions, or of the occupied objects of a map."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from uavseg.cli import write
+from uavseg.cli.command import job_command
+from uavseg.cli.terminal.say import Reporter, work_of
+from uavseg.options.maps import DescribeOptions
+
+
+@job_command("describe", DescribeOptions)
+def command(options: DescribeOptions) -> None:
+    """Measure the shape, texture and bands of REGIONS, or of the occupied objects of MAP.
+
+    REGIONS is a file of polygons, such as `uavseg extract` writes. MAP is a raster of probabilities or the
+    YAML file of a ROS map; its objects also have the share of their outline that was seen.
+    """
+    from uavseg.jobs.maps.recognition import described
+
+    run_described(options, described)
+
+
+def run_described(options: Any, job: Callable[..., Any], *inputs: str) -> None:
+    """Run a job that gives described regions, and write them, if there is an output."""
+    from uavseg.regions.formats import export
+
+    target, overwrite = options.output, options.files.overwrite
+    reporter = Reporter(options.messages, options.progress)
+    write.check_targets(target, None, overwrite)
+    write.keep_inputs([target], options.source, options.raster, *inputs)
+    found = job(options, work_of(options.run, reporter))
+    reporter.finish([*found.warnings, *export.format_notes(found.regions, target or "")])
+    if target is not None:
+        export.check_region_crs(target, found.regions.wkt)
+        write.write_region_output(found, target, overwrite)
+    names = found.regions.columns["name"].tolist() if inputs else []
+    counts = {name: f"{names.count(name):,}" for name in list(dict.fromkeys(names))[:20]}
+    reporter.table({"regions": f"{len(found.regions):,} -> {write.shown(target or inputs[0])}", **counts})
