@@ -25,8 +25,7 @@ from skimage.filters import threshold_li
 from benchmarks import classscenes, table
 from benchmarks.quality import scenes
 from uavseg.jobs.source.source import Raster
-from uavseg.jobs.suggest import suggest
-from uavseg.jobs.suggestions import Suggestions
+from uavseg.jobs.suggest import Suggestions, suggest
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import TilePass, Window
 from uavseg.raster.intensity.stretch import parse_stretch

@@ -129,14 +129,12 @@ PHASES = {
     "refine.range_scans": {"blocks.dilation"},
     "states.state_scans": set(),
     "states.obstacle_evidence": {"params.segment"},
-    "states.thin_components": {"components"},
     "sample.best_interval": set(),
     "sample.g_scores": {"blocks.lbp", "blocks.g_statistic"},
     "sample.pixel_decision": {"blocks.dilation", "sample.g_scores", "blocks.lbp"},
     "sample.mixture": set(),
     "sample.similarity_table": {"sample.mixture"},
     "sample.likelihood_weights": {"sample.g_scores", "blocks.lbp"},
-    "sample.uncertainty_sampling": set(),
 }
 EVERY_PHASE = set(PHASES)
 PHASES["in_memory"] = EVERY_PHASE  # the phases one by one, for notebooks

@@ -18,7 +18,6 @@ from uavseg.flight.formats import files
 from uavseg.flight.formats.options import FileOptions
 from uavseg.flight.formats.plan import plan_text
 from uavseg.flight.formats.waypoints import waypoints_text
-from uavseg.flight.mission.fence import FenceCircle, FencePolygon, RallyPoint
 from uavseg.flight.mission.items import (
     AUTOPILOTS,
     FRAME_AMSL,
@@ -26,8 +25,11 @@ from uavseg.flight.mission.items import (
     FRAME_RELATIVE,
     FRAME_TERRAIN,
     RETURN,
+    FenceCircle,
+    FencePolygon,
     HomePosition,
     MissionItem,
+    RallyPoint,
 )
 from uavseg.flight.mission.mission import Mission
 

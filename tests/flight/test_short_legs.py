@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uavseg.flight.avoid.free_space import FreeSpace
-from uavseg.flight.camera.camera import Camera
-from uavseg.flight.camera.photos import Photos
+from uavseg.flight.camera.camera import Camera, Photos
 from uavseg.flight.mission.track import Track
 from uavseg.flight.planning.route import MIN_LEG_M, without_short_legs
 

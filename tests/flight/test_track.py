@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavseg.flight.camera.camera import Camera, Overlap
-from uavseg.flight.camera.photos import Photos
+from uavseg.flight.camera.camera import Camera, Overlap, Photos
 from uavseg.flight.mission.plane import Plane
 from uavseg.flight.mission.track import HOVER_S, SAME_PLACE_M, Track
 

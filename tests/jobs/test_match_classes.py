@@ -20,7 +20,7 @@ from uavseg.jobs.match.by_classes import (
     match_classes,
     outlines_by_classes,
 )
-from uavseg.jobs.match.color_bands import color_sources
+from uavseg.jobs.match.ranges_of_sample import color_sources
 from uavseg.jobs.result.result import Extraction
 from uavseg.jobs.source.open_source import open_raster
 from uavseg.jobs.source.work import SERIAL, Work

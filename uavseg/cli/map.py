@@ -17,7 +17,7 @@ def command(options: MapOptions) -> None:
     is chosen. Regions are chosen by tick boxes and downloaded as GeoJSON.
     """
     from uavseg.jobs.web_map.content import FieldMapRequest, field_map
-    from uavseg.plot.web.page_file import PageFile
+    from uavseg.plot.web.field_map import PageFile
 
     reporter = Reporter(options.messages, options.progress)
     request, rasters = (

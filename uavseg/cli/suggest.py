@@ -18,7 +18,7 @@ from uavseg.options.regions import DivisionOptions, SuggestOptions
 
 if TYPE_CHECKING:
     from uavseg.jobs.match.ranges_of_sample import SampleRange, SampleRanges
-    from uavseg.jobs.suggestions import Suggestion, Suggestions
+    from uavseg.jobs.suggest import Suggestion, Suggestions
 
 _BANDS = ("band", "rgb", "index", "expr", "band_names")
 _OF_HISTOGRAM = ("output", "classes", "method", "threshold", "intensity_step", "resume")

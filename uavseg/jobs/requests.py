@@ -27,11 +27,11 @@ from uavseg.regions.edit.small import as_area
 from uavseg.segmentation.params.segment import Levels
 
 if TYPE_CHECKING:
-    from uavseg.jobs.extract_classes import ClassesRequest
     from uavseg.jobs.levels import LevelsRequest
     from uavseg.jobs.match.by_classes import MatchClassesRequest
     from uavseg.jobs.match.ranges_of_sample import SuggestLikeRequest
     from uavseg.jobs.match.request import MatchRequest
+    from uavseg.jobs.segment_classes import ClassesRequest
     from uavseg.jobs.suggest import SuggestRequest
     from uavseg.options.reading import ReadOptions
     from uavseg.regions.sample.place import Disc
@@ -84,8 +84,7 @@ def _extract_job(options: ExtractOptions) -> RegionJob:
             requested_range(options.ranges), segment, thin_lines=options.thin_lines, **common
         )
         return RegionJob(options.read, lambda source, work: extract(source, request, work), request)
-    from uavseg.jobs.extract_classes import ClassesRequest, extract_classes
-    from uavseg.jobs.segment_classes import joint_params
+    from uavseg.jobs.segment_classes import ClassesRequest, extract_classes, joint_params
 
     if options.thin_lines:
         raise ParameterError("thin lines are found for one range, not for classes; leave thin lines out")

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.dataclass import dataclass
-from uavseg.raster.intensity.cross_entropy import least_cross_entropy
+from uavseg.raster.intensity.otsu import least_cross_entropy
 from uavseg.segmentation.blocks.cell_pairs import BINS, CellPairs, RangeBorder
 from uavseg.segmentation.params.segment import IntensityRange
 from uavseg.segmentation.range_candidates import edge_near, explained_variance, propose_ranges

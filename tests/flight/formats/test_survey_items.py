@@ -11,8 +11,7 @@ from hypothesis import given, settings
 
 from tests.flight.cover.cover_fields import fields
 from uavseg.errors import MissionError, ParameterError
-from uavseg.flight.camera.camera import camera_named
-from uavseg.flight.camera.photos import Photos
+from uavseg.flight.camera.camera import Photos, camera_named
 from uavseg.flight.formats import files
 from uavseg.flight.formats.plan import plan_text
 from uavseg.flight.mission.mission import Mission

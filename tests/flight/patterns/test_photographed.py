@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 from tests.flight.cover.cover_fields import fields
 from tests.flight.patterns.photographed import photographs
 from tests.flight.small_regions import degrees, planned
-from uavseg.flight.camera.camera import Camera, Overlap
-from uavseg.flight.camera.photos import Photos
+from uavseg.flight.camera.camera import Camera, Overlap, Photos
 from uavseg.flight.mission.plane import Plane
 from uavseg.flight.params.plan import CorridorParams, LimitParams, SurveyParams
 

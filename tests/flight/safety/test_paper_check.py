@@ -8,8 +8,17 @@ import shapely
 
 from tests.flight.small_regions import HOME, box, degrees, planned
 from uavseg.errors import MissionError, ParameterError
-from uavseg.flight.mission.fence import FenceCircle, FencePolygon, RallyPoint
-from uavseg.flight.mission.items import FRAME_RELATIVE, RETURN, TAKEOFF, WAYPOINT, HomePosition, MissionItem
+from uavseg.flight.mission.items import (
+    FRAME_RELATIVE,
+    RETURN,
+    TAKEOFF,
+    WAYPOINT,
+    FenceCircle,
+    FencePolygon,
+    HomePosition,
+    MissionItem,
+    RallyPoint,
+)
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.plane import Plane
 from uavseg.flight.params.plan import SafetyParams

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from tests.flight.terrain.dems import HOME, Surface, cliff, cone, draw, hills, noise, plane, write
 from tests.flight.terrain.flights import GEOD, PLANE, TRIGGERS, ZIGZAG, flown, follow, slopes, track
 from uavseg.errors import MissionError
-from uavseg.flight.camera.camera import Camera
-from uavseg.flight.camera.photos import Photos
+from uavseg.flight.camera.camera import Camera, Photos
 from uavseg.flight.mission.items import (
     CAMERA_DISTANCE,
     CHANGE_SPEED,

@@ -11,7 +11,6 @@ from typing import Any
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.formats.options import FileOptions
-from uavseg.flight.mission.fence import Fence, FenceCircle, FencePolygon, RallyPoint
 from uavseg.flight.mission.items import (
     AUTOPILOTS,
     CAMERA_DISTANCE,
@@ -19,8 +18,12 @@ from uavseg.flight.mission.items import (
     FRAME_RELATIVE,
     FRAME_TERRAIN,
     WAYPOINT,
+    Fence,
+    FenceCircle,
+    FencePolygon,
     HomePosition,
     MissionItem,
+    RallyPoint,
 )
 from uavseg.flight.mission.mission import Mission, Position, SurveyBlock
 from uavseg.inputs import parse_json

@@ -10,7 +10,7 @@ import shapely
 from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
-from uavseg.flight.camera.photos import Photos
+from uavseg.flight.camera.camera import Photos
 from uavseg.flight.mission.flown import FlownPath, flown_path
 from uavseg.flight.mission.items import MOUNT_CONTROL, ROI_LOCATION
 from uavseg.flight.mission.mission import Mission

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from uavseg.arrays import Bools, Floats
 from uavseg.dataclass import dataclass
-from uavseg.flight.camera.photos import Photos
+from uavseg.flight.camera.camera import Photos
 from uavseg.flight.mission.plane import Plane
 
 SAME_PLACE_M = 1e-3

@@ -12,7 +12,7 @@ from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.avoid.enclosing import MANY_CORNERS, enclosing
-from uavseg.flight.camera.photos import Photos
+from uavseg.flight.camera.camera import Photos
 from uavseg.flight.cover.corridor import corridor, is_long_and_thin
 from uavseg.flight.cover.lines import COARSE
 from uavseg.flight.cover.strips import MIN_LINE_M

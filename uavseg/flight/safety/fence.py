@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 from uavseg.arrays import Floats
-from uavseg.flight.mission.fence import Fence, FenceCircle, FencePolygon
+from uavseg.flight.mission.items import Fence, FenceCircle, FencePolygon
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.plane import Plane, plane_around
 from uavseg.flight.safety.keep_out import KeepOut

@@ -5,8 +5,7 @@ import numpy as np
 from uavseg.arrays import Floats, Integers
 from uavseg.dataclass import dataclass
 from uavseg.flight.mission.vehicle import default_vehicle
-from uavseg.flight.params.plan import PlanParams
-from uavseg.flight.params.terrain import FRAME
+from uavseg.flight.params.plan import FRAME, PlanParams
 from uavseg.flight.terrain.profile import GroundProfile, profile_along
 from uavseg.raster.elevation.dem import Dem
 

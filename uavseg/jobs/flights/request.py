@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from uavseg.errors import ParameterError
-from uavseg.flight.camera.camera import Camera, Overlap, camera_named
-from uavseg.flight.camera.photos import SHUTTER_S, Photos
-from uavseg.flight.mission.fence import RallyPoint
+from uavseg.flight.camera.camera import SHUTTER_S, Camera, Overlap, Photos, camera_named
+from uavseg.flight.mission.items import RallyPoint
 from uavseg.flight.mission.vehicle import read_vehicle
 from uavseg.flight.params.plan import (
     COVERING,
@@ -21,8 +20,8 @@ from uavseg.flight.params.plan import (
     PatternParams,
     PlanParams,
     SafetyParams,
+    terrain_params,
 )
-from uavseg.flight.params.terrain import terrain_params
 from uavseg.jobs.flights.plan import Home, PlanRequest
 from uavseg.options.flights import MissionOptions, PatternOptions, PhotoOptions, PlanOptions, SafetyOptions
 from uavseg.plain_text import shown

@@ -15,7 +15,7 @@ from uavseg.dataclass import dataclass
 from uavseg.execution.executors import decided
 from uavseg.jobs.match.by_color import learn, outlines_by_color, regions_by_color
 from uavseg.jobs.match.by_texture import TextureSample, regions_by_texture, search_texture
-from uavseg.jobs.match.color_bands import band_sources, color_sources
+from uavseg.jobs.match.ranges_of_sample import band_sources, color_sources
 from uavseg.jobs.match.request import MatchRequest
 from uavseg.jobs.result.metadata import confidence_facts, drawing_facts, with_metadata
 from uavseg.jobs.result.result import Extraction

@@ -17,13 +17,14 @@ from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, UnchosenBandsError
 from uavseg.execution.executors import decided, phase
-from uavseg.jobs.match.color_bands import band_sources
 from uavseg.jobs.result.result import SourceInfo
 from uavseg.jobs.source.open_source import open_source, raster_of
-from uavseg.jobs.source.source import Raster
+from uavseg.jobs.source.source import AUTO, Raster
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.options.reading import ReadOptions
+from uavseg.raster.grid.tiling import TilePass
 from uavseg.raster.intensity.features import Feature, alike, features_of, weighted_sum
+from uavseg.raster.intensity.stretch import fit_stretch
 from uavseg.raster.intensity.value_range import axis_of, scale_of
 from uavseg.raster.spectral.band_names import find_band, listed
 from uavseg.raster.spectral.bands import BandScale, ValueAxis, values_text
@@ -263,3 +264,19 @@ def _rounded(value: float, step: float) -> float:
     """With as many decimals as the step between values that were compared has."""
     decimals = max(math.ceil(-math.log10(step)), 0)
     return round(value, decimals) + 0.0
+
+
+def color_sources(
+    raster: Raster, grey: GreySource, bands: Sequence[int | str], tile_pass: TilePass
+) -> list[GreySource]:
+    """Return the chosen bands, or those whose luminance is the intensity, or the intensity itself."""
+    if bands or (raster.dataset.choice.formula is None and len(raster.dataset.bands) > 1):
+        return band_sources(raster, bands or raster.dataset.bands, tile_pass)
+    return [grey]
+
+
+def band_sources(raster: Raster, bands: Sequence[int | str], tile_pass: TilePass) -> list[GreySource]:
+    """Return each band as grey, by the stretch of the raster, fitted to it."""
+    dataset = raster.cleaned(tile_pass)
+    datasets = [dataset.of_band(band, raster.options.nodata) for band in bands]
+    return [GreySource(one, fit_stretch(one, raster.options.spec or AUTO, tile_pass)) for one in datasets]

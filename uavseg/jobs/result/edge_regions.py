@@ -11,7 +11,7 @@ from uavseg.errors import RegionError
 from uavseg.jobs.source.source import Source
 from uavseg.raster.geodesy.globe import WGS84, transform_between
 from uavseg.raster.grid.geobox import GeoBox
-from uavseg.regions.select.where import where
+from uavseg.regions.select.choose import where
 from uavseg.regions.table import Regions
 
 REACH_PIXELS = 1.0  # outlines may be smoothed and simplified

@@ -117,7 +117,7 @@ class Drawing:
             rings, geobox = smooth_outlines(rings, self.smooth_m, geobox)
             regions = replace(regions, polygons=LazyPolygons(rings, geobox.transform))
         if self.simplify_m:
-            from uavseg.regions.edit.simplify import simplify
+            from uavseg.regions.edit.small import simplify
 
             regions = simplify(regions, self.simplify_m, geobox)
         return regions

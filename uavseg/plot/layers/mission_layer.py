@@ -15,7 +15,7 @@ from uavseg.plain_text import shown
 from uavseg.plot.page.frame import Frame
 
 if TYPE_CHECKING:
-    from uavseg.flight.mission.fence import Fence
+    from uavseg.flight.mission.items import Fence
     from uavseg.flight.mission.mission import Mission
 
 FLIGHT_COLORS = ("#c4001a", "#1457c8", "#8a2be2", "#c25700", "#00796b", "#ad1457", "#5d4037", "#37474f")
@@ -245,7 +245,7 @@ class FenceLayer:
 
 
 def _outlines(shapes: Iterable["Fence"], frame: Frame) -> Iterable[Floats]:
-    from uavseg.flight.mission.fence import FenceCircle
+    from uavseg.flight.mission.items import FenceCircle
     from uavseg.flight.mission.plane import Plane
 
     angles = np.linspace(0, 2 * np.pi, _CIRCLE_CORNERS, endpoint=False)
