@@ -34,7 +34,7 @@ from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaves import histogram_of_means
 from uavseg.segmentation.in_memory import block_map_of_array, label_regions
 from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
-from uavseg.segmentation.range_candidates import propose_ranges
+from uavseg.segmentation.range_choice import propose_ranges
 from uavseg.units import GREY_MAX
 
 SIDE = 512

@@ -143,11 +143,9 @@ ON_RASTERS = {  # these may import raster, and all phases
     "source",
     "pipeline",
     "blocks.block_file",
-    "blocks.saved_blocks",
     "states.state_image",
     "states.classify_strips",
     "states.thin_structures",
-    "range_candidates",
     "range_choice",
 }
 
@@ -160,8 +158,8 @@ ONLY_IN = {
         "regions.formats.about_file",  # CRS in other words than WKT
     },
     "rio_tiler": {"jobs.web_map.tiles"},
-    "numba": {"_jit.compiling", "_jit.fallback"},
-    "llvmlite": {"_jit.compiling", "_jit.fallback"},
+    "numba": {"_jit.compiling", "_jit.kernels"},
+    "llvmlite": {"_jit.compiling", "_jit.kernels"},
     "geopandas": {"regions", "flight.mission.features"},
     "pandas": {"regions"},
     "pymavlink": {"flight.link"},

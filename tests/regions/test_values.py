@@ -12,8 +12,8 @@ from tests.raster.intensity.test_values import dataset_of
 from uavseg.errors import ParameterError
 from uavseg.jobs.divide import divide
 from uavseg.jobs.extract import ExtractRequest, extract
-from uavseg.jobs.levels import LevelsRequest, levels
 from uavseg.jobs.result.result import Extraction
+from uavseg.jobs.segment_classes import LevelsRequest, levels
 from uavseg.jobs.source.open_source import open_source
 from uavseg.jobs.source.source import Blocks, Raster
 from uavseg.jobs.source.work import Work

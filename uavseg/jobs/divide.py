@@ -7,7 +7,7 @@ from uavseg.jobs.source.open_source import pixels_of
 from uavseg.jobs.source.source import ProbabilityMap, Raster, Source
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.raster.grid.tiling import TilePass
-from uavseg.segmentation.blocks.saved_blocks import SavedBlocks
+from uavseg.segmentation.blocks.block_file import SavedBlocks
 from uavseg.segmentation.params.segment import SegmentParams
 from uavseg.segmentation.pipeline import measure_block_map
 

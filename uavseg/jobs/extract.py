@@ -19,14 +19,18 @@ from uavseg.jobs.ranges.ranges import (
     range_text,
     where_to_look,
 )
-from uavseg.jobs.result.metadata import (
+from uavseg.jobs.result.result import (
+    Drawing,
+    Extraction,
+    SourceInfo,
     confidence_facts,
     drawing_facts,
+    filled,
+    measured,
     range_facts,
     segment_facts,
     with_metadata,
 )
-from uavseg.jobs.result.result import Drawing, Extraction, SourceInfo, filled, measured
 from uavseg.jobs.source.source import Blocks, Pixels, Source, detail_of, refuse_without_pixels
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.raster.grid.geobox import Length

@@ -16,7 +16,7 @@ from uavseg.jobs.source.source import Blocks, Pixels, Source
 from uavseg.jobs.source.unchanged import check_unchanged
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.raster.grid.tiling import TilePass
-from uavseg.raster.intensity.populations import population_edges
+from uavseg.raster.intensity.otsu import population_edges
 from uavseg.raster.spectral.bands import ValueAxis, values_text
 from uavseg.regions.tiles.range_tiles import count_greys, count_regions, estimate_regions
 from uavseg.regions.tiles.segment_tiles import count_segments
@@ -25,8 +25,14 @@ from uavseg.segmentation.blocks.cell_pairs import cells_with_mean_in_range, coun
 from uavseg.segmentation.blocks.leaves import cell_intervals, cells_in_range, histogram_of_means, means_among
 from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
 from uavseg.segmentation.pipeline import with_majority_means
-from uavseg.segmentation.range_candidates import MAX_CLASSES, edge_beside_means
-from uavseg.segmentation.range_choice import MIN_CONTRAST, ChosenRange, RangeChoice, choose_ranges
+from uavseg.segmentation.range_choice import (
+    MAX_CLASSES,
+    MIN_CONTRAST,
+    ChosenRange,
+    RangeChoice,
+    choose_ranges,
+    edge_beside_means,
+)
 from uavseg.segmentation.source import GreySource
 from uavseg.units import GREY_MAX
 

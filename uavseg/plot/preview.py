@@ -9,19 +9,19 @@ import numpy as np
 
 from uavseg.execution.executors import decided, phase
 from uavseg.jobs.source.inputs import keep_inputs
-from uavseg.occupancy.probability_map import open_map, stretch_of
+from uavseg.occupancy.map_file import open_map, stretch_of
 from uavseg.occupancy.ros.ros_map import is_ros_map
 from uavseg.output.atomic import atomic_file
 from uavseg.plain_text import printable
 from uavseg.plot.layers.mission_layer import (
     FenceLayer,
     MissionLayer,
+    PathLayer,
     mission_layers,
     mission_title,
     read_missions,
 )
 from uavseg.plot.layers.overlays import LabelsLayer, LeavesLayer, StatesLayer
-from uavseg.plot.layers.path_layer import PathLayer
 from uavseg.plot.layers.raster_layer import draw_raster
 from uavseg.plot.layers.region_layer import LevelsLayer, RegionLayer
 from uavseg.plot.page.frame import Frame

@@ -20,7 +20,7 @@ from uavseg.flight.mission.items import (
     MissionItem,
 )
 from uavseg.flight.mission.mission import Mission
-from uavseg.flight.safety.fence import fence_problems
+from uavseg.flight.safety.check import fence_problems
 from uavseg.raster.geodesy.globe import geod_wgs84
 
 BOX = FencePolygon(((46.99, 7.99), (47.01, 7.99), (47.01, 8.01), (46.99, 8.01)))

@@ -23,7 +23,7 @@ from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.plane import Plane
 from uavseg.flight.params.plan import SafetyParams
 from uavseg.flight.safety.check import SafetyCheck
-from uavseg.flight.safety.home_place import CLEARANCE_M, home_outside
+from uavseg.flight.safety.keep_out import CLEARANCE_M, home_outside
 
 
 def flight(*places: tuple[float, float], height: float = 60, **words: object) -> Mission:

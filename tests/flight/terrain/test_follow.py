@@ -265,7 +265,7 @@ def test_a_path_that_touches_home_and_repeats_places_is_flown(tmp_path: Path) ->
 
 
 def test_a_leg_over_too_many_pixels_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("uavseg.flight.terrain.profile.MAX_PIXELS", 100)
+    monkeypatch.setattr("uavseg.flight.terrain.altitude_profile.MAX_PIXELS", 100)
     dem = Dem.open(draw(tmp_path / "a.tif", plane(0, 0), pixel_m=2.0))
     with pytest.raises(MissionError, match="give a coarser one"):
         follow(dem)

@@ -19,9 +19,8 @@ from uavseg.raster.grid.tiling import TilePass
 from uavseg.raster.intensity.stretch import fit_stretch
 from uavseg.raster.read.dataset import Dataset
 from uavseg.segmentation import in_memory
-from uavseg.segmentation.blocks.block_file import write_block_map
+from uavseg.segmentation.blocks.block_file import Origin, SavedBlocks, write_block_map
 from uavseg.segmentation.blocks.block_map import find_leaves
-from uavseg.segmentation.blocks.saved_blocks import Origin, SavedBlocks
 from uavseg.segmentation.params.segment import DivisionParams
 
 

@@ -17,7 +17,7 @@ import shapely
 
 from uavseg.access import allowing
 from uavseg.errors import AccessError, RegionError
-from uavseg.plot.page.polygons import PolygonTable
+from uavseg.plot.layers.region_layer import PolygonTable
 from uavseg.regions.formats.about_file import about_file, is_region_file
 from uavseg.regions.formats.read import read_regions
 

@@ -26,7 +26,7 @@ from uavseg.flight.patterns.survey_blocks import blocks_of_surveys
 from uavseg.flight.planning.along import home_notes, items_along
 from uavseg.flight.planning.route import RegionRoute, check_order, short_route
 from uavseg.flight.planning.split import FlightLimits, split_route
-from uavseg.flight.safety.fence import fence_around, rally_of_flights
+from uavseg.flight.safety.check import fence_around, rally_of_flights
 from uavseg.flight.safety.keep_out import KeepOut, near_zones, return_notes
 from uavseg.flight.terrain.altitude_profile import LegPoints, points_of_leg
 from uavseg.flight.terrain.follow import follow_ground, home_on_ground

@@ -9,8 +9,13 @@ from uavseg.errors import MissionError
 from uavseg.flight.mission.items import FRAME_AMSL, FRAME_TERRAIN, RETURN, TAKEOFFS
 from uavseg.flight.mission.mission import CRUISE_M_S, Mission
 from uavseg.flight.params.plan import PlanParams
-from uavseg.flight.terrain.altitude_profile import climbs_early, heights_climbed_early, rates_m_s
-from uavseg.flight.terrain.profile import check_known, profile_along
+from uavseg.flight.terrain.altitude_profile import (
+    check_known,
+    climbs_early,
+    heights_climbed_early,
+    profile_along,
+    rates_m_s,
+)
 from uavseg.raster.elevation.dem import Dem
 
 GAP_M = 0.2  # between the bounds of the ground

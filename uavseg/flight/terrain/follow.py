@@ -13,9 +13,16 @@ from uavseg.flight.mission.mission import Ground
 from uavseg.flight.mission.track import Track
 from uavseg.flight.mission.vehicle import returning_vehicles
 from uavseg.flight.params.plan import FRAME, RELATIVE, PlanParams, TerrainParams
-from uavseg.flight.terrain.altitude_profile import GAP, AltitudeProfile, fly_over, rates_m_s
+from uavseg.flight.terrain.altitude_profile import (
+    GAP,
+    AltitudeProfile,
+    GroundProfile,
+    check_known,
+    fly_over,
+    profile_along,
+    rates_m_s,
+)
 from uavseg.flight.terrain.leg_speeds import speeds_of
-from uavseg.flight.terrain.profile import GroundProfile, check_known, profile_along
 from uavseg.raster.elevation.dem import Dem
 from uavseg.raster.geodesy.globe import geod_wgs84
 

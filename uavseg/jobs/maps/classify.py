@@ -10,8 +10,15 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import LostObstaclesError, MapError, ParameterError
 from uavseg.execution.executors import decided, phase, trim_heap
 from uavseg.jobs.ranges.ranges import decided_grey
-from uavseg.jobs.result.metadata import drawing_facts, segment_facts, with_metadata
-from uavseg.jobs.result.result import Drawing, Extraction, SourceInfo, measured
+from uavseg.jobs.result.result import (
+    Drawing,
+    Extraction,
+    SourceInfo,
+    drawing_facts,
+    measured,
+    segment_facts,
+    with_metadata,
+)
 from uavseg.jobs.source.source import Blocks, ProbabilityMap
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.raster.grid.geobox import GeoBox

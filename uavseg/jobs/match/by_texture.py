@@ -25,10 +25,17 @@ from uavseg.regions.edit.small import Area, drop_small_regions
 from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
 from uavseg.regions.outline.rings import RegionOutlines, Rings
 from uavseg.regions.outline.stitch import TileOutlines, TileStitcher, outline_tile
-from uavseg.regions.sample.colors import color_planes, fit_colors
 from uavseg.regions.sample.model import USUAL_WINDOWS, Sample, fit_sample, fit_weights, fitting_window
 from uavseg.regions.sample.place import SampleMask
-from uavseg.regions.sample.scores import CellScores, Criterion, mean_scores, reject_unlike, score_cells
+from uavseg.regions.sample.scores import (
+    CellScores,
+    Criterion,
+    color_planes,
+    fit_colors,
+    mean_scores,
+    reject_unlike,
+    score_cells,
+)
 from uavseg.regions.tiles.range_tiles import with_detail
 from uavseg.regions.tiles.segment_tiles import cell_jobs, outline_segments
 from uavseg.segmentation.blocks.lbp import coarse_symbols, lbp_symbols

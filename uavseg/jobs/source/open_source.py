@@ -169,7 +169,7 @@ def _blocks(parts: Sequence[Any], options: ReadOptions) -> Blocks:
 
 
 def _ros_map(parts: Sequence[Any], options: ReadOptions) -> ProbabilityMap:
-    from uavseg.occupancy.probability_map import open_map
+    from uavseg.occupancy.map_file import open_map
 
     if len(parts) > 1:
         raise ParameterError("a ROS map is no part of a mosaic; name it alone")
@@ -182,7 +182,7 @@ def _ros_map(parts: Sequence[Any], options: ReadOptions) -> ProbabilityMap:
 
 
 def _white_picture(source: Any, options: ReadOptions) -> ProbabilityMap:
-    from uavseg.occupancy.probability_map import open_white_picture
+    from uavseg.occupancy.map_file import open_white_picture
 
     if options.chooses_pixels or options.stretches("auto", "none"):
         raise ParameterError("a picture in which free is white has no bands, nodata or stretch to choose")
@@ -211,6 +211,6 @@ def _grid(grid: "OccupancyGrid", options: ReadOptions) -> ProbabilityMap:
 
 
 def _probability_stretch(dataset: Dataset, options: ReadOptions) -> Stretch | StretchSpec:
-    from uavseg.occupancy.probability_map import stretch_of
+    from uavseg.occupancy.map_file import stretch_of
 
     return options.spec or stretch_of(dataset)

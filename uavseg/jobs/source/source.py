@@ -14,7 +14,7 @@ from uavseg.raster.grid.ground import ground_resolution
 from uavseg.raster.grid.tiling import TilePass
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch
 from uavseg.raster.read.dataset import Dataset
-from uavseg.segmentation.blocks.saved_blocks import Origin, SavedBlocks
+from uavseg.segmentation.blocks.block_file import Origin, SavedBlocks
 from uavseg.segmentation.refine.detail import MAX_DETAIL, Detail
 from uavseg.segmentation.source import GreySource
 from uavseg.units import GREY_MAX
@@ -269,7 +269,7 @@ class Blocks:
     @cached_property
     def raster(self) -> Raster | ProbabilityMap | None:
         """The raster that it was made from, with the same stretch; None if a file is not where it was."""
-        from uavseg.occupancy.probability_map import open_map
+        from uavseg.occupancy.map_file import open_map
         from uavseg.occupancy.ros.ros_map import is_ros_map
 
         origin = self.saved.origin

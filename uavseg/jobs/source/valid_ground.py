@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from uavseg.flight.safety.home_place import IsGround
+from uavseg.flight.safety.keep_out import IsGround
 from uavseg.jobs.source.source import Blocks, Pixels, Source
 from uavseg.raster.geodesy.globe import WGS84, transform_between
 from uavseg.raster.grid.tiling import TilePass, Window

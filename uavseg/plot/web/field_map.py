@@ -18,8 +18,7 @@ from uavseg.errors import OutputError, UavsegError
 from uavseg.flight.camera.camera import Photos
 from uavseg.jobs.flights.plan_regions import open_regions
 from uavseg.jobs.flights.request import photos_of
-from uavseg.jobs.result.metadata import same_reading
-from uavseg.jobs.result.result import SourceInfo
+from uavseg.jobs.result.result import SourceInfo, same_reading
 from uavseg.jobs.source.inputs import keep_inputs
 from uavseg.jobs.source.open_source import open_source
 from uavseg.jobs.source.source import Raster, Source

@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.dataclass import dataclass
+from uavseg.raster.collar.flood import flood
 from uavseg.raster.collar.rim import RimCounts
-from uavseg.raster.collar.spread import flood
 from uavseg.raster.grid.pixel_mask import ALL, PixelMask
 from uavseg.raster.grid.tiling import Window, sample_positions
 from uavseg.units import BLOCK

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.dataclass import dataclass
-from uavseg.raster.collar.flood import flood_tiles
-from uavseg.raster.collar.spread import UNREACHED, distances
+from uavseg.raster.collar.flood import UNREACHED, distances, flood_tiles
 from uavseg.raster.grid.pixel_mask import PixelMask
 from uavseg.raster.grid.tiling import TilePass, Window, tiles
 from uavseg.raster.read.dataset import Dataset

@@ -12,7 +12,7 @@ from uavseg.execution.executors import Map, serial
 from uavseg.output.atomic import check_target
 from uavseg.raster.formats import geotiff
 from uavseg.raster.formats.creation import DEFAULT, CreationOptions
-from uavseg.raster.formats.vrt_tiles import check_label_tiles, label_windows, write_label_tiles
+from uavseg.raster.formats.geotiff import check_label_tiles, label_windows, write_label_tiles
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import Window, tiles
 from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
