@@ -152,10 +152,10 @@ ON_RASTERS = {  # these may import raster, and all phases
 # Packages, and the only places that import them (for more than types).
 
 ONLY_IN = {
-    "rasterio": {"raster", "jobs.web_map.mercator"},
+    "rasterio": {"raster", "jobs.web_map.content"},
     "pyproj": {  # CRS, zeros of heights; a local plane, an exception
         *("raster.geodesy.globe", "raster.geodesy.vertical", "flight.mission.plane", "regions.formats.read"),
-        "regions.formats.about_file",  # CRS in other words than WKT
+        "regions.formats.metadata",  # CRS in other words than WKT
     },
     "rio_tiler": {"jobs.web_map.tiles"},
     "numba": {"_jit.compiling", "_jit.kernels"},

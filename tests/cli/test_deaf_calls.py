@@ -89,7 +89,7 @@ CALLS = {
     "views of a database": ("info base.gpkg", "uavseg.raster.access.databases", "open_database", "query"),
     "reprojecting a picture": (
         "map a.tif -o out.html",
-        "uavseg.jobs.web_map.mercator",
+        "uavseg.jobs.web_map.content",
         "reproject",
         "working",
     ),

@@ -11,13 +11,13 @@ from tests.raster.collar.draw_collar import texture, write
 from uavseg.errors import ParameterError
 from uavseg.jobs.divide import DivideRequest, divide
 from uavseg.jobs.extract import ExtractRequest, extract
+from uavseg.jobs.flights.under_raster import valid_ground
 from uavseg.jobs.info import info
 from uavseg.jobs.match.match import match
 from uavseg.jobs.match.request import MatchRequest
 from uavseg.jobs.result.result import Extraction
 from uavseg.jobs.segment_classes import LevelsRequest, levels
 from uavseg.jobs.source.open_source import open_probability_map, open_source
-from uavseg.jobs.source.valid_ground import valid_ground
 from uavseg.jobs.source.work import Work
 from uavseg.jobs.suggest import suggest
 from uavseg.options.reading import ReadOptions

@@ -28,8 +28,8 @@ from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress
 from uavseg.jobs.web_map.tiles import has_map_tiles
 from uavseg.plot.web import page
+from uavseg.server.local_server import KEPT, BusyError, Tasks
 from uavseg.server.site import FIELDS
-from uavseg.server.tasks import KEPT, BusyError, Tasks
 
 SAMPLE = Path(uavseg.__file__).parents[1] / "samples" / "quarry.tif"
 TILES = has_map_tiles(uavseg.Dataset.open(SAMPLE))

@@ -26,7 +26,7 @@ from uavseg.jobs.suggest import suggest as run_suggest
 from uavseg.options.option import build
 from uavseg.options.regions import InfoOptions, MatchOptions, SuggestOptions
 from uavseg.raster.summary import Summary
-from uavseg.regions.formats.about_file import RegionFile
+from uavseg.regions.formats.metadata import RegionFile
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame

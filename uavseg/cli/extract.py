@@ -207,7 +207,7 @@ def _planned(
     options: ExtractOptions, found: Extraction, flight: PlanRequest, source: Source, reporter: Reporter
 ) -> MissionPlan:
     from uavseg.jobs.flights.plan import plan
-    from uavseg.jobs.flights.plan_regions import open_regions, zone_polygons
+    from uavseg.jobs.flights.request import open_regions, zone_polygons
 
     with showing_phases(reporter.quiet):
         zones = zone_polygons(options.flight.safety.avoid, source)

@@ -75,7 +75,7 @@ def command(options: SuggestOptions) -> None:
 
 def _command(chosen: Suggestion, found: Suggestions, options: SuggestOptions) -> str:
     """Return the line that extracts a range, from the same rasters in the same way."""
-    from uavseg.jobs.source.command_line import extract_line
+    from uavseg.jobs.info import extract_line
     from uavseg.raster.read.source_list import stem_of
     from uavseg.regions.formats.export import suffix_for
 
@@ -163,7 +163,7 @@ def _suggest_like(options: SuggestOptions) -> None:
 
 def _like_command(one: SampleRange, rank: int, options: SuggestOptions, found: SampleRanges) -> str:
     """Return the line that extracts a range."""
-    from uavseg.jobs.source.command_line import extract_line
+    from uavseg.jobs.info import extract_line
     from uavseg.raster.read.source_list import stem_of
     from uavseg.regions.formats.export import suffix_for
 

@@ -154,7 +154,7 @@ def _refined(source: Blocks, raster: Pixels, request: ExtractRequest, work: Work
 
 def _at_block_edges(source: Blocks, request: ExtractRequest) -> Extraction:
     """Return regions of whole cells with valid pixels, from the block map alone; their `std` is not known."""
-    from uavseg.regions.tiles.segment_tiles import outline_block_map, sum_enclosed_cells
+    from uavseg.regions.tiles.class_tiles import outline_block_map, sum_enclosed_cells
 
     refuse_without_pixels(request.detail, request.segment.refine)
     if request.thin_lines:

@@ -180,9 +180,8 @@ def _outlined(
     expected: BlockMap | None = None,
 ) -> Segmented:
     """Return outlines of segments, with small holes filled; `cells` are their kinds where leaves decide."""
-    from uavseg.regions.tiles.class_tiles import outline_refined_classes
+    from uavseg.regions.tiles.class_tiles import outline_refined_classes, outline_segments
     from uavseg.regions.tiles.range_tiles import count_pixels
-    from uavseg.regions.tiles.segment_tiles import outline_segments
 
     kinds_at: Callable[[Firsts], NDArray[np.int64]]
     if cells is not None:
@@ -207,7 +206,7 @@ def _at_block_edges(
     source: Blocks, partition: Partition, request: PartitionRequest, notes: tuple[str, ...] = ()
 ) -> Segmented:
     """Return segments of whole cells with valid pixels, from the block map alone; `std` is not known."""
-    from uavseg.regions.tiles.segment_tiles import outline_block_map, sum_enclosed_cells
+    from uavseg.regions.tiles.class_tiles import outline_block_map, sum_enclosed_cells
 
     refuse_without_pixels(request.detail, request.segment.refine)
     blocks = source.saved.blocks

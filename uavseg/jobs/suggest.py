@@ -16,10 +16,10 @@ from uavseg.jobs.source.source import Blocks, Pixels, Source
 from uavseg.jobs.source.unchanged import check_unchanged
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.raster.grid.tiling import TilePass
-from uavseg.raster.intensity.otsu import population_edges
+from uavseg.raster.intensity.thresholds import population_edges
 from uavseg.raster.spectral.bands import ValueAxis, values_text
+from uavseg.regions.tiles.class_tiles import count_segments
 from uavseg.regions.tiles.range_tiles import count_greys, count_regions, estimate_regions
-from uavseg.regions.tiles.segment_tiles import count_segments
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.cell_pairs import cells_with_mean_in_range, count_cell_pairs
 from uavseg.segmentation.blocks.leaves import cell_intervals, cells_in_range, histogram_of_means, means_among

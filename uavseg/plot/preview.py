@@ -21,8 +21,7 @@ from uavseg.plot.layers.mission_layer import (
     mission_title,
     read_missions,
 )
-from uavseg.plot.layers.overlays import LabelsLayer, LeavesLayer, StatesLayer
-from uavseg.plot.layers.raster_layer import draw_raster
+from uavseg.plot.layers.raster_layers import LabelsLayer, LeavesLayer, StatesLayer, draw_raster
 from uavseg.plot.layers.region_layer import LevelsLayer, RegionLayer
 from uavseg.plot.page.frame import Frame
 from uavseg.plot.page.page import (

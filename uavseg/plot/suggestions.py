@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from uavseg.jobs.source.inputs import keep_inputs
 from uavseg.jobs.suggest import Suggestion, Suggestions
 from uavseg.output.atomic import atomic_file
-from uavseg.plot.layers.raster_layer import draw_image, draw_raster
+from uavseg.plot.layers.raster_layers import draw_image, draw_raster
 from uavseg.plot.page.frame import Frame
 from uavseg.plot.page.page import (
     CAPTION_COLOR,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from uavseg.raster.summary import HISTOGRAM_BINS, Summary
 
 if TYPE_CHECKING:
-    from uavseg.regions.formats.about_file import RegionFile
+    from uavseg.regions.formats.metadata import RegionFile
 
 _EIGHTHS = " ▏▎▍▌▋▊▉█"
 _WIDTH = 40  # characters of the longest bar

@@ -15,8 +15,8 @@ from uavseg.raster.geodesy.globe import crs_name
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.ground import ground_resolution
 from uavseg.raster.grid.tiling import TilePass, Window, tile_side, tiles
-from uavseg.raster.intensity.otsu import multi_otsu, population_edges, rarest_population
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch, greys_beyond
+from uavseg.raster.intensity.thresholds import multi_otsu, population_edges, rarest_population
 from uavseg.raster.intensity.value_range import axis_of
 from uavseg.raster.read.dataset import Dataset
 from uavseg.raster.read.mosaic import RasterSource

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.dataclass import dataclass
-from uavseg.raster.intensity.otsu import are_separated, least_cross_entropy, multi_otsu, select_classes
+from uavseg.raster.intensity.thresholds import are_separated, least_cross_entropy, multi_otsu, select_classes
 from uavseg.segmentation.blocks.cell_pairs import BINS, CellPairs, RangeBorder
 from uavseg.segmentation.params.segment import IntensityRange
 from uavseg.units import GREY_MAX

@@ -20,8 +20,7 @@ from uavseg.flight.camera.camera import cameras
 from uavseg.inputs import parse_json
 from uavseg.jobs.extract import ExtractRequest, extract
 from uavseg.jobs.flights.plan import Home, PlanRequest, plan
-from uavseg.jobs.flights.plan_regions import open_regions
-from uavseg.jobs.flights.request import plan_request
+from uavseg.jobs.flights.request import open_regions, plan_request
 from uavseg.jobs.match.match import match
 from uavseg.jobs.match.request import MatchRequest
 from uavseg.jobs.result.result import Extraction
@@ -40,8 +39,7 @@ from uavseg.regions.edit.small import Area
 from uavseg.regions.formats.export import write_regions
 from uavseg.regions.sample.place import Disc
 from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
-from uavseg.server.local_server import Answer, json_answer
-from uavseg.server.tasks import BusyError, Job, Tasks
+from uavseg.server.local_server import Answer, BusyError, Job, Tasks, json_answer
 from uavseg.warning_filters import changing_filters
 
 _MEDIA_TYPES = {".gpkg": "application/geopackage+sqlite3", ".plan": "application/json"}

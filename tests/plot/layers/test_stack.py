@@ -9,7 +9,7 @@ import pytest
 import shapely
 
 from tests.plot.layers.maps import BOX, MOST, UTM, write
-from uavseg.plot.layers.overlays import StatesLayer
+from uavseg.plot.layers.raster_layers import StatesLayer
 from uavseg.plot.layers.region_layer import LevelsLayer, RegionLayer
 from uavseg.plot.page.frame import Frame
 from uavseg.plot.preview import make_layers, preview

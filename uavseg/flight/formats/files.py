@@ -1,30 +1,66 @@
-"""Mission files: writers and readers by extension."""
+"""Mission files: writers and readers by extension; GeoJSON for display in GIS software."""
 
+import json
 import os
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError, ParameterError
-from uavseg.flight.formats.geojson import read_geojson, write_geojson
 from uavseg.flight.formats.kml import kml_losses, read_kml, write_kml
 from uavseg.flight.formats.kmz import kmz_losses, read_kmz, write_kmz
 from uavseg.flight.formats.litchi import litchi_losses, read_litchi, write_litchi
 from uavseg.flight.formats.options import FileOptions
 from uavseg.flight.formats.plan import plan_losses, read_plan, write_plan
 from uavseg.flight.formats.waypoints import read_waypoints, waypoints_losses, write_waypoints
+from uavseg.flight.mission.features import MissionFeature, Place, as_geojson, features_of, mission_of_features
 from uavseg.flight.mission.items import TAKEOFFS, HomePosition
 from uavseg.flight.mission.mission import Mission
-from uavseg.inputs import read_bytes
+from uavseg.inputs import parse_json, read_bytes
 from uavseg.output.atomic import atomic_file
-from uavseg.plain_text import cause_of
+from uavseg.plain_text import cause_of, shown
 
 MissionPath = str | os.PathLike[str]
 
 MAX_BYTES = 64 << 20  # of a mission file; 65 534 items take 20 MB
 _MISFITS = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError, RecursionError)
+
+
+def write_geojson(mission: Mission, options: FileOptions) -> bytes:
+    """Write a mission as the content of a .geojson file, a feature on each line.
+
+    Heights of GeoJSON count from the ellipsoid (RFC 7946), which heights of missions do not: they are
+    attributes, above home, the sea or the terrain, as `height_above` says.
+    """
+    lines = ",\n".join(json.dumps(as_geojson(one), allow_nan=False) for one in features_of(mission))
+    return f'{{"type": "FeatureCollection", "features": [\n{lines}\n]}}\n'.encode()
+
+
+def read_geojson(content: bytes, name: str) -> Mission:
+    """Read a .geojson file that `write_geojson` wrote."""
+    document = parse_json(content.decode())
+    if not isinstance(document, dict) or document.get("type") != "FeatureCollection":
+        raise MissionError('it is not GeoJSON: "type" is not "FeatureCollection"')
+    return mission_of_features(map(_read_feature, document["features"]), name)
+
+
+def _read_feature(feature: Mapping[str, Any]) -> MissionFeature:
+    properties = feature.get("properties") or {}
+    geometry = feature.get("geometry")
+    if geometry is None:
+        return MissionFeature(str(properties.get("kind")), "", (), values=properties)
+    shape, coordinates = geometry["type"], geometry["coordinates"]
+    if shape == "Point":
+        coordinates = [coordinates]
+    elif shape == "Polygon":
+        coordinates = coordinates[0][::-1]
+    elif shape != "LineString":
+        raise MissionError(f"it holds a {shown(shape, quoted=False)}, which no mission has")
+    places: tuple[Place, ...] = tuple((float(lat), float(lon), 0.0) for lon, lat, *_ in coordinates)
+    return MissionFeature(str(properties.get("kind")), shape, places, values=properties)
 
 
 def _no_losses(mission: Mission, options: FileOptions) -> list[str]:

@@ -31,7 +31,7 @@ from uavseg.flight.safety.check import SafetyCheck
 from uavseg.flight.terrain.altitude_profile import climbs_early
 from uavseg.flight.terrain.clearance import Clearance
 from uavseg.inputs import read_bytes
-from uavseg.jobs.flights.plan_regions import zone_polygons
+from uavseg.jobs.flights.request import zone_polygons
 from uavseg.options.flights import CheckOptions
 from uavseg.plain_text import shown
 from uavseg.raster.elevation.dem import Dem

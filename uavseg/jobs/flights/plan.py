@@ -141,7 +141,7 @@ def plan(
 ) -> MissionPlan:
     """Plan missions over regions: take off, fly their pattern in a short order, return.
 
-    Regions and keep-out zones are in degrees (lon, lat; WGS 84), see `uavseg.jobs.flights.plan_regions`. With
+    Regions and keep-out zones are in degrees (lon, lat; WGS 84), see `uavseg.jobs.flights.request`. With
     the raster that the regions are of, those that touch its edge are left out, and a home that is found lies
     on one of its valid pixels. A RegionError says that none of the regions is chosen, none is of a class, or
     one that touches the edge is chosen by its id; a MissionError that there are no regions, that they are not
@@ -155,7 +155,7 @@ def plan(
         avoided = np.flatnonzero(of_classes(regions, request.avoid_classes))
         zones = [*zones, *regions.select(avoided).polygons]
     if raster is not None and not request.allow_edge and len(chosen):
-        from uavseg.jobs.result.edge_regions import without_edge_regions
+        from uavseg.jobs.flights.under_raster import without_edge_regions
 
         chosen, notes = without_edge_regions(chosen, raster, request.ids, request.where)
     if request.chooses:
@@ -168,7 +168,7 @@ def plan(
         margin_m = flight.safety.avoid_margin_m
         is_ground: IsGround | None = None
         if raster is not None:
-            from uavseg.jobs.source.valid_ground import valid_ground
+            from uavseg.jobs.flights.under_raster import valid_ground
 
             is_ground = valid_ground(raster)
         with phase("place for home"):

@@ -25,7 +25,7 @@ from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import TilePass
 from uavseg.regions.edit.small import Area, drop_small_regions
 from uavseg.regions.outline.rings import Rings
-from uavseg.regions.tiles.segment_tiles import outline_state
+from uavseg.regions.tiles.class_tiles import outline_state
 from uavseg.segmentation.blocks.leaves import cell_states
 from uavseg.segmentation.params.segment import SegmentParams, StateLimits
 from uavseg.segmentation.pipeline import measure_block_map_for

@@ -15,7 +15,7 @@ from uavseg.jobs.source.open_source import open_probability_map
 from uavseg.jobs.source.source import Pixels, ProbabilityMap
 from uavseg.occupancy.map_file import WritableMap
 from uavseg.occupancy.mapping.grid_io import check_cells
-from uavseg.occupancy.merge_maps import PlacedMap, common_grid, cropped, merge
+from uavseg.occupancy.several_maps import PlacedMap, common_grid, cropped, merge
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import TilePass, Window
 from uavseg.units import GREY_MAX

@@ -36,8 +36,8 @@ from uavseg.regions.sample.scores import (
     reject_unlike,
     score_cells,
 )
+from uavseg.regions.tiles.class_tiles import cell_jobs, outline_segments
 from uavseg.regions.tiles.range_tiles import with_detail
-from uavseg.regions.tiles.segment_tiles import cell_jobs, outline_segments
 from uavseg.segmentation.blocks.lbp import coarse_symbols, lbp_symbols
 from uavseg.segmentation.blocks.leaves import cells_to_pixels
 from uavseg.segmentation.components import label_components

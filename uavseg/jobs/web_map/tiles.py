@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import RasterReadError
-from uavseg.jobs.web_map.content import CellCodes, FieldMap, colored
-from uavseg.jobs.web_map.mercator import webp_of
+from uavseg.jobs.web_map.content import CellCodes, FieldMap, colored, webp_of
 from uavseg.plain_text import cause_of
 from uavseg.raster.access.opening import GDAL_ERRORS, gdal_env, quiet_open
 from uavseg.raster.geodesy.globe import WGS84, Transform, lonlat_transform, transform_between

@@ -13,7 +13,6 @@ from uavseg.arguments import checked
 from uavseg.dataclass import dataclass
 from uavseg.errors import MapError
 from uavseg.occupancy.mapping.beams import REACH_SIGMAS, merge_beams
-from uavseg.occupancy.mapping.grey_map import GreyMap
 from uavseg.occupancy.mapping.grid_io import (
     fill_grid_message,
     read_grid_file,
@@ -29,7 +28,7 @@ from uavseg.occupancy.mapping.log_odds import (
     Float32s,
     probabilities_and_grey,
 )
-from uavseg.occupancy.mapping.pending import apply_pending, empty_pending, mark_up_to_date
+from uavseg.occupancy.mapping.pending import GreyMap, apply_pending, empty_pending, mark_up_to_date
 from uavseg.occupancy.mapping.scan import Scan
 from uavseg.raster.grid.geobox import GeoBox, check_metres, local_geobox
 from uavseg.raster.grid.tiling import Window

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from uavseg._jit import inlined, kernel
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
-from uavseg.occupancy.mapping.grey_map import GreyMap, Mask
+from uavseg.occupancy.mapping.pending import GreyMap, Mask
 from uavseg.segmentation.blocks.block_map import BlockMap, leaves_of_block, mean_v, required_ratios_of_block
 from uavseg.segmentation.blocks.division import block_ratios, selected_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from uavseg.dataclass import dataclass
 from uavseg.errors import OutputError, UavsegError
 from uavseg.flight.camera.camera import Photos
-from uavseg.jobs.flights.plan_regions import open_regions
-from uavseg.jobs.flights.request import photos_of
+from uavseg.jobs.flights.request import open_regions, photos_of
 from uavseg.jobs.result.result import SourceInfo, same_reading
 from uavseg.jobs.source.inputs import keep_inputs
 from uavseg.jobs.source.open_source import open_source
@@ -31,8 +30,7 @@ from uavseg.plot.layers.mission_layer import read_missions
 from uavseg.plot.page.page import length_text
 from uavseg.plot.web.page import data_url, render_page
 from uavseg.raster.geodesy.globe import MAX_DECIMALS, crs_name, decimals_for
-from uavseg.regions.formats.about_file import about_file
-from uavseg.regions.formats.metadata import METADATA_KEY
+from uavseg.regions.formats.metadata import METADATA_KEY, about_file
 
 if TYPE_CHECKING:
     from uavseg.flight.mission.mission import Mission
@@ -98,7 +96,7 @@ def read_flights(missions: Any, camera: Any = None) -> list[dict[str, Any]]:
 
 
 def _flight(name: str, mission: "Mission", photos: Photos | None) -> dict[str, Any]:
-    from uavseg.flight.formats.geojson import write_geojson
+    from uavseg.flight.formats.files import write_geojson
     from uavseg.flight.formats.options import FileOptions
     from uavseg.flight.mission.estimate import estimate_text, footprints
     from uavseg.flight.mission.items import LANDINGS, RETURN, TAKEOFFS

@@ -17,7 +17,7 @@ from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
 from uavseg.regions.outline.rings import RegionOutlines, Rings
 from uavseg.regions.sample.model import Sample, bounds_around, symbol_pair
 from uavseg.regions.sample.place import SampleMask
-from uavseg.regions.tiles.segment_tiles import cell_jobs
+from uavseg.regions.tiles.class_tiles import cell_jobs
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.dilation import dilate
 from uavseg.segmentation.blocks.lbp import COARSE_HALO, SYMBOLS, coarse_symbols, lbp_symbols
