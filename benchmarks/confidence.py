@@ -37,8 +37,7 @@ from uavseg.raster.intensity.stretch import StretchSpec
 from uavseg.raster.read.dataset import Dataset
 from uavseg.regions import confidence
 from uavseg.regions.confidence import Weights
-from uavseg.regions.outline.rasterise import Rasteriser
-from uavseg.regions.outline.rings import RegionOutlines, Rings
+from uavseg.regions.outline.rings import Rasteriser, RegionOutlines, Rings
 from uavseg.regions.sample.place import Disc, sample_mask
 from uavseg.regions.sample.similarity import BlurredBands
 from uavseg.regions.tiles.range_tiles import outline_regions

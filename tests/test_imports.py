@@ -116,8 +116,7 @@ PHASES = {
     "components": set(),
     "blocks.dilation": set(),
     "blocks.lbp": set(),
-    "blocks.g_statistic": set(),
-    "blocks.division": {"blocks.lbp", "blocks.g_statistic"},  # its kernel makes symbols
+    "blocks.division": {"blocks.lbp"},  # its kernel makes symbols
     "blocks.block_map": {"blocks.division", "params.segment"},
     "blocks.leaves": {"blocks.block_map", "params.segment", "params.partition"},
     "blocks.cell_pairs": {"blocks.block_map", "params.segment"},
@@ -130,11 +129,10 @@ PHASES = {
     "states.state_scans": set(),
     "states.obstacle_evidence": {"params.segment"},
     "sample.best_interval": set(),
-    "sample.g_scores": {"blocks.lbp", "blocks.g_statistic"},
+    "sample.g_scores": {"blocks.lbp"},
     "sample.pixel_decision": {"blocks.dilation", "sample.g_scores", "blocks.lbp"},
     "sample.mixture": set(),
     "sample.similarity_table": {"sample.mixture"},
-    "sample.likelihood_weights": {"sample.g_scores", "blocks.lbp"},
 }
 EVERY_PHASE = set(PHASES)
 PHASES["in_memory"] = EVERY_PHASE  # the phases one by one, for notebooks

@@ -25,7 +25,7 @@ from uavseg.raster.formats.geotiff import Page, write_geotiff_pages
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.read.dataset import Dataset
-from uavseg.regions.outline.rasterise import rasterise
+from uavseg.regions.outline.rings import rasterise
 from uavseg.segmentation.params.segment import Levels, SegmentParams
 from uavseg.segmentation.states import classify_strips
 

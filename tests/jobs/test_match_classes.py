@@ -25,7 +25,7 @@ from uavseg.jobs.result.result import Extraction
 from uavseg.jobs.source.open_source import open_raster
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.raster.grid.tiling import Window
-from uavseg.regions.outline.rasterise import rasterise
+from uavseg.regions.outline.rings import rasterise
 from uavseg.regions.sample.place import class_masks
 from uavseg.regions.sample.similarity import BlurredBands
 from uavseg.segmentation.params.segment import SegmentParams

@@ -22,7 +22,7 @@ from uavseg.raster.intensity.stretch import parse_stretch
 from uavseg.raster.intensity.value_range import ValueRange
 from uavseg.raster.spectral.bands import BandScale
 from uavseg.regions.edit.small import as_area
-from uavseg.regions.outline.rasterise import rasterise
+from uavseg.regions.outline.rings import rasterise
 from uavseg.segmentation.params.segment import IntensityRange, Levels, SegmentParams
 
 SCALE = BandScale(0.1, -50.0, "degC")

@@ -140,7 +140,7 @@ def _refined(source: Blocks, raster: Pixels, request: ExtractRequest, work: Work
     outlining = work.over(raster)
     grey = source.grey(raster, outlining)
     with work.reading_here():
-        from uavseg.jobs.source.unchanged import check_unchanged
+        from uavseg.jobs.source.source import check_unchanged
 
         check_unchanged(grey, source)
     detected, requested = range_of_blocks(source, request.interval), request.interval

@@ -22,8 +22,14 @@ from uavseg.jobs.result.result import (
     segment_facts,
     with_metadata,
 )
-from uavseg.jobs.source.source import Blocks, Pixels, Source, detail_of, refuse_without_pixels
-from uavseg.jobs.source.unchanged import check_unchanged
+from uavseg.jobs.source.source import (
+    Blocks,
+    Pixels,
+    Source,
+    check_unchanged,
+    detail_of,
+    refuse_without_pixels,
+)
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.raster.grid.geobox import Length
 from uavseg.raster.grid.tiling import TilePass

@@ -12,8 +12,7 @@ from uavseg.errors import ParameterError, RasterError
 from uavseg.execution.executors import phase
 from uavseg.jobs.divide import block_map_of
 from uavseg.jobs.result.result import SourceInfo
-from uavseg.jobs.source.source import Blocks, Pixels, Source
-from uavseg.jobs.source.unchanged import check_unchanged
+from uavseg.jobs.source.source import Blocks, Pixels, Source, check_unchanged
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.raster.grid.tiling import TilePass
 from uavseg.raster.intensity.thresholds import population_edges

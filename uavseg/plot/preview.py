@@ -23,8 +23,8 @@ from uavseg.plot.layers.mission_layer import (
 )
 from uavseg.plot.layers.raster_layers import LabelsLayer, LeavesLayer, StatesLayer, draw_raster
 from uavseg.plot.layers.region_layer import LevelsLayer, RegionLayer
-from uavseg.plot.page.frame import Frame
 from uavseg.plot.page.page import (
+    Frame,
     View,
     check_png_target,
     check_width,

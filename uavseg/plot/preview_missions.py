@@ -23,9 +23,9 @@ from uavseg.flight.terrain.altitude_profile import check_known, profile_along
 from uavseg.jobs.source.inputs import keep_inputs
 from uavseg.output.atomic import atomic_file
 from uavseg.plot.layers.mission_layer import FenceLayer, mission_layers, mission_title, read_missions
-from uavseg.plot.page.frame import Frame
 from uavseg.plot.page.page import (
     TEXT_COLOR,
+    Frame,
     View,
     check_png_target,
     check_width,

@@ -13,10 +13,10 @@ from uavseg.jobs.source.inputs import keep_inputs
 from uavseg.jobs.suggest import Suggestion, Suggestions
 from uavseg.output.atomic import atomic_file
 from uavseg.plot.layers.raster_layers import draw_image, draw_raster
-from uavseg.plot.page.frame import Frame
 from uavseg.plot.page.page import (
     CAPTION_COLOR,
     TEXT_COLOR,
+    Frame,
     View,
     check_png_target,
     draw_furniture,

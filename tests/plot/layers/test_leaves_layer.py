@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from tests.plot.layers.maps import BOX, LOCAL, MOST, UTM, rgb, write
 from uavseg.errors import ParameterError, RasterError
 from uavseg.plot.layers import raster_layers as leaves_layer
-from uavseg.plot.page.frame import Frame
+from uavseg.plot.page.page import Frame
 from uavseg.plot.preview import preview
 from uavseg.raster.formats.geotiff import write_geotiff
 from uavseg.raster.grid.geobox import GeoBox

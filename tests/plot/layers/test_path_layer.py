@@ -14,7 +14,7 @@ from uavseg.flight.formats import files
 from uavseg.flight.params.plan import PlanParams
 from uavseg.flight.planning.along import fly_along
 from uavseg.plot.layers import mission_layer
-from uavseg.plot.page.frame import Frame
+from uavseg.plot.page.page import Frame
 from uavseg.plot.preview import preview
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.read.dataset import Dataset

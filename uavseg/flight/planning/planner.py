@@ -24,8 +24,7 @@ from uavseg.flight.patterns import candidates as patterns
 from uavseg.flight.patterns.candidates import RegionPart
 from uavseg.flight.patterns.survey_blocks import blocks_of_surveys
 from uavseg.flight.planning.along import home_notes, items_along
-from uavseg.flight.planning.route import RegionRoute, check_order, short_route
-from uavseg.flight.planning.split import FlightLimits, split_route
+from uavseg.flight.planning.split import FlightLimits, RegionRoute, check_order, short_route, split_route
 from uavseg.flight.safety.check import fence_around, rally_of_flights
 from uavseg.flight.safety.keep_out import KeepOut, near_zones, return_notes
 from uavseg.flight.terrain.altitude_profile import LegPoints, points_of_leg

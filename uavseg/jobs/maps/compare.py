@@ -39,8 +39,7 @@ from uavseg.raster.grid.tiling import TilePass, Window, whole_blocks
 from uavseg.raster.intensity.value_range import ValueRange
 from uavseg.raster.read.dataset import Dataset
 from uavseg.regions.edit.small import Area
-from uavseg.regions.outline.rasterise import Rasteriser
-from uavseg.regions.outline.rings import RegionOutlines, renumber_by_size
+from uavseg.regions.outline.rings import Rasteriser, RegionOutlines, renumber_by_size
 from uavseg.regions.outline.stitch import outline_tile
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.table import Regions, make_regions

@@ -22,8 +22,7 @@ from uavseg.jobs.source.source import detail_of
 from uavseg.raster.grid.tiling import TilePass, Window, whole_blocks
 from uavseg.regions.confidence import OF_TEXTURES, Confidence, Parting, texture_terms
 from uavseg.regions.edit.small import Area, drop_small_regions
-from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
-from uavseg.regions.outline.rings import RegionOutlines, Rings
+from uavseg.regions.outline.rings import EdgeTable, RegionOutlines, Rings, edge_tables
 from uavseg.regions.outline.stitch import TileOutlines, TileStitcher, outline_tile
 from uavseg.regions.sample.model import USUAL_WINDOWS, Sample, fit_sample, fit_weights, fitting_window
 from uavseg.regions.sample.place import SampleMask

@@ -22,7 +22,7 @@ from uavseg.plain_text import cause_of
 from uavseg.raster.access.opening import GDAL_ERRORS, gdal_env
 from uavseg.raster.geodesy.globe import WGS84, is_on_earth, transform_between
 from uavseg.raster.grid.geobox import GeoBox
-from uavseg.raster.grid.ground_grid import GroundGrid, ground_grid
+from uavseg.raster.grid.ground import GroundGrid, ground_grid
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.read.dataset import Dataset

@@ -18,7 +18,7 @@ from uavseg.plain_text import cause_of
 from uavseg.raster.access.opening import GDAL_ERRORS, gdal_env, quiet_open
 from uavseg.raster.geodesy.globe import WGS84, Transform, lonlat_transform, transform_between
 from uavseg.raster.grid.geobox import GeoBox
-from uavseg.raster.grid.ground_grid import GroundGrid
+from uavseg.raster.grid.ground import GroundGrid
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.read.dataset import Dataset
 from uavseg.raster.read.mosaic import with_formula

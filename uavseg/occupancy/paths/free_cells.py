@@ -16,8 +16,7 @@ from uavseg.execution.executors import Map, serial
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.ground import ground_steps
 from uavseg.raster.grid.tiling import Window
-from uavseg.regions.outline.rasterise import Rasteriser
-from uavseg.regions.outline.rings import Rings
+from uavseg.regions.outline.rings import Rasteriser, Rings
 from uavseg.segmentation.params.segment import IntensityRange
 from uavseg.segmentation.source import GreySource
 from uavseg.units import GREY_MAX

@@ -15,7 +15,7 @@ from uavseg.errors import MissionError, PathError
 from uavseg.inputs import parse_json, read_bytes
 from uavseg.occupancy.paths.find_path import PlannedPath
 from uavseg.plain_text import shown
-from uavseg.plot.page.frame import Frame
+from uavseg.plot.page.page import Frame
 
 if TYPE_CHECKING:
     from uavseg.flight.mission.items import Fence

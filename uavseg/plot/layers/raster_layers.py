@@ -13,7 +13,7 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import MapError, ParameterError, RasterError
 from uavseg.occupancy.ros.ros_map import is_ros_map, read_ros_map
 from uavseg.plain_text import shown
-from uavseg.plot.page.frame import Frame
+from uavseg.plot.page.page import Frame
 from uavseg.raster.collar.find import without_collar
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import TilePass, Window

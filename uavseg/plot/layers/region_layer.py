@@ -16,8 +16,7 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import RegionError
 from uavseg.output.staging import default_signals
 from uavseg.plain_text import shown
-from uavseg.plot.page.frame import Frame
-from uavseg.plot.page.page import area_text
+from uavseg.plot.page.page import Frame, area_text
 from uavseg.raster.access.opening import file_exists
 from uavseg.raster.geodesy.globe import transform_between
 from uavseg.regions.formats.check_read import (

@@ -15,8 +15,7 @@ from uavseg.raster.formats.creation import DEFAULT, CreationOptions
 from uavseg.raster.formats.geotiff import check_label_tiles, label_windows, write_label_tiles
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import Window, tiles
-from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
-from uavseg.regions.outline.rings import Rings
+from uavseg.regions.outline.rings import EdgeTable, Rings, edge_tables
 from uavseg.units import BLOCK
 
 

@@ -25,7 +25,7 @@ from uavseg.segmentation.sample.g_scores import (
     texture_model,
     window_scores,
 )
-from uavseg.segmentation.sample.likelihood_weights import SampleWeights, SymbolPair
+from uavseg.segmentation.sample.pixel_decision import SampleWeights, SymbolPair
 from uavseg.segmentation.source import GreySource, GreyTile
 from uavseg.units import CELL, GREY_MAX
 

@@ -13,8 +13,7 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import SampleError
 from uavseg.execution.executors import LazySequence
 from uavseg.raster.grid.tiling import TilePass, Window, window_cells
-from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
-from uavseg.regions.outline.rings import RegionOutlines, Rings
+from uavseg.regions.outline.rings import EdgeTable, RegionOutlines, Rings, edge_tables
 from uavseg.regions.sample.model import Sample, bounds_around, symbol_pair
 from uavseg.regions.sample.place import SampleMask
 from uavseg.regions.tiles.class_tiles import cell_jobs
@@ -32,8 +31,7 @@ from uavseg.segmentation.sample.g_scores import (
     texture_model,
     window_scores,
 )
-from uavseg.segmentation.sample.likelihood_weights import best_mean_weights, window_sums
-from uavseg.segmentation.sample.pixel_decision import ColorPlane, log_ratio
+from uavseg.segmentation.sample.pixel_decision import ColorPlane, best_mean_weights, log_ratio, window_sums
 from uavseg.segmentation.source import GreySource
 from uavseg.units import CELL
 

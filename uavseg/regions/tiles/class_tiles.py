@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from uavseg.dataclass import dataclass
 from uavseg.execution.executors import LazySequence
 from uavseg.raster.grid.tiling import TilePass, Window, cells_around, whole_blocks
-from uavseg.regions.outline.rasterise import rasterise
-from uavseg.regions.outline.rings import RegionOutlines, renumber_by_size
+from uavseg.regions.outline.rings import RegionOutlines, rasterise, renumber_by_size
 from uavseg.regions.outline.stitch import TileOutlines, TileStitcher, outline_tile
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.tiles.range_tiles import TileJob, check_sums, tile_jobs, with_detail

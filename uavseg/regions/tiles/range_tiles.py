@@ -19,8 +19,7 @@ from uavseg.raster.grid.tiling import (
     whole_blocks,
     window_cells,
 )
-from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
-from uavseg.regions.outline.rings import RegionOutlines
+from uavseg.regions.outline.rings import EdgeTable, RegionOutlines, edge_tables
 from uavseg.regions.outline.stitch import TileOutlines, TileStitcher, outline_tile
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums
 from uavseg.segmentation.components import (
