@@ -90,7 +90,9 @@ class Camera:
         Height above the ground times the pixel size over the focal length, H p / f; with a tilted camera the
         slant distance takes the place of the height.
         """
-        return self._slant_m(height_m, pitch_deg) * self.sensor_mm[0] / (self.focal_mm * self.image_px[0])
+        check_pitch(pitch_deg)
+        slant_m = height_m / math.sin(math.radians(-pitch_deg))
+        return slant_m * self.sensor_mm[0] / (self.focal_mm * self.image_px[0])
 
     def height_m(self, gsd_m: float, pitch_deg: float = NADIR_DEG) -> float:
         """Return the height above the ground for a ground sampling distance; the inverse of `gsd_m`."""
@@ -140,10 +142,6 @@ class Camera:
         """Return the maximum speed for sharp photographs a distance apart (m): v t <= blur_px GSD."""
         by_interval = trigger_m / self.min_interval_s if self.min_interval_s else math.inf
         return min(by_interval, blur_px * self.gsd_m(height_m) / shutter_s)
-
-    def _slant_m(self, height_m: float, pitch_deg: float) -> float:
-        check_pitch(pitch_deg)
-        return height_m / math.sin(math.radians(-pitch_deg))
 
 
 def check_pitch(pitch_deg: float) -> None:

@@ -51,11 +51,6 @@ def monotone_cells(polygon: Any, step_m: float = np.inf, detail_m: float = 0.0) 
     return sorted(inner, key=lambda face: (face.bounds[1], face.bounds[0]))
 
 
-def has_steps(polygon: Any, step_m: float, detail_m: float = 0.0) -> bool:
-    """Return whether `monotone_cells` divides a polygon at steps of its outline; parameters as there."""
-    return critical_count(polygon, step_m, detail_m) > critical_count(polygon, np.inf, detail_m)
-
-
 def critical_count(polygon: Any, step_m: float = np.inf, detail_m: float = 0.0) -> int:
     """Return the number of corners at which `monotone_cells` divides a polygon; parameters as there."""
     return len(_all_critical(polygon, step_m, detail_m))
@@ -269,8 +264,9 @@ def _cells(region: Any, angle_deg: float, params: CoverParams) -> list[SurveyLin
     turn, spacing, min_m = axes(angle_deg), params.spacing_m, MIN_HEIGHT * params.spacing_m
     turned = _turned(region, turn)
     divisions = []
-    for step in [math.inf, STEP * spacing] if has_steps(turned, STEP * spacing, min_m / 2) else [math.inf]:
-        if critical_count(turned, step, min_m / 2) <= MAX_CRITICAL:
+    counts = {step: critical_count(turned, step, min_m / 2) for step in (math.inf, STEP * spacing)}
+    for step, count in counts.items():
+        if count <= MAX_CRITICAL and (step == math.inf or count > counts[math.inf]):
             cells = merge_flat_cells(monotone_cells(turned, step, min_m / 2), min_m)
             lines = [strip_lines(cell, spacing, params.reach_m, params.min_m) @ turn.T for cell in cells]
             divisions.append(SurveyLines(angle_deg, tuple(lines), params.lead_m))

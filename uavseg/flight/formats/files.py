@@ -63,17 +63,14 @@ def _read_feature(feature: Mapping[str, Any]) -> MissionFeature:
     return MissionFeature(str(properties.get("kind")), shape, places, values=properties)
 
 
-def _no_losses(mission: Mission, options: FileOptions) -> list[str]:
-    return []
-
-
 @dataclass(frozen=True, slots=True)
 class Format:
     """Format of mission files."""
 
     write: Callable[[Mission, FileOptions], bytes]
     read: Callable[[bytes, str], Mission]  # from the content of a file and the name of the mission
-    losses: Callable[[Mission, FileOptions], list[str]] = _no_losses  # what it cannot hold, one sentence each
+    # what it cannot hold, one sentence each
+    losses: Callable[[Mission, FileOptions], list[str]] = lambda mission, options: []
     holds_home: bool = True
 
 

@@ -173,7 +173,7 @@ def _run(
     run = threads(count)
     note_planned(*(str(Path(name)) for task in tasks for name in task.outputs))
     alone = replace(work, executor=serial, local=serial, progress=None)
-    progress = work.progress or _ignored
+    progress = work.progress or (lambda done, total: None)
     context = copy_context()
     most = usable_cores() if count is None else count
     one = partial(_outcome, job=job, names=names, work=alone, most_tiles=most)
@@ -257,15 +257,12 @@ def _outcome(
     try:
         with gdal_env():  # once for all that is read
             source = open_source(task.source, job.read)
-            if most_tiles is not None and _tiles_of(source, work) > most_tiles:
+            tiles = 1 if isinstance(source, Blocks) else len(source.dataset.windows(work.tile))
+            if most_tiles is not None and tiles > most_tiles:
                 return None
             return _answered(task, source, job, names, work)
     except (UavsegError, OSError, MemoryError) as error:
         return Outcome(task.source, task.output, error=_text_of(error))
-
-
-def _tiles_of(source: Source, work: Work) -> int:
-    return 1 if isinstance(source, Blocks) else len(source.dataset.windows(work.tile))
 
 
 def _answered(task: SourceTask, source: Source, job: RegionJob, names: OutputNames, work: Work) -> Outcome:
@@ -291,10 +288,6 @@ def _text_of(error: BaseException) -> str:
         return "out of memory; smaller tiles (--tile 1024) or fewer --threads need less"
     named = os.fsdecode(error.filename) if isinstance(error, OSError) and error.filename else ""
     return one_line(f"{named}: {cause_of(error)}" if named else cause_of(error))
-
-
-def _ignored(done: int, total: int) -> None:
-    """Progress that is not reported."""
 
 
 def _within(progress: Progress, done: int, count: int, part: int, parts: int) -> None:

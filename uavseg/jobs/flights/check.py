@@ -4,6 +4,7 @@ import math
 import os
 from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from functools import partial
 from typing import Any
 
@@ -120,11 +121,7 @@ class MissionCheck:
             "speed_m_s": mission.speed_m_s,
             "slowest_m_s": mission.speed_range_m_s[0],
             "fastest_m_s": mission.speed_range_m_s[1],
-            "home": {
-                "lat": mission.home.lat,
-                "lon": mission.home.lon,
-                "altitude_m": mission.home.altitude_m,
-            },
+            "home": asdict(mission.home),
             "fence": {"inclusions": inclusions, "exclusions": len(mission.fence) - inclusions},
             "rally_points": len(mission.rally),
             "verdicts": [

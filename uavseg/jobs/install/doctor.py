@@ -83,18 +83,14 @@ def _libraries() -> Findings:
     for name in _NEEDED:
         facts[name], failure = _loaded(name)
         if failure:
-            problems.append(f"{name} cannot be loaded ({failure}); {_remedy(failure)}")
+            remedy = "install it again: pip install uavseg"
+            if "libexpat" in failure:  # wheels of rasterio bring all libraries but this one
+                remedy = "install it from the system: apt install libexpat1"
+            problems.append(f"{name} cannot be loaded ({failure}); {remedy}")
     for name in _EXTRA:
         version = _version_of(name)
         facts[name] = version or "not installed (optional)"
     return facts, problems
-
-
-def _remedy(failure: str) -> str:
-    """Return what to do: the wheels of rasterio bring all libraries but this one."""
-    if "libexpat" in failure:
-        return "install it from the system: apt install libexpat1"
-    return "install it again: pip install uavseg"
 
 
 def _loaded(name: str) -> tuple[str, str]:

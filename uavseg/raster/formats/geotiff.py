@@ -150,16 +150,14 @@ def write_geotiff_pages(
             with quiet_open(target, "w", **options) as file:
                 if number == 1:
                     file.update_tags(**(tags or {}))
-                _write_bands(file, page)
+                for band, (values, name) in enumerate(
+                    zip(page.bands, page.descriptions, strict=True), start=1
+                ):
+                    file.write(values.astype(page.dtype, copy=False), band)
+                    if name:
+                        file.set_band_description(band, name)
         for number in range(1, len(pages) + 1):
             _check_complete(target, number)
-
-
-def _write_bands(file: Any, page: Page) -> None:
-    for band, (values, name) in enumerate(zip(page.bands, page.descriptions, strict=True), start=1):
-        file.write(values.astype(page.dtype, copy=False), band)
-        if name:
-            file.set_band_description(band, name)
 
 
 def read_geotiff(

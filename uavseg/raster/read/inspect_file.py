@@ -74,7 +74,8 @@ def _metadata(path: str, source: DatasetReader) -> RasterFile:
         _check_proj()
     layout = _layout(source)
     if not layout.dtypes:
-        raise RasterError(f"{path} has no bands{_subdatasets(source)}")
+        named = [f"; name one of its subdatasets, for instance {name}" for name in source.subdatasets[:1]]
+        raise RasterError(f"{path} has no bands{''.join(named)}")
     structure = _retry(lambda: source.tags(ns="IMAGE_STRUCTURE"))
     inverted = structure.get("MINISWHITE") == "YES"
     transform = _transform(path, source)
@@ -228,9 +229,3 @@ def _transform(path: str, source: DatasetReader) -> Affine | None:
             f"gdalwarp -rpc -r near {shlex.quote(path)} {shlex.quote(warped)}"
         )
     return None
-
-
-def _subdatasets(source: DatasetReader) -> str:
-    if not source.subdatasets:
-        return ""
-    return f"; name one of its subdatasets, for instance {source.subdatasets[0]}"

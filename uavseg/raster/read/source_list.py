@@ -78,7 +78,8 @@ def _rasters_in(folder: str) -> list[str]:
     known = image_extensions()
     try:
         with os.scandir(folder) as entries:
-            found = [entry.name for entry in entries if _is_image(entry.name, known) and entry.is_file()]
+            shown = [entry for entry in entries if not entry.name.startswith(".") and entry.is_file()]
+            found = [one.name for one in shown if Path(one.name).suffix.lower() in known]
     except OSError as error:
         raise RasterReadError(f"{folder} cannot be listed ({error.strerror})") from error
     if not found:
@@ -87,10 +88,6 @@ def _rasters_in(folder: str) -> list[str]:
             f"such as '{os.path.join(folder, '**', '*.tif')}' for its subfolders"  # noqa: PTH118
         )
     return [os.path.join(folder, name) for name in sorted(found)]  # noqa: PTH118 - keeps ./
-
-
-def _is_image(name: str, known: frozenset[str]) -> bool:
-    return not name.startswith(".") and Path(name).suffix.lower() in known
 
 
 def _matching(pattern: str) -> list[str]:

@@ -1,10 +1,10 @@
 """Hierarchical division by texture: the ratio R = G_max / G_min over the pairs of a block's four children.
 
 G is the log-likelihood ratio of two histograms (Sokal and Rohlf, Biometry; Abou Merhy, Payeur and Petriu
-2008, equations 1 and 2). With J(a, b) = (a + b) ln (a + b) - a ln a - b ln b, G of histograms f_s and f_m with
-totals N_s and N_m is 2 [J(N_s, N_m) - sum of J(f_s, f_m) over the symbols]; it is 0 where they have the same
-proportions. A symbol that only one of the two histograms has adds nothing, so no branch is needed. R depends
-only on the texture of the block, so it is computed once and any threshold is applied afterwards.
+2008, equations 1 and 2). With J(a, b) = (a + b) ln (a + b) - a ln a - b ln b, G of histograms f_s and f_m
+with totals N_s and N_m is 2 [J(N_s, N_m) - sum of J(f_s, f_m) over the symbols]; it is 0 where they have the
+same proportions. A symbol that only one of the two histograms has adds nothing: no branch is needed. R
+depends only on the texture of the block, so it is computed once and any threshold is applied afterwards.
 """
 
 import numpy as np
