@@ -265,8 +265,8 @@ def test_the_imports_are_seen() -> None:
     assert ("uavseg.cli.info", "uavseg.jobs.info") in seen  # in a function
     assert ("uavseg.raster.grid.tiling", "uavseg.execution.executors") in seen
     assert (
-        "uavseg.raster.intensity.stretch",
-        "uavseg.raster.intensity.histogram",
+        "uavseg.raster.access.open_checked",
+        "uavseg.raster.access.damaged_headers",
     ) in seen  # from a package import a module
 
 

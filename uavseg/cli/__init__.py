@@ -55,7 +55,7 @@ class _Group(click.Group):
             return None
         command: click.Command = importlib.import_module(f"uavseg.cli.{name.replace('-', '_')}").command
         if ctx.resilient_parsing:  # of a shell that completes the line
-            from uavseg.cli.terminal.complete import completing_files
+            from uavseg.cli.command import completing_files
 
             return completing_files(command)
         return command

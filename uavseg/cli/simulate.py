@@ -28,7 +28,7 @@ def command(options: SimulateOptions) -> None:
     The truth has three bands: states (1 free, 2 unseen, 3 occupied), solid (the cell lies inside something)
     and visible (the sensor could see it, into what is solid as deep as 3 σ).
     """
-    from uavseg.jobs.maps.simulate import SimulateRequest, simulate
+    from uavseg.jobs.maps.build_map import SimulateRequest, simulate
     from uavseg.occupancy.map_file import write_map
     from uavseg.occupancy.mapping.grid import grey_picture
     from uavseg.raster.formats.png import write_png

@@ -58,7 +58,7 @@ def check_targets(output: str | None, labels: str | None, overwrite: bool) -> No
 
         check_region_path(output, overwrite)
     if labels is not None:
-        from uavseg.regions.formats.label_raster import check_labels
+        from uavseg.regions.formats.export import check_labels
 
         check_labels(labels, overwrite)
 
@@ -74,9 +74,9 @@ def check_distinct(*paths: str | None) -> None:
 
 def keep_inputs(outputs: Sequence[str | None], *inputs: Any) -> None:
     """Refuse an output that is one of the files that the command reads, with OutputError."""
-    from uavseg.jobs.source import inputs as read
+    from uavseg.jobs.source import open_source
 
-    read.keep_inputs(outputs, inputs)
+    open_source.keep_inputs(outputs, inputs)
 
 
 def transaction() -> AbstractContextManager[None]:
@@ -105,11 +105,11 @@ def write_label_output(found: Extraction, labels: LabelFile, work: Work, overwri
     """Write the labels of regions, if asked for; the executor writes them where they are many tiles."""
     if labels.path is None:
         return
-    from uavseg.regions.formats import label_raster
+    from uavseg.regions.formats import export
 
-    run = work.executor if label_raster.is_vrt(labels.path) else work.local
+    run = work.executor if export.is_vrt(labels.path) else work.local
     how = overwrite, labels.creation
-    label_raster.write_label_raster(labels.path, found.rings, found.geobox, run, *how)
+    export.write_label_raster(labels.path, found.rings, found.geobox, run, *how)
 
 
 def write_text(path: str, text: str, overwrite: bool) -> None:

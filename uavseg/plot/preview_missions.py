@@ -20,7 +20,7 @@ from uavseg.flight.mission.mission import Ground, Mission
 from uavseg.flight.mission.plane import Plane
 from uavseg.flight.mission.vehicle import default_vehicle
 from uavseg.flight.terrain.altitude_profile import check_known, profile_along
-from uavseg.jobs.source.inputs import keep_inputs
+from uavseg.jobs.source.open_source import keep_inputs
 from uavseg.output.atomic import atomic_file
 from uavseg.plot.layers.mission_layer import FenceLayer, mission_layers, mission_title, read_missions
 from uavseg.plot.page.page import (

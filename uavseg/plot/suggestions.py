@@ -9,7 +9,7 @@ import numpy as np
 from affine import Affine
 from numpy.typing import NDArray
 
-from uavseg.jobs.source.inputs import keep_inputs
+from uavseg.jobs.source.open_source import keep_inputs
 from uavseg.jobs.suggest import Suggestion, Suggestions
 from uavseg.output.atomic import atomic_file
 from uavseg.plot.layers.raster_layers import draw_image, draw_raster

@@ -16,11 +16,9 @@ from pathlib import Path
 from uavseg.arrays import Path_
 from uavseg.dataclass import dataclass
 from uavseg.errors import OutputError, OutputExistsError, RasterReadError, UavsegError
-from uavseg.execution.executors import Progress, serial, threads, usable_cores
-from uavseg.execution.forks import can_fork, fork_each
+from uavseg.execution.executors import Progress, can_fork, fork_each, serial, threads, usable_cores
 from uavseg.jobs.requests import RegionJob
-from uavseg.jobs.source.inputs import keep_inputs
-from uavseg.jobs.source.open_source import open_source
+from uavseg.jobs.source.open_source import keep_inputs, open_source
 from uavseg.jobs.source.source import Blocks, Source
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.output.atomic import atomic_file, check_target, output_errors, transaction
@@ -231,8 +229,7 @@ def _others(count: int) -> str:
 
 
 def _check_outputs(tasks: Sequence[SourceTask], overwrite: bool) -> None:
-    from uavseg.regions.formats.export import check_region_path
-    from uavseg.regions.formats.label_raster import check_labels
+    from uavseg.regions.formats.export import check_labels, check_region_path
 
     there: list[str] = []
     for task in tasks:
@@ -267,7 +264,7 @@ def _outcome(
 
 def _answered(task: SourceTask, source: Source, job: RegionJob, names: OutputNames, work: Work) -> Outcome:
     from uavseg.regions.formats import export
-    from uavseg.regions.formats.label_raster import write_label_raster
+    from uavseg.regions.formats.export import write_label_raster
 
     export.check_region_crs(task.output, source.geobox.wkt)
     found = job.find(source, work)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from uavseg.errors import MapError, RasterError, SceneError
 from uavseg.inputs import as_number
 from uavseg.occupancy.mapping.log_odds import MAX_LOG_ODDS, Fading
-from uavseg.occupancy.mapping.rotation import as_quaternion, heading_of, matrix_of_quaternion, tilt_deg
+from uavseg.occupancy.mapping.sensor_messages import as_quaternion, heading_of, matrix_of_quaternion, tilt_deg
 from uavseg.occupancy.ros.ros_map import RosMap, placement, transform_of
 from uavseg.plain_text import shown
 from uavseg.raster.formats.geotiff import check_geotiff_name, read_geotiff, write_geotiff

@@ -18,8 +18,7 @@ from uavseg.errors import OutputError, UavsegError
 from uavseg.flight.camera.camera import Photos
 from uavseg.jobs.flights.request import open_regions, photos_of
 from uavseg.jobs.result.result import SourceInfo, same_reading
-from uavseg.jobs.source.inputs import keep_inputs
-from uavseg.jobs.source.open_source import open_source
+from uavseg.jobs.source.open_source import keep_inputs, open_source
 from uavseg.jobs.source.source import Raster, Source
 from uavseg.jobs.web_map.content import STEPS, FieldMap
 from uavseg.options.flights import PhotoOptions

@@ -25,22 +25,20 @@ from uavseg.raster.grid.geobox import GeoBox, scaled
 from uavseg.raster.grid.ground import ground_resolution
 from uavseg.regions.outline.rings import Rings, reorder_rings
 from uavseg.regions.smooth.arcs import (
+    MAX_OFFSET,
+    STEPS_PER_PIXEL,
     Nodes,
+    area_slope,
+    doubled_steps,
     edge_key,
     find_nodes,
     is_reversed,
     load_arc,
     lower_bound,
-    unit_corners,
-)
-from uavseg.regions.smooth.sleeve import (
-    MAX_OFFSET,
-    STEPS_PER_PIXEL,
-    area_slope,
-    doubled_steps,
     place_points,
     portal_offsets,
     straighten,
+    unit_corners,
 )
 
 MAX_SHIFT = 0.4375  # pixels that a corner may move along each axis
