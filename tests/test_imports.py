@@ -123,8 +123,7 @@ PHASES = {
     "refine.noise": {"blocks.dilation"},
     "refine.specks": set(),
     "refine.total_variation": {"blocks.dilation", "refine.noise", "refine.specks"},
-    "refine.thin_lines": {"blocks.dilation", "refine.noise"},
-    "refine.detail": set(),
+    "refine.detail": {"blocks.dilation", "refine.noise"},
     "refine.range_scans": {"blocks.dilation"},
     "states.state_scans": set(),
     "states.obstacle_evidence": {"params.segment"},
@@ -152,7 +151,7 @@ ON_RASTERS = {  # these may import raster, and all phases
 ONLY_IN = {
     "rasterio": {"raster", "jobs.web_map.content"},
     "pyproj": {  # CRS, zeros of heights; a local plane, an exception
-        *("raster.geodesy.globe", "raster.geodesy.vertical", "flight.mission.plane", "regions.formats.read"),
+        *("raster.geodesy.globe", "raster.geodesy.vertical", "flight.mission.track", "regions.formats.read"),
         "regions.formats.metadata",  # CRS in other words than WKT
     },
     "rio_tiler": {"jobs.web_map.tiles"},

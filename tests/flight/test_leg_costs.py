@@ -9,8 +9,7 @@ import shapely
 from tests.flight.terrain.dems import HOME, draw, hills
 from uavseg.flight.camera.camera import Camera, Photos
 from uavseg.flight.mission.duration import leg_seconds
-from uavseg.flight.mission.plane import Plane
-from uavseg.flight.mission.track import Track
+from uavseg.flight.mission.track import Plane, Track
 from uavseg.flight.mission.vehicle import PX4
 from uavseg.flight.params.plan import LimitParams, PlanParams, SafetyParams, TerrainParams
 from uavseg.flight.planning import planner

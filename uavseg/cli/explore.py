@@ -68,7 +68,6 @@ def _check_targets(options: ExploreOptions) -> None:
 
 
 def _rows(found: Explored, options: ExploreOptions) -> dict[str, str]:
-    """Return the short table at the end."""
     drive = found.drive
     slowest = max(drive.seconds, default=0.0)
     return {

@@ -89,7 +89,7 @@ def command(options: ExtractOptions) -> None:
 
 def _write_partitions(options: ExtractOptions, job: RegionJob, reporter: Reporter) -> None:
     """Write the regions of one range to a folder of files, and nothing beside it."""
-    from uavseg.jobs.partitions import check_local, extract_partitions
+    from uavseg.jobs.extract import check_local, extract_partitions
     from uavseg.jobs.source.open_source import open_source
 
     outputs, target = options.outputs, options.outputs.output or ""

@@ -46,7 +46,6 @@ def _raster(options: InfoOptions) -> tuple[str, dict[str, Any]]:
 
 
 def _regions(options: InfoOptions) -> tuple[str, dict[str, Any]]:
-    """Return the same of a file of regions."""
     from uavseg.jobs.info import info_regions
     from uavseg.plot.summary_text import region_file_text
 

@@ -132,7 +132,6 @@ def _table(found: Suggestions, commands: list[str]) -> str:
 
 
 def _report(found: Suggestions, output: str | None, reporter: Reporter) -> None:
-    """Print warnings and notes on stderr."""
     if output is not None:
         reporter.say(f"wrote {output}")
     reporter.detail(f"{found.explained:.1%} of the variance of the means lies between the ranges")
@@ -143,7 +142,6 @@ def _report(found: Suggestions, output: str | None, reporter: Reporter) -> None:
 
 
 def _suggest_like(options: SuggestOptions) -> None:
-    """Answer `uavseg suggest` with a sample."""
     from uavseg.jobs.match.ranges_of_sample import open_all_bands, ranges_of_sample
     from uavseg.jobs.requests import suggest_like_request
 
@@ -162,7 +160,6 @@ def _suggest_like(options: SuggestOptions) -> None:
 
 
 def _like_command(one: SampleRange, rank: int, options: SuggestOptions, found: SampleRanges) -> str:
-    """Return the line that extracts a range."""
     from uavseg.jobs.info import extract_line
     from uavseg.raster.read.source_list import stem_of
     from uavseg.regions.formats.export import suffix_for

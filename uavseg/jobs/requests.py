@@ -58,7 +58,6 @@ def region_job(options: ExtractOptions | LevelsOptions | MatchOptions) -> Region
 
 
 def _drawing(options: DrawingOptions) -> Drawing:
-    """Return how outlines are drawn."""
     return Drawing(options.smooth_outline, options.simplify)
 
 

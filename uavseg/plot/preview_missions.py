@@ -14,10 +14,10 @@ from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.execution.executors import decided, phase
-from uavseg.flight.mission.flown import flown_path
+from uavseg.flight.mission.estimate import flown_path
 from uavseg.flight.mission.items import FRAME_AMSL, FRAME_TERRAIN, TAKEOFFS
 from uavseg.flight.mission.mission import Ground, Mission
-from uavseg.flight.mission.plane import Plane
+from uavseg.flight.mission.track import Plane
 from uavseg.flight.mission.vehicle import default_vehicle
 from uavseg.flight.terrain.altitude_profile import check_known, profile_along
 from uavseg.jobs.source.open_source import keep_inputs
@@ -259,7 +259,7 @@ def _figure(
 
 def _frame(missions: Sequence["Mission"]) -> Frame:
     """Return plot coordinates around the homes and positions of missions, north up."""
-    from uavseg.flight.mission.plane import plane_around
+    from uavseg.flight.mission.track import plane_around
 
     lat, lon = (np.concatenate([mission.path[k] for mission in missions]) for k in (0, 1))
     plane, side = plane_around(np.column_stack([lon, lat, lon, lat]), float(lon[0])), _MIN_SIDE_M
@@ -267,7 +267,6 @@ def _frame(missions: Sequence["Mission"]) -> Frame:
 
 
 def _view(points: NDArray[np.float64]) -> View:
-    """Return the view of all points with a margin."""
     low, high = points.min(axis=0), points.max(axis=0)
     middle, half = (low + high) / 2, np.maximum((high - low) / 2, _MIN_SIDE_M / 2)
     half = half + 0.06 * half.max()

@@ -115,7 +115,6 @@ def _draw_map(ax: Any, point: float, frame: Frame, suggestions: Suggestions, dat
 
 
 def _draw_cells(ax: Any, greys: NDArray[np.uint8], valid: NDArray[np.bool_], frame: Frame) -> None:
-    """Draw cells of 8 x 8 pixels in grey, in place of a raster."""
     grey, plot_from_pixel = upsample_cells(greys, frame, _MAX_PIXELS)
     alpha, _ = upsample_cells(np.where(valid, np.uint8(255), np.uint8(0)), frame, _MAX_PIXELS)
     draw_image(ax, np.stack([grey, grey, grey, alpha], axis=-1), plot_from_pixel, zorder=2)

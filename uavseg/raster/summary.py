@@ -183,7 +183,6 @@ def _binned(greys: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _moments(greys: NDArray[np.int64]) -> tuple[float, float]:
-    """Return mean and standard deviation of v."""
     if not greys.any():
         return math.nan, math.nan
     v = np.arange(GREY_LEVELS) / (GREY_LEVELS - 1)

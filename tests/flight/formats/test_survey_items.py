@@ -15,7 +15,7 @@ from uavseg.flight.camera.camera import Photos, camera_named
 from uavseg.flight.formats import files
 from uavseg.flight.formats.plan import plan_text
 from uavseg.flight.mission.mission import Mission
-from uavseg.flight.mission.plane import Plane
+from uavseg.flight.mission.track import Plane
 from uavseg.flight.params.plan import PlanParams
 from uavseg.flight.planning.planner import plan_missions
 

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.flight.small_regions import HOME, box, flights, planned
-from uavseg.flight.mission.plane import Plane
+from uavseg.flight.mission.track import Plane
 from uavseg.flight.params.plan import LimitParams, PlanParams, SafetyParams
 from uavseg.flight.safety.keep_out import KeepOut, return_notes
 

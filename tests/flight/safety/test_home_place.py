@@ -16,7 +16,7 @@ from tests.flight.small_regions import HOME, box, degrees, inside
 from uavseg.errors import MissionError
 from uavseg.execution.executors import watched
 from uavseg.flight.avoid import enclosing
-from uavseg.flight.mission.plane import Plane
+from uavseg.flight.mission.track import Plane
 from uavseg.flight.params.plan import PlanParams
 from uavseg.flight.planning.planner import plan_missions
 from uavseg.flight.safety.keep_out import CLEARANCE_M, home_outside

@@ -20,7 +20,7 @@ from uavseg.flight.mission.items import (
     RallyPoint,
 )
 from uavseg.flight.mission.mission import Mission
-from uavseg.flight.mission.plane import Plane
+from uavseg.flight.mission.track import Plane
 from uavseg.flight.params.plan import SafetyParams
 from uavseg.flight.safety.check import SafetyCheck
 from uavseg.flight.safety.keep_out import CLEARANCE_M, home_outside

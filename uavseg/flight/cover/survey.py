@@ -23,8 +23,15 @@ from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.flight.avoid.free_space import FreeSpace
-from uavseg.flight.cover.lines import SurveyLines, flight_space, fly_lines, path_length
-from uavseg.flight.cover.strips import MIN_LINE_M, grid_lines, strip_lines
+from uavseg.flight.cover.lines import (
+    MIN_LINE_M,
+    SurveyLines,
+    flight_space,
+    fly_lines,
+    grid_lines,
+    path_length,
+    strip_lines,
+)
 
 OVERLAP_M = 1e-6  # by which dividing lines are longer than the polygon is wide
 

@@ -14,7 +14,7 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.mission.items import Fence, FenceCircle, FencePolygon
 from uavseg.flight.mission.mission import Mission
-from uavseg.flight.mission.plane import Plane, plane_around
+from uavseg.flight.mission.track import Plane, plane_around
 from uavseg.flight.params.plan import SafetyParams
 from uavseg.flight.safety.keep_out import KeepOut
 from uavseg.flight.terrain.clearance import Clearance

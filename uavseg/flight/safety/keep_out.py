@@ -23,8 +23,7 @@ from uavseg.flight.avoid.enclosing import (
     without_holes,
 )
 from uavseg.flight.avoid.free_space import FreeSpace
-from uavseg.flight.mission.plane import Plane, plane_around
-from uavseg.flight.mission.track import Track, leg_lengths
+from uavseg.flight.mission.track import Plane, Track, leg_lengths, plane_around
 from uavseg.flight.mission.vehicle import returning_vehicles
 from uavseg.flight.params.plan import PlanParams
 
@@ -273,7 +272,6 @@ def _return_height_m(path: Floats, params: PlanParams) -> float:
 
 
 def _places_along(path: Floats) -> Floats:
-    """Return places along a path at equal distances."""
     length = np.concatenate([[0.0], np.cumsum(leg_lengths(path))])
     at = np.linspace(0, length[-1], min(int(length[-1] / STEP_M) + 2, STARTS))
     return np.column_stack([np.interp(at, length, path[:, 0]), np.interp(at, length, path[:, 1])])

@@ -288,5 +288,4 @@ def _text_of(error: BaseException) -> str:
 
 
 def _within(progress: Progress, done: int, count: int, part: int, parts: int) -> None:
-    """Progress within one of several sources."""
     progress(done * parts + min(part, parts), count * parts)

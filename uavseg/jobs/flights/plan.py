@@ -95,7 +95,6 @@ class MissionPlan:
         return explore(*self.missions, **words)
 
     def _repr_html_(self) -> str:
-        """For notebooks: each flight."""
         from uavseg.flight.mission.features import as_html
 
         count = len(self.missions)

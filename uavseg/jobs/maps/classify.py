@@ -209,7 +209,6 @@ def _objects(
 
 
 def _metadata(request: ClassifyRequest) -> dict[str, Any]:
-    """Return the parameters, for the metadata of the objects."""
     limits = {"free_below": request.limits.free_below, "occupied_above": request.limits.occupied_above}
     segment = segment_facts(request.segment) | {"refine": request.refine}
     return limits | segment | drawing_facts(request.drawing, None, request.min_area)

@@ -164,7 +164,6 @@ def _parts(table: SimilarityTable) -> bool:
 
 
 def _facts(request: MatchRequest, made: Match) -> dict[str, Any]:
-    """Return the parameters, for the metadata of the regions."""
     likes = [_fact(like) for like in request.samples]
     metadata: dict[str, Any] = {"like": likes[0] if len(likes) == 1 else likes, "by": made.compared}
     if request.unlike:

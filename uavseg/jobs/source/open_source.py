@@ -1,4 +1,4 @@
-"""Opening of sources: rasters, mosaics, arrays, block maps and maps of probabilities; files that a job reads."""
+"""Opening of sources: rasters, mosaics, arrays, block maps, maps of probabilities; files that a job reads."""
 
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -114,7 +114,6 @@ def _is_path(source: Any) -> bool:
 
 
 def _listed(source: Any) -> list[Any]:
-    """Return the parts of a mosaic."""
     if isinstance(source, Iterable) and not isinstance(source, bytes | Mapping):
         parts = list(source)
         if all(_is_path(part) or is_pixels(part) for part in parts):

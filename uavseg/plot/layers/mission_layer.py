@@ -51,7 +51,7 @@ class MissionLayer:
         cls, mission: "Mission", frame: Frame, name: str = "", color: str = FLIGHT_COLORS[0]
     ) -> "MissionLayer":
         """Place a mission in a picture; parameters as of the class."""
-        from uavseg.flight.mission.flown import flown_path
+        from uavseg.flight.mission.estimate import flown_path
         from uavseg.flight.mission.items import LANDINGS, RETURN, TAKEOFFS
         from uavseg.flight.mission.vehicle import default_vehicle
 
@@ -252,7 +252,7 @@ class FenceLayer:
 
 def _outlines(shapes: Iterable["Fence"], frame: Frame) -> Iterable[Floats]:
     from uavseg.flight.mission.items import FenceCircle
-    from uavseg.flight.mission.plane import Plane
+    from uavseg.flight.mission.track import Plane
 
     angles = np.linspace(0, 2 * np.pi, _CIRCLE_CORNERS, endpoint=False)
     for shape in shapes:

@@ -38,7 +38,6 @@ def check_geojp2(path: Path) -> None:
 
 
 def _geojp2_boxes(path: Path) -> Iterator[bytes]:
-    """Return contents of the boxes of GeoJP2."""
     size, place = path.stat().st_size, 0
     with path.open("rb") as file:
         for _ in range(_MAX_BOXES):

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from uavseg.dataclass import dataclass
 from uavseg.raster.collar.flood import UNREACHED, distances, flood, flood_tiles
-from uavseg.raster.grid.pixel_mask import ALL, PixelMask
-from uavseg.raster.grid.tiling import TilePass, Window, sample_positions, tiles
+from uavseg.raster.grid.tiling import ALL, PixelMask, TilePass, Window, sample_positions, tiles
 from uavseg.raster.read.dataset import Dataset
 from uavseg.units import BLOCK
 

@@ -21,8 +21,7 @@ from typing import TypeVar
 
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
-from uavseg.raster.grid.pixel_mask import PixelMask
-from uavseg.raster.grid.tiling import TilePass, Window
+from uavseg.raster.grid.tiling import PixelMask, TilePass, Window
 from uavseg.raster.read.dataset import Dataset
 
 WORDS = ("auto", "keep")

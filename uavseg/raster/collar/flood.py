@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from uavseg._jit import kernel
 from uavseg.dataclass import dataclass
-from uavseg.raster.grid.pixel_mask import PixelMask
-from uavseg.raster.grid.tiling import TilePass, Window, tile_side, tiles
+from uavseg.raster.grid.tiling import PixelMask, TilePass, Window, tile_side, tiles
 from uavseg.raster.read.dataset import Dataset
 
 TILE_PIXELS = 1 << 20

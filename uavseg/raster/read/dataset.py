@@ -18,8 +18,7 @@ from uavseg.errors import ParameterError, RasterReadError
 from uavseg.plain_text import shown
 from uavseg.raster.access.opening import OpenFiles
 from uavseg.raster.grid.geobox import GeoBox, scaled
-from uavseg.raster.grid.pixel_mask import PixelMask
-from uavseg.raster.grid.tiling import Window, in_panels, sample_positions, tile_side, tiles
+from uavseg.raster.grid.tiling import PixelMask, Window, in_panels, sample_positions, tile_side, tiles
 from uavseg.raster.read.array_source import ArraySource, from_array, from_values, is_array_like
 from uavseg.raster.read.data_array import from_data_array, is_data_array
 from uavseg.raster.read.inspect_file import inspect_file, inspect_open
@@ -368,7 +367,6 @@ def _check_placed(files: Sequence[RasterSource]) -> None:
 
 
 def _listed(sources: Any) -> list[Any]:
-    """Return the sources as a list."""
     if isinstance(sources, str | os.PathLike) or is_pixels(sources):
         return [sources]
     if not isinstance(sources, Sequence) or isinstance(sources, bytes):

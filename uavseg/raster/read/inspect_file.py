@@ -209,7 +209,6 @@ def _has_mask(path: str, source: DatasetReader) -> bool:
 
 
 def _transform(path: str, source: DatasetReader) -> Affine | None:
-    """Return the geotransform, or None."""
     transform = source.transform
     if has_place(source) and not transform.is_identity and tuple(transform)[:6] != _ZEROS:
         try:

@@ -91,7 +91,6 @@ def _rasters_in(folder: str) -> list[str]:
 
 
 def _matching(pattern: str) -> list[str]:
-    """Return files that match a pattern."""
     try:
         result = sorted(name for name in glob.iglob(pattern, recursive=True) if Path(name).is_file())  # noqa: PTH207
     except (OSError, ValueError) as error:
@@ -102,7 +101,6 @@ def _matching(pattern: str) -> list[str]:
 
 
 def _listed(path: str) -> list[str]:
-    """Return names in a file."""
     names = parse_list(read_bytes(path, limit=MAX_LIST))
     for name in names:
         if is_address(name):

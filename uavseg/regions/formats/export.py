@@ -211,7 +211,6 @@ def _write_layer(regions: Regions, path: Path, driver: str, **options: str) -> N
 
 
 def _write_parquet(regions: Regions, path: Path) -> None:
-    """Write GeoParquet 1.0."""
     pyarrow = import_pyarrow()
     aliases = {name: _ARROW_TYPES[column.dtype.kind] for name, column in regions.columns.items()}
     fields = [(name, pyarrow.type_for_alias(alias)) for name, alias in aliases.items()]
@@ -227,7 +226,6 @@ def _write_parquet(regions: Regions, path: Path) -> None:
 
 
 def _geo_metadata(regions: Regions) -> dict[str, Any]:
-    """Return GeoParquet metadata of the geometry column."""
     column: dict[str, Any] = {
         "encoding": "WKB",
         "geometry_types": sorted({polygon.geom_type for polygon in regions.polygons}),

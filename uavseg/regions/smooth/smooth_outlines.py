@@ -205,7 +205,6 @@ def _areas(rings: Rings) -> NDArray[np.float64]:
 
 
 def _replace_rings(rings: Rings, again: "SmoothRings", which: NDArray[np.bool_]) -> Rings:
-    """Replace some of the rings."""
     order = np.arange(len(rings.labels))
     order[which] = len(order) + np.arange(int(which.sum()))
     vertices = np.concatenate([rings.vertices, again.rings.vertices])

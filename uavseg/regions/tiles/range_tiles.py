@@ -31,9 +31,8 @@ from uavseg.segmentation.components import (
 )
 from uavseg.segmentation.params.segment import IntensityRange, Refinement
 from uavseg.segmentation.pipeline import refine_tile
-from uavseg.segmentation.refine.detail import Detail, apply_detail
+from uavseg.segmentation.refine.detail import MARGIN, Detail, ThinLines, apply_detail, find_thin_lines
 from uavseg.segmentation.refine.range_scans import REFINE_HALO
-from uavseg.segmentation.refine.thin_lines import MARGIN, ThinLines, find_thin_lines
 from uavseg.segmentation.source import GreySource, GreyTile
 from uavseg.units import BLOCK, GREY_LEVELS
 

@@ -56,7 +56,6 @@ class BlockMap:
         return self.ratios.shape[0], self.ratios.shape[1]
 
     def _repr_html_(self) -> str:
-        """Show its size and a picture of the means of its cells in notebooks."""
         rows, cols = self.shape
         valid = int(self.counts.sum(dtype=np.int64))
         share = 100 * valid / max(rows * cols, 1)
