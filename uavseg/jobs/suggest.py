@@ -18,7 +18,7 @@ from uavseg.raster.grid.tiling import TilePass
 from uavseg.raster.intensity.thresholds import population_edges
 from uavseg.raster.spectral.bands import ValueAxis, values_text
 from uavseg.regions.tiles.class_tiles import count_segments
-from uavseg.regions.tiles.range_tiles import count_greys, count_regions, estimate_regions
+from uavseg.regions.tiles.range_tiles import count_greys, estimate_regions, outline_regions
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.cell_pairs import cells_with_mean_in_range, count_cell_pairs
 from uavseg.segmentation.blocks.leaves import cell_intervals, cells_in_range, histogram_of_means, means_among
@@ -254,7 +254,8 @@ def _refined(
         interval = IntensityRange(one.low, one.high)
         cells = cells_in_range(blocks, interval, segment.division)
         if exact:
-            number, held = count_regions(grey, cells, interval, segment.refine, counting, blocks)
+            counts = outline_regions(grey, cells, interval, segment.refine, counting, blocks).sums.counts
+            number, held = len(counts), int(counts.sum())
             share = held / total
         else:
             number, share = estimate_regions(grey, cells, interval, segment.refine, counting)

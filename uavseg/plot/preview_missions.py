@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.collections import LineCollection
 from numpy.typing import NDArray
 
 from uavseg.arrays import Floats
@@ -128,8 +129,6 @@ def _zero_m(mission: Mission, dem: "Dem", ground_m: float) -> float:
 
 def draw_profiles(ax: Any, profiles: Sequence[FlightProfile], colors: Sequence[str]) -> None:
     """Draw the heights of flights, one after another along the path, and the ground below."""
-    from matplotlib.collections import LineCollection
-
     total = sum(float(profile.along_m[-1]) for profile in profiles)
     start, low, high = 0.0, np.inf, -np.inf
     for profile, color in zip(profiles, colors, strict=True):

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from affine import Affine
+from matplotlib.colors import to_rgba
 from numpy.typing import NDArray
 
 from uavseg.jobs.source.open_source import keep_inputs
@@ -152,8 +153,6 @@ def _draw_ranges(
     ax: Any, intervals: NDArray[np.uint8], plot_from_pixel: Affine, colors: Sequence[str]
 ) -> None:
     """Draw each range in its colour, translucent over grey."""
-    from matplotlib.colors import to_rgba
-
     table = np.zeros((len(colors) + 1, 4), np.uint8)
     for k, color in enumerate(colors, start=1):
         table[k] = np.round(255 * np.array(to_rgba(color, _ALPHA)))

@@ -26,8 +26,8 @@ from uavseg.jobs.match.request import MatchRequest
 from uavseg.jobs.result.result import Extraction
 from uavseg.jobs.source.source import Raster
 from uavseg.jobs.source.work import Work
-from uavseg.jobs.web_map.content import FieldMap, FieldMapRequest
-from uavseg.jobs.web_map.tiles import CellTiles, map_tile
+from uavseg.jobs.web_map.content import FieldMap, FieldMapRequest, colored, webp_of
+from uavseg.jobs.web_map.tiles import CellTiles, read_map_tile
 from uavseg.options.flights import PlanOptions
 from uavseg.options.option import Option, build, options_of
 from uavseg.plain_text import printable
@@ -262,8 +262,11 @@ class Site:
     def _tile(self, place: tuple[int, int, int]) -> Answer:
         if self.tiles is None:
             return _MISSING
-        content = map_tile(self.tiles, self.field_map.info.stretch, place)
-        return Answer(content or b"", "image/webp", 200 if content else 204)
+        tile = read_map_tile(self.tiles, place)
+        if tile is None:
+            return Answer(b"", "image/webp", 204)
+        picture = colored(*tile, self.field_map.info.stretch, self.tiles)
+        return Answer(webp_of(picture), "image/webp")
 
     def _job(self, method: str, number: str, stop: str | None, name: str | None) -> Answer:
         task = self.tasks.find(int(number))

@@ -326,11 +326,9 @@ def _bends(ring: Floats) -> Floats:
     points = ring[:-1]
     into, out = points - np.roll(points, 1, axis=0), np.roll(points, -1, axis=0) - points
     turn = into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0]
-    bends: Floats = points[turn < 0]
-    return bends
+    return points[turn < 0]
 
 
 def _distances(starts: Floats, ends: Floats) -> Floats:
     steps = ends - starts
-    lengths: Floats = np.hypot(steps[:, 0], steps[:, 1])
-    return lengths
+    return np.hypot(steps[:, 0], steps[:, 1])

@@ -53,8 +53,7 @@ class Ramp:
         rise = (np.sqrt(r * r + 4 * change_m_s / j) - r) / 2
         short = 2 * (rise + r)
         long = change_m_s / a + a / j + r
-        seconds: Floats = np.where(change_m_s >= a * (a / j + r), long, short) * (change_m_s > 0)
-        return seconds
+        return np.where(change_m_s >= a * (a / j + r), long, short) * (change_m_s > 0)
 
     def start(self, seconds: Floats, speed_m_s: Floats) -> tuple[Floats, Floats, Floats]:
         """Return distance, speed and acceleration at a time after the start, in the first half of the ramp.

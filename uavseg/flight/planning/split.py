@@ -273,8 +273,7 @@ def _return_seconds(length_m: Floats, limits: FlightLimits) -> Floats:
         return straight
     known = np.linspace(0, max(float(length_m.max()), 1.0), STRAIGHT_LENGTHS)
     seconds = [limits.return_seconds(length) for length in known.tolist()]
-    longer: Floats = np.maximum(straight, np.interp(length_m, known, seconds))
-    return longer
+    return np.maximum(straight, np.interp(length_m, known, seconds))
 
 
 def _divided(route: RegionRoute, limits: FlightLimits) -> RegionRoute:

@@ -26,7 +26,7 @@ from uavseg.raster.grid.tiling import TilePass
 from uavseg.regions.edit.small import Area, drop_small_regions
 from uavseg.regions.outline.rings import Rings
 from uavseg.regions.tiles.class_tiles import outline_state
-from uavseg.segmentation.blocks.leaves import cell_states
+from uavseg.segmentation.blocks.leaves import cell_intervals
 from uavseg.segmentation.params.segment import SegmentParams, StateLimits
 from uavseg.segmentation.pipeline import measure_block_map_for
 from uavseg.segmentation.source import GreySource
@@ -166,7 +166,7 @@ def _leaf_states(grey: GreySource, request: ClassifyRequest, tile_pass: TilePass
     with phase("division"):
         blocks = measure_block_map_for(grey, request.limits, request.segment, tile_pass)
     decided("%d x %d blocks of 64 x 64 pixels", *blocks.blocks)
-    cells = cell_states(blocks, request.limits, request.segment.division)
+    cells = cell_intervals(blocks, request.limits.edges, request.segment.division)  # 1 free, 2 unknown, ...
     del blocks
     trim_heap()
     return cells

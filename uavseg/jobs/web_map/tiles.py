@@ -13,13 +13,12 @@ from numpy.typing import NDArray
 from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import RasterReadError
-from uavseg.jobs.web_map.content import CellCodes, FieldMap, colored, webp_of
+from uavseg.jobs.web_map.content import CellCodes, FieldMap
 from uavseg.plain_text import cause_of
 from uavseg.raster.access.opening import GDAL_ERRORS, gdal_env, quiet_open
 from uavseg.raster.geodesy.globe import WGS84, Transform, lonlat_transform, transform_between
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.ground import GroundGrid
-from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.read.dataset import Dataset
 from uavseg.raster.read.mosaic import with_formula
 from uavseg.raster.read.raster_file import RasterFile
@@ -43,16 +42,6 @@ def has_map_tiles(dataset: Dataset) -> bool:
     """Return whether tiles can be read: rio-tiler is installed, and the raster consists of files."""
     has_reader = importlib.util.find_spec("rio_tiler") is not None
     return has_reader and all(isinstance(file, RasterFile) for file in dataset.mosaic.files)
-
-
-def map_tile(dataset: Dataset, stretch: Stretch, place: tuple[int, int, int]) -> bytes | None:
-    """Draw a tile of a web map in the colours of its picture, as WebP; None where the raster has nothing.
-
-    The dataset is without its collar, the stretch that of the picture. The place is zoom, x and y in the
-    usual numbering of tiles of Web Mercator.
-    """
-    tile = read_map_tile(dataset, place)
-    return None if tile is None else webp_of(colored(*tile, stretch, dataset))
 
 
 def read_map_tile(dataset: Dataset, place: tuple[int, int, int]) -> Tile | None:

@@ -147,8 +147,7 @@ def _angles(numbers: dict[str, float], count: int, beam_order: str | None) -> Fl
         )
     if contradict and beam_order == "angles":
         step = -step
-    angles: Floats = first + step * np.arange(count, dtype=np.float64)
-    return angles
+    return first + step * np.arange(count, dtype=np.float64)
 
 
 def read_points(message: Any) -> Floats:
@@ -225,8 +224,7 @@ def as_quaternion(value: Any) -> Floats:
     length = math.hypot(*numbers)
     if not (math.isfinite(length) and length > 1e-6):
         raise SceneError(f"a quaternion has a finite length above 0, not x, y, z, w = {shown(parts)}")
-    unit: Floats = numbers / length
-    return unit
+    return numbers / length
 
 
 def matrix_of_quaternion(quaternion: Floats) -> Floats:
@@ -271,5 +269,4 @@ def slerp(first: Floats, second: Floats, share: float) -> Floats:
     else:
         angle = math.acos(cosine)
         mixed = (math.sin((1 - share) * angle) * first + math.sin(share * angle) * second) / math.sin(angle)
-    unit: Floats = mixed / math.hypot(*mixed)
-    return unit
+    return mixed / math.hypot(*mixed)

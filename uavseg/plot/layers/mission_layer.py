@@ -7,6 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.patches import Polygon
+from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from uavseg.arrays import Floats
@@ -76,8 +79,6 @@ class MissionLayer:
         return mission_title([self])
 
     def draw(self, ax: Any, point: float) -> None:
-        from matplotlib.collections import LineCollection, PolyCollection
-
         legs = np.stack([self.path[:-1], self.path[1:]], axis=1)
         back = np.arange(len(legs)) == len(legs) - 1 if self.returns else np.zeros(len(legs), bool)
         transit = ~self.is_line & ~back
@@ -114,8 +115,6 @@ class MissionLayer:
         ax.text(*home, "H", color=_HALO_COLOR, size=7, weight="bold", zorder=6.1, **centred)
 
     def _draw_numbers(self, ax: Any, point: float) -> None:
-        from matplotlib.patheffects import withStroke
-
         halo = [withStroke(linewidth=2.0, foreground=_HALO_COLOR)]
         look = {"size": 6.5, "color": self.color, "weight": "bold", "zorder": 6.2, "clip_on": True}
         for n in choose_numbered(self.path, self.numbers, _MIN_NUMBER_DISTANCE * point):
@@ -234,8 +233,6 @@ class FenceLayer:
         return []
 
     def draw(self, ax: Any, point: float) -> None:
-        from matplotlib.patches import Polygon
-
         edge: dict[str, Any]
         for ring in self.inside:
             ax.add_patch(Polygon(ring, fill=False, ec=_HALO_COLOR, lw=2.6, alpha=0.7, zorder=4.6))

@@ -7,6 +7,10 @@ from typing import Any
 
 import numpy as np
 from affine import Affine
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import to_rgba
+from matplotlib.patches import Polygon
+from matplotlib.transforms import Affine2D
 from numpy.typing import NDArray
 
 from uavseg.dataclass import dataclass
@@ -45,8 +49,6 @@ def draw_raster(
 
     With `collar` "auto", the raster's collar is searched for in what is drawn and left out, with a warning.
     """
-    from matplotlib.patches import Polygon
-
     coarse = DatasetOverview.of(dataset, _max_side(ax))
     window = Window(0, 0, *coarse.geobox.shape)
     if collar == "auto":
@@ -99,8 +101,6 @@ def draw_image(ax: Any, picture: NDArray[np.uint8], transform: Affine, zorder: f
 
     It is from pixel corners (col, row) to plot coordinates.
     """
-    from matplotlib.transforms import Affine2D
-
     t = transform
     image = ax.imshow(
         picture,
@@ -166,8 +166,6 @@ class LabelsLayer:
 
     def draw(self, ax: Any, point: float) -> None:
         """Draw on axes, white with a dark edge; `point` is the length of one point (1/72 inch) on them."""
-        from matplotlib.collections import LineCollection
-
         if is_enlarged(ax, self.plot_from_pixel):
             contours = contours_of(self.labels, self.plot_from_pixel)
             for color, width in (("#222222", 1.7), ("white", 0.8)):
@@ -237,9 +235,6 @@ class StatesLayer:
         ]
 
     def draw(self, ax: Any, point: float) -> None:
-        from matplotlib.collections import LineCollection
-        from matplotlib.colors import to_rgba
-
         table = np.zeros((256, 4), np.uint8)
         for state, (name, color) in _STATE_COLORS.items():
             table[state] = np.round(255 * np.array(to_rgba(color, _STATE_ALPHA)))
@@ -294,8 +289,6 @@ class LeavesLayer:
         return [f"{len(self.sides):,} {'leaf' if len(self.sides) == 1 else 'leaves'}"]
 
     def draw(self, ax: Any, point: float) -> None:
-        from matplotlib.collections import PolyCollection
-
         outlines = PolyCollection(list(self.corners), facecolor="none", edgecolor=_LEAF_COLOR, label="leaf")
         outlines.set(lw=0.5, alpha=0.85, zorder=2.8)
         ax.add_collection(outlines)

@@ -10,6 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
+from matplotlib.collections import PathCollection
+from matplotlib.path import Path as DrawnPath
+from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from uavseg.dataclass import dataclass
@@ -98,8 +101,6 @@ def _polygonal(shape: Any) -> Any:
 
 def polygon_paths(shapes: PolygonArray) -> list[Any]:
     """Make a matplotlib path of each polygon or multipolygon, with its holes."""
-    from matplotlib.path import Path as DrawnPath
-
     parts, shape_of_part = shapely.get_parts(shapes, return_index=True)
     rings, part_of_ring = shapely.get_rings(parts, return_index=True)
     xy, ring = shapely.get_coordinates(rings, return_index=True)
@@ -217,8 +218,6 @@ class RegionLayer:
         return [count, area_text(self.area_m2)] if has_crs and self.area_m2 is not None else [count]
 
     def draw(self, ax: Any, point: float) -> None:
-        from matplotlib.collections import PathCollection
-
         visible = np.sqrt(shapely.area(self.polygons)) > _MIN_SIDE * point
         if not visible.any():
             return
@@ -307,8 +306,6 @@ def assign_colors(shapes: PolygonArray, reach: float, count: int) -> NDArray[np.
 
 
 def _draw_labels(ax: Any, ids: NDArray[Any], shapes: PolygonArray, point: float) -> None:
-    from matplotlib.patheffects import withStroke
-
     halo = [withStroke(linewidth=2.2, foreground="#111111")]
     for n in np.argsort(-shapely.area(shapes), kind="stable")[:_MAX_LABELS]:
         part = max(shapely.get_parts(shapes[n]), key=shapely.area)
@@ -345,8 +342,6 @@ class LevelsLayer:
         return [f"{count:,} segment{'s' if count != 1 else ''} of {levels} level{'s' if levels != 1 else ''}"]
 
     def draw(self, ax: Any, point: float) -> None:
-        from matplotlib.collections import PathCollection
-
         visible = shapely.area(self.polygons) > (_MIN_SIDE * point) ** 2
         for level in np.unique(self.levels[visible]):
             chosen = visible & (self.levels == level)

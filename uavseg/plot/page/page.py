@@ -8,6 +8,9 @@ from typing import Any
 
 import numpy as np
 from affine import Affine
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Polygon, Rectangle
 from numpy.typing import ArrayLike
 
 from uavseg.arrays import Floats
@@ -130,9 +133,6 @@ def check_width(width_px: int) -> None:
 
 def new_figure(width: float, height: float, dpi: float) -> Any:
     """Make a white page of `width` x `height` inches with `dpi` pixels per inch."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     figure = Figure(figsize=(width, height), dpi=dpi, facecolor="white")
     figure.set_layout_engine("none")  # whatever the user has set
     FigureCanvasAgg(figure)
@@ -177,8 +177,6 @@ def draw_furniture(ax: Any, frame: Frame, point: float) -> None:
 
 
 def _draw_scale_bar(ax: Any, frame: Frame, point: float) -> None:
-    from matplotlib.patches import Rectangle
-
     (left, right), bottom = ax.get_xlim(), ax.get_ylim()[0]
     local_unit = "px" if frame.geobox.transform.is_identity else "units"
     metres_per_unit, name = (frame.metres_per_unit, "m") if frame.metres_per_unit else (1.0, local_unit)
@@ -196,8 +194,6 @@ def _draw_scale_bar(ax: Any, frame: Frame, point: float) -> None:
 
 
 def _draw_north_arrow(ax: Any, north: tuple[float, float], point: float) -> None:
-    from matplotlib.patches import Circle, Polygon
-
     radius = 17 * point
     middle = np.array([ax.get_xlim()[1] - 1.5 * radius, ax.get_ylim()[1] - 1.5 * radius])
     ahead = np.array(north) * radius

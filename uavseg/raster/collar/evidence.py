@@ -275,8 +275,7 @@ def _fitted(points: NDArray[np.float64], near: NDArray[np.bool_], tolerance: flo
 def _direction(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return unit vector of the largest variance."""
     away = points - points.mean(axis=0)
-    vector: NDArray[np.float64] = np.linalg.eigh(away.T @ away)[1][:, -1]
-    return vector
+    return np.linalg.eigh(away.T @ away)[1][:, -1]
 
 
 CORNERS_AROUND = 3  # held by what surrounds a picture

@@ -256,8 +256,7 @@ class PixelMask:
             bits = self.bits[np.searchsorted(self.places, flat)]
             whole[row, :, col, :] = np.unpackbits(bits, axis=2).view(bool)
         first = Window(window.row % BLOCK, window.col % BLOCK, window.rows, window.cols)
-        pixels: Pixels = whole.reshape(codes.shape[0] * BLOCK, codes.shape[1] * BLOCK)[first.slices]
-        return pixels
+        return whole.reshape(codes.shape[0] * BLOCK, codes.shape[1] * BLOCK)[first.slices]
 
     def sample(self, rows: NDArray[np.int64], cols: NDArray[np.int64]) -> Pixels:
         """Return which pixels at the crossings of some rows and columns are in the set, (rows, cols) bool."""

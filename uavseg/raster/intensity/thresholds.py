@@ -108,8 +108,7 @@ def are_separated(counts: ArrayLike, classes: Classes) -> bool:
 def smoothed(counts: Floats, sigma: float) -> Floats:
     reach = math.ceil(4 * sigma)
     weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
-    smooth: Floats = np.convolve(counts, weights / weights.sum())[reach:-reach]
-    return smooth
+    return np.convolve(counts, weights / weights.sum())[reach:-reach]
 
 
 def _gains(values: Floats, weights: Floats) -> Floats:

@@ -51,8 +51,7 @@ class BandScale:
 
     def values(self, stored: ArrayLike) -> Floats:
         """Return values of stored numbers."""
-        result: Floats = np.asarray(stored, np.float64) * self.scale + self.offset
-        return result
+        return np.asarray(stored, np.float64) * self.scale + self.offset
 
     def stored(self, value: float) -> float:
         """Return the stored number of a value; without scale and offset, the value itself."""

@@ -221,19 +221,6 @@ def _sum_tile(source: GreySource, edges: EdgeTable) -> tuple[NDArray[np.int64], 
     return labels, with_excess(sums, names, None if tile.excess is None else tile.excess[inner])
 
 
-def count_regions(
-    source: GreySource,
-    cells: NDArray[np.uint8],
-    interval: IntensityRange,
-    refine: Refinement,
-    tile_pass: TilePass,
-    expected: BlockMap | None = None,
-) -> tuple[int, int]:
-    """Count the regions of `outline_regions`, and their pixels; the parameters are the same."""
-    counts = outline_regions(source, cells, interval, refine, tile_pass, expected).sums.counts
-    return len(counts), int(counts.sum())
-
-
 def estimate_regions(
     source: GreySource,
     cells: NDArray[np.uint8],

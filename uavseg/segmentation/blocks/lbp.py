@@ -195,8 +195,7 @@ def coarse_symbols(
 
 def _means_of_2x2(grey: NDArray[np.uint16]) -> NDArray[np.uint16]:
     pairs = grey[:-1].astype(np.uint32) + grey[1:]
-    means: NDArray[np.uint16] = ((pairs[:, :-1] + pairs[:, 1:]) >> 2).astype(np.uint16)
-    return means
+    return ((pairs[:, :-1] + pairs[:, 1:]) >> 2).astype(np.uint16)
 
 
 def expected_g(largest: int, share: float) -> NDArray[np.float64]:

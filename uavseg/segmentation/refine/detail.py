@@ -278,7 +278,7 @@ class ThinLines:
 
     A matched filter for lines (Chaudhuri et al., IEEE Trans. Med. Imaging 8 (1989) 263-269) as a test: a
     pixel is on a line where, in one of 16 directions, the mean of 15 pixels along it lies in the range, those
-    of both sides lie out of it on the same side, and their difference is significant. The spread of the difference by
+    of both sides lie out of it on the same side, and their difference is significant. The spread by
     chance is measured in squares of 16 pixels, so that grain and texture count as noise. Evidence of less
     significance counts where it continues a line within 8 pixels of strong evidence.
     """

@@ -95,5 +95,4 @@ def linear_weights(colors: Floats, similarity: Floats, digits: int = 2) -> Float
 
 def _scatter(away: Floats, shares: Floats) -> Floats:
     bands = range(away.shape[1])
-    scatter: Floats = np.array([[(shares * away[:, a] * away[:, b]).sum() for b in bands] for a in bands])
-    return scatter
+    return np.array([[(shares * away[:, a] * away[:, b]).sum() for b in bands] for a in bands])

@@ -164,8 +164,7 @@ def _tables(
 
 
 def _fixed(values: NDArray[np.float64]) -> NDArray[np.int64]:
-    fixed: NDArray[np.int64] = np.rint(values * _LOG_SCALE).astype(np.int64)
-    return fixed
+    return np.rint(values * _LOG_SCALE).astype(np.int64)
 
 
 @inlined

@@ -74,8 +74,7 @@ def symbol_counts(symbols: SymbolPair) -> NDArray[np.int64]:
 
 def _log_ratio_weights(sample: NDArray[np.int64], background: NDArray[np.int64]) -> NDArray[np.int64]:
     """Round the log-likelihood ratio of each symbol to units of 1 / 1024; 0 if the background lacks it."""
-    weights: NDArray[np.int64] = np.rint(WEIGHT_UNITS * _log_ratio(sample, background)).astype(np.int64)
-    return weights
+    return np.rint(WEIGHT_UNITS * _log_ratio(sample, background)).astype(np.int64)
 
 
 def _log_ratio(sample: NDArray[np.int64], background: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -210,8 +209,7 @@ def undecided_cells(matched: NDArray[np.bool_], others: NDArray[np.bool_], reach
     square).
     """
     near = dilate(matched, reach) & dilate(others, reach)
-    cells: NDArray[np.uint8] = np.where(near, np.uint8(2), matched.view(np.uint8))
-    return cells
+    return np.where(near, np.uint8(2), matched.view(np.uint8))
 
 
 @inlined

@@ -160,8 +160,7 @@ def _tiles_with_candidates(image: StateImage, strip: Sequence[Window]) -> list[W
 
 def _evidence_of_tile(source: GreySource, rule: EvidenceRule, window: Window) -> NDArray[np.uint8]:
     """Return the evidence of a tile's pixels; 0 where they are invalid, as their grey is."""
-    evidence: NDArray[np.uint8] = rule.codes[source.read(window, 0).grey]
-    return evidence
+    return rule.codes[source.read(window, 0).grey]
 
 
 @inlined
