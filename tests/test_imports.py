@@ -151,7 +151,7 @@ ON_RASTERS = {  # these may import raster, and all phases
 ONLY_IN = {
     "rasterio": {"raster", "jobs.web_map.content"},
     "pyproj": {  # CRS, zeros of heights; a local plane, an exception
-        *("raster.geodesy.globe", "raster.geodesy.vertical", "flight.mission.track", "regions.formats.read"),
+        *("raster.geodesy.globe", "raster.elevation.dem", "flight.mission.track", "regions.formats.read"),
         "regions.formats.metadata",  # CRS in other words than WKT
     },
     "rio_tiler": {"jobs.web_map.tiles"},

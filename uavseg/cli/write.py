@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from uavseg.options.regions import ExtractOptions, LevelsOptions, MatchOptions
     from uavseg.options.running import RegionOutputs, StorageOptions
     from uavseg.raster.formats.creation import CreationOptions
-    from uavseg.regions.formats.geojson import GeoJsonForm
+    from uavseg.regions.formats.text_writers import GeoJsonForm
 
     RegionOptions = ExtractOptions | LevelsOptions | MatchOptions
 
@@ -74,9 +74,9 @@ def check_distinct(*paths: str | None) -> None:
 
 def keep_inputs(outputs: Sequence[str | None], *inputs: Any) -> None:
     """Refuse an output that is one of the files that the command reads, with OutputError."""
-    from uavseg.jobs.source import open_source
+    from uavseg.jobs.source import inputs as read
 
-    open_source.keep_inputs(outputs, inputs)
+    read.keep_inputs(outputs, inputs)
 
 
 def transaction() -> AbstractContextManager[None]:
@@ -92,7 +92,7 @@ def write_region_output(
     """Write regions to a file, or to stdout where it is called -."""
     from uavseg.output.disk import noted_stream
     from uavseg.regions.formats import export
-    from uavseg.regions.formats.geojson import COLLECTION
+    from uavseg.regions.formats.text_writers import COLLECTION
 
     if target != "-":
         export.write_regions(found.regions, target, overwrite)
@@ -324,7 +324,7 @@ def geojson_form(outputs: RegionOutputs, target: str) -> GeoJsonForm:
 
     UsageError is raised if one is given and the output is a file, or a collection is to have RS.
     """
-    from uavseg.regions.formats.geojson import GeoJsonForm
+    from uavseg.regions.formats.text_writers import GeoJsonForm
 
     sequence, rs, geographic = outputs.sequence, outputs.rs, outputs.geographic
     if target != "-" and (rs or sequence is not None or geographic is not None):
@@ -341,7 +341,7 @@ def _stream_warnings(form: GeoJsonForm, wkt: str | None) -> list[str]:
     """Return what a reader of a stream cannot know: the CRS of a sequence."""
     if not (form.sequence and form.projected) or wkt is None:
         return []
-    from uavseg.regions.formats.geojson import crs_name
+    from uavseg.regions.formats.text_writers import crs_name
 
     name = crs_name(wkt)
     known = name.removeprefix("urn:ogc:def:crs:").replace("::", ":") if name else "the CRS of the raster"

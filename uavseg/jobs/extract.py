@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from uavseg.dataclass import dataclass
 from uavseg.errors import OutputError, ParameterError
+from uavseg.execution.checkpoint import stage_folder
 from uavseg.execution.executors import decided, phase, trim_heap
 from uavseg.jobs.ranges.ranges import (
     EACH_PIXEL,
@@ -42,7 +43,14 @@ from uavseg.jobs.result.result import (
     segment_facts,
     with_metadata,
 )
-from uavseg.jobs.source.source import Blocks, Pixels, Source, detail_of, refuse_without_pixels
+from uavseg.jobs.source.source import (
+    Blocks,
+    Pixels,
+    Source,
+    check_unchanged,
+    detail_of,
+    refuse_without_pixels,
+)
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.output.atomic import atomic_file
 from uavseg.output.renames import recover
@@ -55,7 +63,7 @@ from uavseg.regions.formats.export import check_region_folder, write_regions
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.outline.stitch import concatenate_sums, number_regions
 from uavseg.regions.tiles.partitions import PARTITION, PartitionJob, join_partitions
-from uavseg.regions.tiles.range_tiles import has_thin_lines, outline_regions
+from uavseg.regions.tiles.range_tiles import count_pixels, has_thin_lines, outline_regions
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaves import cells_in_range
 from uavseg.segmentation.params.segment import IntensityRange, Partition, SegmentParams
@@ -152,8 +160,6 @@ def _refined(source: Blocks, raster: Pixels, request: ExtractRequest, work: Work
     outlining = work.over(raster)
     grey = source.grey(raster, outlining)
     with work.reading_here():
-        from uavseg.jobs.source.source import check_unchanged
-
         check_unchanged(grey, source)
     detected, requested = range_of_blocks(source, request.interval), request.interval
     if request.segment.decides_pixels and not isinstance(requested, ValueRange):
@@ -244,8 +250,6 @@ def why_none(
         return f"{regions} smaller than --min-area; a smaller one keeps more"
     none = f"no region has {sought}" + ("" if request.detail is None else f" and is {request.detail} wide")
     if tile_pass is not None and isinstance(source, GreySource):
-        from uavseg.regions.tiles.range_tiles import count_pixels
-
         classes = Partition(detected.interval.edges, (0, 1, 0), ()).grey_table
         outside, inside, *_ = count_pixels(source, classes, tile_pass.silent).tolist()
         if inside:
@@ -348,8 +352,6 @@ def _components_in(folder: Path, work: Work, stage: Callable[..., Any]) -> Itera
         with TemporaryDirectory(prefix="joins-", dir=folder) as scratch:
             yield scratch
     else:
-        from uavseg.execution.checkpoint import stage_folder
-
         yield str(stage_folder(Path(work.checkpoint).absolute(), stage))
 
 

@@ -37,6 +37,7 @@ from uavseg.regions.confidence import Confidence, check_minimum, confidence_of, 
 from uavseg.regions.edit.eliminate import eliminate
 from uavseg.regions.edit.small import Area, drop_small_regions, fill_small_holes
 from uavseg.regions.outline.rings import RegionOutlines
+from uavseg.regions.tiles.range_tiles import count_pixels
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaves import cell_classes
 from uavseg.segmentation.params.segment import (
@@ -187,7 +188,6 @@ def _outlined(
 ) -> Segmented:
     """Return outlines of segments, with small holes filled; `cells` are their kinds where leaves decide."""
     from uavseg.regions.tiles.class_tiles import outline_refined_classes, outline_segments
-    from uavseg.regions.tiles.range_tiles import count_pixels
 
     kinds_at: Callable[[Firsts], NDArray[np.int64]]
     if cells is not None:

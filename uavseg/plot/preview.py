@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from uavseg.execution.executors import decided, phase
-from uavseg.jobs.source.open_source import keep_inputs
+from uavseg.jobs.source.inputs import keep_inputs
 from uavseg.occupancy.map_file import open_map, stretch_of
 from uavseg.occupancy.ros.ros_map import is_ros_map
 from uavseg.output.atomic import atomic_file

@@ -18,10 +18,10 @@ from uavseg.execution.executors import decided, phase
 from uavseg.flight.mission.estimate import flown_path
 from uavseg.flight.mission.items import FRAME_AMSL, FRAME_TERRAIN, TAKEOFFS
 from uavseg.flight.mission.mission import Ground, Mission
-from uavseg.flight.mission.track import Plane
+from uavseg.flight.mission.track import Plane, plane_around
 from uavseg.flight.mission.vehicle import default_vehicle
 from uavseg.flight.terrain.altitude_profile import check_known, profile_along
-from uavseg.jobs.source.open_source import keep_inputs
+from uavseg.jobs.source.inputs import keep_inputs
 from uavseg.output.atomic import atomic_file
 from uavseg.plot.layers.mission_layer import FenceLayer, mission_layers, mission_title, read_missions
 from uavseg.plot.page.page import (
@@ -38,6 +38,7 @@ from uavseg.plot.page.page import (
     save_figure,
     write_text,
 )
+from uavseg.raster.elevation.dem import Dem
 from uavseg.raster.grid.geobox import azimuthal_geobox
 
 if TYPE_CHECKING:
@@ -207,8 +208,6 @@ def preview_missions(
         warnings.warn(note, stacklevel=2)
     ground = None
     if dem is not None:
-        from uavseg.raster.elevation.dem import Dem
-
         ground = Dem.open(dem)
     decided("missions: %d, with %s", len(named), "no ground" if ground is None else ground.name)
 
@@ -258,8 +257,6 @@ def _figure(
 
 def _frame(missions: Sequence["Mission"]) -> Frame:
     """Return plot coordinates around the homes and positions of missions, north up."""
-    from uavseg.flight.mission.track import plane_around
-
     lat, lon = (np.concatenate([mission.path[k] for mission in missions]) for k in (0, 1))
     plane, side = plane_around(np.column_stack([lon, lat, lon, lat]), float(lon[0])), _MIN_SIDE_M
     return Frame(azimuthal_geobox(plane.lat, plane.lon, (-side, -side, side, side)))

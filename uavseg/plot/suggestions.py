@@ -10,7 +10,7 @@ from affine import Affine
 from matplotlib.colors import to_rgba
 from numpy.typing import NDArray
 
-from uavseg.jobs.source.open_source import keep_inputs
+from uavseg.jobs.source.inputs import keep_inputs
 from uavseg.jobs.suggest import Suggestion, Suggestions
 from uavseg.output.atomic import atomic_file
 from uavseg.plot.layers.raster_layers import draw_image, draw_raster

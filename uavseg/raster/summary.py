@@ -19,7 +19,6 @@ from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch, g
 from uavseg.raster.intensity.thresholds import multi_otsu, population_edges, rarest_population
 from uavseg.raster.intensity.value_range import axis_of
 from uavseg.raster.read.dataset import Dataset
-from uavseg.raster.read.mosaic import RasterSource
 from uavseg.raster.read.overview import DatasetOverview
 from uavseg.raster.spectral.band_names import names_of
 from uavseg.raster.spectral.bands import ValueAxis
@@ -133,7 +132,7 @@ def summarize(
         resolution=ground_resolution(box),
         bounds=_bounds(box),
         center=_center(box),
-        bands=_bands(first),
+        bands=tuple(zip(first.layout.dtypes, first.layout.roles, first.nodatas, strict=True)),
         names=tuple(band.label for band in names_of(first.layout)),
         used=dataset.band_names,
         exact=exact,
@@ -210,10 +209,6 @@ def _center(box: GeoBox) -> tuple[float, float] | None:
         return None
     lon, lat = box.lonlat_from_xy(*box.xy_from_pixel(box.shape[0] / 2, box.shape[1] / 2))
     return (float(lon), float(lat)) if np.isfinite(lon) and np.isfinite(lat) else None
-
-
-def _bands(file: RasterSource) -> tuple[tuple[str, str, float | None], ...]:
-    return tuple(zip(file.layout.dtypes, file.layout.roles, file.nodatas, strict=True))
 
 
 def _plain(value: Any) -> Any:

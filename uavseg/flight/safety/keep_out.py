@@ -84,7 +84,9 @@ class KeepOut:
         if not self.zones:
             return shapely.MultiPolygon()
         tolerance_m = max(self.margin_m / 8, MIN_TOLERANCE_M)
-        required = _with_margin(self._merged, self.margin_m)
+        required = self._merged
+        if self.margin_m:
+            required = shapely.buffer(required, self.margin_m / math.cos(math.pi / 32), quad_segs=8)
         grown = _grown(self._merged, required, self.margin_m, tolerance_m)
         while shapely.get_num_coordinates(grown) > MAX_CORNERS and tolerance_m < MAX_TOLERANCE_M:
             zones = enclosing(self._merged, tolerance_m)
@@ -163,10 +165,6 @@ class KeepOut:
                 if k < m and not legs.is_line.any() and self.space.sees(legs.xy[:-1], legs.xy[1:]).all():
                     return legs
         return Track.transit(self.space.path(start.tolist(), end.tolist()))
-
-
-def _with_margin(zones: Any, margin_m: float) -> Any:
-    return shapely.buffer(zones, margin_m / math.cos(math.pi / 32), quad_segs=8) if margin_m else zones
 
 
 def _grown(zones: Any, required: Any, margin_m: float, tolerance_m: float) -> Any:

@@ -18,7 +18,8 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import OutputError, OutputExistsError, RasterReadError, UavsegError
 from uavseg.execution.executors import Progress, can_fork, fork_each, serial, threads, usable_cores
 from uavseg.jobs.requests import RegionJob
-from uavseg.jobs.source.open_source import keep_inputs, open_source
+from uavseg.jobs.source.inputs import keep_inputs
+from uavseg.jobs.source.open_source import open_source
 from uavseg.jobs.source.source import Blocks, Source
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.output.atomic import atomic_file, check_target, output_errors, transaction
@@ -28,6 +29,8 @@ from uavseg.plain_text import cause_of, one_line
 from uavseg.raster.access.opening import gdal_env
 from uavseg.raster.formats.creation import DEFAULT, CreationOptions
 from uavseg.raster.read.source_list import expand_sources
+from uavseg.regions.formats import export
+from uavseg.regions.formats.export import check_labels, check_region_path, write_label_raster
 
 NOT_RUN = "it was not begun: the run was stopped"
 _HEADER = ("source", "output", "regions", "area_m2", "warnings", "error")
@@ -221,16 +224,14 @@ def grouped_warnings(outcomes: Sequence[Outcome]) -> list[str]:
     for outcome in outcomes:
         for text in outcome.warnings:
             owners.setdefault(text, []).append(outcome.source)
-    return [f"{first}{_others(len(rest))}: {text}" for text, (first, *rest) in owners.items()]
-
-
-def _others(count: int) -> str:
-    return f" and {count:,} {'other' if count == 1 else 'others'}" if count else ""
+    texts = []
+    for text, (first, *rest) in owners.items():
+        more = f" and {len(rest):,} other{'s' * (len(rest) > 1)}" if rest else ""
+        texts.append(f"{first}{more}: {text}")
+    return texts
 
 
 def _check_outputs(tasks: Sequence[SourceTask], overwrite: bool) -> None:
-    from uavseg.regions.formats.export import check_labels, check_region_path
-
     there: list[str] = []
     for task in tasks:
         try:
@@ -263,9 +264,6 @@ def _outcome(
 
 
 def _answered(task: SourceTask, source: Source, job: RegionJob, names: OutputNames, work: Work) -> Outcome:
-    from uavseg.regions.formats import export
-    from uavseg.regions.formats.export import write_label_raster
-
     export.check_region_crs(task.output, source.geobox.wkt)
     found = job.find(source, work)
     with transaction():

@@ -14,6 +14,7 @@ from uavseg.errors import ParameterError
 from uavseg.execution.executors import decided, phase
 from uavseg.flight.formats.files import MissionPath, write_mission
 from uavseg.flight.formats.options import DEFAULT_DJI_MODEL, FileOptions
+from uavseg.flight.mission.features import as_html, explore
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.params.plan import PlanParams
 from uavseg.flight.planning.planner import check_regions, plan_missions
@@ -90,13 +91,9 @@ class MissionPlan:
 
     def explore(self, **words: Any) -> Any:
         """Draw an interactive map (folium.Map) of all flights; arguments as of `Mission.explore`."""
-        from uavseg.flight.mission.features import explore
-
         return explore(*self.missions, **words)
 
     def _repr_html_(self) -> str:
-        from uavseg.flight.mission.features import as_html
-
         count = len(self.missions)
         titles = ["" if count == 1 else f"<p>flight {k} of {count}</p>" for k in range(1, count + 1)]
         shown = zip(titles, self.missions, strict=True)

@@ -27,7 +27,7 @@ from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.intensity.value_range import axis_of
 from uavseg.raster.spectral.bands import ValueAxis
 from uavseg.regions.confidence import COLUMN, Confidence
-from uavseg.regions.edit.small import Area, fill_small_holes
+from uavseg.regions.edit.small import Area, fill_small_holes, simplify
 from uavseg.regions.outline.rings import RegionOutlines, Rings
 from uavseg.regions.shapes import LazyPolygons
 from uavseg.regions.table import Regions, make_regions, with_values
@@ -138,8 +138,6 @@ class Drawing:
             rings, geobox = smooth_outlines(rings, self.smooth_m, geobox)
             regions = replace(regions, polygons=LazyPolygons(rings, geobox.transform))
         if self.simplify_m:
-            from uavseg.regions.edit.small import simplify
-
             regions = simplify(regions, self.simplify_m, geobox)
         return regions
 

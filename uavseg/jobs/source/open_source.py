@@ -1,21 +1,15 @@
-"""Opening of sources: rasters, mosaics, arrays, block maps, maps of probabilities; files that a job reads."""
+"""Opening of sources: rasters, mosaics, arrays, block maps and maps of probabilities, all recognised here."""
 
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from uavseg.access import current_policy
-from uavseg.arrays import Path_
-from uavseg.errors import MapError, ParameterError, RasterReadError, UavsegError
+from uavseg.errors import MapError, ParameterError, RasterReadError
 from uavseg.jobs.source.source import AUTO, Blocks, ProbabilityMap, Raster, Source
 from uavseg.options.reading import ReadOptions
-from uavseg.output.targets import check_not_inputs, existing_files
 from uavseg.plain_text import shown
-from uavseg.raster.access.open_checked import open_checked
-from uavseg.raster.access.opening import GDAL_ERRORS, is_remote
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec
 from uavseg.raster.read.dataset import Dataset, is_pixels
 from uavseg.raster.read.inspect_file import inspect_unless
@@ -27,7 +21,6 @@ if TYPE_CHECKING:
     from uavseg.occupancy.mapping.grid import OccupancyGrid
 
 _PICTURES = (".pgm", ".png", ".bmp", ".jpg", ".jpeg")  # formats of the pictures of ROS maps
-_ROS = (".yaml", ".yml")
 
 
 def open_source(source: Any, options: ReadOptions = ReadOptions()) -> Source:
@@ -220,84 +213,3 @@ def _probability_stretch(dataset: Dataset, options: ReadOptions) -> Stretch | St
     from uavseg.occupancy.map_file import stretch_of
 
     return options.spec or stretch_of(dataset)
-
-
-def keep_inputs(outputs: Iterable[Path_ | None], inputs: Iterable[Any]) -> None:
-    """Check that no output would replace a file that is read, before the work; refuse it with OutputError.
-
-    Of sources as they were given, paths count, with the files that they name (the sources of a VRT, the image
-    of a ROS map, the rasters of a block map).
-    """
-    named = [path for path in outputs if path is not None and path != "-"]
-    if there := [path for path in named if existing_files(Path(os.path.realpath(path)))]:
-        check_not_inputs(there, [name for given in _paths(inputs) for name in _files_read(given)])
-
-
-def _paths(inputs: Iterable[Any]) -> Iterator[str]:
-    for given in inputs:
-        if isinstance(given, str | os.PathLike):
-            yield from _named(given)
-        elif isinstance(given, list | tuple):
-            yield from _paths(given)
-
-
-def _named(path: Path_) -> list[str]:
-    """Return the files that a path stands for."""
-    try:
-        return expand_sources([path])
-    except UavsegError:
-        return [os.fspath(path)]  # the error is reported when it is opened
-
-
-def _files_read(path: str) -> list[str]:
-    suffix = Path(path).suffix.lower()
-    if suffix in _ROS:
-        return [path, *_ros_image(path)]
-    if not Path(path).is_file():
-        return [path]
-    files, tags = raster_files(path)
-    return [*files, *_block_map_rasters(path, tags)]
-
-
-def _ros_image(path: str) -> list[str]:
-    from uavseg.occupancy.ros.ros_yaml import read_ros_yaml
-
-    try:
-        return [os.fspath(read_ros_yaml(path).image)]
-    except UavsegError:
-        return []  # the error is reported when the map is opened
-
-
-def _block_map_rasters(path: str, tags: Mapping[str, str]) -> list[str]:
-    from uavseg.segmentation.blocks.block_file import rasters_of
-
-    result = []
-    for raster in rasters_of(path, tags):
-        try:
-            current_policy().check_name(path, raster, Path())
-        except UavsegError:
-            result.append(raster)  # it is not opened, and so not replaced either
-        else:
-            result += raster_files(raster)[0]
-    return result
-
-
-def raster_files(path: str | os.PathLike[str]) -> tuple[list[str], dict[str, str]]:
-    """Return local files that are read for a raster, itself first, and its tags.
-
-    A VRT of VRTs has the files of all of them. If it cannot be opened, it is alone, and has no tags.
-    """
-    found: dict[str, None] = {}
-    tags: dict[str, str] = {}
-    waiting = [os.fspath(path)]
-    while waiting:
-        name = waiting.pop()
-        if name in found or is_remote(name):
-            continue
-        found[name] = None
-        if name == os.fspath(path) or Path(name).suffix.lower() == ".vrt":
-            # An error is reported when the raster is opened for its pixels.
-            with suppress(*GDAL_ERRORS, UavsegError), open_checked(name) as file:
-                waiting += reversed(file.files)
-                tags = file.tags() if name == os.fspath(path) else tags
-    return list(found), tags

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError, PathError
+from uavseg.flight.mission.items import LANDINGS, RETURN, TAKEOFFS, WAYPOINT, FenceCircle
+from uavseg.flight.mission.vehicle import default_vehicle
 from uavseg.inputs import parse_json, read_bytes
 from uavseg.occupancy.paths.find_path import PlannedPath
 from uavseg.plain_text import shown
@@ -55,8 +57,6 @@ class MissionLayer:
     ) -> "MissionLayer":
         """Place a mission in a picture; parameters as of the class."""
         from uavseg.flight.mission.estimate import flown_path
-        from uavseg.flight.mission.items import LANDINGS, RETURN, TAKEOFFS
-        from uavseg.flight.mission.vehicle import default_vehicle
 
         lat, lon, _ = mission.path
         flown = [item for item in mission.items if item.has_position or item.command == RETURN]
@@ -248,7 +248,6 @@ class FenceLayer:
 
 
 def _outlines(shapes: Iterable["Fence"], frame: Frame) -> Iterable[Floats]:
-    from uavseg.flight.mission.items import FenceCircle
     from uavseg.flight.mission.track import Plane
 
     angles = np.linspace(0, 2 * np.pi, _CIRCLE_CORNERS, endpoint=False)
@@ -321,7 +320,6 @@ class PathLayer:
 
 def _read_mission_path(source: str | os.PathLike[str], frame: Frame) -> Floats:
     from uavseg.flight.formats import files
-    from uavseg.flight.mission.items import WAYPOINT
 
     waypoints = [item for item in files.read_mission(source).items if item.command == WAYPOINT]
     if not waypoints:

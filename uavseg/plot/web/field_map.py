@@ -16,9 +16,14 @@ from numpy.typing import NDArray
 from uavseg.dataclass import dataclass
 from uavseg.errors import OutputError, UavsegError
 from uavseg.flight.camera.camera import Photos
+from uavseg.flight.formats.files import write_geojson
+from uavseg.flight.formats.options import FileOptions
+from uavseg.flight.mission.estimate import estimate_text, footprints
+from uavseg.flight.mission.items import LANDINGS, RETURN, TAKEOFFS
 from uavseg.jobs.flights.request import open_regions, photos_of
 from uavseg.jobs.result.result import SourceInfo, same_reading
-from uavseg.jobs.source.open_source import keep_inputs, open_source
+from uavseg.jobs.source.inputs import keep_inputs
+from uavseg.jobs.source.open_source import open_source
 from uavseg.jobs.source.source import Raster, Source
 from uavseg.jobs.web_map.content import STEPS, FieldMap
 from uavseg.options.flights import PhotoOptions
@@ -95,11 +100,6 @@ def read_flights(missions: Any, camera: Any = None) -> list[dict[str, Any]]:
 
 
 def _flight(name: str, mission: "Mission", photos: Photos | None) -> dict[str, Any]:
-    from uavseg.flight.formats.files import write_geojson
-    from uavseg.flight.formats.options import FileOptions
-    from uavseg.flight.mission.estimate import estimate_text, footprints
-    from uavseg.flight.mission.items import LANDINGS, RETURN, TAKEOFFS
-
     lat, lon, _ = mission.path
     unnumbered, number, numbers = {*TAKEOFFS, RETURN, *LANDINGS}, 0, [0]
     for item in mission.items:

@@ -24,6 +24,7 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import AccessError, RasterError, RasterReadError
 from uavseg.inputs import read_bytes, read_start, regular_file
 from uavseg.plain_text import cause_of
+from uavseg.raster.access import damaged_headers
 from uavseg.raster.access.opening import (
     GDAL_ERRORS,
     as_file_name,
@@ -247,8 +248,6 @@ class NamedFiles:
         """Refuse a description of other files under a name that promises an image."""
         if drivers_of(str(path)) == ("GTiff",) and read_start(path, 4) in _TIFF:
             return
-        from uavseg.raster.access import damaged_headers
-
         start = read_start(path)
         if is_vrt(start):
             raise AccessError(f"{subject} holds a VRT, which names other files; call it .vrt if you trust it")

@@ -15,6 +15,7 @@ from uavseg.expressions import ARITHMETIC, Evaluator
 from uavseg.plain_text import printable
 from uavseg.raster.spectral.band_names import find_band, listed, names_of
 from uavseg.raster.spectral.bands import BandLayout, BandScale, Valid, Values
+from uavseg.raster.spectral.indices import find_index
 
 if TYPE_CHECKING:
     from uavseg.raster.spectral.indices import SpectralIndex
@@ -93,8 +94,6 @@ def bind_formula(words: BandWords, layout: BandLayout) -> Formula | None:
     if words.expr is not None:
         return Formula("", parse_expression(words.expr, partial(_find, layout)))
     assert words.index is not None
-    from uavseg.raster.spectral.indices import find_index
-
     name, index = find_index(words.index)
     expression = parse_expression(index.formula, partial(_find_of, layout, name, index))
     return Formula(name, expression, index.limits, index.of_reflectance)

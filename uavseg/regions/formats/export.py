@@ -25,10 +25,11 @@ from uavseg.raster.formats.geotiff import check_label_tiles, label_windows, writ
 from uavseg.raster.geodesy.globe import parse_crs
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import Window, tiles
-from uavseg.regions.formats import geojson
-from uavseg.regions.formats.geojson import COLLECTION, GeoJsonForm
+from uavseg.regions.formats import text_writers
 from uavseg.regions.formats.metadata import metadata_items
 from uavseg.regions.formats.parquet import arrow_array, import_pyarrow
+from uavseg.regions.formats.text_writers import COLLECTION, GeoJsonForm, kml_notes, write_kml
+from uavseg.regions.formats.vector_files import gdal_options
 from uavseg.regions.outline.rings import EdgeTable, Rings, edge_tables
 from uavseg.regions.shapes import as_multipolygons, batch_slices, has_multipolygons
 from uavseg.regions.table import Regions
@@ -111,8 +112,6 @@ def format_notes(regions: Regions, path: str | os.PathLike[str]) -> list[str]:
     """Return warnings about what readers of the format of a file, at this path, cannot show."""
     if Path(path).suffix.lower() != ".kml":
         return []
-    from uavseg.regions.formats.kml import kml_notes
-
     return kml_notes(regions)
 
 
@@ -142,10 +141,10 @@ def _write_stream(regions: Regions, stream: IO[Any], form: GeoJsonForm) -> None:
     try:
         if hasattr(stream, "encoding"):
             text = io.BytesIO()
-            geojson.write_geojson(regions, text, form)
+            text_writers.write_geojson(regions, text, form)
             stream.write(text.getvalue().decode())
         else:
-            geojson.write_geojson(regions, stream, form)
+            text_writers.write_geojson(regions, stream, form)
         stream.flush()
     except BrokenPipeError:
         raise  # the reader has closed the pipe
@@ -157,7 +156,7 @@ def _write_stream(regions: Regions, stream: IO[Any], form: GeoJsonForm) -> None:
 
 def _write_geojson(regions: Regions, path: Path) -> None:
     with path.open("wb") as stream:
-        geojson.write_geojson(regions, stream)
+        text_writers.write_geojson(regions, stream)
 
 
 def _write_geopackage(regions: Regions, path: Path) -> None:
@@ -173,8 +172,6 @@ def _write_shapefile(regions: Regions, path: Path) -> None:
 
 
 def _write_kml(regions: Regions, path: Path) -> None:
-    from uavseg.regions.formats.kml import write_kml
-
     with path.open("wb") as stream:
         write_kml(regions, stream)
 
@@ -183,8 +180,6 @@ def _write_layer(regions: Regions, path: Path, driver: str, **options: str) -> N
     """Write one layer with GDAL; warnings are muted."""
     import pyogrio.raw
     from pyogrio.errors import DataLayerError, DataSourceError
-
-    from uavseg.regions.formats.vector_files import gdal_options
 
     promote = has_multipolygons(regions.polygons)
     polygons = np.asarray(regions.polygons)

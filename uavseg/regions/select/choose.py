@@ -132,7 +132,9 @@ def _parse(condition: str) -> ast.expr:
     if len(condition) > MAX_CHARACTERS:
         raise RegionError(f"the condition has {len(condition)} characters; at most {MAX_CHARACTERS} are read")
     try:
-        return ast.parse(_KEYWORD.sub(_as_name, condition.strip()), mode="eval").body
+        # A text in quotes stays as it is.
+        named = _KEYWORD.sub(lambda found: _CLASS if found[0] == "class" else found[0], condition.strip())
+        return ast.parse(named, mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         one_equals = "=" in condition and not any(two in condition for two in ("==", "<=", ">=", "!="))
         hint = "; equality is written ==" if one_equals else ""
@@ -143,11 +145,6 @@ def _parse(condition: str) -> ast.expr:
 
 _KEYWORD = re.compile(r"""'(?:\\.|[^'\\])*'|"(?:\\.|[^"\\])*"|\bclass\b""")
 _CLASS = "class_column_"  # stands for the column class, which has the name of a keyword
-
-
-def _as_name(found: re.Match[str]) -> str:
-    """Return a text in quotes as it is, and the keyword class as a name."""
-    return _CLASS if found[0] == "class" else found[0]
 
 
 class _Condition(Evaluator):
