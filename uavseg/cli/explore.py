@@ -46,7 +46,6 @@ def command(options: ExploreOptions) -> None:
 
 
 def _check_targets(options: ExploreOptions) -> None:
-    """Check that all can be written, before the work."""
     from uavseg.occupancy.map_file import check_map_path
     from uavseg.output.atomic import check_target
 

@@ -34,7 +34,6 @@ def command(options: InfoOptions) -> None:
 
 
 def _raster(options: InfoOptions) -> tuple[str, dict[str, Any]]:
-    """Return what there is to say of a raster, as text and as plain values."""
     from uavseg.execution.executors import threads
     from uavseg.jobs.info import info, open_to_describe
     from uavseg.jobs.source.work import Work

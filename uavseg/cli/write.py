@@ -177,7 +177,6 @@ def confidence_row(found: Extraction, kept: int | None = None) -> dict[str, str]
 
 
 def _range_row(found: Extraction) -> dict[str, str]:
-    """Return the range that was asked for, in v and in values."""
     if found.detected is None:
         return {}
     from uavseg.raster.spectral.bands import values_text

@@ -156,7 +156,6 @@ def regions_of_pixels(source: Pixels, request: ExtractRequest, work: Work) -> Ex
 
 
 def _refined(source: Blocks, raster: Pixels, request: ExtractRequest, work: Work) -> Extraction:
-    """Refine and outline from blocks that are known."""
     outlining = work.over(raster)
     grey = source.grey(raster, outlining)
     with work.reading_here():

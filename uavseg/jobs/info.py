@@ -86,7 +86,6 @@ def extract_line(sources: Sequence[str], options: ReadOptions, interval: str, ki
 
 
 def _access_words() -> list[str]:
-    """Return the options of the access policy, as it is now."""
     policy = current_policy()
     words = [word for folder in policy.allow_paths for word in ("--allow-path", folder)]
     return [*words, "--allow-network"] if policy.allow_network else words

@@ -168,7 +168,6 @@ def _check_count(partition: Partition, segment: SegmentParams) -> None:
 def _refined(
     source: Blocks, raster: Pixels, partition: Partition, request: PartitionRequest, work: Work
 ) -> Segmented:
-    """Refine and outline with blocks that are known."""
     outlining = work.over(raster)
     grey = source.grey(raster, outlining)
     with work.reading_here():
@@ -399,7 +398,6 @@ def _notes(partition: Partition, request: LevelsRequest) -> list[str]:
 
 
 def _measured(found: Segmented, request: LevelsRequest) -> Extraction:
-    """Return segments with their levels and attributes, the small ones merged or dropped."""
     outlined, info = found.outlined, found.info
     if request.small == "drop":
         outlined = drop_small_regions(outlined, info.geobox, request.min_area)

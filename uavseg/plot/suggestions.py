@@ -29,8 +29,7 @@ from uavseg.plot.page.page import (
 )
 from uavseg.raster.grid.geobox import scaled
 from uavseg.raster.grid.tiling import Window
-from uavseg.raster.read.dataset import Dataset
-from uavseg.raster.read.overview import DatasetOverview
+from uavseg.raster.read.dataset import Dataset, DatasetOverview
 from uavseg.raster.spectral.bands import ValueAxis
 from uavseg.units import CELL, GREY_MAX
 

@@ -18,8 +18,7 @@ from uavseg.raster.grid.tiling import TilePass, Window, tile_side, tiles
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch, greys_beyond
 from uavseg.raster.intensity.thresholds import multi_otsu, population_edges, rarest_population
 from uavseg.raster.intensity.value_range import axis_of
-from uavseg.raster.read.dataset import Dataset
-from uavseg.raster.read.overview import DatasetOverview
+from uavseg.raster.read.dataset import Dataset, DatasetOverview
 from uavseg.raster.spectral.band_names import names_of
 from uavseg.raster.spectral.bands import ValueAxis
 from uavseg.units import GREY_LEVELS

@@ -24,7 +24,7 @@ from uavseg.flight.mission.items import (
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.params.plan import PlanParams, TerrainParams
 from uavseg.flight.planning.along import items_along
-from uavseg.flight.terrain.clearance import Clearance, clearance_of
+from uavseg.flight.safety.check import Clearance, clearance_of
 from uavseg.flight.terrain.follow import GroundPath, WaypointHeights
 from uavseg.raster.elevation.dem import Dem
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from rasterio.shutil import copy
 
 from uavseg.errors import RasterReadError
-from uavseg.raster.access.damaged_headers import check_netcdf_header
+from uavseg.raster.access.untrusted import check_netcdf_header
 from uavseg.raster.read.dataset import Dataset
 
 

@@ -13,8 +13,7 @@ from uavseg.execution.executors import threads
 from uavseg.raster.collar import evidence, find, flood
 from uavseg.raster.collar.find import without_collar
 from uavseg.raster.grid.tiling import TilePass, Window
-from uavseg.raster.read.dataset import Dataset
-from uavseg.raster.read.overview import DatasetOverview
+from uavseg.raster.read.dataset import Dataset, DatasetOverview
 from uavseg.raster.spectral.formula import BandWords
 
 SHAPE = (420, 500)

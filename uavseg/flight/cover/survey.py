@@ -89,7 +89,6 @@ def merge_flat_cells(cells: list[Any], min_m: float) -> list[Any]:
 
 
 def _all_critical(polygon: Any, step_m: float, detail_m: float) -> Floats:
-    """Return the vertices at which a polygon is divided."""
     outline = shapely.simplify(polygon, detail_m) if detail_m else polygon
     rings = shapely.get_rings(shapely.orient_polygons(outline))  # the inside to their left
     critical = [_critical(shapely.get_coordinates(ring)[:-1], step_m) for ring in rings]

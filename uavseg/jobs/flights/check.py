@@ -12,8 +12,7 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError, ParameterError
 from uavseg.execution.executors import decided, phase
 from uavseg.flight.formats import kmz, litchi, wpml
-from uavseg.flight.formats.files import MAX_BYTES, check_mission_format, read_mission
-from uavseg.flight.formats.station_rules import station_refusals
+from uavseg.flight.formats.files import MAX_BYTES, check_mission_format, read_mission, station_refusals
 from uavseg.flight.formats.wayline import wayline_of
 from uavseg.flight.mission.items import (
     AUTOPILOTS,
@@ -28,9 +27,8 @@ from uavseg.flight.mission.items import (
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.vehicle import default_vehicle
 from uavseg.flight.params.plan import SafetyParams
-from uavseg.flight.safety.check import SafetyCheck
+from uavseg.flight.safety.check import Clearance, SafetyCheck
 from uavseg.flight.terrain.altitude_profile import climbs_early
-from uavseg.flight.terrain.clearance import Clearance
 from uavseg.inputs import read_bytes
 from uavseg.jobs.flights.request import zone_polygons
 from uavseg.options.flights import CheckOptions

@@ -18,9 +18,8 @@ from uavseg.flight.mission.features import as_html, explore
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.params.plan import PlanParams
 from uavseg.flight.planning.planner import check_regions, plan_missions
-from uavseg.flight.safety.check import SafetyCheck
+from uavseg.flight.safety.check import SafetyCheck, clearance_of
 from uavseg.flight.safety.keep_out import IsGround, home_outside
-from uavseg.flight.terrain.clearance import clearance_of
 from uavseg.output.atomic import transaction
 from uavseg.regions.select.choose import of_classes, select_regions
 from uavseg.regions.table import Regions

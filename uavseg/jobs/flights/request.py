@@ -279,7 +279,6 @@ def zone_polygons(avoid: Sequence[Any], raster: Source | None = None) -> list[An
 
 
 def _in_range(ends: Sequence[Any], raster: Source | None) -> Regions:
-    """Return the regions of a raster in a range of intensity."""
     from uavseg.jobs.extract import ExtractRequest, extract
     from uavseg.segmentation.params.segment import IntensityRange
 

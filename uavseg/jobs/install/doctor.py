@@ -4,7 +4,10 @@ import importlib
 import importlib.metadata
 import os
 import platform
+import shutil
+import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from typing import Any
@@ -16,7 +19,6 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import OutputError, ParameterError
 from uavseg.execution.executors import Progress, usable_cores
 from uavseg.flight.link.transport import serial_ports
-from uavseg.jobs.install.find_qgis import find_qgis
 from uavseg.plain_text import cause_of, one_line
 
 _NEEDED = (
@@ -34,6 +36,10 @@ _LIBRARIES = (
     *("rasterio", "pyogrio", "geopandas", "pyproj", "shapely", "yaml"),
     *("matplotlib.font_manager", "pymavlink.mavutil"),  # the first makes its list of fonts, once for a user
 )
+_PROGRAMS = ("qgis_process.bin", "qgis_process", "qgis_process-qgis.bat", "qgis_process-qgis-ltr.bat")
+_KEPT = ("PATH", "LANG", "SYSTEMROOT")  # other variables may name libraries of Python's
+_FOLDERS = ("HOME", "XDG_RUNTIME_DIR", "QGIS_CUSTOM_CONFIG_PATH", "TEMP", "TMP")  # that QGIS may write to
+_TIMEOUT_S = 20.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -285,3 +291,39 @@ def warm_up(processes: int | None = None, progress: Progress | None = None) -> W
         )
     seconds = time.perf_counter() - start
     return WarmUp(found["shipped"], found["kept"], found["compiled"], len(_LIBRARIES), seconds)
+
+
+def find_qgis() -> str:
+    """Return the version of the QGIS on the search path, such as "3.22.16-Białowieża"; empty where none is.
+
+    It is started to ask for its version, without the variables of this environment.
+    """
+    found = [program for program in _PROGRAMS if shutil.which(program)]
+    for program in found:
+        version = _qgis_version(program)
+        if version:
+            return version
+    if found or shutil.which("qgis"):
+        return "found, but it does not say its version"
+    return ""
+
+
+def _qgis_version(program: str) -> str:
+    """Return what a program says in the line that begins with "QGIS"."""
+    with tempfile.TemporaryDirectory(prefix="uavseg-") as folder:
+        kept = {name: os.environ[name] for name in _KEPT if name in os.environ}
+        own = {"QT_QPA_PLATFORM": "offscreen"} | dict.fromkeys(_FOLDERS, folder)
+        try:
+            answer = subprocess.run(
+                [shutil.which(program) or program, "--version"],
+                capture_output=True,
+                timeout=_TIMEOUT_S,
+                check=False,
+                env=kept | own,
+                stdin=subprocess.DEVNULL,
+            )
+        except (OSError, subprocess.TimeoutExpired):  # then it says nothing of itself
+            return ""
+    lines = answer.stdout.decode("utf-8", "replace").splitlines()
+    said = next((line for line in lines if line.startswith("QGIS ")), "")
+    return said.removeprefix("QGIS ").split(" '")[0].strip()

@@ -215,7 +215,6 @@ def _metadata(request: ClassifyRequest) -> dict[str, Any]:
 
 
 def _bounds(rings: Rings, geobox: GeoBox) -> dict[str, NDArray[np.float64]]:
-    """Compute the bounding box of each region, in the coordinates of the map."""
     starts = rings.starts[np.flatnonzero(np.diff(rings.labels, prepend=0))]  # of the first ring of each
     xy = np.asarray(geobox.xy_from_pixel(rings.vertices[:, 0], rings.vertices[:, 1]), np.float64)
     return {

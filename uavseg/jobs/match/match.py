@@ -34,10 +34,9 @@ from uavseg.regions.confidence import OF_MATCHES, Confidence, match_terms, none_
 from uavseg.regions.edit.small import drop_small_regions
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.sample.model import fitting_window
-from uavseg.regions.sample.next_place import next_place
 from uavseg.regions.sample.place import Disc, SampleMask, sample_mask
 from uavseg.regions.sample.scores import inner_cells
-from uavseg.regions.sample.similarity import BlurredBands, SimilaritySource, fit_similarity
+from uavseg.regions.sample.similarity import BlurredBands, SimilaritySource, fit_similarity, next_place
 from uavseg.regions.tiles.class_tiles import LIKELY
 from uavseg.regions.tiles.range_tiles import outline_regions, sum_regions
 from uavseg.segmentation.params.segment import SegmentParams

@@ -25,8 +25,7 @@ from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.ground import GroundGrid, ground_grid
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.intensity.stretch import Stretch
-from uavseg.raster.read.dataset import Dataset
-from uavseg.raster.read.overview import DatasetOverview
+from uavseg.raster.read.dataset import Dataset, DatasetOverview
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaves import STEPS as STEPS
 from uavseg.segmentation.blocks.leaves import leaf_codes

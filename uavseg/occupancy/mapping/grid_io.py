@@ -165,7 +165,6 @@ def _origin(message: Any) -> tuple[float, float, float]:
 
 
 def _cells(message: Any, shape: tuple[int, int]) -> NDArray[np.int8]:
-    """Read the cells in rows from the top."""
     value = _field(message, "data")
     try:
         cells = np.asarray(value)

@@ -22,8 +22,7 @@ from uavseg.raster.collar.find import without_collar
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import TilePass, Window
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch
-from uavseg.raster.read.dataset import Dataset
-from uavseg.raster.read.overview import DatasetOverview
+from uavseg.raster.read.dataset import Dataset, DatasetOverview
 from uavseg.regions.outline.trace import trace
 from uavseg.units import CELL, FREE, OCCUPIED, UNKNOWN
 

@@ -24,7 +24,7 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import AccessError, RasterError, RasterReadError
 from uavseg.inputs import read_bytes, read_start, regular_file
 from uavseg.plain_text import cause_of
-from uavseg.raster.access import damaged_headers
+from uavseg.raster.access import untrusted
 from uavseg.raster.access.opening import (
     GDAL_ERRORS,
     as_file_name,
@@ -256,11 +256,11 @@ class NamedFiles:
                 f"{subject} is HDF5, which may name other files unseen; convert it to "
                 'GeoTIFF (gdal_translate), or name its subdataset (NETCDF:"a.nc":band) if you trust it'
             )
-        if start.startswith(damaged_headers.NETCDF):
-            damaged_headers.check_netcdf_header(path)
+        if start.startswith(untrusted.NETCDF):
+            untrusted.check_netcdf_header(path)
             return
-        if start.startswith(damaged_headers.JPEG2000):
-            damaged_headers.check_geojp2(path)
+        if start.startswith(untrusted.JPEG2000):
+            untrusted.check_geojp2(path)
             return
         if path.suffix.lower() != ".xml" and start.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"<", b"{", b"["):
             raise AccessError(f"{subject} holds a description in text, not an image")
@@ -308,7 +308,7 @@ def open_checked(path: str) -> Iterator[DatasetReader]:
         found.check()
         for source_path in (path, *found.rasters):
             if drivers_of(source_path) in _DATABASES and Path(source_path).is_file():
-                from uavseg.raster.access.databases import check_database
+                from uavseg.raster.access.untrusted import check_database
 
                 check_database(source_path, source_path, RasterReadError)
     elif page := _PAGE.match(path):

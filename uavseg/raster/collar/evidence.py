@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.dataclass import dataclass
-from uavseg.raster.collar.flood import UNREACHED, distances, flood, flood_tiles
+from uavseg.raster.collar.flood import UNREACHED, distances, flood, flood_tiles, with_border
 from uavseg.raster.grid.tiling import ALL, PixelMask, TilePass, Window, sample_positions, tiles
 from uavseg.raster.read.dataset import Dataset
 from uavseg.units import BLOCK
@@ -163,11 +163,7 @@ def _grow_tile(
 
 def _core(flooded: PixelMask, window: Window, shape: tuple[int, int]) -> Pixels:
     """Return the flood with its neighbours in a window."""
-    wider = window.grown(1)
-    part = wider.clipped(shape)
-    flood = np.zeros((wider.rows, wider.cols), bool)
-    inner = Window(part.row - wider.row, part.col - wider.col, part.rows, part.cols)
-    flood[inner.slices] = flooded.read(part)
+    flood = with_border(flooded.read, window, shape, False)
     rows = flood[:-2] | flood[1:-1] | flood[2:]
     return rows[:, :-2] | rows[:, 1:-1] | rows[:, 2:]
 
@@ -181,7 +177,7 @@ def _read(
     constant = values.dtype.type(value)
     difference = (values - constant if value == 0 else constant - values).max(axis=0)
     known = np.ones(difference.shape, bool) if valid is None else valid
-    own = Window(window.row - around.row, window.col - around.col, window.rows, window.cols).slices
+    own = window.relative_to(around).slices
     return _core(flooded, around, dataset.geobox.shape), difference, known, own
 
 
@@ -227,7 +223,7 @@ def outline_points(mask: PixelMask, shape: tuple[int, int]) -> NDArray[np.float6
         inside = mask.read(around)
         wide = np.pad(inside, 1, mode="edge")
         inner = wide[:-2, 1:-1] & wide[2:, 1:-1] & wide[1:-1, :-2] & wide[1:-1, 2:]
-        own = Window(block.row - around.row, block.col - around.col, block.rows, block.cols).slices
+        own = block.relative_to(around).slices
         found.append(np.argwhere((inside & ~inner)[own]) + np.array([block.row, block.col]))
     points = np.concatenate(found)
     step = -(-len(points) // MAX_POINTS) if len(points) else 1
@@ -273,7 +269,6 @@ def _fitted(points: NDArray[np.float64], near: NDArray[np.bool_], tolerance: flo
 
 
 def _direction(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return unit vector of the largest variance."""
     away = points - points.mean(axis=0)
     return np.linalg.eigh(away.T @ away)[1][:, -1]
 

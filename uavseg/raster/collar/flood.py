@@ -6,7 +6,7 @@ the edge first, then those whose neighbours brought something new to their borde
 on the tiles or on the order.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import field
 from functools import partial
 
@@ -83,13 +83,20 @@ def is_passable(dataset: Dataset, value: int | None, window: Window) -> Pixels:
 
 def _opened(dataset: Dataset, value: int | None, window: Window) -> Pixels:
     """Return where a pixel and its eight neighbours are passable; what lies beyond the raster is."""
-    around = window.grown(1)
-    part = around.clipped(dataset.geobox.shape)
-    whole = np.ones((window.rows + 2, window.cols + 2), bool)
-    inner = Window(part.row - around.row, part.col - around.col, part.rows, part.cols)
-    whole[inner.slices] = is_passable(dataset, value, part)
+    whole = with_border(partial(is_passable, dataset, value), window, dataset.geobox.shape, True)
     rows = whole[:-2] & whole[1:-1] & whole[2:]
     return rows[:, :-2] & rows[:, 1:-1] & rows[:, 2:]
+
+
+def with_border(
+    read: Callable[[Window], Pixels], window: Window, shape: tuple[int, int], beyond: bool
+) -> Pixels:
+    """Read a window with one more pixel on each side, of one value beyond the raster."""
+    wider = window.grown(1)
+    part = wider.clipped(shape)
+    whole = np.full((wider.rows, wider.cols), beyond)
+    whole[part.relative_to(wider).slices] = read(part)
+    return whole
 
 
 def _shows_tile(dataset: Dataset, value: int | None, strips: tuple[Window, ...]) -> bool:

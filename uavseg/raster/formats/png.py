@@ -62,7 +62,6 @@ def to_8_bits(samples: NDArray[np.generic], maximum: int) -> Bytes:
 
 
 def _to_16_bits(samples: NDArray[np.generic], maximum: int) -> NDArray[np.int64]:
-    """Scale samples of 0..maximum to 16 bits, rounded."""
     return (np.minimum(samples.astype(np.int64), maximum) * 131070 + maximum) // (2 * maximum)
 
 

@@ -105,7 +105,6 @@ def _metadata(path: str, source: DatasetReader) -> RasterFile:
 
 
 def _scales(source: DatasetReader, warnings: list[str]) -> tuple[BandScale, ...]:
-    """Return the scale, offset and unit of each band."""
     found = []
     for band, tags in enumerate(zip(source.scales, source.offsets, source.units, strict=True), start=1):
         scale = BandScale.of_tags(*tags)

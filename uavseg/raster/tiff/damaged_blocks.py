@@ -119,7 +119,6 @@ class DeflateBlocks(CheckedBlocks):
 
 
 def _part(values: Values | None, window: Window, block: Window) -> Values | None:
-    """Return the pixels of a block, if the window holds it whole."""
     row, col = block.row - window.row, block.col - window.col
     inside = row >= 0 and col >= 0 and row + block.rows <= window.rows and col + block.cols <= window.cols
     if values is None or not inside:

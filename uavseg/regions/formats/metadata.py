@@ -185,7 +185,7 @@ def _holds_tiles(path: str | os.PathLike[str]) -> bool:
     """Check whether a GeoPackage holds images and no features."""
     import sqlite3
 
-    from uavseg.raster.access.databases import check_database, open_database
+    from uavseg.raster.access.untrusted import check_database, open_database
 
     try:
         check_database(path, os.fspath(path), RegionError)

@@ -250,7 +250,6 @@ def smooth_rings(
 
 
 def _lengths(rings: Rings) -> Integers:
-    """Return the number of unit edges of each ring."""
     first, last = rings.starts[:-1], rings.starts[1:] - 1
     steps = np.abs(np.diff(rings.vertices, axis=0)).sum(axis=1, dtype=np.int64)
     sums = np.concatenate([[0], np.cumsum(steps)])
