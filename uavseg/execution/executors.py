@@ -212,10 +212,10 @@ def _selected(items: Sequence[Element], positions: Sequence[int], k: int) -> Ele
 
 
 OWN_THREAD = "uavseg-"
-"""Start of the names of threads that hold no lock which a copy of the process needs; see `forks.can_fork`."""
+"""Start of the names of threads that hold no lock which a copy of the process needs; see `can_fork`."""
 
 
-in_copy = False  # set where this process is a copy of another, see `forks.fork_each`
+in_copy = False  # set where this process is a copy of another, see `fork_each`
 
 
 def threads_of_gdal(wanted: int | str) -> str:

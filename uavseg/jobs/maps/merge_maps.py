@@ -48,7 +48,7 @@ class MergedMap(WritableMap):
 
 
 def merge_maps(sources: Sequence[Any], request: MergeRequest = MergeRequest()) -> MergedMap:
-    """Merge maps of probabilities, sources of `open_probability_map`; see `occupancy.merge_maps`."""
+    """Merge maps of probabilities, sources of `open_probability_map`; see `occupancy.several_maps`."""
     if not sources:
         raise ParameterError("name at least one map")
     warnings: list[str] = []

@@ -64,7 +64,7 @@ class OccupancyGrid:
         Scans after which the log-odds of every cell are halved; for comparison. By default never.
     forget_after : int, optional
         An occupied cell loses evidence only after so many scans in a row that see through it, and then all of
-        it; see `mapping.contradictions`. By default every observation counts for itself.
+        it; see `mapping.log_odds`. By default every observation counts for itself.
 
     Attributes
     ----------
