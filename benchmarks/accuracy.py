@@ -149,7 +149,7 @@ def by_segments(method: str, refine: str) -> Callable[[Any], Any]:
     """The states that `uavseg classify` finds."""
 
     def find(grid: Any) -> Any:
-        from uavseg.occupancy.probability_map import stretch_of
+        from uavseg.occupancy.map_file import stretch_of
 
         dataset = grid.dataset()
         return classified(dataset, stretch_of(dataset), method, refine).image.read()
@@ -179,7 +179,7 @@ def opened_map(picture: Path) -> tuple[Any, Any]:
     import tempfile
 
     from uavseg.access import allowing
-    from uavseg.occupancy.probability_map import open_map
+    from uavseg.occupancy.map_file import open_map
 
     metres, occupied, free = REAL[picture.name]
     with tempfile.TemporaryDirectory() as folder:

@@ -33,12 +33,11 @@ from scipy import ndimage
 from scipy.optimize import linear_sum_assignment
 
 from uavseg.dataclass import dataclass
-from uavseg.occupancy.compare_maps import Evidence, changed_objects, moved, register
-from uavseg.occupancy.mapping.grey_map import GreyMap
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.mapping.live import LiveSegmentation
+from uavseg.occupancy.mapping.pending import GreyMap
 from uavseg.occupancy.mapping.scan import Pose, Scan
-from uavseg.occupancy.merge_maps import PlacedMap
+from uavseg.occupancy.several_maps import Evidence, PlacedMap, changed_objects, moved, register
 from uavseg.occupancy.simulation.scene import Scene
 from uavseg.occupancy.simulation.simulate import RangeFinder
 from uavseg.raster.grid.geobox import local_geobox

@@ -26,8 +26,8 @@ from benchmarks.quality.scenes import FAMILIES, Scene, draw
 from benchmarks.textures import FAMILIES as FAMILIES_OF_TEXTURE
 from benchmarks.textures import scene
 from uavseg.jobs.match.by_classes import alike, learn_classes, outlines_by_classes
-from uavseg.jobs.match.by_color import learn, outlines_by_color, similarity_of
 from uavseg.jobs.match.by_texture import outlines_by_texture, parting_of, search_texture
+from uavseg.jobs.match.match import learn, outlines_by_color, similarity_of
 from uavseg.jobs.match.request import MatchRequest
 from uavseg.jobs.source.source import Raster
 from uavseg.jobs.source.work import SERIAL
@@ -37,8 +37,7 @@ from uavseg.raster.intensity.stretch import StretchSpec
 from uavseg.raster.read.dataset import Dataset
 from uavseg.regions import confidence
 from uavseg.regions.confidence import Weights
-from uavseg.regions.outline.rasterise import Rasteriser
-from uavseg.regions.outline.rings import RegionOutlines, Rings
+from uavseg.regions.outline.rings import Rasteriser, RegionOutlines, Rings
 from uavseg.regions.sample.place import Disc, sample_mask
 from uavseg.regions.sample.similarity import BlurredBands
 from uavseg.regions.tiles.range_tiles import outline_regions

@@ -116,7 +116,7 @@ def by_match(query: Query, by: str = "auto") -> Any:
     from uavseg.jobs.match.request import MatchRequest
     from uavseg.jobs.source.open_source import open_raster
     from uavseg.raster.grid.tiling import Window
-    from uavseg.regions.outline.rasterise import rasterise
+    from uavseg.regions.outline.rings import rasterise
     from uavseg.regions.sample.place import Disc
 
     source = open_raster(str(query.path))

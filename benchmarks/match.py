@@ -103,7 +103,7 @@ def by_match(refine: str = "pixel") -> Callable[[Scene], Any]:
         from uavseg.raster.grid.geobox import GeoBox
         from uavseg.raster.grid.tiling import Window
         from uavseg.raster.read.dataset import Dataset
-        from uavseg.regions.outline.rasterise import rasterise
+        from uavseg.regions.outline.rings import rasterise
         from uavseg.regions.sample.place import Disc
 
         box = GeoBox(scene.image.shape, Affine.identity(), None)

@@ -76,7 +76,7 @@ def matched(query: Query, more: list[tuple[Place, bool]]) -> tuple[Any, Place | 
     from uavseg.jobs.match.request import MatchRequest
     from uavseg.jobs.source.open_source import open_raster
     from uavseg.raster.grid.tiling import Window
-    from uavseg.regions.outline.rasterise import rasterise
+    from uavseg.regions.outline.rings import rasterise
     from uavseg.regions.sample.place import Disc
 
     source = open_raster(str(query.path))

@@ -93,7 +93,7 @@ def values_of(truth: Any, sigma: float, seed: int = 0) -> Any:
 def _source(values: Any) -> Any:
     from affine import Affine
 
-    from uavseg.occupancy.probability_map import stretch_of
+    from uavseg.occupancy.map_file import stretch_of
     from uavseg.raster.grid.geobox import GeoBox
     from uavseg.raster.read.dataset import Dataset
 

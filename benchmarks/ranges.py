@@ -25,8 +25,7 @@ from skimage.filters import threshold_li
 from benchmarks import classscenes, table
 from benchmarks.quality import scenes
 from uavseg.jobs.source.source import Raster
-from uavseg.jobs.suggest import suggest
-from uavseg.jobs.suggestions import Suggestions
+from uavseg.jobs.suggest import Suggestions, suggest
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import TilePass, Window
 from uavseg.raster.intensity.stretch import parse_stretch
@@ -35,7 +34,7 @@ from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaves import histogram_of_means
 from uavseg.segmentation.in_memory import block_map_of_array, label_regions
 from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
-from uavseg.segmentation.range_candidates import propose_ranges
+from uavseg.segmentation.range_choice import propose_ranges
 from uavseg.units import GREY_MAX
 
 SIDE = 512

@@ -123,7 +123,7 @@ def _update(title: str, scene: Any, forget: bool, remark: str) -> Step:
 
 def _whole_map(scene: Any) -> Iterator[Step]:
     """Segmentation of the whole map, with only the R that states need and with all R."""
-    from uavseg.occupancy.probability_map import stretch_of
+    from uavseg.occupancy.map_file import stretch_of
     from uavseg.raster.grid.tiling import TilePass, tiles
     from uavseg.segmentation.params.segment import SegmentParams, StateLimits
     from uavseg.segmentation.pipeline import measure_block_map, measure_block_map_for

@@ -74,7 +74,7 @@ def _matched(requested: Samples, against: list[Place]) -> Any:
     from uavseg.jobs.match.request import MatchRequest
     from uavseg.jobs.source.open_source import open_raster
     from uavseg.raster.grid.tiling import Window
-    from uavseg.regions.outline.rasterise import rasterise
+    from uavseg.regions.outline.rings import rasterise
     from uavseg.regions.sample.place import Disc
 
     source = open_raster(str(requested.path))

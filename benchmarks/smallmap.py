@@ -76,8 +76,8 @@ def _calls(grid: Any, start: tuple[float, float], goal: tuple[float, float]) -> 
     from uavseg.jobs.maps.classify import ClassifyRequest, classify
     from uavseg.jobs.maps.path import PathRequest, free_cells
     from uavseg.jobs.source.source import ProbabilityMap
+    from uavseg.occupancy.map_file import stretch_of
     from uavseg.occupancy.paths.find_path import find_path
-    from uavseg.occupancy.probability_map import stretch_of
     from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
 
     dataset, interval = grid.dataset(), IntensityRange(*RANGE)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from benchmarks.classscenes import FAMILIES, HELD_OUT, Labels, Scene
-from uavseg.raster.intensity.otsu import Classes, multi_otsu, select_classes
+from uavseg.raster.intensity.thresholds import Classes, multi_otsu, select_classes
 from uavseg.segmentation.blocks.leaves import cell_intervals, histogram_of_means
 from uavseg.segmentation.in_memory import block_map_of_array
 from uavseg.segmentation.params.segment import DivisionParams

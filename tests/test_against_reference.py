@@ -22,8 +22,7 @@ from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import TilePass, Window, tiles
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec
 from uavseg.raster.read.dataset import Dataset
-from uavseg.regions.outline.rasterise import rasterise
-from uavseg.regions.outline.rings import RegionOutlines
+from uavseg.regions.outline.rings import RegionOutlines, rasterise
 from uavseg.regions.tiles.range_tiles import outline_regions
 from uavseg.segmentation.blocks.leaves import cells_in_range
 from uavseg.segmentation.params.segment import IntensityRange, SegmentParams

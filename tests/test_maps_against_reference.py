@@ -15,17 +15,17 @@ from numpy.typing import NDArray
 
 from tests import plain_thin_obstacles
 from uavseg.execution.executors import Map, serial, threads
-from uavseg.jobs.levels import LevelsRequest, levels
 from uavseg.jobs.maps.classify import ClassifyRequest, classify
 from uavseg.jobs.result.result import Extraction
+from uavseg.jobs.segment_classes import LevelsRequest, levels
 from uavseg.jobs.source.source import ProbabilityMap
 from uavseg.jobs.source.work import Work
-from uavseg.occupancy.probability_map import open_map, stretch_of
+from uavseg.occupancy.map_file import open_map, stretch_of
 from uavseg.raster.formats.geotiff import Page, write_geotiff_pages
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.read.dataset import Dataset
-from uavseg.regions.outline.rasterise import rasterise
+from uavseg.regions.outline.rings import rasterise
 from uavseg.segmentation.params.segment import Levels, SegmentParams
 from uavseg.segmentation.states import classify_strips
 

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from uavseg.errors import UavsegError as UavsegError
     from uavseg.flight.params.plan import PlanParams as PlanParams
     from uavseg.jobs.install.doctor import doctor as doctor
-    from uavseg.jobs.install.warm_up import warm_up as warm_up
+    from uavseg.jobs.install.doctor import warm_up as warm_up
     from uavseg.occupancy.mapping.grid import OccupancyGrid as OccupancyGrid
     from uavseg.occupancy.mapping.scan import Pose as Pose
     from uavseg.occupancy.mapping.scan import Scan as Scan
@@ -48,45 +48,27 @@ if TYPE_CHECKING:
     from uavseg.segmentation.params.segment import IntensityRange as IntensityRange
     from uavseg.segmentation.params.segment import StateLimits as StateLimits
 
-_HOMES = {
-    "extract": "uavseg.api.rasters",
-    "divide": "uavseg.api.rasters",
-    "build_map": "uavseg.api.maps",
-    "compare": "uavseg.api.maps",
-    "merge_maps": "uavseg.api.maps",
-    "classify": "uavseg.api.maps",
-    "explore": "uavseg.api.maps",
-    "next_views": "uavseg.api.maps",
-    "levels": "uavseg.api.rasters",
-    "each": "uavseg.api.each",
-    "extract_to": "uavseg.api.each",
-    "RangeWidget": "uavseg.api.widget",
-    "info": "uavseg.api.questions",
-    "match": "uavseg.api.questions",
-    "path": "uavseg.api.maps",
-    "suggest": "uavseg.api.questions",
-    "describe": "uavseg.api.recognition",
-    "recognise": "uavseg.api.recognition",
-    "plan": "uavseg.api.missions",
-    "preview": "uavseg.api.preview",
-    "map_page": "uavseg.api.pages",
-    "serve": "uavseg.api.pages",
-    "check": "uavseg.api.missions",
-    "upload": "uavseg.api.missions",
-    "download": "uavseg.api.missions",
-    "warm_up": "uavseg.jobs.install.warm_up",
-    "doctor": "uavseg.jobs.install.doctor",
-    "PlanParams": "uavseg.flight.params.plan",
-    "Dataset": "uavseg.raster.read.dataset",
-    "GeoBox": "uavseg.raster.grid.geobox",
-    "IntensityRange": "uavseg.segmentation.params.segment",
-    "StateLimits": "uavseg.segmentation.params.segment",
-    "OccupancyGrid": "uavseg.occupancy.mapping.grid",
-    "Pose": "uavseg.occupancy.mapping.scan",
-    "Scan": "uavseg.occupancy.mapping.scan",
-    "trace": "uavseg.regions.outline.trace",
-    "UavsegError": "uavseg.errors",
+_NAMES = {
+    "api.rasters": "extract divide levels",
+    "api.maps": "build_map compare merge_maps classify explore next_views path",
+    "api.each": "each extract_to",
+    "api.widget": "RangeWidget",
+    "api.questions": "info match suggest",
+    "api.recognition": "describe recognise",
+    "api.missions": "plan check upload download",
+    "api.preview": "preview",
+    "api.pages": "map_page serve",
+    "jobs.install.doctor": "warm_up doctor",
+    "flight.params.plan": "PlanParams",
+    "raster.read.dataset": "Dataset",
+    "raster.grid.geobox": "GeoBox",
+    "segmentation.params.segment": "IntensityRange StateLimits",
+    "occupancy.mapping.grid": "OccupancyGrid",
+    "occupancy.mapping.scan": "Pose Scan",
+    "regions.outline.trace": "trace",
+    "errors": "UavsegError",
 }
+_HOMES = {name: f"uavseg.{home}" for home, names in _NAMES.items() for name in names.split()}
 __all__ = ["__version__", *_HOMES]
 
 

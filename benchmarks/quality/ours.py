@@ -13,7 +13,7 @@ from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.intensity.stretch import StretchSpec
 from uavseg.raster.read.dataset import Dataset
-from uavseg.regions.outline.rasterise import Rasteriser
+from uavseg.regions.outline.rings import Rasteriser
 from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
 
 DEFAULT = "default"

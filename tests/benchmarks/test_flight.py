@@ -22,8 +22,7 @@ from benchmarks.flight.patterns_section import patterns_table
 from benchmarks.flight.plans import Plan, planned
 from benchmarks.flight.route import Look, Shutter, Stop, route
 from benchmarks.flight.section import Row, flights_table
-from uavseg.flight.camera.camera import Camera
-from uavseg.flight.camera.photos import Photos
+from uavseg.flight.camera.camera import Camera, Photos
 from uavseg.flight.mission.duration import leg_seconds
 from uavseg.flight.mission.vehicle import PX4
 from uavseg.flight.params.plan import PlanParams

@@ -15,13 +15,13 @@ from click.testing import CliRunner, Result
 
 import uavseg
 from tests.flight.fences import FENCE, RALLY
+from tests.flight.formats.mission_texts import waypoints_text
 from tests.flight.formats.test_kmz import SURVEY, mission_of
 from tests.flight.mission_items import waypoint
 from tests.flight.test_files import FENCED
 from uavseg.cli import main
 from uavseg.errors import MissionError, ParameterError
 from uavseg.flight.formats import files
-from uavseg.flight.formats.waypoints import waypoints_text
 from uavseg.flight.mission.items import LOITER_TURNS, HomePosition
 from uavseg.flight.mission.mission import Mission
 

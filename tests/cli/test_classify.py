@@ -14,7 +14,7 @@ from click.testing import CliRunner, Result
 from rasterio.errors import NotGeoreferencedWarning
 
 from uavseg.cli import main
-from uavseg.occupancy.probability_map import open_map
+from uavseg.occupancy.map_file import open_map
 from uavseg.occupancy.ros.ros_map import pgm_bytes, write_ros_map
 from uavseg.raster.formats.png import write_png
 from uavseg.raster.grid.geobox import GeoBox

@@ -86,10 +86,15 @@ CALLS = {
     "simplifying": (f"{EXTRACT} --simplify 2", "shapely", "coverage_simplify", "working"),
     "writing a layer": (f"{EXTRACT[:-4]}fgb", "pyogrio.raw", "write", "working"),
     "writing a database": (EXTRACT, "uavseg.regions.formats.geopackage", "write_geopackage", "query"),
-    "views of a database": ("info base.gpkg", "uavseg.raster.access.databases", "open_database", "query"),
+    "views of a database": (
+        "info base.gpkg",
+        "uavseg.raster.access.untrusted",
+        "open_database",
+        "query",
+    ),
     "reprojecting a picture": (
         "map a.tif -o out.html",
-        "uavseg.jobs.web_map.mercator",
+        "uavseg.jobs.web_map.content",
         "reproject",
         "working",
     ),

@@ -19,7 +19,7 @@ from uavseg.cli.plan import command
 from uavseg.errors import AccessError, MissionError, OutputError, ParameterError, RasterError, RasterReadError
 from uavseg.flight.formats import files
 from uavseg.flight.mission.items import CAMERA_DISTANCE, FRAME_AMSL, FRAME_RELATIVE, FRAME_TERRAIN, WAYPOINT
-from uavseg.flight.terrain.clearance import Clearance
+from uavseg.flight.safety.check import Clearance
 from uavseg.raster.elevation.dem import Dem
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data" / "dem" / "ny_dsm_2m.tif"

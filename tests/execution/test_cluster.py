@@ -20,8 +20,7 @@ pytest.importorskip("distributed", reason="dask.distributed is not installed")
 from uavseg.cli import main
 from uavseg.errors import ClusterError, ParameterError, RasterReadError
 from uavseg.execution import cluster
-from uavseg.jobs.extract import ExtractRequest, extract
-from uavseg.jobs.partitions import extract_partitions
+from uavseg.jobs.extract import ExtractRequest, extract, extract_partitions
 from uavseg.jobs.source.source import Raster
 from uavseg.jobs.source.work import Work
 from uavseg.occupancy.ros.ros_map import write_ros_map

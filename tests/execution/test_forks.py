@@ -13,7 +13,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are c
 HEAD = """
 import json, os, signal, sys, threading, time
 from uavseg.execution.executors import OWN_THREAD
-from uavseg.execution.forks import can_fork, fork_each
+from uavseg.execution.executors import can_fork, fork_each
 came = []
 def received(item, result):
     came.append([item, result])

@@ -4,7 +4,7 @@ import math
 
 from hypothesis import strategies as st
 
-from uavseg.flight.mission.fence import FenceCircle, FencePolygon, RallyPoint
+from uavseg.flight.mission.items import FenceCircle, FencePolygon, RallyPoint
 
 BOX = FencePolygon(((-33.87, 151.2), (-33.87, 151.23), (-33.84, 151.23), (-33.84, 151.2)), True)
 KEEP_OUT = FencePolygon(((-33.852, 151.212), (-33.852, 151.214), (-33.85, 151.213)), False)

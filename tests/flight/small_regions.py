@@ -8,7 +8,7 @@ import shapely
 
 from uavseg.flight.mission.items import WAYPOINT
 from uavseg.flight.mission.mission import Mission
-from uavseg.flight.mission.plane import Plane
+from uavseg.flight.mission.track import Plane
 from uavseg.flight.params.plan import PlanParams
 from uavseg.flight.planning.planner import plan_missions
 

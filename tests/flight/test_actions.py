@@ -7,8 +7,7 @@ import pytest
 
 from tests.flight.small_regions import box, planned
 from uavseg.errors import ParameterError
-from uavseg.flight.camera.camera import Camera
-from uavseg.flight.camera.photos import Photos
+from uavseg.flight.camera.camera import Camera, Photos
 from uavseg.flight.mission.items import (
     CAMERA_DISTANCE,
     CAMERA_INTERVAL,

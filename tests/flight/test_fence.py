@@ -9,8 +9,7 @@ import pytest
 from tests.flight.fences import BOX, FENCE, RALLY
 from tests.flight.mission_items import waypoint
 from uavseg.errors import MissionError
-from uavseg.flight.mission.fence import FenceCircle, FencePolygon, RallyPoint
-from uavseg.flight.mission.items import HomePosition
+from uavseg.flight.mission.items import FenceCircle, FencePolygon, HomePosition, RallyPoint
 from uavseg.flight.mission.mission import Mission
 
 SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))  # north, then east: clockwise

@@ -13,12 +13,10 @@ from hypothesis import strategies as st
 from pymavlink import mavwp
 
 from tests.flight.fences import FENCE, RALLY, fences, rally_points
+from tests.flight.formats.mission_texts import plan_text, waypoints_text
 from uavseg.errors import MissionError, OutputExistsError
 from uavseg.flight.formats import files
 from uavseg.flight.formats.options import FileOptions
-from uavseg.flight.formats.plan import plan_text
-from uavseg.flight.formats.waypoints import waypoints_text
-from uavseg.flight.mission.fence import FenceCircle, FencePolygon, RallyPoint
 from uavseg.flight.mission.items import (
     AUTOPILOTS,
     FRAME_AMSL,
@@ -26,8 +24,11 @@ from uavseg.flight.mission.items import (
     FRAME_RELATIVE,
     FRAME_TERRAIN,
     RETURN,
+    FenceCircle,
+    FencePolygon,
     HomePosition,
     MissionItem,
+    RallyPoint,
 )
 from uavseg.flight.mission.mission import Mission
 

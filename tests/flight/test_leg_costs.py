@@ -7,14 +7,11 @@ import pytest
 import shapely
 
 from tests.flight.terrain.dems import HOME, draw, hills
-from uavseg.flight.camera.camera import Camera
-from uavseg.flight.camera.photos import Photos
+from uavseg.flight.camera.camera import Camera, Photos
 from uavseg.flight.mission.duration import leg_seconds
-from uavseg.flight.mission.plane import Plane
-from uavseg.flight.mission.track import Track
+from uavseg.flight.mission.track import Plane, Track
 from uavseg.flight.mission.vehicle import PX4
-from uavseg.flight.params.plan import LimitParams, PlanParams, SafetyParams
-from uavseg.flight.params.terrain import TerrainParams
+from uavseg.flight.params.plan import LimitParams, PlanParams, SafetyParams, TerrainParams
 from uavseg.flight.planning import planner
 from uavseg.flight.planning.planner import LegCosts, plan_missions
 from uavseg.raster.elevation.dem import Dem

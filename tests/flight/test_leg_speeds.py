@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.flight.small_regions import box, planned
-from uavseg.flight.camera.camera import Camera, Overlap
-from uavseg.flight.camera.photos import Photos
+from uavseg.flight.camera.camera import Camera, Overlap, Photos
 from uavseg.flight.mission.items import CAMERA_DISTANCE, CHANGE_SPEED, WAYPOINT
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.track import Track

@@ -14,11 +14,10 @@ from uavseg.flight.avoid.enclosing import MANY_CORNERS
 from uavseg.flight.avoid.free_space import FreeSpace
 from uavseg.flight.cover.corridor import corridor
 from uavseg.flight.cover.survey import CoverParams, surveys
-from uavseg.flight.mission.plane import Plane
+from uavseg.flight.mission.track import Plane
 from uavseg.flight.params.plan import PerimeterParams, SafetyParams, SurveyParams
 from uavseg.flight.patterns.perimeter import offset_rings
-from uavseg.flight.safety.home_place import CLEARANCE_M, home_outside
-from uavseg.flight.safety.keep_out import KeepOut
+from uavseg.flight.safety.keep_out import CLEARANCE_M, KeepOut, home_outside
 
 PLANE = Plane(47.0, 8.0)
 

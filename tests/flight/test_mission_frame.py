@@ -16,7 +16,7 @@ from shapely.geometry import box
 import uavseg
 from uavseg.errors import MissingLibraryError
 from uavseg.flight.formats.files import write_mission
-from uavseg.flight.mission.fence import FencePolygon
+from uavseg.flight.mission.items import FencePolygon
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.safety.check import SafetyCheck
 from uavseg.jobs.flights.plan import MissionPlan

@@ -27,8 +27,7 @@ import uavseg
 from tests.flight.link.link_missions import FENCE, RALLY, survey
 from uavseg.cli import main
 from uavseg.errors import MissionError, UavsegError
-from uavseg.flight.camera.camera import Camera, Overlap
-from uavseg.flight.camera.photos import Photos
+from uavseg.flight.camera.camera import Camera, Overlap, Photos
 from uavseg.flight.formats.files import FORMATS, read_mission
 from uavseg.flight.formats.options import FileOptions
 from uavseg.flight.link.messages import (
@@ -41,8 +40,15 @@ from uavseg.flight.link.messages import (
     mission_items,
     rally_of_items,
 )
-from uavseg.flight.mission.fence import FenceCircle, FencePolygon, RallyPoint
-from uavseg.flight.mission.items import FRAME_MISSION, MOUNT_CONTROL, HomePosition, MissionItem
+from uavseg.flight.mission.items import (
+    FRAME_MISSION,
+    MOUNT_CONTROL,
+    FenceCircle,
+    FencePolygon,
+    HomePosition,
+    MissionItem,
+    RallyPoint,
+)
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.vehicle import ARDUCOPTER
 from uavseg.flight.params.plan import (
@@ -53,9 +59,9 @@ from uavseg.flight.params.plan import (
     PlanParams,
     SafetyParams,
     SurveyParams,
+    TerrainParams,
     VisitParams,
 )
-from uavseg.flight.params.terrain import TerrainParams
 from uavseg.jobs.flights.link import LinkRequest
 
 VALUES = ("nan", "inf", "-inf")

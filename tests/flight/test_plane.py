@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyproj import Geod
 
-from uavseg.flight.mission.plane import Plane, plane_around
+from uavseg.flight.mission.track import Plane, plane_around
 
 GEOD = Geod(ellps="WGS84")
 centres = st.builds(Plane, st.floats(-89, 89), st.floats(-180, 180))

@@ -14,7 +14,7 @@ from tests.flight.small_regions import HOME, box, degrees, inside, plan_mission,
 from uavseg.errors import MissionError, ParameterError, UavsegError
 from uavseg.flight.cover.lines import LEEWAY
 from uavseg.flight.mission.items import CHANGE_SPEED, FRAME_MISSION, FRAME_RELATIVE, RETURN, TAKEOFF, WAYPOINT
-from uavseg.flight.mission.plane import Plane
+from uavseg.flight.mission.track import Plane
 from uavseg.flight.params.plan import PARAMS_OF, PlanParams
 
 GEOD = Geod(ellps="WGS84")

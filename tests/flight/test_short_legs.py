@@ -6,10 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uavseg.flight.avoid.free_space import FreeSpace
-from uavseg.flight.camera.camera import Camera
-from uavseg.flight.camera.photos import Photos
+from uavseg.flight.camera.camera import Camera, Photos
 from uavseg.flight.mission.track import Track
-from uavseg.flight.planning.route import MIN_LEG_M, without_short_legs
+from uavseg.flight.planning.split import MIN_LEG_M, without_short_legs
 
 PHOTOS = Photos(Camera("wide", (13.2, 8.8), (5472, 3648), 8.8, 0.5))
 OPEN = FreeSpace()

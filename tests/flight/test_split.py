@@ -14,8 +14,7 @@ from uavseg.errors import MissionError, ParameterError
 from uavseg.flight.avoid.free_space import FreeSpace
 from uavseg.flight.mission.track import Track
 from uavseg.flight.params.plan import LimitParams
-from uavseg.flight.planning.route import RegionRoute
-from uavseg.flight.planning.split import FlightLimits, split_route
+from uavseg.flight.planning.split import FlightLimits, RegionRoute, split_route
 
 HOME = np.zeros(2)
 

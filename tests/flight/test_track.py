@@ -8,10 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavseg.flight.camera.camera import Camera, Overlap
-from uavseg.flight.camera.photos import Photos
-from uavseg.flight.mission.plane import Plane
-from uavseg.flight.mission.track import HOVER_S, SAME_PLACE_M, Track
+from uavseg.flight.camera.camera import Camera, Overlap, Photos
+from uavseg.flight.mission.track import HOVER_S, SAME_PLACE_M, Plane, Track
 
 CAMERA = Camera("wide", (13.2, 8.8), (5472, 3648), 8.8, 0.5)
 RING = np.array([[0, 0], [100, 0], [100, 60], [0, 60], [0, 0.0]])

@@ -14,7 +14,7 @@ from tests.honest import arrays, campaign, picture
 from tests.honest.findings import findings_of
 from tests.hostile.campaign import report
 from uavseg.errors import RasterError
-from uavseg.raster.tiff.deflate import DeflateBlocks
+from uavseg.raster.tiff.damaged_blocks import DeflateBlocks
 
 FILE = 8  # a case of `files` that finds nothing
 

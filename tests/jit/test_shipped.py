@@ -276,7 +276,7 @@ def test_a_library_is_verified_and_loaded_once(
 def test_building_makes_what_is_not_current_and_nothing_else(
     libraries: Path, twice_module: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    name = "flight.avoid.visibility._relax"
+    name = "flight.avoid.free_space._relax"
     monkeypatch.setattr(build, "all_kernels", lambda: {name: warming.all_kernels()[name]})
     paths = build.build(shipped.LEVELS[1:])
     assert [path.name for path in paths] == ["x86-64-v3.so", "x86-64.so"]

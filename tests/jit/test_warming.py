@@ -14,9 +14,9 @@ from uavseg._jit.kernels import Kernel
 
 ROOT = Path(uavseg.__file__).resolve().parents[1]
 SMALL = (
-    "raster.intensity.histogram._count_u1",
+    "raster.intensity.stretch._count_u1",
     "regions.outline.rings._gather",
-    "flight.avoid.visibility._relax",
+    "flight.avoid.free_space._relax",
 )
 
 

@@ -9,15 +9,15 @@ import pytest
 import uavseg
 from tests.raster.collar.draw_collar import texture, write
 from uavseg.errors import ParameterError
-from uavseg.jobs.divide import DivideRequest, divide
+from uavseg.jobs.divide import divide
 from uavseg.jobs.extract import ExtractRequest, extract
+from uavseg.jobs.flights.under_raster import valid_ground
 from uavseg.jobs.info import info
-from uavseg.jobs.levels import LevelsRequest, levels
 from uavseg.jobs.match.match import match
 from uavseg.jobs.match.request import MatchRequest
 from uavseg.jobs.result.result import Extraction
+from uavseg.jobs.segment_classes import LevelsRequest, levels
 from uavseg.jobs.source.open_source import open_probability_map, open_source
-from uavseg.jobs.source.valid_ground import valid_ground
 from uavseg.jobs.source.work import Work
 from uavseg.jobs.suggest import suggest
 from uavseg.options.reading import ReadOptions
@@ -93,7 +93,7 @@ def test_all_jobs_leave_it_out(path: str, tagged: str) -> None:
 def test_a_block_map_remembers_how_its_raster_was_read(
     path: str, tmp_path: Path, options: ReadOptions
 ) -> None:
-    saved = divide(open_source(path, options), DivideRequest()).saved
+    saved = divide(open_source(path, options)).saved
     write_block_map(tmp_path / "blocks.tif", saved, SegmentParams().division)
     of_map = extract(open_source(str(tmp_path / "blocks.tif")), DARK)
     assert same(of_map, extract(open_source(path, options), DARK))

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from uavseg.access import allowing
 from uavseg.cli.info import command
-from uavseg.jobs.source.command_line import extract_line, option_words, source_words
+from uavseg.jobs.info import extract_line, option_words, source_words
 from uavseg.options.option import build
 from uavseg.options.reading import ReadOptions
 from uavseg.options.regions import InfoOptions

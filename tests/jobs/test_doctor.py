@@ -20,7 +20,8 @@ from uavseg._jit.kernels import Kernel
 from uavseg.cli import main
 from uavseg.flight.link.transport import SerialPort, serial_ports
 from uavseg.jobs.install import doctor as doctor_job
-from uavseg.jobs.install import find_qgis as qgis
+
+FIND_QGIS = doctor_job.find_qgis  # which the fixture below replaces
 
 
 @pytest.fixture(autouse=True)
@@ -152,7 +153,7 @@ def test_qgis_says_its_version(
     program(tmp_path / "bin", "qgis_process", text)
     monkeypatch.setenv("PATH", str(tmp_path / "bin"))
     monkeypatch.setenv("PYTHONPATH", "/somewhere")
-    assert qgis.find_qgis() == expected
+    assert FIND_QGIS() == expected
 
 
 @pytest.mark.skipif(shutil.which("sh") is None, reason="a program of the shell")
@@ -162,10 +163,10 @@ def test_what_qgis_writes_stays_out_of_the_home_of_the_user(
     program(tmp_path / "bin", "qgis_process", 'echo settings > "$HOME/left" && echo "QGIS 3.40"')
     monkeypatch.setenv("PATH", str(tmp_path / "bin"))
     monkeypatch.setenv("HOME", str(tmp_path))
-    assert qgis.find_qgis() == "3.40"
+    assert FIND_QGIS() == "3.40"
     assert not (tmp_path / "left").exists()
 
 
 def test_no_qgis(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
-    assert qgis.find_qgis() == ""
+    assert FIND_QGIS() == ""

@@ -17,8 +17,7 @@ from rasterio.errors import NotGeoreferencedWarning
 
 from uavseg.errors import OutputError, OutputExistsError, ParameterError, RasterReadError
 from uavseg.jobs.each import each
-from uavseg.jobs.each.each import OutputNames, SourceTask, grouped_warnings, plan_tasks, run_each
-from uavseg.jobs.each.each_report import Outcome
+from uavseg.jobs.each.each import Outcome, OutputNames, SourceTask, grouped_warnings, plan_tasks, run_each
 from uavseg.jobs.extract import ExtractRequest, extract
 from uavseg.jobs.requests import RegionJob
 from uavseg.jobs.result.result import Extraction

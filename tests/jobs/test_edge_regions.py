@@ -12,7 +12,7 @@ from rasterio.crs import CRS
 
 import uavseg
 from uavseg.errors import RegionError
-from uavseg.jobs.result.edge_regions import touches_edge
+from uavseg.jobs.flights.under_raster import touches_edge
 from uavseg.raster.grid.geobox import GeoBox
 
 ROWS, COLS = 80, 120

@@ -27,8 +27,8 @@ from uavseg.raster.grid.tiling import tiles
 from uavseg.raster.intensity.stretch import parse_stretch
 from uavseg.raster.read.dataset import Dataset
 from uavseg.regions.edit.small import Area
-from uavseg.regions.formats.label_raster import label_strips
-from uavseg.segmentation.blocks.saved_blocks import Origin
+from uavseg.regions.formats.export import label_strips
+from uavseg.segmentation.blocks.block_file import Origin
 from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
 
 Image = NDArray[Any]

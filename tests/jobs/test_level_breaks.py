@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from uavseg.jobs.ranges.level_breaks import quantile_breaks
 from uavseg.segmentation.params.segment import Breaks
-from uavseg.segmentation.range_candidates import propose_ranges
+from uavseg.segmentation.range_choice import propose_ranges
 
 greys = st.sampled_from([0, 1, 2, 65534, 65535]) | st.integers(0, 65535)
 

@@ -28,7 +28,7 @@ from uavseg.raster.grid.tiling import Window
 from uavseg.raster.intensity.stretch import parse_stretch
 from uavseg.raster.read.dataset import Dataset
 from uavseg.regions.edit.small import as_area
-from uavseg.regions.outline.rasterise import rasterise
+from uavseg.regions.outline.rings import rasterise
 from uavseg.regions.sample.place import Disc
 
 Image = NDArray[np.uint8]

@@ -17,7 +17,7 @@ from uavseg.jobs.match.request import MatchRequest
 from uavseg.jobs.source.open_source import open_raster
 from uavseg.jobs.source.work import Work
 from uavseg.raster.grid.tiling import Window
-from uavseg.regions.outline.rasterise import rasterise
+from uavseg.regions.outline.rings import rasterise
 from uavseg.regions.sample.place import Disc
 
 Mask = NDArray[np.bool_]

@@ -20,7 +20,7 @@ from uavseg.jobs.source.open_source import open_raster
 from uavseg.jobs.source.work import Work
 from uavseg.options.reading import ReadOptions
 from uavseg.raster.grid.tiling import Window
-from uavseg.regions.outline.rasterise import rasterise
+from uavseg.regions.outline.rings import rasterise
 from uavseg.regions.sample.place import Disc
 
 SHAPE = (200, 264)

@@ -20,12 +20,12 @@ from uavseg.jobs.match.by_classes import (
     match_classes,
     outlines_by_classes,
 )
-from uavseg.jobs.match.color_bands import color_sources
+from uavseg.jobs.match.ranges_of_sample import color_sources
 from uavseg.jobs.result.result import Extraction
 from uavseg.jobs.source.open_source import open_raster
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.raster.grid.tiling import Window
-from uavseg.regions.outline.rasterise import rasterise
+from uavseg.regions.outline.rings import rasterise
 from uavseg.regions.sample.place import class_masks
 from uavseg.regions.sample.similarity import BlurredBands
 from uavseg.segmentation.params.segment import SegmentParams

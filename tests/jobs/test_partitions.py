@@ -24,8 +24,7 @@ from pyarrow import dataset as arrow_dataset
 from uavseg.errors import OutputError, OutputExistsError, ParameterError
 from uavseg.execution.checkpoint import stage_name
 from uavseg.execution.executors import Progress, threads
-from uavseg.jobs.extract import ExtractRequest, extract
-from uavseg.jobs.partitions import extract_partitions
+from uavseg.jobs.extract import ExtractRequest, extract, extract_partitions
 from uavseg.jobs.result.result import Drawing
 from uavseg.jobs.source.source import Raster
 from uavseg.jobs.source.work import SERIAL, Work
@@ -246,7 +245,7 @@ def test_after_an_error_the_folder_is_as_it_was(
     def fail(*_: Any) -> None:
         raise OutputError("the disk is full")
 
-    monkeypatch.setattr("uavseg.jobs.partitions.recover", fail)
+    monkeypatch.setattr("uavseg.jobs.extract.recover", fail)
     with pytest.raises(OutputError, match="the disk is full"):
         extract_partitions(raster, BRIGHT, path, overwrite=True)
     assert contents(path) == before

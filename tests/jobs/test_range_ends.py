@@ -16,12 +16,11 @@ from rasterio.crs import CRS
 import uavseg
 from uavseg.cli import main
 from uavseg.jobs.extract import ExtractRequest, extract
-from uavseg.jobs.extract_classes import ClassesRequest, extract_classes
-from uavseg.jobs.levels import LevelsRequest, levels
 from uavseg.jobs.maps.classify import ClassifyRequest, classify
 from uavseg.jobs.ranges.ranges import decided_grey
+from uavseg.jobs.segment_classes import ClassesRequest, LevelsRequest, extract_classes, levels
 from uavseg.jobs.source.source import ProbabilityMap
-from uavseg.occupancy.probability_map import stretch_of
+from uavseg.occupancy.map_file import stretch_of
 from uavseg.raster.formats.geotiff import write_geotiff
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import TilePass, Window

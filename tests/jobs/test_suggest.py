@@ -14,8 +14,7 @@ from uavseg.jobs.divide import divide
 from uavseg.jobs.extract import ExtractRequest, extract
 from uavseg.jobs.source.source import Blocks, Raster
 from uavseg.jobs.source.work import SERIAL, Work
-from uavseg.jobs.suggest import SuggestRequest, suggest
-from uavseg.jobs.suggestions import Suggestion, Suggestions
+from uavseg.jobs.suggest import Suggestion, Suggestions, SuggestRequest, suggest
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.intensity.stretch import parse_stretch
 from uavseg.raster.read.dataset import Dataset

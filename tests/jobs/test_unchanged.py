@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 import uavseg
 from uavseg.cli import main
 from uavseg.errors import ParameterError, RasterError
-from uavseg.jobs.source.unchanged import SAMPLED, sampled_blocks
+from uavseg.jobs.source.source import SAMPLED, sampled_blocks
 from uavseg.units import BLOCK
 
 SHAPE = (448, 500)  # 56 blocks: each of them is looked at

@@ -11,8 +11,8 @@ from rasterio.transform import from_origin
 
 import uavseg
 from uavseg.errors import MissionError
+from uavseg.jobs.flights.under_raster import valid_ground
 from uavseg.jobs.source.open_source import open_source
-from uavseg.jobs.source.valid_ground import valid_ground
 from uavseg.raster.geodesy.globe import WGS84, transform_between
 
 BOX = from_origin(500_000, 5_200_000, 2, 2)

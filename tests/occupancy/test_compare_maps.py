@@ -9,8 +9,7 @@ from affine import Affine
 
 from benchmarks.changes import CELL_M, SHIFTS, draw_pair, place_of, run_map
 from uavseg.errors import MapError
-from uavseg.occupancy.compare_maps import Evidence, changed_objects, moved, register
-from uavseg.occupancy.merge_maps import PlacedMap
+from uavseg.occupancy.several_maps import Evidence, PlacedMap, changed_objects, moved, register
 from uavseg.raster.grid.geobox import GeoBox, local_geobox
 
 ROOM = (120, 180)

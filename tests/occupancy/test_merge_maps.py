@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from rasterio.crs import CRS
 
 from uavseg.errors import MapError
-from uavseg.occupancy.merge_maps import PlacedMap, common_grid, cropped, merge
 from uavseg.occupancy.ros.ros_map import transform_of
+from uavseg.occupancy.several_maps import PlacedMap, common_grid, cropped, merge
 from uavseg.raster.grid.geobox import GeoBox
 
 METRIC = CRS.from_epsg(32633)

@@ -13,10 +13,11 @@ from click.testing import CliRunner
 
 from uavseg.cli import main
 from uavseg.errors import OutputError
-from uavseg.jobs.divide import DivideRequest, divide
+from uavseg.jobs.divide import divide
 from uavseg.jobs.source.open_source import open_source
 from uavseg.plot.preview import preview
 from uavseg.segmentation.blocks.block_file import write_block_map
+from uavseg.segmentation.params.segment import SegmentParams
 
 GRID = {"crs": "EPSG:32618", "transform": Affine(2, 0, 4e5, 0, -2, 5e6)}
 
@@ -143,8 +144,7 @@ def test_python_refuses_it_too(folder: Path) -> None:
         preview("a.png", "a.png", overwrite=True)
     with pytest.raises(OutputError, match=r"a\.png would replace .*a\.png, which is read for it"):
         preview(open_source("a.png").dataset, "a.png", overwrite=True)  # type: ignore[union-attr]
-    request = DivideRequest()
-    saved = divide(open_source("a.tif"), request).saved
+    saved = divide(open_source("a.tif")).saved
     with pytest.raises(OutputError, match=r"a\.tif would replace .*a\.tif, which is read for it"):
-        write_block_map("a.tif", saved, request.segment.division, overwrite=True)
+        write_block_map("a.tif", saved, SegmentParams().division, overwrite=True)
     assert bytes_of(folder) == before

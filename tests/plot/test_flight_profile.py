@@ -9,11 +9,9 @@ from affine import Affine
 
 from tests.plot.pictures import UTM, write
 from uavseg.errors import MissionError
-from uavseg.flight.camera.camera import camera_named
-from uavseg.flight.camera.photos import Photos
+from uavseg.flight.camera.camera import Photos, camera_named
 from uavseg.flight.mission.mission import Mission
-from uavseg.flight.params.plan import PlanParams
-from uavseg.flight.params.terrain import terrain_params
+from uavseg.flight.params.plan import PlanParams, terrain_params
 from uavseg.flight.planning.planner import plan_missions
 from uavseg.plot.preview_missions import flight_profile
 from uavseg.raster.elevation.dem import Dem

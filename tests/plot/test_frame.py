@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from pyproj import Geod
 
 from tests.plot.pictures import NORTH_UP, UTM
-from uavseg.plot.page.frame import Frame
+from uavseg.plot.page.page import Frame
 from uavseg.raster.grid.geobox import GeoBox
 
 

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from tests.plot.pictures import UTM
 from uavseg.errors import RegionError
-from uavseg.plot.page.frame import Frame
-from uavseg.plot.page.polygons import PolygonTable, polygon_paths
+from uavseg.plot.layers.region_layer import PolygonTable, polygon_paths
+from uavseg.plot.page.page import Frame
 from uavseg.raster.grid.geobox import GeoBox
 
 RING = shapely.box(0, 0, 10, 10) - shapely.box(2, 3, 6, 7)

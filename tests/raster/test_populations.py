@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from uavseg.raster.intensity.populations import population_edges, rarest_population
+from uavseg.raster.intensity.thresholds import population_edges, rarest_population
 
 SHAPE = (256, 256)
 

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from pyproj import Transformer
 from rasterio.crs import CRS
 
+from uavseg.jobs.web_map.tiles import SIDE, TOLERANCE, tile_pixels
 from uavseg.raster.grid.geobox import GeoBox
-from uavseg.raster.grid.ground_grid import ground_grid
-from uavseg.raster.read.tile_pixels import SIDE, TOLERANCE, tile_pixels
+from uavseg.raster.grid.ground import ground_grid
 
 # CRS, pixel in its units, where the raster begins
 PLACES = [

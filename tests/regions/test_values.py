@@ -12,8 +12,8 @@ from tests.raster.intensity.test_values import dataset_of
 from uavseg.errors import ParameterError
 from uavseg.jobs.divide import divide
 from uavseg.jobs.extract import ExtractRequest, extract
-from uavseg.jobs.levels import LevelsRequest, levels
 from uavseg.jobs.result.result import Extraction
+from uavseg.jobs.segment_classes import LevelsRequest, levels
 from uavseg.jobs.source.open_source import open_source
 from uavseg.jobs.source.source import Blocks, Raster
 from uavseg.jobs.source.work import Work
@@ -22,7 +22,7 @@ from uavseg.raster.intensity.stretch import parse_stretch
 from uavseg.raster.intensity.value_range import ValueRange
 from uavseg.raster.spectral.bands import BandScale
 from uavseg.regions.edit.small import as_area
-from uavseg.regions.outline.rasterise import rasterise
+from uavseg.regions.outline.rings import rasterise
 from uavseg.segmentation.params.segment import IntensityRange, Levels, SegmentParams
 
 SCALE = BandScale(0.1, -50.0, "degC")

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uavseg.segmentation.range_candidates import edge_beside_means, propose_ranges
+from uavseg.segmentation.range_choice import edge_beside_means, propose_ranges
 
 GREYS = 65536
 

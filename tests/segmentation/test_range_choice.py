@@ -10,8 +10,13 @@ from uavseg.segmentation.blocks.cell_pairs import count_cell_pairs
 from uavseg.segmentation.blocks.leaves import histogram_of_means
 from uavseg.segmentation.in_memory import block_map_of_array
 from uavseg.segmentation.params.segment import SegmentParams
-from uavseg.segmentation.range_candidates import edge_near, explained_variance
-from uavseg.segmentation.range_choice import MIN_CONTRAST, RangeChoice, choose_ranges
+from uavseg.segmentation.range_choice import (
+    MIN_CONTRAST,
+    RangeChoice,
+    choose_ranges,
+    edge_near,
+    explained_variance,
+)
 
 SIDE = 384
 

@@ -27,9 +27,9 @@ from uavseg.cli import main
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress
 from uavseg.jobs.web_map.tiles import has_map_tiles
-from uavseg.plot.web import page
+from uavseg.plot.web import field_map
+from uavseg.server.local_server import KEPT, BusyError, Tasks
 from uavseg.server.site import FIELDS
-from uavseg.server.tasks import KEPT, BusyError, Tasks
 
 SAMPLE = Path(uavseg.__file__).parents[1] / "samples" / "quarry.tif"
 TILES = has_map_tiles(uavseg.Dataset.open(SAMPLE))
@@ -155,7 +155,7 @@ def test_what_a_plan_advises_is_a_field_of_the_page(server: MapServer) -> None:
 
 
 def test_fields_that_messages_name_are_on_the_page() -> None:
-    program = (Path(page.__file__).parent / "assets" / "served.js").read_text(encoding="utf-8")
+    program = (Path(field_map.__file__).parent / "assets" / "served.js").read_text(encoding="utf-8")
     for label in FIELDS.values():
         assert re.search(rf'"(?:\\u00a0)?{label}[":,]', program), label
     assert "allow_edge: edge.checked" in program

@@ -10,8 +10,8 @@ LBP takes a third of the time at v4 that it takes at v3.
 Where there is none (another platform, a kernel that was changed), a kernel is compiled to an object file the
 first time that it is called on a machine, and later runs load it with llvmlite alone. `compiling` uses
 private parts of numba and llvmlite. Where they fail for any reason, and on platforms that are not tested,
-the same kernels run through ``numba.njit(cache=True)`` instead (`fallback`): the same results, after a slower
-start, and one note. Two environment variables are for the user:
+the same kernels run through ``numba.njit(cache=True)`` instead (the fallback): the same results, after a
+slower start, and one note. Two environment variables are for the user:
 
 UAVSEG_CACHE
     The folder of the caches, instead of ``uavseg`` in the user's cache folder.

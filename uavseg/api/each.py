@@ -17,9 +17,8 @@ from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.execution.cluster import dask
 from uavseg.execution.executors import Progress
-from uavseg.jobs.each.each import OutputNames, grouped_warnings, plan_tasks, run_each
-from uavseg.jobs.each.each_report import Outcome
-from uavseg.jobs.partitions import Written, check_local, extract_partitions
+from uavseg.jobs.each.each import Outcome, OutputNames, grouped_warnings, plan_tasks, run_each
+from uavseg.jobs.extract import Written, check_local, extract_partitions
 from uavseg.jobs.source.open_source import open_source
 from uavseg.jobs.source.work import Work
 from uavseg.raster.formats.creation import creation_for

@@ -19,8 +19,7 @@ from uavseg.jobs.flights.link import download as run_download
 from uavseg.jobs.flights.link import upload as run_upload
 from uavseg.jobs.flights.plan import MissionPlan
 from uavseg.jobs.flights.plan import plan as run_plan
-from uavseg.jobs.flights.plan_regions import open_regions, zone_polygons
-from uavseg.jobs.flights.request import plan_request
+from uavseg.jobs.flights.request import open_regions, plan_request, zone_polygons
 from uavseg.jobs.source.open_source import open_source
 from uavseg.options.flights import CheckOptions, PlanOptions
 from uavseg.options.option import build

@@ -25,11 +25,9 @@ from uavseg.jobs.web_map.content import FieldMapRequest, field_map
 from uavseg.jobs.web_map.tiles import CellTiles, has_map_tiles
 from uavseg.options.option import build
 from uavseg.options.pages import MapOptions, ServeOptions
-from uavseg.plot.web.field_map import page_of
-from uavseg.plot.web.page_file import PageFile
-from uavseg.server.local_server import Answer, LocalServer
+from uavseg.plot.web.field_map import PageFile, page_of
+from uavseg.server.local_server import Answer, LocalServer, Tasks
 from uavseg.server.site import Site
-from uavseg.server.tasks import Tasks
 
 NO_TILES = (
     "without tiles the picture is all there is when the map is zoomed: they need rio-tiler "

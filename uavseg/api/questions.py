@@ -12,8 +12,7 @@ from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress
 from uavseg.jobs.info import info as run_info
-from uavseg.jobs.info import open_to_describe
-from uavseg.jobs.info_regions import info_regions, names_regions
+from uavseg.jobs.info import info_regions, names_regions, open_to_describe
 from uavseg.jobs.match.ranges_of_sample import (
     SampleRange,
     open_all_bands,
@@ -22,12 +21,12 @@ from uavseg.jobs.match.ranges_of_sample import (
 from uavseg.jobs.requests import suggest_like_request, suggest_request
 from uavseg.jobs.source.open_source import open_source
 from uavseg.jobs.source.work import Work
+from uavseg.jobs.suggest import Suggestion
 from uavseg.jobs.suggest import suggest as run_suggest
-from uavseg.jobs.suggestions import Suggestion
 from uavseg.options.option import build
 from uavseg.options.regions import InfoOptions, MatchOptions, SuggestOptions
 from uavseg.raster.summary import Summary
-from uavseg.regions.formats.about_file import RegionFile
+from uavseg.regions.formats.metadata import RegionFile
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame

@@ -12,7 +12,7 @@ from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress
 from uavseg.jobs.divide import divide as run_divide
-from uavseg.jobs.levels import Small
+from uavseg.jobs.segment_classes import Small
 from uavseg.jobs.source.open_source import open_source
 from uavseg.options.option import build
 from uavseg.options.regions import DivideOptions, ExtractOptions, LevelsOptions

@@ -20,8 +20,15 @@ from uavseg.jobs.source.work import Work
 from uavseg.jobs.web_map.content import FieldMap, FieldMapRequest, field_map
 from uavseg.options.option import build
 from uavseg.options.pages import MapOptions
-from uavseg.plot.web.field_map import data_of, read_collection, read_flights, size_notes, title_of
-from uavseg.plot.web.page import asset, render_page
+from uavseg.plot.web.field_map import (
+    asset,
+    data_of,
+    read_collection,
+    read_flights,
+    render_page,
+    size_notes,
+    title_of,
+)
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame

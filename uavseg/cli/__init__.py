@@ -57,7 +57,7 @@ class _Group(click.Group):
             return None
         command: click.Command = importlib.import_module(f"uavseg.cli.{name.replace('-', '_')}").command
         if ctx.resilient_parsing:  # of a shell that completes the line
-            from uavseg.cli.terminal.complete import completing_files
+            from uavseg.cli.command import completing_files
 
             return completing_files(command)
         return command
@@ -90,6 +90,7 @@ class _Group(click.Group):
         """Run the command; what the user can mend is one line on stderr and exit code 1."""
         from uavseg.cli.terminal.say import library_messages, say
         from uavseg.output.disk import recording_written
+        from uavseg.plain_text import cause_of
 
         with recording_written() as written, stopping_cleanly(written) as unwound:
             try:
@@ -105,7 +106,8 @@ class _Group(click.Group):
                 click.echo(f"uavseg: error: {_system_error(error)}", err=True)
                 ctx.exit(1)
             except ImportError as error:
-                click.echo(f"uavseg: error: {_import_error(error)}", err=True)
+                why = "too little memory, or it is not installed whole"
+                click.echo(f"uavseg: error: a library cannot be loaded ({cause_of(error)}): {why}", err=True)
                 ctx.exit(1)
             except MemoryError:
                 _report_out_of_memory(ctx)
@@ -141,12 +143,6 @@ def _system_error(error: OSError) -> str:
 
     named = "" if error.filename is None else f"{os.fsdecode(error.filename)}: "
     return one_line(f"{named}{cause_of(error)}")
-
-
-def _import_error(error: ImportError) -> str:
-    from uavseg.plain_text import cause_of
-
-    return f"a library cannot be loaded ({cause_of(error)}): too little memory, or it is not installed whole"
 
 
 def _report_kernels() -> None:

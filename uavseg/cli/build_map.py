@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from uavseg.cli.command import job_command
-from uavseg.cli.terminal.say import Reporter, say
+from uavseg.cli.terminal.say import Reporter
 from uavseg.cli.write import creation_of, keep_inputs, transaction
 from uavseg.options.maps import BuildMapOptions
-
-if TYPE_CHECKING:
-    from uavseg.jobs.maps.build_map import BuiltMap
 
 
 @job_command("build-map", BuildMapOptions)
@@ -29,34 +25,26 @@ def command(options: BuildMapOptions) -> None:
     """
     from uavseg.jobs.maps.build_map import build_map, topics_of
     from uavseg.jobs.maps.requests import merge_params
-    from uavseg.occupancy.map_file import check_map_path
+    from uavseg.occupancy.map_file import check_map_path, shares_of
 
     reporter = Reporter(options.messages)
     target, overwrite, mode = options.output, options.files.overwrite, options.mode.mode
     files = check_map_path(target, overwrite, mode)
-    keep_inputs(files, options.bag, *_files_in(options.bag))
+    folder = Path(options.bag)
+    keep_inputs(files, options.bag, *(sorted(folder.iterdir()) if folder.is_dir() else []))
     creation_of(options.creation, {target: "float32"})
     topics = topics_of(options.scan, options.odom, options.tf)
     found = build_map(options.bag, topics, merge_params(options))
     reporter.finish(found.warnings)
     with transaction():
         found.write(target, overwrite, options.creation.creation_options, mode)
-    if not reporter.quiet:
-        _report(found, files)
-
-
-def _files_in(bag: str) -> list[Path]:
-    """Return the files of a bag of ROS 2 that is a folder, which no output may replace."""
-    folder = Path(bag)
-    return sorted(folder.iterdir()) if folder.is_dir() else []
-
-
-def _report(found: BuiltMap, files: list[str]) -> None:
-    from uavseg.occupancy.map_file import shares_of
-
     geobox = found.grid.geobox
     rows, cols = geobox.shape
-    say(f"  map         {rows:,} x {cols:,} cells of {geobox.transform.a:g} m in the frame {found.frame}")
-    say(f"  scans       {found.scans.merged:,} of {found.scans.total:,} merged")
-    say(f"  cells       {shares_of(found.grid.probabilities)}")
-    say(f"  written     {', '.join(files)}")
+    reporter.table(
+        {
+            "map": f"{rows:,} x {cols:,} cells of {geobox.transform.a:g} m in the frame {found.frame}",
+            "scans": f"{found.scans.merged:,} of {found.scans.total:,} merged",
+            "cells": shares_of(found.grid.probabilities),
+            "written": ", ".join(files),
+        }
+    )

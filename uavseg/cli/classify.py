@@ -118,7 +118,6 @@ def _write_states(
 
 
 def _rows(found: Classification, limits: StateLimits, target: str, objects: str | None) -> dict[str, str]:
-    """Return the short table at the end."""
     rows, cols = found.geobox.shape
     names = {1: "free", 2: "unknown", 3: "occupied", 0: "no data"}
     shares = {

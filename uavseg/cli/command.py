@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import click
+from click.shell_completion import CompletionItem
 
 from uavseg.options.option import Option, arguments_of, build, options_of
 from uavseg.options.reading import AccessOptions
@@ -18,6 +19,7 @@ from uavseg.options.texts import OptionTextError
 
 T = TypeVar("T")
 _HELP_ALL = "--help-all"
+_FILES = {"RASTER", "PATH", "FILE", "DEM", "SAMPLE", "MAP", "REGIONS", "BAG", "LABELS", "SCENE"}
 
 
 def job_command(name: str, job: type[T]) -> Callable[[Callable[[T], None]], click.Command]:
@@ -218,3 +220,17 @@ def joined_home(arguments: Sequence[str]) -> list[str]:
         home = ",".join(number.rstrip(",") for number in numbers)
         return [*words[:k], "--home", home, *words[first + len(numbers) :]]
     return words
+
+
+def completing_files(command: click.Command) -> click.Command:
+    """Let a shell complete parameters that name files, by the words of their metavars."""
+    for parameter in command.params:
+        words = set(re.split(r"[^A-Z]+", parameter.metavar or ""))
+        if parameter.type is click.STRING and words & _FILES:
+            parameter._custom_shell_complete = _files  # what the argument `shell_complete` sets
+    return command
+
+
+def _files(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Return a request to the shell to complete the name of a file."""
+    return [CompletionItem(incomplete, type="file")]

@@ -16,7 +16,7 @@ def command(options: DivideOptions) -> None:
     side of each leaf; `uavseg preview --leaves` draws the leaves. `uavseg extract` answers any range from it,
     without the raster or refined with it.
     """
-    from uavseg.jobs.divide import DivideRequest, divide
+    from uavseg.jobs.divide import divide
     from uavseg.jobs.source.open_source import open_source
     from uavseg.output.atomic import check_target
     from uavseg.segmentation.blocks.block_file import check_block_map_name, write_block_map
@@ -27,9 +27,9 @@ def command(options: DivideOptions) -> None:
     creation = creation_of(options.creation, {output: "uint32"})
     check_target(output, overwrite)
     keep_inputs([output], rasters)
-    request = DivideRequest(options.division.segment_params())
-    found = divide(open_source(rasters, options.read), request, work_of(options.run, reporter))
-    write_block_map(output, found.saved, request.segment.division, overwrite, creation)
+    segment = options.division.segment_params()
+    found = divide(open_source(rasters, options.read), segment, work_of(options.run, reporter))
+    write_block_map(output, found.saved, segment.division, overwrite, creation)
     reporter.finish(found.warnings)
     rows, cols = found.saved.blocks.blocks
     width = found.saved.origin.flatten

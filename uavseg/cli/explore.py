@@ -46,7 +46,6 @@ def command(options: ExploreOptions) -> None:
 
 
 def _check_targets(options: ExploreOptions) -> None:
-    """Check that all can be written, before the work."""
     from uavseg.occupancy.map_file import check_map_path
     from uavseg.output.atomic import check_target
 
@@ -68,7 +67,6 @@ def _check_targets(options: ExploreOptions) -> None:
 
 
 def _rows(found: Explored, options: ExploreOptions) -> dict[str, str]:
-    """Return the short table at the end."""
     drive = found.drive
     slowest = max(drive.seconds, default=0.0)
     return {

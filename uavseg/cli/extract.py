@@ -89,7 +89,7 @@ def command(options: ExtractOptions) -> None:
 
 def _write_partitions(options: ExtractOptions, job: RegionJob, reporter: Reporter) -> None:
     """Write the regions of one range to a folder of files, and nothing beside it."""
-    from uavseg.jobs.partitions import check_local, extract_partitions
+    from uavseg.jobs.extract import check_local, extract_partitions
     from uavseg.jobs.source.open_source import open_source
 
     outputs, target = options.outputs, options.outputs.output or ""
@@ -207,7 +207,7 @@ def _planned(
     options: ExtractOptions, found: Extraction, flight: PlanRequest, source: Source, reporter: Reporter
 ) -> MissionPlan:
     from uavseg.jobs.flights.plan import plan
-    from uavseg.jobs.flights.plan_regions import open_regions, zone_polygons
+    from uavseg.jobs.flights.request import open_regions, zone_polygons
 
     with showing_phases(reporter.quiet):
         zones = zone_polygons(options.flight.safety.avoid, source)

@@ -19,7 +19,7 @@ def command(options: InfoOptions) -> None:
     RASTER may also be a file of regions (.geojson, .gpkg, .fgb, .parquet, .shp, .kml): then its format, CRS,
     extent and columns are told, and from what and how the regions were made, where the file says so.
     """
-    from uavseg.jobs.info_regions import names_regions
+    from uavseg.jobs.info import names_regions
 
     if options.verbose:
         saying_decisions()
@@ -34,7 +34,6 @@ def command(options: InfoOptions) -> None:
 
 
 def _raster(options: InfoOptions) -> tuple[str, dict[str, Any]]:
-    """Return what there is to say of a raster, as text and as plain values."""
     from uavseg.execution.executors import threads
     from uavseg.jobs.info import info, open_to_describe
     from uavseg.jobs.source.work import Work
@@ -46,8 +45,7 @@ def _raster(options: InfoOptions) -> tuple[str, dict[str, Any]]:
 
 
 def _regions(options: InfoOptions) -> tuple[str, dict[str, Any]]:
-    """Return the same of a file of regions."""
-    from uavseg.jobs.info_regions import info_regions
+    from uavseg.jobs.info import info_regions
     from uavseg.plot.summary_text import region_file_text
 
     found = info_regions(options.source.rasters, options.read)

@@ -12,8 +12,8 @@ from uavseg.cli.write import RegionFiles, answer_each, summary_rows, transaction
 from uavseg.options.regions import LevelsOptions
 
 if TYPE_CHECKING:
-    from uavseg.jobs.levels import LevelsRequest
     from uavseg.jobs.result.result import Extraction
+    from uavseg.jobs.segment_classes import LevelsRequest
 
 _LISTED = 8  # levels in the table at the end
 

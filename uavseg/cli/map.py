@@ -17,21 +17,13 @@ def command(options: MapOptions) -> None:
     is chosen. Regions are chosen by tick boxes and downloaded as GeoJSON.
     """
     from uavseg.jobs.web_map.content import FieldMapRequest, field_map
-    from uavseg.plot.web.page_file import PageFile
+    from uavseg.plot.web.field_map import PageFile
 
     reporter = Reporter(options.messages, options.progress)
-    request, rasters = (
-        FieldMapRequest(options.division.segment_params(), options.size.size),
-        options.source.rasters,
-    )
-    page = PageFile.prepared(
-        options.output,
-        options.files.overwrite,
-        rasters,
-        options.regions,
-        options.mission,
-        options.camera,
-    )
+    request = FieldMapRequest(options.division.segment_params(), options.size.size)
+    output, rasters, overwrite = options.output, options.source.rasters, options.files.overwrite
+    shown = options.regions, options.mission, options.camera
+    page = PageFile.prepared(output, overwrite, rasters, *shown)
     source = page.open_source(rasters, options.read)
     found = field_map(source, request, work_of(options.run, reporter))
     size, notes = page.write(found)

@@ -117,7 +117,6 @@ def _compared(match: Match) -> dict[str, str]:
 
 
 def _classes(found: Extraction) -> dict[str, str]:
-    """Return how many regions each class has."""
     from collections import Counter
 
     counts = Counter(found.regions.columns["class"].tolist())

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from uavseg.cli.command import job_command
-from uavseg.cli.terminal.say import Reporter, say, showing_phases
+from uavseg.cli.terminal.say import Reporter, showing_phases
 from uavseg.cli.write import creation_of, keep_inputs, transaction
 from uavseg.options.maps import MergeMapsOptions
-
-if TYPE_CHECKING:
-    from uavseg.jobs.maps.merge_maps import MergedMap
 
 
 @job_command("merge-maps", MergeMapsOptions)
@@ -22,7 +17,8 @@ def command(options: MergeMapsOptions) -> None:
     occupied in one of them is occupied. Turning and other resolutions lose no obstacle.
     """
     from uavseg.jobs.maps.merge_maps import MergeRequest, merge_maps
-    from uavseg.occupancy.map_file import check_map_path
+    from uavseg.occupancy.map_file import check_map_path, shares_of
+    from uavseg.occupancy.ros.ros_map import placement
 
     reporter = Reporter(options.messages)
     target, overwrite, mode = options.output, options.files.overwrite, options.mode.mode
@@ -35,17 +31,13 @@ def command(options: MergeMapsOptions) -> None:
     reporter.finish(found.warnings)
     with transaction():
         found.write(target, overwrite, options.creation.creation_options, mode)
-    if not reporter.quiet:
-        _report(found, len(options.maps), files)
-
-
-def _report(found: MergedMap, maps: int, files: list[str]) -> None:
-    from uavseg.occupancy.map_file import shares_of
-    from uavseg.occupancy.ros.ros_map import placement
-
     rows, cols = found.geobox.shape
     side, (x, y, yaw), _ = placement(found.geobox)
-    say(f"  maps        {maps:,}")
-    say(f"  map         {rows:,} x {cols:,} cells of {side:g} m from {x:g}, {y:g}, yaw {yaw:g}")
-    say(f"  cells       {shares_of(found.probabilities)}")
-    say(f"  written     {', '.join(files)}")
+    reporter.table(
+        {
+            "maps": f"{len(options.maps):,}",
+            "map": f"{rows:,} x {cols:,} cells of {side:g} m from {x:g}, {y:g}, yaw {yaw:g}",
+            "cells": shares_of(found.probabilities),
+            "written": ", ".join(files),
+        }
+    )

@@ -121,7 +121,6 @@ def _write(way: PlannedPath, mission: Mission | None, output: str, overwrite: bo
 
 
 def _rows(found: PathFound, output: str) -> dict[str, str]:
-    """Return the short table at the end."""
     way = found.path
     unit = "m" if found.in_metres else "units of the map"
     rows = {

@@ -27,8 +27,7 @@ def command(options: PlanOptions) -> None:
     """
     from uavseg.flight.formats import files
     from uavseg.jobs.flights.plan import plan
-    from uavseg.jobs.flights.plan_regions import open_regions, zone_polygons
-    from uavseg.jobs.flights.request import plan_request
+    from uavseg.jobs.flights.request import open_regions, plan_request, zone_polygons
     from uavseg.output.atomic import check_target
 
     reporter = Reporter(options.messages)

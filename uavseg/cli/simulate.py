@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from uavseg.cli.command import job_command
-from uavseg.cli.terminal.say import Reporter, say
+from uavseg.cli.terminal.say import Reporter
 from uavseg.cli.write import check_distinct, creation_of, keep_inputs, transaction
 from uavseg.errors import OutputError
 from uavseg.options.maps import SimulateOptions
@@ -28,7 +28,7 @@ def command(options: SimulateOptions) -> None:
     The truth has three bands: states (1 free, 2 unseen, 3 occupied), solid (the cell lies inside something)
     and visible (the sensor could see it, into what is solid as deep as 3 σ).
     """
-    from uavseg.jobs.maps.simulate import SimulateRequest, simulate
+    from uavseg.jobs.maps.build_map import SimulateRequest, simulate
     from uavseg.occupancy.map_file import write_map
     from uavseg.occupancy.mapping.grid import grey_picture
     from uavseg.raster.formats.png import write_png
@@ -56,8 +56,7 @@ def command(options: SimulateOptions) -> None:
             write_png(png, grey_picture(grid.probabilities), overwrite)
         if truth:
             _write_truth(truth, found.simulation, overwrite, creation)
-    if not reporter.quiet:
-        _report(found.simulation, grid, outputs)
+    reporter.table(_rows(found.simulation, grid) | {"written": ", ".join(outputs)})
 
 
 def _check_targets(output: str, png: str | None, truth: str | None, overwrite: bool) -> list[str]:
@@ -87,18 +86,12 @@ def _write_truth(path: str, simulation: Simulation, overwrite: bool, creation: C
     write_geotiff(path, bands, simulation.geobox, names, overwrite=overwrite, creation=creation)
 
 
-def _report(simulation: Simulation, grid: OccupancyGrid, outputs: list[str]) -> None:
-    sensor, (rows, cols) = simulation.sensor, grid.geobox.shape
-    values = grid.probabilities
-    shares = [(values < 0.5).mean(), (values == 0.5).mean(), (values > 0.5).mean()]
-    say(f"  map         {rows} x {cols} cells of {grid.geobox.transform.a:g} m")
-    say(
-        f"  scans       {len(simulation.poses)} of {len(sensor.angles)} beams, "
-        f"{sensor.step_deg:g} degrees apart, sigma {sensor.sigma_m:g} m, up to {sensor.max_range_m:g} m"
-    )
-    text = ", ".join(
-        f"{name} {100 * share:.1f} %"
-        for name, share in zip(("below 0.5", "never seen", "above 0.5"), shares, strict=True)
-    )
-    say(f"  cells       {text}")
-    say(f"  written     {', '.join(outputs)}")
+def _rows(simulation: Simulation, grid: OccupancyGrid) -> dict[str, str]:
+    sensor, (rows, cols), values = simulation.sensor, grid.geobox.shape, grid.probabilities
+    cells = {"below 0.5": values < 0.5, "never seen": values == 0.5, "above 0.5": values > 0.5}
+    return {
+        "map": f"{rows} x {cols} cells of {grid.geobox.transform.a:g} m",
+        "scans": f"{len(simulation.poses)} of {len(sensor.angles)} beams, {sensor.step_deg:g} degrees apart, "
+        f"sigma {sensor.sigma_m:g} m, up to {sensor.max_range_m:g} m",
+        "cells": ", ".join(f"{name} {100 * inside.mean():.1f} %" for name, inside in cells.items()),
+    }

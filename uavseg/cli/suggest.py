@@ -18,7 +18,7 @@ from uavseg.options.regions import DivisionOptions, SuggestOptions
 
 if TYPE_CHECKING:
     from uavseg.jobs.match.ranges_of_sample import SampleRange, SampleRanges
-    from uavseg.jobs.suggestions import Suggestion, Suggestions
+    from uavseg.jobs.suggest import Suggestion, Suggestions
 
 _BANDS = ("band", "rgb", "index", "expr", "band_names")
 _OF_HISTOGRAM = ("output", "classes", "method", "threshold", "intensity_step", "resume")
@@ -69,13 +69,18 @@ def command(options: SuggestOptions) -> None:
             dataset = source.cleaned(TilePass(())) if isinstance(source, Pixels) else None
             draw_suggestions(found, output, dataset, overwrite)
         reporter.finish(found.warnings)
-        show(_as_json(found, commands) if options.as_json else _table(found, commands))
+        if options.as_json:
+            unit = "" if found.source.axis is None else found.source.axis.unit
+            facts = {"stretch": found.source.stretch.name, "unit": unit, "explained": found.explained}
+            show(_as_json(found, commands, **facts))
+        else:
+            show(_table(found, commands))
     _report(found, output, reporter)
 
 
 def _command(chosen: Suggestion, found: Suggestions, options: SuggestOptions) -> str:
     """Return the line that extracts a range, from the same rasters in the same way."""
-    from uavseg.jobs.source.command_line import extract_line
+    from uavseg.jobs.info import extract_line
     from uavseg.raster.read.source_list import stem_of
     from uavseg.regions.formats.export import suffix_for
 
@@ -101,16 +106,10 @@ def _given() -> list[str]:
     return [name for name in names if context.get_parameter_source(name) is ParameterSource.COMMANDLINE]
 
 
-def _as_json(found: Suggestions, commands: list[str]) -> str:
-    ranges = [asdict(chosen) | {"command": line} for chosen, line in zip(found.ranges, commands, strict=True)]
-    metadata = {
-        "source": found.source.name,
-        "stretch": found.source.stretch.name,
-        "unit": "" if found.source.axis is None else found.source.axis.unit,
-        "explained": found.explained,
-        "ranges": ranges,
-        "warnings": found.warnings,
-    }
+def _as_json(found: Suggestions | SampleRanges, commands: Sequence[str], **facts: Any) -> str:
+    listed: Sequence[Suggestion | SampleRange] = found.ranges
+    ranges = [asdict(one) | {"command": line} for one, line in zip(listed, commands, strict=True)]
+    metadata = {"source": found.source.name, **facts, "ranges": ranges, "warnings": found.warnings}
     return json.dumps(metadata, indent=2, allow_nan=False)
 
 
@@ -132,7 +131,6 @@ def _table(found: Suggestions, commands: list[str]) -> str:
 
 
 def _report(found: Suggestions, output: str | None, reporter: Reporter) -> None:
-    """Print warnings and notes on stderr."""
     if output is not None:
         reporter.say(f"wrote {output}")
     reporter.detail(f"{found.explained:.1%} of the variance of the means lies between the ranges")
@@ -143,7 +141,6 @@ def _report(found: Suggestions, output: str | None, reporter: Reporter) -> None:
 
 
 def _suggest_like(options: SuggestOptions) -> None:
-    """Answer `uavseg suggest` with a sample."""
     from uavseg.jobs.match.ranges_of_sample import open_all_bands, ranges_of_sample
     from uavseg.jobs.requests import suggest_like_request
 
@@ -157,13 +154,12 @@ def _suggest_like(options: SuggestOptions) -> None:
     found = ranges_of_sample(opened, request, work_of(options.run, reporter))
     commands = [_like_command(one, rank, options, found) for rank, one in enumerate(found.ranges, start=1)]
     reporter.finish(found.warnings)
-    show(_like_json(found, commands) if options.as_json else _like_table(found, commands))
+    show(_as_json(found, commands) if options.as_json else _like_table(found, commands))
     reporter.detail(f"{reporter.seconds:.2f} seconds")
 
 
 def _like_command(one: SampleRange, rank: int, options: SuggestOptions, found: SampleRanges) -> str:
-    """Return the line that extracts a range."""
-    from uavseg.jobs.source.command_line import extract_line
+    from uavseg.jobs.info import extract_line
     from uavseg.raster.read.source_list import stem_of
     from uavseg.regions.formats.export import suffix_for
 
@@ -173,12 +169,6 @@ def _like_command(one: SampleRange, rank: int, options: SuggestOptions, found: S
     line = extract_line(rasters, read, str(one), "--values")
     target = f"{stem_of(rasters[0])}.like{rank}{suffix_for(found.source.geobox.wkt)}"
     return f"{line} {shlex.join(['-o', target])}"
-
-
-def _like_json(found: SampleRanges, commands: Sequence[str]) -> str:
-    ranges = [asdict(one) | {"command": line} for one, line in zip(found.ranges, commands, strict=True)]
-    metadata = {"source": found.source.name, "ranges": ranges, "warnings": found.warnings}
-    return json.dumps(metadata, indent=2, allow_nan=False)
 
 
 def _like_table(found: SampleRanges, commands: Sequence[str]) -> str:

@@ -15,7 +15,7 @@ def command(options: WarmUpOptions) -> None:
     nothing is compiled: kernels come with the package. Elsewhere it takes some minutes, once; UAVSEG_CACHE
     names the folder of what is compiled.
     """
-    from uavseg.jobs.install.warm_up import warm_up
+    from uavseg.jobs.install.doctor import warm_up
 
     reporter = Reporter(options.messages, options.progress)
     done = warm_up(options.processes, reporter.progress)

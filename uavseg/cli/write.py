@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from uavseg.options.regions import ExtractOptions, LevelsOptions, MatchOptions
     from uavseg.options.running import RegionOutputs, StorageOptions
     from uavseg.raster.formats.creation import CreationOptions
-    from uavseg.regions.formats.geojson import GeoJsonForm
+    from uavseg.regions.formats.text_writers import GeoJsonForm
 
     RegionOptions = ExtractOptions | LevelsOptions | MatchOptions
 
@@ -58,7 +58,7 @@ def check_targets(output: str | None, labels: str | None, overwrite: bool) -> No
 
         check_region_path(output, overwrite)
     if labels is not None:
-        from uavseg.regions.formats.label_raster import check_labels
+        from uavseg.regions.formats.export import check_labels
 
         check_labels(labels, overwrite)
 
@@ -92,7 +92,7 @@ def write_region_output(
     """Write regions to a file, or to stdout where it is called -."""
     from uavseg.output.disk import noted_stream
     from uavseg.regions.formats import export
-    from uavseg.regions.formats.geojson import COLLECTION
+    from uavseg.regions.formats.text_writers import COLLECTION
 
     if target != "-":
         export.write_regions(found.regions, target, overwrite)
@@ -105,11 +105,11 @@ def write_label_output(found: Extraction, labels: LabelFile, work: Work, overwri
     """Write the labels of regions, if asked for; the executor writes them where they are many tiles."""
     if labels.path is None:
         return
-    from uavseg.regions.formats import label_raster
+    from uavseg.regions.formats import export
 
-    run = work.executor if label_raster.is_vrt(labels.path) else work.local
+    run = work.executor if export.is_vrt(labels.path) else work.local
     how = overwrite, labels.creation
-    label_raster.write_label_raster(labels.path, found.rings, found.geobox, run, *how)
+    export.write_label_raster(labels.path, found.rings, found.geobox, run, *how)
 
 
 def write_text(path: str, text: str, overwrite: bool) -> None:
@@ -177,7 +177,6 @@ def confidence_row(found: Extraction, kept: int | None = None) -> dict[str, str]
 
 
 def _range_row(found: Extraction) -> dict[str, str]:
-    """Return the range that was asked for, in v and in values."""
     if found.detected is None:
         return {}
     from uavseg.raster.spectral.bands import values_text
@@ -324,7 +323,7 @@ def geojson_form(outputs: RegionOutputs, target: str) -> GeoJsonForm:
 
     UsageError is raised if one is given and the output is a file, or a collection is to have RS.
     """
-    from uavseg.regions.formats.geojson import GeoJsonForm
+    from uavseg.regions.formats.text_writers import GeoJsonForm
 
     sequence, rs, geographic = outputs.sequence, outputs.rs, outputs.geographic
     if target != "-" and (rs or sequence is not None or geographic is not None):
@@ -341,7 +340,7 @@ def _stream_warnings(form: GeoJsonForm, wkt: str | None) -> list[str]:
     """Return what a reader of a stream cannot know: the CRS of a sequence."""
     if not (form.sequence and form.projected) or wkt is None:
         return []
-    from uavseg.regions.formats.geojson import crs_name
+    from uavseg.regions.formats.text_writers import crs_name
 
     name = crs_name(wkt)
     known = name.removeprefix("urn:ogc:def:crs:").replace("::", ":") if name else "the CRS of the raster"

@@ -7,16 +7,9 @@ from uavseg.jobs.source.open_source import pixels_of
 from uavseg.jobs.source.source import ProbabilityMap, Raster, Source
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.raster.grid.tiling import TilePass
-from uavseg.segmentation.blocks.saved_blocks import SavedBlocks
+from uavseg.segmentation.blocks.block_file import SavedBlocks
 from uavseg.segmentation.params.segment import SegmentParams
 from uavseg.segmentation.pipeline import measure_block_map
-
-
-@dataclass(frozen=True, slots=True)
-class DivideRequest:
-    """Which leaves a block map's file shows; the block map itself does not depend on it."""
-
-    segment: SegmentParams = SegmentParams()
 
 
 @dataclass(frozen=True)
@@ -28,12 +21,12 @@ class Division:
     warnings: tuple[str, ...]
 
 
-def divide(source: Source, request: DivideRequest = DivideRequest(), work: Work = SERIAL) -> Division:
-    """Compute the whole block map of a raster or a map of probabilities."""
+def divide(source: Source, segment: SegmentParams = SegmentParams(), work: Work = SERIAL) -> Division:
+    """Compute the whole block map of a raster or a map of probabilities; `segment` is for its file."""
     work = work.begun()
     pixels = pixels_of(source, "a block map is divided already; name the raster itself")
     saved, info = block_map_of(pixels, work.over(pixels))
-    return work.finished(Division(saved, request.segment, info.warnings))
+    return work.finished(Division(saved, segment, info.warnings))
 
 
 def block_map_of(source: Raster | ProbabilityMap, tile_pass: TilePass) -> tuple[SavedBlocks, SourceInfo]:

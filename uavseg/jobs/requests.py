@@ -27,11 +27,10 @@ from uavseg.regions.edit.small import as_area
 from uavseg.segmentation.params.segment import Levels
 
 if TYPE_CHECKING:
-    from uavseg.jobs.extract_classes import ClassesRequest
-    from uavseg.jobs.levels import LevelsRequest
     from uavseg.jobs.match.by_classes import MatchClassesRequest
     from uavseg.jobs.match.ranges_of_sample import SuggestLikeRequest
     from uavseg.jobs.match.request import MatchRequest
+    from uavseg.jobs.segment_classes import ClassesRequest, LevelsRequest
     from uavseg.jobs.suggest import SuggestRequest
     from uavseg.options.reading import ReadOptions
     from uavseg.regions.sample.place import Disc
@@ -51,7 +50,7 @@ def region_job(options: ExtractOptions | LevelsOptions | MatchOptions) -> Region
     if isinstance(options, ExtractOptions):
         return _extract_job(options)
     if isinstance(options, LevelsOptions):
-        from uavseg.jobs.levels import levels
+        from uavseg.jobs.segment_classes import levels
 
         request = _levels_request(options)
         return RegionJob(options.read, lambda source, work: levels(source, request, work), request)
@@ -59,7 +58,6 @@ def region_job(options: ExtractOptions | LevelsOptions | MatchOptions) -> Region
 
 
 def _drawing(options: DrawingOptions) -> Drawing:
-    """Return how outlines are drawn."""
     return Drawing(options.smooth_outline, options.simplify)
 
 
@@ -84,8 +82,7 @@ def _extract_job(options: ExtractOptions) -> RegionJob:
             requested_range(options.ranges), segment, thin_lines=options.thin_lines, **common
         )
         return RegionJob(options.read, lambda source, work: extract(source, request, work), request)
-    from uavseg.jobs.extract_classes import ClassesRequest, extract_classes
-    from uavseg.jobs.segment_classes import joint_params
+    from uavseg.jobs.segment_classes import ClassesRequest, extract_classes, joint_params
 
     if options.thin_lines:
         raise ParameterError("thin lines are found for one range, not for classes; leave thin lines out")
@@ -94,8 +91,8 @@ def _extract_job(options: ExtractOptions) -> RegionJob:
 
 
 def _levels_request(options: LevelsOptions) -> LevelsRequest:
-    from uavseg.jobs.levels import LevelsRequest, level_params
     from uavseg.jobs.ranges.level_breaks import breaks_of
+    from uavseg.jobs.segment_classes import LevelsRequest, level_params
 
     levels = breaks_of(options.breaks) if options.width is None else Levels(options.width)
     sizes = _sizes(options.sizes)

@@ -1,7 +1,7 @@
-"""Segments of several intervals of v at once: what classes and levels have in common."""
+"""Segments of several intervals of v at once: extraction of several classes, and division into levels."""
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,24 +9,53 @@ from numpy.typing import NDArray
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import decided, phase, trim_heap
-from uavseg.jobs.ranges.ranges import decided_grey
-from uavseg.jobs.result.result import SourceInfo, filled
-from uavseg.jobs.source.source import Blocks, Pixels, Source, detail_of, refuse_without_pixels
-from uavseg.jobs.source.unchanged import check_unchanged
-from uavseg.jobs.source.work import Work
+from uavseg.jobs.ranges.level_breaks import BreakChoice
+from uavseg.jobs.ranges.ranges import EACH_PIXEL, decided_grey, missed_text, where_to_look
+from uavseg.jobs.result.result import (
+    Drawing,
+    Extraction,
+    SourceInfo,
+    confidence_facts,
+    drawing_facts,
+    filled,
+    measured,
+    segment_facts,
+    with_metadata,
+)
+from uavseg.jobs.source.source import (
+    Blocks,
+    Pixels,
+    Source,
+    check_unchanged,
+    detail_of,
+    refuse_without_pixels,
+)
+from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.raster.grid.geobox import Length
 from uavseg.raster.grid.tiling import TilePass
-from uavseg.regions.edit.small import Area, fill_small_holes
+from uavseg.regions.confidence import Confidence, check_minimum, confidence_of, none_confident
+from uavseg.regions.edit.eliminate import eliminate
+from uavseg.regions.edit.small import Area, drop_small_regions, fill_small_holes
 from uavseg.regions.outline.rings import RegionOutlines
+from uavseg.regions.tiles.range_tiles import count_pixels
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaves import cell_classes
-from uavseg.segmentation.params.segment import Partition, SegmentParams
+from uavseg.segmentation.params.segment import (
+    Breaks,
+    Levels,
+    Partition,
+    SegmentParams,
+    ValueClass,
+    ValueClasses,
+    partition_of_levels,
+)
 from uavseg.segmentation.pipeline import measure_block_map, measure_block_map_for
 from uavseg.segmentation.source import GreySource
 from uavseg.units import CELL, MAX_PIXEL_CLASSES
 
 Firsts = NDArray[np.int64]
 ChoosePartition = Callable[[BlockMap], Partition]
+Small = Literal["drop", "merge"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +168,6 @@ def _check_count(partition: Partition, segment: SegmentParams) -> None:
 def _refined(
     source: Blocks, raster: Pixels, partition: Partition, request: PartitionRequest, work: Work
 ) -> Segmented:
-    """Refine and outline with blocks that are known."""
     outlining = work.over(raster)
     grey = source.grey(raster, outlining)
     with work.reading_here():
@@ -158,9 +186,7 @@ def _outlined(
     expected: BlockMap | None = None,
 ) -> Segmented:
     """Return outlines of segments, with small holes filled; `cells` are their kinds where leaves decide."""
-    from uavseg.regions.tiles.class_tiles import outline_refined_classes
-    from uavseg.regions.tiles.range_tiles import count_pixels
-    from uavseg.regions.tiles.segment_tiles import outline_segments
+    from uavseg.regions.tiles.class_tiles import outline_refined_classes, outline_segments
 
     kinds_at: Callable[[Firsts], NDArray[np.int64]]
     if cells is not None:
@@ -185,7 +211,7 @@ def _at_block_edges(
     source: Blocks, partition: Partition, request: PartitionRequest, notes: tuple[str, ...] = ()
 ) -> Segmented:
     """Return segments of whole cells with valid pixels, from the block map alone; `std` is not known."""
-    from uavseg.regions.tiles.segment_tiles import outline_block_map, sum_enclosed_cells
+    from uavseg.regions.tiles.class_tiles import outline_block_map, sum_enclosed_cells
 
     refuse_without_pixels(request.detail, request.segment.refine)
     blocks = source.saved.blocks
@@ -204,3 +230,183 @@ def _of_cells(cells: NDArray[Any]) -> Callable[[Firsts], NDArray[np.int64]]:
         return np.asarray(cells[row, col], np.int64)
 
     return kinds_at
+
+
+@dataclass(frozen=True, slots=True)
+class ClassesRequest:
+    """Which classes, and how their regions are drawn.
+
+    The rest is as of `ExtractRequest`: regions of any class within a hole that is filled become part of what
+    surrounds them, and structures narrower than the detail part of what is near, or are left out.
+    """
+
+    classes: ValueClasses  # of v, after the stretch
+    segment: SegmentParams = SegmentParams()  # see `segment_classes.joint_params`
+    drawing: Drawing = Drawing()
+    fill_holes: Area | None = None
+    min_area: Area | None = None
+    detail: Length | None = None
+    min_confidence: float | None = None
+
+    def __post_init__(self) -> None:
+        check_minimum(self.min_confidence, self.segment.refine)
+
+
+def extract_classes(source: Source, request: ClassesRequest, work: Work = SERIAL) -> Extraction:
+    """Extract regions of classes, decided together: no pixel is in two, and adjacent ones share borders.
+
+    With one class, regions are those of `extract` with its range. They have the column `class`, and `color`
+    where a class has one ("" for the others); `range_low` and `range_high` are those of the class.
+    """
+    work = work.begun()
+    classes = request.classes.classes
+    partition = request.classes.partition
+    division = PartitionRequest(partition, request.segment, request.fill_holes, request.detail)
+    found = segment_classes(source, division, work)
+    outlined, hints = found.outlined, list(found.notes)
+    present = set(found.kinds_at(outlined.sums.firsts).tolist())
+    outlined = drop_small_regions(outlined, found.info.geobox, request.min_area)
+    kind = found.kinds_at(outlined.sums.firsts) - 1
+    low = np.array([one.interval.low for one in classes])
+    high = np.array([one.interval.high for one in classes])
+    columns = {"class": np.array([one.name for one in classes], object)[kind]}
+    if any(one.color for one in classes):
+        columns["color"] = np.array([one.color or "" for one in classes], object)[kind]
+    empty = set(range(1, len(classes) + 1)) - set((kind + 1).tolist())
+    if small := sorted(empty & present):
+        hints.append(f"all regions of {_named(classes, small)} are smaller than --min-area")
+    if missing := sorted(empty - present):
+        hints.append(_why_none(missing, found, request, source))
+    ends = low[kind], high[kind]
+    confidence = Confidence.of(
+        outlined, lambda: confidence_of(outlined, *ends), found.refine, request.min_confidence
+    )
+    result = measured(outlined, found.info, ends, request.drawing, columns, confidence=confidence)
+    how = {"classes": [f"{one.name}={one.interval.low:g},{one.interval.high:g}" for one in classes]}
+    metadata = segment_facts(request.segment) | drawing_facts(
+        request.drawing, request.fill_holes, request.min_area, request.detail
+    )
+    if result.below_minimum and not len(result.regions):
+        hints.append(none_confident(result.below_minimum, request.min_confidence))
+    metadata |= confidence_facts(request.min_confidence)
+    return work.finished(with_metadata(result, source, "extract", how | metadata), *hints)
+
+
+def _named(classes: Sequence[ValueClass], numbers: Sequence[int]) -> str:
+    return ", ".join(str(classes[number - 1]) for number in numbers)
+
+
+def _why_none(classes: list[int], found: Segmented, request: ClassesRequest, source: Source) -> str:
+    """Tell why there is no region of some classes, for messages."""
+    left = "is there" if request.fill_holes is None else "is left once holes are filled"
+    left += "" if request.detail is None else f" and is {request.detail} wide"
+    none = f"no region of {_named(request.classes.classes, classes)} {left}"
+    counts = np.zeros(256, np.int64) if found.count is None else found.count()
+    inside, valid = int(counts[classes].sum()), int(counts.sum())
+    ways = [] if request.detail is None else ["a smaller --detail keeps more"]
+    ways += [] if request.segment.refine == "pixels" else [EACH_PIXEL]
+    if not inside or not ways:
+        return f"{none}; {where_to_look(source)}"
+    return f"{none}, {missed_text(inside, valid, ways, 'it' if len(classes) == 1 else 'them')}"
+
+
+@dataclass(frozen=True, slots=True)
+class LevelsRequest:
+    """Which levels, and what becomes of small segments.
+
+    Structures narrower than the detail become part of what is near; then segments of less than `min_area`
+    become part of a neighbour, see `eliminate`, or are dropped. A ParameterError says that one of the
+    parameters is not allowed.
+    """
+
+    levels: Levels | Breaks | BreakChoice  # of v, after the stretch
+    segment: SegmentParams = SegmentParams()  # see `segment_classes.joint_params`
+    drawing: Drawing = Drawing()
+    min_area: Area | None = None
+    small: Small = "merge"  # "merge" or "drop"
+    detail: Length | None = None
+    min_confidence: float | None = None  # segments of less are dropped at last
+
+    def __post_init__(self) -> None:
+        check_minimum(self.min_confidence, self.segment.refine)
+        joint_params(self.segment, self.segment.refine)
+        if self.small not in get_args(Small):
+            raise ParameterError(f"small segments are merged or dropped: merge or drop, not {self.small!r}")
+
+
+def level_params(
+    segment: SegmentParams, refine: str | None, levels: Levels | Breaks | BreakChoice
+) -> SegmentParams:
+    """Return how segments of levels are found, see `joint_params`; more than 127 end at block edges."""
+    if refine is None and not isinstance(levels, BreakChoice) and levels.count > MAX_PIXEL_CLASSES:
+        refine = "none"
+    return joint_params(segment, refine)
+
+
+def levels(source: Source, request: LevelsRequest, work: Work = SERIAL) -> Extraction:
+    """Find the segments of all levels: adjacent pixels, or leaves if not refined, of the same interval.
+
+    A block map answers without its raster where segments may end at cells; then `std` is not known. Regions
+    have the column `level`, from 0, and `range_low` and `range_high` of that level.
+    """
+    work = work.begun()
+    classes = PartitionRequest(_partition(request), request.segment, detail=request.detail, cover=True)
+    found = segment_classes(source, classes, work)
+    notes = [*found.notes, *_notes(found.partition, request)]
+    small = {"small": request.small} if request.min_area is not None else {}
+    how = {"levels": [0.0, *found.partition.edges, 1.0]} | segment_facts(request.segment)
+    how |= drawing_facts(request.drawing, None, request.min_area, request.detail) | small
+    how |= confidence_facts(request.min_confidence)
+    result = with_metadata(_measured(found, request), source, "levels", how)
+    if not len(result.regions) and result.below_minimum:
+        notes.append(none_confident(result.below_minimum, request.min_confidence))
+    elif not len(result.regions):
+        notes.append(
+            "no segment is left: no pixel is valid, or all segments are smaller than the minimum area"
+        )
+    return work.finished(result, *notes)
+
+
+def _partition(request: LevelsRequest) -> Partition | ChoosePartition:
+    """Return the levels, or what chooses them from a block map."""
+    choice = request.levels
+    if not isinstance(choice, BreakChoice):
+        return partition_of_levels(choice)
+
+    def choose(blocks: BlockMap) -> Partition:
+        return partition_of_levels(choice.breaks(blocks, request.segment.division))
+
+    return choose
+
+
+def _notes(partition: Partition, request: LevelsRequest) -> list[str]:
+    """Return where levels are not as they were asked for."""
+    choice, notes = request.levels, []
+    if isinstance(choice, BreakChoice):
+        if partition.count == 1:
+            notes.append("all leaves have one mean, so there is one level")
+        elif choice.count is not None and partition.count < choice.count:
+            notes.append(
+                f"the means of leaves differ too little for {choice.count} levels; "
+                f"there are {partition.count}"
+            )
+    elif partition.count > MAX_PIXEL_CLASSES and request.segment.method == "adaptive":
+        notes.append(
+            f"more than {MAX_PIXEL_CLASSES} levels end at block edges; fewer are refined to the pixel"
+        )
+    return notes
+
+
+def _measured(found: Segmented, request: LevelsRequest) -> Extraction:
+    outlined, info = found.outlined, found.info
+    if request.small == "drop":
+        outlined = drop_small_regions(outlined, info.geobox, request.min_area)
+    level = found.kinds_at(outlined.sums.firsts) - 1
+    if request.min_area is not None and request.small == "merge":
+        outlined, level = eliminate(outlined, level, info.geobox, request.min_area)
+    bounds = np.array([0.0, *found.partition.edges, 1.0])
+    ends = bounds[level], bounds[level + 1]
+    confidence = Confidence.of(
+        outlined, lambda: confidence_of(outlined, *ends), found.refine, request.min_confidence
+    )
+    return measured(outlined, info, ends, request.drawing, {"level": level}, confidence=confidence)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,31 +12,98 @@ from uavseg.errors import ParameterError, RasterError
 from uavseg.execution.executors import phase
 from uavseg.jobs.divide import block_map_of
 from uavseg.jobs.result.result import SourceInfo
-from uavseg.jobs.source.source import Blocks, Pixels, Source
-from uavseg.jobs.source.unchanged import check_unchanged
+from uavseg.jobs.source.source import Blocks, Pixels, Source, check_unchanged
 from uavseg.jobs.source.work import SERIAL, Work
-from uavseg.jobs.suggestions import Suggestion, Suggestions
 from uavseg.raster.grid.tiling import TilePass
-from uavseg.raster.intensity.populations import population_edges
-from uavseg.raster.spectral.bands import ValueAxis
-from uavseg.regions.tiles.range_tiles import count_greys, count_regions, estimate_regions
-from uavseg.regions.tiles.segment_tiles import count_segments
+from uavseg.raster.intensity.thresholds import population_edges
+from uavseg.raster.spectral.bands import ValueAxis, values_text
+from uavseg.regions.tiles.class_tiles import count_segments
+from uavseg.regions.tiles.range_tiles import count_greys, estimate_regions, outline_regions
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.cell_pairs import cells_with_mean_in_range, count_cell_pairs
-from uavseg.segmentation.blocks.leaves import (
-    cell_intervals,
-    cells_in_range,
-    histogram_of_means,
-    means_among,
-)
+from uavseg.segmentation.blocks.leaves import cell_intervals, cells_in_range, histogram_of_means, means_among
 from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
 from uavseg.segmentation.pipeline import with_majority_means
-from uavseg.segmentation.range_candidates import MAX_CLASSES, edge_beside_means
-from uavseg.segmentation.range_choice import MIN_CONTRAST, ChosenRange, RangeChoice, choose_ranges
+from uavseg.segmentation.range_choice import (
+    MAX_CLASSES,
+    MIN_CONTRAST,
+    ChosenRange,
+    RangeChoice,
+    choose_ranges,
+    edge_beside_means,
+)
 from uavseg.segmentation.source import GreySource
 from uavseg.units import GREY_MAX
 
 EXACT_PIXELS = 400_000_000  # of larger rasters, the number of regions is estimated
+
+
+@dataclass(frozen=True, slots=True)
+class Suggestion:
+    """A range of v that one may ask for, with both ends; none is the mean of a leaf, 0 and 1 aside."""
+
+    low: float
+    high: float
+    # That extracting it gives; where regions end at block edges, those of the leaves whose mean lies in it,
+    # and of a part of a class, of such cells of 8 x 8 pixels.
+    pixels: int
+    share: float  # of all valid pixels, 0 to 1
+    regions: int  # how many extracting it gives
+    exact: bool = True  # pixels and regions were counted; otherwise they are those of `estimate_regions`
+    value_low: float | None = None  # in the units of the raster; None where open, or values are not known
+    value_high: float | None = None
+    unit: str = ""  # of the values; empty where it is not known
+    part: bool = False  # of the darkest or brightest range, of small things in it; the others make up 0..1
+    # Difference of the means on both sides of its borders, as a multiple of that between means on one side;
+    # below 2.5, the borders are those of noise or of slow light. None where it is not known.
+    contrast: float | None = None
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """As `uavseg.extract` takes it."""
+        return self.low, self.high
+
+    def __str__(self) -> str:
+        """As --range takes it."""
+        return f"{self.low:.7g},{self.high:.7g}"
+
+    @property
+    def values_text(self) -> str:
+        """The range in values for people; empty where they are not known."""
+        if self.value_low is None and self.value_high is None:
+            return ""
+        low, high = (math.nan if end is None else end for end in (self.value_low, self.value_high))
+        return values_text((low, high), self.unit)
+
+    @property
+    def regions_text(self) -> str:
+        """The number of regions for people."""
+        return f"{self.regions:,}" if self.exact else f"about {float(f'{self.regions:.2g}'):,.0f}"
+
+
+@dataclass(frozen=True)
+class Suggestions:
+    """Ranges of v, and what they come from.
+
+    Those that look most like things on a ground come first: compact, closed and contrasting at their borders.
+    There are none where all leaves have one mean.
+    """
+
+    ranges: tuple[Suggestion, ...]
+    explained: float  # share of the variance of the leaves' means between the ranges, parts aside
+    histogram: NDArray[np.int64] = field(repr=False)  # (65536,): by the grey of leaves, or of pixels
+    # (8 B, 8 C): which of `by_intensity`, from 1, the leaf of each cell of 8 x 8 pixels lies in, or the cell
+    # itself where that is a part; 0 where the leaf has no valid pixel
+    intervals: NDArray[np.uint8] = field(repr=False)
+    blocks: BlockMap = field(repr=False)
+    source: SourceInfo
+    warnings: tuple[str, ...]
+    by_pixel: bool = False  # the ranges part populations of pixels, which pixels show better than cells
+
+    @property
+    def by_intensity(self) -> tuple[Suggestion, ...]:
+        """The ranges that together are 0..1, the darkest first, and then their parts."""
+        return tuple(sorted(self.ranges, key=lambda one: (one.part, one.low)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,7 +254,8 @@ def _refined(
         interval = IntensityRange(one.low, one.high)
         cells = cells_in_range(blocks, interval, segment.division)
         if exact:
-            number, held = count_regions(grey, cells, interval, segment.refine, counting, blocks)
+            counts = outline_regions(grey, cells, interval, segment.refine, counting, blocks).sums.counts
+            number, held = len(counts), int(counts.sum())
             share = held / total
         else:
             number, share = estimate_regions(grey, cells, interval, segment.refine, counting)

@@ -187,7 +187,9 @@ def recover(home: Path) -> dict[str, str]:
         try:
             if journal is not None:
                 with locked_folder(home):
-                    _settle(stage, journal)
+                    if any(_is_waiting(stage, file) for file in journal.new):
+                        undo(stage, journal)  # unless all renames of the killed run were made
+                    remove_journal(stage.folder)
         except OutputError as error:
             assert journal is not None
             left |= dict.fromkeys((*journal.old, *(file.name for file in journal.new)), str(error))
@@ -195,13 +197,6 @@ def recover(home: Path) -> dict[str, str]:
         else:
             stage.remove()
     return left
-
-
-def _settle(stage: Stage, journal: Journal) -> None:
-    """Finish the renames of a killed run if all were made, else undo them."""
-    if any(_is_waiting(stage, file) for file in journal.new):
-        undo(stage, journal)
-    remove_journal(stage.folder)
 
 
 def _is_waiting(stage: Stage, file: NewFile) -> bool:

@@ -210,14 +210,13 @@ def default_signals() -> Iterator[None]:
 
 def _set_handlers(handler: Any) -> dict[int, Any]:
     """Set a handler, and return those before it; ignored signals stay ignored."""
-    return {number: signal.signal(number, handler) for number in _SIGNALS if _is_handled(number)}
+    return {
+        number: signal.signal(number, handler)
+        for number in _SIGNALS
+        if signal.getsignal(number) not in (signal.SIG_IGN, None)  # None: one that Python cannot put back
+    }
 
 
 def _put_back(handlers: dict[int, Any]) -> None:
     for number, handler in handlers.items():
         signal.signal(number, handler)
-
-
-def _is_handled(number: signal.Signals) -> bool:
-    """Return whether a signal has an effect, and a handler that Python can put back."""
-    return signal.getsignal(number) not in (signal.SIG_IGN, None)

@@ -1,7 +1,8 @@
 """Preview: a raster in grey with the results drawn over it as layers, written as PNG."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -9,23 +10,22 @@ import numpy as np
 
 from uavseg.execution.executors import decided, phase
 from uavseg.jobs.source.inputs import keep_inputs
-from uavseg.occupancy.probability_map import open_map, stretch_of
+from uavseg.occupancy.map_file import open_map, stretch_of
 from uavseg.occupancy.ros.ros_map import is_ros_map
 from uavseg.output.atomic import atomic_file
 from uavseg.plain_text import printable
 from uavseg.plot.layers.mission_layer import (
     FenceLayer,
     MissionLayer,
+    PathLayer,
     mission_layers,
     mission_title,
     read_missions,
 )
-from uavseg.plot.layers.overlays import LabelsLayer, LeavesLayer, StatesLayer
-from uavseg.plot.layers.path_layer import PathLayer
-from uavseg.plot.layers.raster_layer import draw_raster
+from uavseg.plot.layers.raster_layers import LabelsLayer, LeavesLayer, StatesLayer, draw_raster
 from uavseg.plot.layers.region_layer import LevelsLayer, RegionLayer
-from uavseg.plot.page.frame import Frame
 from uavseg.plot.page.page import (
+    Frame,
     View,
     check_png_target,
     check_width,
@@ -150,34 +150,23 @@ class Layer(Protocol):
         """Return parts of the title; lengths and areas are in metres if there is a CRS."""
 
 
-def make_layers(
-    frame: Frame,
-    max_side: int,
-    *,
-    levels: Any = None,
-    states: Dataset | File | None = None,
-    leaves: File | None = None,
-    labels: Dataset | File | None = None,
-    regions: Any = None,
-    path: Any = None,
-    mission: Any = None,
-) -> list[Layer]:
+def make_layers(frame: Frame, max_side: int, mission: Any = None, **sources: Any) -> list[Layer]:
     """Read the layers that have a source, the lowest first; sources are as of `preview`.
 
     Rasters are read with at most `max_side` rows and columns.
     """
-    flights = None if mission is None else read_missions(mission)
-    layers: list[Layer | None] = [
-        None if levels is None else LevelsLayer.of(levels, frame),
-        None if states is None else StatesLayer.of(states, frame, max_side),
-        None if leaves is None else LeavesLayer.of(leaves, frame, max_side),
-        None if labels is None else LabelsLayer.of(labels, frame, max_side),
-        None if regions is None else RegionLayer.of(regions, frame),
-        None if path is None else PathLayer.of(path, frame),
-        None if flights is None else FenceLayer.of([flight for _, flight in flights], frame),
-    ]
-    drawn = [layer for layer in layers if layer is not None]
-    return drawn if flights is None else [*drawn, *mission_layers(flights, frame)]
+    flights = [] if mission is None else read_missions(mission)
+    readers: dict[str, Callable[[Any, Frame], Layer]] = {
+        "levels": LevelsLayer.of,
+        "states": partial(StatesLayer.of, max_side=max_side),
+        "leaves": partial(LeavesLayer.of, max_side=max_side),
+        "labels": partial(LabelsLayer.of, max_side=max_side),
+        "regions": RegionLayer.of,
+        "path": PathLayer.of,
+    }
+    layers = [read(sources[name], frame) for name, read in readers.items() if sources.get(name) is not None]
+    fences = [FenceLayer.of([flight for _, flight in flights], frame)] if flights else []
+    return [*layers, *fences, *mission_layers(flights, frame)]
 
 
 def _figure(

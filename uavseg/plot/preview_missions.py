@@ -8,24 +8,25 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.collections import LineCollection
 from numpy.typing import NDArray
 
 from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.execution.executors import decided, phase
-from uavseg.flight.mission.flown import flown_path
+from uavseg.flight.mission.estimate import flown_path
 from uavseg.flight.mission.items import FRAME_AMSL, FRAME_TERRAIN, TAKEOFFS
 from uavseg.flight.mission.mission import Ground, Mission
-from uavseg.flight.mission.plane import Plane
+from uavseg.flight.mission.track import Plane, plane_around
 from uavseg.flight.mission.vehicle import default_vehicle
-from uavseg.flight.terrain.profile import check_known, profile_along
+from uavseg.flight.terrain.altitude_profile import check_known, profile_along
 from uavseg.jobs.source.inputs import keep_inputs
 from uavseg.output.atomic import atomic_file
 from uavseg.plot.layers.mission_layer import FenceLayer, mission_layers, mission_title, read_missions
-from uavseg.plot.page.frame import Frame
 from uavseg.plot.page.page import (
     TEXT_COLOR,
+    Frame,
     View,
     check_png_target,
     check_width,
@@ -37,6 +38,7 @@ from uavseg.plot.page.page import (
     save_figure,
     write_text,
 )
+from uavseg.raster.elevation.dem import Dem
 from uavseg.raster.grid.geobox import azimuthal_geobox
 
 if TYPE_CHECKING:
@@ -128,8 +130,6 @@ def _zero_m(mission: Mission, dem: "Dem", ground_m: float) -> float:
 
 def draw_profiles(ax: Any, profiles: Sequence[FlightProfile], colors: Sequence[str]) -> None:
     """Draw the heights of flights, one after another along the path, and the ground below."""
-    from matplotlib.collections import LineCollection
-
     total = sum(float(profile.along_m[-1]) for profile in profiles)
     start, low, high = 0.0, np.inf, -np.inf
     for profile, color in zip(profiles, colors, strict=True):
@@ -208,8 +208,6 @@ def preview_missions(
         warnings.warn(note, stacklevel=2)
     ground = None
     if dem is not None:
-        from uavseg.raster.elevation.dem import Dem
-
         ground = Dem.open(dem)
     decided("missions: %d, with %s", len(named), "no ground" if ground is None else ground.name)
 
@@ -259,15 +257,12 @@ def _figure(
 
 def _frame(missions: Sequence["Mission"]) -> Frame:
     """Return plot coordinates around the homes and positions of missions, north up."""
-    from uavseg.flight.mission.plane import plane_around
-
     lat, lon = (np.concatenate([mission.path[k] for mission in missions]) for k in (0, 1))
     plane, side = plane_around(np.column_stack([lon, lat, lon, lat]), float(lon[0])), _MIN_SIDE_M
     return Frame(azimuthal_geobox(plane.lat, plane.lon, (-side, -side, side, side)))
 
 
 def _view(points: NDArray[np.float64]) -> View:
-    """Return the view of all points with a margin."""
     low, high = points.min(axis=0), points.max(axis=0)
     middle, half = (low + high) / 2, np.maximum((high - low) / 2, _MIN_SIDE_M / 2)
     half = half + 0.06 * half.max()

@@ -7,16 +7,17 @@ from typing import Any
 
 import numpy as np
 from affine import Affine
+from matplotlib.colors import to_rgba
 from numpy.typing import NDArray
 
 from uavseg.jobs.source.inputs import keep_inputs
-from uavseg.jobs.suggestions import Suggestion, Suggestions
+from uavseg.jobs.suggest import Suggestion, Suggestions
 from uavseg.output.atomic import atomic_file
-from uavseg.plot.layers.raster_layer import draw_image, draw_raster
-from uavseg.plot.page.frame import Frame
+from uavseg.plot.layers.raster_layers import draw_image, draw_raster
 from uavseg.plot.page.page import (
     CAPTION_COLOR,
     TEXT_COLOR,
+    Frame,
     View,
     check_png_target,
     draw_furniture,
@@ -28,8 +29,7 @@ from uavseg.plot.page.page import (
 )
 from uavseg.raster.grid.geobox import scaled
 from uavseg.raster.grid.tiling import Window
-from uavseg.raster.read.dataset import Dataset
-from uavseg.raster.read.overview import DatasetOverview
+from uavseg.raster.read.dataset import Dataset, DatasetOverview
 from uavseg.raster.spectral.bands import ValueAxis
 from uavseg.units import CELL, GREY_MAX
 
@@ -115,7 +115,6 @@ def _draw_map(ax: Any, point: float, frame: Frame, suggestions: Suggestions, dat
 
 
 def _draw_cells(ax: Any, greys: NDArray[np.uint8], valid: NDArray[np.bool_], frame: Frame) -> None:
-    """Draw cells of 8 x 8 pixels in grey, in place of a raster."""
     grey, plot_from_pixel = upsample_cells(greys, frame, _MAX_PIXELS)
     alpha, _ = upsample_cells(np.where(valid, np.uint8(255), np.uint8(0)), frame, _MAX_PIXELS)
     draw_image(ax, np.stack([grey, grey, grey, alpha], axis=-1), plot_from_pixel, zorder=2)
@@ -153,8 +152,6 @@ def _draw_ranges(
     ax: Any, intervals: NDArray[np.uint8], plot_from_pixel: Affine, colors: Sequence[str]
 ) -> None:
     """Draw each range in its colour, translucent over grey."""
-    from matplotlib.colors import to_rgba
-
     table = np.zeros((len(colors) + 1, 4), np.uint8)
     for k, color in enumerate(colors, start=1):
         table[k] = np.round(255 * np.array(to_rgba(color, _ALPHA)))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from uavseg.raster.summary import HISTOGRAM_BINS, Summary
 
 if TYPE_CHECKING:
-    from uavseg.regions.formats.about_file import RegionFile
+    from uavseg.regions.formats.metadata import RegionFile
 
 _EIGHTHS = " ▏▎▍▌▋▊▉█"
 _WIDTH = 40  # characters of the longest bar
@@ -50,7 +50,6 @@ def text_bar(share: float, width: int = _WIDTH) -> str:
 
 
 def _bars(summary: Summary) -> list[str]:
-    """Draw one line for each bin of v."""
     largest, total = max(*summary.histogram, 1), max(summary.valid, 1)
     values = [_bin_values(summary, n) for n in range(HISTOGRAM_BINS)]
     width = max(map(len, values))

@@ -15,13 +15,10 @@ from uavseg.raster.geodesy.globe import crs_name
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.ground import ground_resolution
 from uavseg.raster.grid.tiling import TilePass, Window, tile_side, tiles
-from uavseg.raster.intensity.otsu import multi_otsu
-from uavseg.raster.intensity.populations import population_edges, rarest_population
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch, greys_beyond
+from uavseg.raster.intensity.thresholds import multi_otsu, population_edges, rarest_population
 from uavseg.raster.intensity.value_range import axis_of
-from uavseg.raster.read.dataset import Dataset
-from uavseg.raster.read.mosaic import RasterSource
-from uavseg.raster.read.overview import DatasetOverview
+from uavseg.raster.read.dataset import Dataset, DatasetOverview
 from uavseg.raster.spectral.band_names import names_of
 from uavseg.raster.spectral.bands import ValueAxis
 from uavseg.units import GREY_LEVELS
@@ -134,7 +131,7 @@ def summarize(
         resolution=ground_resolution(box),
         bounds=_bounds(box),
         center=_center(box),
-        bands=_bands(first),
+        bands=tuple(zip(first.layout.dtypes, first.layout.roles, first.nodatas, strict=True)),
         names=tuple(band.label for band in names_of(first.layout)),
         used=dataset.band_names,
         exact=exact,
@@ -184,7 +181,6 @@ def _binned(greys: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _moments(greys: NDArray[np.int64]) -> tuple[float, float]:
-    """Return mean and standard deviation of v."""
     if not greys.any():
         return math.nan, math.nan
     v = np.arange(GREY_LEVELS) / (GREY_LEVELS - 1)
@@ -212,10 +208,6 @@ def _center(box: GeoBox) -> tuple[float, float] | None:
         return None
     lon, lat = box.lonlat_from_xy(*box.xy_from_pixel(box.shape[0] / 2, box.shape[1] / 2))
     return (float(lon), float(lat)) if np.isfinite(lon) and np.isfinite(lat) else None
-
-
-def _bands(file: RasterSource) -> tuple[tuple[str, str, float | None], ...]:
-    return tuple(zip(file.layout.dtypes, file.layout.roles, file.nodatas, strict=True))
 
 
 def _plain(value: Any) -> Any:

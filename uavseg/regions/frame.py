@@ -19,7 +19,6 @@ class RegionFrame(geopandas.GeoDataFrame):  # type: ignore[misc]
     """
 
     def _repr_html_(self) -> str:
-        """For notebooks: facts, the outlines, then the table of pandas."""
         table = super()._repr_html_() or ""
         metadata = escape(self.summary)
         return f"<div><p>{metadata}</p>{_drawing(self.geometry.to_numpy())}{table}</div>"

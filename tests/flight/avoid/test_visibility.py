@@ -5,7 +5,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uavseg.flight.avoid.visibility import Edges, cheapest, shortest_paths
+from uavseg.flight.avoid.free_space import Edges, cheapest, shortest_paths
 
 
 @given(st.integers(0, 10**6))

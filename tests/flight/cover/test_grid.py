@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from tests.flight.cover.cover_fields import fields
 from tests.flight.cover.test_strips import uncovered
-from uavseg.flight.cover.strips import WIDTH_SLACK, grid_lines
+from uavseg.flight.cover.lines import WIDTH_SLACK, grid_lines
 
 
 def never(starts: np.ndarray, ends: np.ndarray) -> np.ndarray:

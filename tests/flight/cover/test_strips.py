@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from tests.flight.cover.cover_fields import fields
 from uavseg.errors import MissionError, ParameterError
-from uavseg.flight.cover.strips import WIDTH_SLACK, strip_lines
+from uavseg.flight.cover.lines import WIDTH_SLACK, strip_lines
 from uavseg.flight.cover.survey import monotone_cells
 
 

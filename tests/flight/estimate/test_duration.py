@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from uavseg.flight.mission.braked import STEP_S
-from uavseg.flight.mission.duration import Ramp, leg_seconds
+from uavseg.flight.mission.duration import STEP_S, Ramp, leg_seconds
 from uavseg.flight.mission.vehicle import ARDUCOPTER, PX4, Vehicle
 
 VEHICLES = pytest.mark.parametrize("vehicle", [ARDUCOPTER, PX4], ids=lambda vehicle: vehicle.turns)

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from pyproj import Geod, Transformer
 
 import uavseg
-from uavseg.flight.camera.camera import camera_named
-from uavseg.flight.camera.photos import Photos
+from uavseg.flight.camera.camera import Photos, camera_named
 from uavseg.flight.mission.estimate import MAX_FOOTPRINTS, footprints
 from uavseg.flight.mission.items import (
     CAMERA_DISTANCE,

@@ -5,10 +5,8 @@ from dataclasses import replace
 
 import pytest
 
-from uavseg.flight.camera.camera import Camera, Overlap
-from uavseg.flight.camera.photos import Photos
-from uavseg.flight.mission.estimate import estimate
-from uavseg.flight.mission.flown import flown_path, landing_seconds
+from uavseg.flight.camera.camera import Camera, Overlap, Photos
+from uavseg.flight.mission.estimate import estimate, flown_path, landing_seconds
 from uavseg.flight.mission.items import (
     CAMERA_DISTANCE,
     CAMERA_INTERVAL,

@@ -15,7 +15,7 @@ from tests.flight.mission_items import waypoint
 from tests.flight.test_files import FENCED
 from uavseg.errors import MissionError
 from uavseg.flight.formats import files
-from uavseg.flight.formats.geojson import write_geojson
+from uavseg.flight.formats.files import write_geojson
 from uavseg.flight.formats.kml import kml_losses, write_kml
 from uavseg.flight.formats.options import FileOptions
 from uavseg.flight.mission.items import (

@@ -13,7 +13,7 @@ from tests.flight.terrain.dems import HOME, draw, hills
 from uavseg.flight.formats import files
 from uavseg.flight.mission.items import FRAME_AMSL, FRAME_RELATIVE, FRAME_TERRAIN
 from uavseg.flight.mission.mission import Mission
-from uavseg.flight.mission.plane import Plane
+from uavseg.flight.mission.track import Plane
 from uavseg.flight.planning.planner import plan_missions
 from uavseg.flight.safety.check import SafetyCheck
 from uavseg.jobs.flights.check import CheckRequest, check

@@ -7,13 +7,11 @@ from typing import Any
 
 import pytest
 
+from tests.flight.formats.mission_texts import plan_text, waypoints_text
 from tests.flight.formats.test_kmz import SURVEY
 from tests.flight.formats.test_survey_items import planned, shapely
 from uavseg.errors import MissionError
-from uavseg.flight.formats.files import read_mission
-from uavseg.flight.formats.plan import plan_text
-from uavseg.flight.formats.station_rules import MAVSDK, MISSION_PLANNER, QGC, station_refusals
-from uavseg.flight.formats.waypoints import waypoints_text
+from uavseg.flight.formats.files import MAVSDK, MISSION_PLANNER, QGC, read_mission, station_refusals
 
 SIMPLE = plan_text(SURVEY)
 EDITABLE = plan_text(planned(shapely.box(20, 20, 320, 220)), editable=True)

@@ -10,13 +10,12 @@ import shapely
 from hypothesis import given, settings
 
 from tests.flight.cover.cover_fields import fields
+from tests.flight.formats.mission_texts import plan_text
 from uavseg.errors import MissionError, ParameterError
-from uavseg.flight.camera.camera import camera_named
-from uavseg.flight.camera.photos import Photos
+from uavseg.flight.camera.camera import Photos, camera_named
 from uavseg.flight.formats import files
-from uavseg.flight.formats.plan import plan_text
 from uavseg.flight.mission.mission import Mission
-from uavseg.flight.mission.plane import Plane
+from uavseg.flight.mission.track import Plane
 from uavseg.flight.params.plan import PlanParams
 from uavseg.flight.planning.planner import plan_missions
 

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-from uavseg.flight.mission.fence import FenceCircle, FencePolygon, RallyPoint
 from uavseg.flight.mission.items import (
     CAMERA_DISTANCE,
     CHANGE_SPEED,
@@ -14,8 +13,11 @@ from uavseg.flight.mission.items import (
     RETURN,
     TAKEOFF,
     WAYPOINT,
+    FenceCircle,
+    FencePolygon,
     HomePosition,
     MissionItem,
+    RallyPoint,
 )
 from uavseg.flight.mission.mission import Mission
 

@@ -16,7 +16,7 @@ from uavseg.flight.link.messages import (
     items_of_mission,
     items_of_rally,
 )
-from uavseg.flight.link.upload import differences, rounded
+from uavseg.flight.link.missions import differences, rounded
 
 SENT = items_of_mission(survey(), True)  # home, takeoff, speed, waypoint, ...
 

@@ -15,8 +15,8 @@ from tests.flight.link.vehicles import (
     Px4,
 )
 from uavseg.errors import LinkError, MissionError
-from uavseg.flight.link.download import download_mission
 from uavseg.flight.link.messages import Result
+from uavseg.flight.link.missions import download_mission
 from uavseg.flight.mission.items import (
     CONDITION_GATE,
     FRAME_MISSION,

@@ -12,7 +12,7 @@ from tests.flight.link.vehicles import (
     Px4,
 )
 from uavseg.errors import LinkError, MissionError
-from uavseg.flight.link.upload import upload_mission
+from uavseg.flight.link.missions import upload_mission
 
 
 @pytest.mark.parametrize("make", VEHICLES)

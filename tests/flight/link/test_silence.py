@@ -14,7 +14,7 @@ from tests.flight.link.vehicles import (
 )
 from uavseg.errors import LinkError, UnverifiedError
 from uavseg.flight.link.messages import Result
-from uavseg.flight.link.upload import upload_mission
+from uavseg.flight.link.missions import upload_mission
 
 
 @pytest.mark.parametrize("make", VEHICLES)

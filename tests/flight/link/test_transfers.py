@@ -20,9 +20,8 @@ from tests.flight.link.vehicles import (
     Px4,
 )
 from uavseg.errors import LinkError
-from uavseg.flight.link.download import download_mission
 from uavseg.flight.link.link import Link
-from uavseg.flight.link.upload import upload_mission
+from uavseg.flight.link.missions import download_mission, upload_mission
 from uavseg.flight.mission.items import (
     FRAME_TERRAIN,
     HomePosition,

@@ -9,7 +9,7 @@ from tests.flight.link.vehicles import (
     Generic,
     Px4,
 )
-from uavseg.flight.link.upload import upload_mission
+from uavseg.flight.link.missions import upload_mission
 from uavseg.flight.mission.mission import Mission
 
 VEHICLES: list[type[FakeVehicle]] = [ArduPilot, Px4, Generic]

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from uavseg.flight.camera.photos import Photos
+from uavseg.flight.camera.camera import Photos
 from uavseg.flight.mission.items import CAMERA_DISTANCE, IMAGE_START, IMAGE_STOP, WAYPOINT, MissionItem
 from uavseg.flight.mission.mission import Mission
-from uavseg.flight.mission.plane import Plane
+from uavseg.flight.mission.track import Plane
 
 
 @dataclass(frozen=True)

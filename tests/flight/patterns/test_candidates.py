@@ -9,8 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.flight.small_regions import box, inside, planned, waypoints
-from uavseg.flight.camera.camera import Camera, Overlap
-from uavseg.flight.camera.photos import Photos
+from uavseg.flight.camera.camera import Camera, Overlap, Photos
 from uavseg.flight.mission.items import (
     CAMERA_DISTANCE,
     CHANGE_SPEED,

@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.flight.cover.cover_fields import fields
-from uavseg.flight.camera.camera import Camera, Overlap
-from uavseg.flight.camera.photos import Photos
+from uavseg.flight.camera.camera import Camera, Overlap, Photos
 from uavseg.flight.patterns.candidates import (
     LARGEST_STEP_DEG,
     LATERAL_M_S2,

@@ -8,9 +8,8 @@ from hypothesis import strategies as st
 from tests.flight.cover.cover_fields import fields
 from tests.flight.patterns.photographed import photographs
 from tests.flight.small_regions import degrees, planned
-from uavseg.flight.camera.camera import Camera, Overlap
-from uavseg.flight.camera.photos import Photos
-from uavseg.flight.mission.plane import Plane
+from uavseg.flight.camera.camera import Camera, Overlap, Photos
+from uavseg.flight.mission.track import Plane
 from uavseg.flight.params.plan import CorridorParams, LimitParams, SurveyParams
 
 CAMERA = Camera("wide", (13.2, 8.8), (5472, 3648), 8.8, 0.5)

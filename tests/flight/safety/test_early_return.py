@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.flight.small_regions import HOME, box, flights, planned
-from uavseg.flight.mission.plane import Plane
+from uavseg.flight.mission.track import Plane
 from uavseg.flight.params.plan import LimitParams, PlanParams, SafetyParams
 from uavseg.flight.safety.keep_out import KeepOut, return_notes
 
@@ -52,7 +52,7 @@ def test_a_return_above_the_allowed_height_is_noted(autopilot: str, most_m: floa
 
 
 def test_rally_points_go_to_the_flights_whose_fence_holds_them() -> None:
-    from uavseg.flight.mission.fence import RallyPoint
+    from uavseg.flight.mission.items import RallyPoint
 
     lon, lat = (float(v) for v in PLANE.lonlat_from_xy(600, 40))
     safety = SafetyParams(rally=(RallyPoint(lat, lon, 30),))

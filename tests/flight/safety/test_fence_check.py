@@ -10,10 +10,17 @@ from hypothesis import strategies as st
 
 from tests.flight.fences import fences
 from tests.flight.mission_items import waypoint
-from uavseg.flight.mission.fence import Fence, FenceCircle, FencePolygon
-from uavseg.flight.mission.items import FRAME_MISSION, RETURN, HomePosition, MissionItem
+from uavseg.flight.mission.items import (
+    FRAME_MISSION,
+    RETURN,
+    Fence,
+    FenceCircle,
+    FencePolygon,
+    HomePosition,
+    MissionItem,
+)
 from uavseg.flight.mission.mission import Mission
-from uavseg.flight.safety.fence import fence_problems
+from uavseg.flight.safety.check import fence_problems
 from uavseg.raster.geodesy.globe import geod_wgs84
 
 BOX = FencePolygon(((46.99, 7.99), (47.01, 7.99), (47.01, 8.01), (46.99, 8.01)))

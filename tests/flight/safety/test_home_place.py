@@ -16,10 +16,10 @@ from tests.flight.small_regions import HOME, box, degrees, inside
 from uavseg.errors import MissionError
 from uavseg.execution.executors import watched
 from uavseg.flight.avoid import enclosing
-from uavseg.flight.mission.plane import Plane
+from uavseg.flight.mission.track import Plane
 from uavseg.flight.params.plan import PlanParams
 from uavseg.flight.planning.planner import plan_missions
-from uavseg.flight.safety.home_place import CLEARANCE_M, home_outside
+from uavseg.flight.safety.keep_out import CLEARANCE_M, home_outside
 
 PLANE = Plane(47.0, 8.0)
 
@@ -97,7 +97,7 @@ def test_too_many_regions_are_refused_before_any_work(monkeypatch: pytest.Monkey
 
 SEARCH = """
 from tests.flight.small_regions import box
-from uavseg.flight.safety.home_place import home_outside
+from uavseg.flight.safety.keep_out import home_outside
 
 regions = [box(12.0 * (k % 400), 12.0 * (k // 400), 4, 4) for k in range(160_000)]
 print("begun", flush=True)

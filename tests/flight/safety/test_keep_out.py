@@ -12,10 +12,9 @@ from tests.flight.small_regions import HOME, box, degrees, flights, planned, way
 from uavseg.errors import MissionError
 from uavseg.flight.mission.items import CAMERA_DISTANCE
 from uavseg.flight.mission.mission import Mission
-from uavseg.flight.mission.plane import Plane
-from uavseg.flight.mission.track import Track
+from uavseg.flight.mission.track import Plane, Track
 from uavseg.flight.params.plan import LimitParams, SafetyParams
-from uavseg.flight.safety.fence import fence_around
+from uavseg.flight.safety.check import fence_around
 from uavseg.flight.safety.keep_out import KeepOut
 
 PLANE = Plane(47.0, 8.0)

@@ -8,13 +8,22 @@ import shapely
 
 from tests.flight.small_regions import HOME, box, degrees, planned
 from uavseg.errors import MissionError, ParameterError
-from uavseg.flight.mission.fence import FenceCircle, FencePolygon, RallyPoint
-from uavseg.flight.mission.items import FRAME_RELATIVE, RETURN, TAKEOFF, WAYPOINT, HomePosition, MissionItem
+from uavseg.flight.mission.items import (
+    FRAME_RELATIVE,
+    RETURN,
+    TAKEOFF,
+    WAYPOINT,
+    FenceCircle,
+    FencePolygon,
+    HomePosition,
+    MissionItem,
+    RallyPoint,
+)
 from uavseg.flight.mission.mission import Mission
-from uavseg.flight.mission.plane import Plane
+from uavseg.flight.mission.track import Plane
 from uavseg.flight.params.plan import SafetyParams
 from uavseg.flight.safety.check import SafetyCheck
-from uavseg.flight.safety.home_place import CLEARANCE_M, home_outside
+from uavseg.flight.safety.keep_out import CLEARANCE_M, home_outside
 
 
 def flight(*places: tuple[float, float], height: float = 60, **words: object) -> Mission:

@@ -9,10 +9,8 @@ from pyproj import Geod
 
 from tests.flight.terrain.dems import HOME
 from uavseg.flight.mission.items import HomePosition
-from uavseg.flight.mission.plane import Plane
-from uavseg.flight.mission.track import Track
-from uavseg.flight.params.plan import PlanParams
-from uavseg.flight.params.terrain import TerrainParams
+from uavseg.flight.mission.track import Plane, Track
+from uavseg.flight.params.plan import PlanParams, TerrainParams
 from uavseg.flight.terrain.follow import GroundPath, follow_ground
 from uavseg.raster.elevation.dem import Dem
 

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from tests.flight.terrain.dems import HOME, cone, draw, hills, plane
 from tests.flight.terrain.flights import PLANE, flown, follow, track
 from uavseg.errors import MissionError
-from uavseg.flight.mission.fence import RallyPoint
 from uavseg.flight.mission.items import (
     FRAME_AMSL,
     FRAME_RELATIVE,
@@ -20,12 +19,12 @@ from uavseg.flight.mission.items import (
     RETURN,
     HomePosition,
     MissionItem,
+    RallyPoint,
 )
 from uavseg.flight.mission.mission import Mission
-from uavseg.flight.params.plan import PlanParams
-from uavseg.flight.params.terrain import TerrainParams
+from uavseg.flight.params.plan import PlanParams, TerrainParams
 from uavseg.flight.planning.along import items_along
-from uavseg.flight.terrain.clearance import Clearance, clearance_of
+from uavseg.flight.safety.check import Clearance, clearance_of
 from uavseg.flight.terrain.follow import GroundPath, WaypointHeights
 from uavseg.raster.elevation.dem import Dem
 

@@ -12,8 +12,7 @@ from tests.flight.terrain.flights import PLANE, ZIGZAG
 from uavseg.flight.mission.items import HomePosition
 from uavseg.flight.mission.track import Track
 from uavseg.flight.mission.vehicle import default_vehicle
-from uavseg.flight.params.plan import PlanParams
-from uavseg.flight.params.terrain import TerrainParams
+from uavseg.flight.params.plan import PlanParams, TerrainParams
 from uavseg.flight.terrain.altitude_profile import Rates, points_climbed_early
 from uavseg.flight.terrain.follow import follow_ground
 from uavseg.raster.elevation.dem import Dem

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from tests.flight.terrain.dems import HOME, Surface, cliff, cone, draw, hills, noise, plane, write
 from tests.flight.terrain.flights import GEOD, PLANE, TRIGGERS, ZIGZAG, flown, follow, slopes, track
 from uavseg.errors import MissionError
-from uavseg.flight.camera.camera import Camera
-from uavseg.flight.camera.photos import Photos
+from uavseg.flight.camera.camera import Camera, Photos
 from uavseg.flight.mission.items import (
     CAMERA_DISTANCE,
     CHANGE_SPEED,
@@ -266,7 +265,7 @@ def test_a_path_that_touches_home_and_repeats_places_is_flown(tmp_path: Path) ->
 
 
 def test_a_leg_over_too_many_pixels_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("uavseg.flight.terrain.profile.MAX_PIXELS", 100)
+    monkeypatch.setattr("uavseg.flight.terrain.altitude_profile.MAX_PIXELS", 100)
     dem = Dem.open(draw(tmp_path / "a.tif", plane(0, 0), pixel_m=2.0))
     with pytest.raises(MissionError, match="give a coarser one"):
         follow(dem)

@@ -10,9 +10,8 @@ from tests.flight.small_regions import degrees
 from tests.flight.small_regions import planned as over_regions
 from tests.flight.terrain.dems import HOME, draw, plane, write
 from uavseg.errors import MissionError, ParameterError
-from uavseg.flight.mission.plane import Plane
-from uavseg.flight.params.plan import PlanParams, SafetyParams
-from uavseg.flight.params.terrain import TerrainParams, terrain_params
+from uavseg.flight.mission.track import Plane
+from uavseg.flight.params.plan import PlanParams, SafetyParams, TerrainParams, terrain_params
 from uavseg.flight.terrain.follow import home_on_ground
 from uavseg.raster.elevation.dem import Dem
 

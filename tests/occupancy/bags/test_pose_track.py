@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uavseg.occupancy.bags.frames import MAX_GAP_NS, PoseLog, PoseTrack
-from uavseg.occupancy.mapping.rotation import heading_of
+from uavseg.occupancy.mapping.sensor_messages import heading_of
 
 STEP = 100_000_000
 

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from uavseg.occupancy.mapping.grey_map import SELF, GreyMap
+from uavseg.occupancy.mapping.pending import SELF, GreyMap
 
 BITS = st.lists(st.integers(0, 511), min_size=6, max_size=6)
 

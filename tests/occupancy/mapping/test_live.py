@@ -24,7 +24,7 @@ from uavseg.raster.intensity.grey import to_grey
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, required_ratios
 from uavseg.segmentation.blocks.division import block_ratios, selected_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
-from uavseg.segmentation.blocks.leaves import cell_classes, cell_states, cells_in_range
+from uavseg.segmentation.blocks.leaves import cell_classes, cell_intervals, cells_in_range
 from uavseg.segmentation.params.segment import (
     IntensityRange,
     Intervals,
@@ -69,7 +69,7 @@ def from_scratch(live: LiveSegmentation, grid: OccupancyGrid, every: bool) -> Bl
 
 def intervals_of(blocks: BlockMap, partition: Intervals, params: SegmentParams) -> NDArray[np.uint8]:
     if isinstance(partition, StateLimits):
-        return cell_states(blocks, partition, params.division)
+        return cell_intervals(blocks, partition.edges, params.division)
     if isinstance(partition, Levels):
         return cell_classes(blocks, partition_of_levels(partition), params.division).astype(np.uint8)
     assert isinstance(partition, IntensityRange)

@@ -9,7 +9,13 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
 from uavseg.errors import SceneError
-from uavseg.occupancy.mapping.rotation import as_quaternion, heading_of, matrix_of_quaternion, slerp, tilt_deg
+from uavseg.occupancy.mapping.sensor_messages import (
+    as_quaternion,
+    heading_of,
+    matrix_of_quaternion,
+    slerp,
+    tilt_deg,
+)
 
 numbers = st.floats(-1, 1).map(lambda x: round(x, 6))
 quaternions = st.tuples(numbers, numbers, numbers, numbers).filter(lambda q: math.hypot(*q) > 0.01)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from benchmarks.changes import identity_score
 from uavseg.errors import ParameterError
 from uavseg.occupancy.mapping.grid import OccupancyGrid
-from uavseg.occupancy.mapping.tracks import MAX_ABSENT_UPDATES, SegmentTracks
+from uavseg.occupancy.mapping.live import MAX_ABSENT_UPDATES, SegmentTracks
 from uavseg.segmentation.params.segment import IntensityRange
 
 

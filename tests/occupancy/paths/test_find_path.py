@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from tests.occupancy.paths.sight import is_visible
 from uavseg.errors import ParameterError, PathError
 from uavseg.occupancy.paths.clearance import clearance
-from uavseg.occupancy.paths.find_path import PathParams, PlannedPath, find_path
-from uavseg.occupancy.paths.free_cells import FreeCells
+from uavseg.occupancy.paths.find_path import FreeCells, PathParams, PlannedPath, find_path
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.read.dataset import Dataset

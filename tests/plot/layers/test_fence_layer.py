@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tests.plot.pictures import NORTH_UP, UTM, a_mission
-from uavseg.flight.mission.fence import FenceCircle, FencePolygon, RallyPoint
+from uavseg.flight.mission.items import FenceCircle, FencePolygon, RallyPoint
 from uavseg.plot.layers.mission_layer import FenceLayer
-from uavseg.plot.page.frame import Frame
+from uavseg.plot.page.page import Frame
 from uavseg.raster.grid.geobox import GeoBox
 
 FRAME = Frame(GeoBox((200, 200), NORTH_UP, UTM))

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from tests.plot.layers.maps import BOX, LOCAL, MOST, beliefs, rgb, write
 from uavseg.errors import RasterError
-from uavseg.plot.layers.overlays import LabelsLayer, contours_of
-from uavseg.plot.page.frame import Frame
+from uavseg.plot.layers.raster_layers import LabelsLayer, contours_of
+from uavseg.plot.page.page import Frame
 from uavseg.plot.preview import preview
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.read.dataset import Dataset

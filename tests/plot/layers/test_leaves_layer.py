@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from tests.plot.layers.maps import BOX, LOCAL, MOST, UTM, rgb, write
 from uavseg.errors import ParameterError, RasterError
-from uavseg.plot.layers import overlays as leaves_layer
-from uavseg.plot.page.frame import Frame
+from uavseg.plot.layers import raster_layers as leaves_layer
+from uavseg.plot.page.page import Frame
 from uavseg.plot.preview import preview
 from uavseg.raster.formats.geotiff import write_geotiff
 from uavseg.raster.grid.geobox import GeoBox
@@ -19,9 +19,8 @@ from uavseg.raster.grid.tiling import TilePass
 from uavseg.raster.intensity.stretch import fit_stretch
 from uavseg.raster.read.dataset import Dataset
 from uavseg.segmentation import in_memory
-from uavseg.segmentation.blocks.block_file import write_block_map
+from uavseg.segmentation.blocks.block_file import Origin, SavedBlocks, write_block_map
 from uavseg.segmentation.blocks.block_map import find_leaves
-from uavseg.segmentation.blocks.saved_blocks import Origin, SavedBlocks
 from uavseg.segmentation.params.segment import DivisionParams
 
 

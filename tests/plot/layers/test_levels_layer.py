@@ -11,7 +11,7 @@ import shapely
 from tests.plot.layers.maps import BOX, UTM, of_raster, write
 from uavseg.errors import RegionError
 from uavseg.plot.layers import region_layer as levels_layer
-from uavseg.plot.page.frame import Frame
+from uavseg.plot.page.page import Frame
 from uavseg.plot.preview import preview
 
 

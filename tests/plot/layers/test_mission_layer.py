@@ -10,7 +10,7 @@ from uavseg.flight.formats import files
 from uavseg.flight.mission.items import HomePosition, MissionItem
 from uavseg.flight.mission.mission import Mission
 from uavseg.plot.layers import mission_layer
-from uavseg.plot.page.frame import Frame
+from uavseg.plot.page.page import Frame
 from uavseg.plot.preview import preview
 from uavseg.raster.grid.geobox import GeoBox
 

@@ -13,8 +13,8 @@ from uavseg.errors import MissionError, PathError
 from uavseg.flight.formats import files
 from uavseg.flight.params.plan import PlanParams
 from uavseg.flight.planning.along import fly_along
-from uavseg.plot.layers import path_layer
-from uavseg.plot.page.frame import Frame
+from uavseg.plot.layers import mission_layer
+from uavseg.plot.page.page import Frame
 from uavseg.plot.preview import preview
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.read.dataset import Dataset
@@ -32,8 +32,8 @@ def test_a_path_from_a_file_lies_where_the_planned_path_lies(box: GeoBox, tmp_pa
 
     planned, frame = planned_path(box), Frame(box)
     (tmp_path / "path.geojson").write_text(path_to_geojson(planned))
-    [here] = path_layer.PathLayer.of(planned, frame).lines
-    layer = path_layer.PathLayer.of(tmp_path / "path.geojson", frame)
+    [here] = mission_layer.PathLayer.of(planned, frame).lines
+    layer = mission_layer.PathLayer.of(tmp_path / "path.geojson", frame)
     assert np.allclose(layer.lines[0], here, atol=0.01) and layer.length_m == pytest.approx(planned.length_m)
     assert np.allclose(here[0], frame.plot_from_xy([box.xy_from_pixel(20.5, 10.5)])[0])
 
@@ -46,7 +46,7 @@ def test_views_lie_where_their_ways_end(box: GeoBox, tmp_path: Path) -> None:
     place = (float(way.xy[-1, 0]), float(way.xy[-1, 1]))
     view = View(uavseg.Pose(*place, heading_rad=1.0), way, bits=1.0, frontier_m=2.0, score=1.0)
     (tmp_path / "views.geojson").write_text(NextViews((view,), box, ()).to_geojson())
-    layer = path_layer.PathLayer.of(tmp_path / "views.geojson", Frame(box))
+    layer = mission_layer.PathLayer.of(tmp_path / "views.geojson", Frame(box))
     assert np.allclose(layer.views, layer.lines[0][-1:], atol=0.01)
     assert layer.headings == (pytest.approx(np.degrees(1.0), abs=1e-3),)
     drawn = write(tmp_path / "map.tif", beliefs(), box)
@@ -61,8 +61,8 @@ def test_a_path_may_be_a_mission(suffix: str, tmp_path: Path) -> None:
     lon, lat = path_lonlat(planned)
     mission = fly_along(lon, lat, PlanParams(10.0, speed_m_s=3.0), (float(lat[0]), float(lon[0]), 0.0))
     files.write_mission(mission, tmp_path / f"path{suffix}")
-    [line] = path_layer.PathLayer.of(tmp_path / f"path{suffix}", frame).lines
-    assert np.allclose(line, path_layer.PathLayer.of(planned, frame).lines[0], atol=0.05)
+    [line] = mission_layer.PathLayer.of(tmp_path / f"path{suffix}", frame).lines
+    assert np.allclose(line, mission_layer.PathLayer.of(planned, frame).lines[0], atol=0.05)
 
 
 def test_a_path_is_white_on_free_ground_with_its_ends_in_colour(tmp_path: Path) -> None:
@@ -82,11 +82,11 @@ def test_files_without_a_path_are_refused(tmp_path: Path) -> None:
     for text in ("", "{}", "[]", json.dumps({"features": []}), json.dumps({"features": [point]})):
         (tmp_path / "no.geojson").write_text(text)
         with pytest.raises(PathError, match="no line of a path"):
-            path_layer.PathLayer.of(tmp_path / "no.geojson", frame)
+            mission_layer.PathLayer.of(tmp_path / "no.geojson", frame)
     (tmp_path / "local.geojson").write_text(json.dumps({"features": [{"properties": {}, "geometry": line}]}))
     with pytest.raises(PathError, match="local coordinates"):
-        path_layer.PathLayer.of(tmp_path / "local.geojson", frame)
+        mission_layer.PathLayer.of(tmp_path / "local.geojson", frame)
     with pytest.raises(PathError, match="there is no file"):
-        path_layer.PathLayer.of(tmp_path / "missing.geojson", frame)
+        mission_layer.PathLayer.of(tmp_path / "missing.geojson", frame)
     with pytest.raises(MissionError):
-        path_layer.PathLayer.of(tmp_path / "missing.plan", frame)
+        mission_layer.PathLayer.of(tmp_path / "missing.plan", frame)

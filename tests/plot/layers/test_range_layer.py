@@ -7,7 +7,7 @@ import pytest
 from affine import Affine
 
 from tests.plot.halves import found_in, halves
-from uavseg.plot.page.frame import Frame
+from uavseg.plot.page.page import Frame
 from uavseg.plot.suggestions import RANGE_COLORS, range_colors, upsample_cells
 from uavseg.raster.grid.geobox import GeoBox
 

@@ -10,7 +10,7 @@ from affine import Affine
 from PIL import Image
 
 from tests.plot.pictures import write
-from uavseg.plot.layers.raster_layer import mean_of_four
+from uavseg.plot.layers.raster_layers import mean_of_four
 from uavseg.plot.preview import preview
 from uavseg.raster.read.dataset import Dataset
 

@@ -9,9 +9,9 @@ import pytest
 import shapely
 
 from tests.plot.layers.maps import BOX, MOST, UTM, write
-from uavseg.plot.layers.overlays import StatesLayer
+from uavseg.plot.layers.raster_layers import StatesLayer
 from uavseg.plot.layers.region_layer import LevelsLayer, RegionLayer
-from uavseg.plot.page.frame import Frame
+from uavseg.plot.page.page import Frame
 from uavseg.plot.preview import make_layers, preview
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.read.dataset import Dataset

@@ -25,10 +25,9 @@ import uavseg
 from uavseg.cli import main
 from uavseg.errors import OutputError, ParameterError, RasterError
 from uavseg.jobs.result.result import SourceInfo
-from uavseg.plot.web.field_map import DEFAULT_RANGE, first_range, read_collection
-from uavseg.plot.web.page import render_page
+from uavseg.plot.web.field_map import DEFAULT_RANGE, first_range, read_collection, render_page
 from uavseg.raster.grid.geobox import GeoBox
-from uavseg.raster.grid.ground_grid import ground_grid
+from uavseg.raster.grid.ground import ground_grid
 from uavseg.raster.intensity.stretch import Stretch
 
 SAMPLE = Path(uavseg.__file__).parents[1] / "samples" / "quarry.tif"

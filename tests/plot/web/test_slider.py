@@ -19,10 +19,10 @@ from pyproj import Transformer
 
 import uavseg
 from uavseg.cli import main
-from uavseg.plot.web import page
+from uavseg.plot.web import field_map
 
 NODE = shutil.which("node")
-ASSETS = Path(page.__file__).parent / "assets"
+ASSETS = Path(field_map.__file__).parent / "assets"
 SAMPLES = Path(uavseg.__file__).parents[1] / "samples"
 needs_node = pytest.mark.skipif(
     NODE is None and not os.environ.get("UAVSEG_REQUIRE_CHROMIUM"), reason="needs node"

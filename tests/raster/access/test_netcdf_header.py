@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from rasterio.shutil import copy
 
 from uavseg.errors import RasterReadError
-from uavseg.raster.access.netcdf_header import check_netcdf_header
+from uavseg.raster.access.untrusted import check_netcdf_header
 from uavseg.raster.read.dataset import Dataset
 
 

@@ -10,11 +10,10 @@ from scipy import ndimage
 
 from tests.raster.collar.draw_collar import framed, ragged, texture, turned, write
 from uavseg.execution.executors import threads
-from uavseg.raster.collar import find, flood, rim
+from uavseg.raster.collar import evidence, find, flood
 from uavseg.raster.collar.find import without_collar
 from uavseg.raster.grid.tiling import TilePass, Window
-from uavseg.raster.read.dataset import Dataset
-from uavseg.raster.read.overview import DatasetOverview
+from uavseg.raster.read.dataset import Dataset, DatasetOverview
 from uavseg.raster.spectral.formula import BandWords
 
 SHAPE = (420, 500)
@@ -97,7 +96,7 @@ def test_the_rim_that_jpeg_smeared_goes_too(
     path = write(tmp_path / "a.tif", framed(image, picture, 0 if color == "black" else 255), **jpeg)
     found = left_out(cleaned(path))
     assert (~picture & ~found).sum() <= 0.01 * (~picture).sum()
-    deep = ndimage.distance_transform_cdt(picture, "chessboard") > rim.SMEAR + rim.BLEND
+    deep = ndimage.distance_transform_cdt(picture, "chessboard") > evidence.SMEAR + evidence.BLEND
     assert not (found & deep).any() and (found & picture).sum() <= 0.06 * picture.sum()
 
 
@@ -134,7 +133,7 @@ def test_tiles_and_threads_change_nothing(
     how = {"compress": "jpeg"} if jpeg else {}
     path = write(tmp_path / "a.tif", framed(texture(SHAPE), PICTURES["ragged"], 0), **how)
     expected = cleaned(path)
-    for module in (flood, rim):
+    for module in (flood, evidence):
         monkeypatch.setattr(module, "flood_tiles", lambda _: side)
     found = without_collar(Dataset.open(path), TilePass((), threads(2)))
     assert np.array_equal(left_out(found), left_out(expected)) and found.warnings == expected.warnings

@@ -5,8 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from uavseg.raster.grid.pixel_mask import PixelMask
-from uavseg.raster.grid.tiling import Window, tiles
+from uavseg.raster.grid.tiling import PixelMask, Window, tiles
 
 
 @st.composite

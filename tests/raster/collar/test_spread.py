@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from uavseg.raster.collar.spread import UNREACHED, distances, flood
+from uavseg.raster.collar.flood import UNREACHED, distances, flood
 
 EIGHT = np.ones((3, 3))
 SEEDS = st.integers(0, 10_000)

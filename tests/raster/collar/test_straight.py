@@ -5,7 +5,7 @@ import pytest
 
 from tests.raster.collar.draw_collar import ragged, turned
 from uavseg.raster.collar.evidence import outline_points, straight_share
-from uavseg.raster.grid.pixel_mask import PixelMask
+from uavseg.raster.grid.tiling import PixelMask
 
 
 def share(picture: np.ndarray) -> float:

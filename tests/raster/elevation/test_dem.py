@@ -14,8 +14,8 @@ from pyproj import Transformer, datadir
 
 from tests.flight.terrain.dems import EAST, HOME, NORTH, draw, hills, plane, write
 from uavseg.errors import MosaicError, ParameterError, RasterError, RasterReadError
+from uavseg.raster.elevation import dem
 from uavseg.raster.elevation.dem import Dem
-from uavseg.raster.geodesy import vertical
 
 LEVEL = Affine(1e-3, 0, 8.9, 0, -1e-3, 47.1)  # of a geographic raster around home
 FLAT = np.full((200, 200), 100.0)
@@ -195,7 +195,7 @@ def test_without_a_grid_of_the_geoid_nothing_is_converted(monkeypatch: pytest.Mo
     before = network.is_network_enabled()
     network.set_network_enabled(True)
     try:
-        assert vertical.sea_from_ellipsoid() is None
+        assert dem.sea_from_ellipsoid() is None
         assert network.is_network_enabled()
     finally:
         network.set_network_enabled(before)
@@ -215,7 +215,7 @@ def test_a_grid_of_the_geoid_that_is_there_is_used(tmp_path: Path) -> None:
         target.write(np.full((1, 181, 361), 31.5, "f4"))
     script = (
         "import numpy as np, pyproj; pyproj.datadir.append_data_dir(r'%s')\n"
-        "from uavseg.raster.geodesy.vertical import sea_from_ellipsoid\n"
+        "from uavseg.raster.elevation.dem import sea_from_ellipsoid\n"
         "print(sea_from_ellipsoid()(np.array([9.0]), np.array([47.0]), np.array([400.0]))[0])"
     )
     run = subprocess.run(

@@ -14,9 +14,8 @@ from rasterio.crs import CRS
 
 from uavseg.errors import OutputError, OutputExistsError
 from uavseg.execution.executors import threads
-from uavseg.raster.formats import vrt_tiles
-from uavseg.raster.formats.geotiff import write_label_geotiff
-from uavseg.raster.formats.vrt_tiles import label_windows, write_label_tiles
+from uavseg.raster.formats import geotiff
+from uavseg.raster.formats.geotiff import label_windows, write_label_geotiff, write_label_tiles
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import Window
 
@@ -39,7 +38,7 @@ class Part:
 
 @pytest.fixture(autouse=True)
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(vrt_tiles, "LABEL_TILE_SIDE", 128)
+    monkeypatch.setattr(geotiff, "LABEL_TILE_SIDE", 128)
 
 
 def picture(shape: tuple[int, int] = (300, 420)) -> np.ndarray:

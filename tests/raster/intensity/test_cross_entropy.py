@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from skimage.filters import threshold_li
 
-from uavseg.raster.intensity.cross_entropy import least_cross_entropy
+from uavseg.raster.intensity.thresholds import least_cross_entropy
 
 COUNTS = st.lists(st.integers(0, 50), min_size=2, max_size=40).filter(lambda one: np.count_nonzero(one) > 1)
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uavseg.raster.intensity.otsu import Classes, are_separated, multi_otsu, select_classes
+from uavseg.raster.intensity.thresholds import Classes, are_separated, multi_otsu, select_classes
 
 counts = st.lists(st.integers(0, 9), min_size=1, max_size=9).filter(any)
 

@@ -10,8 +10,7 @@ from hypothesis.extra import numpy as hnp
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import serial, threads
 from uavseg.raster.grid.tiling import TilePass, tiles
-from uavseg.raster.intensity.histogram import rank_of
-from uavseg.raster.intensity.stretch import Stretch, fit_stretch, parse_stretch
+from uavseg.raster.intensity.stretch import Stretch, fit_stretch, parse_stretch, rank_of
 from uavseg.raster.read.dataset import Dataset
 
 PERCENTS = [0, 0.5, 2, 25, 50, 98, 99.9, 100]
@@ -185,13 +184,13 @@ def test_ranks_are_between_the_first_and_the_last(total, permille):
 @settings(max_examples=50)
 @given(hnp.arrays(np.float32, st.integers(1, 30), elements=st.floats(width=32, allow_nan=False)))
 def test_keys_put_floats_in_order(numbers):
-    from uavseg.raster.intensity import histogram
+    from uavseg.raster.intensity import stretch
 
-    counts = histogram.count_upper_halves(numbers, None)
+    counts = stretch.count_upper_halves(numbers, None)
     found = []
     for upper in np.flatnonzero(counts):
-        [lowers] = histogram.count_lower_halves(numbers, None, (int(upper),))
-        found += [histogram.value_of_key(int(upper), int(low)) for low in np.repeat(np.arange(65536), lowers)]
+        [lowers] = stretch.count_lower_halves(numbers, None, (int(upper),))
+        found += [stretch.value_of_key(int(upper), int(low)) for low in np.repeat(np.arange(65536), lowers)]
     assert found == np.sort(numbers).tolist()
 
 

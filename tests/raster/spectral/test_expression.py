@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavseg.errors import BandError, ExpressionError
-from uavseg.raster.spectral import expression as module
-from uavseg.raster.spectral.expression import MAX_CHARACTERS, MAX_DEPTH, parse_expression
+from uavseg.raster.spectral import formula
+from uavseg.raster.spectral.formula import MAX_CHARACTERS, MAX_DEPTH, parse_expression
 
 BANDS = {"red": 1, "nir": 4}
 DICE = np.random.default_rng(3)
@@ -73,7 +73,7 @@ def test_a_part_has_the_bytes_of_the_whole_in_chunks_of_any_size(
     found, part = parse_expression(EVERY, find), np.s_[row : row + rows, col : col + cols]
     whole = found.compute(planes)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "CHUNK", chunk)
+        patch.setattr(formula, "CHUNK", chunk)
         assert found.compute(planes[:, *part]).tobytes() == whole[part].tobytes()
 
 

@@ -15,7 +15,7 @@ from uavseg.errors import RasterReadError
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.read.bad_blocks import BadBlock, recording_bad_blocks
 from uavseg.raster.read.dataset import Dataset
-from uavseg.raster.tiff import deflate
+from uavseg.raster.tiff import damaged_blocks
 
 SIDE = 64
 PIXELS = np.random.default_rng(0).integers(1, 255, (2 * SIDE, 2 * SIDE), np.uint8)
@@ -87,13 +87,13 @@ def test_each_block_is_compared_only_once(
     write_raster: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen: list[tuple[int, int]] = []
-    of = deflate.BlockStream.of
+    of = damaged_blocks.BlockStream.of
 
     def note(path: str, source: Any, band: int, place: tuple[int, int]) -> Any:
         seen.append(place)
         return of(path, source, band, place)
 
-    monkeypatch.setattr(deflate.BlockStream, "of", note)
+    monkeypatch.setattr(damaged_blocks.BlockStream, "of", note)
     dataset = Dataset.open(write_raster(PIXELS, **TILED))
     for _ in range(2):
         dataset.read(WHOLE)

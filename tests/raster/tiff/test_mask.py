@@ -14,7 +14,7 @@ from uavseg.raster.access.opening import quiet_open
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.read.bad_blocks import BadBlock, recording_bad_blocks
 from uavseg.raster.read.dataset import Dataset
-from uavseg.raster.tiff import deflate
+from uavseg.raster.tiff import damaged_blocks
 
 SIDE = 64
 SHAPE = 2 * SIDE, 2 * SIDE + 10
@@ -84,7 +84,7 @@ def test_blocks_of_mask_and_raster_are_compared_once_each(
     write_raster: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen: list[str] = []
-    of = deflate.BlockStream.of
+    of = damaged_blocks.BlockStream.of
 
     def note(path: Path, source: Any, band: int, place: tuple[int, int]) -> Any:
         seen.append(source.name)
@@ -92,7 +92,7 @@ def test_blocks_of_mask_and_raster_are_compared_once_each(
 
     path = write_raster(PIXELS, **LAYOUTS["tiles"])
     name, _ = masked(path, "in the file")
-    monkeypatch.setattr(deflate.BlockStream, "of", note)
+    monkeypatch.setattr(damaged_blocks.BlockStream, "of", note)
     dataset = Dataset.open(path)
     for _ in range(2):
         dataset.read(WHOLE)

@@ -18,8 +18,7 @@ from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import Window
 from uavseg.regions.edit.eliminate import border_lengths, eliminate, is_nearer
 from uavseg.regions.edit.small import Area
-from uavseg.regions.outline.rasterise import rasterise
-from uavseg.regions.outline.rings import RegionOutlines
+from uavseg.regions.outline.rings import RegionOutlines, rasterise
 from uavseg.regions.outline.trace import trace
 from uavseg.segmentation.components import component_sums, label_equal_values
 

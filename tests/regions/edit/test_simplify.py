@@ -10,7 +10,7 @@ from rasterio.crs import CRS
 
 from uavseg.errors import ParameterError
 from uavseg.raster.grid.geobox import GeoBox
-from uavseg.regions.edit.simplify import simplify
+from uavseg.regions.edit.small import simplify
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.table import make_regions
 from uavseg.segmentation.components import Sums

@@ -13,8 +13,7 @@ from uavseg.errors import ParameterError
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import Window
 from uavseg.regions.edit.small import Area, as_area, drop_small_regions, fill_small_holes
-from uavseg.regions.outline.rasterise import rasterise
-from uavseg.regions.outline.rings import RegionOutlines
+from uavseg.regions.outline.rings import RegionOutlines, rasterise
 from uavseg.regions.outline.trace import trace
 from uavseg.segmentation.components import Sums
 

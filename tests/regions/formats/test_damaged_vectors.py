@@ -13,7 +13,7 @@ import pytest
 import shapely
 
 from uavseg.errors import RegionError
-from uavseg.plot.page.polygons import PolygonTable
+from uavseg.plot.layers.region_layer import PolygonTable
 from uavseg.regions.formats import check_read
 from uavseg.regions.formats.read import read_regions, regions_of_frame
 

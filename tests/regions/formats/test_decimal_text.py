@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uavseg.raster.geodesy.globe import MAX_DECIMALS, MIN_DECIMALS
-from uavseg.regions.formats.geojson import degree_words, pack_words, unpack_lines, write_degrees
+from uavseg.regions.formats.text_writers import degree_words, pack_words, unpack_lines, write_degrees
 
 
 @given(st.lists(st.floats(-1, 1), min_size=1), st.integers(MIN_DECIMALS, MAX_DECIMALS), st.booleans())

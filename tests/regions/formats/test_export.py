@@ -220,7 +220,7 @@ def test_a_full_disk_is_reported(tmp_path, monkeypatch):
     def fail(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(export.geojson, "write_geojson", fail)
+    monkeypatch.setattr(export.text_writers, "write_geojson", fail)
     with pytest.raises(OutputError, match="cannot be written: No space left"):
         export.write_regions(regions_of(PICTURE), tmp_path / "out.geojson")
     assert list(tmp_path.iterdir()) == []

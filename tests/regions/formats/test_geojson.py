@@ -11,7 +11,7 @@ from affine import Affine
 from rasterio.crs import CRS
 
 from uavseg.raster.grid.geobox import GeoBox
-from uavseg.regions.formats import geojson
+from uavseg.regions.formats import text_writers
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.table import make_regions
 from uavseg.regions.wgs84 import to_wgs84
@@ -31,7 +31,7 @@ def regions_of(labels=PICTURE, transform=UTM, crs=32618, source="a.tif"):
 
 def written(regions):
     with io.BytesIO() as stream:
-        geojson.write_geojson(regions, stream)
+        text_writers.write_geojson(regions, stream)
         return stream.getvalue().decode()
 
 

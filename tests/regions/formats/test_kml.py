@@ -14,7 +14,7 @@ from rasterio.crs import CRS
 
 from uavseg.errors import OutputError
 from uavseg.raster.grid.geobox import GeoBox
-from uavseg.regions.formats.kml import MAX_CORNERS, kml_notes, write_kml
+from uavseg.regions.formats.text_writers import MAX_CORNERS, kml_notes, write_kml
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.table import COLUMNS, Regions, make_regions
 from uavseg.regions.wgs84.to_wgs84 import wgs84_geometries

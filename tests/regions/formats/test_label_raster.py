@@ -13,7 +13,7 @@ from rasterio.crs import CRS
 from uavseg.errors import OutputExistsError, ParameterError
 from uavseg.execution.executors import threads
 from uavseg.raster.grid.geobox import GeoBox
-from uavseg.regions.formats.label_raster import check_labels, is_vrt, label_strips, write_label_raster
+from uavseg.regions.formats.export import check_labels, is_vrt, label_strips, write_label_raster
 from uavseg.regions.outline.trace import trace
 
 LABELS = np.kron(np.random.default_rng(3).integers(0, 9, (7, 5)), np.ones((41, 60), int)).astype(np.uint32)

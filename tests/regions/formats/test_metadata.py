@@ -18,9 +18,8 @@ from hypothesis import strategies as st
 
 import uavseg
 from uavseg.cli import main
-from uavseg.regions.formats.about_file import about_file, is_region_file
 from uavseg.regions.formats.export import write_regions
-from uavseg.regions.formats.metadata import metadata_text, parse_metadata
+from uavseg.regions.formats.metadata import about_file, is_region_file, metadata_text, parse_metadata
 from uavseg.regions.table import Regions
 
 FORMATS = ["geojson", "gpkg", "fgb", "parquet", "kml"]

@@ -17,8 +17,8 @@ import shapely
 
 from uavseg.access import allowing
 from uavseg.errors import AccessError, RegionError
-from uavseg.plot.page.polygons import PolygonTable
-from uavseg.regions.formats.about_file import about_file, is_region_file
+from uavseg.plot.layers.region_layer import PolygonTable
+from uavseg.regions.formats.metadata import about_file, is_region_file
 from uavseg.regions.formats.read import read_regions
 
 RING = [[15, 40], [15.01, 40], [15.01, 40.01], [15, 40.01], [15, 40]]

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from uavseg.raster.grid.tiling import Window, tiles
-from uavseg.regions.outline.rasterise import LazyLabels, Rasteriser, edge_tables, rasterise
+from uavseg.regions.outline.rings import LazyLabels, Rasteriser, edge_tables, rasterise
 from uavseg.regions.outline.trace import trace
 
 Labels = NDArray[np.uint32]

@@ -6,8 +6,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from uavseg.raster.grid.tiling import Window
-from uavseg.regions.outline.rasterise import rasterise
-from uavseg.regions.outline.rings import merge_sums, renumber_by_size, select_sums, size_order
+from uavseg.regions.outline.rings import merge_sums, rasterise, renumber_by_size, select_sums, size_order
 from uavseg.regions.outline.trace import trace
 from uavseg.segmentation.components import Sums, component_sums
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import label as connected
 
 from uavseg.raster.grid.tiling import Window, tiles
-from uavseg.regions.outline.rasterise import rasterise
+from uavseg.regions.outline.rings import rasterise
 from uavseg.regions.outline.stitch import TileOutlines, TileStitcher, outline_tile
 from uavseg.segmentation.components import component_sums, label_components, label_equal_values
 from uavseg.segmentation.source import GreyTile

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from shapely.geometry import shape
 
 from uavseg.raster.grid.tiling import Window
-from uavseg.regions.outline.rasterise import rasterise
-from uavseg.regions.outline.rings import Rings
+from uavseg.regions.outline.rings import Rings, rasterise
 from uavseg.regions.outline.trace import trace
 
 Labels = NDArray[np.uint32]

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavseg.errors import RegionError
-from uavseg.regions.select.where import where
+from uavseg.regions.select.choose import where
 
 COLUMNS = {
     "id": np.array([1, 2, 3, 4]),

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from uavseg.regions.smooth.sleeve import (
+from uavseg.regions.smooth.arcs import (
     MAX_OFFSET,
     SLEEVE_WIDTH,
     STEPS_PER_PIXEL,

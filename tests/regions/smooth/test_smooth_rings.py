@@ -6,8 +6,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from uavseg.regions.outline.trace import trace
-from uavseg.regions.smooth.arcs import find_nodes
-from uavseg.regions.smooth.sleeve import STEPS_PER_PIXEL
+from uavseg.regions.smooth.arcs import STEPS_PER_PIXEL, find_nodes
 from uavseg.regions.smooth.smooth_outlines import smooth_rings
 
 Labels = NDArray[np.uint32]

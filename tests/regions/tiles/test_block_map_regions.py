@@ -13,8 +13,8 @@ from uavseg.jobs.source.source import Raster
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.read.dataset import Dataset
-from uavseg.regions.outline.rasterise import rasterise
-from uavseg.regions.tiles.segment_tiles import count_segments, outline_block_map, sum_enclosed_cells
+from uavseg.regions.outline.rings import rasterise
+from uavseg.regions.tiles.class_tiles import count_segments, outline_block_map, sum_enclosed_cells
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaves import cells_in_range
 from uavseg.segmentation.params.segment import IntensityRange, SegmentParams

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from tests.segmentation.in_memory_dataset import field_of, source_of
 from uavseg.execution.executors import serial, threads
 from uavseg.raster.grid.tiling import TilePass, Window, tiles
-from uavseg.regions.outline.rasterise import rasterise
-from uavseg.regions.outline.rings import RegionOutlines
+from uavseg.regions.outline.rings import RegionOutlines, rasterise
 from uavseg.regions.shapes import LazyPolygons
 from uavseg.regions.tiles.class_tiles import ClassesByPixel, outline_refined_classes
 from uavseg.regions.tiles.range_tiles import outline_regions

@@ -19,11 +19,10 @@ from uavseg.execution.executors import Map, serial, threads
 from uavseg.raster.grid.tiling import TilePass, Window, tiles
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.read.dataset import Dataset
-from uavseg.regions.outline.rasterise import rasterise
-from uavseg.regions.outline.rings import RegionOutlines, Rings
+from uavseg.regions.outline.rings import RegionOutlines, Rings, rasterise
 from uavseg.regions.outline.trace import trace
+from uavseg.regions.tiles.class_tiles import outline_block_map, outline_segments, sum_enclosed_cells
 from uavseg.regions.tiles.range_tiles import outline_regions, sum_regions
-from uavseg.regions.tiles.segment_tiles import outline_block_map, outline_segments, sum_enclosed_cells
 from uavseg.segmentation.params.segment import IntensityRange
 from uavseg.segmentation.pipeline import measure_cells
 from uavseg.segmentation.source import GreySource

@@ -11,9 +11,8 @@ from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import TilePass, Window, cells_around, tiles
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.read.dataset import Dataset
-from uavseg.regions.outline.rasterise import rasterise
-from uavseg.regions.outline.rings import RegionOutlines
-from uavseg.regions.tiles.segment_tiles import cell_jobs, outline_segments, outline_state
+from uavseg.regions.outline.rings import RegionOutlines, rasterise
+from uavseg.regions.tiles.class_tiles import cell_jobs, outline_segments, outline_state
 from uavseg.segmentation.params.segment import StateLimits
 from uavseg.segmentation.source import GreySource
 from uavseg.segmentation.states.classify_strips import classify_states, state_strips

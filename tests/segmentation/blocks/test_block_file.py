@@ -18,9 +18,14 @@ from uavseg.access import allowing
 from uavseg.errors import AccessError, OutputExistsError, RasterError, RasterReadError
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch
-from uavseg.segmentation.blocks.block_file import is_block_map, read_block_map, write_block_map
+from uavseg.segmentation.blocks.block_file import (
+    Origin,
+    SavedBlocks,
+    is_block_map,
+    read_block_map,
+    write_block_map,
+)
 from uavseg.segmentation.blocks.block_map import BlockMap, find_leaves
-from uavseg.segmentation.blocks.saved_blocks import Origin, SavedBlocks
 from uavseg.segmentation.params.segment import DivisionParams
 
 TAG = "UAVSEG_BLOCK_MAP"

@@ -12,8 +12,7 @@ from uavseg.errors import RasterError
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.segmentation.blocks import block_file
-from uavseg.segmentation.blocks.block_file import read_block_map, write_block_map
-from uavseg.segmentation.blocks.saved_blocks import Origin, SavedBlocks
+from uavseg.segmentation.blocks.block_file import Origin, SavedBlocks, read_block_map, write_block_map
 from uavseg.segmentation.in_memory import block_map_of_array
 from uavseg.segmentation.params.segment import DivisionParams
 

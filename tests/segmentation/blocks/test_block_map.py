@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, find_leaves, required_ratios
 from uavseg.segmentation.blocks.division import RATIOS, block_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
-from uavseg.segmentation.blocks.leaves import cell_classes, cell_states, cells_in_range
+from uavseg.segmentation.blocks.leaves import cell_classes, cell_intervals, cells_in_range
 from uavseg.segmentation.params.segment import (
     DivisionParams,
     IntensityRange,
@@ -199,6 +199,10 @@ def test_required_ratios_are_enough_for_a_range(
     assert_other_ratios_have_no_influence(random_map(seed), IntensityRange(*pair), X, tau)
 
 
+def cells_of_limits(blocks: BlockMap, limits: StateLimits, division: DivisionParams) -> np.ndarray:
+    return cell_intervals(blocks, limits.edges, division)
+
+
 @settings(max_examples=60)
 @given(seeds, st.sampled_from([0.1, 0.3, 0.001, 1.0]), thresholds, steps)
 def test_required_ratios_are_enough_for_levels_and_states(
@@ -206,7 +210,7 @@ def test_required_ratios_are_enough_for_levels_and_states(
 ) -> None:
     blocks, levels, limits = random_map(seed), Levels(width), StateLimits()
     there = blocks.counts > 0
-    for intervals, answer in ((partition_of_levels(levels), cell_classes), (limits, cell_states)):
+    for intervals, answer in ((partition_of_levels(levels), cell_classes), (limits, cells_of_limits)):
         required = required_ratios(blocks.sums, blocks.counts, intervals.edges, tau)
         full = answer(blocks, intervals, DivisionParams(X, tau))[there]
         for otherwise in (0.0, INF):

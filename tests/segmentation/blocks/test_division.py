@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tests.reference import g_statistic
 from uavseg.segmentation.blocks.division import block_ratios
-from uavseg.segmentation.blocks.g_statistic import g_statistic
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram, lbp_symbols
 
 FIRST = np.zeros((1, 2), np.int64)

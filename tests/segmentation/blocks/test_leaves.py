@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from uavseg.segmentation.blocks.block_map import BlockMap, find_leaves
-from uavseg.segmentation.blocks.leaves import cell_classes, cell_states, cells_in_range, cells_to_pixels
+from uavseg.segmentation.blocks.leaves import cell_classes, cell_intervals, cells_in_range, cells_to_pixels
 from uavseg.segmentation.params.segment import (
     DivisionParams,
     IntensityRange,
@@ -70,13 +70,13 @@ def test_a_mean_on_an_edge_belongs_below_it() -> None:
         5,
     ]
     limits = StateLimits(13107 / 65535, 26214 / 65535)
-    assert cell_states(blocks, limits, UNDIVIDED)[0, ::8].tolist() == [1, 1, 2, 2, 3, 3]
+    assert cell_intervals(blocks, limits.edges, UNDIVIDED)[0, ::8].tolist() == [1, 1, 2, 2, 3, 3]
     assert limits.table[[0, 13107, 13108, 26214, 26215, 65535]].tolist() == [1, 1, 2, 2, 3, 3]
 
 
 def test_a_leaf_without_valid_pixels_has_no_state_and_no_level() -> None:
     blocks = BlockMap.empty((64, 64))
-    assert not cell_states(blocks, StateLimits(), DivisionParams(1.2, 0.05)).any()
+    assert not cell_intervals(blocks, StateLimits().edges, DivisionParams(1.2, 0.05)).any()
     assert not cell_classes(blocks, partition_of_levels(Levels(0.1)), DivisionParams(1.2, 0.05)).any()
 
 

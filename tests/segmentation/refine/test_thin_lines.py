@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from uavseg.segmentation.refine.thin_lines import MARGIN, find_thin_lines
+from uavseg.segmentation.refine.detail import MARGIN, find_thin_lines
 
 SEEDS = st.integers(0, 100_000)
 PAD = 80

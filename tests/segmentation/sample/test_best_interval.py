@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavseg.segmentation.sample.best_interval import best_interval, linear_weights
+from uavseg.jobs.match.ranges_of_sample import best_interval, linear_weights
 
 
 def slow(values: np.ndarray, similarity: np.ndarray, own: np.ndarray, low: float, high: float) -> float:

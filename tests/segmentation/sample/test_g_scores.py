@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from uavseg.segmentation.blocks.g_statistic import expected_g, g_statistic
-from uavseg.segmentation.blocks.lbp import UNCOUNTED
+from tests.reference import g_statistic
+from uavseg.segmentation.blocks.lbp import UNCOUNTED, expected_g
 from uavseg.segmentation.sample.g_scores import (
     MAX_SCORE,
     NO_SCORE,

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from uavseg.segmentation.blocks.lbp import UNCOUNTED
 from uavseg.segmentation.sample.g_scores import min_count
-from uavseg.segmentation.sample.likelihood_weights import (
+from uavseg.segmentation.sample.pixel_decision import (
     PRIOR_PIXELS,
     WEIGHT_UNITS,
     SampleWeights,

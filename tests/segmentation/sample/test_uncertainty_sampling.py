@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from uavseg.segmentation.sample import uncertainty_sampling
-from uavseg.segmentation.sample.uncertainty_sampling import half_widths, most_uncertain_cells
+from uavseg.regions.sample import similarity
+from uavseg.regions.sample.similarity import half_widths, most_uncertain_cells
 from uavseg.units import GREY_MAX
 
 
@@ -57,7 +57,7 @@ def test_a_plain_search_finds_the_same(seed: int, radius: float, least: float) -
 def test_the_height_of_a_strip_changes_nothing(seed: int) -> None:
     expected = most_uncertain_cells(*drawn(seed), 12.0, 7, 0.1).tolist()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(uncertainty_sampling, "_STRIP", 50)
+        patch.setattr(similarity, "_STRIP", 50)
         assert most_uncertain_cells(*drawn(seed), 12.0, 7, 0.1).tolist() == expected
 
 

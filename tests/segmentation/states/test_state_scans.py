@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from tests.segmentation.states.whole_states import refine_states
 from uavseg.segmentation.states.state_scans import (
     LOOKAHEAD,
     compact_columns,
@@ -16,7 +17,6 @@ from uavseg.segmentation.states.state_scans import (
     count_codes,
     decode_states,
     encode_states,
-    refine_states,
     resolve_columns,
     resolve_rows,
 )

@@ -11,6 +11,7 @@ from scipy import ndimage
 
 from tests import plain_thin_obstacles as plain
 from tests.segmentation.in_memory_dataset import InMemory, source_of
+from tests.segmentation.states.whole_states import refine_states
 from uavseg.execution.executors import Map, serial, threads
 from uavseg.raster.grid.tiling import TilePass
 from uavseg.segmentation.params.segment import StateLimits
@@ -21,7 +22,7 @@ from uavseg.segmentation.states.classify_strips import (
     state_strips,
     states_by_value,
 )
-from uavseg.segmentation.states.state_scans import encode_states, refine_states
+from uavseg.segmentation.states.state_scans import encode_states
 
 LIMITS = StateLimits(0.45, 0.55)
 SHAPE = (150, 200)

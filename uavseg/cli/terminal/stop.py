@@ -56,7 +56,7 @@ def stopping_cleanly(written: object) -> Iterator[threading.Event]:
 
 def exit_code(error: KeyboardInterrupt) -> int:
     """128 and the number of the signal, as a shell has it."""
-    return 128 + _signal_of(error)
+    return 128 + (error.number if isinstance(error, Stopped) else int(signal.SIGINT))
 
 
 def end_soon(code: int) -> None:
@@ -75,10 +75,6 @@ def end_soon(code: int) -> None:
 def last_line(number: int, written: object) -> str:
     """Return what stopped the program, and what it had written."""
     return f"uavseg: {_WORDS[signal.Signals(number).name]}; {written}"
-
-
-def _signal_of(error: KeyboardInterrupt) -> int:
-    return error.number if isinstance(error, Stopped) else int(signal.SIGINT)
 
 
 def _stop(number: int, _: Any) -> NoReturn:

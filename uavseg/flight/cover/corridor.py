@@ -22,8 +22,14 @@ from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.avoid.enclosing import MANY_CORNERS
-from uavseg.flight.cover.lines import flight_space, join_cells, path_length, to_and_fro
-from uavseg.flight.cover.strips import MIN_LINE_M, grid_lines
+from uavseg.flight.cover.lines import (
+    MIN_LINE_M,
+    flight_space,
+    grid_lines,
+    join_cells,
+    path_length,
+    to_and_fro,
+)
 from uavseg.flight.cover.survey import axes
 
 STEPS = 6.0  # points on the outline for each unit of detail

@@ -1,14 +1,23 @@
-"""Order of survey lines: the space to fly in, short orders of cells and their lines, legs between lines."""
+"""Survey lines: laid in parallel strips, and put in a short order with legs between them.
+
+Lines along the middle of strips cover a cell if each line is as long as the cell inside its strip. A line
+that is clipped to the cell is too short where an edge is slanted, and misses what ends between two lines.
+
+Cells that are divided into strips one by one need up to one line more each. Strips of one grid need as few
+lines as the region is high, but two for an arm that lies across an edge of the grid.
+"""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from uavseg.arrays import Floats, Integers
 from uavseg.dataclass import dataclass
+from uavseg.errors import MissionError, ParameterError
 from uavseg.flight.avoid.enclosing import MANY_CORNERS, enclosing, without_small_holes
 from uavseg.flight.avoid.free_space import FreeSpace
 from uavseg.flight.order.tour import Stops, short_tour
@@ -18,6 +27,171 @@ LEEWAY = 0.6
 COARSE = 0.3  # spacings by which an outline of many corners is simplified
 SLACK = 0.04  # spacings by which outlines are simplified
 MAX_VERTICES = 40  # outlines with more are simplified
+Free = Callable[[Floats, Floats], NDArray[np.bool_]]
+
+TOUCH_M = 1e-6
+
+
+def grid_lines(polygon: Any, spacing_m: float, ends: tuple[float, float], joins: Free) -> list[Floats]:
+    """Return the lines along x that cover a polygon, cell by cell.
+
+    For each cell they are (n, 2, 2), from south to north: west and east end of each, as x, y. The polygon
+    (shapely) is in metres; `spacing_m` is the largest distance between neighbouring lines, `ends` the reach
+    and the length of the shortest line, as of `strip_lines`. `joins` says of starts and ends, (n, 2), whether
+    a line may lead over a gap in a strip.
+
+    Examples
+    --------
+    >>> ring = shapely.box(0, 0, 90, 90) - shapely.box(30, 30, 60, 60)
+    >>> [len(cell) for cell in grid_lines(ring, 10, (0, 0), lambda starts, ends: np.zeros(len(starts), bool))]
+    [3, 3, 3, 3]
+    """
+    _, south, _, north = shapely.bounds(polygon)
+    edges = np.linspace(south, north, _line_count(north - south, spacing_m) + 1)
+    rows = []
+    for k, strip in enumerate(_strips_between(polygon, edges)):
+        parts = [part for part in shapely.get_parts(strip) if part.geom_type == "Polygon"]
+        rows.append(_row(parts, (edges[k] + edges[k + 1]) / 2, ends, joins))
+    return _chains(rows, edges)
+
+
+Segment = tuple[Any, Floats]  # what of the polygon a line covers, and the line
+
+
+def _row(parts: list[Any], y: float, ends: tuple[float, float], joins: Free) -> list[Segment]:
+    """Return the lines of one strip from west to east; one line for parts between which a line may lead."""
+    laid = sorted(((part, _line_in_strip(part, y, *ends)) for part in parts), key=lambda one: one[1][0, 0])
+    if len(laid) < 2:
+        return laid
+    joined = joins(*(np.stack([line[k] for _, line in some]) for k, some in ((1, laid[:-1]), (0, laid[1:]))))
+    row = [laid[0]]
+    for join, (part, line) in zip(joined.tolist(), laid[1:], strict=True):
+        if join:
+            before, first = row[-1]
+            last = line if line[1, 0] > first[1, 0] else first
+            row[-1] = (shapely.union(before, part), np.stack([first[0], last[1]]))
+        else:
+            row.append((part, line))
+    return row
+
+
+def _chains(rows: list[list[Segment]], edges: Floats) -> list[Floats]:
+    """Join lines of neighbouring strips to one cell, as long as each has one neighbour only."""
+    cells: list[list[Floats]] = []
+    open_: list[list[Floats]] = []  # the cell of each segment of the row before
+    before: list[Segment] = []
+    for k, row in enumerate(rows):
+        touch = _touching(before, row, float(edges[k]))
+        cells_of_row = []
+        for j, (_, line) in enumerate(row):
+            below = np.flatnonzero(touch[:, j])
+            if len(below) == 1 and touch[below[0]].sum() == 1:
+                cell = open_[below[0]]
+                cell.append(line)
+            else:
+                cell = [line]
+                cells.append(cell)
+            cells_of_row.append(cell)
+        open_, before = cells_of_row, row
+    return [np.stack(cell) for cell in cells]
+
+
+def _touching(below: list[Segment], above: list[Segment], y: float) -> NDArray[np.bool_]:
+    """Return whether the parts that lines below and above cover touch along the edge between strips."""
+
+    def extent(part: Any) -> Floats:
+        west, _, east, _ = shapely.bounds(part)
+        slab = shapely.box(west - 1, y - 1e-3, east + 1, y + 1e-3)
+        bounds: Floats = shapely.bounds(shapely.intersection(part, slab))
+        return bounds
+
+    touch = np.zeros((len(below), len(above)), bool)
+    low, high = ([extent(part) for part, _ in row] for row in (below, above))
+    for i, one in enumerate(low):
+        for j, other in enumerate(high):
+            touch[i, j] = min(one[2], other[2]) - max(one[0], other[0]) > TOUCH_M  # False for NaN
+    return touch
+
+
+MAX_LINES = 10_000  # of a region; 20 000 waypoints are planned at most, and a line takes two of them
+MIN_LINE_M = 5.0  # where the cell is as long: a vehicle looks along its line only when it flies along it
+WIDTH_SLACK = 1e-3  # share of its height by which a cell may be higher before it needs another line
+
+
+def strip_lines(cell: Any, spacing_m: float, reach_m: float = 0.0, min_m: float = MIN_LINE_M) -> Floats:
+    """Return the lines along x that cover a cell, from south to north.
+
+    They are (n, 2, 2), west and east end of each as x, y; at least one, evenly spaced. The cell (shapely) is
+    in metres; every line along x meets it in one piece, or nearly. `spacing_m` is the largest distance
+    between neighbouring lines, `min_m` the length of the shortest. The ground that a line covers ends
+    `reach_m` past its end: lines may be so much shorter than the cell in their strip, but do not end inside
+    the cell.
+
+    Examples
+    --------
+    >>> strip_lines(shapely.box(0, 0, 100, 30), 12).tolist()
+    [[[0.0, 5.0], [100.0, 5.0]], [[0.0, 15.0], [100.0, 15.0]], [[0.0, 25.0], [100.0, 25.0]]]
+    """
+    _, south, _, north = shapely.bounds(cell)
+    count = _line_count(north - south, spacing_m)
+    edges = np.linspace(south, north, count + 1)
+    middle = ((edges[1:] + edges[:-1]) / 2).tolist()
+    return np.stack(
+        [
+            _line_in_strip(piece, y, reach_m, min_m)
+            for piece, y in zip(_strips_between(cell, edges), middle, strict=True)
+        ]
+    )
+
+
+def _line_in_strip(piece: Any, y: float, reach_m: float, min_m: float = MIN_LINE_M) -> Floats:
+    """Return the line along x at a height that covers a piece of a strip: (2, 2), west end and east end.
+
+    It is no shorter than `min_m` where the strip is as long, but 5 m where one photograph shows all of it.
+    """
+    low, _, high, _ = shapely.bounds(piece)
+    across = shapely.LineString([(low - 1, y), (high + 1, y)])
+    begin, _, stop, _ = shapely.bounds(shapely.intersection(piece, across))  # NaN where it is not met
+    start, end = np.fmin(low + reach_m, begin), np.fmax(high - reach_m, stop)
+    if end - start < min_m:
+        shown_at_once = high - low <= 2 * reach_m - MIN_LINE_M
+        middle = (low + high) / 2 if shown_at_once or start > end else (start + end) / 2
+        half = (MIN_LINE_M if shown_at_once else min_m) / 2
+        start, end = max(low, middle - half), min(high, middle + half)
+    return np.array([[start, y], [end, y]])
+
+
+def _line_count(width_m: float, spacing_m: float) -> int:
+    """Return the number of lines over a width.
+
+    Refuse a spacing that is not positive (ParameterError) and more lines than a mission holds (MissionError).
+    """
+    if not (math.isfinite(spacing_m) and spacing_m > 0):
+        raise ParameterError(f"the spacing of survey lines is a positive number of metres, not {spacing_m}")
+    count = max(math.ceil(width_m / spacing_m * (1 - WIDTH_SLACK)), 1)
+    if count > MAX_LINES:
+        raise MissionError(
+            f"{width_m:.0f} m at a spacing of {spacing_m:g} m make {count} lines, more than a mission holds; "
+            "use a wider spacing"
+        )
+    return count
+
+
+def _strips_between(cell: Any, edges: Floats) -> list[Any]:
+    """Return the parts of a cell between lines along x, by bisection, which is fast for many lines."""
+    strips: list[Any] = [None] * (len(edges) - 1)
+    todo = [(cell, 0, len(edges) - 1)]
+    while todo:
+        part, first, last = todo.pop()
+        if last - first == 1:
+            strips[first] = part
+            continue
+        middle = (first + last) // 2
+        west, south, east, north = shapely.bounds(part)
+        for begin, stop in ((first, middle), (middle, last)):
+            low, high = (south - 1, edges[middle]) if begin == first else (edges[middle], north + 1)
+            todo.append((shapely.intersection(part, shapely.box(west - 1, low, east + 1, high)), begin, stop))
+    return strips
 
 
 def flight_space(

@@ -23,8 +23,15 @@ from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.flight.avoid.free_space import FreeSpace
-from uavseg.flight.cover.lines import SurveyLines, flight_space, fly_lines, path_length
-from uavseg.flight.cover.strips import MIN_LINE_M, grid_lines, strip_lines
+from uavseg.flight.cover.lines import (
+    MIN_LINE_M,
+    SurveyLines,
+    flight_space,
+    fly_lines,
+    grid_lines,
+    path_length,
+    strip_lines,
+)
 
 OVERLAP_M = 1e-6  # by which dividing lines are longer than the polygon is wide
 
@@ -49,11 +56,6 @@ def monotone_cells(polygon: Any, step_m: float = np.inf, detail_m: float = 0.0) 
     faces = shapely.polygonize(_noded(polygon, critical))
     inner = [face for face in faces.geoms if shapely.contains_xy(polygon, *_inside(face))]
     return sorted(inner, key=lambda face: (face.bounds[1], face.bounds[0]))
-
-
-def has_steps(polygon: Any, step_m: float, detail_m: float = 0.0) -> bool:
-    """Return whether `monotone_cells` divides a polygon at steps of its outline; parameters as there."""
-    return critical_count(polygon, step_m, detail_m) > critical_count(polygon, np.inf, detail_m)
 
 
 def critical_count(polygon: Any, step_m: float = np.inf, detail_m: float = 0.0) -> int:
@@ -87,7 +89,6 @@ def merge_flat_cells(cells: list[Any], min_m: float) -> list[Any]:
 
 
 def _all_critical(polygon: Any, step_m: float, detail_m: float) -> Floats:
-    """Return the vertices at which a polygon is divided."""
     outline = shapely.simplify(polygon, detail_m) if detail_m else polygon
     rings = shapely.get_rings(shapely.orient_polygons(outline))  # the inside to their left
     critical = [_critical(shapely.get_coordinates(ring)[:-1], step_m) for ring in rings]
@@ -269,8 +270,9 @@ def _cells(region: Any, angle_deg: float, params: CoverParams) -> list[SurveyLin
     turn, spacing, min_m = axes(angle_deg), params.spacing_m, MIN_HEIGHT * params.spacing_m
     turned = _turned(region, turn)
     divisions = []
-    for step in [math.inf, STEP * spacing] if has_steps(turned, STEP * spacing, min_m / 2) else [math.inf]:
-        if critical_count(turned, step, min_m / 2) <= MAX_CRITICAL:
+    counts = {step: critical_count(turned, step, min_m / 2) for step in (math.inf, STEP * spacing)}
+    for step, count in counts.items():
+        if count <= MAX_CRITICAL and (step == math.inf or count > counts[math.inf]):
             cells = merge_flat_cells(monotone_cells(turned, step, min_m / 2), min_m)
             lines = [strip_lines(cell, spacing, params.reach_m, params.min_m) @ turn.T for cell in cells]
             divisions.append(SurveyLines(angle_deg, tuple(lines), params.lead_m))

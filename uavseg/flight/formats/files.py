@@ -1,34 +1,72 @@
-"""Mission files: writers and readers by extension."""
+"""Mission files: writers and readers by extension, GeoJSON for display, and rules of ground stations."""
 
+import json
 import os
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError, ParameterError
-from uavseg.flight.formats.geojson import read_geojson, write_geojson
 from uavseg.flight.formats.kml import kml_losses, read_kml, write_kml
 from uavseg.flight.formats.kmz import kmz_losses, read_kmz, write_kmz
 from uavseg.flight.formats.litchi import litchi_losses, read_litchi, write_litchi
 from uavseg.flight.formats.options import FileOptions
 from uavseg.flight.formats.plan import plan_losses, read_plan, write_plan
 from uavseg.flight.formats.waypoints import read_waypoints, waypoints_losses, write_waypoints
+from uavseg.flight.mission.features import MissionFeature, Place, as_geojson, features_of, mission_of_features
 from uavseg.flight.mission.items import TAKEOFFS, HomePosition
 from uavseg.flight.mission.mission import Mission
-from uavseg.inputs import read_bytes
+from uavseg.inputs import parse_json, read_bytes
 from uavseg.output.atomic import atomic_file
-from uavseg.plain_text import cause_of
+from uavseg.plain_text import cause_of, shown
 
 MissionPath = str | os.PathLike[str]
 
 MAX_BYTES = 64 << 20  # of a mission file; 65 534 items take 20 MB
 _MISFITS = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError, RecursionError)
+QGC, MISSION_PLANNER, MAVSDK = "QGroundControl", "Mission Planner", "MAVSDK"
+WPL_FIELDS = 12
+_SURVEY_INTEGERS = ("angle", "entryLocation")
+_CAMERA_INTEGERS = ("AdjustedFootprintFrontal", "AdjustedFootprintSide", "DistanceToSurface")
+
+Rule = Callable[[Any], Iterator[str]]
 
 
-def _no_losses(mission: Mission, options: FileOptions) -> list[str]:
-    return []
+def write_geojson(mission: Mission, options: FileOptions) -> bytes:
+    """Write a mission as the content of a .geojson file, a feature on each line.
+
+    Heights of GeoJSON count from the ellipsoid (RFC 7946), which heights of missions do not: they are
+    attributes, above home, the sea or the terrain, as `height_above` says.
+    """
+    lines = ",\n".join(json.dumps(as_geojson(one), allow_nan=False) for one in features_of(mission))
+    return f'{{"type": "FeatureCollection", "features": [\n{lines}\n]}}\n'.encode()
+
+
+def read_geojson(content: bytes, name: str) -> Mission:
+    """Read a .geojson file that `write_geojson` wrote."""
+    document = parse_json(content.decode())
+    if not isinstance(document, dict) or document.get("type") != "FeatureCollection":
+        raise MissionError('it is not GeoJSON: "type" is not "FeatureCollection"')
+    return mission_of_features(map(_read_feature, document["features"]), name)
+
+
+def _read_feature(feature: Mapping[str, Any]) -> MissionFeature:
+    properties = feature.get("properties") or {}
+    geometry = feature.get("geometry")
+    if geometry is None:
+        return MissionFeature(str(properties.get("kind")), "", (), values=properties)
+    shape, coordinates = geometry["type"], geometry["coordinates"]
+    if shape == "Point":
+        coordinates = [coordinates]
+    elif shape == "Polygon":
+        coordinates = coordinates[0][::-1]
+    elif shape != "LineString":
+        raise MissionError(f"it holds a {shown(shape, quoted=False)}, which no mission has")
+    places: tuple[Place, ...] = tuple((float(lat), float(lon), 0.0) for lon, lat, *_ in coordinates)
+    return MissionFeature(str(properties.get("kind")), shape, places, values=properties)
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +75,8 @@ class Format:
 
     write: Callable[[Mission, FileOptions], bytes]
     read: Callable[[bytes, str], Mission]  # from the content of a file and the name of the mission
-    losses: Callable[[Mission, FileOptions], list[str]] = _no_losses  # what it cannot hold, one sentence each
+    # what it cannot hold, one sentence each
+    losses: Callable[[Mission, FileOptions], list[str]] = lambda mission, options: []
     holds_home: bool = True
 
 
@@ -124,3 +163,112 @@ def check_mission_format(path: MissionPath) -> str:
             f"a mission is written as {', '.join(names)} or {last}, not as {Path(path).name!r}"
         )
     return suffix
+
+
+def station_refusals(content: bytes, suffix: str) -> dict[str, str]:
+    """Return why each program refuses a .plan or .waypoints file, empty where it loads it.
+
+    Transcribed from the loaders of QGroundControl, Mission Planner and MAVSDK.
+
+    `content` is that of a file that `read_mission` reads. Nothing is returned for other formats.
+    """
+    if suffix == ".plan":
+        plan = parse_json(content.decode())
+        rules: dict[str, Rule] = {QGC: _qgc_plan, MISSION_PLANNER: _planner_plan, MAVSDK: _mavsdk_plan}
+        return {name: _first_reason(rule, plan) for name, rule in rules.items()}
+    if suffix == ".waypoints":
+        text = content.decode()
+        return {QGC: next(_qgc_rows(text), ""), MISSION_PLANNER: "", MAVSDK: next(_mavsdk_rows(text), "")}
+    return {}
+
+
+def _first_reason(rule: Rule, plan: Any) -> str:
+    """Return the first reason of a rule; a member of a wrong type, which the loaders refuse too, is one."""
+    try:
+        return next(rule(plan), "")
+    except (KeyError, TypeError, AttributeError) as error:
+        return cause_of(error)
+
+
+def _qgc_plan(plan: Mapping[str, Any]) -> Iterator[str]:
+    for key in ("fileType", "groundStation", "version", "mission", "geoFence", "rallyPoints"):
+        if plan.get(key) is None:
+            yield f"it has no {key}"
+    mission = plan["mission"]
+    for key in ("firmwareType", "plannedHomePosition", "items"):
+        if mission.get(key) is None:
+            yield f"mission has no {key}"
+    if len(mission["plannedHomePosition"]) != 3:
+        yield "plannedHomePosition has not three numbers"
+    yield from _qgc_items(mission["items"])
+    for polygon in plan["geoFence"].get("polygons") or []:
+        for key in ("version", "inclusion", "polygon"):
+            if key not in polygon:
+                yield f"a polygon of the fence has no {key}"
+
+
+def _qgc_items(items: list[Mapping[str, Any]]) -> Iterator[str]:
+    for number, item in enumerate(_simple_items(items), start=1):
+        for key in ("command", "frame", "params", "autoContinue"):
+            if key not in item:
+                yield f"item {number} has no {key}"
+        if len(item["params"]) != 7:
+            yield f"item {number} has {len(item['params'])} params instead of 7"
+
+
+def _planner_plan(plan: Mapping[str, Any]) -> Iterator[str]:
+    """Yield what Mission Planner refuses: it reads some numbers as integers, and nothing of the fence."""
+    mission = plan["mission"]
+    for key in ("cruiseSpeed", "hoverSpeed"):
+        if not _is_whole(mission.get(key, 0)):
+            yield f"{key} is not a whole number"
+    for item in mission["items"]:
+        if item["type"] == "SimpleItem":
+            continue
+        transect = item.get("TransectStyleComplexItem") or {}
+        camera = transect.get("CameraCalc") or {}
+        for holder, keys in ((item, _SURVEY_INTEGERS), (camera, _CAMERA_INTEGERS)):
+            for key in keys:
+                if not _is_whole(holder.get(key, 0)):
+                    yield f"{key} of a survey is not a whole number; give it a .waypoints file"
+
+
+def _mavsdk_plan(plan: Mapping[str, Any]) -> Iterator[str]:
+    if type(plan["version"]) is not int or type(plan["mission"]["version"]) is not int:
+        yield "a version is not an integer"
+    for key in ("geoFence", "rallyPoints"):
+        if (plan.get(key) or {}).get("version") != 2:
+            yield f"{key} is missing or not of version 2"
+    if len(plan["mission"].get("plannedHomePosition") or [0, 0, 0]) != 3:
+        yield "plannedHomePosition has not three numbers"
+    for number, item in enumerate(_simple_items(plan["mission"]["items"]), start=1):
+        if "autoContinue" not in item:
+            yield f"item {number} has no autoContinue"
+
+
+def _simple_items(items: list[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
+    for item in items:
+        if item["type"] == "SimpleItem":
+            yield item
+        else:
+            yield from item["TransectStyleComplexItem"]["Items"]
+
+
+def _is_whole(value: Any) -> bool:
+    return isinstance(value, int) or (isinstance(value, float) and value.is_integer())
+
+
+def _qgc_rows(text: str) -> Iterator[str]:
+    for number, row in enumerate(text.splitlines()[1:], start=2):
+        if not row.strip() or row.startswith("#"):
+            yield f"line {number} is blank or a comment"
+        elif len(row.split("\t")) != WPL_FIELDS:
+            yield f"line {number} has not {WPL_FIELDS} fields separated by TAB"
+
+
+def _mavsdk_rows(text: str) -> Iterator[str]:
+    if "\r" in text:
+        yield "its lines end with CR LF"
+    for number, row in enumerate(text.splitlines()[1:], start=2):
+        if row.strip() and not row.startswith("#") and len(row.split("\t")) != WPL_FIELDS:
+            yield f"line {number} has not {WPL_FIELDS} fields separated by TAB"

@@ -11,7 +11,6 @@ from typing import Any
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.formats.options import FileOptions
-from uavseg.flight.mission.fence import Fence, FenceCircle, FencePolygon, RallyPoint
 from uavseg.flight.mission.items import (
     AUTOPILOTS,
     CAMERA_DISTANCE,
@@ -19,8 +18,12 @@ from uavseg.flight.mission.items import (
     FRAME_RELATIVE,
     FRAME_TERRAIN,
     WAYPOINT,
+    Fence,
+    FenceCircle,
+    FencePolygon,
     HomePosition,
     MissionItem,
+    RallyPoint,
 )
 from uavseg.flight.mission.mission import Mission, Position, SurveyBlock
 from uavseg.inputs import parse_json
@@ -169,11 +172,6 @@ _MISFITS = (KeyError, IndexError, TypeError, ValueError, AttributeError, Overflo
 _VERSION, _SHAPE_VERSION = 2, 1
 
 
-def write_plan(mission: Mission, options: FileOptions) -> bytes:
-    """Write a mission as the content of a .plan file."""
-    return plan_text(mission, options.editable).encode()
-
-
 def plan_losses(mission: Mission, options: FileOptions) -> list[str]:
     """Return which waypoints are not editable, if `options.editable` is set."""
     if not options.editable:
@@ -192,13 +190,14 @@ def plan_losses(mission: Mission, options: FileOptions) -> list[str]:
     ]
 
 
-def plan_text(mission: Mission, editable: bool = False) -> str:
-    """Write a mission as the text of a .plan file, with every key that any reader requires.
+def write_plan(mission: Mission, options: FileOptions) -> bytes:
+    """Write a mission as the content of a .plan file, with every key that any reader requires.
 
-    With `editable`, the survey lines of convex parts are survey items, which QGroundControl can edit, with
-    the same waypoints and triggers in them.
+    With `options.editable`, the survey lines of convex parts are survey items, which QGroundControl can edit,
+    with the same waypoints and triggers in them.
     """
     home = mission.home
+    modes = {ALTITUDE_MODES[item.frame] for item in mission.items if item.has_position}
     plan = {
         "fileType": "Plan",
         "groundStation": "QGroundControl",
@@ -209,20 +208,14 @@ def plan_text(mission: Mission, editable: bool = False) -> str:
             "vehicleType": _QUADROTOR,
             "cruiseSpeed": _PLANE_SPEED_M_S,
             "hoverSpeed": max(round(mission.speed_m_s), 1),  # Mission Planner reads integers only
-            "globalPlanAltitudeMode": _altitude_mode(mission),
+            "globalPlanAltitudeMode": modes.pop() if len(modes) == 1 else _MIXED,
             "plannedHomePosition": [home.lat, home.lon, home.altitude_m],
-            "items": list(_written_items(mission, find_blocks(mission) if editable else [])),
+            "items": list(_written_items(mission, find_blocks(mission) if options.editable else [])),
         },
         "geoFence": _fence_to_json(mission.fence),
         "rallyPoints": {"version": _VERSION, "points": [[p.lat, p.lon, p.altitude_m] for p in mission.rally]},
     }
-    return json.dumps(plan, indent=1, allow_nan=False) + "\n"
-
-
-def _altitude_mode(mission: Mission) -> int:
-    """Return QGroundControl's mode of all heights; mixed where items differ, so that each keeps its mode."""
-    modes = {ALTITUDE_MODES[item.frame] for item in mission.items if item.has_position}
-    return modes.pop() if len(modes) == 1 else _MIXED
+    return f"{json.dumps(plan, indent=1, allow_nan=False)}\n".encode()
 
 
 def _written_items(mission: Mission, blocks: Sequence[BlockItems]) -> Iterator[dict[str, Any]]:
@@ -272,6 +265,7 @@ def read_plan(content: bytes, name: str) -> Mission:
         )
     home = HomePosition(*(float(value or 0.0) for value in mission["plannedHomePosition"]))
     geofence = {} if plan.get("geoFence") is None else plan["geoFence"]
+    rally = plan.get("rallyPoints") or {}
     items = tuple(_numbered(number, item) for number, item in enumerate(_flat(mission["items"]), start=1))
     breach = ("the breach return point of the fence was not read",) if geofence.get("breachReturn") else ()
     return Mission(
@@ -281,7 +275,10 @@ def read_plan(content: bytes, name: str) -> Mission:
         name=name,
         notes=breach,
         fence=_fence_from_json(geofence),
-        rally=_rally_from_json(plan.get("rallyPoints")),
+        rally=tuple(
+            RallyPoint(float(lat), float(lon), float(altitude_m))
+            for lat, lon, altitude_m in rally.get("points") or []
+        ),
     )
 
 
@@ -350,11 +347,6 @@ def _fence_from_json(geofence: Mapping[str, Any]) -> tuple[Fence, ...]:
             FenceCircle(float(lat), float(lon), float(shape["circle"]["radius"]), _inclusion(shape))
         )
     return (*polygons, *circles)
-
-
-def _rally_from_json(rally: Mapping[str, Any] | None) -> tuple[RallyPoint, ...]:
-    points = (rally or {}).get("points") or []
-    return tuple(RallyPoint(float(lat), float(lon), float(altitude_m)) for lat, lon, altitude_m in points)
 
 
 def _inclusion(shape: Mapping[str, Any]) -> bool:

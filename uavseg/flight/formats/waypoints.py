@@ -18,11 +18,6 @@ from uavseg.plain_text import shown
 HEADER = "QGC WPL 110"
 
 
-def write_waypoints(mission: Mission, options: FileOptions) -> bytes:
-    """Write a mission as the content of a .waypoints file."""
-    return waypoints_text(mission).encode()
-
-
 def waypoints_losses(mission: Mission, options: FileOptions) -> list[str]:
     """Return what a .waypoints file cannot hold of a mission, one sentence each."""
     if mission.fence or mission.rally:
@@ -30,14 +25,14 @@ def waypoints_losses(mission: Mission, options: FileOptions) -> list[str]:
     return []
 
 
-def waypoints_text(mission: Mission) -> str:
-    """Write a mission as the text of a .waypoints file (QGC WPL 110), home in row 0."""
+def write_waypoints(mission: Mission, options: FileOptions) -> bytes:
+    """Write a mission as the content of a .waypoints file (QGC WPL 110), home in row 0."""
     home = mission.home
     # altitude 1: only the position is checked
     start = MissionItem(WAYPOINT, FRAME_RELATIVE, (0.0,) * 4, home.lat, home.lon, 1.0)
     rows = [_row(0, 1, FRAME_AMSL, start, home.altitude_m)]
     rows += [_row(n, 0, item.frame, item, item.altitude_m) for n, item in enumerate(mission.items, start=1)]
-    return "\n".join([HEADER, *rows]) + "\n"
+    return "".join(f"{row}\n" for row in [HEADER, *rows]).encode()
 
 
 def _row(number: int, current: int, frame: int, item: MissionItem, altitude_m: float) -> str:

@@ -182,11 +182,6 @@ class Link:
         with suppress(LinkError):
             self.acknowledge(list_type, Result.OPERATION_CANCELLED)
 
-    def _beat(self) -> None:
-        if self.now() - self._heartbeat_at >= HEARTBEAT_S:
-            self._heartbeat_at = self.now()
-            self._mav.heartbeat_send(GROUND_STATION, INVALID_AUTOPILOT, 0, 0, 0)
-
     def next_message(self, until: float, none_expected: bool = False) -> Any | None:
         """Return the next message of the mission protocol from the vehicle to us; None if none comes in time.
 
@@ -202,7 +197,9 @@ class Link:
             left = until - self.now()
             if left <= 0:
                 return None
-            self._beat()
+            if self.now() - self._heartbeat_at >= HEARTBEAT_S:
+                self._heartbeat_at = self.now()
+                self._mav.heartbeat_send(GROUND_STATION, INVALID_AUTOPILOT, 0, 0, 0)
             piece = self._transport.receive(min(left, POLL_S))
             if piece is not None:
                 self._parse(*piece)

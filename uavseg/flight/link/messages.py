@@ -10,7 +10,6 @@ import numpy as np
 
 from uavseg.dataclass import dataclass
 from uavseg.errors import LinkError, MissionError
-from uavseg.flight.mission.fence import Fence, FenceCircle, FencePolygon, RallyPoint
 from uavseg.flight.mission.items import (
     FRAME_AMSL,
     FRAME_MISSION,
@@ -20,9 +19,13 @@ from uavseg.flight.mission.items import (
     JUMP,
     POSITION_COMMANDS,
     WAYPOINT,
+    Fence,
+    FenceCircle,
+    FencePolygon,
     HomePosition,
     ItemParams,
     MissionItem,
+    RallyPoint,
 )
 from uavseg.flight.mission.mission import Mission
 

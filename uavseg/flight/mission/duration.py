@@ -6,18 +6,28 @@ C. Melchiorri, Trajectory Planning for Automatic Machines and Robots, 2008, sect
 rises and falls within `jerk_rise_s`, like a raised cosine.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
+from uavseg._jit import inlined, kernel
 from uavseg.arrays import Bools, Floats
 from uavseg.dataclass import dataclass
-from uavseg.flight.mission.braked import braked_seconds
 from uavseg.flight.mission.vehicle import Vehicle
 
 HALVINGS = 30  # of an interval, in a search for a root: to a thousandth of a millionth of it
+STEP_S = 0.05
+MAX_STEPS = 200_000
+"""Of one leg; a vehicle with unusual limits that has not arrived by then is taken to fly on at its limits."""
+NEAR_M = 0.8
+"""A height is reached within this distance: NAV_MC_ALT_RAD of PX4."""
+AHEAD_M = 5.0
+TURNING_M_S, TURNING_COSINE = 0.2, 0.98
+"""The vehicle turns where it is faster, and its direction and that to the corner differ by more."""
+AT_REST_M_S = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,8 +53,7 @@ class Ramp:
         rise = (np.sqrt(r * r + 4 * change_m_s / j) - r) / 2
         short = 2 * (rise + r)
         long = change_m_s / a + a / j + r
-        seconds: Floats = np.where(change_m_s >= a * (a / j + r), long, short) * (change_m_s > 0)
-        return seconds
+        return np.where(change_m_s >= a * (a / j + r), long, short) * (change_m_s > 0)
 
     def start(self, seconds: Floats, speed_m_s: Floats) -> tuple[Floats, Floats, Floats]:
         """Return distance, speed and acceleration at a time after the start, in the first half of the ramp.
@@ -97,7 +106,7 @@ def leg_seconds(
     advance_target_along_track).
 
     With ``turns="slow"`` the speed at a distance from a corner is limited by braking to the speed of the
-    corner, and the trajectory is integrated in steps (PX4, see `uavseg.flight.mission.braked`). A hold
+    corner, and the trajectory is integrated in steps (PX4, see `uavseg.flight.mission.duration`). A hold
     begins within the acceptance radius of its corner, and the vehicle is still moving then.
 
     Examples
@@ -179,3 +188,192 @@ def _overlaps(directions: Floats, speed: Floats, limit: Floats, ramp: Ramp, vehi
 
     longest = np.minimum(first.seconds(speed[:-1]), second.seconds(speed[1:]))
     return _largest(fits, np.zeros(len(longest)), longest)
+
+
+def braked_seconds(xyz_m: Floats, speeds: Floats, vehicle: Vehicle, stops: Bools, hold_s: Floats) -> Floats:
+    """Compute the time of each leg, without holds, of a path whose neighbouring corners differ.
+
+    Parameters are arrays as of `leg_seconds`; a hold begins at the moment at which the vehicle is within the
+    acceptance radius. The trajectory is integrated in steps. Every step has a target velocity: towards the
+    corner, at a speed v from which the vehicle can still brake to the speed w of the corner,
+
+        v^2 + 4 a^2 / j v = 2 a d + w^2, and v >= w
+
+    with the distance d. With an angle t between the legs, w^2 = a' r / tan(t / 2): the circle with the
+    acceleration a' that touches both legs at the acceptance radius r; and from w it can brake before the end
+    of the next leg. While the velocity turns, the speed does not rise, and the vehicle aims at the place of
+    the leg that is 5 m away. The velocity is followed with limited acceleration and jerk; the height changes
+    at the same time, within separate limits (PX4, src/lib/motion_planning: PositionSmoothing.cpp,
+    VelocitySmoothing.cpp, TrajectoryConstraints.hpp; src/lib/mathlib/math/TrajMath.hpp;
+    src/modules/navigator/mission_block.cpp).
+    """
+    limits = np.array(
+        [
+            vehicle.acceleration_m_s2,
+            vehicle.jerk_m_s3,
+            vehicle.corner_acceleration_m_s2,
+            vehicle.radius_m,
+            vehicle.climb_m_s,
+            vehicle.descent_m_s,
+            vehicle.vertical_acceleration_m_s2,
+        ]
+    )
+    arrays = [np.array(one, np.float64, order="C") for one in (xyz_m, speeds, hold_s)]
+    seconds = np.zeros(len(xyz_m) - 1)
+    _fly(arrays[0], arrays[1], np.array(stops, np.bool_), arrays[2], limits, seconds)
+    return seconds
+
+
+@inlined
+def _length(x, y):  # type: ignore[no-untyped-def]
+    return math.sqrt(x * x + y * y)
+
+
+@inlined
+def _braking_speed(distance, final, acceleration, jerk):  # type: ignore[no-untyped-def]
+    """Return the speed from which the vehicle brakes to a final one within a distance."""
+    b = 4 * acceleration * acceleration / jerk
+    root = math.sqrt(b * b + 8 * acceleration * distance + 4 * final * final)
+    return max((root - b) / 2, final)
+
+
+@inlined
+def _braking_distance(speed, final, acceleration, jerk):  # type: ignore[no-untyped-def]
+    """Return the distance within which it brakes from one speed to another."""
+    b = 4 * acceleration * acceleration / jerk
+    return max((speed * speed + b * speed - final * final) / (2 * acceleration), 0.0)
+
+
+@inlined
+def _corner_speed(xyz, k, x, y, cruise, limits):  # type: ignore[no-untyped-def]
+    """Return the speed at which corner k is passed by a vehicle that comes from (x, y)."""
+    next_x, next_y = xyz[k + 1, 0] - xyz[k, 0], xyz[k + 1, 1] - xyz[k, 1]
+    length = _length(next_x, next_y)
+    if length < max(limits[3], 1e-3):
+        return 0.0
+    to_x, to_y = xyz[k, 0] - x, xyz[k, 1] - y
+    product = _length(to_x, to_y) * length
+    cosine = 0.0
+    if product > 0:
+        cosine = min(max((to_x * next_x + to_y * next_y) / product, -1.0), 1.0)
+    circle = math.sqrt(limits[2] * limits[3] * math.sqrt((1 + cosine) / max(1 - cosine, 1e-12)))
+    return min(circle, cruise, _braking_speed(length, 0.0, limits[0], limits[1]))
+
+
+@inlined
+def _place_ahead(xyz, k, x, y):  # type: ignore[no-untyped-def]
+    """Return the step from (x, y) to the place of the leg to corner k that is 5 m away, or to the corner."""
+    leg_x, leg_y = xyz[k, 0] - xyz[k - 1, 0], xyz[k, 1] - xyz[k - 1, 1]
+    to_x, to_y = xyz[k, 0] - x, xyz[k, 1] - y
+    length = _length(leg_x, leg_y)
+    if length < 1e-6 or leg_x * to_x + leg_y * to_y < 0:
+        return to_x, to_y
+    unit_x, unit_y = leg_x / length, leg_y / length
+    left = to_x * unit_x + to_y * unit_y  # from the nearest place of the leg to its end
+    near_x, near_y = to_x - left * unit_x, to_y - left * unit_y
+    ahead = math.sqrt(max(AHEAD_M * AHEAD_M - near_x * near_x - near_y * near_y, 0.0))
+    return near_x + ahead * unit_x, near_y + ahead * unit_y
+
+
+@inlined
+def _acceleration(error, maximum, jerk):  # type: ignore[no-untyped-def]
+    """Return the maximum acceleration that is back at 0 when an error of the velocity is corrected."""
+    return min(maximum, math.sqrt(2 * jerk * error))
+
+
+@inlined
+def _steady_seconds(left, speed):  # type: ignore[no-untyped-def]
+    if speed <= 0:
+        return np.inf
+    return max(left, 0.0) / speed
+
+
+@kernel("void(f8[:,::1], f8[::1], b1[::1], f8[::1], f8[::1], f8[::1])")
+def _fly(xyz, speeds, stops, hold_s, limits, seconds):  # type: ignore[no-untyped-def]
+    level_max, jerk, radius, up_max = limits[0], limits[1], limits[3], limits[6]
+    x, y, z = xyz[0, 0], xyz[0, 1], xyz[0, 2]
+    vx, vy, vz, ax, ay, az = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    turning_speed = np.inf
+    for k in range(1, xyz.shape[0]):
+        spent, held, is_reached, is_flown = 0.0, 0.0, False, False
+        for _ in range(MAX_STEPS):
+            to_x, to_y, rise = xyz[k, 0] - x, xyz[k, 1] - y, xyz[k, 2] - z
+            away, moving = _length(to_x, to_y), _length(vx, vy)
+            is_reached = is_reached or (away < radius and abs(rise) < NEAR_M)
+            is_at_rest = moving < AT_REST_M_S and abs(vz) < AT_REST_M_S
+            if is_reached and (held >= hold_s[k] or is_at_rest):
+                is_flown = True
+                break
+
+            # the target velocity
+            corner = 0.0
+            if not stops[k]:
+                corner = _corner_speed(xyz, k, x, y, speeds[k - 1], limits)
+            speed = min(speeds[k - 1], _braking_speed(away, corner, level_max, jerk))
+            is_turning = (
+                moving > TURNING_M_S
+                and vx * to_x + vy * to_y < TURNING_COSINE * moving * away
+                and away > radius
+            )
+            aim_x, aim_y = to_x, to_y
+            if is_turning:
+                speed = min(speed, turning_speed)
+                aim_x, aim_y = _place_ahead(xyz, k, x, y)
+            turning_speed = speed
+            aim = max(_length(aim_x, aim_y), 1e-9)
+            rate = limits[4]
+            if rise < 0:
+                rate = limits[5]
+            climb = math.copysign(min(rate, _braking_speed(abs(rise), 0.0, up_max, jerk)), rise)
+            change_x, change_y, change_z = speed * aim_x / aim - vx, speed * aim_y / aim - vy, climb - vz
+
+            # a long distance at one velocity is one step, and so is a wait for the height
+            step = STEP_S
+            if moving > 0:
+                step = min(step, max(away, radius) / (2 * moving))
+            change, slack = _length(change_x, change_y), jerk * STEP_S * STEP_S
+            is_steady = change <= slack and _length(ax, ay) <= jerk * STEP_S
+            is_steady_up = abs(change_z) <= slack and abs(az) <= jerk * STEP_S
+            if is_steady:
+                vx, vy, ax, ay = vx + change_x, vy + change_y, 0.0, 0.0
+            if is_steady_up:
+                vz, az = climb, 0.0
+            if is_steady and is_steady_up and not is_turning and not is_reached:
+                level_s, climb_s = 0.0, 0.0
+                if speed == speeds[k - 1]:
+                    braking = max(_braking_distance(speed, corner, level_max, jerk), radius)
+                    level_s = _steady_seconds(away - braking, speed)
+                elif away < radius / 2:
+                    level_s, vx, vy = np.inf, 0.0, 0.0
+                if abs(climb) == rate:
+                    braking = max(_braking_distance(rate, 0.0, up_max, jerk), NEAR_M)
+                    climb_s = _steady_seconds(abs(rise) - braking, rate)
+                elif abs(rise) < NEAR_M / 2:
+                    climb_s, vz = np.inf, 0.0
+                whole = min(level_s, climb_s)
+                if step < whole < np.inf:
+                    step = whole
+
+            # one step towards it
+            if is_reached:
+                step = min(step, max(hold_s[k] - held, 1e-9))
+                held += step
+            else:
+                spent += step
+            if not is_steady:
+                target = _acceleration(change, level_max, jerk) / max(change, 1e-12)
+                add_x, add_y = target * change_x - ax, target * change_y - ay
+                share = min(1.0, jerk * step / max(_length(add_x, add_y), 1e-12))
+                ax, ay = ax + share * add_x, ay + share * add_y
+                vx, vy = vx + ax * step, vy + ay * step
+            if not is_steady_up:
+                target = math.copysign(_acceleration(abs(change_z), up_max, jerk), change_z)
+                az += min(max(target - az, -jerk * step), jerk * step)
+                vz += az * step
+            x, y, z = x + vx * step, y + vy * step, z + vz * step
+        if not is_flown:
+            level_s = _steady_seconds(_length(xyz[k, 0] - x, xyz[k, 1] - y), speeds[k - 1])
+            spent += max(level_s, abs(xyz[k, 2] - z) / min(limits[4], limits[5]))
+            x, y, z = xyz[k, 0], xyz[k, 1], xyz[k, 2]
+            vx, vy, vz, ax, ay, az = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        seconds[k - 1] = spent

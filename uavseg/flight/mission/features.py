@@ -14,7 +14,6 @@ import numpy as np
 
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissingLibraryError, MissionError
-from uavseg.flight.mission.fence import Fence, FenceCircle, FencePolygon, RallyPoint
 from uavseg.flight.mission.items import (
     AUTOPILOTS,
     CAMERA_DISTANCE,
@@ -23,8 +22,12 @@ from uavseg.flight.mission.items import (
     IMAGE_START,
     IMAGE_STOP,
     RETURN,
+    Fence,
+    FenceCircle,
+    FencePolygon,
     HomePosition,
     MissionItem,
+    RallyPoint,
 )
 from uavseg.flight.mission.mission import Mission
 from uavseg.plain_text import shown

@@ -11,8 +11,7 @@ import shapely
 from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
-from uavseg.flight.camera.photos import Photos
-from uavseg.flight.mission.fence import Fence, FenceCircle, RallyPoint
+from uavseg.flight.camera.camera import Photos
 from uavseg.flight.mission.items import (
     AUTOPILOTS,
     CHANGE_SPEED,
@@ -23,8 +22,11 @@ from uavseg.flight.mission.items import (
     MAX_ITEMS,
     RETURN,
     TAKEOFFS,
+    Fence,
+    FenceCircle,
     HomePosition,
     MissionItem,
+    RallyPoint,
     check_accepted,
     check_near,
     distance_m,

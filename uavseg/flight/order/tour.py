@@ -377,8 +377,7 @@ def local_search_tour(
     arrays = (stops.first, options, stops.costs, state, lengths, scratch, sums, apart, totals, before)
     while state[0] <= rounds:
         _search(distances, *arrays, passes)
-    best: Integers = options_left[scratch[1, :count]]
-    return best
+    return options_left[scratch[1, :count]]
 
 
 def _groups(

@@ -12,10 +12,9 @@ from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.avoid.enclosing import MANY_CORNERS, enclosing
-from uavseg.flight.camera.photos import Photos
+from uavseg.flight.camera.camera import Photos
 from uavseg.flight.cover.corridor import corridor, is_long_and_thin
-from uavseg.flight.cover.lines import COARSE
-from uavseg.flight.cover.strips import MIN_LINE_M
+from uavseg.flight.cover.lines import COARSE, MIN_LINE_M
 from uavseg.flight.cover.survey import CoverParams, Survey
 from uavseg.flight.cover.survey import surveys as cover_region
 from uavseg.flight.mission.track import HOVER_S, Track

@@ -95,7 +95,6 @@ def _offset(region: Any, offset_m: float) -> Any:
 
 
 def _simplified(region: Any, tolerance_m: float) -> Any:
-    """Simplify each ring of a region by `_simplified_ring`."""
     rings = [
         _simplified_ring(shapely.get_coordinates(ring), tolerance_m) for ring in shapely.get_rings(region)
     ]

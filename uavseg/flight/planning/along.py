@@ -111,7 +111,11 @@ def _corner_actions(track: Track, params: PlanParams) -> list[list[MissionItem]]
     for trigger, speed, shot, place in zip(triggers, speeds, track.shots.tolist(), places, strict=True):
         items = []
         if not np.array_equal(place, seen, equal_nan=True):
-            items.append(_look_at(place[0], place[1]))
+            lon, lat = place.tolist()
+            ahead = MissionItem(ROI_NONE, FRAME_MISSION)
+            items.append(
+                ahead if not np.isfinite(lon) else MissionItem(ROI_LOCATION, FRAME_RELATIVE, lat=lat, lon=lon)
+            )
         if shot:
             items += _one_photo(params)
         if trigger != before:  # the distance is that of the line, which begins with a photograph
@@ -128,13 +132,6 @@ def _gimbal_items(track: Track, params: PlanParams) -> list[MissionItem]:
     pitch = float(params.photos.pitch_deg)
     targeting = 2.0  # MAV_MOUNT_MODE_MAVLINK_TARGETING
     return [MissionItem(MOUNT_CONTROL, FRAME_MISSION, (pitch, 0.0, 0.0, 0.0), altitude_m=targeting)]
-
-
-def _look_at(lon: float, lat: float) -> MissionItem:
-    """Look at a place at the height of home, or ahead again."""
-    if not np.isfinite(lon):
-        return MissionItem(ROI_NONE, FRAME_MISSION)
-    return MissionItem(ROI_LOCATION, FRAME_RELATIVE, lat=float(lat), lon=float(lon))
 
 
 def _one_photo(params: PlanParams) -> list[MissionItem]:

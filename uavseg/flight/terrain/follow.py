@@ -12,11 +12,17 @@ from uavseg.flight.mission.items import FRAME_AMSL, FRAME_RELATIVE, FRAME_TERRAI
 from uavseg.flight.mission.mission import Ground
 from uavseg.flight.mission.track import Track
 from uavseg.flight.mission.vehicle import returning_vehicles
-from uavseg.flight.params.plan import PlanParams
-from uavseg.flight.params.terrain import FRAME, RELATIVE, TerrainParams
-from uavseg.flight.terrain.altitude_profile import GAP, AltitudeProfile, fly_over, rates_m_s
+from uavseg.flight.params.plan import FRAME, RELATIVE, PlanParams, TerrainParams
+from uavseg.flight.terrain.altitude_profile import (
+    GAP,
+    AltitudeProfile,
+    GroundProfile,
+    check_known,
+    fly_over,
+    profile_along,
+    rates_m_s,
+)
 from uavseg.flight.terrain.leg_speeds import speeds_of
-from uavseg.flight.terrain.profile import GroundProfile, check_known, profile_along
 from uavseg.raster.elevation.dem import Dem
 from uavseg.raster.geodesy.globe import geod_wgs84
 

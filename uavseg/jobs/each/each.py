@@ -4,8 +4,9 @@ Sources of few tiles run side by side, a thread for each. Larger ones follow one
 tiles side by side. Which of the two makes no difference to a result.
 """
 
+import csv
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import closing, suppress
 from contextvars import copy_context
 from dataclasses import replace
@@ -14,24 +15,77 @@ from pathlib import Path
 
 from uavseg.arrays import Path_
 from uavseg.dataclass import dataclass
-from uavseg.errors import OutputExistsError, RasterReadError, UavsegError
-from uavseg.execution.executors import Progress, serial, threads, usable_cores
-from uavseg.execution.forks import can_fork, fork_each
-from uavseg.jobs.each.each_report import Outcome, check_report, write_report
+from uavseg.errors import OutputError, OutputExistsError, RasterReadError, UavsegError
+from uavseg.execution.executors import Progress, can_fork, fork_each, serial, threads, usable_cores
 from uavseg.jobs.requests import RegionJob
 from uavseg.jobs.source.inputs import keep_inputs
 from uavseg.jobs.source.open_source import open_source
 from uavseg.jobs.source.source import Blocks, Source
 from uavseg.jobs.source.work import SERIAL, Work
-from uavseg.output.atomic import output_errors, transaction
+from uavseg.output.atomic import atomic_file, check_target, output_errors, transaction
 from uavseg.output.disk import note_planned, note_written, recording_written
 from uavseg.output.targets import check_distinct_outputs, existing_files, outputs_of
 from uavseg.plain_text import cause_of, one_line
 from uavseg.raster.access.opening import gdal_env
 from uavseg.raster.formats.creation import DEFAULT, CreationOptions
 from uavseg.raster.read.source_list import expand_sources
+from uavseg.regions.formats import export
+from uavseg.regions.formats.export import check_labels, check_region_path, write_label_raster
 
 NOT_RUN = "it was not begun: the run was stopped"
+_HEADER = ("source", "output", "regions", "area_m2", "warnings", "error")
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What came out of one source: how many regions, or the error why there are none.
+
+    `area_m2` is their total area, in the units of the raster where it has no CRS.
+    """
+
+    source: str
+    output: str
+    regions: int | None = None
+    area_m2: float | None = None
+    warnings: tuple[str, ...] = ()
+    error: str | None = None
+
+    @property
+    def failure(self) -> str:
+        """The error as one clause that names the source."""
+        text = self.error or ""
+        return text if text.startswith(f"{self.source} ") else f"{self.source} failed: {text}"
+
+
+def check_report(path: str, outputs: Iterable[str], overwrite: bool = False) -> None:
+    """Check that a report may be written, before the work.
+
+    `outputs` are the other files of the run. An OutputError says that it is not a .csv, exists and may not be
+    replaced, or has the name of an output.
+    """
+    if Path(path).suffix.lower() != ".csv":
+        raise OutputError(f"{path}: a report is written to .csv")
+    check_target(path, overwrite)
+    if os.path.realpath(path) in {os.path.realpath(name) for name in outputs}:
+        raise OutputError(f"{path} is an output and the report; give each a name of its own")
+
+
+def write_report(outcomes: Sequence[Outcome], path: str, overwrite: bool = False) -> None:
+    """Write what came out of each source as CSV (RFC 4180, UTF-8).
+
+    The columns are source, output, regions, area_m2, warnings (separated by "; ") and error. It says nothing
+    of the time a source took, so that the same run gives the same bytes. An OutputError says that it cannot
+    be written.
+    """
+    with (
+        atomic_file(path, overwrite) as part,
+        part.open("w", encoding="utf-8", errors="backslashreplace", newline="") as file,
+    ):
+        table = csv.writer(file)
+        table.writerow(_HEADER)
+        for one in outcomes:
+            area = None if one.area_m2 is None else float(f"{one.area_m2:.12g}")
+            table.writerow((one.source, one.output, one.regions, area, "; ".join(one.warnings), one.error))
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +174,7 @@ def _run(
     run = threads(count)
     note_planned(*(str(Path(name)) for task in tasks for name in task.outputs))
     alone = replace(work, executor=serial, local=serial, progress=None)
-    progress = work.progress or _ignored
+    progress = work.progress or (lambda done, total: None)
     context = copy_context()
     most = usable_cores() if count is None else count
     one = partial(_outcome, job=job, names=names, work=alone, most_tiles=most)
@@ -170,17 +224,14 @@ def grouped_warnings(outcomes: Sequence[Outcome]) -> list[str]:
     for outcome in outcomes:
         for text in outcome.warnings:
             owners.setdefault(text, []).append(outcome.source)
-    return [f"{first}{_others(len(rest))}: {text}" for text, (first, *rest) in owners.items()]
-
-
-def _others(count: int) -> str:
-    return f" and {count:,} {'other' if count == 1 else 'others'}" if count else ""
+    texts = []
+    for text, (first, *rest) in owners.items():
+        more = f" and {len(rest):,} other{'s' * (len(rest) > 1)}" if rest else ""
+        texts.append(f"{first}{more}: {text}")
+    return texts
 
 
 def _check_outputs(tasks: Sequence[SourceTask], overwrite: bool) -> None:
-    from uavseg.regions.formats.export import check_region_path
-    from uavseg.regions.formats.label_raster import check_labels
-
     there: list[str] = []
     for task in tasks:
         try:
@@ -204,21 +255,15 @@ def _outcome(
     try:
         with gdal_env():  # once for all that is read
             source = open_source(task.source, job.read)
-            if most_tiles is not None and _tiles_of(source, work) > most_tiles:
+            tiles = 1 if isinstance(source, Blocks) else len(source.dataset.windows(work.tile))
+            if most_tiles is not None and tiles > most_tiles:
                 return None
             return _answered(task, source, job, names, work)
     except (UavsegError, OSError, MemoryError) as error:
         return Outcome(task.source, task.output, error=_text_of(error))
 
 
-def _tiles_of(source: Source, work: Work) -> int:
-    return 1 if isinstance(source, Blocks) else len(source.dataset.windows(work.tile))
-
-
 def _answered(task: SourceTask, source: Source, job: RegionJob, names: OutputNames, work: Work) -> Outcome:
-    from uavseg.regions.formats import export
-    from uavseg.regions.formats.label_raster import write_label_raster
-
     export.check_region_crs(task.output, source.geobox.wkt)
     found = job.find(source, work)
     with transaction():
@@ -240,10 +285,5 @@ def _text_of(error: BaseException) -> str:
     return one_line(f"{named}: {cause_of(error)}" if named else cause_of(error))
 
 
-def _ignored(done: int, total: int) -> None:
-    """Progress that is not reported."""
-
-
 def _within(progress: Progress, done: int, count: int, part: int, parts: int) -> None:
-    """Progress within one of several sources."""
     progress(done * parts + min(part, parts), count * parts)

@@ -4,6 +4,7 @@ import math
 import os
 from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from functools import partial
 from typing import Any
 
@@ -11,8 +12,7 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError, ParameterError
 from uavseg.execution.executors import decided, phase
 from uavseg.flight.formats import kmz, litchi, wpml
-from uavseg.flight.formats.files import MAX_BYTES, check_mission_format, read_mission
-from uavseg.flight.formats.station_rules import station_refusals
+from uavseg.flight.formats.files import MAX_BYTES, check_mission_format, read_mission, station_refusals
 from uavseg.flight.formats.wayline import wayline_of
 from uavseg.flight.mission.items import (
     AUTOPILOTS,
@@ -27,11 +27,10 @@ from uavseg.flight.mission.items import (
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.vehicle import default_vehicle
 from uavseg.flight.params.plan import SafetyParams
-from uavseg.flight.safety.check import SafetyCheck
+from uavseg.flight.safety.check import Clearance, SafetyCheck
 from uavseg.flight.terrain.altitude_profile import climbs_early
-from uavseg.flight.terrain.clearance import Clearance
 from uavseg.inputs import read_bytes
-from uavseg.jobs.flights.plan_regions import zone_polygons
+from uavseg.jobs.flights.request import zone_polygons
 from uavseg.options.flights import CheckOptions
 from uavseg.plain_text import shown
 from uavseg.raster.elevation.dem import Dem
@@ -120,11 +119,7 @@ class MissionCheck:
             "speed_m_s": mission.speed_m_s,
             "slowest_m_s": mission.speed_range_m_s[0],
             "fastest_m_s": mission.speed_range_m_s[1],
-            "home": {
-                "lat": mission.home.lat,
-                "lon": mission.home.lon,
-                "altitude_m": mission.home.altitude_m,
-            },
+            "home": asdict(mission.home),
             "fence": {"inclusions": inclusions, "exclusions": len(mission.fence) - inclusions},
             "rally_points": len(mission.rally),
             "verdicts": [

@@ -8,10 +8,9 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError, ParameterError
 from uavseg.execution.executors import decided, phase
 from uavseg.flight.formats.files import check_mission_format, read_mission
-from uavseg.flight.link.download import download_mission
 from uavseg.flight.link.link import TIMEOUT_S, Link, connect
+from uavseg.flight.link.missions import download_mission, upload_mission
 from uavseg.flight.link.transport import parse_address
-from uavseg.flight.link.upload import upload_mission
 from uavseg.flight.mission.mission import Mission
 
 MAX_TIMEOUT_S = 600.0

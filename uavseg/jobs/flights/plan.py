@@ -1,6 +1,7 @@
-"""Planning of a mission over regions: which of them, from where, and how to fly."""
+"""Planning of a mission over regions: which of them, from where, and how to fly; files of several flights."""
 
 import os
+import warnings
 from collections.abc import Sequence
 from dataclasses import field, replace
 from pathlib import Path
@@ -11,14 +12,15 @@ import numpy as np
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import decided, phase
+from uavseg.flight.formats.files import MissionPath, write_mission
 from uavseg.flight.formats.options import DEFAULT_DJI_MODEL, FileOptions
+from uavseg.flight.mission.features import as_html, explore
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.params.plan import PlanParams
-from uavseg.flight.planning.numbered import write_flights
 from uavseg.flight.planning.planner import check_regions, plan_missions
-from uavseg.flight.safety.check import SafetyCheck
-from uavseg.flight.safety.home_place import IsGround, home_outside
-from uavseg.flight.terrain.clearance import clearance_of
+from uavseg.flight.safety.check import SafetyCheck, clearance_of
+from uavseg.flight.safety.keep_out import IsGround, home_outside
+from uavseg.output.atomic import transaction
 from uavseg.regions.select.choose import of_classes, select_regions
 from uavseg.regions.table import Regions
 
@@ -39,7 +41,7 @@ class PlanRequest:
     home: Home  # "auto": near the chosen regions, outside of all of them and of keep-out zones
     ids: Sequence[int] | None = None  # only the regions with these
     largest: int | None = None  # only so many
-    where: str | None = None  # a condition, see `uavseg.regions.select.where`
+    where: str | None = None  # a condition, see `uavseg.regions.select.choose`
     allow_edge: bool = False  # fly over regions that touch the edge of their raster too
     classes: Sequence[str] | None = None  # only regions of these
     avoid_classes: Sequence[str] = ()  # whose regions are keep-out zones
@@ -88,14 +90,9 @@ class MissionPlan:
 
     def explore(self, **words: Any) -> Any:
         """Draw an interactive map (folium.Map) of all flights; arguments as of `Mission.explore`."""
-        from uavseg.flight.mission.features import explore
-
         return explore(*self.missions, **words)
 
     def _repr_html_(self) -> str:
-        """For notebooks: each flight."""
-        from uavseg.flight.mission.features import as_html
-
         count = len(self.missions)
         titles = ["" if count == 1 else f"<p>flight {k} of {count}</p>" for k in range(1, count + 1)]
         shown = zip(titles, self.missions, strict=True)
@@ -139,7 +136,7 @@ def plan(
 ) -> MissionPlan:
     """Plan missions over regions: take off, fly their pattern in a short order, return.
 
-    Regions and keep-out zones are in degrees (lon, lat; WGS 84), see `uavseg.jobs.flights.plan_regions`. With
+    Regions and keep-out zones are in degrees (lon, lat; WGS 84), see `uavseg.jobs.flights.request`. With
     the raster that the regions are of, those that touch its edge are left out, and a home that is found lies
     on one of its valid pixels. A RegionError says that none of the regions is chosen, none is of a class, or
     one that touches the edge is chosen by its id; a MissionError that there are no regions, that they are not
@@ -153,7 +150,7 @@ def plan(
         avoided = np.flatnonzero(of_classes(regions, request.avoid_classes))
         zones = [*zones, *regions.select(avoided).polygons]
     if raster is not None and not request.allow_edge and len(chosen):
-        from uavseg.jobs.result.edge_regions import without_edge_regions
+        from uavseg.jobs.flights.under_raster import without_edge_regions
 
         chosen, notes = without_edge_regions(chosen, raster, request.ids, request.where)
     if request.chooses:
@@ -166,7 +163,7 @@ def plan(
         margin_m = flight.safety.avoid_margin_m
         is_ground: IsGround | None = None
         if raster is not None:
-            from uavseg.jobs.source.valid_ground import valid_ground
+            from uavseg.jobs.flights.under_raster import valid_ground
 
             is_ground = valid_ground(raster)
         with phase("place for home"):
@@ -210,3 +207,49 @@ def _points(regions: Regions) -> list[tuple[float, float]]:
     # The 12 digits that GeoJSON keeps, so that no format decides between orders of almost the same length.
     lon, lat = ([float(f"{x:.12g}") for x in regions.columns[name].tolist()] for name in ("lon", "lat"))
     return list(zip(lon, lat, strict=True))
+
+
+def _flight_paths(path: MissionPath, count: int) -> list[Path]:
+    """Return the file of each flight: the path itself for one.
+
+    >>> [path.name for path in _flight_paths("survey.plan", 2)]
+    ['survey-1.plan', 'survey-2.plan']
+    """
+    base = Path(path)
+    if count == 1:
+        return [base]
+    return [base.with_name(f"{base.stem}-{number}{base.suffix}") for number in range(1, count + 1)]
+
+
+def write_flights(
+    missions: Sequence[Mission],
+    path: MissionPath,
+    check: SafetyCheck,
+    overwrite: bool = False,
+    options: FileOptions | None = None,
+) -> list[Path]:
+    """Write missions, read each back and check it; all files appear together, or none.
+
+    `path` is the file of a single mission, see `_flight_paths`. A MissionError says that its extension is not
+    one of missions, or that what was written is not safe, an OutputError that a file exists or cannot be
+    written.
+    """
+    paths = _flight_paths(path, len(missions))
+    options = options or FileOptions()
+    stale = _stale_flight(path, len(missions))
+    with transaction():
+        for mission, one in zip(missions, paths, strict=True):
+            write_mission(
+                mission, one, overwrite, check.check, editable=options.editable, dji_model=options.dji_model
+            )
+    if stale is not None:
+        warnings.warn(f"{stale} is of another plan; do not fly it with this one", stacklevel=2)
+    return paths
+
+
+def _stale_flight(path: MissionPath, count: int) -> Path | None:
+    """Return a file of another plan that looks like one more flight of this one."""
+    base = Path(path)
+    following = base.with_name(f"{base.stem}-{count + 1 if count > 1 else 1}{base.suffix}")
+    files = (following, base) if count > 1 else (following,)
+    return next((file for file in files if file.exists()), None)

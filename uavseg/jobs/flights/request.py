@@ -1,18 +1,19 @@
-"""Requests of missions from their options: how to fly, from where and over which regions."""
+"""Requests of missions from their options: how to fly, from where, over which regions, around which zones."""
 
 from __future__ import annotations
 
 import math
 import os
-from dataclasses import fields
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from uavseg.errors import ParameterError
-from uavseg.flight.camera.camera import Camera, Overlap, camera_named
-from uavseg.flight.camera.photos import SHUTTER_S, Photos
-from uavseg.flight.mission.fence import RallyPoint
+from uavseg.execution.executors import phase
+from uavseg.flight.camera.camera import SHUTTER_S, Camera, Overlap, Photos, camera_named
+from uavseg.flight.mission.items import RallyPoint
 from uavseg.flight.mission.vehicle import read_vehicle
 from uavseg.flight.params.plan import (
     COVERING,
@@ -21,11 +22,17 @@ from uavseg.flight.params.plan import (
     PatternParams,
     PlanParams,
     SafetyParams,
+    terrain_params,
 )
-from uavseg.flight.params.terrain import terrain_params
 from uavseg.jobs.flights.plan import Home, PlanRequest
 from uavseg.options.flights import MissionOptions, PatternOptions, PhotoOptions, PlanOptions, SafetyOptions
 from uavseg.plain_text import shown
+from uavseg.regions.table import Regions
+
+if TYPE_CHECKING:
+    from geopandas import GeoDataFrame
+
+    from uavseg.jobs.source.source import Source
 
 MAX_GSD_CM = 100.0
 
@@ -224,3 +231,69 @@ def _whole(side: float) -> int:
 def _names(given: Any) -> Any:
     """Return one name as a sequence of it."""
     return (given,) if isinstance(given, str) else None if given is None else tuple(given)
+
+
+def open_regions(
+    source: str | os.PathLike[str] | bytes | GeoDataFrame | Regions, layer: str | None = None
+) -> Regions:
+    """Return regions in degrees from a file (a layer of it), the content of one, a frame or another job.
+
+    A RegionError says that the file cannot be read, has no polygons or not only polygons, or no coordinate
+    system.
+    """
+    if isinstance(source, Regions):
+        return in_degrees(source)
+    from uavseg.regions.formats import read
+
+    if isinstance(source, str | os.PathLike | bytes):
+        with phase("reading of regions"):
+            return read.read_regions(source, layer)
+    if not hasattr(source, "geometry") or not hasattr(source, "columns"):
+        raise ParameterError(f"regions is a file of polygons or a GeoDataFrame, not {shown(source)}")
+    return read.regions_of_frame(source)
+
+
+def in_degrees(regions: Regions) -> Regions:
+    """Return regions of a raster in WGS 84, with the coordinates that GeoJSON gets.
+
+    OutputError is raised if they have no place on the Earth.
+    """
+    from uavseg.regions.wgs84.to_wgs84 import wgs84_geometries
+
+    polygons: Any = wgs84_geometries(regions)
+    return replace(regions, polygons=polygons, wkt="EPSG:4326")
+
+
+def zone_polygons(avoid: Sequence[Any], raster: Source | None = None) -> list[Any]:
+    """Return polygons in degrees of keep-out zones: files, frames, regions, or ranges of intensity.
+
+    A range stands for its regions in the raster. A RegionError says that a file cannot be read, a
+    ParameterError that there is a range and no raster, or that a range is wrong or finds nothing to keep out
+    of, an OutputError that the raster has no place on the Earth.
+    """
+    result: list[Any] = []
+    for zone in avoid:
+        is_range = isinstance(zone, tuple | list)
+        result += list((_in_range(zone, raster) if is_range else open_regions(zone)).polygons)
+    return result
+
+
+def _in_range(ends: Sequence[Any], raster: Source | None) -> Regions:
+    from uavseg.jobs.extract import ExtractRequest, extract
+    from uavseg.segmentation.params.segment import IntensityRange
+
+    if len(ends) != 2:
+        raise ParameterError(f"a range of intensity is two numbers, such as 0,0.2, not {shown(ends)}")
+    if raster is None:
+        raise ParameterError(
+            f"the keep-out zones {ends[0]:g},{ends[1]:g} are a range of intensity; name the raster in which "
+            "they are looked for (--raster)"
+        )
+    interval = IntensityRange(float(ends[0]), float(ends[1]))
+    found = extract(raster, ExtractRequest(interval)).regions
+    if not len(found):
+        raise ParameterError(
+            f"no region of {raster.name} has a mean v in the range {interval.low:g},{interval.high:g} of "
+            "--avoid, so there is nothing to keep out of; uavseg info shows which v there are"
+        )
+    return in_degrees(found)

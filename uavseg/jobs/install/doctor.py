@@ -1,19 +1,24 @@
-"""Diagnosis of an installation: versions, kernels, threads and what is connected, for an issue report."""
+"""Diagnosis of an installation: versions, kernels, threads and what is connected; warm-up."""
 
 import importlib
 import importlib.metadata
 import os
 import platform
+import shutil
+import subprocess
 import sys
+import tempfile
+import time
 from collections.abc import Callable
 from typing import Any
 
 from uavseg import _version
 from uavseg._jit import object_cache, shipped, warming
+from uavseg.arguments import checked
 from uavseg.dataclass import dataclass
-from uavseg.execution.executors import usable_cores
+from uavseg.errors import OutputError, ParameterError
+from uavseg.execution.executors import Progress, usable_cores
 from uavseg.flight.link.transport import serial_ports
-from uavseg.jobs.install.find_qgis import find_qgis
 from uavseg.plain_text import cause_of, one_line
 
 _NEEDED = (
@@ -27,6 +32,14 @@ _NAMED = (
     *("PYTHONHOME", "PYTHONPATH", "LD_LIBRARY_PATH", "UAVSEG_CACHE"),
 )
 _EPSG = 32618  # any code that the database of PROJ has
+_LIBRARIES = (
+    *("rasterio", "pyogrio", "geopandas", "pyproj", "shapely", "yaml"),
+    *("matplotlib.font_manager", "pymavlink.mavutil"),  # the first makes its list of fonts, once for a user
+)
+_PROGRAMS = ("qgis_process.bin", "qgis_process", "qgis_process-qgis.bat", "qgis_process-qgis-ltr.bat")
+_KEPT = ("PATH", "LANG", "SYSTEMROOT")  # other variables may name libraries of Python's
+_FOLDERS = ("HOME", "XDG_RUNTIME_DIR", "QGIS_CUSTOM_CONFIG_PATH", "TEMP", "TMP")  # that QGIS may write to
+_TIMEOUT_S = 20.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,18 +96,14 @@ def _libraries() -> Findings:
     for name in _NEEDED:
         facts[name], failure = _loaded(name)
         if failure:
-            problems.append(f"{name} cannot be loaded ({failure}); {_remedy(failure)}")
+            remedy = "install it again: pip install uavseg"
+            if "libexpat" in failure:  # wheels of rasterio bring all libraries but this one
+                remedy = "install it from the system: apt install libexpat1"
+            problems.append(f"{name} cannot be loaded ({failure}); {remedy}")
     for name in _EXTRA:
         version = _version_of(name)
         facts[name] = version or "not installed (optional)"
     return facts, problems
-
-
-def _remedy(failure: str) -> str:
-    """Return what to do: the wheels of rasterio bring all libraries but this one."""
-    if "libexpat" in failure:
-        return "install it from the system: apt install libexpat1"
-    return "install it again: pip install uavseg"
 
 
 def _loaded(name: str) -> tuple[str, str]:
@@ -206,3 +215,115 @@ def _neighbours() -> Findings:
     if ports and not _version_of("serial"):
         problems.append('serial ports need pyserial; install it: pip install "uavseg[serial]"')
     return facts, problems
+
+
+@dataclass(frozen=True, slots=True)
+class WarmUp:
+    """What was done before the work begins: numbers of kernels, of libraries that were loaded, and seconds.
+
+    The machine code of kernels came with the package (`shipped`), was compiled on this machine before
+    (`kept`), or now.
+    """
+
+    shipped: int
+    kept: int
+    compiled: int
+    libraries: int
+    seconds: float
+
+    def __str__(self) -> str:
+        kernels = self.shipped + self.kept + self.compiled
+        return (
+            f"{kernels} kernels are ready in {self.seconds:.1f} s: {self.shipped} came with the package, "
+            f"{self.kept} were compiled before, {self.compiled} now; {self.libraries} libraries were loaded"
+        )
+
+
+@checked
+def warm_up(processes: int | None = None, progress: Progress | None = None) -> WarmUp:
+    """Load everything once, and compile what has to be compiled, so that later commands start at once.
+
+    On Linux with an x86-64 processor nothing is compiled: kernels come with the package. Elsewhere they are
+    compiled into the user's cache, by several processes at once.
+
+    Parameters
+    ----------
+    processes : int, optional
+        How many compile; by default one for each core that the process may use.
+    progress : callable, optional
+        Called with the number of steps done and the number of steps: one for each kernel and each library.
+
+    Raises
+    ------
+    ParameterError
+        If `processes` is below 1.
+    OutputError
+        If kernels have to be compiled and no folder can keep them.
+    MissingLibraryError
+        If a kernel has to be compiled and numba is not installed.
+
+    Examples
+    --------
+    >>> import uavseg
+    >>> done = uavseg.warm_up()
+    >>> done.shipped + done.kept + done.compiled > 80
+    True
+    """
+    start = time.perf_counter()
+    count = usable_cores() if processes is None else processes
+    if count < 1:
+        raise ParameterError(f"the number of processes is at least 1, not {count}")
+    kernels = warming.all_kernels()
+    total = len(kernels) + len(_LIBRARIES)
+
+    def report(done: int) -> None:
+        if progress is not None:
+            progress(done, total)
+
+    found = warming.warm(kernels, count, report)
+    for done, name in enumerate(_LIBRARIES, start=len(kernels) + 1):
+        importlib.import_module(name)
+        report(done)
+    if found["compiled"] and object_cache.is_temporary(object_cache.cache_folder()):
+        raise OutputError(
+            f"{found['compiled']} kernels were compiled, but no folder can keep them; "
+            "name one that only you can write to in UAVSEG_CACHE"
+        )
+    seconds = time.perf_counter() - start
+    return WarmUp(found["shipped"], found["kept"], found["compiled"], len(_LIBRARIES), seconds)
+
+
+def find_qgis() -> str:
+    """Return the version of the QGIS on the search path, such as "3.22.16-Białowieża"; empty where none is.
+
+    It is started to ask for its version, without the variables of this environment.
+    """
+    found = [program for program in _PROGRAMS if shutil.which(program)]
+    for program in found:
+        version = _qgis_version(program)
+        if version:
+            return version
+    if found or shutil.which("qgis"):
+        return "found, but it does not say its version"
+    return ""
+
+
+def _qgis_version(program: str) -> str:
+    """Return what a program says in the line that begins with "QGIS"."""
+    with tempfile.TemporaryDirectory(prefix="uavseg-") as folder:
+        kept = {name: os.environ[name] for name in _KEPT if name in os.environ}
+        own = {"QT_QPA_PLATFORM": "offscreen"} | dict.fromkeys(_FOLDERS, folder)
+        try:
+            answer = subprocess.run(
+                [shutil.which(program) or program, "--version"],
+                capture_output=True,
+                timeout=_TIMEOUT_S,
+                check=False,
+                env=kept | own,
+                stdin=subprocess.DEVNULL,
+            )
+        except (OSError, subprocess.TimeoutExpired):  # then it says nothing of itself
+            return ""
+    lines = answer.stdout.decode("utf-8", "replace").splitlines()
+    said = next((line for line in lines if line.startswith("QGIS ")), "")
+    return said.removeprefix("QGIS ").split(" '")[0].strip()

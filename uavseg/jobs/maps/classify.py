@@ -10,16 +10,23 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import LostObstaclesError, MapError, ParameterError
 from uavseg.execution.executors import decided, phase, trim_heap
 from uavseg.jobs.ranges.ranges import decided_grey
-from uavseg.jobs.result.metadata import drawing_facts, segment_facts, with_metadata
-from uavseg.jobs.result.result import Drawing, Extraction, SourceInfo, measured
+from uavseg.jobs.result.result import (
+    Drawing,
+    Extraction,
+    SourceInfo,
+    drawing_facts,
+    measured,
+    segment_facts,
+    with_metadata,
+)
 from uavseg.jobs.source.source import Blocks, ProbabilityMap
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import TilePass
 from uavseg.regions.edit.small import Area, drop_small_regions
 from uavseg.regions.outline.rings import Rings
-from uavseg.regions.tiles.segment_tiles import outline_state
-from uavseg.segmentation.blocks.leaves import cell_states
+from uavseg.regions.tiles.class_tiles import outline_state
+from uavseg.segmentation.blocks.leaves import cell_intervals
 from uavseg.segmentation.params.segment import SegmentParams, StateLimits
 from uavseg.segmentation.pipeline import measure_block_map_for
 from uavseg.segmentation.source import GreySource
@@ -159,7 +166,7 @@ def _leaf_states(grey: GreySource, request: ClassifyRequest, tile_pass: TilePass
     with phase("division"):
         blocks = measure_block_map_for(grey, request.limits, request.segment, tile_pass)
     decided("%d x %d blocks of 64 x 64 pixels", *blocks.blocks)
-    cells = cell_states(blocks, request.limits, request.segment.division)
+    cells = cell_intervals(blocks, request.limits.edges, request.segment.division)  # 1 free, 2 unknown, ...
     del blocks
     trim_heap()
     return cells
@@ -202,14 +209,12 @@ def _objects(
 
 
 def _metadata(request: ClassifyRequest) -> dict[str, Any]:
-    """Return the parameters, for the metadata of the objects."""
     limits = {"free_below": request.limits.free_below, "occupied_above": request.limits.occupied_above}
     segment = segment_facts(request.segment) | {"refine": request.refine}
     return limits | segment | drawing_facts(request.drawing, None, request.min_area)
 
 
 def _bounds(rings: Rings, geobox: GeoBox) -> dict[str, NDArray[np.float64]]:
-    """Compute the bounding box of each region, in the coordinates of the map."""
     starts = rings.starts[np.flatnonzero(np.diff(rings.labels, prepend=0))]  # of the first ring of each
     xy = np.asarray(geobox.xy_from_pixel(rings.vertices[:, 0], rings.vertices[:, 1]), np.float64)
     return {

@@ -3,7 +3,7 @@
 Regions of two rasters are those of `extract`, compared tile by tile on the finer of their grids: a pixel has
 the class of the pixel of the other raster in which its centre lies, in whatever coordinate system that is.
 Only ground that is valid in both counts, in whole pixels: those gained minus those lost are those in range
-after minus those before. Maps are registered first, see `occupancy.compare_maps`.
+after minus those before. Maps are registered first, see `occupancy.several_maps`.
 """
 
 import math
@@ -28,8 +28,8 @@ from uavseg.jobs.result.result import Extraction
 from uavseg.jobs.source.open_source import open_pixels, open_probability_map, pixels_of
 from uavseg.jobs.source.source import ProbabilityMap, Raster
 from uavseg.jobs.source.work import SERIAL, Work
-from uavseg.occupancy.compare_maps import Evidence, Registration, changed_objects, register
 from uavseg.occupancy.ros.ros_map import placement
+from uavseg.occupancy.several_maps import Evidence, Registration, changed_objects, register
 from uavseg.options.reading import ReadOptions
 from uavseg.plain_text import printable
 from uavseg.raster.geodesy.globe import transform_between
@@ -39,8 +39,7 @@ from uavseg.raster.grid.tiling import TilePass, Window, whole_blocks
 from uavseg.raster.intensity.value_range import ValueRange
 from uavseg.raster.read.dataset import Dataset
 from uavseg.regions.edit.small import Area
-from uavseg.regions.outline.rasterise import Rasteriser
-from uavseg.regions.outline.rings import RegionOutlines, renumber_by_size
+from uavseg.regions.outline.rings import Rasteriser, RegionOutlines, renumber_by_size
 from uavseg.regions.outline.stitch import outline_tile
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.table import Regions, make_regions

@@ -15,7 +15,7 @@ from uavseg.jobs.source.open_source import open_probability_map
 from uavseg.jobs.source.source import Pixels, ProbabilityMap
 from uavseg.occupancy.map_file import WritableMap
 from uavseg.occupancy.mapping.grid_io import check_cells
-from uavseg.occupancy.merge_maps import PlacedMap, common_grid, cropped, merge
+from uavseg.occupancy.several_maps import PlacedMap, common_grid, cropped, merge
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import TilePass, Window
 from uavseg.units import GREY_MAX
@@ -48,7 +48,7 @@ class MergedMap(WritableMap):
 
 
 def merge_maps(sources: Sequence[Any], request: MergeRequest = MergeRequest()) -> MergedMap:
-    """Merge maps of probabilities, sources of `open_probability_map`; see `occupancy.merge_maps`."""
+    """Merge maps of probabilities, sources of `open_probability_map`; see `occupancy.several_maps`."""
     if not sources:
         raise ParameterError("name at least one map")
     warnings: list[str] = []

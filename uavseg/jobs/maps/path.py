@@ -7,8 +7,7 @@ from uavseg.errors import ParameterError
 from uavseg.jobs.extract import ExtractRequest, regions_of_pixels
 from uavseg.jobs.source.source import Blocks, ProbabilityMap
 from uavseg.jobs.source.work import SERIAL, Work
-from uavseg.occupancy.paths.find_path import PathParams, PlannedPath, find_path
-from uavseg.occupancy.paths.free_cells import FreeCells
+from uavseg.occupancy.paths.find_path import FreeCells, PathParams, PlannedPath, find_path
 from uavseg.options.classes import AnyRange
 from uavseg.segmentation.params.segment import SegmentParams
 from uavseg.segmentation.source import GreySource

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from uavseg.errors import ParameterError
+
 if TYPE_CHECKING:
     from uavseg.jobs.maps.classify import ClassifyRequest
     from uavseg.jobs.maps.explore import ExploreRequest
@@ -102,7 +104,6 @@ def explore_request(options: ExploreOptions) -> ExploreRequest:
 
 def compare_job(options: CompareOptions) -> RegionJob | None:
     """Return the job whose regions are compared; None where neither a range nor classes are given: maps."""
-    from uavseg.errors import ParameterError
     from uavseg.jobs.requests import region_job
     from uavseg.options.regions import ExtractOptions
 

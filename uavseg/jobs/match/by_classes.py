@@ -13,9 +13,17 @@ from numpy.typing import NDArray
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, SampleError
 from uavseg.execution.executors import decided, phase
-from uavseg.jobs.match.color_bands import color_sources
-from uavseg.jobs.result.metadata import confidence_facts, drawing_facts, with_metadata
-from uavseg.jobs.result.result import Drawing, Extraction, SourceInfo, filled, measured
+from uavseg.jobs.match.ranges_of_sample import color_sources
+from uavseg.jobs.result.result import (
+    Drawing,
+    Extraction,
+    SourceInfo,
+    confidence_facts,
+    drawing_facts,
+    filled,
+    measured,
+    with_metadata,
+)
 from uavseg.jobs.source.open_source import raster_of
 from uavseg.jobs.source.source import Source, detail_of
 from uavseg.jobs.source.work import SERIAL, Work

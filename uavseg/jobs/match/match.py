@@ -1,8 +1,8 @@
 """Search for the regions of a raster that are like a sample of it.
 
-color -> outlined: where the raster has the colors of the sample, see `like.by_color`
+color -> outlined: where the raster has the colors of the sample, see `regions_by_color`
       -> texture: where that clearly parts what is outlined, it decides which of it remains
-texture alone, see `like.by_texture`: where color hardly parts the sample from the raster, or as chosen
+texture alone, see `by_texture`: where color hardly parts the sample from the raster, or as chosen
 """
 
 from collections.abc import Sequence
@@ -10,26 +10,41 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from uavseg.dataclass import dataclass
-from uavseg.execution.executors import decided
-from uavseg.jobs.match.by_color import learn, outlines_by_color, regions_by_color
+from uavseg.execution.executors import decided, phase
 from uavseg.jobs.match.by_texture import TextureSample, regions_by_texture, search_texture
-from uavseg.jobs.match.color_bands import band_sources, color_sources
+from uavseg.jobs.match.ranges_of_sample import band_sources, color_sources
 from uavseg.jobs.match.request import MatchRequest
-from uavseg.jobs.result.metadata import confidence_facts, drawing_facts, with_metadata
-from uavseg.jobs.result.result import Extraction
+from uavseg.jobs.result.result import (
+    Extraction,
+    SourceInfo,
+    confidence_facts,
+    drawing_facts,
+    filled,
+    measured,
+    with_metadata,
+)
 from uavseg.jobs.source.open_source import raster_of
 from uavseg.jobs.source.source import Raster, Source, detail_of
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.raster.grid.tiling import TilePass
-from uavseg.regions.confidence import none_confident
+from uavseg.regions.confidence import OF_MATCHES, Confidence, match_terms, none_confident
+from uavseg.regions.edit.small import drop_small_regions
+from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.sample.model import fitting_window
 from uavseg.regions.sample.place import Disc, SampleMask, sample_mask
 from uavseg.regions.sample.scores import inner_cells
+from uavseg.regions.sample.similarity import BlurredBands, SimilaritySource, fit_similarity, next_place
+from uavseg.regions.tiles.class_tiles import LIKELY
+from uavseg.regions.tiles.range_tiles import outline_regions, sum_regions
+from uavseg.segmentation.params.segment import SegmentParams
+from uavseg.segmentation.pipeline import cells_to_refine, measure_block_map_for
 from uavseg.segmentation.sample.g_scores import is_bimodal, separability
 from uavseg.segmentation.sample.similarity_table import SimilarityTable
 from uavseg.segmentation.source import GreySource
+from uavseg.units import GREY_MAX
 
 _LEAST_PARTING = 0.15  # of likeness: that of the sample less that of the raster, where color parts them
 _LEAST_WINDOW = 24  # pixels: smaller ones tell textures apart where these differ much
@@ -148,7 +163,6 @@ def _parts(table: SimilarityTable) -> bool:
 
 
 def _facts(request: MatchRequest, made: Match) -> dict[str, Any]:
-    """Return the parameters, for the metadata of the regions."""
     likes = [_fact(like) for like in request.samples]
     metadata: dict[str, Any] = {"like": likes[0] if len(likes) == 1 else likes, "by": made.compared}
     if request.unlike:
@@ -166,3 +180,75 @@ def _facts(request: MatchRequest, made: Match) -> dict[str, Any]:
 
 def _fact(like: Disc | str) -> list[float] | str:
     return [like.x, like.y, like.radius] if isinstance(like, Disc) else like
+
+
+def learn(
+    bands: Sequence[GreySource],
+    places: Sequence[SampleMask],
+    unlike: Sequence[SampleMask],
+    tile_pass: TilePass,
+) -> SimilaritySource:
+    """Return the raster as likeness to samples, and not to others."""
+    with phase("colours of the sample"):
+        result = fit_similarity(BlurredBands(bands), places, tile_pass, unlike)
+    decided(
+        "likeness %.3f in the sample, %.3f in the raster", result.table.sample_mean, result.table.raster_mean
+    )
+    return result
+
+
+def outlines_by_color(
+    similarity: SimilaritySource,
+    request: MatchRequest,
+    samples: Sequence[SampleMask],
+    passes: Sequence[TilePass],
+) -> tuple[RegionOutlines, Disc | None]:
+    """Return outlines where the likeness is one half and more, and where the next sample would help most.
+
+    Samples are all that were given. There are two passes.
+    """
+    params = SegmentParams(refine="none") if request.refine == "none" else SegmentParams()
+    with phase("division"):
+        blocks = measure_block_map_for(similarity, LIKELY, params, passes[0])
+        cells = cells_to_refine(blocks, LIKELY, params)
+    with phase("next sample"):
+        proposed = next_place(similarity, blocks, samples, passes[0])
+    del blocks
+    detail = detail_of(request.detail, similarity.dataset.geobox, params.refine)
+    with phase("refinement and outlines"):
+        outlined = outline_regions(similarity, cells, LIKELY, params.refine, passes[1], detail=detail)
+    return outlined, proposed
+
+
+def regions_by_color(
+    grey: GreySource,
+    similarity: SimilaritySource,
+    outlined: RegionOutlines,
+    request: MatchRequest,
+    tile_pass: TilePass,
+) -> Extraction:
+    """Return outlines of `outlines_by_color` as regions, with attributes of the intensity `grey`."""
+    outlined = filled(similarity, outlined, request.fill_holes, tile_pass)
+    outlined = drop_small_regions(outlined, grey.dataset.geobox, request.min_area)
+    shares = similarity_of(outlined, similarity.table.sample_mean)
+    alike = shares, similarity.table.sample_mean - similarity.table.raster_mean
+    confidence = Confidence.of(
+        outlined,
+        lambda: OF_MATCHES.probability(match_terms(outlined, *alike)),
+        request.refine,
+        request.min_confidence,
+    )
+    with phase("attributes and drawing"):
+        outlined = replace(outlined, sums=sum_regions(grey, outlined, tile_pass))
+        info = SourceInfo.of(grey)
+        more = {"similarity": shares}
+        return measured(outlined, info, (0.0, 1.0), request.drawing, more, confidence=confidence)
+
+
+def similarity_of(outlined: RegionOutlines, own: float) -> NDArray[np.float64]:
+    """Return mean likeness of regions as a share of that of the sample, at most 1: (n,) float64.
+
+    The outlines have the sums of likeness; `own` is the mean likeness of the sample.
+    """
+    means = outlined.sums.greys / np.maximum(outlined.sums.counts, 1) / GREY_MAX
+    return np.asarray(np.minimum(means / max(own, 1e-9), 1))

@@ -11,7 +11,7 @@ from uavseg.errors import ParameterError, RasterError
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaves import histogram_of_means
 from uavseg.segmentation.params.segment import Breaks, DivisionParams
-from uavseg.segmentation.range_candidates import MAX_CLASSES, propose_ranges
+from uavseg.segmentation.range_choice import MAX_CLASSES, propose_ranges
 from uavseg.units import GREY_MAX
 
 BreakRule = Literal["otsu", "quantile"]

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,8 @@ from uavseg.access import current_policy
 from uavseg.arrays import Path_
 from uavseg.errors import UavsegError
 from uavseg.output.targets import check_not_inputs, existing_files
-from uavseg.raster.read.file_list import raster_files
+from uavseg.raster.access.open_checked import open_checked
+from uavseg.raster.access.opening import GDAL_ERRORS, is_remote
 from uavseg.raster.read.source_list import expand_sources
 
 _ROS = (".yaml", ".yml")
@@ -73,3 +75,24 @@ def _block_map_rasters(path: str, tags: Mapping[str, str]) -> list[str]:
         else:
             result += raster_files(raster)[0]
     return result
+
+
+def raster_files(path: str | os.PathLike[str]) -> tuple[list[str], dict[str, str]]:
+    """Return local files that are read for a raster, itself first, and its tags.
+
+    A VRT of VRTs has the files of all of them. If it cannot be opened, it is alone, and has no tags.
+    """
+    found: dict[str, None] = {}
+    tags: dict[str, str] = {}
+    waiting = [os.fspath(path)]
+    while waiting:
+        name = waiting.pop()
+        if name in found or is_remote(name):
+            continue
+        found[name] = None
+        if name == os.fspath(path) or Path(name).suffix.lower() == ".vrt":
+            # An error is reported when the raster is opened for its pixels.
+            with suppress(*GDAL_ERRORS, UavsegError), open_checked(name) as file:
+                waiting += reversed(file.files)
+                tags = file.tags() if name == os.fspath(path) else tags
+    return list(found), tags

@@ -107,7 +107,6 @@ def _is_path(source: Any) -> bool:
 
 
 def _listed(source: Any) -> list[Any]:
-    """Return the parts of a mosaic."""
     if isinstance(source, Iterable) and not isinstance(source, bytes | Mapping):
         parts = list(source)
         if all(_is_path(part) or is_pixels(part) for part in parts):
@@ -169,7 +168,7 @@ def _blocks(parts: Sequence[Any], options: ReadOptions) -> Blocks:
 
 
 def _ros_map(parts: Sequence[Any], options: ReadOptions) -> ProbabilityMap:
-    from uavseg.occupancy.probability_map import open_map
+    from uavseg.occupancy.map_file import open_map
 
     if len(parts) > 1:
         raise ParameterError("a ROS map is no part of a mosaic; name it alone")
@@ -182,7 +181,7 @@ def _ros_map(parts: Sequence[Any], options: ReadOptions) -> ProbabilityMap:
 
 
 def _white_picture(source: Any, options: ReadOptions) -> ProbabilityMap:
-    from uavseg.occupancy.probability_map import open_white_picture
+    from uavseg.occupancy.map_file import open_white_picture
 
     if options.chooses_pixels or options.stretches("auto", "none"):
         raise ParameterError("a picture in which free is white has no bands, nodata or stretch to choose")
@@ -211,6 +210,6 @@ def _grid(grid: "OccupancyGrid", options: ReadOptions) -> ProbabilityMap:
 
 
 def _probability_stretch(dataset: Dataset, options: ReadOptions) -> Stretch | StretchSpec:
-    from uavseg.occupancy.probability_map import stretch_of
+    from uavseg.occupancy.map_file import stretch_of
 
     return options.spec or stretch_of(dataset)

@@ -21,7 +21,7 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import BagError
 from uavseg.inputs import check_yaml_brackets, read_bytes, regular_file
 from uavseg.plain_text import cause_of, shown
-from uavseg.raster.access.databases import check_database
+from uavseg.raster.access.untrusted import check_database
 
 ROS1, ROS2 = (".bag",), (".mcap", ".db3")
 MAX_METADATA = 1 << 20  # bytes of metadata.yaml

@@ -12,7 +12,7 @@ from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import BagError
 from uavseg.occupancy.bags.bag import ODOMETRY, TRANSFORMS, Bag
-from uavseg.occupancy.mapping.rotation import matrix_of_quaternion, slerp
+from uavseg.occupancy.mapping.sensor_messages import matrix_of_quaternion, slerp
 from uavseg.plain_text import shown
 
 MAX_POSES = 10_000_000  # of all frames, 27 hours at 100 Hz: 640 MB

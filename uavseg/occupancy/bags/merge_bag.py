@@ -26,14 +26,16 @@ from uavseg.occupancy.bags.frames import (
 from uavseg.occupancy.mapping.beams import REACH_SIGMAS
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.mapping.grid_io import MAX_CELLS
-from uavseg.occupancy.mapping.rotation import MAX_TILT_DEG, heading_of, tilt_deg
 from uavseg.occupancy.mapping.scan import DEFAULT_SIGMA_M, Pose, Scan, check_distance, scan_of_points
 from uavseg.occupancy.mapping.sensor_messages import (
     BEAM_ORDER,
+    MAX_TILT_DEG,
     NO_RETURN,
     check_heights,
+    heading_of,
     read_points,
     scan_duration_s,
+    tilt_deg,
 )
 from uavseg.plain_text import shown
 from uavseg.raster.grid.geobox import GeoBox, local_geobox

@@ -13,8 +13,6 @@ from uavseg.arguments import checked
 from uavseg.dataclass import dataclass
 from uavseg.errors import MapError
 from uavseg.occupancy.mapping.beams import REACH_SIGMAS, merge_beams
-from uavseg.occupancy.mapping.contradictions import MARGIN, Contradictions, Fading
-from uavseg.occupancy.mapping.grey_map import GreyMap
 from uavseg.occupancy.mapping.grid_io import (
     fill_grid_message,
     read_grid_file,
@@ -22,8 +20,15 @@ from uavseg.occupancy.mapping.grid_io import (
     write_grid_file,
 )
 from uavseg.occupancy.mapping.live import LiveSegmentation
-from uavseg.occupancy.mapping.log_odds import MAX_LOG_ODDS, Float32s, probabilities_and_grey
-from uavseg.occupancy.mapping.pending import apply_pending, empty_pending, mark_up_to_date
+from uavseg.occupancy.mapping.log_odds import (
+    MARGIN,
+    MAX_LOG_ODDS,
+    Contradictions,
+    Fading,
+    Float32s,
+    probabilities_and_grey,
+)
+from uavseg.occupancy.mapping.pending import GreyMap, apply_pending, empty_pending, mark_up_to_date
 from uavseg.occupancy.mapping.scan import Scan
 from uavseg.raster.grid.geobox import GeoBox, check_metres, local_geobox
 from uavseg.raster.grid.tiling import Window
@@ -59,7 +64,7 @@ class OccupancyGrid:
         Scans after which the log-odds of every cell are halved; for comparison. By default never.
     forget_after : int, optional
         An occupied cell loses evidence only after so many scans in a row that see through it, and then all of
-        it; see `mapping.contradictions`. By default every observation counts for itself.
+        it; see `mapping.log_odds`. By default every observation counts for itself.
 
     Attributes
     ----------

@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from uavseg.errors import MapError, RasterError, SceneError
 from uavseg.inputs import as_number
-from uavseg.occupancy.mapping.contradictions import Fading
-from uavseg.occupancy.mapping.log_odds import MAX_LOG_ODDS
-from uavseg.occupancy.mapping.rotation import as_quaternion, heading_of, matrix_of_quaternion, tilt_deg
+from uavseg.occupancy.mapping.log_odds import MAX_LOG_ODDS, Fading
+from uavseg.occupancy.mapping.sensor_messages import as_quaternion, heading_of, matrix_of_quaternion, tilt_deg
 from uavseg.occupancy.ros.ros_map import RosMap, placement, transform_of
 from uavseg.plain_text import shown
 from uavseg.raster.formats.geotiff import check_geotiff_name, read_geotiff, write_geotiff
@@ -166,7 +165,6 @@ def _origin(message: Any) -> tuple[float, float, float]:
 
 
 def _cells(message: Any, shape: tuple[int, int]) -> NDArray[np.int8]:
-    """Read the cells in rows from the top."""
     value = _field(message, "data")
     try:
         cells = np.asarray(value)

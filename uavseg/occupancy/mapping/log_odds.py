@@ -1,4 +1,4 @@
-"""Log-odds to probability (logistic function) and to 16-bit grey, vectorised and equal on every machine."""
+"""Log-odds: to probability (logistic function) and 16-bit grey, equal on every machine; contradictions."""
 
 from functools import cache
 from math import log
@@ -7,6 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.dataclass import dataclass
+from uavseg.errors import ParameterError
+from uavseg.raster.grid.tiling import Window
 from uavseg.units import GREY_MAX
 
 Float32s = NDArray[np.float32]
@@ -14,6 +17,10 @@ Float32s = NDArray[np.float32]
 P_MIN = 0.1
 FREE_LOG_ODDS = log(P_MIN / (1 - P_MIN))
 MAX_LOG_ODDS = 6.0
+MARGIN = 8  # cells that are looked at outside of those that a scan observes
+_EDGE = 2  # cells: thickness of the edge of what stands
+_MAX_SCANS = 1_000_000
+_SQUARE = np.ones((3, 3), bool)
 
 
 def probabilities_and_grey(log_odds: Float32s) -> tuple[Float32s, NDArray[np.uint16]]:
@@ -75,3 +82,59 @@ def _convert(log_odds, probabilities, grey):  # type: ignore[no-untyped-def]
         p = logistic(np.float64(log_odds[i]))
         probabilities[i] = p
         grey[i] = grey_of_probability(p)
+
+
+@dataclass(frozen=True, slots=True)
+class Fading:
+    """How evidence of a grid fades, see `OccupancyGrid`; ParameterError if a number is not possible."""
+
+    clamp: float = MAX_LOG_ODDS
+    half_life: float | None = None
+    forget_after: float | None = None
+
+    def __post_init__(self) -> None:
+        limits = {
+            "clamp": (1e-3, MAX_LOG_ODDS),
+            "half_life": (1, _MAX_SCANS),
+            "forget_after": (1, _MAX_SCANS),
+        }
+        for name, (low, high) in limits.items():
+            if (number := getattr(self, name)) is not None and not low <= number <= high:
+                raise ParameterError(f"{name} is {low:g} to {high:g}, not {number:g}")
+
+
+class Contradictions:
+    """Scans in a row that contradicted each cell of a map of a shape, and their log-odds.
+
+    A scan contradicts an occupied cell if beams cross it and none returns within 3 sigma of it. Its free
+    evidence is held back; after so many contradicting scans in a row, that of all of them takes the place of
+    the cell's. A return at the cell confirms it. Beams that graze a wall cross its edge and return behind: so
+    contradicted cells are forgotten only in groups that reach beyond the edge of what stands or is unknown.
+    """
+
+    def __init__(self, shape: tuple[int, int], forget_after: float) -> None:
+        self._forget_after = forget_after
+        self._counts, self._held = np.zeros(shape, np.uint32), np.zeros(shape, np.float32)
+
+    def revised(self, at: Window, before: Float32s, odds: Float32s, after: Float32s, beside: int) -> Float32s:
+        """Return log-odds of a window, from those before a scan, of it alone, and after."""
+        from scipy import ndimage
+
+        counts, held = self._counts[at.slices], self._held[at.slices]
+        occupied, is_hit = before > 0, odds > 0
+        through = occupied & (odds < 0) & ~ndimage.binary_dilation(is_hit, _SQUARE, beside)
+        counts[through] += 1
+        held[through] += odds[through]
+        counts[is_hit | ~occupied], held[is_hit | ~occupied] = 0, 0
+        due = counts >= self._forget_after
+        stands = ndimage.binary_dilation((occupied & ~due) | (after == 0), _SQUARE, _EDGE)
+        groups, number = ndimage.label(due, _SQUARE)
+        gone = (
+            due
+            & (odds < 0)
+            & (np.bincount(groups[due & through & ~stands], minlength=number + 1) > 0)[groups]
+        )
+        revised = np.where(occupied & (odds < 0), before, after)
+        revised[gone] = np.maximum(held[gone], -MAX_LOG_ODDS)
+        counts[gone], held[gone] = 0, 0
+        return revised

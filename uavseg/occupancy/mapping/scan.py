@@ -10,19 +10,17 @@ from uavseg.arguments import checked
 from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import SceneError
-from uavseg.occupancy.mapping.rotation import (
+from uavseg.occupancy.mapping.sensor_messages import (
     MAX_TILT_DEG,
+    Heights,
     as_quaternion,
     heading_of,
     matrix_of_quaternion,
-    tilt_deg,
-)
-from uavseg.occupancy.mapping.sensor_messages import (
-    Heights,
     nearest_points,
     read_laserscan,
     read_points,
     scan_duration_s,
+    tilt_deg,
 )
 from uavseg.plain_text import shown
 

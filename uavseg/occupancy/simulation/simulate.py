@@ -10,8 +10,8 @@ from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import SceneError
 from uavseg.occupancy.mapping.beams import REACH_SIGMAS
-from uavseg.occupancy.mapping.grey_map import Mask
 from uavseg.occupancy.mapping.grid import OccupancyGrid
+from uavseg.occupancy.mapping.pending import Mask
 from uavseg.occupancy.mapping.scan import Pose, Scan, check_distance, check_positive
 from uavseg.occupancy.mapping.sensor_messages import MAX_BEAMS
 from uavseg.occupancy.simulation.cell_scene import CellScene

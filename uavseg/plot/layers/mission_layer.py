@@ -1,21 +1,29 @@
-"""Layers of missions: legs with arrows, numbered waypoints and home; fences, keep-out zones, rally points."""
+"""Layers of missions (legs with arrows, waypoints, home, fences, zones, rally points) and of paths."""
 
 import os
 from collections.abc import Iterable, Sequence
+from dataclasses import field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.patches import Polygon
+from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
-from uavseg.errors import MissionError
+from uavseg.errors import MissionError, PathError
+from uavseg.flight.mission.items import LANDINGS, RETURN, TAKEOFFS, WAYPOINT, FenceCircle
+from uavseg.flight.mission.vehicle import default_vehicle
+from uavseg.inputs import parse_json, read_bytes
+from uavseg.occupancy.paths.find_path import PlannedPath
 from uavseg.plain_text import shown
-from uavseg.plot.page.frame import Frame
+from uavseg.plot.page.page import Frame
 
 if TYPE_CHECKING:
-    from uavseg.flight.mission.fence import Fence
+    from uavseg.flight.mission.items import Fence
     from uavseg.flight.mission.mission import Mission
 
 FLIGHT_COLORS = ("#c4001a", "#1457c8", "#8a2be2", "#c25700", "#00796b", "#ad1457", "#5d4037", "#37474f")
@@ -25,6 +33,9 @@ _CIRCLE_CORNERS = 72
 _MAX_NUMBERS = 60
 _MIN_ARROW_LEG = 26.0  # points: shorter legs have no arrow
 _MIN_NUMBER_DISTANCE = 15.0  # points between two numbers
+_LINE_COLOR, _CASING_COLOR = "#ffffff", "#111111"
+_START_COLOR, _GOAL_COLOR = "#37b24d", "#f03e3e"
+_MISSION_SUFFIXES = (".plan", ".waypoints", ".kmz", ".csv", ".kml")
 
 
 @dataclass(frozen=True)
@@ -45,9 +56,7 @@ class MissionLayer:
         cls, mission: "Mission", frame: Frame, name: str = "", color: str = FLIGHT_COLORS[0]
     ) -> "MissionLayer":
         """Place a mission in a picture; parameters as of the class."""
-        from uavseg.flight.mission.flown import flown_path
-        from uavseg.flight.mission.items import LANDINGS, RETURN, TAKEOFFS
-        from uavseg.flight.mission.vehicle import default_vehicle
+        from uavseg.flight.mission.estimate import flown_path
 
         lat, lon, _ = mission.path
         flown = [item for item in mission.items if item.has_position or item.command == RETURN]
@@ -70,8 +79,6 @@ class MissionLayer:
         return mission_title([self])
 
     def draw(self, ax: Any, point: float) -> None:
-        from matplotlib.collections import LineCollection, PolyCollection
-
         legs = np.stack([self.path[:-1], self.path[1:]], axis=1)
         back = np.arange(len(legs)) == len(legs) - 1 if self.returns else np.zeros(len(legs), bool)
         transit = ~self.is_line & ~back
@@ -108,8 +115,6 @@ class MissionLayer:
         ax.text(*home, "H", color=_HALO_COLOR, size=7, weight="bold", zorder=6.1, **centred)
 
     def _draw_numbers(self, ax: Any, point: float) -> None:
-        from matplotlib.patheffects import withStroke
-
         halo = [withStroke(linewidth=2.0, foreground=_HALO_COLOR)]
         look = {"size": 6.5, "color": self.color, "weight": "bold", "zorder": 6.2, "clip_on": True}
         for n in choose_numbered(self.path, self.numbers, _MIN_NUMBER_DISTANCE * point):
@@ -228,8 +233,6 @@ class FenceLayer:
         return []
 
     def draw(self, ax: Any, point: float) -> None:
-        from matplotlib.patches import Polygon
-
         edge: dict[str, Any]
         for ring in self.inside:
             ax.add_patch(Polygon(ring, fill=False, ec=_HALO_COLOR, lw=2.6, alpha=0.7, zorder=4.6))
@@ -245,8 +248,7 @@ class FenceLayer:
 
 
 def _outlines(shapes: Iterable["Fence"], frame: Frame) -> Iterable[Floats]:
-    from uavseg.flight.mission.fence import FenceCircle
-    from uavseg.flight.mission.plane import Plane
+    from uavseg.flight.mission.track import Plane
 
     angles = np.linspace(0, 2 * np.pi, _CIRCLE_CORNERS, endpoint=False)
     for shape in shapes:
@@ -256,3 +258,95 @@ def _outlines(shapes: Iterable["Fence"], frame: Frame) -> Iterable[Floats]:
         else:
             lat, lon = np.array(shape.vertices).T
         yield frame.plot_from_lonlat(lon, lat)
+
+
+@dataclass(frozen=True)
+class PathLayer:
+    """A path, or the ways to several views, in plot coordinates."""
+
+    lines: tuple[Floats, ...]  # one, or several if it is split at the antimeridian or leads to several views
+    length_m: float | None  # None if the file does not contain it
+    views: Floats = field(default_factory=lambda: np.empty((0, 2)))  # (n, 2); the best first
+    headings: tuple[float, ...] = ()  # of the views, in degrees, counterclockwise from the x axis
+
+    @classmethod
+    def of(cls, source: "PlannedPath | str | os.PathLike[str]", frame: Frame) -> "PathLayer":
+        """Place a path of `uavseg.path`, a file of `uavseg path`, `next-view` or `explore`, or a mission."""
+        if isinstance(source, PlannedPath):
+            return cls((frame.plot_from_xy(source.xy),), source.length_m)
+        if not isinstance(source, str | os.PathLike):
+            raise PathError(f"a path to draw is a file or a path of uavseg.path, not {shown(source)}")
+        if Path(source).suffix.lower() in _MISSION_SUFFIXES:
+            return cls((_read_mission_path(source, frame),), None)
+        lines, length, views, headings = _read_geojson(Path(source))
+        if frame.geobox.crs is None:
+            placed = [frame.plot_from_xy(line) for line in (*lines, views)]
+        elif any(np.abs(line).max(initial=0) > 180 for line in (*lines, views)):
+            raise PathError(f"{source} has local coordinates, and this raster has a place on Earth")
+        else:
+            placed = [frame.plot_from_lonlat(*line.T) for line in (*lines, views)]
+        return cls(tuple(placed[:-1]), length, placed[-1], headings)
+
+    def title_parts(self, has_crs: bool) -> list[str]:
+        """Return the length of the path."""
+        if len(self.views) and self.length_m is None:
+            return [f"{len(self.views)} views"]
+        unit = " m" if has_crs else ""
+        return ["path" if self.length_m is None else f"path of {self.length_m:,.5g}{unit}"]
+
+    def draw(self, ax: Any, point: float) -> None:
+        for line in self.lines:
+            ax.plot(*line.T, color=_CASING_COLOR, lw=3.2, alpha=0.8, solid_joinstyle="round", zorder=4.8)
+            ax.plot(*line.T, color=_LINE_COLOR, lw=1.6, solid_joinstyle="round", zorder=4.9)
+        edge = {"s": 48, "edgecolor": _LINE_COLOR, "lw": 1.1, "zorder": 4.95}
+        ax.scatter(*self.lines[0][0], marker="o", color=_START_COLOR, label="start", **edge)
+        if not len(self.views):
+            ax.scatter(*self.lines[-1][-1], marker="D", color=_GOAL_COLOR, label="goal", **edge)
+            return
+        angles = np.radians(self.headings)
+        ahead = 14 * point * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        ax.quiver(
+            *self.views.T,
+            *ahead.T,
+            color=_GOAL_COLOR,
+            angles="xy",
+            scale_units="xy",
+            scale=1,
+            width=0.004,
+            zorder=4.94,
+        )
+        ax.scatter(*self.views.T, marker="o", color=_GOAL_COLOR, label="views", **(edge | {"s": 26}))
+
+
+def _read_mission_path(source: str | os.PathLike[str], frame: Frame) -> Floats:
+    from uavseg.flight.formats import files
+
+    waypoints = [item for item in files.read_mission(source).items if item.command == WAYPOINT]
+    if not waypoints:
+        raise PathError(f"{source} has no waypoints, so there is no path to draw")
+    return frame.plot_from_lonlat([item.lon for item in waypoints], [item.lat for item in waypoints])
+
+
+def _read_geojson(source: Path) -> tuple[list[Floats], float | None, Floats, tuple[float, ...]]:
+    """Read the lines of a GeoJSON file, the length of the first, and views with their headings."""
+    try:
+        features = parse_json(read_bytes(source, PathError).decode())["features"]
+        lines, views, headings = [], [], []
+        for feature in features:
+            shape = feature["geometry"]
+            if shape["type"] == "Point":
+                views.append(np.array(shape["coordinates"], np.float64).reshape(2))
+                headings.append(float(feature["properties"]["heading_deg"]))
+                continue
+            parts = {"LineString": [shape["coordinates"]], "MultiLineString": shape["coordinates"]}
+            lines += [np.array(part, np.float64).reshape(-1, 2) for part in parts[shape["type"]]]
+        places = np.array(views, np.float64).reshape(-1, 2)
+        finite = all(np.isfinite(numbers).all() for numbers in (*lines, places, np.array(headings)))
+        if not (lines and finite and all(len(line) for line in lines)):
+            raise ValueError("a line without places")
+        length = features[0]["properties"].get("length_m")
+        return lines, None if length is None else float(length), places, tuple(headings)
+    except PathError as error:
+        raise PathError(f"{error}; uavseg path makes such a file") from error
+    except (LookupError, ValueError, TypeError, AttributeError, OverflowError, RecursionError) as error:
+        raise PathError(f"{source} holds no line of a path; uavseg path makes such a file") from error

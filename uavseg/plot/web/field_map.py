@@ -1,30 +1,43 @@
-"""Data of a web map: a raster, regions as GeoJSON and missions in one HTML page that needs no network."""
+"""Web map: a raster, regions as GeoJSON and missions in one HTML page that needs no network, and its file."""
 
 import base64
+import hashlib
+import html
 import json
 import math
 import os
 import zlib
 from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+from string import Template
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from uavseg.flight.camera.photos import Photos
-from uavseg.jobs.flights.plan_regions import open_regions
-from uavseg.jobs.flights.request import photos_of
-from uavseg.jobs.result.result import SourceInfo
+from uavseg.dataclass import dataclass
+from uavseg.errors import OutputError, UavsegError
+from uavseg.flight.camera.camera import Photos
+from uavseg.flight.formats.files import write_geojson
+from uavseg.flight.formats.options import FileOptions
+from uavseg.flight.mission.estimate import estimate_text, footprints
+from uavseg.flight.mission.items import LANDINGS, RETURN, TAKEOFFS
+from uavseg.jobs.flights.request import open_regions, photos_of
+from uavseg.jobs.result.result import SourceInfo, same_reading
+from uavseg.jobs.source.inputs import keep_inputs
+from uavseg.jobs.source.open_source import open_source
+from uavseg.jobs.source.source import Raster, Source
 from uavseg.jobs.web_map.content import STEPS, FieldMap
 from uavseg.options.flights import PhotoOptions
+from uavseg.options.reading import ReadOptions
+from uavseg.output.atomic import atomic_file, check_target
 from uavseg.plain_text import printable
 from uavseg.plot.layers.mission_layer import read_missions
 from uavseg.plot.page.page import length_text
-from uavseg.plot.web.page import data_url, render_page
 from uavseg.raster.geodesy.globe import MAX_DECIMALS, crs_name, decimals_for
-from uavseg.regions.formats.about_file import about_file
-from uavseg.regions.formats.metadata import METADATA_KEY
+from uavseg.regions.formats.metadata import METADATA_KEY, about_file
 
 if TYPE_CHECKING:
     from uavseg.flight.mission.mission import Mission
@@ -32,6 +45,75 @@ if TYPE_CHECKING:
 DEFAULT_RANGE = (550, 1000)  # in steps of the slider
 _LARGE_BYTES = 10 << 20
 _FOOTPRINT_DECIMALS, _REGION_DECIMALS = 7, 9  # of degrees: a centimetre, a tenth of a millimetre
+_ASSETS = Path(__file__).parent / "assets"
+_PROGRAM = (
+    *("blocks.js", "outlines.js", "elements.js", "regions.js", "cells.js", "slider.js", "missions.js"),
+    *("position.js", "app.js"),
+)
+_SERVED = ("asking.js", "drawing.js", "code_tiles.js", "served.js")  # before app.js
+_MAPPED = "//# sourceMappingURL"
+
+
+def render_page(title: str, data: dict[str, Any], served: bool = False, embedded: bool = False) -> bytes:
+    """Render the content of an HTML file with data for its program, values of JSON.
+
+    The page has a Content-Security-Policy that allows nothing but its own script and style, by their hashes,
+    workers that this script makes, and images within the file: content of data can neither run nor load
+    anything. A `served` page may send requests to its server, and no other; an `embedded` one exchanges its
+    range with the window that frames it.
+    """
+    script, style = _script(served, embedded), _style()
+    sources = "img-src data: 'self'; connect-src 'self'" if served else "img-src data:"
+    policy = (
+        f"default-src 'none'; script-src '{_hash(script)}'; style-src '{_hash(style)}'; "
+        f"worker-src blob:; {sources}; base-uri 'none'; form-action 'none'"
+    )
+    page = Template(asset("page.html")).substitute(
+        policy=policy,
+        title=html.escape(title),
+        icon='<link rel="icon" href="data:,">' if served else "",  # or the browser asks for one
+        licence=asset("leaflet/LICENSE").replace("--", "- -"),
+        style=style,
+        data=_json(data),
+        script=script,
+    )
+    return page.encode()
+
+
+def data_url(content: bytes, media_type: str) -> str:
+    """Encode a file as a URL that holds it."""
+    return f"data:{media_type};base64,{base64.b64encode(content).decode()}"
+
+
+def _json(data: dict[str, Any]) -> str:
+    """Encode as JSON without a character that ends a script element or begins a comment in one."""
+    text = json.dumps(data, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+@cache
+def _script(served: bool, embedded: bool) -> str:
+    library = asset("leaflet/leaflet.js")
+    programs = [*_PROGRAM[:-1], *_SERVED * served, _PROGRAM[-1], *["embed.js"] * embedded]
+    return "\n".join([library[: library.rindex(_MAPPED)], *map(asset, programs)])
+
+
+@cache
+def _style() -> str:
+    style = asset("leaflet/leaflet.css").replace("url(images/marker-icon.png)", "none")
+    for name in ("layers.png", "layers-2x.png"):
+        url = data_url((_ASSETS / "leaflet" / name).read_bytes(), "image/png")
+        style = style.replace(f"url(images/{name})", f"url({url})")
+    return f"{style}\n{asset('page.css')}"
+
+
+def _hash(text: str) -> str:
+    return f"sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}"
+
+
+def asset(name: str) -> str:
+    """Read the text of a file of `assets`."""
+    return (_ASSETS / name).read_text(encoding="utf-8").replace("\r\n", "\n")
 
 
 def page_of(
@@ -90,11 +172,6 @@ def read_flights(missions: Any, camera: Any = None) -> list[dict[str, Any]]:
 
 
 def _flight(name: str, mission: "Mission", photos: Photos | None) -> dict[str, Any]:
-    from uavseg.flight.formats.geojson import write_geojson
-    from uavseg.flight.formats.options import FileOptions
-    from uavseg.flight.mission.estimate import estimate_text, footprints
-    from uavseg.flight.mission.items import LANDINGS, RETURN, TAKEOFFS
-
     lat, lon, _ = mission.path
     unnumbered, number, numbers = {*TAKEOFFS, RETURN, *LANDINGS}, 0, [0]
     for item in mission.items:
@@ -218,3 +295,72 @@ def _value(value: Any) -> Any:
     if isinstance(value, float):
         return float(f"{value:.12g}") if math.isfinite(value) else None
     return value if value is None or isinstance(value, bool | int | str) else str(value)
+
+
+@dataclass(frozen=True)
+class PageFile:
+    """Target of a page, with what is shown over the raster."""
+
+    path: Path
+    overwrite: bool
+    regions: dict[str, Any] | None  # a GeoJSON FeatureCollection
+    flights: list[dict[str, Any]]  # see `read_flights`
+    camera: Any = None  # for footprints
+
+    @classmethod
+    def prepared(
+        cls,
+        output: str | os.PathLike[str],
+        overwrite: bool,
+        source: Any,
+        regions: Any = None,
+        missions: Any = None,
+        camera: Any = None,
+    ) -> "PageFile":
+        """Check that the page may be written, and read what is shown; call it before the work.
+
+        `source` are rasters, which the page must not replace.
+        """
+        if Path(output).suffix.lower() not in {".html", ".htm"}:
+            raise OutputError(
+                f"a map is an HTML file: expected a name that ends in .html, got {Path(output).name!r}"
+            )
+        target = check_target(output, overwrite)
+        keep_inputs([target], [source, regions, missions, camera])
+        collection = None if regions is None else read_collection(regions)
+        flights = [] if missions is None else read_flights(missions, camera)
+        return cls(path=target, overwrite=overwrite, regions=collection, flights=flights, camera=camera)
+
+    def open_source(self, source: Any, options: ReadOptions) -> Source:
+        """Open the raster of the page, in the intensity of its regions where no other one is chosen."""
+        raster = open_source(source, options)
+        made = (self.regions or {}).get(METADATA_KEY, {})
+        if options.chooses_pixels or options.stretches("auto") or not isinstance(raster, Raster):
+            return raster
+        options_of_regions = same_reading(made, raster)
+        if options_of_regions is None:
+            return raster
+        try:
+            reopened = open_source(source, options_of_regions)
+        except UavsegError:  # the raster has changed since; `write` warns that its intensity differs
+            return raster
+        is_same = isinstance(reopened, Raster) and reopened.dataset.band_names == made["band"]
+        return reopened if is_same else raster
+
+    def write(self, field_map: FieldMap) -> tuple[int, tuple[str, ...]]:
+        """Write the page, whole or not at all, and return its size in bytes and warnings."""
+        content = page_of(field_map, self.regions, self.flights)
+        with atomic_file(self.path, self.overwrite) as temporary:
+            temporary.write_bytes(content)
+        other = other_intensity(self.regions, field_map.info)
+        notes = [*([other] if other else []), *_footprint_notes(self.flights, self.camera)]
+        return len(content), (*field_map.warnings, *notes, *size_notes(content))
+
+
+def _footprint_notes(flights: Sequence[dict[str, Any]], camera: Any) -> list[str]:
+    """Return the reasons why footprints are not shown, where a camera was named for them."""
+    if camera is None:
+        return []
+    if not flights:
+        return ["the camera is for footprints of photographs; name a mission too"]
+    return [f"{flight['name']}: {flight['unseen']}" for flight in flights if flight["unseen"]]

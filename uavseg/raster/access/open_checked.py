@@ -13,15 +13,18 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from rasterio.errors import RasterioIOError
 from rasterio.io import DatasetReader
 
 from uavseg.access import current_policy, is_address
+from uavseg.dataclass import dataclass
 from uavseg.errors import AccessError, RasterError, RasterReadError
 from uavseg.inputs import read_bytes, read_start, regular_file
 from uavseg.plain_text import cause_of
+from uavseg.raster.access import untrusted
 from uavseg.raster.access.opening import (
     GDAL_ERRORS,
     as_file_name,
@@ -33,14 +36,94 @@ from uavseg.raster.access.opening import (
     read_rows_before,
     unread_tags_are_errors,
 )
-from uavseg.raster.access.vrt_sources import is_vrt, sources_of
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.tiff.index import stored_blocks
+
+if TYPE_CHECKING:
+    from xml.etree import ElementTree
 
 MAX_BANDS = 4096  # satellite images with most bands have a few hundred
 MAX_RATIO = 2000  # bytes of pixels for each byte of a compressed file
 FREE_BYTES = 64 << 20  # blocks up to this size are decoded whatever the size of the file
 MAX_WHOLE_PIXELS = 1 << 28  # of an image that is read whole
+_FILES = {"sourcefilename", "sourcedataset", "dempath", "grids", "indexdataset"}
+_FILE_KEYS = {"x_dataset", "y_dataset", "overview_file", "rpc_dem"}
+_CRS = {"srs", "sourcesrs", "targetsrs", "projection", "gcpprojection"}
+_PLAIN_CRS = re.compile(r"[A-Za-z][\w+.-]*(?::[\w+.-]*)*")
+_PAGE = re.compile(r"GTIFF_DIR:\d+:", re.IGNORECASE)
+
+
+@dataclass(frozen=True, slots=True)
+class NamedSource:
+    """A source as a VRT names it."""
+
+    name: str  # a path, or an address
+    folder: Path  # base of a relative path
+    is_raw: bool  # whether the bytes of the file are read as pixels, whatever it holds
+
+
+def is_vrt(start: bytes) -> bool:
+    """Return whether the first bytes of a file are those of a VRT, as GDAL recognises it.
+
+    Examples
+    --------
+    >>> is_vrt(b' <VRTDataset rasterXSize="1" rasterYSize="1">'), is_vrt(b"II*\\0 <VRTDataset>")
+    (True, False)
+    """
+    return b"<vrtdataset" in start.split(b"\0", 1)[0].lower()
+
+
+def sources_of(path: str, text: bytes) -> Iterator[NamedSource]:
+    """Yield the sources that the XML of a VRT names, each as often as it is named.
+
+    `path` is that of the VRT, for its folder and for messages, and `text` its content. A RasterReadError says
+    that it is not valid XML, an AccessError that it contains something that may open files and cannot be
+    checked.
+    """
+    from xml.etree import ElementTree  # rasters other than VRTs need none
+
+    if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
+        raise AccessError(f"{path} declares XML entities, which a VRT does not need; remove them")
+    try:
+        root = ElementTree.fromstring(text)
+    except (ElementTree.ParseError, ValueError, LookupError) as error:
+        raise RasterReadError(f"{path} is not a valid VRT ({error})") from error
+    yield from _named_in(path, root, False)
+
+
+def _named_in(path: str, root: "ElementTree.Element", is_raw: bool) -> Iterator[NamedSource]:
+    pending = [(root, is_raw)]
+    while pending:
+        element, is_raw = pending.pop()
+        attributes = {_plain(name): value for name, value in element.attrib.items()}
+        is_raw = is_raw or attributes.get("subclass", "").lower() == "vrtrawrasterband"
+        relative = attributes.get("relativetovrt", "0").strip() not in ("", "0")
+        folder = Path(path).parent if relative else Path()
+        for name, value in ((_plain(element.tag), element.text or ""), *attributes.items()):
+            _check_value(path, name, value)
+            if name in _FILES or _is_file_argument(name, attributes):
+                yield NamedSource(_PAGE.sub("", value.strip()), folder, is_raw)
+        pending += [(child, is_raw) for child in reversed(element)]
+
+
+def _plain(name: object) -> str:
+    """Return name of an element or an attribute without its namespace, in lower case."""
+    return str(name).rsplit("}", 1)[-1].lower()
+
+
+def _is_file_argument(name: str, attributes: dict[str, str]) -> bool:
+    """Return whether an element is metadata or an argument whose value GDAL opens as a file."""
+    key = attributes.get("key", attributes.get("name", "")).lower()
+    return (name == "mdi" and key in _FILE_KEYS) or (name in ("argument", "option") and "filename" in key)
+
+
+def _check_value(path: str, name: str, value: str) -> None:
+    text = value.strip()
+    if name == "pixelfunctionlanguage" and text.lower() == "python":
+        raise AccessError(f"{path} contains a pixel function in Python, and code of files is not run")
+    is_definition = text.startswith(("{", "+")) or "[" in text
+    if name in _CRS and text and not is_definition and not _PLAIN_CRS.fullmatch(text):
+        raise AccessError(f"{path} names the coordinate system {text[:60]!r}; expected WKT or EPSG:NUMBER")
 
 
 def check_limits(path: str, source: DatasetReader) -> None:
@@ -165,8 +248,6 @@ class NamedFiles:
         """Refuse a description of other files under a name that promises an image."""
         if drivers_of(str(path)) == ("GTiff",) and read_start(path, 4) in _TIFF:
             return
-        from uavseg.raster.access import geojp2, netcdf_header
-
         start = read_start(path)
         if is_vrt(start):
             raise AccessError(f"{subject} holds a VRT, which names other files; call it .vrt if you trust it")
@@ -175,11 +256,11 @@ class NamedFiles:
                 f"{subject} is HDF5, which may name other files unseen; convert it to "
                 'GeoTIFF (gdal_translate), or name its subdataset (NETCDF:"a.nc":band) if you trust it'
             )
-        if start.startswith(netcdf_header.SIGNATURES):
-            netcdf_header.check_netcdf_header(path)
+        if start.startswith(untrusted.NETCDF):
+            untrusted.check_netcdf_header(path)
             return
-        if start.startswith(geojp2.SIGNATURE):
-            geojp2.check_geojp2(path)
+        if start.startswith(untrusted.JPEG2000):
+            untrusted.check_geojp2(path)
             return
         if path.suffix.lower() != ".xml" and start.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"<", b"{", b"["):
             raise AccessError(f"{subject} holds a description in text, not an image")
@@ -210,7 +291,6 @@ def check_named_file(owner: str, name: str) -> None:
         raise AccessError(f"{owner} names {name}, which holds a VRT; name the sources in one VRT")
 
 
-_PAGE = re.compile(r"GTIFF_DIR:\d+:(.*)", re.IGNORECASE | re.DOTALL)
 _DATABASES = (("GPKG",), ("MBTiles",))
 
 
@@ -228,11 +308,11 @@ def open_checked(path: str) -> Iterator[DatasetReader]:
         found.check()
         for source_path in (path, *found.rasters):
             if drivers_of(source_path) in _DATABASES and Path(source_path).is_file():
-                from uavseg.raster.access.databases import check_database
+                from uavseg.raster.access.untrusted import check_database
 
                 check_database(source_path, source_path, RasterReadError)
-    elif page := _PAGE.fullmatch(path):
-        regular_file(page[1])
+    elif page := _PAGE.match(path):
+        regular_file(path[page.end() :])
     elif drivers_of(path) == ("VRT",):
         _check_unread_vrt(path)
     with gdal_env(is_online(path)):

@@ -21,8 +21,7 @@ from typing import TypeVar
 
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
-from uavseg.raster.grid.pixel_mask import PixelMask
-from uavseg.raster.grid.tiling import TilePass, Window
+from uavseg.raster.grid.tiling import PixelMask, TilePass, Window
 from uavseg.raster.read.dataset import Dataset
 
 WORDS = ("auto", "keep")
@@ -104,9 +103,8 @@ def _corner(dataset: Dataset, window: Window) -> Corner:
 
 def _collar(dataset: Dataset, value: int, tile_pass: TilePass, corners: list[Corner]) -> _Found | None:
     """Return the collar of a value; None if what has that value may be ground."""
-    from uavseg.raster.collar.evidence import Evidence, is_one_piece
+    from uavseg.raster.collar.evidence import Evidence, count_rim, grow_over_smear, is_one_piece
     from uavseg.raster.collar.flood import flood_from_edges
-    from uavseg.raster.collar.rim import count_rim, grow_over_smear
 
     flooded = flood_from_edges(dataset, value, tile_pass)
     counts = count_rim(dataset, flooded, value, tile_pass)
@@ -139,8 +137,8 @@ def _collar(dataset: Dataset, value: int, tile_pass: TilePass, corners: list[Cor
 
 def _rim_of_nodata(dataset: Dataset, tile_pass: TilePass) -> _Found | None:
     """Return nodata with the nearly constant pixels along it; None if there are none."""
+    from uavseg.raster.collar.evidence import count_rim, grow_over_smear
     from uavseg.raster.collar.flood import flood_from_edges
-    from uavseg.raster.collar.rim import count_rim, grow_over_smear
 
     value = _fill_value(dataset, tile_pass)
     flooded = flood_from_edges(dataset, None, tile_pass)

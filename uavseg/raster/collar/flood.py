@@ -1,4 +1,4 @@
-"""Streamed flood fill of a raster from its edges, tile by tile: only tiles that it reaches are read.
+"""Flood fill: of an image, 8-connected, and streamed of a raster from its edges, tile by tile.
 
 A pixel is passable if it is nodata or of the constant value, and so are its eight neighbours: a morphological
 opening, which ends the flood at gaps of one or two pixels. The tiles are worked through in waves: those at
@@ -6,23 +6,23 @@ the edge first, then those whose neighbours brought something new to their borde
 on the tiles or on the order.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import field
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg._jit import kernel
 from uavseg.dataclass import dataclass
-from uavseg.raster.collar.spread import flood
-from uavseg.raster.grid.pixel_mask import PixelMask
-from uavseg.raster.grid.tiling import TilePass, Window, tile_side, tiles
+from uavseg.raster.grid.tiling import PixelMask, TilePass, Window, tile_side, tiles
 from uavseg.raster.read.dataset import Dataset
 
 TILE_PIXELS = 1 << 20
 
 Pixels = NDArray[np.bool_]
 Lines = tuple[Pixels, Pixels, Pixels, Pixels]
+UNREACHED = 255
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,13 +83,20 @@ def is_passable(dataset: Dataset, value: int | None, window: Window) -> Pixels:
 
 def _opened(dataset: Dataset, value: int | None, window: Window) -> Pixels:
     """Return where a pixel and its eight neighbours are passable; what lies beyond the raster is."""
-    around = window.grown(1)
-    part = around.clipped(dataset.geobox.shape)
-    whole = np.ones((window.rows + 2, window.cols + 2), bool)
-    inner = Window(part.row - around.row, part.col - around.col, part.rows, part.cols)
-    whole[inner.slices] = is_passable(dataset, value, part)
+    whole = with_border(partial(is_passable, dataset, value), window, dataset.geobox.shape, True)
     rows = whole[:-2] & whole[1:-1] & whole[2:]
     return rows[:, :-2] & rows[:, 1:-1] & rows[:, 2:]
+
+
+def with_border(
+    read: Callable[[Window], Pixels], window: Window, shape: tuple[int, int], beyond: bool
+) -> Pixels:
+    """Read a window with one more pixel on each side, of one value beyond the raster."""
+    wider = window.grown(1)
+    part = wider.clipped(shape)
+    whole = np.full((wider.rows, wider.cols), beyond)
+    whole[part.relative_to(wider).slices] = read(part)
+    return whole
 
 
 def _shows_tile(dataset: Dataset, value: int | None, strips: tuple[Window, ...]) -> bool:
@@ -182,3 +189,65 @@ class _Grid:
             ((line[:-2] | line[1:-1] | line[2:]) & ends).any()
             for line, ends in zip(lines, known[place].open_borders, strict=True)
         )
+
+
+def flood(sources: NDArray[np.bool_], passable: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return passable pixels that are connected to a source, and the sources.
+
+    Examples
+    --------
+    >>> row = np.array([[1, 1, 0, 1]], bool)
+    >>> flood(np.array([[1, 0, 0, 0]], bool), row)
+    array([[ True,  True, False, False]])
+    """
+    reached: NDArray[np.bool_] = _spread_from(sources, passable, 1, 0) != UNREACHED
+    return reached
+
+
+def distances(sources: NDArray[np.bool_], passable: NDArray[np.bool_], reach: int) -> NDArray[np.uint8]:
+    """Return number of steps over passable pixels from the nearest source, up to `reach`; 255 beyond.
+
+    Examples
+    --------
+    >>> distances(np.array([[1, 0, 0, 0]], bool), np.ones((1, 4), bool), 2)
+    array([[  0,   1,   2, 255]], dtype=uint8)
+    """
+    return _spread_from(sources, passable, reach, 1)
+
+
+def _spread_from(
+    sources: NDArray[np.bool_], passable: NDArray[np.bool_], reach: int, step: int
+) -> NDArray[np.uint8]:
+    steps = np.where(sources, np.uint8(0), np.uint8(UNREACHED))
+    _spread(np.ascontiguousarray(passable).view(np.uint8), steps, reach, step, np.empty(steps.size, np.int64))
+    return steps
+
+
+@kernel("void(u1[:,::1], u1[:,::1], i8, i8, i8[::1])")
+def _spread(passable, steps, reach, step, queue):  # type: ignore[no-untyped-def]
+    rows, cols = steps.shape
+    end = 0
+    for r in range(rows):
+        for c in range(cols):
+            if steps[r, c] == 0:
+                others = 0
+                for i in range(max(r - 1, 0), min(r + 2, rows)):
+                    for j in range(max(c - 1, 0), min(c + 2, cols)):
+                        others += steps[i, j] != 0
+                if others > 0:  # a source among others spreads nowhere
+                    queue[end] = r * cols + c
+                    end += 1
+    first = 0
+    while first < end:
+        r = queue[first] // cols
+        c = queue[first] - r * cols
+        first += 1
+        if steps[r, c] >= reach:
+            continue
+        following = np.uint8(steps[r, c] + step)
+        for i in range(max(r - 1, 0), min(r + 2, rows)):
+            for j in range(max(c - 1, 0), min(c + 2, cols)):
+                if steps[i, j] == 255 and passable[i, j] != 0:
+                    steps[i, j] = following
+                    queue[end] = i * cols + j
+                    end += 1

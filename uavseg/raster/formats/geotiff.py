@@ -1,10 +1,12 @@
-"""GeoTIFF writer and reader: label rasters tile by tile, and bands in one or several pages."""
+"""GeoTIFF writer and reader: label rasters tile by tile, or as many files under a VRT; bands in pages."""
 
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
+from xml.etree import ElementTree
 
 import numpy as np
 from affine import Affine
@@ -14,19 +16,21 @@ from rasterio.windows import Window as FileWindow
 from uavseg.arrays import Path_
 from uavseg.dataclass import dataclass
 from uavseg.errors import OutputError, RasterReadError
-from uavseg.execution.executors import threads_of_gdal
+from uavseg.execution.executors import Map, serial, threads_of_gdal
 from uavseg.inputs import regular_file
-from uavseg.output.atomic import atomic_file
+from uavseg.output.atomic import atomic_file, check_target
+from uavseg.output.renames import recover
 from uavseg.plain_text import cause_of
 from uavseg.raster.access.open_checked import check_limits, check_readable_whole
 from uavseg.raster.access.opening import GDAL_ERRORS, gdal_env, quiet_open
 from uavseg.raster.formats.creation import DEFAULT, CreationOptions
 from uavseg.raster.grid.geobox import GeoBox
-from uavseg.raster.grid.tiling import Window
+from uavseg.raster.grid.tiling import Window, tiles
 
 STRIPE = 256  # rows that are written at once, and the side of a block in the file
 
 Labels = NDArray[np.uint32]
+LABEL_TILE_SIDE = 2048  # pixels; independent of the tiles of the processing
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,16 +150,14 @@ def write_geotiff_pages(
             with quiet_open(target, "w", **options) as file:
                 if number == 1:
                     file.update_tags(**(tags or {}))
-                _write_bands(file, page)
+                for band, (values, name) in enumerate(
+                    zip(page.bands, page.descriptions, strict=True), start=1
+                ):
+                    file.write(values.astype(page.dtype, copy=False), band)
+                    if name:
+                        file.set_band_description(band, name)
         for number in range(1, len(pages) + 1):
             _check_complete(target, number)
-
-
-def _write_bands(file: Any, page: Page) -> None:
-    for band, (values, name) in enumerate(zip(page.bands, page.descriptions, strict=True), start=1):
-        file.write(values.astype(page.dtype, copy=False), band)
-        if name:
-            file.set_band_description(band, name)
 
 
 def read_geotiff(
@@ -223,3 +225,132 @@ def _write_errors(path: Path_) -> Iterator[None]:
             yield
     except GDAL_ERRORS as error:
         raise OutputError(f"{os.fspath(path)} cannot be written ({cause_of(error)})") from error
+
+
+class LabelTile(Protocol):
+    """What a worker needs to paint one window."""
+
+    @property
+    def window(self) -> Window: ...
+
+    def rasterise(self) -> Labels:
+        """Return the labels, (rows, cols) uint32."""
+
+
+def label_windows(shape: tuple[int, int]) -> list[Window]:
+    """Return the windows of the label tiles, row by row."""
+    return tiles(shape, LABEL_TILE_SIDE)
+
+
+def tiles_folder(path: Path_) -> Path:
+    """Return the folder of tiles beside a VRT: labels.tiles for labels.vrt."""
+    return Path(path).with_suffix(".tiles")
+
+
+def check_label_tiles(path: Path_, overwrite: bool = False) -> None:
+    """Check that a VRT and its folder of tiles may be written, before the work whose result they hold.
+
+    An OutputExistsError says that one of them exists and `overwrite` is false, an OutputError that their
+    folder does not exist, or that the folder of tiles contains anything else.
+    """
+    check_target(path, overwrite)
+    folder = tiles_folder(path)
+    if folder.exists() and any(not _is_tile(file) for file in folder.iterdir()):
+        raise OutputError(f"{folder} contains something else than label tiles; move it away")
+
+
+def write_label_tiles(
+    path: Path_,
+    parts: Sequence[LabelTile],
+    geobox: GeoBox,
+    overwrite: bool = False,
+    map: Map = serial,
+    creation: CreationOptions = DEFAULT,
+) -> None:
+    """Write labels as GeoTIFFs in a folder beside a VRT that combines them to one uint32 raster, 0 nodata.
+
+    Tiles without labels have no file. The workers of `map` write into the folder, so they must share it.
+
+    There is one part for each of `label_windows`, and the tiles are in a folder of the name of the VRT with
+    the suffix .tiles. An OutputExistsError or OutputError says that the files exist or cannot be written.
+    """
+    check_label_tiles(path, overwrite)
+    with atomic_file(path, overwrite) as target:
+        folder = tiles_folder(target)
+        folder.mkdir()
+        write = partial(_write_tile, str(folder.absolute()), geobox, creation)
+        written = [part for part in map(write, parts) if part is not None]
+        recover(folder)  # what workers left that were killed
+        missing = [name for window in written if not (folder / (name := _tile_name(window))).is_file()]
+        if missing:
+            raise OutputError(
+                f"the tile {missing[0]} of {path} was written by a worker and is not here; "
+                "workers must share the folder of the labels"
+            )
+        target.write_bytes(_vrt_xml(geobox, written, folder.name))
+
+
+def _write_tile(folder: str, geobox: GeoBox, creation: CreationOptions, part: LabelTile) -> Window | None:
+    """Paint and write one tile; its window, or None where there is no label."""
+    labels, window = part.rasterise(), part.window
+    if not labels.any():
+        return None
+    place = Window(0, 0, window.rows, window.cols)
+    path = Path(folder) / _tile_name(window)
+    again = True  # a tile that was sent twice
+    write_label_geotiff(path, [(place, labels)], geobox.window(window), again, creation=creation)
+    return window
+
+
+def _tile_name(window: Window) -> str:
+    return f"{window.row // LABEL_TILE_SIDE:04d}-{window.col // LABEL_TILE_SIDE:04d}.tif"
+
+
+def _is_tile(file: Path) -> bool:
+    row, _, col = file.stem.partition("-")
+    return file.suffix == ".tif" and row.isdecimal() and col.isdecimal()
+
+
+def _vrt_xml(geobox: GeoBox, windows: Sequence[Window], folder: str) -> bytes:
+    """Return a GDAL virtual raster of the tiles, with relative paths."""
+    rows, cols = geobox.shape
+    root = ElementTree.Element("VRTDataset", rasterXSize=str(cols), rasterYSize=str(rows))
+    if geobox.wkt is not None:
+        _add_element(root, "SRS", geobox.wkt)
+    if geobox.transform != Affine.identity():
+        _add_element(
+            root, "GeoTransform", ", ".join(repr(float(value)) for value in geobox.transform.to_gdal())
+        )
+    band = _add_element(root, "VRTRasterBand", dataType="UInt32", band="1")
+    _add_element(band, "NoDataValue", "0")
+    for window in windows:
+        band.append(_source(window, f"{folder}/{_tile_name(window)}"))
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, "unicode").encode() + b"\n"
+
+
+def _source(window: Window, path: str) -> ElementTree.Element:
+    source = ElementTree.Element("SimpleSource")
+    _add_element(source, "SourceFilename", path, relativeToVRT="1")
+    _add_element(source, "SourceBand", "1")
+    size = {"xSize": str(window.cols), "ySize": str(window.rows)}
+    _add_element(
+        source,
+        "SourceProperties",
+        RasterXSize=size["xSize"],
+        RasterYSize=size["ySize"],
+        DataType="UInt32",
+        BlockXSize=str(STRIPE),
+        BlockYSize=str(STRIPE),
+    )
+    _add_element(source, "SrcRect", xOff="0", yOff="0", **size)
+    _add_element(source, "DstRect", xOff=str(window.col), yOff=str(window.row), **size)
+    return source
+
+
+def _add_element(
+    parent: ElementTree.Element, tag: str, text: str | None = None, **how: str
+) -> ElementTree.Element:
+    child = ElementTree.SubElement(parent, tag, how)
+    child.text = text
+    return child

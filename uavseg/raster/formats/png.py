@@ -62,7 +62,6 @@ def to_8_bits(samples: NDArray[np.generic], maximum: int) -> Bytes:
 
 
 def _to_16_bits(samples: NDArray[np.generic], maximum: int) -> NDArray[np.int64]:
-    """Scale samples of 0..maximum to 16 bits, rounded."""
     return (np.minimum(samples.astype(np.int64), maximum) * 131070 + maximum) // (2 * maximum)
 
 
@@ -76,8 +75,10 @@ def _grey(file: DatasetReader) -> tuple[Bytes, Bytes | None]:
     colors = [plane for plane, role in zip(planes, roles, strict=True) if role != "alpha"]
     quanta = [_to_16_bits(plane, maximum) for plane in colors]
     grey = quanta[0] if len(quanta) < 3 else _luminance(quanta)
-    found = _declared_alpha(file) if alpha is None else to_8_bits(alpha, maximum)
-    return (grey // 257).astype(np.uint8), found
+    opaque = None if alpha is None else to_8_bits(alpha, maximum)
+    if alpha is None and file.nodatavals[0] is not None:  # the colour that the file declares transparent
+        opaque = np.where(file.dataset_mask(), np.uint8(255), np.uint8(0))
+    return (grey // 257).astype(np.uint8), opaque
 
 
 def _maximum(file: DatasetReader) -> int:
@@ -97,8 +98,3 @@ def _apply_palette(
 def _luminance(quanta: list[NDArray[np.int64]]) -> NDArray[np.int64]:
     red, green, blue = quanta[:3]
     return (REC601_WEIGHTS[0] * red + REC601_WEIGHTS[1] * green + REC601_WEIGHTS[2] * blue) >> 10
-
-
-def _declared_alpha(file: DatasetReader) -> Bytes | None:
-    """Return 0 where pixels have the colour that the file declares transparent, else 255."""
-    return None if file.nodatavals[0] is None else np.where(file.dataset_mask(), np.uint8(255), np.uint8(0))

@@ -341,8 +341,7 @@ def wrap_lon(lon: ArrayLike, around: float = 0.0) -> Floats:
     >>> wrap_lon([190.0, -180.0, 180.0]), wrap_lon([-179.0], around=170.0)
     (array([-170., -180., -180.]), array([181.]))
     """
-    wrapped: Floats = around + np.remainder(np.asarray(lon, np.float64) - around + 180, 360) - 180
-    return wrapped
+    return around + np.remainder(np.asarray(lon, np.float64) - around + 180, 360) - 180
 
 
 def wrap_lon_beyond_180(lon: Floats) -> Floats:

@@ -92,7 +92,6 @@ def _expression(layout: BandLayout, words: BandWords, text: str, kind: str) -> F
 
 
 def _uses(layout: BandLayout, words: BandWords, bands: Sequence[int]) -> bool:
-    """Return whether a formula is of these bands alone."""
     try:
         formula = bind_formula(words, layout)
     except ParameterError:  # there is no band of a name that it has

@@ -1,17 +1,17 @@
-"""Contrast stretch: fitted once over a whole dataset, applied to each tile."""
+"""Contrast stretch: fitted once over a whole dataset by mergeable histograms, applied to each tile."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from functools import partial, reduce
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg._jit import kernel
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.raster.grid.tiling import TilePass, Window
-from uavseg.raster.intensity import histogram
 from uavseg.raster.intensity.grey import Grey, luminance, luminance_f4, to_grey
 from uavseg.raster.read.dataset import Dataset
 from uavseg.raster.spectral.bands import Valid, Values
@@ -19,6 +19,108 @@ from uavseg.units import GREY_LEVELS, GREY_MAX
 
 FORMS = "auto, dtype, minmax, percentile:P,Q, none or LOW,HIGH"
 AUTO_PERCENTILES = (Fraction(2), Fraction(98))
+Counts = NDArray[np.int64]
+
+_HALF = 1 << 16
+
+
+def rank_of(percent: Fraction, total: int) -> int:
+    """Return nearest rank of a percentile among `total` sorted values, counted from 1.
+
+    Examples
+    --------
+    >>> rank_of(Fraction(50), 4), rank_of(Fraction(51), 4), rank_of(Fraction(0), 4)
+    (2, 3, 1)
+    """
+    return max(-(-percent * total // 100), 1)
+
+
+def bins_of_ranks(counts: Counts, ranks: Iterable[int]) -> list[tuple[int, int]]:
+    """Return for each rank the bin that contains it, and the rank within that bin.
+
+    Examples
+    --------
+    >>> bins_of_ranks(np.array([2, 0, 3]), [1, 2, 3, 5])
+    [(0, 1), (0, 2), (2, 1), (2, 3)]
+    """
+    below = np.concatenate([[0], np.cumsum(counts)])
+    found = [(int(np.searchsorted(below[1:], rank)), rank) for rank in ranks]
+    return [(index, rank - int(below[index])) for index, rank in found]
+
+
+def count_integers(values: Values, valid: NDArray[np.bool_] | None) -> Counts:
+    """Count the values of an integer type of at most 16 bits, smallest value first."""
+    size = values.dtype.itemsize
+    counts = np.zeros(1 << 8 * size, np.int64)
+    flat = np.ascontiguousarray(values).reshape(-1).view(f"u{size}")
+    (_count_u1 if size == 1 else _count_u2)(flat, _mask_bytes(valid), counts)
+    return np.roll(counts, len(counts) // 2) if values.dtype.kind == "i" else counts
+
+
+def count_upper_halves(values: NDArray[np.float32], valid: NDArray[np.bool_] | None) -> Counts:
+    """Count the upper 16 bits of the sort keys: 32-bit integers in the order of the float values."""
+    counts = np.zeros(_HALF, np.int64)
+    _add_upper(_bit_patterns(values), _mask_bytes(valid), counts)
+    return counts
+
+
+def count_lower_halves(
+    values: NDArray[np.float32], valid: NDArray[np.bool_] | None, uppers: tuple[int, ...]
+) -> Counts:
+    """Return histograms of the lower 16 bits of the sort keys, (n, 65536), for n upper halves."""
+    counts = np.zeros((len(uppers), _HALF), np.int64)
+    row_of = np.full(_HALF, -1, np.int64)
+    row_of[list(uppers)] = np.arange(len(uppers))
+    _add_lower(_bit_patterns(values), _mask_bytes(valid), row_of, counts)
+    return counts
+
+
+def value_of_key(upper: int, lower: int) -> float:
+    """Return the float32 value of a sort key."""
+    key = np.uint32(upper << 16 | lower)
+    bits = key ^ np.uint32(0x80000000) if key & np.uint32(0x80000000) else ~key
+    return float(np.array(bits, np.uint32).view(np.float32))
+
+
+def _bit_patterns(values: NDArray[np.float32]) -> NDArray[np.uint32]:
+    return np.ascontiguousarray(values).reshape(-1).view(np.uint32)
+
+
+def _mask_bytes(valid: NDArray[np.bool_] | None) -> NDArray[np.uint8]:
+    """Return the mask for a kernel: empty if all pixels are valid."""
+    if valid is None:
+        return np.empty(0, np.uint8)
+    return np.ascontiguousarray(valid).reshape(-1).view(np.uint8)
+
+
+def _count(values, valid, counts):  # type: ignore[no-untyped-def]
+    for i in range(values.size):
+        if valid.size == 0 or valid[i]:
+            counts[values[i]] += 1
+
+
+_count_u1 = kernel("void(u1[::1], u1[::1], i8[::1])")(_count)
+_count_u2 = kernel("void(u2[::1], u1[::1], i8[::1])")(_count)
+
+
+@kernel("void(u4[::1], u1[::1], i8[::1])")
+def _add_upper(patterns, valid, counts):  # type: ignore[no-untyped-def]
+    for i in range(patterns.size):
+        if valid.size == 0 or valid[i]:
+            bits = patterns[i]
+            flipped = bits ^ np.uint32(0xFFFFFFFF if bits >> np.uint32(31) else 0x80000000)
+            counts[flipped >> np.uint32(16)] += 1
+
+
+@kernel("void(u4[::1], u1[::1], i8[::1], i8[:,::1])")
+def _add_lower(patterns, valid, row_of, counts):  # type: ignore[no-untyped-def]
+    for i in range(patterns.size):
+        if valid.size == 0 or valid[i]:
+            bits = patterns[i]
+            flipped = bits ^ np.uint32(0xFFFFFFFF if bits >> np.uint32(31) else 0x80000000)
+            row = row_of[flipped >> np.uint32(16)]
+            if row >= 0:
+                counts[row, flipped & np.uint32(0xFFFF)] += 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,7 +307,7 @@ def order_statistics(
     total = int(counts.sum())
     if total == 0:
         return None
-    bins = histogram.bins_of_ranks(counts, [histogram.rank_of(percent, total) for percent in percents])
+    bins = bins_of_ranks(counts, [rank_of(percent, total) for percent in percents])
     if integers:
         smallest = np.iinfo(dataset.dtype.name).min
         return [float(index + smallest) for index, _ in bins]
@@ -215,8 +317,8 @@ def order_statistics(
 
 
 def _value_of_rank(upper: int, rank: int, lowers: NDArray[np.int64]) -> float:
-    [(lower, _)] = histogram.bins_of_ranks(lowers, [rank])
-    return histogram.value_of_key(upper, lower)
+    [(lower, _)] = bins_of_ranks(lowers, [rank])
+    return value_of_key(upper, lower)
 
 
 def counts_exactly(dataset: Dataset) -> bool:
@@ -230,15 +332,15 @@ def _count_upper(dataset: Dataset, window: Window) -> NDArray[np.int64]:
         return np.zeros(1 << (8 * dataset.dtype.itemsize if counts_exactly(dataset) else 16), np.int64)
     values, valid = dataset.read(window)
     if counts_exactly(dataset):
-        return histogram.count_integers(values[0], valid)
-    return histogram.count_upper_halves(_floats(values), valid)
+        return count_integers(values[0], valid)
+    return count_upper_halves(_floats(values), valid)
 
 
 def _count_lower(dataset: Dataset, uppers: tuple[int, ...], window: Window) -> NDArray[np.int64]:
     if dataset.is_empty(window):
         return np.zeros((len(uppers), 1 << 16), np.int64)
     values, valid = dataset.read(window)
-    return histogram.count_lower_halves(_floats(values), valid, uppers)
+    return count_lower_halves(_floats(values), valid, uppers)
 
 
 def _floats(values: Values) -> NDArray[np.float32]:

@@ -81,7 +81,6 @@ def from_data_array(given: Any) -> ArraySource:
 
 
 def _single(given: Any) -> Any:
-    """Return one DataArray."""
     if hasattr(given, "children"):
         raise RasterError("a DataTree holds many arrays; give one of them, such as tree['group']['name']")
     if hasattr(given, "data_vars"):

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import rasterio
+from numpy.typing import NDArray
 from rasterio.io import DatasetReader, MemoryFile
 from rasterio.vrt import WarpedVRT
 
@@ -18,8 +19,7 @@ from uavseg.errors import ParameterError, RasterReadError
 from uavseg.plain_text import shown
 from uavseg.raster.access.opening import OpenFiles
 from uavseg.raster.grid.geobox import GeoBox, scaled
-from uavseg.raster.grid.pixel_mask import PixelMask
-from uavseg.raster.grid.tiling import Window, in_panels, sample_positions, tile_side, tiles
+from uavseg.raster.grid.tiling import PixelMask, Window, in_panels, sample_positions, tile_side, tiles
 from uavseg.raster.read.array_source import ArraySource, from_array, from_values, is_array_like
 from uavseg.raster.read.data_array import from_data_array, is_data_array
 from uavseg.raster.read.inspect_file import inspect_file, inspect_open
@@ -368,7 +368,6 @@ def _check_placed(files: Sequence[RasterSource]) -> None:
 
 
 def _listed(sources: Any) -> list[Any]:
-    """Return the sources as a list."""
     if isinstance(sources, str | os.PathLike) or is_pixels(sources):
         return [sources]
     if not isinstance(sources, Sequence) or isinstance(sources, bytes):
@@ -381,3 +380,44 @@ def _listed(sources: Any) -> list[Any]:
         if not (isinstance(source, str | os.PathLike | RasterFile) or is_pixels(source)):
             raise ParameterError(f"a source is a path, an array or an open raster, not {shown(source)}")
     return list(sources)
+
+
+@dataclass(frozen=True, eq=False)
+class DatasetOverview(Dataset):
+    """A downsampled dataset in memory, with the interface of `Dataset`."""
+
+    values: NDArray[Any] = field(kw_only=True)  # (1 or 3, rows, cols)
+    valid: NDArray[np.bool_] | None = field(kw_only=True)  # (rows, cols)
+    grid: GeoBox = field(kw_only=True)
+    whole: Dataset = field(kw_only=True)  # what it is downsampled from
+
+    @classmethod
+    def of(cls, dataset: Dataset, max_side: int) -> "DatasetOverview":
+        """Return a dataset downsampled to at most `max_side` rows and columns; it is never read whole."""
+        values, valid, grid = dataset.read_coarse(max_side)
+        unchanged = (dataset.mosaic, dataset.choice, dataset.warnings)
+        return cls(*unchanged, values=values, valid=valid, grid=grid, whole=dataset)
+
+    @property
+    def geobox(self) -> GeoBox:
+        """The grid of the downsampled pixels; its extent is that of the dataset."""
+        return self.grid
+
+    def without_formula(self) -> Dataset:
+        """Return the same pixels with the stored values of the bands, for which they are read again."""
+        if self.choice.formula is None:
+            return self
+        return DatasetOverview.of(self.whole.without_formula(), max(self.grid.shape))
+
+    def is_empty(self, window: Window) -> bool:
+        """Return whether no downsampled pixel of `window` is valid."""
+        _, valid = self.read(window)
+        return valid is not None and not valid.any()
+
+    def read(self, window: Window) -> tuple[NDArray[Any], NDArray[np.bool_] | None]:
+        """Return values and validity of a window of downsampled pixels."""
+        rows, cols = window.slices
+        valid = None if self.valid is None else self.valid[rows, cols]
+        if self.collar is not None:
+            valid = without(valid, self.collar.read(window))
+        return self.values[:, rows, cols], valid

@@ -74,7 +74,8 @@ def _metadata(path: str, source: DatasetReader) -> RasterFile:
         _check_proj()
     layout = _layout(source)
     if not layout.dtypes:
-        raise RasterError(f"{path} has no bands{_subdatasets(source)}")
+        named = [f"; name one of its subdatasets, for instance {name}" for name in source.subdatasets[:1]]
+        raise RasterError(f"{path} has no bands{''.join(named)}")
     structure = _retry(lambda: source.tags(ns="IMAGE_STRUCTURE"))
     inverted = structure.get("MINISWHITE") == "YES"
     transform = _transform(path, source)
@@ -104,7 +105,6 @@ def _metadata(path: str, source: DatasetReader) -> RasterFile:
 
 
 def _scales(source: DatasetReader, warnings: list[str]) -> tuple[BandScale, ...]:
-    """Return the scale, offset and unit of each band."""
     found = []
     for band, tags in enumerate(zip(source.scales, source.offsets, source.units, strict=True), start=1):
         scale = BandScale.of_tags(*tags)
@@ -208,7 +208,6 @@ def _has_mask(path: str, source: DatasetReader) -> bool:
 
 
 def _transform(path: str, source: DatasetReader) -> Affine | None:
-    """Return the geotransform, or None."""
     transform = source.transform
     if has_place(source) and not transform.is_identity and tuple(transform)[:6] != _ZEROS:
         try:
@@ -228,9 +227,3 @@ def _transform(path: str, source: DatasetReader) -> Affine | None:
             f"gdalwarp -rpc -r near {shlex.quote(path)} {shlex.quote(warped)}"
         )
     return None
-
-
-def _subdatasets(source: DatasetReader) -> str:
-    if not source.subdatasets:
-        return ""
-    return f"; name one of its subdatasets, for instance {source.subdatasets[0]}"

@@ -42,11 +42,9 @@ from uavseg.raster.spectral.bands import (
     valid_pixels,
 )
 from uavseg.raster.spectral.formula import BandWords, bind_formula
-from uavseg.raster.tiff.deflate import check_deflate_blocks
+from uavseg.raster.tiff.damaged_blocks import check_deflate_blocks, check_jpeg_blocks
 from uavseg.raster.tiff.directories import file_of, mask_page
-from uavseg.raster.tiff.index import are_cut_off
-from uavseg.raster.tiff.jpeg import check_jpeg_blocks
-from uavseg.raster.tiff.sparse import SparseBlocks
+from uavseg.raster.tiff.index import SparseBlocks, are_cut_off
 
 _opened: "WeakKeyDictionary[DatasetReader, tuple[str, DatasetReader] | None]" = WeakKeyDictionary()
 

@@ -78,7 +78,8 @@ def _rasters_in(folder: str) -> list[str]:
     known = image_extensions()
     try:
         with os.scandir(folder) as entries:
-            found = [entry.name for entry in entries if _is_image(entry.name, known) and entry.is_file()]
+            shown = [entry for entry in entries if not entry.name.startswith(".") and entry.is_file()]
+            found = [one.name for one in shown if Path(one.name).suffix.lower() in known]
     except OSError as error:
         raise RasterReadError(f"{folder} cannot be listed ({error.strerror})") from error
     if not found:
@@ -89,12 +90,7 @@ def _rasters_in(folder: str) -> list[str]:
     return [os.path.join(folder, name) for name in sorted(found)]  # noqa: PTH118 - keeps ./
 
 
-def _is_image(name: str, known: frozenset[str]) -> bool:
-    return not name.startswith(".") and Path(name).suffix.lower() in known
-
-
 def _matching(pattern: str) -> list[str]:
-    """Return files that match a pattern."""
     try:
         result = sorted(name for name in glob.iglob(pattern, recursive=True) if Path(name).is_file())  # noqa: PTH207
     except (OSError, ValueError) as error:
@@ -105,7 +101,6 @@ def _matching(pattern: str) -> list[str]:
 
 
 def _listed(path: str) -> list[str]:
-    """Return names in a file."""
     names = parse_list(read_bytes(path, limit=MAX_LIST))
     for name in names:
         if is_address(name):

@@ -51,8 +51,7 @@ class BandScale:
 
     def values(self, stored: ArrayLike) -> Floats:
         """Return values of stored numbers."""
-        result: Floats = np.asarray(stored, np.float64) * self.scale + self.offset
-        return result
+        return np.asarray(stored, np.float64) * self.scale + self.offset
 
     def stored(self, value: float) -> float:
         """Return the stored number of a value; without scale and offset, the value itself."""
@@ -210,8 +209,9 @@ def choose_bands(
         raise ParameterError(f"rgb takes three bands, for instance 1,2,3, not {len(rgb)}")
     bands = named or _default_bands(layout)
     for number in bands:
-        if not 1 <= number <= len(layout.dtypes):
-            raise ParameterError(f"there is no band {number}: {_count_text(len(layout.dtypes))}")
+        if not 1 <= number <= (count := len(layout.dtypes)):
+            there = "one band" if count == 1 else f"bands 1 to {count}"
+            raise ParameterError(f"there is no band {number}: the raster has {there}")
     return BandChoice(bands, _common_type(layout, bands), max(layout.bits[number - 1] for number in bands))
 
 
@@ -242,10 +242,6 @@ def _common_type(layout: BandLayout, bands: tuple[int, ...]) -> np.dtype[np.gene
     if name.startswith("complex"):
         raise RasterError(f"the pixels are complex numbers ({name}); make a raster of their magnitude first")
     return np.dtype("float32" if name == "float16" else name)
-
-
-def _count_text(count: int) -> str:
-    return "the raster has one band" if count == 1 else f"the raster has bands 1 to {count}"
 
 
 Values = NDArray[Any]

@@ -9,8 +9,7 @@ from uavseg._jit import inlined, kernel
 from uavseg.arrays import Integers
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.regions.edit.small import Area, region_areas
-from uavseg.regions.outline.rasterise import LazyLabels, Rasteriser
-from uavseg.regions.outline.rings import RegionOutlines, merge_sums, select_sums
+from uavseg.regions.outline.rings import LazyLabels, Rasteriser, RegionOutlines, merge_sums, select_sums
 from uavseg.regions.outline.trace import STRIP, LabelRows, link_strips, trace_strips
 from uavseg.segmentation.components import Sums
 

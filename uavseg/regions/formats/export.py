@@ -1,4 +1,4 @@
-"""Write regions to vector files atomically, in the format of their extension, and verify them."""
+"""Write regions to vector files atomically, by extension, and verify them; write them as label rasters."""
 
 import io
 import json
@@ -6,24 +6,35 @@ import os
 import struct
 import textwrap
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
-from uavseg.errors import OutputError
+from uavseg.arrays import Path_
+from uavseg.errors import OutputError, ParameterError
+from uavseg.execution.executors import Map, serial
 from uavseg.output.atomic import atomic_file, check_target
+from uavseg.raster.formats import geotiff
+from uavseg.raster.formats.creation import DEFAULT, CreationOptions
+from uavseg.raster.formats.geotiff import check_label_tiles, label_windows, write_label_tiles
 from uavseg.raster.geodesy.globe import parse_crs
-from uavseg.regions.formats import geojson
-from uavseg.regions.formats.geojson import COLLECTION, GeoJsonForm
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.tiling import Window, tiles
+from uavseg.regions.formats import text_writers
 from uavseg.regions.formats.metadata import metadata_items
 from uavseg.regions.formats.parquet import arrow_array, import_pyarrow
+from uavseg.regions.formats.text_writers import COLLECTION, GeoJsonForm, kml_notes, write_kml
+from uavseg.regions.formats.vector_files import gdal_options
+from uavseg.regions.outline.rings import EdgeTable, Rings, edge_tables
 from uavseg.regions.shapes import as_multipolygons, batch_slices, has_multipolygons
 from uavseg.regions.table import Regions
 from uavseg.regions.wgs84 import to_wgs84
+from uavseg.units import BLOCK
 from uavseg.warning_filters import changing_filters
 
 LAYER = "regions"
@@ -101,8 +112,6 @@ def format_notes(regions: Regions, path: str | os.PathLike[str]) -> list[str]:
     """Return warnings about what readers of the format of a file, at this path, cannot show."""
     if Path(path).suffix.lower() != ".kml":
         return []
-    from uavseg.regions.formats.kml import kml_notes
-
     return kml_notes(regions)
 
 
@@ -132,10 +141,10 @@ def _write_stream(regions: Regions, stream: IO[Any], form: GeoJsonForm) -> None:
     try:
         if hasattr(stream, "encoding"):
             text = io.BytesIO()
-            geojson.write_geojson(regions, text, form)
+            text_writers.write_geojson(regions, text, form)
             stream.write(text.getvalue().decode())
         else:
-            geojson.write_geojson(regions, stream, form)
+            text_writers.write_geojson(regions, stream, form)
         stream.flush()
     except BrokenPipeError:
         raise  # the reader has closed the pipe
@@ -147,7 +156,7 @@ def _write_stream(regions: Regions, stream: IO[Any], form: GeoJsonForm) -> None:
 
 def _write_geojson(regions: Regions, path: Path) -> None:
     with path.open("wb") as stream:
-        geojson.write_geojson(regions, stream)
+        text_writers.write_geojson(regions, stream)
 
 
 def _write_geopackage(regions: Regions, path: Path) -> None:
@@ -163,8 +172,6 @@ def _write_shapefile(regions: Regions, path: Path) -> None:
 
 
 def _write_kml(regions: Regions, path: Path) -> None:
-    from uavseg.regions.formats.kml import write_kml
-
     with path.open("wb") as stream:
         write_kml(regions, stream)
 
@@ -173,8 +180,6 @@ def _write_layer(regions: Regions, path: Path, driver: str, **options: str) -> N
     """Write one layer with GDAL; warnings are muted."""
     import pyogrio.raw
     from pyogrio.errors import DataLayerError, DataSourceError
-
-    from uavseg.regions.formats.vector_files import gdal_options
 
     promote = has_multipolygons(regions.polygons)
     polygons = np.asarray(regions.polygons)
@@ -201,7 +206,6 @@ def _write_layer(regions: Regions, path: Path, driver: str, **options: str) -> N
 
 
 def _write_parquet(regions: Regions, path: Path) -> None:
-    """Write GeoParquet 1.0."""
     pyarrow = import_pyarrow()
     aliases = {name: _ARROW_TYPES[column.dtype.kind] for name, column in regions.columns.items()}
     fields = [(name, pyarrow.type_for_alias(alias)) for name, alias in aliases.items()]
@@ -217,7 +221,6 @@ def _write_parquet(regions: Regions, path: Path) -> None:
 
 
 def _geo_metadata(regions: Regions) -> dict[str, Any]:
-    """Return GeoParquet metadata of the geometry column."""
     column: dict[str, Any] = {
         "encoding": "WKB",
         "geometry_types": sorted({polygon.geom_type for polygon in regions.polygons}),
@@ -288,3 +291,54 @@ def _shapefile(path: Path, count: int) -> bool:
 def _read_start(path: Path, size: int) -> bytes:
     with path.open("rb") as file:
         return file.read(size)
+
+
+def check_labels(path: Path_, overwrite: bool = False) -> None:
+    """Refuse a path where labels cannot be written; call it before computing them.
+
+    A ParameterError says that the name ends neither in .tif nor in .vrt, an OutputExistsError or OutputError
+    that a file exists that may not be replaced, or that the folder cannot be written to.
+    """
+    if is_vrt(path):
+        check_label_tiles(path, overwrite)
+        return
+    check_target(path, overwrite)
+    if Path(path).suffix.lower() not in (".tif", ".tiff"):
+        raise ParameterError(
+            f"labels are written as GeoTIFF; name a .tif, or a .vrt for many tiles, not {path}"
+        )
+
+
+def is_vrt(path: Path_) -> bool:
+    """Check whether labels of that name are written as tiles under a VRT."""
+    return Path(path).suffix.lower() == ".vrt"
+
+
+def write_label_raster(
+    path: Path_,
+    rings: Rings,
+    geobox: GeoBox,
+    map: Map = serial,
+    overwrite: bool = False,
+    creation: CreationOptions = DEFAULT,
+) -> None:
+    """Write the labels of regions: one GeoTIFF, or for a .vrt tiles that the executor's workers write.
+
+    The pixels of both are the same, and depend on neither tiles nor workers. For the path see `check_labels`.
+    """
+    if is_vrt(path):
+        parts = edge_tables(rings, label_windows(geobox.shape))
+        write_label_tiles(path, parts, geobox, overwrite, map, creation)
+    else:
+        strips = label_strips(rings, geobox.shape, map)
+        geotiff.write_label_geotiff(path, strips, geobox, overwrite, creation=creation)
+
+
+def label_strips(
+    rings: Rings, shape: tuple[int, int], map: Map = serial
+) -> Iterator[tuple[Window, NDArray[np.uint32]]]:
+    """Rasterise labels in windows of full width, from top to bottom; `shape` is rows and columns."""
+    rows, cols = shape
+    strip = max((1 << 24) // cols // BLOCK, 1) * BLOCK
+    windows = tiles((rows, cols), (strip, -(-cols // BLOCK) * BLOCK))
+    return zip(windows, map(EdgeTable.rasterise, edge_tables(rings, windows)), strict=True)

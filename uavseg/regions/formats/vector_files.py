@@ -19,8 +19,8 @@ from uavseg.errors import AccessError, RegionError
 from uavseg.inputs import MAX_TEXT, parse_json, read_bytes, read_start, regular_file
 from uavseg.output.staging import default_signals
 from uavseg.plain_text import cause_of
-from uavseg.raster.access.databases import check_database
 from uavseg.raster.access.opening import OFFLINE_OPTIONS
+from uavseg.raster.access.untrusted import check_database
 
 _EXTENSIONS = {
     "GeoJSON": (".geojson", ".json", ".geojsonl", ".geojsons", ".ndjson", ".topojson"),

@@ -25,7 +25,7 @@ from uavseg.segmentation.sample.g_scores import (
     texture_model,
     window_scores,
 )
-from uavseg.segmentation.sample.likelihood_weights import SampleWeights, SymbolPair
+from uavseg.segmentation.sample.pixel_decision import SampleWeights, SymbolPair
 from uavseg.segmentation.source import GreySource, GreyTile
 from uavseg.units import CELL, GREY_MAX
 
@@ -57,8 +57,7 @@ class Sample:
         against two textures, relative to that of windows in the sample.
         """
         excess = np.maximum(score - self.own, 0) / SCORE_UNITS
-        similarity: NDArray[np.float64] = np.exp(-excess / 2)
-        return similarity
+        return np.exp(-excess / 2)
 
     def bounds(self, deviations: float) -> GreyBounds:
         """Return bounds of mean grey, a number of standard deviations around the mean."""

@@ -1,7 +1,9 @@
-"""Similarity to a sample by colour: the posterior probability of each pixel, read like an intensity."""
+"""Similarity to a sample by colour, a posterior probability read like an intensity, and the next sample."""
 
+import math
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -9,15 +11,30 @@ from numpy.typing import NDArray
 
 from uavseg.dataclass import dataclass
 from uavseg.errors import SampleError
+from uavseg.raster.geodesy.globe import is_geographic
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.ground import ground_steps
 from uavseg.raster.grid.tiling import TilePass, Window
-from uavseg.regions.sample.place import SampleMask
+from uavseg.regions.sample.place import Disc, SampleMask, sample_mask
+from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.sample.similarity_table import BLUR_HALO, SimilarityTable, blurred
 from uavseg.segmentation.source import GreySource, GreyTile
+from uavseg.units import CELL, GREY_MAX
 
 MIN_PIXELS = 64  # of a sample
 _WINDOWS = 32  # along each side of the raster, in which its colours are sampled
 _WINDOW = 12  # pixels, at most
 _STEP = 4  # pixels between those that are sampled
+_MIN_SHARE = 0.05  # of the raster that is undecided, below which no sample is proposed
+_MIN_UNCERTAINTY = 0.5  # of the pixels of a disc on average
+_MIN_RADIUS, _MAX_RADIUS = 8.0, 16.0  # pixels
+_GAP = 2  # radii from the samples
+_CANDIDATES = 16  # discs whose pixels are read
+_MAX_ASPECT = 4  # of a pixel: longer ones make a disc of too few cells
+_STRIP = 1 << 20  # cells that are scored at a time, in whole rows
+_FORBIDDEN = -(1 << 40)  # score of a cell that no disc may touch: no disc can outweigh it
+_FULL = CELL * CELL  # pixels of a cell
+_CERTAIN = _FULL * GREY_MAX  # sum of a cell whose similarity is 1
 
 
 @dataclass(frozen=True)
@@ -181,3 +198,207 @@ def _read_blurred(
     tiles = [band.read(window, margin + BLUR_HALO) for band in bands]
     valid = np.bitwise_and.reduce([tile.valid[inner] for tile in tiles])
     return [blurred(tile.grey, tile.valid) for tile in tiles], np.ascontiguousarray(valid)
+
+
+def next_place(
+    source: SimilaritySource, blocks: BlockMap, samples: Sequence[SampleMask], tile_pass: TilePass
+) -> Disc | None:
+    """Return the disc on the map whose pixels are the least certain; None where hardly any are uncertain.
+
+    Active learning by uncertainty sampling (D. Lewis and W. Gale, A sequential algorithm for training text
+    classifiers, SIGIR 1994): cells -> a few discs of uncertain cells, far enough from all samples -> the one
+    of the most uncertain pixels.
+
+    It lies on valid pixels as a whole and outside of all samples, and is about as large as these are, with a
+    radius of 8 to 16 pixels; of 8 where no larger one fits. The blocks are of the similarity, the samples
+    those of the target and of other areas. The result depends neither on the executor of the pass nor on its
+    tiles.
+    """
+    if source.table.uncertain < _MIN_SHARE:
+        return None
+    geobox = source.dataset.geobox
+    for radius in dict.fromkeys((_mean_radius(samples), _MIN_RADIUS)):
+        reach = radius * math.sqrt(_aspect(geobox))
+        if reach > radius * math.sqrt(_MAX_ASPECT):
+            return None
+        taken = _cells_near(samples, blocks.counts.shape, _GAP * radius)
+        cells = most_uncertain_cells(blocks.sums, blocks.counts, taken, reach, _CANDIDATES, _MIN_UNCERTAINTY)
+        discs = [_disc(geobox, row, col, reach) for row, col in cells.tolist()]
+        best = _most_uncertain(source, discs, samples, tile_pass)
+        if best is not None:
+            return best
+    return None
+
+
+def _most_uncertain(
+    source: SimilaritySource, discs: Sequence[Disc], samples: Sequence[SampleMask], tile_pass: TilePass
+) -> Disc | None:
+    """Return the disc whose pixels are the least certain on average, if they are uncertain."""
+    masks = [_mask_apart(disc, source.dataset.geobox, samples) for disc in discs]
+    candidates = [(disc, mask) for disc, mask in zip(discs, masks, strict=True) if mask is not None]
+    values = list(tile_pass.silent.run(partial(_uncertainty, source), [mask for _, mask in candidates]))
+    best = max(range(len(values)), key=values.__getitem__, default=None)
+    return None if best is None or values[best] < _MIN_UNCERTAINTY else candidates[best][0]
+
+
+def _uncertainty(source: SimilaritySource, place: SampleMask) -> float:
+    """Compute the mean uncertainty of the pixels of a place, 0 to 1; 0 if one of them is not valid."""
+    tile, inside = source.read(place.window, 0), place.mask
+    rows, cols = inside.shape
+    if not tile.valid[:rows, :cols][inside].all():
+        return 0.0
+    grey = tile.grey[:rows, :cols][inside].astype(np.int64)
+    return float((GREY_MAX - np.abs(2 * grey - GREY_MAX)).sum()) / (GREY_MAX * len(grey))
+
+
+def _mask_apart(disc: Disc, geobox: GeoBox, samples: Sequence[SampleMask]) -> SampleMask | None:
+    """Return the pixels of a disc; None where they are too few, or some belong to a sample."""
+    try:
+        place = sample_mask(disc, geobox)
+    except SampleError:
+        return None
+    too_small = np.count_nonzero(place.mask) < MIN_PIXELS
+    return None if too_small or any(map(place.meets, samples)) else place
+
+
+def _mean_radius(samples: Sequence[SampleMask]) -> float:
+    """Return the radius in pixels of a disc that is as large as samples are on average, within bounds."""
+    pixels = np.mean([np.count_nonzero(place.mask) for place in samples])
+    return float(min(max(round(math.sqrt(pixels / math.pi)), _MIN_RADIUS), _MAX_RADIUS))
+
+
+def _cells_near(samples: Sequence[SampleMask], shape: tuple[int, ...], gap: float) -> NDArray[np.bool_]:
+    """Return the cells within a gap of samples: (m, n) bool."""
+    taken = np.zeros(shape, bool)
+    widths = half_widths(gap)
+    reach = len(widths) // 2
+    for place in samples:
+        near = _dilated(place.cell_counts() > 0, widths)
+        first = Window(place.window.row // CELL - reach, place.window.col // CELL - reach, *near.shape)
+        part = first.clipped((shape[0], shape[1]))
+        inner = replace(part, row=part.row - first.row, col=part.col - first.col)
+        taken[part.slices] |= near[inner.slices]
+    return taken
+
+
+def _dilated(cells: NDArray[np.bool_], widths: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Dilate cells by a disc, with a margin of its reach on all sides."""
+    reach = len(widths) // 2
+    padded = np.pad(cells, reach)
+    dilated = np.zeros_like(padded)
+    for row, width in enumerate(widths.tolist(), -reach):
+        for col in range(-width, width + 1):
+            dilated |= np.roll(padded, (row, col), (0, 1))
+    return dilated
+
+
+def _aspect(geobox: GeoBox) -> float:
+    """Return the aspect ratio of a pixel in the middle, on the map or on the ground in degrees."""
+    long, wide = _pixel_extents(geobox, geobox.shape[0] / 2, geobox.shape[1] / 2)
+    return long / wide if wide > 0 and math.isfinite(long) else math.inf
+
+
+def _pixel_extents(geobox: GeoBox, row: float, col: float) -> tuple[float, float]:
+    """Return the longest and the shortest extent of a pixel in the unit of a radius."""
+    if is_geographic(geobox.wkt):
+        steps = ground_steps(geobox, row, col)
+        return max(steps), min(steps)
+    t = geobox.transform
+    values = np.linalg.svd(np.array([[t.a, t.b], [t.d, t.e]]), compute_uv=False)
+    return float(values[0]), float(values[1])
+
+
+def _disc(geobox: GeoBox, row: int, col: int, reach: float) -> Disc:
+    """Return the disc on the map around the middle of a cell, with a radius in pixels at most `reach`."""
+    middle = ((row + 0.5) * CELL, (col + 0.5) * CELL)
+    x, y = (float(value) for value in geobox.xy_from_pixel(*middle))
+    t = geobox.transform
+    finest = min(step for step in (math.hypot(t.a, t.d), math.hypot(t.b, t.e)))
+    digits = 1 - math.floor(math.log10(finest))  # a tenth of a pixel or less
+    _, shortest = _pixel_extents(geobox, *middle)
+    return Disc(round(x, digits), round(y, digits), _rounded_down(reach * shortest))
+
+
+def _rounded_down(length: float) -> float:
+    digits = 2 - math.floor(math.log10(length))
+    unit = 10.0**digits
+    return round(math.floor(length * unit + 1e-6) / unit, max(digits, 0))
+
+
+def half_widths(radius: float) -> NDArray[np.int64]:
+    """Return how far a disc around the middle of a cell reaches in each row of cells, from -k to k.
+
+    The radius is in pixels, the (2 k + 1,) half-widths in cells.
+
+    Examples
+    --------
+    >>> half_widths(8), half_widths(16)
+    (array([1, 1, 1]), array([1, 2, 2, 2, 1]))
+    """
+    reach = int(np.ceil((radius - CELL / 2) / CELL))
+    gaps = np.maximum(np.abs(np.arange(-reach, reach + 1)) * CELL - CELL / 2, 0)
+    widths = np.ceil((np.sqrt(np.maximum(radius**2 - gaps**2, 0)) - CELL / 2) / CELL)
+    return np.asarray(np.maximum(widths, 0).astype(np.int64))
+
+
+def most_uncertain_cells(
+    sums: NDArray[np.uint32],
+    counts: NDArray[np.uint8],
+    taken: NDArray[np.bool_],
+    radius: float,
+    count: int,
+    minimum: float,
+) -> NDArray[np.int64]:
+    """Return the cells around which a disc of valid pixels is most uncertain, in descending order: (k, 2).
+
+    The uncertainty of a cell is 1 where its mean similarity is one half, and 0 where that is 0 or 1; that of
+    a disc is `minimum`, 0 to 1, or more. Sums and counts are of the similarity, as in a block map. No disc,
+    whose radius is in pixels, may touch the cells `taken`. `count` is the maximum number; of equal ones the
+    first by row and column.
+    """
+    widths = half_widths(radius)
+    limit = int(np.ceil(minimum * _CERTAIN * int((2 * widths + 1).sum())))
+    scores, cells = np.empty(0, np.int64), np.empty((0, 2), np.int64)
+    for top, strip in _strips(sums, counts, taken, widths):
+        places = np.flatnonzero(strip >= limit)
+        if len(places) > count:
+            at_places = strip.ravel()[places]
+            places = places[at_places >= np.partition(at_places, -count)[-count]]
+        rows, cols = np.divmod(places, strip.shape[1])
+        scores = np.concatenate([scores, strip.ravel()[places]])
+        cells = np.concatenate([cells, np.stack([rows + top, cols], 1)])
+        best = np.argsort(-scores, kind="stable")[:count]
+        scores, cells = scores[best], cells[best]
+    return cells
+
+
+def _strips(
+    sums: NDArray[np.uint32], counts: NDArray[np.uint8], taken: NDArray[np.bool_], widths: NDArray[np.int64]
+) -> Iterator[tuple[int, NDArray[np.int64]]]:
+    """Yield the first row of each strip, and the score of a disc around each of its cells."""
+    reach, side = len(widths) // 2, int(widths.max())
+    rows, cols = sums.shape
+    step = max(_STRIP // cols, 1)
+    for top in range(0, rows, step):
+        first, end = max(top - reach, 0), min(top + step + reach, rows)
+        height = min(step, rows - top)
+        around = np.full((height + 2 * reach, cols + 2 * side), _FORBIDDEN, np.int64)
+        part = np.s_[first:end]
+        inner = around[first - top + reach : end - top + reach, side : side + cols]
+        inner[:] = _CERTAIN - np.abs(2 * sums[part].astype(np.int64) - _CERTAIN)
+        inner[(counts[part] != _FULL) | taken[part]] = _FORBIDDEN
+        yield top, _disc_sums(around, widths)
+
+
+def _disc_sums(around: NDArray[np.int64], widths: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Sum over the cells that a disc touches, around each cell that is not in the margin."""
+    reach, side = len(widths) // 2, int(widths.max())
+    rows, cols = around.shape[0] - 2 * reach, around.shape[1] - 2 * side
+    along = np.zeros((around.shape[0], around.shape[1] + 1), np.int64)
+    np.cumsum(around, axis=1, out=along[:, 1:])
+    total = np.zeros((rows, cols), np.int64)
+    for row, width in enumerate(widths.tolist()):
+        line = along[row : row + rows]
+        total += line[:, side + width + 1 : side + width + 1 + cols]
+        total -= line[:, side - width : side - width + cols]
+    return total

@@ -1,15 +1,19 @@
-"""Select regions by id, by a condition on their attributes, and by size."""
+"""Select regions by id, by a condition on their attributes (`--where`), and by size."""
 
-from collections.abc import Sequence
+import ast
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import RegionError
-from uavseg.regions.select.where import where
+from uavseg.expressions import ALWAYS, ARITHMETIC, LOGIC, Evaluator, Tristate
 from uavseg.regions.table import Regions
 
 MAX_LISTED = 10  # ids in a message
+MAX_CHARACTERS = 2000  # of a condition
 
 
 def select_regions(
@@ -21,7 +25,7 @@ def select_regions(
     """Select the regions that have one of the ids and fulfil the condition; of these, the largest.
 
     They stay in their original order. `largest` is the number to keep at most, by `area_m2`; of equal ones
-    the first. For conditions see `uavseg.regions.select.where.where`. A RegionError says that an id does not
+    the first. For conditions see `uavseg.regions.select.choose.where`. A RegionError says that an id does not
     exist, the condition is not understood, or no region is left.
     """
     kept = np.ones(len(regions), dtype=bool)
@@ -82,3 +86,105 @@ def _largest(regions: Regions, kept: np.ndarray, count: int) -> np.ndarray:
 def _listed(ids: Sequence[int]) -> str:
     shown = ", ".join(map(str, ids[:MAX_LISTED]))
     return shown if len(ids) <= MAX_LISTED else f"{shown}, ... {ids[-1]} ({len(ids)} in all)"
+
+
+def where(columns: Mapping[str, NDArray[Any]], condition: str) -> NDArray[np.bool_]:
+    """Return the mask of the regions that fulfil a condition; not where a missing number leaves it unknown.
+
+    The condition may hold names of columns, numbers, texts in quotes, comparisons, `and`, `or`, `not`,
+    `+ - * /`, and `in` and `not in` with a list. Nothing else: it is not run as Python.
+
+    Columns, (N,), are numbers, booleans or texts. A comparison with a missing number (NaN) is neither true
+    nor false, with `!=` and under `not` as well; `mean > 0.6 or id == 4` is true where its other side is. A
+    missing text is the empty text.
+
+    Raises
+    ------
+    RegionError
+        If the condition cannot be parsed, uses other syntax, names a column that does not exist, or compares
+        a number with a text.
+
+    Examples
+    --------
+    >>> columns = {"mean": np.array([0.5, 0.8]), "source": np.array(["a.tif", "b.tif"], object)}
+    >>> where(columns, "mean > 0.7 and source in ['b.tif', 'c.tif']")
+    array([False,  True])
+    >>> where({"mean": np.array([0.5, 0.8, np.nan])}, "not mean > 0.7")
+    array([ True, False, False])
+    """
+    tree = _parse(condition)
+    count = len(next(iter(columns.values())))
+    with np.errstate(all="ignore"):
+        try:
+            answer = _Condition(columns, condition).evaluate(tree)
+        except (OverflowError, RecursionError) as error:
+            raise RegionError(
+                f"the condition {condition[:60]!r} is too large a calculation; make it simpler"
+            ) from error
+    if not isinstance(answer, Tristate):
+        raise RegionError(
+            f"the condition {condition!r} is not a condition; compare with a value, as in mean > 0.7"
+        )
+    return np.array(np.broadcast_to(answer.true, count))
+
+
+def _parse(condition: str) -> ast.expr:
+    if len(condition) > MAX_CHARACTERS:
+        raise RegionError(f"the condition has {len(condition)} characters; at most {MAX_CHARACTERS} are read")
+    try:
+        # A text in quotes stays as it is.
+        named = _KEYWORD.sub(lambda found: _CLASS if found[0] == "class" else found[0], condition.strip())
+        return ast.parse(named, mode="eval").body
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+        one_equals = "=" in condition and not any(two in condition for two in ("==", "<=", ">=", "!="))
+        hint = "; equality is written ==" if one_equals else ""
+        raise RegionError(
+            f'the condition {condition[:60]!r} cannot be read; expected as in "mean > 0.7"{hint}'
+        ) from error
+
+
+_KEYWORD = re.compile(r"""'(?:\\.|[^'\\])*'|"(?:\\.|[^"\\])*"|\bclass\b""")
+_CLASS = "class_column_"  # stands for the column class, which has the name of a keyword
+
+
+class _Condition(Evaluator):
+    """Conditions on columns, by their names."""
+
+    nodes = frozenset({ast.Constant, ast.Name, ast.BoolOp, ast.UnaryOp, ast.BinOp, ast.Compare})
+    operators: ClassVar = {**ARITHMETIC, **LOGIC}
+
+    def __init__(self, columns: Mapping[str, NDArray[Any]], condition: str) -> None:
+        self.columns = columns
+        self.condition = condition
+
+    def look_up(self, part: ast.Name) -> Any:
+        name = "class" if part.id == _CLASS else part.id
+        if name not in self.columns:
+            known = ", ".join(self.columns)
+            raise RegionError(f"these regions have no {name!r}; they have {known}")
+        return _plain(self.columns[name])
+
+    def constant(self, part: ast.Constant) -> Any:
+        if isinstance(part.value, bool):
+            return ALWAYS if part.value else ~ALWAYS
+        if not isinstance(part.value, int | float | str):
+            raise self.refused(part)
+        return np.str_(part.value) if isinstance(part.value, str) else np.float64(part.value)
+
+    def refused(self, part: ast.expr, why: str = "") -> RegionError:
+        return RegionError(
+            f"the condition {self.condition!r}: {ast.unparse(part)!r} is not understood; "
+            "use names, numbers, texts, comparisons, and, or, not, in [...], + - * /"
+        )
+
+    def mistaken(self, why: str) -> RegionError:
+        return RegionError(f"the condition {self.condition!r}{why}")
+
+
+def _plain(column: NDArray[Any]) -> Any:
+    """Return a column as numbers, booleans or texts; a missing text is empty."""
+    if column.dtype.kind in "iuf":
+        return column.astype(np.float64)
+    if column.dtype.kind == "b":
+        return Tristate(column, ~column)
+    return np.array(["" if value is None or value != value else str(value) for value in column])

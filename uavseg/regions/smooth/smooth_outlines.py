@@ -25,22 +25,20 @@ from uavseg.raster.grid.geobox import GeoBox, scaled
 from uavseg.raster.grid.ground import ground_resolution
 from uavseg.regions.outline.rings import Rings, reorder_rings
 from uavseg.regions.smooth.arcs import (
+    MAX_OFFSET,
+    STEPS_PER_PIXEL,
     Nodes,
+    area_slope,
+    doubled_steps,
     edge_key,
     find_nodes,
     is_reversed,
     load_arc,
     lower_bound,
-    unit_corners,
-)
-from uavseg.regions.smooth.sleeve import (
-    MAX_OFFSET,
-    STEPS_PER_PIXEL,
-    area_slope,
-    doubled_steps,
     place_points,
     portal_offsets,
     straighten,
+    unit_corners,
 )
 
 MAX_SHIFT = 0.4375  # pixels that a corner may move along each axis
@@ -207,7 +205,6 @@ def _areas(rings: Rings) -> NDArray[np.float64]:
 
 
 def _replace_rings(rings: Rings, again: "SmoothRings", which: NDArray[np.bool_]) -> Rings:
-    """Replace some of the rings."""
     order = np.arange(len(rings.labels))
     order[which] = len(order) + np.arange(int(which.sum()))
     vertices = np.concatenate([rings.vertices, again.rings.vertices])
@@ -253,7 +250,6 @@ def smooth_rings(
 
 
 def _lengths(rings: Rings) -> Integers:
-    """Return the number of unit edges of each ring."""
     first, last = rings.starts[:-1], rings.starts[1:] - 1
     steps = np.abs(np.diff(rings.vertices, axis=0)).sum(axis=1, dtype=np.int64)
     sums = np.concatenate([[0], np.cumsum(steps)])

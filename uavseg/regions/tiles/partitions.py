@@ -41,9 +41,8 @@ from uavseg.segmentation.pipeline import (
     measure_block_map_for,
     sum_contrasts,
 )
-from uavseg.segmentation.refine.detail import Detail
+from uavseg.segmentation.refine.detail import Detail, ThinLines
 from uavseg.segmentation.refine.range_scans import REFINE_HALO
-from uavseg.segmentation.refine.thin_lines import ThinLines
 from uavseg.segmentation.source import GreySource
 from uavseg.units import GREY_LEVELS
 

@@ -19,8 +19,7 @@ from uavseg.raster.grid.tiling import (
     whole_blocks,
     window_cells,
 )
-from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
-from uavseg.regions.outline.rings import RegionOutlines
+from uavseg.regions.outline.rings import EdgeTable, RegionOutlines, edge_tables
 from uavseg.regions.outline.stitch import TileOutlines, TileStitcher, outline_tile
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums
 from uavseg.segmentation.components import (
@@ -32,9 +31,8 @@ from uavseg.segmentation.components import (
 )
 from uavseg.segmentation.params.segment import IntensityRange, Refinement
 from uavseg.segmentation.pipeline import refine_tile
-from uavseg.segmentation.refine.detail import Detail, apply_detail
+from uavseg.segmentation.refine.detail import MARGIN, Detail, ThinLines, apply_detail, find_thin_lines
 from uavseg.segmentation.refine.range_scans import REFINE_HALO
-from uavseg.segmentation.refine.thin_lines import MARGIN, ThinLines, find_thin_lines
 from uavseg.segmentation.source import GreySource, GreyTile
 from uavseg.units import BLOCK, GREY_LEVELS
 
@@ -221,19 +219,6 @@ def _sum_tile(source: GreySource, edges: EdgeTable) -> tuple[NDArray[np.int64], 
     names = numbers.astype(np.uint32)
     sums = component_sums(names, len(labels), np.ascontiguousarray(tile.grey[inner]))
     return labels, with_excess(sums, names, None if tile.excess is None else tile.excess[inner])
-
-
-def count_regions(
-    source: GreySource,
-    cells: NDArray[np.uint8],
-    interval: IntensityRange,
-    refine: Refinement,
-    tile_pass: TilePass,
-    expected: BlockMap | None = None,
-) -> tuple[int, int]:
-    """Count the regions of `outline_regions`, and their pixels; the parameters are the same."""
-    counts = outline_regions(source, cells, interval, refine, tile_pass, expected).sums.counts
-    return len(counts), int(counts.sum())
 
 
 def estimate_regions(

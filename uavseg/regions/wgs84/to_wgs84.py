@@ -185,7 +185,6 @@ def _find_jumps(flat: RaggedPolygons, degree: int) -> tuple[RaggedPolygons, Flag
 
 
 def _drop_repeats(flat: RaggedPolygons) -> RaggedPolygons:
-    """Return rings without repeated consecutive vertices."""
     x, y = flat.vertices.T
     repeats = (x[1:] == x[:-1]) & (y[1:] == y[:-1])
     repeats[flat.rings[1:-1] - 1] = False

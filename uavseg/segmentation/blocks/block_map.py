@@ -5,9 +5,8 @@ It holds the sum and the number of the valid pixels of each cell of 8 x 8, and t
 """
 
 import base64
+import io
 import os
-import struct
-import zlib
 from collections.abc import Iterator, Sequence
 from types import ModuleType
 
@@ -56,7 +55,6 @@ class BlockMap:
         return self.ratios.shape[0], self.ratios.shape[1]
 
     def _repr_html_(self) -> str:
-        """Show its size and a picture of the means of its cells in notebooks."""
         rows, cols = self.shape
         valid = int(self.counts.sum(dtype=np.int64))
         share = 100 * valid / max(rows * cols, 1)
@@ -294,23 +292,14 @@ def _thumbnail(sums: NDArray[np.uint32], counts: NDArray[np.uint8], maximum: flo
     means = np.divide(total, number, out=np.zeros(total.shape), where=number > 0)
     grey = np.rint(np.clip(means / maximum, 0, 1) * 255).astype(np.uint8)
     alpha = np.where(number > 0, 255, 0).astype(np.uint8)
-    return "data:image/png;base64," + base64.b64encode(_png(np.dstack([grey, alpha]))).decode()
+    from PIL import Image
+
+    stream = io.BytesIO()
+    Image.fromarray(np.dstack([grey, alpha])).save(stream, "PNG")
+    return "data:image/png;base64," + base64.b64encode(stream.getvalue()).decode()
 
 
 def _sum_squares(band: NDArray[np.integer], step: int) -> NDArray[np.float64]:
     """Sum squares of cells; those at the edge may be smaller."""
     rows, cols = (np.arange(0, length, step) for length in band.shape)
-    summed: NDArray[np.float64] = np.add.reduceat(np.add.reduceat(band.astype(float), rows, 0), cols, 1)
-    return summed
-
-
-def _png(image: NDArray[np.uint8]) -> bytes:
-    """Encode a (M, N, 2) image of grey and alpha as a PNG file (ISO/IEC 15948)."""
-    rows, cols, _ = image.shape
-    lines = b"".join(b"\0" + line.tobytes() for line in image)  # each without a filter
-    header = struct.pack(">IIBBBBB", cols, rows, 8, 4, 0, 0, 0)
-    chunks = ((b"IHDR", header), (b"IDAT", zlib.compress(lines)), (b"IEND", b""))
-    return b"\x89PNG\r\n\x1a\n" + b"".join(
-        struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
-        for name, data in chunks
-    )
+    return np.add.reduceat(np.add.reduceat(band.astype(float), rows, 0), cols, 1)

@@ -1,17 +1,20 @@
 """Hierarchical division by texture: the ratio R = G_max / G_min over the pairs of a block's four children.
 
-G is the log-likelihood ratio of two histograms, see `g_statistic` (Abou Merhy, Payeur and Petriu 2008,
-equations 1 and 2). R depends only on the texture of the block, so it is computed once and any threshold is
-applied afterwards.
+G is the log-likelihood ratio of two histograms (Sokal and Rohlf, Biometry; Abou Merhy, Payeur and Petriu
+2008, equations 1 and 2). With J(a, b) = (a + b) ln (a + b) - a ln a - b ln b, G of histograms f_s and f_m
+with totals N_s and N_m is 2 [J(N_s, N_m) - sum of J(f_s, f_m) over the symbols]; it is 0 where they have the
+same proportions. A symbol that only one of the two histograms has adds nothing: no branch is needed. R
+depends only on the texture of the block, so it is computed once and any threshold is applied afterwards.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-from uavseg.segmentation.blocks.g_statistic import MIN_G_PER_PIXEL, N_LN_N
 from uavseg.segmentation.blocks.lbp import (
     CONTRAST_BINS,
+    MIN_G_PER_PIXEL,
+    N_LN_N,
     SYMBOLS,
     UNCOUNTED,
     contrast,
@@ -84,11 +87,7 @@ def sum_of_packed(packed, width):  # type: ignore[no-untyped-def]
 
 @inlined
 def ratio_of_children(packed, present, n_present, width, n_ln_n):  # type: ignore[no-untyped-def]
-    """Compute R from four histograms packed in a table, over the first `n_present` symbols in `present`.
-
-    See `g_statistic` for the formula of G. A symbol that only one histogram of a pair has adds nothing, so no
-    branch is needed.
-    """
+    """Compute R from four histograms packed in a table, over the first `n_present` symbols in `present`."""
     mask = (np.uint64(1) << width) - np.uint64(1)
     n0 = n1 = n2 = n3 = np.uint64(0)
     j01 = j02 = j03 = j12 = j13 = j23 = 0.0

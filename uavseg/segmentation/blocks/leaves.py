@@ -12,20 +12,11 @@ from uavseg.segmentation.params.segment import (
     DivisionParams,
     IntensityRange,
     Partition,
-    StateLimits,
 )
 from uavseg.units import GREY_LEVELS, GREY_MAX
 
 STEPS = 1000
 NO_CODE = 65535
-
-
-def cell_states(blocks: BlockMap, limits: StateLimits, division: DivisionParams) -> NDArray[np.uint8]:
-    """Return the state of each cell, that of the mean of its leaf: an (8 B, 8 C) uint8 array.
-
-    States are 1 free, 2 unknown, 3 occupied; 0 where the leaf has no valid pixel.
-    """
-    return cell_intervals(blocks, limits.edges, division)
 
 
 def cell_intervals(

@@ -159,8 +159,7 @@ class StateLimits:
     @checked
     def of(self, v: ArrayLike) -> NDArray[np.uint8]:
         """Return the state of each probability: 1 free, 2 unknown, 3 occupied."""
-        states: NDArray[np.uint8] = (np.searchsorted(self.edges, v) + FREE).astype(np.uint8)
-        return states
+        return (np.searchsorted(self.edges, v) + FREE).astype(np.uint8)
 
     @property
     def table(self) -> NDArray[np.uint8]:

@@ -2,7 +2,7 @@
 
 A model is the joint histogram of LBP codes and contrast bins of a sample's counted pixels. A square window
 moves over the image in steps of one cell of 8 pixels. Its score is G of the two histograms less the expected
-G under the null hypothesis (see `g_statistic`), per counted pixel. Logarithms are in fixed point, so a score
+G under the null hypothesis (see `expected_g`), per counted pixel. Logarithms are in fixed point, so a score
 is a sum of integers and does not depend on where the window started.
 
 Scores of cells are bimodal where Otsu's criterion separates those of the sample from others with a gap
@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
 from uavseg.dataclass import dataclass
-from uavseg.segmentation.blocks.g_statistic import expected_g, n_ln_n
-from uavseg.segmentation.blocks.lbp import SYMBOLS, UNCOUNTED
+from uavseg.segmentation.blocks.lbp import SYMBOLS, UNCOUNTED, expected_g, n_ln_n
 from uavseg.units import CELL, GREY_MAX
 from uavseg.warning_filters import changing_filters
 
@@ -165,13 +164,12 @@ def _tables(
 
 
 def _fixed(values: NDArray[np.float64]) -> NDArray[np.int64]:
-    fixed: NDArray[np.int64] = np.rint(values * _LOG_SCALE).astype(np.int64)
-    return fixed
+    return np.rint(values * _LOG_SCALE).astype(np.int64)
 
 
 @inlined
 def added_g(frequency, count, above, below, leave_one_out):  # type: ignore[no-untyped-def]
-    """Compute what one more pixel of a symbol adds to J(f, n) and its expectation, see `g_statistic`.
+    """Compute what one more pixel of a symbol adds to J(f, n) and its expectation, see `blocks.division`.
 
     The window has `count` pixels of the symbol; the model has `frequency`, which include those of the window
     if leave_one_out.

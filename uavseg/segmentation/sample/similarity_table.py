@@ -146,8 +146,7 @@ def blurred(grey: NDArray[np.uint16], valid: NDArray[np.uint8]) -> NDArray[np.ui
 
 def _moved(similarity: Points, middle: float) -> Points:
     """Stretch similarity so that `middle` becomes one half."""
-    result: Points = np.interp(similarity, [0, middle, 1], [0, 0.5, 1])
-    return result
+    return np.interp(similarity, [0, middle, 1], [0, 0.5, 1])
 
 
 def _best_limit(similarity: Points, sample: Points) -> float:

@@ -109,7 +109,7 @@ def classify_states(
 ) -> ClassifiedStates:
     """Classify every pixel.
 
-    `cells`, (8 B, 8 C), are the states of the leaves, from `leaves.cell_states`. With `refine` "none", states
+    `cells`, (8 B, 8 C), are the states of the leaves, of `cell_intervals`. With `refine` "none", states
     end at block edges. The pass is over the tiles of `state_strips`, strip by strip from the top; the result
     does not depend on them. With `restore`, thin obstacles become occupied, and unknown means evidence near
     0.5, not the mean of free and occupied pixels; with refine "scan" alone.

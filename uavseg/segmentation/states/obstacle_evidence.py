@@ -72,7 +72,8 @@ def evidence_rule(limits: StateLimits, cells: int, noise: float, trinary: bool) 
     (array([  0,   0,   4, 255], dtype=uint8), 3, 117)
     """
     strong = max(STRONG_ABOVE, limits.occupied_above)
-    weakest = min(limits.occupied_above + _noise_deviations(cells) * noise, strong)
+    deviations = -NormalDist().inv_cdf((_ALPHA / (_TRIPLES * max(cells, 1))) ** (1 / 3))  # 3.0 for 1e6 cells
+    weakest = min(limits.occupied_above + deviations * noise, strong)
     v = np.arange(GREY_LEVELS) / GREY_MAX
     odds = np.divide(v, 1 - v, out=np.full(GREY_LEVELS, np.inf), where=v < 1)
     nats = np.log(np.maximum(odds, 1.0))
@@ -80,11 +81,6 @@ def evidence_rule(limits: StateLimits, cells: int, noise: float, trinary: bool) 
     codes[v > strong] |= np.uint8(STRONG)
     codes[v <= weakest] = 0
     return EvidenceRule(codes, 1 if trinary else MIN_CELLS, math.ceil(PARTS * math.log(cells / _ALPHA)))
-
-
-def _noise_deviations(cells: int) -> float:
-    """Return z, the threshold of noise in standard deviations; 3.0 for a map of a million cells."""
-    return -NormalDist().inv_cdf((_ALPHA / (_TRIPLES * max(cells, 1))) ** (1 / 3))
 
 
 @dataclass(frozen=True, slots=True)
