@@ -127,16 +127,16 @@ class Explorer:
         self.drive.known.append(int(np.count_nonzero(self.states != UNKNOWN)))
 
     def _go(self, view: Cell, cells: Integers, enough: Callable[[States], bool] | None) -> None:
-        """Drive towards a view until what it is to see is known; note what nothing new was learned of."""
-        known = self.drive.known[-1]
-        left = cells
+        """Drive towards a view until what it is to see is known; note what was looked at in vain."""
+        aimed = cells
         if self._drive_to(view, cells, enough):
-            angle, left = self.planner.heading(self.at, self._left(cells))
+            angle, aimed = self.planner.heading(self.at, self._left(cells))
             ahead = np.array([math.sin(angle), math.cos(angle)])
             self._scan(0.0, self._heading(self.place, self.place + ahead))
             self.drive.views.append(len(self.drive.poses) - 1)
-        if self.drive.known[-1] <= known:
-            self.planner.tried[tuple(self._left(left).T)] += 1
+        left = self._left(aimed)
+        if len(left) == len(aimed):
+            self.planner.tried[tuple(left.T)] += 1
 
     def _drive_to(self, view: Cell, cells: Integers, enough: Callable[[States], bool] | None) -> bool:
         """Scan on the way to a view; return whether it was reached, or left for what the scans have shown."""
