@@ -287,13 +287,13 @@ def _physical_memory() -> int | None:
 
 def _thumbnail(sums: NDArray[np.uint32], counts: NDArray[np.uint8], maximum: float) -> str:
     """Encode the means of cells as a PNG, a `data:` URL; `maximum` is white, empty cells are transparent."""
+    from PIL import Image
+
     step = max(1, -(-max(sums.shape) // _MAX_SIDE))
     total, number = (_sum_squares(band, step) for band in (sums, counts))
     means = np.divide(total, number, out=np.zeros(total.shape), where=number > 0)
     grey = np.rint(np.clip(means / maximum, 0, 1) * 255).astype(np.uint8)
     alpha = np.where(number > 0, 255, 0).astype(np.uint8)
-    from PIL import Image
-
     stream = io.BytesIO()
     Image.fromarray(np.dstack([grey, alpha])).save(stream, "PNG")
     return "data:image/png;base64," + base64.b64encode(stream.getvalue()).decode()
