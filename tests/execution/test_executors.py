@@ -201,7 +201,7 @@ def work():
     for _ in range(40):
         np.ones(3 << 20, np.uint8)  # less than what gets huge pages
 before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
-for _ in range(2):
+for _ in range(4):
     thread = threading.Thread(target=work)
     thread.start()
     thread.join()

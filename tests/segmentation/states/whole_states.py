@@ -19,6 +19,7 @@ def refine_states(codes: Codes) -> NDArray[np.uint8]:
 
     Examples
     --------
+    >>> from uavseg.segmentation.states.state_scans import encode_states
     >>> unknown_beside_free = np.array([[2, 1, 1, 1]], np.uint8)
     >>> half_but_for_the_last = np.array([[2, 2, 2, 1]], np.uint8)
     >>> refine_states(encode_states(unknown_beside_free, half_but_for_the_last))

@@ -207,9 +207,9 @@ def choose_bands(
     named = (band,) if band is not None else tuple(rgb) if rgb is not None else None
     if rgb is not None and len(rgb) != 3:
         raise ParameterError(f"rgb takes three bands, for instance 1,2,3, not {len(rgb)}")
-    bands = named or _default_bands(layout)
+    bands, count = named or _default_bands(layout), len(layout.dtypes)
     for number in bands:
-        if not 1 <= number <= (count := len(layout.dtypes)):
+        if not 1 <= number <= count:
             there = "one band" if count == 1 else f"bands 1 to {count}"
             raise ParameterError(f"there is no band {number}: the raster has {there}")
     return BandChoice(bands, _common_type(layout, bands), max(layout.bits[number - 1] for number in bands))
