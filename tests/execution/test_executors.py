@@ -201,7 +201,7 @@ def work():
     for _ in range(40):
         np.ones(3 << 20, np.uint8)  # less than what gets huge pages
 before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
-for _ in range(4):
+for _ in range(2):
     thread = threading.Thread(target=work)
     thread.start()
     thread.join()
@@ -215,5 +215,5 @@ def test_a_heap_that_is_kept_has_its_pages_mapped_once() -> None:
         keep: int(subprocess.check_output([sys.executable, "-c", FAULTS.format(keep=keep)]))
         for keep in (False, True)
     }
-    assert faults[True] < faults[False] / 2
+    assert faults[True] < 0.6 * faults[False]  # once for each of two threads
     assert faults[True] < 2 * (3 << 20) / 4096
