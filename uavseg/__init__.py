@@ -12,12 +12,12 @@ from uavseg._version import __version__
 if TYPE_CHECKING:
     from uavseg.api.each import each as each
     from uavseg.api.each import extract_to as extract_to
+    from uavseg.api.exploration import explore as explore
+    from uavseg.api.exploration import next_views as next_views
     from uavseg.api.maps import build_map as build_map
     from uavseg.api.maps import classify as classify
     from uavseg.api.maps import compare as compare
-    from uavseg.api.maps import explore as explore
     from uavseg.api.maps import merge_maps as merge_maps
-    from uavseg.api.maps import next_views as next_views
     from uavseg.api.maps import path as path
     from uavseg.api.missions import check as check
     from uavseg.api.missions import download as download
@@ -50,7 +50,8 @@ if TYPE_CHECKING:
 
 _NAMES = {
     "api.rasters": "extract divide levels",
-    "api.maps": "build_map compare merge_maps classify explore next_views path",
+    "api.maps": "build_map compare merge_maps classify path",
+    "api.exploration": "next_views explore",
     "api.each": "each extract_to",
     "api.widget": "RangeWidget",
     "api.questions": "info match suggest",

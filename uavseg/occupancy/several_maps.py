@@ -13,7 +13,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from affine import Affine
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
@@ -161,6 +160,8 @@ class Evidence:
     """The states of a map, and distances to its occupied cells; MapError where there are none."""
 
     def __init__(self, one: PlacedMap) -> None:
+        from scipy import ndimage
+
         self.geobox, self.states = one.geobox, trinary_states(one.probabilities)
         self.cells = np.argwhere(self.states == OCCUPIED)
         if not len(self.cells):
@@ -181,6 +182,8 @@ class Evidence:
         return self._at(self.states, points, 0, UNKNOWN)
 
     def _at(self, image: NDArray[np.generic], points: Floats, order: int, outside: float) -> Floats:
+        from scipy import ndimage
+
         where = moved(~self.geobox.transform, points).T[::-1] - 0.5
         found = ndimage.map_coordinates(image, where, float, order=order, mode="constant", cval=outside)
         return np.asarray(found)
@@ -268,6 +271,8 @@ def changed_objects(
     Returns labels of the cells of the first, (rows, cols): objects 1..n in raster order, 0 elsewhere; and the
     kind of each object, (n,): 1 where its cells are free in the other map, 2 where they are unknown.
     """
+    from scipy import ndimage
+
     points = moved(motion, one.points)
     distances = other.distances(points, 2 * TOLERANCE * cell_m)
     far, apart, there = (np.zeros(one.states.shape, kind) for kind in (bool, bool, np.uint8))

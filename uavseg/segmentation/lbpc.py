@@ -17,14 +17,13 @@ from uavseg._jit import inlined, kernel
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, RasterError
 from uavseg.segmentation.blocks.block_map import find_leaves
+from uavseg.segmentation.blocks.g_statistic import g_of_region, n_ln_n_table
 from uavseg.segmentation.blocks.lbp import (
     SYMBOLS,
     UNCOUNTED,
     contrast_bin_edges,
     contrast_histogram,
-    g_of_region,
     lbp_symbols,
-    n_ln_n_table,
 )
 from uavseg.segmentation.components import number_by_size, union_roots
 from uavseg.segmentation.in_memory import block_map_of_array, pad_to_blocks

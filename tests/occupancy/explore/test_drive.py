@@ -27,6 +27,12 @@ def two_rooms() -> np.ndarray:
     return solid
 
 
+def explorer_of(solid: np.ndarray) -> Explorer:
+    geobox = local_geobox(solid.shape, CELL, (0.0, 0.0))
+    sensor = RangeFinder(sigma_m=0.03, max_range_m=2.5, step_deg=1.0)
+    return Explorer(CellScene(solid, geobox), sensor, OccupancyGrid(geobox))
+
+
 def explored(
     solid: np.ndarray, at: tuple[float, float], fov: float = 360.0, clearance: float = 0.0, seed: int = 0
 ) -> tuple[Drive, float]:
@@ -65,10 +71,7 @@ def test_the_same_seed_gives_the_same_drive_and_scans_again() -> None:
 
 
 def test_what_was_seen_before_changes_no_choice() -> None:
-    solid = two_rooms()
-    geobox = local_geobox(solid.shape, CELL, (0.0, 0.0))
-    sensor = RangeFinder(sigma_m=0.03, max_range_m=2.5, step_deg=1.0)
-    explorer = Explorer(CellScene(solid, geobox), sensor, OccupancyGrid(geobox))
+    explorer = explorer_of(two_rooms())
 
     def choose(states: np.ndarray, at: tuple[int, int]) -> tuple[tuple[int, int], np.ndarray] | None:
         fresh = ViewPlanner(states.shape, CELL, 2.5)
@@ -79,6 +82,39 @@ def test_what_was_seen_before_changes_no_choice() -> None:
         return one
 
     assert len(explorer.run(Pose(1.0, 1.0), choose).seconds) >= 5
+
+
+def test_a_way_that_scans_block_is_planned_again() -> None:
+    solid = two_rooms()
+    explorer = explorer_of(solid)
+
+    def choose(states: np.ndarray, _: tuple[int, int]) -> tuple[tuple[int, int], np.ndarray] | None:
+        if explorer.drive.views:
+            return None
+        states[...] = np.where(solid, OCCUPIED, FREE)
+        states[4:8, 28:31] = FREE  # an opening that is none
+        states[2, 50] = UNKNOWN
+        return (6, 50), np.array([[2, 51]])
+
+    drive = explorer.run(Pose(1.0, 3.4), choose)
+    assert len(drive.views) == 1 and explorer.at == (6, 50)
+    assert drive.metres[-1] > 4.5  # by the door; 4 m straight on
+
+
+def test_what_a_view_left_unknown_was_looked_at_in_vain_whatever_else_was_learned() -> None:
+    solid = two_rooms()
+    explorer = explorer_of(solid)
+    hidden = np.array([[30, 50]])  # in the other room
+
+    def choose(states: np.ndarray, at: tuple[int, int]) -> tuple[tuple[int, int], np.ndarray] | None:
+        if explorer.drive.views:
+            return None
+        states[30, 50] = FREE
+        return (at[0] + 5, at[1] + 5), hidden
+
+    drive = explorer.run(Pose(1.0, 1.0), choose)
+    assert drive.known[-1] > drive.known[0]
+    assert explorer.planner.tried[30, 50] == 1 and explorer.planner.tried.sum() == 1
 
 
 def test_a_closed_room_needs_no_drive() -> None:

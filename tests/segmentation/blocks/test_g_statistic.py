@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chi2_contingency
 
-from tests.reference import g_statistic
-from uavseg.segmentation.blocks.lbp import N_LN_N, expected_g, n_ln_n, n_ln_n_table
+from uavseg.segmentation.blocks.g_statistic import N_LN_N, expected_g, g_statistic, n_ln_n, n_ln_n_table
 
 counts = st.lists(st.tuples(st.integers(0, 90), st.integers(0, 90)), min_size=2, max_size=20)
 
@@ -23,6 +22,17 @@ def test_g_is_that_of_scipy(pairs: list[tuple[int, int]]) -> None:
         return
     expected = chi2_contingency(table, correction=False, lambda_="log-likelihood").statistic
     assert g_statistic(*table) == pytest.approx(expected, rel=1e-9, abs=1e-8)
+
+
+@settings(max_examples=100)
+@given(counts, st.integers(1, 10))
+def test_g_is_symmetric_and_0_between_multiples(pairs: list[tuple[int, int]], times: int) -> None:
+    first, second = np.array(pairs).T
+    assert g_statistic(first, second) == pytest.approx(g_statistic(second, first))
+    few = np.minimum(first, 18)
+    if few.any():
+        assert g_statistic(few, times * few) == 0
+    assert g_statistic(first, second) >= 0
 
 
 @pytest.mark.parametrize("largest", [0, 1, 4096, 70_000])

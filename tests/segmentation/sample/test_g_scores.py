@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from tests.reference import g_statistic
-from uavseg.segmentation.blocks.lbp import UNCOUNTED, expected_g
+from uavseg.segmentation.blocks.g_statistic import expected_g
+from uavseg.segmentation.blocks.lbp import UNCOUNTED
 from uavseg.segmentation.sample.g_scores import (
     MAX_SCORE,
     NO_SCORE,

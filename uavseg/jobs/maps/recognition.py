@@ -31,7 +31,7 @@ from uavseg.regions.recognise.measures import local_metres, pixel_measures, shap
 from uavseg.regions.sample.place import bounding_cells, to_pixels
 from uavseg.regions.shapes import Objects
 from uavseg.regions.table import Regions, plain_columns
-from uavseg.segmentation.blocks.lbp import n_ln_n
+from uavseg.segmentation.blocks.g_statistic import g_statistic
 from uavseg.segmentation.source import GreySource
 from uavseg.units import GREY_MAX
 
@@ -230,10 +230,7 @@ def _log_texture(first: Integers, second: Integers) -> float:
     if not (first.any() and second.any()):
         return 0.0
     pixels = 1 / (1 / first.sum() + 1 / second.sum())
-    counts, totals = np.stack([first, second, first + second]), np.array([first.sum(), second.sum(), 0])
-    totals[2] = totals.sum()
-    of_symbols, of_all = n_ln_n(counts).sum(axis=1), n_ln_n(totals)
-    excess = 2 * float((of_symbols - of_all) @ (1, 1, -1)) - np.count_nonzero(counts[2]) + 1
+    excess = g_statistic(first, second) - np.count_nonzero(first + second) + 1
     return -_TEXTURE_SAMPLES * max(float(excess / (2 * pixels)), 0.0)
 
 

@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.segmentation.blocks.g_statistic import MIN_G_PER_PIXEL, N_LN_N
 from uavseg.segmentation.blocks.lbp import (
     CONTRAST_BINS,
-    MIN_G_PER_PIXEL,
-    N_LN_N,
     SYMBOLS,
     UNCOUNTED,
     contrast,

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
 from uavseg.dataclass import dataclass
-from uavseg.segmentation.blocks.lbp import SYMBOLS, UNCOUNTED, expected_g, n_ln_n
+from uavseg.segmentation.blocks.g_statistic import expected_g, n_ln_n
+from uavseg.segmentation.blocks.lbp import SYMBOLS, UNCOUNTED
 from uavseg.units import CELL, GREY_MAX
 from uavseg.warning_filters import changing_filters
 
