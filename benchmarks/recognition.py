@@ -212,15 +212,15 @@ def main() -> None:
 def _summary(views: int, rows: list[dict[str, Any]], unknown: list[dict[str, Any]]) -> str:
     truth, nearest, name = (np.array([row[key] for row in rows]) for key in ("truth", "nearest", "name"))
     probability = np.array([row["probability"] for row in rows])
-    right, told = nearest == truth, name != "cannot tell"
+    right, is_named = nearest == truth, name != "cannot tell"
     seconds = np.median([row["seconds"] for row in rows])
     brier = ((probability - right) ** 2).mean()
     refused = np.mean([row["name"] == "cannot tell" for row in unknown]) if unknown else math.nan
     wrong = [f"{a} as {b}" for a, b in zip(truth[~right], nearest[~right], strict=True)]
     common = ", ".join(f"{one} {wrong.count(one)}" for one in sorted(set(wrong), key=wrong.count)[::-1][:6])
     return (
-        f"{views} views: nearest right {right.mean():.3f}; named {told.mean():.3f}, of these right "
-        f"{right[told].mean() if told.any() else math.nan:.3f}; Brier {brier:.3f}, calibration error "
+        f"{views} views: nearest right {right.mean():.3f}; named {is_named.mean():.3f}, of these right "
+        f"{right[is_named].mean() if is_named.any() else math.nan:.3f}; Brier {brier:.3f}, calibration error "
         f"{expected_calibration_error(probability, right):.3f}; left out of the library and 'cannot tell' "
         f"{refused:.3f}; {seconds:.2f} s\n  {common}"
     )

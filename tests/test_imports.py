@@ -116,7 +116,8 @@ PHASES = {
     "components": set(),
     "blocks.dilation": set(),
     "blocks.lbp": set(),
-    "blocks.division": {"blocks.lbp"},  # its kernel makes symbols
+    "blocks.g_statistic": set(),
+    "blocks.division": {"blocks.lbp", "blocks.g_statistic"},  # its kernel makes symbols
     "blocks.block_map": {"blocks.division", "params.segment"},
     "blocks.leaves": {"blocks.block_map", "params.segment", "params.partition"},
     "blocks.cell_pairs": {"blocks.block_map", "params.segment"},
@@ -127,7 +128,7 @@ PHASES = {
     "refine.range_scans": {"blocks.dilation"},
     "states.state_scans": set(),
     "states.obstacle_evidence": {"params.segment"},
-    "sample.g_scores": {"blocks.lbp"},
+    "sample.g_scores": {"blocks.lbp", "blocks.g_statistic"},
     "sample.pixel_decision": {"blocks.dilation", "sample.g_scores", "blocks.lbp"},
     "sample.mixture": set(),
     "sample.similarity_table": {"sample.mixture"},

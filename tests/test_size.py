@@ -14,10 +14,10 @@ import pytest
 from tests.test_imports import PACKAGE, imports, modules
 
 ROOT = PACKAGE.parent
-MAX_LINES, MAX_FILES = 67_640, 370  # of the package, in Python; raised for description and recognition
+MAX_LINES, MAX_FILES = 67_670, 372  # of the package, in Python; raised for description and recognition
 MAX_LAZY = 321  # imports of our modules within functions, such as of commands, which load what they need
 LAZY_FOLDERS = {"cli", "jobs", "plot", "raster", "options", "regions", "flight", "execution", "__main__"}
-MAX_STARTED = 140  # modules of ours that `uavseg extract` of one tile loads
+MAX_STARTED = 141  # modules of ours that `uavseg extract` of one tile loads
 MAX_ENTERED = 98  # files of which it calls a function
 MAX_WORKING = 37  # those of jobs, segmentation and regions among them
 

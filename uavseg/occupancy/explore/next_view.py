@@ -95,12 +95,12 @@ class ViewPlanner:
     clearance_m: float = 0.0
     tried: NDArray[np.uint8] = field(init=False)  # (rows, cols); how often a frontier was looked at in vain
     driven: Bools = field(init=False)  # (rows, cols); where the robot was, so that it can return
-    last: Sights = field(init=False)  # of the last choice
+    sights: Sights = field(init=False)  # of the last choice
 
     def __post_init__(self) -> None:
         self.tried, self.driven = np.zeros(self.shape, np.uint8), np.zeros(self.shape, bool)
         nowhere, none = np.full(self.shape, -1, np.int32), np.empty(0, np.int64)
-        self.last = Sights(np.zeros(self.shape, np.uint8), 0.0, nowhere, np.zeros(1, np.int64), none)
+        self.sights = Sights(np.zeros(self.shape, np.uint8), 0.0, nowhere, np.zeros(1, np.int64), none)
 
     @property
     def side(self) -> int:
@@ -172,7 +172,7 @@ class ViewPlanner:
         self, states: States, frontiers: Frontiers, views: Integers, range_cells: float
     ) -> tuple[Integers, NDArray[np.int32]]:
         """Return what `seen_from` does, and look only from views in whose range something has changed."""
-        last, count = self.last, len(frontiers.cells)
+        last, count = self.sights, len(frontiers.cells)
         changed = self._blocks_near(np.argwhere(states != last.states), range_cells + 2)
         changed |= range_cells != last.range_cells
         number = np.where(changed[tuple(views.T // self.side)], -1, last.number[tuple(views.T)])
@@ -187,7 +187,7 @@ class ViewPlanner:
         numbers = np.full(self.shape, -1, np.int32)
         numbers[tuple(views.T)] = np.arange(len(views))
         at = np.ravel_multi_index(tuple(frontiers.cells[seen].T), self.shape)
-        self.last = Sights(states.copy(), range_cells, numbers, starts, at)
+        self.sights = Sights(states.copy(), range_cells, numbers, starts, at)
         return starts, seen
 
     def _depths(
