@@ -23,19 +23,19 @@ def command(options: DescribeOptions) -> None:
     run_described(options, described)
 
 
-def run_described(options: Any, job: Callable[..., Any], *inputs: str) -> None:
-    """Run a job that gives described regions, and write them, if there is an output."""
+def run_described(options: Any, job: Callable[..., Any], library: str | None = None) -> None:
+    """Run a job that gives described regions and write them; with a library, count their names."""
     from uavseg.regions.formats import export
 
     target, overwrite = options.output, options.files.overwrite
     reporter = Reporter(options.messages, options.progress)
     write.check_targets(target, None, overwrite)
-    write.keep_inputs([target], options.source, options.raster, *inputs)
+    write.keep_inputs([target], options.source, options.raster, library)
     found = job(options, work_of(options.run, reporter))
     reporter.finish([*found.warnings, *export.format_notes(found.regions, target or "")])
     if target is not None:
         export.check_region_crs(target, found.regions.wkt)
         write.write_region_output(found, target, overwrite)
-    names = found.regions.columns["name"].tolist() if inputs else []
+    names = found.regions.columns["name"].tolist() if library is not None else []
     counts = {name: f"{names.count(name):,}" for name in list(dict.fromkeys(names))[:20]}
-    reporter.table({"regions": f"{len(found.regions):,} -> {write.shown(target or inputs[0])}", **counts})
+    reporter.table({"regions": f"{len(found.regions):,} -> {write.shown(target or str(library))}", **counts})

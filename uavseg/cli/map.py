@@ -22,8 +22,7 @@ def command(options: MapOptions) -> None:
     reporter = Reporter(options.messages, options.progress)
     request = FieldMapRequest(options.division.segment_params(), options.size.size)
     output, rasters, overwrite = options.output, options.source.rasters, options.files.overwrite
-    shown = options.regions, options.mission, options.camera
-    page = PageFile.prepared(output, overwrite, rasters, *shown)
+    page = PageFile.prepared(output, overwrite, rasters, options.regions, options.mission, options.camera)
     source = page.open_source(rasters, options.read)
     found = field_map(source, request, work_of(options.run, reporter))
     size, notes = page.write(found)
