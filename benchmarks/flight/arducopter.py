@@ -19,6 +19,12 @@ CORNER_ACCELERATION, RADIUS = 5.0, 2.0
 CLIMB, DESCENT, VERTICAL_ACCELERATION = 2.5, 1.5, 1.0
 RETURN_SPEED, RETURN_HEIGHT, CONE, RETURN_WAIT_S = 10.0, 15.0, 3.0, 5.0
 LAND_SPEED, LAND_LOW = 0.5, 10.0
+SPOOL_S = 0.5  # MOT_SPOOL_TIME
+SLEW_S = 2.0  # TKOFF_SLEW_TIME, for all of the throttle
+HOVER_THROTTLE = 0.39  # of the simulated quadrotor
+LIFT_M_S = 0.5  # the climb is controlled from this speed on
+DETECT_S = 1.0  # LAND_DETECTOR_TRIGGER_SEC
+LOWER_S = 1.5  # until the throttle is at its lower limit
 _TABLE_S = 0.01
 
 Rise = Callable[[float, float], float]
@@ -228,6 +234,15 @@ class Copter:
         for _ in range(round(seconds / DT)):
             self.follow(place)
 
+    def start(self) -> None:
+        """Rotors speed up, and the throttle rises until the vehicle climbs."""
+        thrust, speed = HOVER_THROTTLE, 0.0
+        self.log.stand(self.body, SPOOL_S + HOVER_THROTTLE * SLEW_S)
+        while speed < LIFT_M_S:
+            thrust += DT / SLEW_S
+            speed += 9.81 * (thrust / HOVER_THROTTLE - 1) * DT
+            self.log.stand(self.body, DT)
+
     def land(self, height: float) -> None:
         """Down, slowly near the ground: the speed is that of a square-root controller to the low altitude."""
         target, speed = height, 0.0
@@ -240,6 +255,7 @@ class Copter:
             speed += min(max(wanted - speed, -change), change)
             target -= speed * DT
             self.follow((0.0, 0.0, target), (0.0, 0.0, -speed))
+        self.log.stand(self.body, LOWER_S + DETECT_S)
 
 
 def fly(
@@ -256,6 +272,7 @@ def fly(
     """
     copter = Copter(wind)
     place: Vector = (0.0, 0.0, height)
+    copter.start()
     copter.go((0.0, 0.0, 0.0), place, CLIMB)
     copter.log.begin = len(copter.log.track)
     if any(stop.above_ground for stop in stops):

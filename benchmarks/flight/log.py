@@ -64,6 +64,11 @@ class Log:
             self._photograph(body)
             self.last, self.since_s = (x, y), 0.0
 
+    def stand(self, body: Body, seconds: float) -> None:
+        """Record time on the ground."""
+        for _ in range(round(seconds / DT)):
+            self.note(body, self.yaw or 0.0)
+
     def _turn(self, heading: float) -> None:
         """Yaw towards a direction."""
         if self.yaw is None:

@@ -26,6 +26,7 @@ TAKEOFF_SPEED, LAND_SPEED, LAND_1, LAND_2 = (
     10.0,
     5.0,
 )  # MPC_TKO_SPEED, MPC_LAND_SPEED, ..._ALT1, ..._ALT2
+SPOOL_S, RAMP_S, DISARM_S = 1.0, 3.0, 2.0  # COM_SPOOLUP_TIME, MPC_TKO_RAMP_T, COM_DISARM_LAND
 RETURN_HEIGHT, DESCEND_HEIGHT = 60.0, 30.0  # RTL_RETURN_ALT, RTL_DESCEND_ALT; the cone is 45 degrees
 _LONGEST_S = 4 * 3600.0
 
@@ -123,6 +124,7 @@ class Px4:
 def fly(height: float, stops: list[Stop], returns: bool, wind: Vector = (0.0, 0.0, 0.0)) -> Log:
     """Fly a route from home and back, as `benchmarks.flight.route` gives it."""
     px4 = Px4(wind)
+    px4.log.stand(px4.body, SPOOL_S + RAMP_S / 2)  # the speed of the climb rises evenly
     place: Vector = (0.0, 0.0, height)
     while abs(px4.body.position[2] - height) > ALT_RADIUS:
         slow = TAKEOFF_SPEED if px4.body.position[2] < LAND_1 else V_UP
@@ -159,6 +161,7 @@ def _return(px4: Px4) -> None:
         away = math.hypot(smooth.x, smooth.y)
         speed = _from_distance(away, 0.0, ACC_HOR) / away if away > 1e-3 else 0.0
         px4.step(-smooth.x * speed, -smooth.y * speed, -(LAND_SPEED + share * (V_DOWN - LAND_SPEED)))
+    px4.log.stand(px4.body, DISARM_S)
 
 
 def _from_distance(distance: float, final: float, acceleration: float) -> float:

@@ -38,6 +38,7 @@ def plan(
     spacing: float | None = None,
     angle: float | Literal["auto"] = "auto",
     speed: float = 5.0,
+    wind: float | Sequence[float] | None = None,
     autopilot: str = "ardupilot",
     tolerance: float | None = None,
     ids: Sequence[int] | None = None,
@@ -104,6 +105,10 @@ def plan(
         Azimuth of the lines, clockwise from north; with "auto" the one that needs the fewest lines.
     speed : float
         Metres per second.
+    wind : float or (float, float), optional
+        Wind to plan and estimate for, in metres per second, and the azimuth that it comes from; by default
+        the direction in which the flight takes longest. Without it, estimates are for calm air, and with an
+        endurance flights are divided for 5 m/s from any direction.
     autopilot : {"ardupilot", "px4", "generic"}
         What the mission is for; generic: any, with what ArduPilot and PX4 both accept.
     tolerance : float, optional
@@ -236,6 +241,7 @@ def check(
     avoid_margin: float = 10.0,
     max_altitude: float | None = None,
     max_distance: float | None = None,
+    wind: float | Sequence[float] | None = None,
     dem: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | None = None,
     allow_path: Folders = (),
     allow_network: bool = False,
@@ -254,6 +260,8 @@ def check(
         Least distance to them in metres.
     max_altitude, max_distance : float, optional
         Metres that the mission must not exceed, above home or with `dem` above the ground, and from home.
+    wind : float or (float, float), optional
+        Wind that the flight is estimated for, as of `plan`; by default the air is calm.
     dem : path or sequence of paths, optional
         Elevation model: no leg comes nearer to the ground than 5 m. Several files are one mosaic.
     allow_path, allow_network

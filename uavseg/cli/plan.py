@@ -23,7 +23,8 @@ def command(options: PlanOptions) -> None:
 
     Take off at home, fly to or over the chosen regions in a short order, return. The file is for
     QGroundControl (.plan), Mission Planner (.waypoints), DJI Pilot 2 (.kmz), Litchi (.csv), or to look at
-    (.kml, .geojson). Length, time with turns, photographs and energy are estimates without wind.
+    (.kml, .geojson). Length, time with turns, photographs and energy are estimates, without wind
+    unless --wind gives one.
     """
     from uavseg.flight.formats import files
     from uavseg.jobs.flights.plan import plan

@@ -54,6 +54,13 @@ class FlightOptions(Options):
         label="Direction of lines",
     )
     speed: float = option("Metres per second.", default=5.0, metavar="M_S", basic=True, label="Speed in m/s")
+    wind: float | Sequence[float] | None = option(
+        "Wind to plan and estimate for, and the azimuth in degrees that it comes from; by default any.  "
+        "[default: estimates are for calm air, and flights with --endurance are divided for 5 m/s]",
+        metavar="M_S[,FROM]",
+        parse=texts.several_numbers("--wind is M_S or M_S,FROM, such as 6 or 6,270"),
+        label="Wind in m/s",
+    )
     autopilot: str = option(
         "What the mission is for; generic: any, with what ArduPilot and PX4 both accept.",
         default="ardupilot",
@@ -359,6 +366,13 @@ class CheckOptions(Options):
             "help": "Refuse more above home, or with --dem above the ground.",
         },
         max_distance={"basic": True, "help": "Refuse more from home."},
+    )
+    wind: float | Sequence[float] | None = option(
+        "Wind to estimate for, and the azimuth in degrees that it comes from; by default any.  "
+        "[default: calm air]",
+        metavar="M_S[,FROM]",
+        parse=texts.several_numbers("--wind is M_S or M_S,FROM, such as 6 or 6,270"),
+        label="Wind in m/s",
     )
     terrain: TerrainOptions = group(
         TerrainOptions,

@@ -1,4 +1,4 @@
-"""Time of each leg of a flight without wind: acceleration, braking and corners as an autopilot flies them.
+"""Time of each leg of a flight: acceleration, braking and corners as an autopilot flies them.
 
 A change of speed with limited acceleration and jerk (S-curve) is symmetric: the acceleration rises, stays at
 its limit where the change is large enough, and falls, so the mean speed is that of its ends (L. Biagiotti and
@@ -16,7 +16,7 @@ import numpy as np
 from uavseg._jit import inlined, kernel
 from uavseg.arrays import Bools, Floats
 from uavseg.dataclass import dataclass
-from uavseg.flight.mission.vehicle import Vehicle
+from uavseg.flight.mission.vehicle import Vehicle, Wind
 
 HALVINGS = 30  # of an interval, in a search for a root: to a thousandth of a millionth of it
 STEP_S = 0.05
@@ -84,6 +84,7 @@ def _largest(fits: Callable[[Floats], Bools], low: Floats, high: Floats) -> Floa
 
 
 SHORTEST_M = 1e-3  # a leg that is shorter is not flown
+CALM = Wind(0.0, 0.0)
 
 
 def leg_seconds(
@@ -92,13 +93,15 @@ def leg_seconds(
     vehicle: Vehicle,
     stops: Bools | None = None,
     hold_s: Floats | None = None,
+    wind: Wind = CALM,
 ) -> Floats:
     """Compute the time of each leg of a path that is flown from rest to rest.
 
     There are n - 1 times; what is saved in a corner is shared by the legs before and after it. The corners
     `xyz_m`, (n, 3), are metres east, north and up; the speed over ground is one, or that of each leg. At
     `stops`, (n,), the vehicle stops, as for a hold; it always does at the first and the last. The wait
-    `hold_s`, (n,), is not part of the result.
+    `hold_s`, (n,), is not part of the result. In a `wind`, which has a direction, a leg is flown no faster
+    than the vehicle makes way against it; a MissionError says that it makes none.
 
     With ``turns="blend"`` each leg is an S-curve from rest to rest, and the next one begins before it ends:
     as early as the middle of the turn lies within the radius of the corner, and neither speed nor
@@ -120,7 +123,8 @@ def leg_seconds(
     legs = np.diff(xyz, axis=0)
     if len(legs) == 0:
         return np.zeros(0)
-    speeds = np.broadcast_to(np.asarray(speed_m_s, np.float64), len(legs))
+    over_ground = wind.over_ground_m_s(legs[:, :2], vehicle.airspeed_m_s)
+    speeds = np.minimum(np.asarray(speed_m_s, np.float64), over_ground)
     stop = np.zeros(len(xyz), bool) if stops is None else np.array(stops, bool)
     stop[[0, -1]] = True
     hold = np.zeros(len(xyz)) if hold_s is None else np.asarray(hold_s, np.float64)

@@ -12,7 +12,7 @@ from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.flight.camera.camera import Photos
-from uavseg.flight.mission.duration import leg_seconds
+from uavseg.flight.mission.duration import CALM, leg_seconds
 from uavseg.flight.mission.items import (
     CAMERA_DISTANCE,
     CAMERA_INTERVAL,
@@ -32,7 +32,7 @@ from uavseg.flight.mission.items import (
 )
 from uavseg.flight.mission.mission import CRUISE_M_S, Mission
 from uavseg.flight.mission.track import Plane
-from uavseg.flight.mission.vehicle import Vehicle, default_vehicle
+from uavseg.flight.mission.vehicle import Vehicle, Wind, default_vehicle
 
 Place = tuple[float, float, float]
 
@@ -107,8 +107,11 @@ class _Walk:
         self.stop[-1] = True
 
 
-def flown_path(mission: Mission, vehicle: Vehicle) -> FlownPath:
-    """Return the legs of a mission as a vehicle flies them: up, along its items, back where it returns."""
+def flown_path(mission: Mission, vehicle: Vehicle, wind: Wind = CALM) -> FlownPath:
+    """Return the legs of a mission as a vehicle flies them: up, along its items, back where it returns.
+
+    In a wind from any direction, times are those of the direction in which the flight takes longest.
+    """
     plane = Plane(mission.home.lat, mission.home.lon)
     walk = _Walk([(0.0, 0.0, 0.0)])
     speed, trigger, ends = CRUISE_M_S, (0.0, 0.0), ""
@@ -144,7 +147,7 @@ def flown_path(mission: Mission, vehicle: Vehicle) -> FlownPath:
                 break
             if item.command == LOITER:
                 break  # for ever
-    return _path(walk, vehicle, ends)
+    return _path(walk, vehicle, wind, ends)
 
 
 def _place(item: MissionItem, mission: Mission, plane: Plane, before: Place) -> Place:
@@ -175,11 +178,15 @@ def _return(walk: _Walk, vehicle: Vehicle) -> None:
     walk.go((0.0, 0.0, height), vehicle.return_speed_m_s, "return", (0.0, 0.0))
 
 
-def _path(walk: _Walk, vehicle: Vehicle, ends: str) -> FlownPath:
+def _path(walk: _Walk, vehicle: Vehicle, wind: Wind, ends: str) -> FlownPath:
     xyz = np.array(walk.xyz, np.float64).reshape(-1, 3)
     hold = np.array(walk.hold)
-    seconds = leg_seconds(xyz, np.array(walk.speed, np.float64), vehicle, np.array(walk.stop), hold)
+    speed, stop = np.array(walk.speed, np.float64), np.array(walk.stop)
+    seconds = max(
+        (leg_seconds(xyz, speed, vehicle, stop, hold, one) for one in wind.directions()), key=np.sum
+    )
     climbs = np.flatnonzero(np.array(walk.part) == "climb")
+    seconds[climbs[:1]] += vehicle.start_s
     slow_m = np.clip(np.diff(xyz[:, 2])[climbs], 0.0, vehicle.takeoff_height_m)  # climbs begin slowly
     seconds[climbs] += slow_m * (1 / vehicle.takeoff_m_s - 1 / vehicle.climb_m_s)
     shots = _shots(walk, np.hypot(*np.diff(xyz[:, :2], axis=0).T), seconds + hold[1:])
@@ -195,7 +202,7 @@ def _path(walk: _Walk, vehicle: Vehicle, ends: str) -> FlownPath:
         photographs=photographs,
         shots=shots,
         return_hold_s=vehicle.return_hold_s if ends == "return" else 0.0,
-        landing_s=landing_seconds(float(xyz[-1, 2]), vehicle) if ends else 0.0,
+        landing_s=landing_seconds(float(xyz[-1, 2]), vehicle) + vehicle.stop_s if ends else 0.0,
         is_line=np.array([any(trigger) for trigger in walk.trigger], np.bool_),
         has_shot=np.array([False, *(shots > 0 for shots in walk.shots)], np.bool_),
     )
@@ -234,10 +241,10 @@ def _shots(walk: _Walk, length: Floats, seconds: Floats) -> tuple[ShotRun, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """Estimated length, time, photographs and energy of a flight without wind."""
+    """Estimated length, time, photographs and energy of a flight, in its wind."""
 
     distance_m: float  # over ground, with the return
-    duration_s: float  # from takeoff to touchdown: the sum of the five times that follow
+    duration_s: float  # from when the motors start until they stop: the sum of the five times that follow
     climb_s: float
     flight_s: float
     hold_s: float
@@ -250,6 +257,7 @@ class Estimate:
     photographed_m2: float | None = None  # flat ground that the photographs show
     energy_wh: float | None = None  # None where the power of the vehicle is not known
     battery: float | None = None  # share of a full battery
+    wind_m_s: float = 0.0
 
     def as_dict(self) -> dict[str, Any]:
         """Return the estimate for JSON: times and lengths to a tenth, unknown values as None."""
@@ -263,11 +271,17 @@ def _rounded(value: Any, decimals: int) -> Any:
     return value if value is None or isinstance(value, int) else round(value, decimals)
 
 
-def estimate(mission: Mission, vehicle: Vehicle | None = None, photos: Photos | None = None) -> Estimate:
+def estimate(
+    mission: Mission,
+    vehicle: Vehicle | None = None,
+    photos: Photos | None = None,
+    wind: Wind | None = None,
+) -> Estimate:
     """Estimate a mission.
 
-    By default with the photographs and the vehicle of the mission, or else a multirotor with the default
-    parameters of its autopilot.
+    By default with the photographs, the wind and the vehicle of the mission, or else a multirotor with the
+    default parameters of its autopilot in calm air. In a wind that may come from any direction, it is the
+    longest flight of those in 12 directions. A MissionError says that a leg cannot be flown against the wind.
 
     Examples
     --------
@@ -280,7 +294,8 @@ def estimate(mission: Mission, vehicle: Vehicle | None = None, photos: Photos | 
     (222, 99)
     """
     vehicle = vehicle or mission.vehicle or default_vehicle(mission.autopilot)
-    path = flown_path(mission, vehicle)
+    wind = wind or mission.wind or CALM
+    path = flown_path(mission, vehicle, wind)
     times = {part: float(path.seconds[path.part == part].sum()) for part in ("climb", "flight", "return")}
     hold, landing = float(path.hold_s.sum()), path.landing_s
     waits = hold + path.return_hold_s
@@ -308,6 +323,7 @@ def estimate(mission: Mission, vehicle: Vehicle | None = None, photos: Photos | 
         photographed_m2=photographed_m2,
         energy_wh=energy,
         battery=None if energy is None else energy / (vehicle.battery_wh or math.nan),
+        wind_m_s=wind.speed_m_s,
     )
 
 

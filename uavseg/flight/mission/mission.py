@@ -31,7 +31,7 @@ from uavseg.flight.mission.items import (
     check_near,
     distance_m,
 )
-from uavseg.flight.mission.vehicle import Vehicle
+from uavseg.flight.mission.vehicle import Vehicle, Wind
 from uavseg.raster.geodesy.globe import geod_wgs84
 
 if TYPE_CHECKING:
@@ -120,6 +120,8 @@ class Mission:
         The ground below it, where the planner knows it.
     endurance_s : float, optional
         Time in the air on a full battery, where the planner knows it.
+    wind : Wind, optional
+        For estimates; by default the air is calm.
 
     Raises
     ------
@@ -142,6 +144,7 @@ class Mission:
     photos: Photos | None = field(default=None, compare=False)
     ground: Ground | None = field(default=None, compare=False)
     endurance_s: float | None = field(default=None, compare=False)
+    wind: Wind | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         if self.autopilot not in AUTOPILOTS:
@@ -303,7 +306,8 @@ class Mission:
             if flight.battery <= FULL_BATTERY:
                 return []
             share = f"{100 * flight.battery:.0f} %"
-            return [f"the flight takes {share} of a battery without wind: split the mission"]
+            air = "without wind" if self.wind is None else f"in a wind of {self.wind}"
+            return [f"the flight takes {share} of a battery {air}: split the mission"]
         if flight.duration_s <= (LONG_FLIGHT_S if self.endurance_s is None else self.endurance_s):
             return []
         return [f"about {flight.duration_s / 60:.0f} min in the air: few multirotors fly 30 min on a battery"]

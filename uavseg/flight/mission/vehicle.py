@@ -1,16 +1,19 @@
-"""Vehicles: speeds, accelerations and turns of a multirotor under ArduCopter or PX4, and its power.
+"""Vehicles: speeds, accelerations and turns of a multirotor under ArduCopter or PX4, and its power; wind.
 
 The defaults are those of the autopilots' own parameters, which operators rarely change:
 
 - ArduCopter 4.5: WPNAV_ACCEL 2.5 m/s2, WPNAV_ACCEL_C 0 (twice that), WPNAV_JERK 1 m/s3, WPNAV_ACCEL_Z
   1 m/s2, WPNAV_SPEED 10, WPNAV_SPEED_UP 2.5, WPNAV_SPEED_DN 1.5 m/s, WPNAV_RADIUS 2 m, RTL_ALT 15 m,
   RTL_CONE_SLOPE 3, RTL_LOIT_TIME 5 s, LAND_SPEED 0.5 m/s below LAND_ALT_LOW 10 m (libraries/AC_WPNav,
-  ArduCopter/config.h).
+  ArduCopter/config.h). The simulated quadrotor of ArduPilot flies 11.8 m/s at a lean of 30 degrees,
+  ATC_ANGLE_MAX (libraries/SITL/SIM_Frame.cpp). Before the climb, rotors speed up (MOT_SPOOL_TIME 0.5 s) and
+  thrust rises (TKOFF_SLEW_TIME 2 s); after touchdown, thrust falls, and a landing is detected in a second.
 - PX4 1.15: MPC_ACC_HOR 3 m/s2, MPC_JERK_AUTO 4 m/s3, MPC_XY_TRAJ_P 0.5, MPC_ACC_UP_MAX 4 and MPC_ACC_DOWN_MAX
   3 m/s2, MPC_XY_CRUISE 5, MPC_Z_V_AUTO_UP 3, MPC_Z_V_AUTO_DN 1.5 m/s, NAV_ACC_RAD 2 m for multirotors,
   RTL_RETURN_ALT 60 m, RTL_CONE_ANG 45 degrees, MPC_LAND_SPEED 0.7 m/s, which the descent comes down to
   between MPC_LAND_ALT1 10 m and MPC_LAND_ALT2 5 m: as long as 7 m at that speed; MPC_TKO_SPEED 1.5 m/s up to
-  MPC_LAND_ALT1
+  MPC_LAND_ALT1; MPC_XY_VEL_MAX 12 m/s; COM_SPOOLUP_TIME 1 s and MPC_TKO_RAMP_T 3 s before the climb, and
+  COM_DISARM_LAND 2 s after the landing
   (src/modules/mc_pos_control, src/modules/navigator, rc.mc_defaults).
 """
 
@@ -19,8 +22,11 @@ import os
 from dataclasses import fields, replace
 from pathlib import Path
 
+import numpy as np
+
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
-from uavseg.errors import ParameterError
+from uavseg.errors import MissionError, ParameterError
 from uavseg.inputs import number_in, read_object, text_in
 from uavseg.plain_text import shown
 
@@ -28,7 +34,7 @@ TURNS = ("blend", "slow")
 _MINIMUM, _MAXIMUM = 1e-9, 1e9  # of any number but 0, so that no product or ratio of them overflows
 _MAY_BE_ZERO = frozenset(
     {"jerk_rise_s", "return_height_m", "return_slope", "return_hold_s"}
-    | {"takeoff_height_m", "landing_height_m"}
+    | {"takeoff_height_m", "landing_height_m", "start_s", "stop_s"}
 )
 _POWER = ("hover_w", "cruise_w", "battery_wh")
 
@@ -59,6 +65,9 @@ class Vehicle:
     takeoff_height_m: float  # their number
     landing_m_s: float  # of the last metres before the ground
     landing_height_m: float  # their number
+    airspeed_m_s: float  # highest, through the air, at the largest lean
+    start_s: float  # on the ground, until it climbs
+    stop_s: float  # on the ground, until the motors stop
     hover_w: float | None = None
     cruise_w: float | None = None  # in forward flight
     battery_wh: float | None = None  # of a full one
@@ -107,6 +116,9 @@ ARDUCOPTER = Vehicle(
     takeoff_height_m=0.0,
     landing_m_s=0.5,
     landing_height_m=10.0,
+    airspeed_m_s=11.7,
+    start_s=3.0,
+    stop_s=3.0,
 )
 PX4 = Vehicle(
     name="multirotor with PX4",
@@ -127,6 +139,9 @@ PX4 = Vehicle(
     takeoff_height_m=10.0,
     landing_m_s=0.7,
     landing_height_m=7.0,
+    airspeed_m_s=12.0,
+    start_s=3.0,
+    stop_s=3.0,
 )
 
 
@@ -157,3 +172,70 @@ def read_vehicle(path: str | os.PathLike[str], autopilot: str = "ardupilot") -> 
     name = text_in(given, "name", Path(path).stem, path, "vehicle")
     turns = text_in(given, "turns", default.turns, path, "vehicle")
     return replace(default, name=name, turns=turns, **values)
+
+
+MAX_WIND_M_S = 50.0
+DIRECTIONS = 12  # of a wind from anywhere
+LEAST_WAY_M_S = 1.0
+"""A vehicle that makes less way over ground cannot fly a leg."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wind:
+    """A steady wind: metres per second, and the azimuth in degrees that it comes from; None for any.
+
+    A ParameterError says that the speed is not 0 to 50 m/s, or the azimuth not -360 to 360 degrees.
+    """
+
+    speed_m_s: float
+    from_deg: float | None = None
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.speed_m_s <= MAX_WIND_M_S:
+            raise ParameterError(f"a wind is 0 to {MAX_WIND_M_S:g} m/s, not {self.speed_m_s:g}")
+        if self.from_deg is not None and not -360 <= self.from_deg <= 360:
+            raise ParameterError(
+                f"the direction that a wind comes from is -360 to 360 degrees, clockwise from north, "
+                f"not {self.from_deg:g}"
+            )
+
+    def __str__(self) -> str:
+        where = "any direction" if self.from_deg is None else f"{self.from_deg:g} degrees"
+        return f"{self.speed_m_s:g} m/s from {where}"
+
+    def directions(self) -> "tuple[Wind, ...]":
+        """Return winds of this speed from 12 directions if it may come from any, else the wind itself."""
+        if self.from_deg is not None:
+            return (self,)
+        return tuple(Wind(self.speed_m_s, k * 360 / DIRECTIONS) for k in range(DIRECTIONS))
+
+    def over_ground_m_s(self, legs: Floats, airspeed_m_s: float) -> Floats:
+        """Return the highest speed over ground along legs, (n, 2) east and north; infinite without length.
+
+        With the part a of the wind w along a leg and the speed v through the air, it is
+        a + sqrt(v^2 - (w^2 - a^2)), by the triangle of velocities. The wind has a direction. A MissionError
+        says that the vehicle makes less than 1 m/s along a leg.
+
+        Examples
+        --------
+        >>> Wind(6.0, 0.0).over_ground_m_s(np.array([[0.0, 9.0], [0, -9], [9, 0]]), 10.0).tolist()
+        [4.0, 16.0, 8.0]
+        """
+        length = np.hypot(legs[:, 0], legs[:, 1])
+        towards = math.radians((self.from_deg or 0.0) + 180)
+        blowing = self.speed_m_s * np.array([math.sin(towards), math.cos(towards)])
+        is_leg = length > 0
+        along = legs[is_leg] @ blowing / length[is_leg]
+        left = airspeed_m_s**2 - self.speed_m_s**2 + along**2
+        highest = np.full(len(legs), np.inf)
+        highest[is_leg] = along + np.sqrt(np.maximum(left, 0.0))
+        highest[is_leg] = np.where(left < 0, 0.0, highest[is_leg])
+        if highest.min(initial=np.inf) < LEAST_WAY_M_S:
+            slowest = legs[int(highest.argmin())]
+            azimuth = math.degrees(math.atan2(slowest[0], slowest[1])) % 360
+            raise MissionError(
+                f"a leg towards {azimuth:.0f} degrees cannot be flown in a wind of {self}: the vehicle flies "
+                f"{airspeed_m_s:g} m/s through the air; wait for less wind, or describe one that is faster "
+                "(airspeed_m_s of --vehicle)"
+            )
+        return highest

@@ -13,7 +13,7 @@ from uavseg.errors import ParameterError
 from uavseg.flight.camera.camera import NADIR_DEG, Photos
 from uavseg.flight.mission.items import AUTOPILOTS, MAX_DISTANCE_M, MAX_HEIGHT_M, MAX_ITEMS, RallyPoint
 from uavseg.flight.mission.mission import CRUISE_M_S, USUAL_MAX_HEIGHT_M
-from uavseg.flight.mission.vehicle import Vehicle
+from uavseg.flight.mission.vehicle import Vehicle, Wind
 from uavseg.raster.elevation.dem import Dem
 
 MAX_MARGIN_M = 1000.0
@@ -294,6 +294,8 @@ class PlanParams:
         For estimates; by default a multirotor with the parameters of its autopilot.
     terrain : TerrainParams, optional
         By default the flight keeps one height above home.
+    wind : Wind, optional
+        By default estimates are for calm air, and flights are divided for 5 m/s from any direction.
     """
 
     altitude_m: float
@@ -310,6 +312,7 @@ class PlanParams:
     safety: SafetyParams = SafetyParams()
     vehicle: Vehicle | None = None
     terrain: TerrainParams | None = None
+    wind: Wind | None = None
 
     def __post_init__(self) -> None:
         _check("altitude", self.altitude_m, MIN_NUMBER, MAX_HEIGHT_M, "m above home")

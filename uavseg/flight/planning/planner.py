@@ -1,5 +1,6 @@
 """Mission planner: polygons to targets, a route, flights and their missions. Read this first."""
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import field, replace
 from typing import Any
@@ -12,7 +13,7 @@ from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.cover.survey import Survey
-from uavseg.flight.mission.duration import leg_seconds
+from uavseg.flight.mission.duration import CALM, leg_seconds
 from uavseg.flight.mission.estimate import estimate, landing_seconds
 from uavseg.flight.mission.items import (
     DEGREE_DECIMALS,
@@ -24,7 +25,7 @@ from uavseg.flight.mission.items import (
 )
 from uavseg.flight.mission.mission import BOARD_CAPACITY, NEARLY_CONVEX, Mission, Position, SurveyBlock
 from uavseg.flight.mission.track import Plane, Track, plane_around
-from uavseg.flight.mission.vehicle import Vehicle, default_vehicle
+from uavseg.flight.mission.vehicle import LEAST_WAY_M_S, Vehicle, Wind, default_vehicle
 from uavseg.flight.params.plan import MAX_MARGIN_M, PARAMS_OF, PerimeterParams, PlanParams
 from uavseg.flight.patterns import candidates as patterns
 from uavseg.flight.patterns.candidates import RegionPart
@@ -129,6 +130,8 @@ def clear_parts(parts: list[RegionPart], keep_out: KeepOut) -> tuple[list[Region
 
 FIXED_ITEMS = 5  # takeoff, speed, gimbal, return, and one in reserve
 ATTEMPTS = 8
+USUAL_WIND_M_S = 5.0
+"""Where no wind is given, the reserve holds in this one, from any direction."""
 
 
 def missions_over(
@@ -146,11 +149,12 @@ def missions_over(
     vehicle, limits = params.vehicle or default_vehicle(params.autopilot), params.limits
     max_items = limits.max_items or BOARD_CAPACITY[params.autopilot]
     climb_s = params.altitude_m / vehicle.climb_m_s + landing_seconds(params.altitude_m, vehicle)
-    costs = LegCosts(plane, params)
+    wind = _wind_of_limits(params, vehicle)
+    costs = _worst_costs(route, plane, params, wind)
     allowed = FlightLimits(
         seconds=limits.seconds,
         items=max_items,
-        fixed_s=climb_s + vehicle.return_hold_s,
+        fixed_s=climb_s + vehicle.start_s + vehicle.stop_s + vehicle.return_hold_s,
         fixed_items=FIXED_ITEMS,
         leg_seconds=costs.level_seconds,
         costs=costs.of,
@@ -160,7 +164,7 @@ def missions_over(
         parts = [track.without_repeats() for track in split_route(route, allowed)]
         tracks = [with_speeds(track, route.home, params) for track in parts]
         missions = [_mission(track, home, plane, keep_out, params) for track in tracks]
-        slower = max(estimate(mission).duration_s for mission in missions) / limits.seconds
+        slower = max(estimate(mission, wind=wind).duration_s for mission in missions) / limits.seconds
         larger = max(len(mission.items) for mission in missions) / max_items
         if slower <= 1 and larger <= 1:
             break
@@ -169,11 +173,50 @@ def missions_over(
         raise MissionError(
             "no way to divide the mission was found whose flights fit; give more --endurance or --max-items"
         )
-    notes += speed_notes(tracks, params)
+    notes += speed_notes(tracks, params) + wind_notes(missions, params)
     if len(missions) > 1:
         notes.append(f"the mission is divided into {len(missions)} flights, each from home and back")
         missions = rally_of_flights(missions) if params.safety.rally else missions
     return tuple(replace(mission, notes=(*notes, *mission.notes)) for mission in missions)
+
+
+def _wind_of_limits(params: PlanParams, vehicle: Vehicle) -> Wind:
+    """Return the wind in which flights fit their limits: the one that is given, or a usual one."""
+    if params.wind is not None or math.isinf(params.limits.seconds):
+        return params.wind or CALM
+    return Wind(min(USUAL_WIND_M_S, vehicle.airspeed_m_s / 2))
+
+
+def _worst_costs(route: RegionRoute, plane: Plane, params: PlanParams, wind: Wind) -> "LegCosts":
+    """Return the costs of legs in the direction of the wind in which the whole route takes longest."""
+    costs = [LegCosts(plane, params, one) for one in wind.directions()]
+    if len(costs) == 1:
+        return costs[0]
+    whole = route.flight(0, len(route.pieces) - 1)
+    return max(costs, key=lambda one: one.of(whole)[0].sum())
+
+
+def wind_notes(missions: Sequence[Mission], params: PlanParams) -> list[str]:
+    """Return notes of speeds that the vehicle does not reach, and of the wind in which the reserve holds."""
+    vehicle = params.vehicle or default_vehicle(params.autopilot)
+    notes = []
+    if params.speed_m_s > vehicle.airspeed_m_s:
+        notes.append(
+            f"{params.speed_m_s:g} m/s is more than the {vehicle.airspeed_m_s:g} m/s that a {vehicle.name} "
+            "is taken to fly through the air (airspeed_m_s of --vehicle)"
+        )
+    if params.wind is not None:
+        return [*notes, f"estimates are for a wind of {params.wind}"]
+    if math.isinf(params.limits.seconds):
+        return notes
+    holds = 0
+    while holds + 1 <= vehicle.airspeed_m_s - LEAST_WAY_M_S:
+        stronger = Wind(holds + 1)
+        if max(estimate(one, wind=stronger).duration_s for one in missions) > params.limits.seconds:
+            break
+        holds += 1
+    held = f"holds in a wind of up to {holds} m/s from any direction" if holds else "holds in calm air only"
+    return [*notes, f"estimates are for calm air; the reserve of {params.limits.reserve:g} % {held} (--wind)"]
 
 
 def _mission(
@@ -198,6 +241,7 @@ def _mission(
         photos=params.photos,
         ground=path.ground,
         endurance_s=None if params.limits.endurance_min is None else 60 * params.limits.endurance_min,
+        wind=params.wind,
     )
 
 
@@ -207,6 +251,7 @@ class LegCosts:
 
     plane: Plane
     params: PlanParams
+    wind: Wind = CALM  # with a direction
     _known: dict[tuple[float, ...], LegPoints] = field(default_factory=dict)
 
     @property
@@ -217,7 +262,7 @@ class LegCosts:
     def level_seconds(self, xy: Floats) -> Floats:
         """Return the time of each leg of a path (n, 2) in metres over level ground."""
         height = np.full(len(xy), self.params.altitude_m)
-        return leg_seconds(np.column_stack([xy, height]), self.params.speed_m_s, self.vehicle)
+        return leg_seconds(np.column_stack([xy, height]), self.params.speed_m_s, self.vehicle, wind=self.wind)
 
     def return_seconds(self, length_m: float) -> float:
         """Return the minimum time of a return over level ground, with its speed, height and landing."""
@@ -246,7 +291,9 @@ class LegCosts:
         speed = np.concatenate([leg.speed_m_s for leg in points])
         hold = np.zeros(len(path))
         hold[np.append(0, first + counts)] = track.hold_s
-        seconds = np.add.reduceat(leg_seconds(path, speed, self.vehicle, hold > 0, hold) + hold[1:], first)
+        seconds = np.add.reduceat(
+            leg_seconds(path, speed, self.vehicle, hold > 0, hold, self.wind) + hold[1:], first
+        )
         change = np.diff(speed, prepend=speed[0])
         slower = (change < 0) & np.isin(np.arange(len(speed)), first)  # with a point before the line
         items = np.add.reduceat((change != 0) + slower.astype(float), first) + counts - 1

@@ -4,7 +4,7 @@ import math
 import os
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from typing import Any
 
@@ -25,12 +25,12 @@ from uavseg.flight.mission.items import (
     check_accepted,
 )
 from uavseg.flight.mission.mission import Mission
-from uavseg.flight.mission.vehicle import default_vehicle
+from uavseg.flight.mission.vehicle import Wind, default_vehicle
 from uavseg.flight.params.plan import SafetyParams
 from uavseg.flight.safety.check import Clearance, SafetyCheck
 from uavseg.flight.terrain.altitude_profile import climbs_early
 from uavseg.inputs import read_bytes
-from uavseg.jobs.flights.request import zone_polygons
+from uavseg.jobs.flights.request import wind_of, zone_polygons
 from uavseg.options.flights import CheckOptions
 from uavseg.plain_text import shown
 from uavseg.raster.elevation.dem import Dem
@@ -52,6 +52,7 @@ class CheckRequest:
     autopilot: str | None = None  # None: the one that the file is for, if its format says so
     safety: SafetyParams = ANY_HEIGHT  # by default any height and distance is accepted
     zones: Sequence[Any] = ()  # keep-out zones: polygons in degrees (lon, lat; WGS 84)
+    wind: Wind | None = None  # that the flight is estimated for
     dem: Dem | None = None  # no leg is nearer to it than `CLEARANCE_M`, and heights are those above it
 
     def __post_init__(self) -> None:
@@ -145,6 +146,7 @@ def check(source: str | os.PathLike[str] | Mission, request: CheckRequest) -> Mi
             mission = read_mission(source)
         refused = station_refusals(read_bytes(source, MissionError, MAX_BYTES), suffix)
         own = mission.autopilot if suffix in OWN_AUTOPILOT else None
+    mission = replace(mission, wind=request.wind or mission.wind)
     requested = request.autopilot or own
     decided("checked for %s, %d keep-out zones", requested or "any autopilot", len(request.zones))
     pilots = {key: _reason(partial(_check_items, mission, key)) for key in NAMES}
@@ -167,7 +169,13 @@ def check_request(options: CheckOptions) -> CheckRequest:
     highest = MAX_HEIGHT_M if limits.max_altitude is None else limits.max_altitude
     safety = SafetyParams(limits.avoid_margin, max_altitude_m=highest, max_distance_m=limits.max_distance)
     zones = tuple(zone_polygons(limits.avoid))
-    return CheckRequest(options.autopilot, safety, zones, None if dem is None else Dem.open(dem))
+    return CheckRequest(
+        autopilot=options.autopilot,
+        safety=safety,
+        zones=zones,
+        wind=wind_of(options.wind),
+        dem=None if dem is None else Dem.open(dem),
+    )
 
 
 def _paper_check(mission: Mission, request: CheckRequest, autopilot: str | None) -> SafetyCheck:

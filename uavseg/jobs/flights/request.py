@@ -14,7 +14,7 @@ from uavseg.errors import ParameterError
 from uavseg.execution.executors import phase
 from uavseg.flight.camera.camera import SHUTTER_S, Camera, Overlap, Photos, camera_named
 from uavseg.flight.mission.items import RallyPoint
-from uavseg.flight.mission.vehicle import read_vehicle
+from uavseg.flight.mission.vehicle import Wind, read_vehicle
 from uavseg.flight.params.plan import (
     COVERING,
     PARAMS_OF,
@@ -92,6 +92,7 @@ def flight_params(options: MissionOptions) -> PlanParams:
         spacing_m=spacing,
         angle_deg=_angle(flight.angle),
         speed_m_s=flight.speed,
+        wind=wind_of(flight.wind),
         autopilot=flight.autopilot,
         tolerance_m=flight.tolerance,
         photos=photos,
@@ -109,6 +110,18 @@ def flight_params(options: MissionOptions) -> PlanParams:
             terrain.descent,
         ),
     )
+
+
+def wind_of(given: float | Sequence[float] | None) -> Wind | None:
+    """Return a wind of a speed, perhaps with the azimuth that it comes from."""
+    if given is None:
+        return None
+    numbers = [float(given)] if isinstance(given, int | float) else [float(one) for one in given]
+    if len(numbers) not in (1, 2):
+        raise ParameterError(
+            f"a wind is a speed in m/s, perhaps with the azimuth that it comes from, not {shown(given)}"
+        )
+    return Wind(numbers[0], numbers[1] if len(numbers) == 2 else None)
 
 
 def _angle(given: float | str) -> float | None:
