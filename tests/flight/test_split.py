@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -27,39 +28,85 @@ def leg_seconds(xy: np.ndarray) -> np.ndarray:
 def route(points: np.ndarray) -> RegionRoute:
     pieces = [Track.of_path(np.array([point])) for point in points]
     ways = [Track.transit(np.array(pair)) for pair in itertools.pairwise(points)]
-    return RegionRoute(HOME, tuple(pieces), tuple(ways), FreeSpace())
+    return RegionRoute(HOME, tuple(pieces), tuple(ways), FreeSpace(), np.arange(len(pieces)))
 
 
-def limits(seconds: float, items: float = math.inf) -> FlightLimits:
-    return FlightLimits(seconds, items, 10.0, 4, leg_seconds)
+def limits(seconds: float, items: float = math.inf, flights: int | None = None) -> FlightLimits:
+    return FlightLimits(
+        seconds=seconds,
+        items=items,
+        fixed_s=10.0,
+        fixed_items=4,
+        costs=lambda track: (leg_seconds(track.xy), np.zeros(len(track.is_line))),
+        ways=lambda home, places, lengths: (lengths, lengths),
+        flights=flights,
+    )
 
 
 def seconds_of(flight: np.ndarray) -> float:
     return float(leg_seconds(np.concatenate([HOME[None], flight, HOME[None]])).sum()) + 10
 
 
-def least_by_trying(points: np.ndarray, most: float) -> float:
-    """All ways to cut, plainly."""
-    best = math.inf
-    for cuts in itertools.product([False, True], repeat=len(points) - 1):
-        ends = [0, *(k + 1 for k, cut in enumerate(cuts) if cut), len(points)]
-        spent = [seconds_of(points[a:b]) for a, b in itertools.pairwise(ends)]
-        if max(spent) <= most:
-            best = min(best, sum(spent))
-    return best
+def cuts(points: np.ndarray) -> Iterator[list[np.ndarray]]:
+    """All ways to cut an order, plainly."""
+    for chosen in itertools.product([False, True], repeat=len(points) - 1):
+        ends = [0, *(k + 1 for k, cut in enumerate(chosen) if cut), len(points)]
+        yield [points[a:b] for a, b in itertools.pairwise(ends)]
+
+
+def fewest_by_trying(points: np.ndarray, most: float) -> tuple[int, float]:
+    """Least number of flights in this order, and the least longest of so many."""
+    fits = [(len(some), max(map(seconds_of, some))) for some in cuts(points)]
+    return min(pair for pair in fits if pair[1] <= most)
 
 
 @given(st.integers(0, 10**6), st.integers(1, 8))
 @settings(max_examples=60)
-def test_flights_take_the_least_time_of_all_ways_to_cut(seed: int, count: int) -> None:
+def test_flights_are_the_fewest_and_of_like_length(seed: int, count: int) -> None:
     rng = np.random.default_rng(seed)
     points = rng.uniform(-100, 100, (count, 2))
     most = rng.uniform(1, 3) * (2 * np.hypot(*points.T).max() + 10)
     found = split_route(route(points), limits(most))
-    assert np.array_equal(np.concatenate([flight.xy for flight in found]), points)
-    total = sum(seconds_of(flight.xy) for flight in found)
-    assert max(seconds_of(flight.xy) for flight in found) <= most * 1.001
-    assert total <= least_by_trying(points, most / 1.001) * 1.001 or len(found) == 1
+    order = np.concatenate([flight.xy for flight in found])
+    assert sorted(map(tuple, order)) == sorted(map(tuple, points))
+    longest = max(seconds_of(flight.xy) for flight in found)
+    number, _ = fewest_by_trying(points, most)
+    assert longest <= most * 1.001 and len(found) <= number
+    if len(found) > 1:
+        _, least = min(
+            pair for pair in ((len(s), max(map(seconds_of, s))) for s in cuts(order)) if pair[0] == len(found)
+        )
+        assert longest <= least * 1.021
+
+
+@given(st.integers(0, 10**6), st.integers(3, 7))
+@settings(max_examples=30)
+def test_no_order_needs_fewer_flights(seed: int, count: int) -> None:
+    rng = np.random.default_rng(seed)
+    points = rng.uniform(-100, 100, (count, 2))
+    most = rng.uniform(1, 2) * (2 * np.hypot(*points.T).max() + 10)
+    found = split_route(route(points), limits(most))
+    fewest = min(
+        fewest_by_trying(points[list(order)], most)[0] for order in itertools.permutations(range(count))
+    )
+    assert len(found) == fewest
+
+
+def test_as_many_flights_as_requested_are_of_like_length() -> None:
+    points = np.column_stack([np.arange(1.0, 31.0), np.zeros(30)])
+    for count in (1, 2, 3, 7, 30):
+        found = split_route(route(points), limits(math.inf, flights=count))
+        assert len(found) == count and np.array_equal(np.concatenate([one.xy for one in found]), points)
+    line = Track(np.array([[500.0, -1000.0], [500.0, 1000.0]]), np.array([25.0]), np.array([True]))
+    long = RegionRoute(HOME, (line,), (), FreeSpace(), np.zeros(1, int))
+    for count in (2, 3, 5):
+        found = split_route(long, limits(math.inf, flights=count))
+        spent = [seconds_of(flight.xy) for flight in found]
+        assert len(found) == count and max(spent) < 1.3 * min(spent)
+    with pytest.raises(MissionError, match="too few parts for 31 flights; give --flights 30"):
+        split_route(route(points), limits(math.inf, flights=31))
+    with pytest.raises(MissionError, match="give --flights 2"):
+        split_route(route(np.array([[30.0, 0.0], [-30.0, 0.0]])), limits(75, flights=1))
 
 
 def test_items_divide_as_time_does() -> None:
@@ -70,7 +117,7 @@ def test_items_divide_as_time_does() -> None:
 
 def test_a_line_that_is_longer_than_a_flight_is_flown_in_parts() -> None:
     line = Track(np.array([[500.0, -1000.0], [500.0, 1000.0]]), np.array([25.0]), np.array([True]))
-    long = RegionRoute(HOME, (line,), (), FreeSpace())
+    long = RegionRoute(HOME, (line,), (), FreeSpace(), np.zeros(1, int))
     found = split_route(long, limits(3000))
     covered = shapely.union_all([shapely.LineString(flight.xy) for flight in found])
     assert len(found) > 1 and covered.length == pytest.approx(2000)

@@ -202,16 +202,17 @@ def _path(walk: _Walk, vehicle: Vehicle, wind: Wind, ends: str) -> FlownPath:
         photographs=photographs,
         shots=shots,
         return_hold_s=vehicle.return_hold_s if ends == "return" else 0.0,
-        landing_s=landing_seconds(float(xyz[-1, 2]), vehicle) + vehicle.stop_s if ends else 0.0,
+        landing_s=float(landing_seconds(xyz[-1, 2], vehicle)) + vehicle.stop_s if ends else 0.0,
         is_line=np.array([any(trigger) for trigger in walk.trigger], np.bool_),
         has_shot=np.array([False, *(shots > 0 for shots in walk.shots)], np.bool_),
     )
 
 
-def landing_seconds(height_m: float, vehicle: Vehicle) -> float:
+def landing_seconds(height_m: Floats | float, vehicle: Vehicle) -> Floats:
     """Return the time of a vehicle's descent from a height to the ground, the last metres slowly."""
-    slow = min(max(height_m, 0.0), vehicle.landing_height_m)
-    return slow / vehicle.landing_m_s + max(height_m - slow, 0.0) / vehicle.descent_m_s
+    slow = np.clip(height_m, 0.0, vehicle.landing_height_m)
+    seconds: Floats = slow / vehicle.landing_m_s + np.maximum(height_m - slow, 0.0) / vehicle.descent_m_s
+    return seconds
 
 
 def _shots(walk: _Walk, length: Floats, seconds: Floats) -> tuple[ShotRun, ...]:

@@ -201,6 +201,7 @@ def _check(what: str, value: float, minimum: float, maximum: float, unit: str) -
 
 
 MIN_ITEMS = 10
+MAX_FLIGHTS = 1000
 
 
 @checked
@@ -211,6 +212,7 @@ class LimitParams:
     endurance_min: float | None = None  # minutes in the air on a full battery; by default without a limit
     reserve: float = 20.0  # per cent of the endurance that are left at the end
     max_items: int | None = None  # of a flight; by default what common boards of the autopilot hold
+    flights: int | None = None  # so many, of like length; by default the fewest that fit
 
     def __post_init__(self) -> None:
         if self.endurance_min is not None and not 0 < self.endurance_min <= 6000:
@@ -219,6 +221,8 @@ class LimitParams:
             raise ParameterError(f"the reserve is 0 to below 100 per cent, not {self.reserve:g}")
         if self.max_items is not None and not MIN_ITEMS <= self.max_items <= MAX_ITEMS:
             raise ParameterError(f"a flight has {MIN_ITEMS} to {MAX_ITEMS} items, not {self.max_items}")
+        if self.flights is not None and not 1 <= self.flights <= MAX_FLIGHTS:
+            raise ParameterError(f"a mission has 1 to {MAX_FLIGHTS} flights, not {self.flights}")
 
     @property
     def seconds(self) -> float:

@@ -24,7 +24,7 @@ from uavseg.flight.mission.items import (
     distance_m,
 )
 from uavseg.flight.mission.mission import BOARD_CAPACITY, NEARLY_CONVEX, Mission, Position, SurveyBlock
-from uavseg.flight.mission.track import Plane, Track, plane_around
+from uavseg.flight.mission.track import SAME_PLACE_M, Plane, Track, plane_around
 from uavseg.flight.mission.vehicle import LEAST_WAY_M_S, Vehicle, Wind, default_vehicle
 from uavseg.flight.params.plan import MAX_MARGIN_M, PARAMS_OF, PerimeterParams, PlanParams
 from uavseg.flight.patterns import candidates as patterns
@@ -144,21 +144,50 @@ def missions_over(
 ) -> tuple[Mission, ...]:
     """Split a route into missions that are within their limits by the estimates of complete missions.
 
-    `plane` is that of the route; `notes` are for all missions, and some are added.
+    `plane` is that of the route; `notes` are for all missions, and some are added. Without a wind in
+    `params`, they are within them in a usual one, or else in the strongest of some in which that is possible.
     """
+    winds = [params.wind or CALM]
+    if params.wind is None and math.isfinite(params.limits.seconds):
+        winds = [Wind(share * USUAL_WIND_M_S) for share in (1.0, 0.6, 0.3)] + winds
+    for wind in winds:
+        try:
+            tracks, missions = _split(route, home, plane, keep_out, params, wind)
+            break
+        except MissionError:
+            if wind is winds[-1]:
+                raise
+    notes += speed_notes(tracks, params) + wind_notes(missions, params)
+    if len(missions) > 1:
+        notes.append(f"the mission is divided into {len(missions)} flights, each from home and back")
+        missions = rally_of_flights(missions) if params.safety.rally else missions
+    return tuple(replace(mission, notes=(*notes, *mission.notes)) for mission in missions)
+
+
+def _split(
+    route: RegionRoute,
+    home: HomePosition,
+    plane: Plane,
+    keep_out: KeepOut,
+    params: PlanParams,
+    wind: Wind,
+) -> tuple[list[Track], list[Mission]]:
     vehicle, limits = params.vehicle or default_vehicle(params.autopilot), params.limits
     max_items = limits.max_items or BOARD_CAPACITY[params.autopilot]
-    climb_s = params.altitude_m / vehicle.climb_m_s + landing_seconds(params.altitude_m, vehicle)
-    wind = _wind_of_limits(params, vehicle)
+    climb = np.array([(0.0, 0.0, 0.0), (0.0, 0.0, params.altitude_m)])
+    slow_m = min(params.altitude_m, vehicle.takeoff_height_m)
+    up_s = leg_seconds(climb, vehicle.climb_m_s, vehicle)[0]
+    up_s += slow_m * (1 / vehicle.takeoff_m_s - 1 / vehicle.climb_m_s) + vehicle.start_s
+    down_s = float(landing_seconds(params.altitude_m, vehicle)) + vehicle.stop_s + vehicle.return_hold_s
     costs = _worst_costs(route, plane, params, wind)
     allowed = FlightLimits(
         seconds=limits.seconds,
         items=max_items,
-        fixed_s=climb_s + vehicle.start_s + vehicle.stop_s + vehicle.return_hold_s,
+        fixed_s=float(up_s) + down_s,
         fixed_items=FIXED_ITEMS,
-        leg_seconds=costs.level_seconds,
         costs=costs.of,
-        return_seconds=costs.return_seconds,
+        ways=costs.ways,
+        flights=limits.flights,
     )
     for _ in range(ATTEMPTS):
         parts = [track.without_repeats() for track in split_route(route, allowed)]
@@ -167,24 +196,11 @@ def missions_over(
         slower = max(estimate(mission, wind=wind).duration_s for mission in missions) / limits.seconds
         larger = max(len(mission.items) for mission in missions) / max_items
         if slower <= 1 and larger <= 1:
-            break
+            return tracks, missions
         allowed = allowed.tighter(0.99 / max(slower, 0.99), 0.99 / max(larger, 0.99))
-    else:
-        raise MissionError(
-            "no way to divide the mission was found whose flights fit; give more --endurance or --max-items"
-        )
-    notes += speed_notes(tracks, params) + wind_notes(missions, params)
-    if len(missions) > 1:
-        notes.append(f"the mission is divided into {len(missions)} flights, each from home and back")
-        missions = rally_of_flights(missions) if params.safety.rally else missions
-    return tuple(replace(mission, notes=(*notes, *mission.notes)) for mission in missions)
-
-
-def _wind_of_limits(params: PlanParams, vehicle: Vehicle) -> Wind:
-    """Return the wind in which flights fit their limits: the one that is given, or a usual one."""
-    if params.wind is not None or math.isinf(params.limits.seconds):
-        return params.wind or CALM
-    return Wind(min(USUAL_WIND_M_S, vehicle.airspeed_m_s / 2))
+    raise MissionError(
+        "no way to divide the mission was found whose flights fit; give more --endurance or --max-items"
+    )
 
 
 def _worst_costs(route: RegionRoute, plane: Plane, params: PlanParams, wind: Wind) -> "LegCosts":
@@ -259,18 +275,32 @@ class LegCosts:
         """The vehicle of the plan, or the default one of its autopilot."""
         return self.params.vehicle or default_vehicle(self.params.autopilot)
 
-    def level_seconds(self, xy: Floats) -> Floats:
-        """Return the time of each leg of a path (n, 2) in metres over level ground."""
-        height = np.full(len(xy), self.params.altitude_m)
-        return leg_seconds(np.column_stack([xy, height]), self.params.speed_m_s, self.vehicle, wind=self.wind)
+    def ways(self, home: Floats, places: Floats, length_m: Floats) -> tuple[Floats, Floats]:
+        """Return the time from home (2,) to places (n, 2) and back, over level ground, from rest to rest.
 
-    def return_seconds(self, length_m: float) -> float:
-        """Return the minimum time of a return over level ground, with its speed, height and landing."""
+        Where ways are longer than straight, `length_m` (n,), they are stretched. A straight way back is a
+        return with its speed, height and landing; else it is that of the mission where that takes longer.
+        """
         vehicle, height = self.vehicle, self.params.altitude_m
-        above = max(min(vehicle.return_height_m, vehicle.return_slope * length_m), height)
-        path = np.array([(0.0, 0.0, height), (0.0, 0.0, above), (length_m, 0.0, above)])
-        landing_s = landing_seconds(above, vehicle) - landing_seconds(height, vehicle)
-        return float(leg_seconds(path, vehicle.return_speed_m_s, vehicle).sum()) + landing_s
+        straight = np.hypot(*(places - home).T)
+        stretch = np.where(straight > SAME_PLACE_M, length_m / np.maximum(straight, SAME_PLACE_M), 1.0)
+        out, back = self._to_and_fro(home, places, self.params.speed_m_s)
+        _, returned = self._to_and_fro(home, places, vehicle.return_speed_m_s)
+        above = np.maximum(np.minimum(vehicle.return_height_m, vehicle.return_slope * length_m), height)
+        up = np.zeros((2 * len(above), 3))
+        up[::2, 2], up[1::2, 2] = height, above
+        climb_s = leg_seconds(up, vehicle.climb_m_s, vehicle, np.ones(len(up), bool))[::2]
+        climb_s += landing_seconds(above, vehicle) - landing_seconds(height, vehicle)
+        returned = returned * stretch + climb_s
+        is_bent = length_m > straight + SAME_PLACE_M
+        return out * stretch, np.where(is_bent, np.maximum(back * stretch, returned), returned)
+
+    def _to_and_fro(self, home: Floats, places: Floats, speed_m_s: float) -> tuple[Floats, Floats]:
+        path = np.full((2 * len(places) + 1, 3), self.params.altitude_m)
+        path[::2, :2], path[1::2, :2] = home, places
+        stops = np.ones(len(path), bool)
+        seconds = leg_seconds(path, speed_m_s, self.vehicle, stops, wind=self.wind)
+        return seconds[::2], seconds[1::2]
 
     def of(self, track: Track) -> tuple[Floats, Floats]:
         """Return the time of each leg, with the hold at its end, and its items besides corners, (n - 1,).

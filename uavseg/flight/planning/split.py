@@ -1,9 +1,4 @@
-"""Routes over all regions, split into flights from home that fit their limits (vehicle routing).
-
-The order of the route is kept, and the places where it is split are the best ones: a shortest path over the
-flights that fit (the split of C. Prins, A simple and effective evolutionary algorithm for the vehicle routing
-problem, Computers and Operations Research 31, 2004).
-"""
+"""Routes over all regions, split into flights from home that fit their limits: the fewest, of like length."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -11,18 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from uavseg.arrays import Floats
+from uavseg.arrays import Floats, Integers
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.avoid.free_space import FreeSpace
 from uavseg.flight.mission.track import Track, leg_lengths
+from uavseg.flight.order.division import MAX_REGIONS as MAX_REORDERED
+from uavseg.flight.order.division import Pieces, order_of_regions
 from uavseg.flight.order.tour import Stops, short_tour
 
-Seconds = Callable[[Floats], Floats]
 Costs = Callable[[Track], tuple[Floats, Floats]]
+Ways = Callable[[Floats, Floats, Floats], tuple[Floats, Floats]]
 
 MAX_PIECES = 50_000
-STRAIGHT_LENGTHS = 64
+FINENESS = 10  # pieces of each of a number of flights, at least
 ROUNDING_S = 10.0  # a piece that is flown alone starts and ends at rest
 MAX_REGIONS = 4000  # far more than any vehicle stores
 
@@ -35,6 +32,7 @@ class RegionRoute:
     pieces: tuple[Track, ...]  # n runs of lines
     transits: tuple[Track, ...]  # n - 1, from the end of each piece to the start of the next
     space: FreeSpace  # of transits
+    region: Integers  # (n,), that of each piece, counted in the order of flight
 
     def flight(self, first: int, last: int) -> Track:
         """Return the track over pieces first to last, from home, and back home where not straight."""
@@ -45,12 +43,23 @@ class RegionRoute:
             tracks.append(back)
         return without_short_legs(Track.joined(tracks).part_from(1), self.space)
 
-    def home_lengths(self) -> tuple[Floats, Floats]:
-        """Return the lengths in metres from home to the start of each piece, and from its end home."""
-        starts = np.array([piece.xy[0] for piece in self.pieces])
-        ends = np.array([piece.xy[-1] for piece in self.pieces])
-        lengths = self.space.lengths_from(self.home, np.concatenate([starts, ends]))
-        return lengths[: len(starts)], lengths[len(starts) :]
+    def reordered(self, order: Integers, turned: Integers) -> "RegionRoute":
+        """Return the route over regions in another order, some of them from their end to their start."""
+        pieces: list[Track] = []
+        transits: list[Track] = []
+        for region in order.tolist():
+            numbers = np.flatnonzero(self.region == region).tolist()
+            inner = [self.pieces[k] for k in numbers]
+            between = [self.transits[k] for k in numbers[:-1]]
+            if turned[region]:
+                inner = [piece.reversed() for piece in inner[::-1]]
+                between = [transit.reversed() for transit in between[::-1]]
+            if pieces:
+                transits.append(self._transit(pieces[-1].xy[-1], inner[0].xy[0]))
+            pieces, transits = pieces + inner, transits + between
+        counts = np.bincount(self.region)[order]
+        region = np.repeat(np.arange(len(order)), counts)
+        return replace(self, pieces=tuple(pieces), transits=tuple(transits), region=region)
 
     def _transit(self, start: Floats, end: Floats) -> Track:
         return Track.transit(self.space.path(start.tolist(), end.tolist()))
@@ -75,7 +84,13 @@ def short_route(candidates: Sequence[Sequence[Track]], home: Floats, space: Free
             if k:
                 transits.append(track.part(runs[number][k - 1][1], first))
             pieces.append(track.part(first, last))
-    return RegionRoute(home=home, pieces=tuple(pieces), transits=tuple(transits), space=space)
+    return RegionRoute(
+        home=home,
+        pieces=tuple(pieces),
+        transits=tuple(transits),
+        space=space,
+        region=np.repeat(np.arange(len(tracks)), [len(one) for one in runs]),
+    )
 
 
 def check_order(count: int) -> None:
@@ -162,18 +177,10 @@ class FlightLimits:
     items: float  # mission items
     fixed_s: float  # of these, for takeoff, landing and settings of each flight
     fixed_items: float
-    leg_seconds: Seconds  # time of each leg of a path (n, 2) in metres, level and of one speed: (n - 1,)
-    # time of each leg of a track, and its items besides corners; by default `leg_seconds` and 0
-    costs: Costs | None = None
-    # time of the autopilot's return over a length in metres, where that is more
-    return_seconds: Callable[[float], float] | None = None
-
-    def of(self, track: Track) -> tuple[Floats, Floats]:
-        """Return the time and further items of each leg of a track."""
-        if self.costs is not None:
-            return self.costs(track)
-        seconds = self.leg_seconds(track.xy)
-        return seconds, np.zeros(len(seconds))
+    costs: Costs  # time of each leg of a track, and its items besides corners
+    # time from home (2,) to places (n, 2) and back, from rest to rest, on ways of some lengths (n,)
+    ways: Ways
+    flights: int | None = None  # so many; by default the fewest
 
     def tighter(self, seconds: float, items: float) -> "FlightLimits":
         """Return limits of shares of the time and of the items."""
@@ -183,22 +190,74 @@ class FlightLimits:
 def split_route(route: RegionRoute, limits: FlightLimits) -> list[Track]:
     """Split a route into flights, each from the first corner after home to the last before it.
 
-    A MissionError says that a part of the route cannot be flown within the limits even alone.
+    They are the fewest that are found, or as many as requested, and of those the ones whose longest is
+    shortest, to 2 per cent. Where regions in another order need fewer flights, they are flown in it. A
+    MissionError says that a part of the route cannot be flown within the limits even alone, or that there
+    are more flights than requested.
     """
     whole = route.flight(0, len(route.pieces) - 1)
-    if _fits(route, whole, limits):
+    if limits.flights in (None, 1) and _fits(route, whole, limits):
         return [whole]
     route = _divided(route, limits)
-    return [route.flight(first, last) for first, last in _cheapest_split(_costs(route, limits), limits)]
+    pieces = _pieces(route, limits)
+    count = pieces.fewest(limits.seconds - limits.fixed_s, limits.items - limits.fixed_items)
+    if not count:
+        _refuse(limits, float((pieces.seconds + pieces.ways_s[0] + pieces.ways_s[3]).max()) + limits.fixed_s)
+    count, route, pieces = _fewer(route, pieces, limits, count)
+    if limits.flights is not None and count > limits.flights:
+        raise MissionError(
+            f"{limits.flights} flights of {limits.seconds / 60:.1f} min and {limits.items:.0f} items are too "
+            f"few; {count} are enough: give --flights {count}, or more --endurance"
+        )
+    count = limits.flights or count
+    cuts = pieces.alike(count, limits.seconds - limits.fixed_s, limits.items - limits.fixed_items)
+    if len(cuts) < count:
+        raise MissionError(f"the mission has too few parts for {count} flights; give --flights {len(cuts)}")
+    return [route.flight(first, last) for first, last in cuts]
+
+
+def _fewer(
+    route: RegionRoute, pieces: Pieces, limits: FlightLimits, count: int
+) -> tuple[int, RegionRoute, Pieces]:
+    """Return a route that needs fewer flights where an order of its regions is found, with its pieces."""
+    longest_s, most_items = limits.seconds - limits.fixed_s, limits.items - limits.fixed_items
+    fewest = limits.flights or 1
+    if 0 < route.region[-1] < MAX_REORDERED:
+        between_s = _between_s(route, limits)
+        while count > fewest and pieces.least_flights(longest_s, most_items) < count:
+            found = order_of_regions(pieces, route.region, between_s, count - 1, longest_s, most_items)
+            if found is None:
+                break
+            other = route.reordered(*found)
+            other_pieces = _pieces(other, limits)
+            fewer = other_pieces.fewest(longest_s, most_items)
+            if not 0 < fewer < count:
+                break
+            count, route, pieces = fewer, other, other_pieces
+            between_s = _between_s(route, limits)
+    return count, route, pieces
+
+
+def _between_s(route: RegionRoute, limits: FlightLimits) -> Floats:
+    """Return times between the starts (even) and ends (odd) of regions, by their distances."""
+    first = np.flatnonzero(np.diff(route.region, prepend=-1))
+    last = np.append(first[1:], len(route.region)) - 1
+    ends = np.array(
+        [(route.pieces[a].xy[0], route.pieces[b].xy[-1]) for a, b in zip(first, last, strict=True)]
+    )
+    lengths = route.space.paths(ends.reshape(-1, 2)).lengths
+    longest = max(float(lengths.max()), 1.0)
+    seconds, _ = limits.costs(Track.transit(np.array([(0.0, 0.0), (longest, 0.0)])))
+    between_s: Floats = lengths * (float(seconds[0]) / longest)
+    return between_s
 
 
 def _fits(route: RegionRoute, flight: Track, limits: FlightLimits) -> bool:
     out, back = (Track.transit(np.array([route.home, flight.xy[end]])) for end in (0, -1))
-    seconds, items = limits.of(Track.joined([out, flight, back.reversed()]))
+    seconds, items = limits.costs(Track.joined([out, flight, back.reversed()]))
     max_items = limits.items - limits.fixed_items
-    spent_s = float(seconds.sum()) + limits.fixed_s
-    if limits.return_seconds is not None:
-        spent_s += max(limits.return_seconds(back.length_m) - float(seconds[-1]), 0.0)
+    _, back_s = limits.ways(route.home, flight.xy[-1:], np.array([back.length_m]))
+    spent_s = float(seconds[:-1].sum() + max(seconds[-1], back_s[0])) + limits.fixed_s
     return spent_s <= limits.seconds and _items(flight) + items[:-1].sum() <= max_items
 
 
@@ -210,101 +269,69 @@ def _items(track: Track) -> int:
     return int(len(track.xy) + triggers + 2 * np.count_nonzero(track.shots) - hovering + turned)
 
 
-@dataclass(frozen=True, slots=True)
-class _Costs:
-    """Time and items of each piece, of the transit to the next, and of those from and to home."""
-
-    piece_s: Floats
-    piece_items: Floats
-    transit_s: Floats
-    transit_items: Floats
-    out_s: Floats
-    back_s: Floats
-    out_items: Floats
-    back_items: Floats
-
-
-def _costs(route: RegionRoute, limits: FlightLimits) -> _Costs:
-    seconds, items = _joined_costs(route, limits)
-    out_m, back_m = route.home_lengths()
-    held_s = np.array([piece.hold_s[0] for piece in route.pieces])  # else a part of the transit before
-    items_per_m = _items_per_m(route, items)
-    corners = np.array([max(len(transit.xy) - 2, 0) for transit in route.transits], np.float64)
-    return _Costs(
-        piece_s=seconds[::2],
-        piece_items=np.array([_items(piece) for piece in route.pieces], np.float64) + items[::2],
-        transit_s=seconds[1::2],
-        transit_items=corners + items[1::2],
-        out_s=_straight_seconds(out_m, limits) + held_s,
-        back_s=_return_seconds(back_m, limits),
-        out_items=items_per_m * out_m,
-        back_items=items_per_m * back_m,
-    )
-
-
-def _items_per_m(route: RegionRoute, items: Floats) -> float:
-    """Return further items by length; their number on transits from and to home is estimated from it."""
-    length_m = sum(track.length_m for track in (*route.pieces, *route.transits))
-    return float(items.sum()) / length_m if length_m > 0 else 0.0
-
-
-def _joined_costs(route: RegionRoute, limits: FlightLimits) -> tuple[Floats, Floats]:
-    """Return time and further items of pieces and transits in turns, flown one after another."""
+def _pieces(route: RegionRoute, limits: FlightLimits) -> Pieces:
+    """Return time and items of the pieces of a route, of its transits, and of the ways from and to home."""
     tracks = [track for pair in zip(route.pieces, route.transits, strict=False) for track in pair]
     tracks.append(route.pieces[-1])
-    ends = np.cumsum([0, *(len(track.is_line) for track in tracks)])
-    sums = [np.concatenate([[0.0], np.cumsum(one)]) for one in limits.of(Track.joined(tracks))]
-    seconds, items = (spent[ends[1:]] - spent[ends[:-1]] for spent in sums)
-    return seconds, items
-
-
-def _straight_seconds(length_m: Floats, limits: FlightLimits) -> Floats:
-    """Return the time of straight legs of some lengths that start and end at rest, interpolated."""
-    known = np.concatenate([[0.0], np.geomspace(0.1, max(float(length_m.max()), 1.0), STRAIGHT_LENGTHS)])
-    seconds = [limits.leg_seconds(np.array([[0.0, 0.0], [length, 0.0]])).sum() for length in known.tolist()]
-    interpolated: Floats = np.interp(length_m, known, seconds)
-    return interpolated
-
-
-def _return_seconds(length_m: Floats, limits: FlightLimits) -> Floats:
-    """Return the time home over some lengths, by waypoints or by a return, whichever is longer."""
-    straight = _straight_seconds(length_m, limits)
-    if limits.return_seconds is None:
-        return straight
-    known = np.linspace(0, max(float(length_m.max()), 1.0), STRAIGHT_LENGTHS)
-    seconds = [limits.return_seconds(length) for length in known.tolist()]
-    return np.maximum(straight, np.interp(length_m, known, seconds))
+    last = np.cumsum([0, *(len(track.is_line) for track in tracks)])
+    sums = [np.concatenate([[0.0], np.cumsum(one)]) for one in limits.costs(Track.joined(tracks))]
+    seconds, items = (spent[last[1:]] - spent[last[:-1]] for spent in sums)
+    corners = np.array([max(len(transit.xy) - 2, 0) for transit in route.transits], np.float64)
+    ends = np.array([(piece.xy[0], piece.xy[-1]) for piece in route.pieces])
+    lengths = route.space.lengths_from(route.home, ends.reshape(-1, 2))
+    out_s, back_s = (one.reshape(-1, 2) for one in limits.ways(route.home, ends.reshape(-1, 2), lengths))
+    held_s = np.array([(piece.hold_s[0], piece.hold_s[-1]) for piece in route.pieces])
+    out_s = out_s + np.column_stack(
+        [held_s[:, 0], np.zeros(len(held_s))]
+    )  # else a part of the transit before
+    length_m = sum(track.length_m for track in tracks)
+    per_m = float(items.sum()) / length_m if length_m > 0 else 0.0  # items of ways are estimated by length
+    ways_items = per_m * lengths.reshape(-1, 2).T
+    return Pieces(
+        seconds=seconds[::2],
+        items=np.array([_items(piece) for piece in route.pieces], np.float64) + items[::2],
+        transit_s=np.append(seconds[1::2], 0.0),
+        transit_items=np.append(corners + items[1::2], 0.0),
+        ways_s=np.array([out_s[:, 0], back_s[:, 0], out_s[:, 1], back_s[:, 1]]),
+        ways_items=ways_items[[0, 0, 1, 1]],
+    )
 
 
 def _divided(route: RegionRoute, limits: FlightLimits) -> RegionRoute:
     """Return the route with pieces divided that take longer than a flight, or have more items."""
-    reach_m = route.space.lengths_from(route.home, np.concatenate([piece.xy for piece in route.pieces]))
+    all_pieces = _pieces(route, limits)
+    longest_s = limits.seconds - limits.fixed_s
+    finest_s = math.inf
+    if limits.flights is not None:  # small pieces make flights of like length
+        finest_s = float(all_pieces.seconds.sum()) / (FINENESS * limits.flights)
+    corners = np.concatenate([piece.xy for piece in route.pieces])
+    out_s, back_s = limits.ways(route.home, corners, route.space.lengths_from(route.home, corners))
     first = np.cumsum([0, *(len(piece.xy) for piece in route.pieces[:-1])])
-    away_m = np.maximum.reduceat(reach_m, first)
-    home_s = _straight_seconds(away_m, limits) + _return_seconds(away_m, limits)
-    left_s = limits.seconds - limits.fixed_s - home_s
-    seconds, items = _joined_costs(route, limits)
-    home_items = 2 * _items_per_m(route, items) * away_m
-    max_items = limits.items - limits.fixed_items - home_items
-    seconds, items = seconds[::2], items[::2]
-    fits = seconds <= left_s - ROUNDING_S
+    ways_s = np.maximum.reduceat(out_s, first) + np.maximum.reduceat(back_s, first)
+    left_s = longest_s - ways_s
+    left_s = np.minimum(left_s - np.minimum(ROUNDING_S, left_s / 2), finest_s)
+    max_items = limits.items - limits.fixed_items - all_pieces.ways_items[::2].sum(axis=0)
+    fits = (all_pieces.seconds <= left_s) & (all_pieces.items <= max_items)
+    fits |= np.array([len(piece.xy) == 1 for piece in route.pieces])
     pieces: list[Track] = []
     transits: list[Track] = []
+    counts = []
     for k, piece in enumerate(route.pieces):
-        small = fits[k] and _items(piece) + items[k] <= max_items[k]
-        parts = [piece] if small else _parts(piece, float(left_s[k]), float(max_items[k]), limits)
+        parts = [piece] if fits[k] else _parts(piece, float(left_s[k]), float(max_items[k]), limits)
         if pieces:
             transits.append(route.transits[k - 1])
         transits += [Track.transit(part.xy[:1]) for part in parts[1:]]
         pieces += parts
+        counts.append(len(parts))
         if len(pieces) > MAX_PIECES:
             raise MissionError("the mission would have to be cut into too many flights; choose fewer regions")
-    return replace(route, pieces=tuple(pieces), transits=tuple(transits))
+    region = np.repeat(route.region, counts)
+    return replace(route, pieces=tuple(pieces), transits=tuple(transits), region=region)
 
 
 def _parts(piece: Track, max_s: float, max_items: float, limits: FlightLimits) -> list[Track]:
     """Divide a run of lines at corners and within long lines into runs within a time and items."""
-    seconds, items = limits.of(piece)
+    seconds, items = limits.costs(piece)
     if seconds.sum() <= max_s and _items(piece) + items.sum() <= max_items:
         return [piece]
     if max_s <= 0 or max_items < 4:
@@ -315,7 +342,7 @@ def _parts(piece: Track, max_s: float, max_items: float, limits: FlightLimits) -
     parts = [lines[0]]
     for line in lines[1:]:
         longer = Track.joined([parts[-1], line])
-        seconds, items = limits.of(longer)
+        seconds, items = limits.costs(longer)
         if seconds.sum() <= max_s and _items(longer) + items.sum() <= max_items:
             parts[-1] = longer
         else:
@@ -330,36 +357,6 @@ def _divided_line(line: Track, seconds: float, max_s: float) -> list[Track]:
         raise MissionError("the mission would have to be cut into too many flights; choose fewer regions")
     xy = line.xy[0] + np.linspace(0, 1, count + 1)[:, None] * (line.xy[1] - line.xy[0])
     return [line.leg(0, xy[k : k + 2]) for k in range(count)]
-
-
-def _cheapest_split(costs: _Costs, limits: FlightLimits) -> list[tuple[int, int]]:
-    """Return the first and last piece of each flight for the minimum sum of times (dynamic programming)."""
-    count = len(costs.piece_s)
-    spent = np.concatenate([[0.0], np.cumsum(costs.piece_s + np.append(costs.transit_s, 0.0))])
-    items = np.concatenate([[0.0], np.cumsum(costs.piece_items + np.append(costs.transit_items, 0.0))])
-    best = np.full(count + 1, np.inf)
-    best[0] = 0.0
-    start = np.zeros(count + 1, np.int64)
-    low = 0
-    for last in range(count):
-        end_s, end_items = spent[last] + costs.piece_s[last], items[last] + costs.piece_items[last]
-        while low < last and end_s - spent[low] + limits.fixed_s > limits.seconds:
-            low += 1
-        first = np.arange(low, last + 1)
-        seconds = costs.out_s[first] + end_s - spent[first] + costs.back_s[last] + limits.fixed_s
-        carried = end_items - items[first] + costs.out_items[first] + costs.back_items[last]
-        fits = (seconds <= limits.seconds) & (carried + limits.fixed_items <= limits.items)
-        total = np.where(fits, best[first] + seconds, np.inf)
-        choice = int(total.argmin())
-        if not fits[-1]:  # else every piece fits into a flight alone, and so there is a split
-            _refuse(limits, float(seconds[-1]))
-        best[last + 1], start[last + 1] = total[choice], first[choice]
-    flights = []
-    stop = count
-    while stop:
-        flights.append((int(start[stop]), stop - 1))
-        stop = int(start[stop])
-    return flights[::-1]
 
 
 def _refuse(limits: FlightLimits, needed_s: float) -> None:
