@@ -72,6 +72,9 @@ def plan(
     endurance: float | None = None,
     reserve: float = 20.0,
     max_items: int | None = None,
+    max_waypoints: int | None = None,
+    flights: int | None = None,
+    vehicles: int = 1,
     max_altitude: float = 120.0,
     max_distance: float | None = None,
     fence: float | None = 50.0,
@@ -176,6 +179,13 @@ def plan(
         Per cent of the endurance that are left at the end of each flight.
     max_items : int, optional
         Items of a flight at most; by default 650 for "ardupilot", else 500.
+    max_waypoints : int, optional
+        Waypoints of a flight at most, for files that are read by waypoints: 99 for Litchi.
+    flights : int, optional
+        Divide into so many flights of like length; by default the fewest that fit.
+    vehicles : int
+        Divide for so many vehicles in the air at once: each has its own part of the area and its own height,
+        5 m above the one before, and all take about as long.
     max_altitude, max_distance : float
         Metres; a mission that leads higher above home, or above the ground where it is known, or farther
         from home is refused.

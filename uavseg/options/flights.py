@@ -257,6 +257,22 @@ class LimitOptions(Options):
         "Items of a flight at most: the mission is divided likewise.  [default: 650 for ardupilot, else 500]",
         metavar="N",
     )
+    max_waypoints: int | None = option(
+        "Waypoints of a flight at most: the mission is divided likewise.  [default: 99 for a .csv of Litchi]",
+        metavar="N",
+    )
+    flights: int | None = option(
+        "Divide into so many flights of like length.  [default: the fewest that fit]",
+        metavar="N",
+        label="Flights",
+    )
+    vehicles: int = option(
+        "Divide for so many vehicles in the air at once: each has its own part of the area and its own "
+        "height, 5 m above the one before, and all take about as long.",
+        default=1,
+        metavar="N",
+        label="Vehicles at once",
+    )
 
 
 class MissionFileOptions(Options):

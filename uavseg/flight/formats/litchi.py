@@ -72,7 +72,7 @@ def check_wayline(wayline: Wayline) -> None:
     if not MIN_WAYPOINTS <= count <= MAX_WAYPOINTS:
         raise MissionError(
             f"Litchi flies {MIN_WAYPOINTS} to {MAX_WAYPOINTS} waypoints, and the mission has {count}: split "
-            f"it (--max-items {MAX_WAYPOINTS} is enough), or choose fewer regions or a wider spacing"
+            f"it (--max-waypoints {MAX_WAYPOINTS}), or choose fewer regions or a wider spacing"
         )
     for number, point in enumerate(wayline.points, start=1):
         if not MIN_HEIGHT_M <= point.altitude_m <= MAX_HEIGHT_M:

@@ -19,7 +19,7 @@ MANY = 1e9  # seconds that a flight counts for, where the fewest are looked for
 HALVINGS = 40
 LIKE = 1.02  # times the least longest flight that others may take
 OVER = 20.0  # times the time above a limit counts
-STEPS = 3e8  # of the search, at most: a second or two
+STEPS = 1e8  # of the search, at most: less than a second
 MAX_ROUNDS, MIN_ROUNDS = 20_000, 50
 MAX_REGIONS = 100  # whose order is changed
 

@@ -201,7 +201,7 @@ def _check(what: str, value: float, minimum: float, maximum: float, unit: str) -
 
 
 MIN_ITEMS = 10
-MAX_FLIGHTS = 1000
+MAX_FLIGHTS, MAX_VEHICLES = 1000, 20
 
 
 @checked
@@ -212,7 +212,9 @@ class LimitParams:
     endurance_min: float | None = None  # minutes in the air on a full battery; by default without a limit
     reserve: float = 20.0  # per cent of the endurance that are left at the end
     max_items: int | None = None  # of a flight; by default what common boards of the autopilot hold
+    max_waypoints: int | None = None  # of a flight, where a file is read by waypoints instead of items
     flights: int | None = None  # so many, of like length; by default the fewest that fit
+    vehicles: int = 1  # in the air at once
 
     def __post_init__(self) -> None:
         if self.endurance_min is not None and not 0 < self.endurance_min <= 6000:
@@ -223,6 +225,17 @@ class LimitParams:
             raise ParameterError(f"a flight has {MIN_ITEMS} to {MAX_ITEMS} items, not {self.max_items}")
         if self.flights is not None and not 1 <= self.flights <= MAX_FLIGHTS:
             raise ParameterError(f"a mission has 1 to {MAX_FLIGHTS} flights, not {self.flights}")
+        if self.max_waypoints is not None and not MIN_ITEMS <= self.max_waypoints <= MAX_ITEMS:
+            raise ParameterError(
+                f"a flight has {MIN_ITEMS} to {MAX_ITEMS} waypoints, not {self.max_waypoints}"
+            )
+        if not 1 <= self.vehicles <= MAX_VEHICLES:
+            raise ParameterError(f"1 to {MAX_VEHICLES} vehicles are planned for, not {self.vehicles}")
+        if self.vehicles > 1 and self.flights is not None:
+            raise ParameterError(
+                "a number of flights is for one vehicle; with several, each has as many as it needs: give "
+                "--flights or --vehicles"
+            )
 
     @property
     def seconds(self) -> float:

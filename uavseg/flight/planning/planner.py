@@ -18,6 +18,7 @@ from uavseg.flight.mission.estimate import estimate, landing_seconds
 from uavseg.flight.mission.items import (
     DEGREE_DECIMALS,
     MAX_DISTANCE_M,
+    WAYPOINT,
     HomePosition,
     check_near,
     check_position,
@@ -30,7 +31,14 @@ from uavseg.flight.params.plan import MAX_MARGIN_M, PARAMS_OF, PerimeterParams, 
 from uavseg.flight.patterns import candidates as patterns
 from uavseg.flight.patterns.candidates import RegionPart
 from uavseg.flight.planning.along import home_notes, items_along
-from uavseg.flight.planning.split import FlightLimits, RegionRoute, check_order, short_route, split_route
+from uavseg.flight.planning.split import (
+    FlightLimits,
+    RegionRoute,
+    check_order,
+    items_of,
+    short_route,
+    split_route,
+)
 from uavseg.flight.safety.check import fence_around, rally_of_flights
 from uavseg.flight.safety.keep_out import KeepOut, near_zones, return_notes
 from uavseg.flight.terrain.altitude_profile import LegPoints, points_of_leg
@@ -160,6 +168,7 @@ def missions_over(
     notes += speed_notes(tracks, params) + wind_notes(missions, params)
     if len(missions) > 1:
         notes.append(f"the mission is divided into {len(missions)} flights, each from home and back")
+        notes += _vehicle_notes(tracks, params)
         missions = rally_of_flights(missions) if params.safety.rally else missions
     return tuple(replace(mission, notes=(*notes, *mission.notes)) for mission in missions)
 
@@ -172,29 +181,21 @@ def _split(
     params: PlanParams,
     wind: Wind,
 ) -> tuple[list[Track], list[Mission]]:
-    vehicle, limits = params.vehicle or default_vehicle(params.autopilot), params.limits
-    max_items = limits.max_items or BOARD_CAPACITY[params.autopilot]
-    climb = np.array([(0.0, 0.0, 0.0), (0.0, 0.0, params.altitude_m)])
-    slow_m = min(params.altitude_m, vehicle.takeoff_height_m)
-    up_s = leg_seconds(climb, vehicle.climb_m_s, vehicle)[0]
-    up_s += slow_m * (1 / vehicle.takeoff_m_s - 1 / vehicle.climb_m_s) + vehicle.start_s
-    down_s = float(landing_seconds(params.altitude_m, vehicle)) + vehicle.stop_s + vehicle.return_hold_s
-    costs = _worst_costs(route, plane, params, wind)
-    allowed = FlightLimits(
-        seconds=limits.seconds,
-        items=max_items,
-        fixed_s=float(up_s) + down_s,
-        fixed_items=FIXED_ITEMS,
-        costs=costs.of,
-        ways=costs.ways,
-        flights=limits.flights,
-    )
+    """Return the tracks and missions of flights, those of one vehicle after those of another."""
+    limits, vehicles = params.limits, params.limits.vehicles
+    allowed = _flight_limits(route, plane, params, wind)
     for _ in range(ATTEMPTS):
-        parts = [track.without_repeats() for track in split_route(route, allowed)]
-        tracks = [with_speeds(track, route.home, params) for track in parts]
-        missions = [_mission(track, home, plane, keep_out, params) for track in tracks]
+        parts = split_route(route, allowed)
+        if len(parts) % vehicles:
+            parts = split_route(route, replace(allowed, flights=vehicles * math.ceil(len(parts) / vehicles)))
+        tracks = [with_speeds(track.without_repeats(), route.home, params) for track in parts]
+        missions = []
+        for number, track in enumerate(tracks):
+            above_m = SEPARATION_M * (number * vehicles // len(tracks))
+            flown = replace(params, altitude_m=params.altitude_m + above_m)
+            missions.append(_mission(track, home, plane, keep_out, flown))
         slower = max(estimate(mission, wind=wind).duration_s for mission in missions) / limits.seconds
-        larger = max(len(mission.items) for mission in missions) / max_items
+        larger = max(_fullness(mission, params) for mission in missions)
         if slower <= 1 and larger <= 1:
             return tracks, missions
         allowed = allowed.tighter(0.99 / max(slower, 0.99), 0.99 / max(larger, 0.99))
@@ -203,9 +204,65 @@ def _split(
     )
 
 
+def _flight_limits(route: RegionRoute, plane: Plane, params: PlanParams, wind: Wind) -> FlightLimits:
+    vehicle, limits = params.vehicle or default_vehicle(params.autopilot), params.limits
+    climb = np.array([(0.0, 0.0, 0.0), (0.0, 0.0, params.altitude_m)])
+    slow_m = min(params.altitude_m, vehicle.takeoff_height_m)
+    up_s = float(leg_seconds(climb, vehicle.climb_m_s, vehicle)[0]) + vehicle.start_s
+    up_s += slow_m * (1 / vehicle.takeoff_m_s - 1 / vehicle.climb_m_s)
+    down_s = float(landing_seconds(params.altitude_m, vehicle)) + vehicle.stop_s + vehicle.return_hold_s
+    costs = _worst_costs(route, plane, params, wind)
+    by_waypoints = limits.max_waypoints is not None
+    return FlightLimits(
+        seconds=limits.seconds,
+        items=limits.max_waypoints or limits.max_items or BOARD_CAPACITY[params.autopilot],
+        fixed_s=up_s + down_s,
+        fixed_items=0 if by_waypoints else FIXED_ITEMS,
+        count=(lambda track: len(track.xy)) if by_waypoints else items_of,
+        costs=costs.of,
+        ways=costs.ways,
+        flights=limits.flights,
+    )
+
+
+def _fullness(mission: Mission, params: PlanParams) -> float:
+    """Return the share of what a flight may hold in items, and in waypoints."""
+    limits = params.limits
+    items = len(mission.items) / (limits.max_items or BOARD_CAPACITY[params.autopilot])
+    waypoints = sum(item.command == WAYPOINT for item in mission.items)
+    return max(items, waypoints / (limits.max_waypoints or math.inf))
+
+
+SEPARATION_M = 5.0
+"""Between the heights of vehicles that are in the air at once."""
+
+
+def _vehicle_notes(tracks: Sequence[Track], params: PlanParams) -> list[str]:
+    """Return what pilots of several vehicles should know."""
+    vehicles = params.limits.vehicles
+    if vehicles == 1:
+        return []
+    each = len(tracks) // vehicles
+    parts = [
+        shapely.MultiLineString([track.xy for track in tracks[k : k + each] if len(track.xy) > 1])
+        for k in range(0, len(tracks), each)
+    ]
+    near_m = min(
+        float(shapely.distance(one, other)) for k, one in enumerate(parts) for other in parts[k + 1 :]
+    )
+    of_each = f"{each} flight{'s' * (each > 1)} each, in turn"
+    return [
+        f"{vehicles} vehicles fly at once, {of_each}: at {params.altitude_m:g} m, and each "
+        f"{SEPARATION_M:g} m above the one before; over ground they come as near as {near_m:.0f} m to each "
+        "other, on the ways from and to home nearer",
+        "start them one after another, from places some metres apart, and set the height at which each "
+        "returns to that of its flight: returns at one height, and landings at one place, would meet",
+    ]
+
+
 def _worst_costs(route: RegionRoute, plane: Plane, params: PlanParams, wind: Wind) -> "LegCosts":
     """Return the costs of legs in the direction of the wind in which the whole route takes longest."""
-    costs = [LegCosts(plane, params, one) for one in wind.directions()]
+    costs = [LegCosts(plane, params, one, one is not wind) for one in wind.directions()]
     if len(costs) == 1:
         return costs[0]
     whole = route.flight(0, len(route.pieces) - 1)
@@ -268,6 +325,7 @@ class LegCosts:
     plane: Plane
     params: PlanParams
     wind: Wind = CALM  # with a direction
+    is_against: bool = False  # whether ways are flown against it, in all directions
     _known: dict[tuple[float, ...], LegPoints] = field(default_factory=dict)
 
     @property
@@ -299,7 +357,10 @@ class LegCosts:
         path = np.full((2 * len(places) + 1, 3), self.params.altitude_m)
         path[::2, :2], path[1::2, :2] = home, places
         stops = np.ones(len(path), bool)
-        seconds = leg_seconds(path, speed_m_s, self.vehicle, stops, wind=self.wind)
+        wind = self.wind
+        if self.is_against:
+            speed_m_s, wind = min(speed_m_s, self.vehicle.airspeed_m_s - wind.speed_m_s), CALM
+        seconds = leg_seconds(path, speed_m_s, self.vehicle, stops, wind=wind)
         return seconds[::2], seconds[1::2]
 
     def of(self, track: Track) -> tuple[Floats, Floats]:

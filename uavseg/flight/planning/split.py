@@ -174,9 +174,10 @@ class FlightLimits:
     """Limits of one flight, and the costs that count against them."""
 
     seconds: float  # in the air; infinite without a limit
-    items: float  # mission items
+    items: float  # mission items, or waypoints where these are counted
     fixed_s: float  # of these, for takeoff, landing and settings of each flight
     fixed_items: float
+    count: Callable[[Track], int]  # maximum number of items of a track
     costs: Costs  # time of each leg of a track, and its items besides corners
     # time from home (2,) to places (n, 2) and back, from rest to rest, on ways of some lengths (n,)
     ways: Ways
@@ -258,10 +259,10 @@ def _fits(route: RegionRoute, flight: Track, limits: FlightLimits) -> bool:
     max_items = limits.items - limits.fixed_items
     _, back_s = limits.ways(route.home, flight.xy[-1:], np.array([back.length_m]))
     spent_s = float(seconds[:-1].sum() + max(seconds[-1], back_s[0])) + limits.fixed_s
-    return spent_s <= limits.seconds and _items(flight) + items[:-1].sum() <= max_items
+    return spent_s <= limits.seconds and limits.count(flight) + items[:-1].sum() <= max_items
 
 
-def _items(track: Track) -> int:
+def items_of(track: Track) -> int:
     """Return the maximum number of items of a track: waypoints, photographs, turns of the camera."""
     triggers = np.count_nonzero(np.diff(track.trigger_m, prepend=0.0, append=0.0))
     turned = np.count_nonzero(np.diff(np.isfinite(track.look_at[:, 0]), prepend=False, append=False))
@@ -289,7 +290,7 @@ def _pieces(route: RegionRoute, limits: FlightLimits) -> Pieces:
     ways_items = per_m * lengths.reshape(-1, 2).T
     return Pieces(
         seconds=seconds[::2],
-        items=np.array([_items(piece) for piece in route.pieces], np.float64) + items[::2],
+        items=np.array([limits.count(piece) for piece in route.pieces], np.float64) + items[::2],
         transit_s=np.append(seconds[1::2], 0.0),
         transit_items=np.append(corners + items[1::2], 0.0),
         ways_s=np.array([out_s[:, 0], back_s[:, 0], out_s[:, 1], back_s[:, 1]]),
@@ -332,7 +333,7 @@ def _divided(route: RegionRoute, limits: FlightLimits) -> RegionRoute:
 def _parts(piece: Track, max_s: float, max_items: float, limits: FlightLimits) -> list[Track]:
     """Divide a run of lines at corners and within long lines into runs within a time and items."""
     seconds, items = limits.costs(piece)
-    if seconds.sum() <= max_s and _items(piece) + items.sum() <= max_items:
+    if seconds.sum() <= max_s and limits.count(piece) + items.sum() <= max_items:
         return [piece]
     if max_s <= 0 or max_items < 4:
         _refuse(limits, limits.seconds - max_s)
@@ -343,7 +344,7 @@ def _parts(piece: Track, max_s: float, max_items: float, limits: FlightLimits) -
     for line in lines[1:]:
         longer = Track.joined([parts[-1], line])
         seconds, items = limits.costs(longer)
-        if seconds.sum() <= max_s and _items(longer) + items.sum() <= max_items:
+        if seconds.sum() <= max_s and limits.count(longer) + items.sum() <= max_items:
             parts[-1] = longer
         else:
             parts.append(line)

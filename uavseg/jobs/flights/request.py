@@ -100,7 +100,14 @@ def flight_params(options: MissionOptions) -> PlanParams:
         if isinstance(vehicle, str | os.PathLike)
         else vehicle,
         how=_pattern_params(pattern, options.pattern),
-        limits=LimitParams(limits.endurance, limits.reserve, limits.max_items),
+        limits=LimitParams(
+            endurance_min=limits.endurance,
+            reserve=limits.reserve,
+            max_items=limits.max_items,
+            max_waypoints=limits.max_waypoints,
+            flights=limits.flights,
+            vehicles=limits.vehicles,
+        ),
         safety=_safety_params(options.safety),
         terrain=terrain_params(
             terrain.dem or None,
