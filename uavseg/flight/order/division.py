@@ -60,6 +60,14 @@ class Pieces:
             stop = int(start[stop])
         return flights[::-1]
 
+    def times(self, cuts: list[tuple[int, int]]) -> Floats:
+        """Return the time of each flight, with the ways."""
+        spent = _before(self.seconds, self.transit_s)
+        first, last = np.array(cuts).T
+        ways_s = self.ways_s[0, first] + self.ways_s[3, last]
+        seconds: Floats = spent[last] + self.seconds[last] - spent[first] + ways_s
+        return seconds
+
     def fewest(self, longest_s: float, most_items: float) -> int:
         """Return the least number of flights; 0 where a piece does not fit into one."""
         return len(self.cut(longest_s, most_items, MANY))

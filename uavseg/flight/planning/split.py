@@ -19,6 +19,8 @@ Costs = Callable[[Track], tuple[Floats, Floats]]
 Ways = Callable[[Floats, Floats, Floats], tuple[Floats, Floats]]
 
 MAX_PIECES = 50_000
+ATTEMPTS = 4  # at an order whose flights are more alike
+ALIKE = 0.9  # of the longest flight, where the shortest is not made longer
 FINENESS = 10  # pieces of each of a number of flights, at least
 ROUNDING_S = 10.0  # a piece that is flown alone starts and ends at rest
 MAX_REGIONS = 4000  # far more than any vehicle stores
@@ -183,6 +185,16 @@ class FlightLimits:
     ways: Ways
     flights: int | None = None  # so many; by default the fewest
 
+    @property
+    def flown_s(self) -> float:
+        """Time that is left for the pieces of a flight and the ways."""
+        return self.seconds - self.fixed_s
+
+    @property
+    def flown_items(self) -> float:
+        """Items that are left for them."""
+        return self.items - self.fixed_items
+
     def tighter(self, seconds: float, items: float) -> "FlightLimits":
         """Return limits of shares of the time and of the items."""
         return replace(self, seconds=self.seconds * seconds, items=math.floor(self.items * items))
@@ -200,43 +212,64 @@ def split_route(route: RegionRoute, limits: FlightLimits) -> list[Track]:
     if limits.flights in (None, 1) and _fits(route, whole, limits):
         return [whole]
     route = _divided(route, limits)
-    pieces = _pieces(route, limits)
-    count = pieces.fewest(limits.seconds - limits.fixed_s, limits.items - limits.fixed_items)
-    if not count:
-        _refuse(limits, float((pieces.seconds + pieces.ways_s[0] + pieces.ways_s[3]).max()) + limits.fixed_s)
-    count, route, pieces = _fewer(route, pieces, limits, count)
+    route, pieces, count = _with_fewest_flights(route, limits)
     if limits.flights is not None and count > limits.flights:
         raise MissionError(
             f"{limits.flights} flights of {limits.seconds / 60:.1f} min and {limits.items:.0f} items are too "
             f"few; {count} are enough: give --flights {count}, or more --endurance"
         )
-    count = limits.flights or count
-    cuts = pieces.alike(count, limits.seconds - limits.fixed_s, limits.items - limits.fixed_items)
-    if len(cuts) < count:
-        raise MissionError(f"the mission has too few parts for {count} flights; give --flights {len(cuts)}")
+    route, cuts = _with_flights_alike(route, pieces, limits, limits.flights or count)
     return [route.flight(first, last) for first, last in cuts]
 
 
-def _fewer(
+def _with_fewest_flights(route: RegionRoute, limits: FlightLimits) -> tuple[RegionRoute, Pieces, int]:
+    """Return the route in an order that needs few flights, its pieces, and the number of flights."""
+    pieces = _pieces(route, limits)
+    count = pieces.fewest(limits.flown_s, limits.flown_items)
+    if not count:
+        _refuse(limits, float((pieces.seconds + pieces.ways_s[0] + pieces.ways_s[3]).max()) + limits.fixed_s)
+    while count > (limits.flights or pieces.least_flights(limits.flown_s, limits.flown_items)):
+        found = _in_another_order(route, pieces, limits, count - 1, limits.flown_s)
+        if found is None:
+            break
+        route, pieces = found
+        count = pieces.fewest(limits.flown_s, limits.flown_items)
+    return route, pieces, count
+
+
+def _with_flights_alike(
     route: RegionRoute, pieces: Pieces, limits: FlightLimits, count: int
-) -> tuple[int, RegionRoute, Pieces]:
-    """Return a route that needs fewer flights where an order of its regions is found, with its pieces."""
-    longest_s, most_items = limits.seconds - limits.fixed_s, limits.items - limits.fixed_items
-    fewest = limits.flights or 1
-    if 0 < route.region[-1] < MAX_REORDERED:
-        between_s = _between_s(route, limits)
-        while count > fewest and pieces.least_flights(longest_s, most_items) < count:
-            found = order_of_regions(pieces, route.region, between_s, count - 1, longest_s, most_items)
-            if found is None:
-                break
-            other = route.reordered(*found)
-            other_pieces = _pieces(other, limits)
-            fewer = other_pieces.fewest(longest_s, most_items)
-            if not 0 < fewer < count:
-                break
-            count, route, pieces = fewer, other, other_pieces
-            between_s = _between_s(route, limits)
-    return count, route, pieces
+) -> tuple[RegionRoute, list[tuple[int, int]]]:
+    """Return the route in an order in which so many flights take about as long, and where it is cut."""
+    cuts = pieces.alike(count, limits.flown_s, limits.flown_items)
+    if len(cuts) < count:
+        raise MissionError(f"the mission has too few parts for {count} flights; give --flights {len(cuts)}")
+    for _ in range(ATTEMPTS):
+        times = pieces.times(cuts)
+        if times.min() >= ALIKE * times.max():
+            break
+        found = _in_another_order(route, pieces, limits, count, float(times.mean() + times.max()) / 2)
+        if found is None:
+            break
+        route, pieces = found
+        cuts = pieces.alike(count, limits.flown_s, limits.flown_items)
+    return route, cuts
+
+
+def _in_another_order(
+    route: RegionRoute, pieces: Pieces, limits: FlightLimits, count: int, longest_s: float
+) -> tuple[RegionRoute, Pieces] | None:
+    """Return a route over the regions in an order that so many flights fly within a time, if one is found."""
+    if not 0 < route.region[-1] < MAX_REORDERED:
+        return None
+    between_s = _between_s(route, limits)
+    found = order_of_regions(pieces, route.region, between_s, count, longest_s, limits.flown_items)
+    if found is None:
+        return None
+    other = route.reordered(*found)
+    other_pieces = _pieces(other, limits)
+    fits = 0 < other_pieces.fewest(longest_s, limits.flown_items) <= count
+    return (other, other_pieces) if fits else None
 
 
 def _between_s(route: RegionRoute, limits: FlightLimits) -> Floats:
@@ -256,10 +289,9 @@ def _between_s(route: RegionRoute, limits: FlightLimits) -> Floats:
 def _fits(route: RegionRoute, flight: Track, limits: FlightLimits) -> bool:
     out, back = (Track.transit(np.array([route.home, flight.xy[end]])) for end in (0, -1))
     seconds, items = limits.costs(Track.joined([out, flight, back.reversed()]))
-    max_items = limits.items - limits.fixed_items
     _, back_s = limits.ways(route.home, flight.xy[-1:], np.array([back.length_m]))
-    spent_s = float(seconds[:-1].sum() + max(seconds[-1], back_s[0])) + limits.fixed_s
-    return spent_s <= limits.seconds and limits.count(flight) + items[:-1].sum() <= max_items
+    spent_s = float(seconds[:-1].sum() + back_s[0])
+    return spent_s <= limits.flown_s and limits.count(flight) + items[:-1].sum() <= limits.flown_items
 
 
 def items_of(track: Track) -> int:
@@ -301,7 +333,6 @@ def _pieces(route: RegionRoute, limits: FlightLimits) -> Pieces:
 def _divided(route: RegionRoute, limits: FlightLimits) -> RegionRoute:
     """Return the route with pieces divided that take longer than a flight, or have more items."""
     all_pieces = _pieces(route, limits)
-    longest_s = limits.seconds - limits.fixed_s
     finest_s = math.inf
     if limits.flights is not None:  # small pieces make flights of like length
         finest_s = float(all_pieces.seconds.sum()) / (FINENESS * limits.flights)
@@ -309,9 +340,9 @@ def _divided(route: RegionRoute, limits: FlightLimits) -> RegionRoute:
     out_s, back_s = limits.ways(route.home, corners, route.space.lengths_from(route.home, corners))
     first = np.cumsum([0, *(len(piece.xy) for piece in route.pieces[:-1])])
     ways_s = np.maximum.reduceat(out_s, first) + np.maximum.reduceat(back_s, first)
-    left_s = longest_s - ways_s
+    left_s = limits.flown_s - ways_s
     left_s = np.minimum(left_s - np.minimum(ROUNDING_S, left_s / 2), finest_s)
-    max_items = limits.items - limits.fixed_items - all_pieces.ways_items[::2].sum(axis=0)
+    max_items = limits.flown_items - all_pieces.ways_items[::2].sum(axis=0)
     fits = (all_pieces.seconds <= left_s) & (all_pieces.items <= max_items)
     fits |= np.array([len(piece.xy) == 1 for piece in route.pieces])
     pieces: list[Track] = []
