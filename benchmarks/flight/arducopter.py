@@ -163,8 +163,8 @@ def make_leg(start: Vector, end: Vector, speed: float) -> Leg | None:
 class Copter:
     """The vehicle, its log, and the target that it follows along the legs."""
 
-    def __init__(self, wind: Vector) -> None:
-        self.log, self.body = Log(), Body(wind=wind)
+    def __init__(self, wind: Vector, gust_m_s: float = 0.0) -> None:
+        self.log, self.body = Log(), Body(wind=wind, gust_m_s=gust_m_s)
         self.rise: Rise | None = None  # of the ground, where heights are above it
         self.offset = 0.0
         self.before: Leg | None = None
@@ -264,13 +264,14 @@ def fly(
     returns: bool,
     wind: Vector = (0.0, 0.0, 0.0),
     rise: Rise | None = None,
+    gust_m_s: float = 0.0,
 ) -> Log:
     """Fly a route from home and back, as `benchmarks.flight.route` gives it.
 
     Heights above the ground are flown over `rise`, the height of the ground above that at home; the target
     follows it no faster than the vehicle climbs and descends (AC_WPNav, terrain altitudes).
     """
-    copter = Copter(wind)
+    copter = Copter(wind, gust_m_s)
     place: Vector = (0.0, 0.0, height)
     copter.start()
     copter.go((0.0, 0.0, 0.0), place, CLIMB)

@@ -79,12 +79,15 @@ def simulate(
 
 
 def fly(
-    mission: Mission, wind: tuple[float, float, float] = (0.0, 0.0, 0.0), rise: Rise | None = None
+    mission: Mission,
+    wind: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    rise: Rise | None = None,
+    gust_m_s: float = 0.0,
 ) -> Log:
-    """Fly a mission as its autopilot does."""
+    """Fly a mission as its autopilot does; gusts are for ArduCopter."""
     if mission.autopilot == "px4":
         return px4.fly(*route(mission), wind)
-    return arducopter.fly(*route(mission), wind, rise)
+    return arducopter.fly(*route(mission), wind, rise, gust_m_s)
 
 
 def heights_m(log: Log, rise: Rise | None) -> Floats:

@@ -18,6 +18,7 @@ from uavseg.flight.mission.items import (
     MissionItem,
 )
 from uavseg.flight.mission.mission import Mission
+from uavseg.flight.mission.vehicle import ARDUCOPTER
 
 HOME = HomePosition(47.0, 8.0, 400.0)
 
@@ -95,6 +96,7 @@ def test_distance_and_time_include_the_return() -> None:
     assert mission.speed_m_s == 10
     assert mission.distance_m == pytest.approx(2 * north, rel=1e-5)
     at_limits_s = 50 / 2.5 + 2 * north / 10 + 40 / 1.5 + 10 / 0.5 + 5  # the last 10 m slowly, 5 s above home
+    at_limits_s += ARDUCOPTER.start_s + ARDUCOPTER.stop_s
     assert at_limits_s < mission.duration_s < at_limits_s + 20
 
 

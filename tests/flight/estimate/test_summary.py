@@ -62,7 +62,7 @@ def test_the_parts_add_up_and_the_length_is_that_of_the_mission() -> None:
 def test_px4_returns_higher_and_slower() -> None:
     path = flown_path(fly(north(300), BACK, autopilot="px4"), PX4)
     assert path.xyz_m[:, 2].tolist() == [0, 40, 40, 60, 60]
-    assert path.landing_s == landing_seconds(60, PX4) == 53 / 1.5 + 7 / 0.7
+    assert path.landing_s - PX4.stop_s == landing_seconds(60, PX4) == 53 / 1.5 + 7 / 0.7
     near = flown_path(fly(north(45), BACK, autopilot="px4"), PX4)
     assert near.xyz_m[-1, 2] == pytest.approx(45, rel=1e-3)  # within the cone
     assert flown_path(fly(north(300), BACK), ARDUCOPTER).xyz_m[:, 2].tolist() == [0, 40, 40, 40]
@@ -74,7 +74,7 @@ def test_holds_turns_and_landings() -> None:
     turns = estimate(fly(replace(north(100, command=LOITER_TURNS), params=(3.0, 0.0, -20.0, 0.0)), BACK))
     assert turns.hold_s == pytest.approx(3 * 2 * math.pi * 20 / 5)
     landed = estimate(fly(north(100), north(150, command=LAND, height_m=0.0)))
-    assert landed.return_s == 0 and landed.landing_s == 30 / 1.5 + 10 / 0.5
+    assert landed.return_s == 0 and landed.landing_s == 30 / 1.5 + 10 / 0.5 + ARDUCOPTER.stop_s
     assert landed.distance_m == pytest.approx(150, rel=1e-3)
     there = estimate(fly(north(100), north(150)))
     assert there.landing_s == there.return_s == 0

@@ -230,7 +230,7 @@ class Wind:
         highest = np.full(len(legs), np.inf)
         highest[is_leg] = along + np.sqrt(np.maximum(left, 0.0))
         highest[is_leg] = np.where(left < 0, 0.0, highest[is_leg])
-        if highest.min(initial=np.inf) < LEAST_WAY_M_S:
+        if self.speed_m_s and highest.min(initial=np.inf) < LEAST_WAY_M_S:
             slowest = legs[int(highest.argmin())]
             azimuth = math.degrees(math.atan2(slowest[0], slowest[1])) % 360
             raise MissionError(
