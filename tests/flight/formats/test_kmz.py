@@ -6,9 +6,11 @@ from collections.abc import Callable
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from tests.flight.fences import FENCE, RALLY
 from tests.flight.formats.random_missions import HOME, routes
@@ -17,7 +19,7 @@ from tests.flight.mission_items import waypoint
 from uavseg.errors import MissionError, ParameterError
 from uavseg.flight.formats import files
 from uavseg.flight.formats.kmz import kmz_losses, write_kmz
-from uavseg.flight.formats.options import DJI_MODELS, FileOptions
+from uavseg.flight.formats.options import DJI_MODELS, TURNS, FileOptions
 from uavseg.flight.mission.items import (
     CAMERA_DISTANCE,
     CHANGE_SPEED,
@@ -43,8 +45,11 @@ def mission_of(*items: MissionItem, autopilot: str = "ardupilot") -> Mission:
     return Mission(HomePosition(47.0, 8.0, 400.0), (UP, *items), autopilot)
 
 
-def documents(mission: Mission, model: str = "m3e") -> tuple[bytes, bytes]:
-    with zipfile.ZipFile(BytesIO(write_kmz(mission, FileOptions(dji_model=model)))) as made:
+PILOT = [key for key, model in DJI_MODELS.items() if not model.is_for_fly]
+
+
+def documents(mission: Mission, model: str = "m3e", **how: Any) -> tuple[bytes, bytes]:
+    with zipfile.ZipFile(BytesIO(write_kmz(mission, FileOptions(dji_model=model, **how)))) as made:
         assert made.namelist() == ["wpmz/template.kml", "wpmz/waylines.wpml"]
         return made.read("wpmz/template.kml"), made.read("wpmz/waylines.wpml")
 
@@ -65,15 +70,15 @@ SURVEY = mission_of(
 
 
 @pytest.mark.slow
-@given(mission=routes())
+@given(mission=routes(), turn=st.sampled_from(TURNS), model=st.sampled_from(PILOT))
 @settings(max_examples=150)
-def test_documents_are_what_dji_publishes(mission: Mission) -> None:
-    template, waylines = documents(mission)
+def test_documents_are_what_dji_publishes(mission: Mission, turn: str, model: str) -> None:
+    template, waylines = documents(mission, model, turn=turn)
     assert faults(template, TEMPLATE) == []
     assert faults(waylines, WAYLINES) == []
 
 
-@pytest.mark.parametrize("model", DJI_MODELS)
+@pytest.mark.parametrize("model", PILOT)
 def test_every_aircraft_is_one_of_dji(model: str) -> None:
     template, waylines = documents(SURVEY, model)
     assert faults(template, TEMPLATE) == faults(waylines, WAYLINES) == []
@@ -141,9 +146,9 @@ def test_heights_above_the_sea_become_heights_above_home() -> None:
 
 
 def test_what_is_not_held_is_said() -> None:
-    roi = MissionItem(195, FRAME_MISSION)
-    notes = kmz_losses(replace(SURVEY, items=(*SURVEY.items[:4], roi, *SURVEY.items[4:])), FileOptions())
-    assert [note for note in notes if "command 195 (item 5)" in note]
+    yaw = MissionItem(115, FRAME_MISSION)
+    notes = kmz_losses(replace(SURVEY, items=(*SURVEY.items[:4], yaw, *SURVEY.items[4:])), FileOptions())
+    assert [note for note in notes if "command 115 (item 5)" in note]
     assert any("47.000000,8.000000" in note and "Mavic 3E" in note for note in notes)
     near = HomePosition(-33.851, 151.21, 5.0)
     fenced = Mission(near, (waypoint(-33.85, 151.21), waypoint(-33.85, 151.213)), fence=FENCE, rally=RALLY)
