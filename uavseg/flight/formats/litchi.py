@@ -109,7 +109,7 @@ def _row(before: WaylinePoint | None, point: WaylinePoint) -> list[str]:
     place = point.looks_at or (before and before.looks_at)
     heading, gimbal_mode = point.heading_deg, 0 if point.pitch_deg is None else INTERPOLATED_PITCH
     if place:
-        heading = geod_wgs84().inv(point.lon, point.lat, place[1], place[0])[0]
+        heading = round(geod_wgs84().inv(point.lon, point.lat, place[1], place[0])[0], 1)
         gimbal_mode = PITCH_TO_POI
     actions = [(STAY, round(1000 * point.hold_s))] * (point.hold_s > 0) + [(PHOTO, 0)] * point.photo
     actions += [(NO_ACTION, 0)] * (ACTIONS - len(actions))
