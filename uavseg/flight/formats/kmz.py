@@ -8,7 +8,7 @@ from io import BytesIO
 
 from uavseg.errors import MissionError
 from uavseg.flight.camera.camera import cameras
-from uavseg.flight.formats.options import TURN_THROUGH, DjiModel, FileOptions
+from uavseg.flight.formats.options import DJI_MODELS, TURN_THROUGH, DjiModel, FileOptions
 from uavseg.flight.formats.wayline import Wayline, mission_of_wayline, wayline_losses, wayline_of
 from uavseg.flight.formats.wpml import (
     TURN_M,
@@ -59,9 +59,11 @@ def _check_camera(mission: Mission, model: DjiModel) -> None:
     else:
         carried = not model.cameras or camera in model.cameras
     if not carried:
+        carriers = ", ".join(key for key, one in DJI_MODELS.items() if camera in one.cameras)
+        other = f"; --dji-model {carriers} carries it" if carriers else ""
         raise MissionError(
             f"the mission is planned for the camera {camera}, which a {model.name} (--dji-model) does not "
-            f"carry; it has {' and '.join(model.cameras)} (--camera), or name the aircraft that carries it"
+            f"carry: it has {' and '.join(model.cameras)}{other}"
         )
 
 
