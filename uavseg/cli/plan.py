@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import click
@@ -34,7 +35,7 @@ def command(options: PlanOptions) -> None:
     output, overwrite, avoid = options.output, options.files.overwrite, options.mission.safety.avoid
     if options.footprints and not options.as_json:
         raise click.UsageError("--footprints are a part of --json; give both")
-    files.check_mission_format(output)
+    files.file_options(output, **asdict(options.mission.files))
     check_target(output, overwrite)
     zones = [zone for zone in avoid if isinstance(zone, str)]
     keep_inputs([output], options.regions, options.raster, zones, options.mission.terrain.dem)

@@ -1,6 +1,7 @@
 """DJI's .kmz files: the published format, and files that are not one."""
 
 import math
+import warnings
 import xml.etree.ElementTree as ET
 import zipfile
 from collections.abc import Callable
@@ -10,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyproj import Geod
@@ -44,6 +46,9 @@ from uavseg.flight.mission.items import (
     distance_m,
 )
 from uavseg.flight.mission.mission import Mission
+from uavseg.flight.params.plan import SafetyParams
+from uavseg.flight.safety.check import SafetyCheck
+from uavseg.jobs.flights.plan import write_flights
 
 UP = MissionItem(TAKEOFF, FRAME_RELATIVE, (0.0, 0.0, 0.0, None), 47.0, 8.0, 50.0)
 FREE = (0.0, 0.0, 0.0, None)
@@ -262,6 +267,18 @@ def test_an_aircraft_stops_or_passes_within_two_metres() -> None:
     assert turns == pytest.approx([0, 0.45 * short, 0.45 * short, 0, 2, 0], abs=1e-3)
     notes = kmz_losses(mission_of(*corners), FileOptions(turn="through"))
     assert any("up to 1 m: keep more than that from zones" in note for note in notes)
+
+
+def test_corners_that_may_be_cut_stay_out_of_zones(tmp_path: Path) -> None:
+    zones = [shapely.box(8.01, 47.01, 8.02, 47.02)]
+    near, far = (SafetyCheck(SafetyParams(avoid_margin_m=margin), zones) for margin in (0.9, 1.0))
+    through = FileOptions(turn="through")
+    with pytest.raises(MissionError, match="up to 1 m at corners"):
+        write_flights([SURVEY], tmp_path / "fly.kmz", near, options=through)
+    assert not list(tmp_path.iterdir())
+    for check, options in ((near, FileOptions()), (far, through)):
+        with warnings.catch_warnings(action="ignore"):
+            write_flights([SURVEY], tmp_path / "fly.kmz", check, overwrite=True, options=options)
 
 
 def photographed(camera: str) -> Mission:

@@ -115,14 +115,8 @@ def write_mission(
     ParameterError that the aircraft is not known or has no such lens, or that the format has no such option,
     an OutputError that the file exists or cannot be written.
     """
-    suffix = check_mission_format(path)
-    options = FileOptions(editable=editable, dji_model=dji_model, lens=lens, turn=turn)
-    mission_format = FORMATS[suffix]
-    if editable and suffix != ".plan":
-        raise ParameterError(f"only a .plan can hold what QGroundControl edits (--editable), not a {suffix}")
-    if suffix != ".kmz" and (lens is not None or turn != TURN_STOP):
-        name = "--turn" if lens is None else "--lens"
-        raise ParameterError(f"{name} is for a .kmz, not for a {suffix}; leave it out")
+    options = file_options(path, editable=editable, dji_model=dji_model, lens=lens, turn=turn)
+    mission_format = FORMATS[check_mission_format(path)]
     content, losses = mission_format.write(mission, options), mission_format.losses(mission, options)
     with atomic_file(path, overwrite) as temporary:
         temporary.write_bytes(content)
@@ -131,6 +125,17 @@ def write_mission(
             check(written if mission_format.holds_home else _from_home(written, mission.home))
     for loss in losses:
         warnings.warn(loss, stacklevel=2)
+
+
+def file_options(path: MissionPath, **given: Any) -> FileOptions:
+    """Return the options of a file that is to be written, by their names; errors as of `write_mission`."""
+    suffix, options = check_mission_format(path), FileOptions(**given)
+    if options.editable and suffix != ".plan":
+        raise ParameterError(f"only a .plan can hold what QGroundControl edits (--editable), not a {suffix}")
+    if suffix != ".kmz" and (options.lens is not None or options.turn != TURN_STOP):
+        name = "--turn" if options.lens is None else "--lens"
+        raise ParameterError(f"{name} is for a .kmz, not for a {suffix}; leave it out")
+    return options
 
 
 def _from_home(mission: Mission, home: HomePosition) -> Mission:

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from uavseg.dataclass import dataclass
-from uavseg.errors import ParameterError
+from uavseg.errors import MissionError, ParameterError
 from uavseg.execution.executors import decided, phase
 from uavseg.flight.formats.files import MissionPath, write_mission
-from uavseg.flight.formats.options import DEFAULT_DJI_MODEL, TURN_STOP, FileOptions
+from uavseg.flight.formats.options import DEFAULT_DJI_MODEL, TURN_STOP, TURN_THROUGH, FileOptions
+from uavseg.flight.formats.wpml import TURN_M
 from uavseg.flight.mission.features import as_html, explore
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.params.plan import PlanParams
@@ -236,11 +237,17 @@ def write_flights(
     """Write missions, read each back and check it; all files appear together, or none.
 
     `path` is the file of a single mission, see `_flight_paths`. A MissionError says that its extension is not
-    one of missions, or that what was written is not safe, an OutputError that a file exists or cannot be
-    written.
+    one of missions, that what was written is not safe, or that turns at corners may be too near to zones, an
+    OutputError that a file exists or cannot be written.
     """
     paths = _flight_paths(path, len(missions))
     options = options or FileOptions()
+    corner_m = TURN_M / 2
+    if options.turn == TURN_THROUGH and check.zones and check.safety.avoid_margin_m < corner_m:
+        raise MissionError(
+            f"with --turn through the aircraft leaves the legs by up to {corner_m:g} m at corners; keep at "
+            "least that from zones (--avoid-margin), or stop at waypoints"
+        )
     stale = _stale_flight(path, len(missions))
     with transaction():
         for mission, one in zip(missions, paths, strict=True):
