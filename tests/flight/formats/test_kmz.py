@@ -265,7 +265,11 @@ def test_an_aircraft_stops_or_passes_within_two_metres() -> None:
     short = distance_m(47.002, 8.0, 47.00201, 8.0)
     turns = [float(text or 0) for text in texts(passed, "waypointTurnDampingDist")]
     assert turns == pytest.approx([0, 0.45 * short, 0.45 * short, 0, 2, 0], abs=1e-3)
+    assert any(
+        ", which stops at every waypoint" in note for note in kmz_losses(mission_of(*corners), FileOptions())
+    )
     notes = kmz_losses(mission_of(*corners), FileOptions(turn="through"))
+    assert not any("stops" in note for note in notes)
     assert any("up to 1 m: keep more than that from zones" in note for note in notes)
 
 

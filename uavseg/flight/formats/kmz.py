@@ -71,8 +71,11 @@ def kmz_losses(mission: Mission, options: FileOptions) -> list[str]:
     """Return what a .kmz cannot hold of a mission, and what the pilot has to know, one sentence each."""
     wayline, home, model = wayline_of(mission, NAME), mission.home, options.model
     notes = wayline_losses(mission, wayline, NAME)
+    stops = ", which stops at every waypoint, for seconds that the estimate does not count (--turn)"
+    if options.turn == TURN_THROUGH:
+        stops = ""
     notes.append(
-        f"the .kmz is for a {model.name} (--dji-model); it does not hold home: take off at "
+        f"the .kmz is for a {model.name} (--dji-model){stops}; it does not hold home: take off at "
         f"{home.lat:.6f},{home.lon:.6f}, from where heights count"
     )
     if any(point.heading_deg is not None and point.heading_deg % 1 for point in wayline.points):
