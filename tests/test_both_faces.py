@@ -1003,13 +1003,15 @@ def test_missions_over_what_is_extracted(words: Words) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".kmz", ".csv", ".kml", ".geojson", ".plan"])
-@pytest.mark.parametrize("words", [{"spacing": 15}, {"camera": "phantom 4 rtk"}])
+@pytest.mark.parametrize("words", [{"spacing": 15}, {"camera": "matrice 30"}, {"camera": "phantom 4 rtk"}])
 def test_files_of_missions(words: Words, suffix: str) -> None:
     editable = ["--editable"] * (suffix == ".plan")
+    of_kmz: Words = {"lens": "zoom,ir", "turn": "through"} if suffix == ".kmz" else {}
     line = [
         "regions.geojson",
         *options(FLIGHT | words),
         *editable,
+        *options(of_kmz),
         "--dji-model",
         "m30t",
         "-o",
@@ -1019,7 +1021,7 @@ def test_files_of_missions(words: Words, suffix: str) -> None:
 
     def planned() -> bytes:
         plan = uavseg.plan("regions.geojson", **FLIGHT, **words)
-        how: Words = {"editable": bool(editable), "dji_model": "m30t"}
+        how: Words = {"editable": bool(editable), "dji_model": "m30t", **of_kmz}
         return written(lambda path: plan.write(path, **how), f"python{suffix}")
 
     assert_equal(in_python(planned), expected)

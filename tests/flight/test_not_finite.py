@@ -100,8 +100,8 @@ OPTIONS = {  # of a command: lines in which # is the number
     "download": ["--connect udpout:127.0.0.1:9 --timeout #"],
 }
 NO_NUMBERS = {  # options that are texts without numbers in them
-    *("output", "camera", "vehicle", "dem", "dji_model", "ids", "classes", "avoid_classes", "raster"),
-    *("layer", "connect", "mission_classes", "allow_path"),
+    *("output", "camera", "vehicle", "dem", "dji_model", "lens", "ids", "classes", "avoid_classes"),
+    *("raster", "layer", "connect", "mission_classes", "allow_path"),
 }
 FIXED = {
     "plan": "--overwrite -o out.plan regions.geojson",

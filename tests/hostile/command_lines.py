@@ -78,7 +78,7 @@ LINES = tuple(
         f"plan r.geojson -o out.plan {FLIGHT} --vehicle v.json --json --footprints",
         f"plan r.geojson -o out.plan {FLIGHT} --dem g.tif --terrain absolute --terrain-tolerance 2 --climb 3",
         f"plan r.geojson -o out.waypoints {FLIGHT} --dem g.tif --dem g.tif --terrain relative --descent 0.5",
-        f"plan r.geojson -o out.kmz {FLIGHT} --spacing 12 --dji-model m30t",
+        f"plan r.geojson -o out.kmz {FLIGHT} --spacing 12 --dji-model m30t --lens wide,ir --turn through",
         f"plan r.geojson -o out.plan {FLIGHT} --spacing 12 --editable --autopilot generic",
         f"plan r.geojson -o out.plan {FLIGHT} --ids 1 --avoid z.geojson --avoid-margin 5 --fence none",
         f"plan r.geojson -o out.plan {FLIGHT} --avoid 0.2,0.3 --raster x.tif --allow-edge --avoid-margin 0.1",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -182,9 +183,12 @@ def _flight(options: ExtractOptions) -> PlanRequest:
     from uavseg.flight.formats import files
     from uavseg.jobs.flights.request import mission_request
 
-    files.check_mission_format(options.mission or "")
+    files.file_options(options.mission or "", **asdict(options.flight.files))
     return mission_request(
-        options.flight, classes=options.mission_classes or None, avoid_classes=options.avoid_classes
+        options.flight,
+        options.mission,
+        classes=options.mission_classes or None,
+        avoid_classes=options.avoid_classes,
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import click
@@ -36,11 +36,11 @@ def command(options: PlanOptions) -> None:
     output, overwrite, avoid = options.output, options.files.overwrite, options.mission.safety.avoid
     if options.footprints and not options.as_json:
         raise click.UsageError("--footprints are a part of --json; give both")
-    files.check_mission_format(output)
+    files.file_options(output, **asdict(options.mission.files))
     check_target(output, overwrite)
     zones = [zone for zone in avoid if isinstance(zone, str)]
     keep_inputs([output], options.regions, options.raster, zones, options.mission.terrain.dem)
-    request = plan_request(_within_format(options))
+    request = plan_request(options)
     regions = click.open_file("-", "rb").read() if options.regions == "-" else options.regions
     with showing_phases(reporter.quiet):
         found = open_regions(regions, options.layer)
@@ -55,17 +55,6 @@ def command(options: PlanOptions) -> None:
         show(json.dumps(written, allow_nan=False))
     if not reporter.quiet:
         report(planned.missions, planned.regions, paths, notes)
-
-
-def _within_format(options: PlanOptions) -> PlanOptions:
-    """Return options with the number of waypoints that the program flies which reads the output."""
-    from uavseg.flight.formats.litchi import MAX_WAYPOINTS
-
-    limits = options.mission.limits
-    if limits.max_waypoints is not None or not options.output.lower().endswith(".csv"):
-        return options
-    limits = replace(limits, max_waypoints=MAX_WAYPOINTS)
-    return replace(options, mission=replace(options.mission, limits=limits))
 
 
 def _opened(raster: str) -> Source:

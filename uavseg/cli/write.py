@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -137,8 +138,7 @@ def write_plan_output(
     planned: MissionPlan, path: str, overwrite: bool, options: MissionFileOptions
 ) -> tuple[list[Path], list[str]]:
     """Write the missions of a plan; returns their files, and what the format cannot hold as warnings."""
-    editable, model = options.editable, options.dji_model
-    return warnings_of(lambda: planned.write(path, overwrite, editable=editable, dji_model=model))
+    return warnings_of(lambda: planned.write(path, overwrite, **asdict(options)))
 
 
 def warnings_of(write: Callable[[], T]) -> tuple[T, list[str]]:

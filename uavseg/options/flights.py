@@ -285,9 +285,22 @@ class MissionFileOptions(Options):
         label="Survey items that QGroundControl can edit",
     )
     dji_model: str = option(
-        "The aircraft of a .kmz: m3e, m3t, m3m, m4e, m4t, m30, m30t, m3d, m3td, m300-h20, m350-h30 ...",
+        "The aircraft of a .kmz: m3e, m3t, m3m, m4e, m4t, m30, m30t, m3d, m3td, m300-h20, m350-h30 ..., or "
+        "for DJI Fly mini4pro, mini5pro, air3, air3s, mavic3 ...",
         default="m3e",
         metavar="NAME",
+        python=False,
+    )
+    lens: str | None = option(
+        "Lenses of a .kmz that photograph, of wide, zoom, ir, visible and narrow_band.  [default: all of the "
+        "aircraft that serve for maps]",
+        metavar="NAME,NAME,...",
+        python=False,
+    )
+    turn: str = option(
+        "In a .kmz: stop at waypoints, or fly through them, which cuts corners by up to a metre.",
+        default="stop",
+        choices=("stop", "through"),
         python=False,
     )
 

@@ -22,6 +22,8 @@ from uavseg.flight.mission.items import (
     MIN_SPEED_M_S,
     MOUNT_CONTROL,
     RETURN,
+    ROI_LOCATION,
+    ROI_NONE,
     SPLINE_WAYPOINT,
     TAKEOFF,
     WAYPOINT,
@@ -91,8 +93,14 @@ steps = st.builds(
         IMAGE_START: MissionItem(IMAGE_START, FRAME_MISSION, (0.0, 0.0, 1.0, 0.0)),
         1: MissionItem(IMAGE_START, FRAME_MISSION, (0.0, values[2], 0.0, 0.0)),
         IMAGE_STOP: MissionItem(IMAGE_STOP, FRAME_MISSION),
+        ROI_LOCATION: MissionItem(
+            ROI_LOCATION, FRAME_RELATIVE, lat=-33.85, lon=151.2 + values[2] / 1e4, altitude_m=values[0]
+        ),
+        ROI_NONE: MissionItem(ROI_NONE, FRAME_MISSION),
     }[command],
-    st.sampled_from([CHANGE_SPEED, MOUNT_CONTROL, CAMERA_DISTANCE, 0, IMAGE_START, 1, IMAGE_STOP]),
+    st.sampled_from(
+        [CHANGE_SPEED, MOUNT_CONTROL, CAMERA_DISTANCE, 0, IMAGE_START, 1, IMAGE_STOP, ROI_LOCATION, ROI_NONE]
+    ),
     st.tuples(speeds, pitches, st.floats(1, 50)),
 )
 

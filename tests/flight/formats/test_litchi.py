@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.flight.formats.test_kmz import SURVEY, mission_of
+from tests.flight.formats.test_kmz import SURVEY, mission_of, orbit
 from tests.flight.mission_items import waypoint
 from uavseg.errors import MissionError
 from uavseg.flight.formats import files
@@ -18,6 +18,7 @@ from uavseg.flight.mission.items import (
     FRAME_TERRAIN,
     IMAGE_START,
     RETURN,
+    ROI_LOCATION,
     MissionItem,
 )
 
@@ -69,6 +70,26 @@ def test_heights_above_the_terrain_are_above_ground_in_litchi(tmp_path: Path) ->
     assert {row["altitudemode"] for row in rows(path.read_bytes())} == {"1"}
     found = files.read_mission(path)
     assert found.autopilot == "ardupilot" and found.items[-1].frame == FRAME_TERRAIN
+
+
+def test_an_orbit_looks_at_its_region(tmp_path: Path) -> None:
+    path = tmp_path / "fly.csv"
+    path.write_bytes(write_litchi(orbit(), FileOptions()))
+    found = rows(path.read_bytes())
+    assert [row["gimbalmode"] for row in found] == ["1"] * 4 + ["0"]
+    places = {
+        (row["poi_latitude"], row["poi_longitude"], row["poi_altitude(m)"], row["poi_altitudemode"])
+        for row in found[:4]
+    }
+    assert places == {("47.01000000", "8.01000000", "10.0", "0")}
+    assert (found[4]["poi_latitude"], found[4]["poi_longitude"]) == ("0", "0")
+    headings = [float(row["heading(deg)"]) for row in found[:4]]
+    assert headings == pytest.approx([180, 240, 300, 360], abs=0.1)  # from each to the place
+    assert any("heading mode to custom" in note for note in litchi_losses(orbit(), FileOptions()))
+    mission = files.read_mission(path)
+    look = next(item for item in mission.items if item.command == ROI_LOCATION)
+    assert (look.lat, look.lon, look.altitude_m) == (47.01, 8.01, 10.0)
+    assert not any("interest" in note for note in mission.notes)
 
 
 def test_what_has_to_be_set_in_litchi_is_said() -> None:

@@ -9,6 +9,9 @@ import re
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import pairwise
+
+from pyproj import Geod
 
 KML = "{http://www.opengis.net/kml/2.2}"
 WPML = "{http://www.dji.com/wpmz/1.0.2}"
@@ -43,6 +46,28 @@ def position(value: str) -> bool:
     return -180 <= lon <= 180 and -90 <= lat <= 90
 
 
+def is_target(value: str) -> bool:
+    lat, lon, height = map(float, value.split(","))
+    return -90 <= lat <= 90 and -180 <= lon <= 180 and math.isfinite(height)
+
+
+def turn_m(placemark: ET.Element) -> str:
+    return placemark.findtext(f"{WPML}waypointTurnParam/{WPML}waypointTurnDampingDist") or "0"
+
+
+def leg_m(before: ET.Element, after: ET.Element) -> float:
+    """Length over the globe, with climb."""
+    places = [(one.findtext(f"{KML}Point/{KML}coordinates") or "").split(",") for one in (before, after)]
+    (lon, lat), (other_lon, other_lat) = (tuple(map(float, place)) for place in places)
+    heights = [
+        float(one.findtext(f"{WPML}executeHeight") or one.findtext(f"{WPML}height") or 0)
+        for one in (before, after)
+    ]
+    along = Geod(ellps="WGS84").inv(lon, lat, other_lon, other_lat)[2]
+    return math.hypot(along, heights[1] - heights[0])
+
+
+PASSES = "toPointAndPassWithContinuityCurvature"
 FLAG = one_of("0", "1")
 INDEX = whole(0, 65535)
 
@@ -63,7 +88,7 @@ def leaf(check: Callable[[str], bool]) -> Element:
     return Element(check)
 
 
-LENSES = some_of("wide", "zoom", "ir", "narrow_band", "visible")
+LENSES = some_of("wide", "zoom", "ir", "narrow_band", "visable")  # as DJI spells it, since 2024
 DRONES = {(60, 0), (67, 0), (67, 1), (77, 0), (77, 1), (77, 2), (89, 0), (91, 0), (91, 1), (99, 0), (99, 1)}
 PAYLOADS = ("42", "43", "61", "82", "83", "52", "53", "66", "67", "68", "80", "81", "88", "89")
 TURNS = one_of(
@@ -266,10 +291,23 @@ def _relations(document: ET.Element) -> list[str]:
         smooth = text_of(heading, "waypointHeadingMode") == "smoothTransition"
         if smooth and text_of(heading, "waypointHeadingAngle") is None:
             found.append("smoothTransition needs an angle")
+        target = text_of(heading, "waypointPoiPoint")
+        if (text_of(heading, "waypointHeadingMode") == "towardPOI") != (target is not None):
+            found.append("towardPOI needs a point, and nothing else does")
+        if target is not None and not is_target(target):
+            found.append(f"a point of interest {target}")
+    for one in placemarks:
+        turn = one.find(f"{WPML}waypointTurnParam")
+        passes = turn is not None and text_of(turn, "waypointTurnMode") == PASSES
+        if passes and (text_of(one, "useStraightLine") != "1" or not float(turn_m(one)) > 0):
+            found.append("to pass needs straight lines and a distance above 0")
+    for before, after in pairwise(placemarks):
+        if not float(turn_m(before)) + float(turn_m(after)) < leg_m(before, after):
+            found.append("turns are longer than the leg between them")
     groups = list(document.iter(f"{WPML}actionGroup"))
     ids = [text_of(group, "actionGroupId") for group in groups]
-    if len(set(ids)) < len(ids):
-        found.append("ids of action groups are unique")
+    if ids != [str(n) for n in range(len(ids))]:
+        found.append("ids of action groups are 0, 1, 2 ...")
     for group in groups:
         first, last = (int(text_of(group, f"actionGroup{end}Index") or -1) for end in ("Start", "End"))
         if not first <= last < len(placemarks):

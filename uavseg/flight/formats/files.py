@@ -13,7 +13,7 @@ from uavseg.errors import MissionError, ParameterError
 from uavseg.flight.formats.kml import kml_losses, read_kml, write_kml
 from uavseg.flight.formats.kmz import kmz_losses, read_kmz, write_kmz
 from uavseg.flight.formats.litchi import litchi_losses, read_litchi, write_litchi
-from uavseg.flight.formats.options import FileOptions
+from uavseg.flight.formats.options import TURN_STOP, FileOptions
 from uavseg.flight.formats.plan import plan_losses, read_plan, write_plan
 from uavseg.flight.formats.waypoints import read_waypoints, waypoints_losses, write_waypoints
 from uavseg.flight.mission.features import MissionFeature, Place, as_geojson, features_of, mission_of_features
@@ -98,6 +98,8 @@ def write_mission(
     *,
     editable: bool = False,
     dji_model: str = FileOptions().dji_model,
+    lens: str | None = None,
+    turn: str = TURN_STOP,
 ) -> None:
     """Write a mission to a file, whole or not at all; what its format cannot hold gives warnings.
 
@@ -106,14 +108,15 @@ def write_mission(
     store the autopilot; parameters that are not set are written as 0. `check` is called with the mission as
     it is read back, from home where its format does not hold that; where it raises, nothing is written. If
     `editable`, a .plan holds the survey lines of convex parts as survey items, which QGroundControl can edit.
-    `dji_model` is the aircraft of a .kmz, see `uavseg.flight.formats.options.DJI_MODELS`. A MissionError says
-    that there is no format of this extension, or that it cannot hold how the mission is flown, a
-    ParameterError that the aircraft is not known, an OutputError that the file exists or cannot be written.
+    `dji_model` is the aircraft of a .kmz, see `uavseg.flight.formats.options.DJI_MODELS`, `lens` which of its
+    lenses photograph, such as "wide,ir" (by default all that serve for maps), and `turn` whether it makes a
+    "stop" at waypoints or flies "through" them. A MissionError says that there is no format of this
+    extension, that it cannot hold how the mission is flown, or that the aircraft does not carry the camera, a
+    ParameterError that the aircraft is not known or has no such lens, or that the format has no such option,
+    an OutputError that the file exists or cannot be written.
     """
-    suffix = check_mission_format(path)
-    mission_format, options = FORMATS[suffix], FileOptions(editable, dji_model)
-    if editable and suffix != ".plan":
-        raise ParameterError(f"only a .plan can hold what QGroundControl edits (--editable), not a {suffix}")
+    options = file_options(path, editable=editable, dji_model=dji_model, lens=lens, turn=turn)
+    mission_format = FORMATS[check_mission_format(path)]
     content, losses = mission_format.write(mission, options), mission_format.losses(mission, options)
     with atomic_file(path, overwrite) as temporary:
         temporary.write_bytes(content)
@@ -122,6 +125,17 @@ def write_mission(
             check(written if mission_format.holds_home else _from_home(written, mission.home))
     for loss in losses:
         warnings.warn(loss, stacklevel=2)
+
+
+def file_options(path: MissionPath, **given: Any) -> FileOptions:
+    """Return the options of a file that is to be written, by their names; errors as of `write_mission`."""
+    suffix, options = check_mission_format(path), FileOptions(**given)
+    if options.editable and suffix != ".plan":
+        raise ParameterError(f"only a .plan can hold what QGroundControl edits (--editable), not a {suffix}")
+    if suffix != ".kmz" and (options.lens is not None or options.turn != TURN_STOP):
+        name = "--turn" if options.lens is None else "--lens"
+        raise ParameterError(f"{name} is for a .kmz, not for a {suffix}; leave it out")
+    return options
 
 
 def _from_home(mission: Mission, home: HomePosition) -> Mission:

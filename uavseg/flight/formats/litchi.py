@@ -10,7 +10,6 @@ import io
 import math
 from collections.abc import Iterator
 from contextlib import suppress
-from itertools import pairwise
 
 from uavseg.errors import MissionError
 from uavseg.flight.formats.options import FileOptions
@@ -18,14 +17,16 @@ from uavseg.flight.formats.wayline import (
     FINISH_NONE,
     Wayline,
     WaylinePoint,
+    legs_m,
     mission_of_wayline,
     wayline_losses,
     wayline_of,
 )
 from uavseg.flight.formats.waypoints import decimal
-from uavseg.flight.mission.items import FRAME_RELATIVE, FRAME_TERRAIN, distance_m
+from uavseg.flight.mission.items import FRAME_RELATIVE, FRAME_TERRAIN
 from uavseg.flight.mission.mission import Mission
 from uavseg.plain_text import shown
+from uavseg.raster.geodesy.globe import geod_wgs84
 
 NAME = "a .csv of Litchi"
 ACTIONS = 15
@@ -37,7 +38,7 @@ COLUMNS = (
     *("photo_timeinterval", "photo_distinterval"),
 )
 NO_ACTION, STAY, PHOTO = -1, 0, 1  # actiontype
-INTERPOLATED_PITCH = 2  # gimbalmode; 0 leaves the gimbal to the pilot
+PITCH_TO_POI, INTERPOLATED_PITCH = 1, 2  # gimbalmode; 0 leaves the gimbal to the pilot
 MIN_WAYPOINTS, MAX_WAYPOINTS = 2, 99
 MIN_HEIGHT_M, MAX_HEIGHT_M = -200.0, 500.0
 MAX_SPEED_M_S = 15.0
@@ -50,7 +51,8 @@ def write_litchi(mission: Mission, options: FileOptions) -> bytes:
     """Write a mission as the content of a .csv file; raise MissionError if Litchi cannot fly it."""
     wayline = wayline_of(mission, NAME)
     check_wayline(wayline)
-    rows = [COLUMNS, *(_row(point) for point in wayline.points)]
+    befores = (None, *wayline.points)
+    rows = [COLUMNS, *(_row(*pair) for pair in zip(befores, wayline.points, strict=False))]
     return "".join(",".join(row) + "\n" for row in rows).encode()
 
 
@@ -58,7 +60,8 @@ def litchi_losses(mission: Mission, options: FileOptions) -> list[str]:
     """Return what a .csv cannot hold of a mission, and what has to be set in Litchi, one sentence each."""
     wayline, home = wayline_of(mission, NAME), mission.home
     end = {"return": "RTH", "land": "Land", "none": "None"}[wayline.finish]
-    heading = "auto" if all(point.heading_deg is None for point in wayline.points) else "custom"
+    turned = any(point.heading_deg is not None or point.looks_at for point in wayline.points)
+    heading = "custom" if turned else "auto"
     return [
         *wayline_losses(mission, wayline, NAME),
         f"in Litchi, set the path mode to straight lines, the heading mode to {heading} and the finish "
@@ -90,10 +93,7 @@ def check_wayline(wayline: Wayline) -> None:
                 f"Litchi stays at a waypoint for up to {MAX_STAY_MS / 1000:g} s, and waypoint {number} asks "
                 f"for {point.hold_s:g} s"
             )
-    for number, (before, point) in enumerate(pairwise(wayline.points), start=1):
-        leg_m = math.hypot(
-            distance_m(before.lat, before.lon, point.lat, point.lon), point.altitude_m - before.altitude_m
-        )
+    for number, leg_m in enumerate(legs_m(wayline.points), start=1):
         if not MIN_LEG_M <= leg_m <= MAX_LEG_M:
             raise MissionError(
                 f"Litchi flies legs of {MIN_LEG_M:g} to {MAX_LEG_M:g} m, and the one from waypoint {number} "
@@ -101,19 +101,28 @@ def check_wayline(wayline: Wayline) -> None:
             )
 
 
-def _row(point: WaylinePoint) -> list[str]:
+def _row(before: WaylinePoint | None, point: WaylinePoint) -> list[str]:
+    """Return the fields of a waypoint; where a leg from or to it looks at a place, so does the waypoint.
+
+    Litchi turns evenly from what holds at one waypoint to what holds at the next.
+    """
+    place = point.looks_at or (before and before.looks_at)
+    heading, gimbal_mode = point.heading_deg, 0 if point.pitch_deg is None else INTERPOLATED_PITCH
+    if place:
+        heading = round(geod_wgs84().inv(point.lon, point.lat, place[1], place[0])[0], 1)
+        gimbal_mode = PITCH_TO_POI
     actions = [(STAY, round(1000 * point.hold_s))] * (point.hold_s > 0) + [(PHOTO, 0)] * point.photo
     actions += [(NO_ACTION, 0)] * (ACTIONS - len(actions))
     return [
         *(decimal(point.lat, 8), decimal(point.lon, 8), decimal(point.altitude_m, 1)),
-        "0" if point.heading_deg is None else decimal(point.heading_deg % 360 or 360.0, 1),
+        "0" if heading is None else decimal(heading % 360 or 360.0, 1),
         *("0", "0"),
-        str(INTERPOLATED_PITCH if point.pitch_deg is not None else 0),
+        str(gimbal_mode),
         decimal(point.pitch_deg or 0.0, 1),
         *(str(value) for action in actions for value in action),
         str(int(point.frame == FRAME_TERRAIN)),
         decimal(point.flown_m_s, 1),
-        *("0", "0", "0", "0"),
+        *([decimal(place[0], 8), decimal(place[1], 8), decimal(place[2], 1), "0"] if place else ["0"] * 4),
         decimal(point.interval_s, 1) if point.interval_s else "-1",
         decimal(point.trigger_m, 1) if point.trigger_m else "-1",
     ]
@@ -170,7 +179,11 @@ def _point(waypoint: int, row: dict[str, str], notes: dict[str, None]) -> Waylin
 
     if value("curvesize(m)"):
         notes["curves at waypoints were not read"] = None
-    if value("gimbalmode") not in {0, INTERPOLATED_PITCH} or value("poi_latitude") or value("poi_longitude"):
+    lat, lon, height_m = (value(f"poi_{name}") for name in ("latitude", "longitude", "altitude(m)"))
+    looks_at = None
+    if value("gimbalmode") == PITCH_TO_POI and (lat or lon) and not value("poi_altitudemode"):
+        looks_at = lat, lon, height_m
+    elif value("gimbalmode") not in {0, INTERPOLATED_PITCH} or lat or lon:
         notes["points of interest were not read"] = None
     hold_ms, photo = 0.0, False
     for action in range(1, ACTIONS + 1):
@@ -188,10 +201,11 @@ def _point(waypoint: int, row: dict[str, str], notes: dict[str, None]) -> Waylin
         altitude_m=value("altitude(m)"),
         frame=FRAME_TERRAIN if value("altitudemode") else FRAME_RELATIVE,
         hold_s=hold_ms / 1000,
-        heading_deg=heading % 360 if heading else None,
+        heading_deg=heading % 360 if heading and looks_at is None else None,
         photo=photo,
         speed_m_s=value("speed(m/s)") or None,
         pitch_deg=value("gimbalpitchangle") if value("gimbalmode") == INTERPOLATED_PITCH else None,
         trigger_m=max(value("photo_distinterval"), 0.0),
         interval_s=max(value("photo_timeinterval"), 0.0),
+        looks_at=looks_at,
     )

@@ -4,8 +4,10 @@ A mission is a list of commands instead, in which a speed, a gimbal pitch or a c
 another command changes it.
 """
 
+import math
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
@@ -24,14 +26,22 @@ from uavseg.flight.mission.items import (
     LOITER_TIME,
     MOUNT_CONTROL,
     RETURN,
+    ROI_LOCATION,
+    ROI_NONE,
     TAKEOFF,
     WAYPOINT,
     HomePosition,
     MissionItem,
+    check_position,
+    distance_m,
 )
 from uavseg.flight.mission.mission import CRUISE_M_S, Mission
 
+_SETTINGS = frozenset(
+    {CHANGE_SPEED, MOUNT_CONTROL, ROI_LOCATION, ROI_NONE, CAMERA_DISTANCE, IMAGE_START, IMAGE_STOP}
+)
 LAST_NAV = 95  # MAV_CMD_NAV_LAST: commands up to it move the vehicle
+NEAR_M = 0.6  # DJI's aircraft and Litchi fly no shorter legs
 TARGETING = 2.0  # MAV_MOUNT_MODE_MAVLINK_TARGETING
 FINISH_RETURN, FINISH_LAND, FINISH_NONE = "return", "land", "none"
 
@@ -51,11 +61,26 @@ class WaylinePoint:
     pitch_deg: float | None = None  # of the gimbal, from there on
     trigger_m: float = 0.0  # distance between photographs from there on; 0 for none
     interval_s: float = 0.0  # time between photographs from there on; 0 for none
+    # place that vehicle and camera look at from there on: lat and lon in degrees, height above home
+    looks_at: tuple[float, float, float] | None = None
+
+    def __post_init__(self) -> None:
+        if self.looks_at is not None:
+            check_position(*self.looks_at[:2], "a place to look at")
 
     @property
     def flown_m_s(self) -> float:
         """Speed from there on; the default where the mission sets none."""
         return CRUISE_M_S if self.speed_m_s is None else self.speed_m_s
+
+    @property
+    def gimbal_deg(self) -> float | None:
+        """Pitch of the gimbal there, to the place that it looks at if there is one; None if it is not set."""
+        if self.looks_at is None:
+            return self.pitch_deg
+        lat, lon, height_m = self.looks_at
+        away_m = distance_m(self.lat, self.lon, lat, lon)
+        return round(math.degrees(math.atan2(height_m - self.altitude_m, away_m)), 1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +92,14 @@ class Wayline:
     approach_m_s: float | None  # speed on the leg to the first waypoint
     finish: str  # "return", "land" or "none": what follows the last waypoint
     dropped: tuple[str, ...] = ()  # commands of the mission that a wayline cannot hold
+
+
+def legs_m(points: Sequence[WaylinePoint]) -> list[float]:
+    """Return the lengths of the legs between waypoints in metres, with climb and descent."""
+    return [
+        math.hypot(distance_m(one.lat, one.lon, two.lat, two.lon), two.altitude_m - one.altitude_m)
+        for one, two in pairwise(points)
+    ]
 
 
 class _WaylineBuilder:
@@ -96,15 +129,20 @@ class _WaylineBuilder:
         elif item.command == RETURN:
             self.finish = FINISH_RETURN
         elif item.command == LAND:
-            if not item.is_at_vehicle:
+            if not (item.is_at_vehicle or self._is_at(item)):
                 self._fly_to(replace(item, command=WAYPOINT, altitude_m=self._landing_height(item)))
             self.finish = FINISH_LAND
-        elif item.command in {CHANGE_SPEED, MOUNT_CONTROL, CAMERA_DISTANCE, IMAGE_START, IMAGE_STOP}:
+        elif item.command in _SETTINGS:
             self._set(item)
         elif item.has_position or item.command <= LAST_NAV or item.command in {JUMP, CONDITION_GATE}:
             raise MissionError(f"{self.format_name} cannot hold command {item.command} (item {number})")
         else:
             self.dropped[f"command {item.command} (item {number})"] = None
+
+    def _is_at(self, item: MissionItem) -> bool:
+        """Return whether the last waypoint is where an item is, so that no leg leads there."""
+        last = self.points[-1:]
+        return any(distance_m(one.lat, one.lon, item.lat, item.lon) < NEAR_M for one in last)
 
     def _landing_height(self, item: MissionItem) -> float:
         """Return the height of the waypoint before: the vehicle flies level to where it lands."""
@@ -133,8 +171,17 @@ class _WaylineBuilder:
             changes = {"pitch_deg": first}
             if second or third:
                 self.dropped["roll and yaw of the gimbal"] = None
+        elif item.command == ROI_LOCATION and item.frame != FRAME_TERRAIN:
+            changes = {"looks_at": (item.lat, item.lon, self._height(item)[0])}
+        elif item.command == ROI_LOCATION:
+            self.dropped["places to look at by their height above the terrain"] = None
+            return
+        elif item.command == ROI_NONE:
+            changes = {"looks_at": None}
         elif item.command == CAMERA_DISTANCE:
             changes = {"trigger_m": max(first, 0.0)}
+            if first <= 0 and self._begins_trigger():  # on and off at one waypoint: the photograph at once
+                changes["photo"] = True
         elif item.command == IMAGE_STOP:
             changes = {"interval_s": 0.0}
         elif third == 1:
@@ -150,10 +197,15 @@ class _WaylineBuilder:
             self.points[-1] = replace(self.points[-1], **changes)  # type: ignore[arg-type]
         elif changes.keys() & {"photo", "trigger_m", "interval_s"}:
             self.dropped["photographs before the first waypoint"] = None
-        if "photo" not in changes:
+        if changes != {"photo": True}:
             self.now = replace(self.now, **changes)  # type: ignore[arg-type]
             if not self.points:
                 self.approach_m_s = self.now.speed_m_s
+
+    def _begins_trigger(self) -> bool:
+        """Return whether photographs at a distance have begun at the last waypoint."""
+        before, point = self.points[-2:-1], self.points[-1:]
+        return any(one.trigger_m > 0 for one in point) and not any(one.trigger_m > 0 for one in before)
 
 
 def wayline_of(mission: Mission, format_name: str) -> Wayline:
@@ -203,6 +255,11 @@ def _changes(before: WaylinePoint, after: WaylinePoint) -> Generator[MissionItem
         yield MissionItem(
             MOUNT_CONTROL, FRAME_MISSION, (after.pitch_deg, 0.0, 0.0, 0.0), altitude_m=TARGETING
         )
+    if after.looks_at is not None and after.looks_at != before.looks_at:
+        lat, lon, height_m = after.looks_at
+        yield MissionItem(ROI_LOCATION, FRAME_RELATIVE, lat=lat, lon=lon, altitude_m=height_m)
+    elif after.looks_at != before.looks_at:
+        yield MissionItem(ROI_NONE, FRAME_MISSION)
     if after.photo:
         yield MissionItem(IMAGE_START, FRAME_MISSION, (0.0, 0.0, 1.0, 0.0))
     if after.trigger_m != before.trigger_m:

@@ -3,71 +3,106 @@
 `template.kml` is what DJI Pilot 2 and FlightHub 2 show and edit, `waylines.wpml` what the aircraft flies.
 Elements, their order and values are those of the Cloud API documentation (developer.dji.com, DJI WPML:
 template.kml, waylines.wpml, common elements; namespace http://www.dji.com/wpmz/1.0.2).
+
+DJI Fly, of consumer aircraft, has a dialect of its own, which DJI does not publish: another namespace, a
+template without waypoints, no payload, and no photographs between waypoints. It is written as in files that
+the app saved on its controllers.
 """
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import count
 
 from uavseg.errors import MissionError
-from uavseg.flight.formats.options import DjiModel
-from uavseg.flight.formats.wayline import FINISH_LAND, FINISH_NONE, FINISH_RETURN, Wayline, WaylinePoint
+from uavseg.flight.formats.options import TURN_THROUGH, DjiModel, FileOptions
+from uavseg.flight.formats.wayline import (
+    FINISH_LAND,
+    FINISH_NONE,
+    FINISH_RETURN,
+    Wayline,
+    WaylinePoint,
+    legs_m,
+)
 from uavseg.flight.formats.waypoints import decimal
 from uavseg.flight.formats.xml_text import child, parse_xml, xml_text
 from uavseg.flight.mission.items import FRAME_RELATIVE, FRAME_TERRAIN
 from uavseg.plain_text import shown
 
 NAMESPACE = "http://www.dji.com/wpmz/1.0.2"
+FLY_NAMESPACE = "http://www.uav.com/wpmz/1.0.2"
 KML_NAMESPACE = "http://www.opengis.net/kml/2.2"
 MAX_SPEED_M_S = 15.0
-GROUPS = 3  # of actions at a waypoint, at most
-MAX_WAYPOINTS = 65535 // GROUPS  # numbers of action groups end at 65535
+MAX_WAYPOINTS = 65535  # of items of a mission there are fewer, and so of action groups
+MIN_LEG_M = 0.5
 MIN_TAKEOFF_M, MAX_HEIGHT_M = 2.0, 1500.0
 HEIGHT_MODE = "relativeToStartPoint"
 TURN_MODE = "toPointAndStopWithDiscontinuityCurvature"  # straight legs: no corner is cut
+PASS_MODE = "toPointAndPassWithContinuityCurvature"  # with straight legs: turns before the waypoint
+TURN_M = 2.0
+"""How far before a waypoint the aircraft turns where it does not stop, as far as ArduPilot does."""
+TURN_SHARE = 0.45  # of a leg at most, as the turns at both of its ends must be shorter than it
 FINISH_ACTIONS = {FINISH_RETURN: "goHome", FINISH_LAND: "autoLand", FINISH_NONE: "noAction"}
-LENS = "wide"
+SPELLING = {"visible": "visable"}  # as DJI writes and documents it
+CREATED_MS = "315532800000"  # 1980, as in the archive: the same mission gives the same bytes
+NOWHERE = "0.000000,0.000000,0.000000"
 _FRAMES = {HEIGHT_MODE: FRAME_RELATIVE, "realTimeFollowSurface": FRAME_TERRAIN}
 _SERIES = {"multipleDistance": "trigger_m", "multipleTiming": "interval_s"}
 
 
-def template_kml(wayline: Wayline, model: DjiModel) -> bytes:
-    """Write the document `wpmz/template.kml`: a template of waypoint flight."""
-    root, document = _document()
+def template_kml(wayline: Wayline, options: FileOptions) -> bytes:
+    """Write the document `wpmz/template.kml`: a template of waypoint flight, for DJI Fly without them."""
+    root, document = _document(options.model)
+    if options.model.is_for_fly:
+        _add(document, author="fly", createTime=CREATED_MS, updateTime=CREATED_MS)
+        _mission_config(document, wayline, options.model)
+        return xml_text(root)
     child(document, "wpml:author", "uavseg")
-    _mission_config(document, wayline, model)
+    _mission_config(document, wayline, options.model)
     folder = child(document, "Folder")
     _add(folder, templateType="waypoint", templateId="0")
     system = child(folder, "wpml:waylineCoordinateSysParam")
     _add(system, coordinateMode="WGS84", heightMode=HEIGHT_MODE)
     first = wayline.points[0]
     _add(folder, autoFlightSpeed=first.flown_m_s, globalHeight=first.altitude_m, gimbalPitchMode="manual")
-    _heading(child(folder, "wpml:globalWaypointHeadingParam"), None)
-    _add(folder, globalWaypointTurnMode=TURN_MODE, globalUseStraightLine="1")
+    _add(
+        child(folder, "wpml:globalWaypointHeadingParam"),
+        waypointHeadingMode="followWayline",
+        waypointHeadingPathMode="followBadArc",
+    )
+    turn_mode = PASS_MODE if options.turn == TURN_THROUGH else TURN_MODE
+    _add(folder, globalWaypointTurnMode=turn_mode, globalUseStraightLine="1")
+    turns_m, numbers = _turns_m(wayline, options), count()
     for index, placemark in _placemarks(folder, wayline):
         point = wayline.points[index]
         # DJI writes the same as ellipsoidHeight in this height mode
         _add(placemark, ellipsoidHeight=point.altitude_m, height=point.altitude_m)
         for name in ("Height", "Speed", "HeadingParam", "TurnParam"):
             child(placemark, f"wpml:useGlobal{name}", "0")
-        _flight(placemark, point)
-        _action_groups(placemark, wayline, index)
+        _flight(placemark, point, turns_m[index], options.model)
+        _action_groups(placemark, wayline, index, options, numbers)
     payload = child(folder, "wpml:payloadParam")
-    _add(payload, payloadPositionIndex="0", imageFormat=LENS)
+    _add(payload, payloadPositionIndex="0", imageFormat=_lens_text(options))
     return xml_text(root)
 
 
-def waylines_wpml(wayline: Wayline, model: DjiModel) -> bytes:
+def waylines_wpml(wayline: Wayline, options: FileOptions) -> bytes:
     """Write the document `wpmz/waylines.wpml`: one wayline, as it is flown."""
-    root, document = _document()
-    _mission_config(document, wayline, model)
+    root, document = _document(options.model)
+    _mission_config(document, wayline, options.model)
     folder = child(document, "Folder")
     _add(folder, templateId="0", executeHeightMode=HEIGHT_MODE, waylineId="0")
+    if options.model.is_for_fly:
+        _add(folder, distance="0", duration="0")  # as the app leaves them
     child(folder, "wpml:autoFlightSpeed", wayline.points[0].flown_m_s)
+    turns_m, numbers = _turns_m(wayline, options), count()
     for index, placemark in _placemarks(folder, wayline):
         child(placemark, "wpml:executeHeight", wayline.points[index].altitude_m)
-        _flight(placemark, wayline.points[index])
-        _action_groups(placemark, wayline, index)
+        _flight(placemark, wayline.points[index], turns_m[index], options.model)
+        _action_groups(placemark, wayline, index, options, numbers)
+        if options.model.is_for_fly:
+            gimbal = child(placemark, "wpml:waypointGimbalHeadingParam")  # the actions turn it
+            _add(gimbal, waypointGimbalPitchAngle="0", waypointGimbalYawAngle="0")
     return xml_text(root)
 
 
@@ -88,6 +123,12 @@ def check_wayline(wayline: Wayline, name: str) -> None:
             f"{name} cannot hold heights above the terrain; plan with heights above home, or with --terrain "
             "absolute"
         )
+    for number, leg_m in enumerate(legs_m(wayline.points), start=1):
+        if leg_m < MIN_LEG_M:
+            raise MissionError(
+                f"DJI's aircraft fly legs of {MIN_LEG_M:g} m at least, and the one from waypoint {number} to "
+                f"{number + 1} is {leg_m:.2f} m long; plan with a larger --tolerance or --min-leg"
+            )
 
 
 def _approach_speed(wayline: Wayline) -> float:
@@ -101,25 +142,51 @@ def _add(parent: ET.Element, **texts: str | float) -> None:
         child(parent, f"wpml:{tag}", text)
 
 
-def _document() -> tuple[ET.Element, ET.Element]:
-    root = ET.Element("kml", {"xmlns": KML_NAMESPACE, "xmlns:wpml": NAMESPACE})
+def _document(model: DjiModel) -> tuple[ET.Element, ET.Element]:
+    namespace = FLY_NAMESPACE if model.is_for_fly else NAMESPACE
+    root = ET.Element("kml", {"xmlns": KML_NAMESPACE, "xmlns:wpml": namespace})
     return root, child(root, "Document")
+
+
+def _lens_text(options: FileOptions) -> str:
+    return ",".join(SPELLING.get(lens, lens) for lens in options.lenses)
+
+
+def _turns_m(wayline: Wayline, options: FileOptions) -> list[float]:
+    """Return how far before each waypoint the aircraft turns; 0 where it stops.
+
+    It stops at the first and last one, where it waits, and for a photograph in hover.
+    """
+    turns = [0.0] * len(wayline.points)
+    if options.turn == TURN_THROUGH:
+        legs = legs_m(wayline.points)
+        for index, point in enumerate(wayline.points[1:-1], start=1):
+            if not (point.hold_s or point.photo):
+                turns[index] = round(min(TURN_M, TURN_SHARE * min(legs[index - 1 : index + 1])), 3)
+    return turns
 
 
 def _mission_config(document: ET.Element, wayline: Wayline, model: DjiModel) -> None:
     """Write global parameters; if the link is lost, the aircraft leaves the wayline and returns."""
-    highest = max(point.altitude_m for point in wayline.points)
     takeoff = wayline.points[0].altitude_m if wayline.takeoff_m is None else wayline.takeoff_m
     config = child(document, "wpml:missionConfig")
     _add(config, flyToWaylineMode="safely", finishAction=FINISH_ACTIONS[wayline.finish])
     _add(config, exitOnRCLost="executeLostAction", executeRCLostAction="goBack")
-    child(config, "wpml:takeOffSecurityHeight", min(max(takeoff, MIN_TAKEOFF_M), MAX_HEIGHT_M))
+    if not model.is_for_fly:
+        child(config, "wpml:takeOffSecurityHeight", min(max(takeoff, MIN_TAKEOFF_M), MAX_HEIGHT_M))
     child(config, "wpml:globalTransitionalSpeed", _approach_speed(wayline))
-    child(config, "wpml:globalRTHHeight", max(highest, takeoff, MIN_TAKEOFF_M))
+    if not model.is_for_fly:
+        child(config, "wpml:globalRTHHeight", return_height_m(wayline))
     drone = child(config, "wpml:droneInfo")
     _add(drone, droneEnumValue=str(model.drone), droneSubEnumValue=str(model.drone_sub))
-    payload = child(config, "wpml:payloadInfo")
-    _add(payload, payloadEnumValue=str(model.payload), payloadPositionIndex="0")
+    if not model.is_for_fly:
+        payload = child(config, "wpml:payloadInfo")
+        _add(payload, payloadEnumValue=str(model.payload), payloadPositionIndex="0")
+
+
+def return_height_m(wayline: Wayline) -> float:
+    """Return the height above home at which the aircraft returns: that of the highest waypoint."""
+    return max(MIN_TAKEOFF_M, wayline.takeoff_m or 0.0, *(point.altitude_m for point in wayline.points))
 
 
 def _placemarks(folder: ET.Element, wayline: Wayline) -> Iterator[tuple[int, ET.Element]]:
@@ -131,39 +198,57 @@ def _placemarks(folder: ET.Element, wayline: Wayline) -> Iterator[tuple[int, ET.
         yield index, placemark
 
 
-def _flight(placemark: ET.Element, point: WaylinePoint) -> None:
+def _flight(placemark: ET.Element, point: WaylinePoint, turn_m: float, model: DjiModel) -> None:
     """Write speed, heading and turn at a waypoint."""
     child(placemark, "wpml:waypointSpeed", point.flown_m_s)
-    _heading(child(placemark, "wpml:waypointHeadingParam"), point.heading_deg)
+    _heading(child(placemark, "wpml:waypointHeadingParam"), point, model)
     turn = child(placemark, "wpml:waypointTurnParam")
-    _add(turn, waypointTurnMode=TURN_MODE, waypointTurnDampingDist="0")
+    _add(turn, waypointTurnMode=PASS_MODE if turn_m else TURN_MODE, waypointTurnDampingDist=turn_m)
     child(placemark, "wpml:useStraightLine", "1")
 
 
-def _heading(parent: ET.Element, heading_deg: float | None) -> None:
-    child(parent, "wpml:waypointHeadingMode", "followWayline" if heading_deg is None else "smoothTransition")
-    if heading_deg is not None:
-        child(parent, "wpml:waypointHeadingAngle", str(round((heading_deg + 180) % 360 - 180)))
+def _heading(parent: ET.Element, point: WaylinePoint, model: DjiModel) -> None:
+    """Write where the nose points at a waypoint and on the leg from there; DJI Fly has all elements."""
+    mode, angle, place = "followWayline", None, None
+    if point.looks_at is not None:
+        lat, lon, height_m = point.looks_at
+        mode, place = "towardPOI", f"{decimal(lat, 6)},{decimal(lon, 6)},{decimal(height_m, 6)}"
+    elif point.heading_deg is not None:
+        mode, angle = "smoothTransition", str(round((point.heading_deg + 180) % 360 - 180))
+    child(parent, "wpml:waypointHeadingMode", mode)
+    if angle or model.is_for_fly:
+        child(parent, "wpml:waypointHeadingAngle", angle or "0")
+    if place or model.is_for_fly:
+        child(parent, "wpml:waypointPoiPoint", place or NOWHERE)
+    if model.is_for_fly:
+        child(parent, "wpml:waypointHeadingAngleEnable", str(int(angle is not None)))
     child(parent, "wpml:waypointHeadingPathMode", "followBadArc")
+    if model.is_for_fly:
+        child(parent, "wpml:waypointHeadingPoiIndex", "0")
 
 
-def _action_groups(placemark: ET.Element, wayline: Wayline, index: int) -> None:
-    """Write the actions at a waypoint, then those that begin there."""
+def _action_groups(
+    placemark: ET.Element, wayline: Wayline, index: int, options: FileOptions, numbers: Iterator[int]
+) -> None:
+    """Write the actions at a waypoint, then those that begin there; DJI Fly knows the first alone."""
     point, before = wayline.points[index], wayline.points[index - 1] if index else None
     at_point = []
-    if point.pitch_deg is not None and (before is None or point.pitch_deg != before.pitch_deg):
+    turned = before is None or (point.gimbal_deg, point.looks_at) != (before.gimbal_deg, before.looks_at)
+    if turned and point.gimbal_deg is not None:
         at_point.append("gimbalRotate")
     if point.hold_s:
         at_point.append("hover")
     if point.photo:
         at_point.append("takePhoto")
     if at_point:
-        group = _group(placemark, GROUPS * index, (index, index), "reachPoint", None)
+        group = _group(placemark, next(numbers), (index, index), "reachPoint", None)
         for number, function in enumerate(at_point):
-            _action(group, number, function, point)
-    for offset, (last, trigger, step) in enumerate(_triggers_at(wayline.points, index), start=1):
-        group = _group(placemark, GROUPS * index + offset, (index, last), trigger, step)
-        _action(group, 0, "takePhoto", point)
+            _action(group, number, function, point, options)
+    if options.model.is_for_fly:
+        return
+    for last, trigger, step in _triggers_at(wayline.points, index):
+        group = _group(placemark, next(numbers), (index, last), trigger, step)
+        _action(group, 0, "takePhoto", point, options)
 
 
 def _triggers_at(points: Sequence[WaylinePoint], index: int) -> Iterator[tuple[int, str, float]]:
@@ -191,22 +276,25 @@ def _group(
     return group
 
 
-def _action(group: ET.Element, number: int, function: str, point: WaylinePoint) -> None:
+def _action(group: ET.Element, number: int, function: str, point: WaylinePoint, options: FileOptions) -> None:
     action = child(group, "wpml:action")
     _add(action, actionId=str(number), actionActuatorFunc=function)
     params = child(action, "wpml:actionActuatorFuncParam")
     if function == "hover":
         child(params, "wpml:hoverTime", point.hold_s)
         return
-    if function == "takePhoto":
-        _add(params, fileSuffix="uavseg", payloadLensIndex=LENS, useGlobalPayloadLensIndex="1")
+    if function == "gimbalRotate":
+        _gimbal(params, point.gimbal_deg or 0.0, "aircraft" if options.model.is_for_fly else "north")
+    elif options.lenses:  # the global ones are those of `imageFormat` in the template
+        lenses = _lens_text(options)
+        _add(params, fileSuffix="uavseg", payloadLensIndex=lenses, useGlobalPayloadLensIndex="1")
     else:
-        _gimbal(params, point.pitch_deg or 0.0)
+        child(params, "wpml:useGlobalPayloadLensIndex", "0")
     child(params, "wpml:payloadPositionIndex", "0")
 
 
-def _gimbal(params: ET.Element, pitch_deg: float) -> None:
-    _add(params, gimbalHeadingYawBase="north", gimbalRotateMode="absoluteAngle")
+def _gimbal(params: ET.Element, pitch_deg: float, yaw_base: str) -> None:
+    _add(params, gimbalHeadingYawBase=yaw_base, gimbalRotateMode="absoluteAngle")
     for axis, angle in (("Pitch", pitch_deg), ("Roll", 0.0), ("Yaw", 0.0)):
         child(params, f"wpml:gimbal{axis}RotateEnable", str(int(axis == "Pitch")))
         child(params, f"wpml:gimbal{axis}RotateAngle", angle)
@@ -234,7 +322,7 @@ def read_waylines(document: bytes) -> tuple[Wayline, list[str]]:
             reader.add_group(group)
     wayline = Wayline(
         points=tuple(reader.with_pitches()),
-        takeoff_m=_number_at(config, "takeOffSecurityHeight"),
+        takeoff_m=_number_at(config, "takeOffSecurityHeight", max(reader.points[0].altitude_m, 1.0)),
         approach_m_s=_number_at(config, "globalTransitionalSpeed"),
         finish=_finish(_text(config, "finishAction"), reader.notes),
     )
@@ -254,10 +342,13 @@ class _Reader:
         if len(place) not in (2, 3) or int(_number_at(placemark, "index")) != index:
             raise MissionError(f"placemark {index} is not waypoint {index} with longitude,latitude")
         lon, lat = _float(place[0]), _float(place[1])
-        heading = None
+        heading, looks_at = None, None
         mode = placemark.findtext("waypointHeadingParam/waypointHeadingMode", "followWayline")
+        target = placemark.findtext("waypointHeadingParam/waypointPoiPoint")
         if mode == "smoothTransition":
             heading = _number_at(placemark, "waypointHeadingParam/waypointHeadingAngle")
+        elif mode == "towardPOI" and target is not None:
+            looks_at = _poi(target)
         elif mode != "followWayline":
             self.notes[f"the heading mode {shown(mode)} was not read"] = None
         if placemark.findtext("waypointTurnParam/waypointTurnMode", TURN_MODE) != TURN_MODE:
@@ -267,7 +358,13 @@ class _Reader:
         height = _number_at(placemark, "executeHeight")
         self.points.append(
             WaylinePoint(
-                lat=lat, lon=lon, altitude_m=height, frame=self.frame, heading_deg=heading, speed_m_s=speed
+                lat=lat,
+                lon=lon,
+                altitude_m=height,
+                frame=self.frame,
+                heading_deg=heading,
+                speed_m_s=speed,
+                looks_at=looks_at,
             )
         )
 
@@ -303,13 +400,20 @@ class _Reader:
         self.points[index] = replace(self.points[index], **changes)  # type: ignore[arg-type]
 
     def with_pitches(self) -> list[WaylinePoint]:
-        """Return the waypoints; a pitch holds until the next one."""
+        """Return the waypoints; a pitch holds until the next one, but for those of a place to look at."""
         pitch = None
         points = []
         for point in self.points:
-            pitch = pitch if point.pitch_deg is None else point.pitch_deg
+            pitch = pitch if point.pitch_deg is None or point.looks_at else point.pitch_deg
             points.append(replace(point, pitch_deg=pitch))
         return points
+
+
+def _poi(text: str) -> tuple[float, float, float]:
+    numbers = [_float(part, "waypointPoiPoint") for part in text.split(",")]
+    if len(numbers) != 3:
+        raise MissionError(f"waypointPoiPoint is {shown(text)}; expected latitude,longitude,height")
+    return numbers[0], numbers[1], numbers[2]
 
 
 def _turns_pitch(action: ET.Element) -> bool:

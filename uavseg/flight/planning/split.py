@@ -273,7 +273,7 @@ def _in_another_order(
 
 
 def _between_s(route: RegionRoute, pieces: Pieces) -> Floats:
-    """Return times between the starts (even) and ends (odd) of regions, at the mean speed of ways from home."""
+    """Return times between starts (even) and ends (odd) of regions, at the mean speed of ways from home."""
     first = np.flatnonzero(np.diff(route.region, prepend=-1))
     last = np.append(first[1:], len(route.region)) - 1
     ends = np.array(

@@ -3,17 +3,18 @@
 import os
 import warnings
 from collections.abc import Sequence
-from dataclasses import field, replace
+from dataclasses import asdict, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from uavseg.dataclass import dataclass
-from uavseg.errors import ParameterError
+from uavseg.errors import MissionError, ParameterError
 from uavseg.execution.executors import decided, phase
 from uavseg.flight.formats.files import MissionPath, write_mission
-from uavseg.flight.formats.options import DEFAULT_DJI_MODEL, FileOptions
+from uavseg.flight.formats.options import DEFAULT_DJI_MODEL, TURN_STOP, TURN_THROUGH, FileOptions
+from uavseg.flight.formats.wpml import TURN_M
 from uavseg.flight.mission.features import as_html, explore
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.params.plan import PlanParams
@@ -105,6 +106,8 @@ class MissionPlan:
         *,
         editable: bool = False,
         dji_model: str = DEFAULT_DJI_MODEL,
+        lens: str | None = None,
+        turn: str = TURN_STOP,
     ) -> list[Path]:
         """Write the missions, read them back and check them; several are numbered: fly-1.plan, fly-2.plan.
 
@@ -114,7 +117,7 @@ class MissionPlan:
             Its extension selects the format, see `uavseg.flight.formats.files`.
         overwrite : bool
             Whether existing files may be replaced.
-        editable, dji_model
+        editable, dji_model, lens, turn
             As of `uavseg.flight.formats.files.write_mission`.
 
         Returns
@@ -125,10 +128,13 @@ class MissionPlan:
         ------
         MissionError
             If the extension is none of a mission, or what was written is not safe.
+        ParameterError
+            If the aircraft is not known or has no such lens, or the format has no such option.
         OutputError
             If a file exists, or cannot be written.
         """
-        return write_flights(self.missions, path, self.check, overwrite, FileOptions(editable, dji_model))
+        options = FileOptions(editable=editable, dji_model=dji_model, lens=lens, turn=turn)
+        return write_flights(self.missions, path, self.check, overwrite, options)
 
 
 def plan(
@@ -231,17 +237,21 @@ def write_flights(
     """Write missions, read each back and check it; all files appear together, or none.
 
     `path` is the file of a single mission, see `_flight_paths`. A MissionError says that its extension is not
-    one of missions, or that what was written is not safe, an OutputError that a file exists or cannot be
-    written.
+    one of missions, that what was written is not safe, or that turns at corners may be too near to zones, an
+    OutputError that a file exists or cannot be written.
     """
     paths = _flight_paths(path, len(missions))
     options = options or FileOptions()
+    corner_m = TURN_M / 2
+    if options.turn == TURN_THROUGH and check.zones and check.safety.avoid_margin_m < corner_m:
+        raise MissionError(
+            f"with --turn through the aircraft leaves the legs by up to {corner_m:g} m at corners; keep at "
+            "least that from zones (--avoid-margin), or stop at waypoints"
+        )
     stale = _stale_flight(path, len(missions))
     with transaction():
         for mission, one in zip(missions, paths, strict=True):
-            write_mission(
-                mission, one, overwrite, check.check, editable=options.editable, dji_model=options.dji_model
-            )
+            write_mission(mission, one, overwrite, check.check, **asdict(options))
     if stale is not None:
         warnings.warn(f"{stale} is of another plan; do not fly it with this one", stacklevel=2)
     return paths

@@ -13,6 +13,7 @@ import numpy as np
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import phase
 from uavseg.flight.camera.camera import SHUTTER_S, Camera, Overlap, Photos, camera_named
+from uavseg.flight.formats import litchi
 from uavseg.flight.mission.items import RallyPoint
 from uavseg.flight.mission.vehicle import Wind, read_vehicle
 from uavseg.flight.params.plan import (
@@ -41,6 +42,7 @@ def plan_request(options: PlanOptions) -> PlanRequest:
     """Return the request of a plan, checked before any work: ParameterError as of `mission_request`."""
     return mission_request(
         options.mission,
+        options.output,
         ids=options.ids,
         largest=options.largest,
         where=options.where,
@@ -49,11 +51,14 @@ def plan_request(options: PlanOptions) -> PlanRequest:
     )
 
 
-def mission_request(options: MissionOptions, **chosen: Any) -> PlanRequest:
+def mission_request(options: MissionOptions, output: str | None, **chosen: Any) -> PlanRequest:
     """Return the request of a mission over regions, which fields of `PlanRequest` choose.
 
-    ParameterError is raised if a value is out of bounds, or values do not go together.
+    Flights have no more waypoints than the program that reads `output` flies, if that is known. ParameterError is raised if a value is out of bounds, or values do not go together.
     """
+    if options.limits.max_waypoints is None and output is not None and output.lower().endswith(".csv"):
+        limits = replace(options.limits, max_waypoints=litchi.MAX_WAYPOINTS)
+        options = replace(options, limits=limits)
     flight = flight_params(options)
     home = options.flight.home
     if home is None:
