@@ -54,7 +54,8 @@ def plan_request(options: PlanOptions) -> PlanRequest:
 def mission_request(options: MissionOptions, output: str | None, **chosen: Any) -> PlanRequest:
     """Return the request of a mission over regions, which fields of `PlanRequest` choose.
 
-    Flights have no more waypoints than the program that reads `output` flies, if that is known. ParameterError is raised if a value is out of bounds, or values do not go together.
+    Flights have no more waypoints than the program that reads `output` flies, if that is known.
+    ParameterError is raised if a value is out of bounds, or values do not go together.
     """
     if options.limits.max_waypoints is None and output is not None and output.lower().endswith(".csv"):
         limits = replace(options.limits, max_waypoints=litchi.MAX_WAYPOINTS)
