@@ -156,3 +156,35 @@ def test_an_endurance_that_is_too_short_for_any_region_is_refused() -> None:
 def test_limits_that_cannot_be_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(ParameterError):
         LimitParams(**wrong)  # type: ignore[arg-type]
+
+
+def test_vehicles_in_the_air_at_once_are_apart_in_height_and_take_as_long() -> None:
+    regions = [box(200 * k, 150, 150, 150) for k in range(4)]
+    survey = {"pattern": "survey", "spacing_m": 15.0}
+    (alone,) = flights(regions, **survey)
+    for count in (2, 3):
+        found = flights(regions, **survey, limits=LimitParams(vehicles=count))
+        assert len(found) == count
+        tops = [max(item.altitude_m for item in one.items) for one in found]
+        assert tops == [60 + 5 * k for k in range(count)]
+        assert max(one.duration_s for one in found) < alone.duration_s
+        assert min(one.duration_s for one in found) > 0.6 * max(one.duration_s for one in found)
+        assert sum(len(waypoints(one)) for one in found) >= len(waypoints(alone))
+        assert any(f"{count} vehicles fly at once, 1 flight each" in text for text in found[0].warnings)
+    short = flights(regions, **survey, limits=LimitParams(10, 30, vehicles=2))
+    assert len(short) % 2 == 0 and all(one.duration_s <= 420 for one in short)
+    tops = [max(item.altitude_m for item in one.items) for one in short]
+    assert tops == [60.0] * (len(short) // 2) + [65.0] * (len(short) // 2)
+    with pytest.raises(ParameterError, match="permit"):
+        flights(regions, **survey, altitude_m=118.0, limits=LimitParams(vehicles=2))
+    with pytest.raises(ParameterError, match="--flights or --vehicles"):
+        LimitParams(flights=2, vehicles=2)
+
+
+def test_flights_have_no_more_waypoints_than_their_program_flies() -> None:
+    regions = [box(200 * k, 150, 150, 150) for k in range(4)]
+    survey = {"pattern": "survey", "spacing_m": 10.0}
+    (whole,) = flights(regions, **survey)
+    found = flights(regions, **survey, limits=LimitParams(max_waypoints=40))
+    assert len(waypoints(whole)) > 80 and len(found) == math.ceil(len(waypoints(whole)) / 40)
+    assert all(len(waypoints(one)) <= 40 for one in found)
