@@ -203,9 +203,9 @@ def stage_name(function: Any) -> str:
 
 @lru_cache
 def _code_hash() -> str:
-    """Hash the package's source: two states of it between two releases have the same version."""
-    hasher = hashlib.sha256()
-    for path in sorted(Path(__file__).parents[1].rglob("*.py")):
+    """Hash the package's source and tables: two states of it between two releases have the same version."""
+    hasher, root = hashlib.sha256(), Path(__file__).parents[1]
+    for path in sorted([*root.rglob("*.py"), *root.rglob("*.csv")]):
         hasher.update(path.read_bytes())
     return hasher.hexdigest()
 

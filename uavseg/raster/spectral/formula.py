@@ -89,8 +89,6 @@ def bind_formula(words: BandWords, layout: BandLayout) -> Formula | None:
     """
     if not words.is_formula:
         return None
-    from uavseg.raster.spectral.formula import parse_expression
-
     if words.expr is not None:
         return Formula("", parse_expression(words.expr, partial(_find, layout)))
     assert words.index is not None
