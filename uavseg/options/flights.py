@@ -92,7 +92,7 @@ class PhotoOptions(Options):
         "Overlap of photographs along lines and between them, in per cent.",
         default=(75.0, 70.0),
         metavar="FRONT,SIDE",
-        parse=texts.several_numbers("--overlap is FRONT,SIDE in per cent, such as 75,70"),
+        parse=texts.numbers("--overlap is FRONT,SIDE in per cent, such as 75,70"),
         shown="75,70",
         basic=True,
         label="Overlap",
