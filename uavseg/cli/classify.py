@@ -41,8 +41,7 @@ def command(options: ClassifyOptions) -> None:
     not explain them. Where obstacles are lost all the same (--method paper, --refine none), nothing is
     written unless --allow-lost-obstacles is given.
     """
-    from uavseg.jobs.maps.classify import classify
-    from uavseg.jobs.maps.requests import classify_request
+    from uavseg.jobs.maps.classify import classify, classify_request
     from uavseg.jobs.source.open_source import open_probability_map
 
     reporter = Reporter(options.messages, options.progress)

@@ -21,8 +21,7 @@ def command(options: CompareOptions) -> None:
     Without, they are maps, which are registered first, within 5 cells and 2 degrees. What is new or gone is
     free in the other map; what is first seen or not seen again is unknown there.
     """
-    from uavseg.jobs.maps.compare import compare, open_both
-    from uavseg.jobs.maps.requests import compare_job
+    from uavseg.jobs.maps.compare import compare, compare_job, open_both
     from uavseg.regions.edit.small import as_area
     from uavseg.regions.formats import export
 

@@ -22,8 +22,7 @@ def command(options: ExploreOptions) -> None:
     The scene is that of `uavseg simulate`, or MAP: a robot's map (YAML or raster), whose free cells the robot
     may enter and whose others are solid. It knows nothing of them but what it scans, every 0.25 m.
     """
-    from uavseg.jobs.maps.explore import explore
-    from uavseg.jobs.maps.requests import explore_request
+    from uavseg.jobs.maps.explore import explore, explore_request
     from uavseg.occupancy.map_file import write_map
     from uavseg.plot.drive_animation import write_animation
 

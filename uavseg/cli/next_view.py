@@ -21,8 +21,7 @@ def command(options: NextViewOptions) -> None:
     of free and unknown ones; the best begins a short tour through all of them, which ends where unknown space
     goes on farthest.
     """
-    from uavseg.jobs.maps.next_view import next_views
-    from uavseg.jobs.maps.requests import view_request
+    from uavseg.jobs.maps.next_view import next_views, view_request
     from uavseg.jobs.source.open_source import open_probability_map
     from uavseg.occupancy.paths.path_geojson import check_path_crs
     from uavseg.output.atomic import check_target

@@ -32,8 +32,7 @@ def command(options: PathOptions) -> None:
     with the same --range and --refine. The path never enters a cell whose own value is outside of the range,
     and cuts no corner.
     """
-    from uavseg.jobs.maps.path import path
-    from uavseg.jobs.maps.requests import path_request
+    from uavseg.jobs.maps.path import path, path_request
     from uavseg.jobs.source.open_source import open_probability_map
     from uavseg.output.atomic import check_target
 

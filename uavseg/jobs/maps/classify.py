@@ -21,9 +21,10 @@ from uavseg.jobs.result.result import (
 )
 from uavseg.jobs.source.source import Blocks, ProbabilityMap
 from uavseg.jobs.source.work import SERIAL, Work
+from uavseg.options.maps import ClassifyOptions
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import TilePass
-from uavseg.regions.edit.small import Area, drop_small_regions
+from uavseg.regions.edit.small import Area, as_area, drop_small_regions
 from uavseg.regions.outline.rings import Rings
 from uavseg.regions.tiles.class_tiles import outline_state
 from uavseg.segmentation.blocks.leaves import cell_intervals
@@ -73,6 +74,22 @@ class ClassifyRequest:
     def restores(self) -> bool:
         """Return whether thin obstacles are restored: not with the paper's method, nor at block edges."""
         return self.segment.method == "adaptive" and self.refine == "scan"
+
+
+def classify_request(options: ClassifyOptions, with_objects: bool | None = None) -> ClassifyRequest:
+    """Return the states of which a map is classified.
+
+    Objects are outlined by default where a file of them is written.
+    """
+    named = options.objects is not None or options.labels is not None
+    return ClassifyRequest(
+        StateLimits(options.free_below, options.occupied_above),
+        options.division.segment_params(options.refine),
+        objects=named if with_objects is None else with_objects,
+        drawing=Drawing(simplify_m=options.simplify),
+        min_area=as_area(options.min_area),
+        allow_lost_obstacles=options.allow_lost_obstacles,
+    )
 
 
 @dataclass(frozen=True)
