@@ -12,6 +12,7 @@ from uavseg.raster.intensity.grey import to_grey
 from uavseg.raster.intensity.stretch import Stretch, counts_exactly
 from uavseg.raster.read.dataset import Dataset
 from uavseg.raster.spectral.bands import BandScale, ValueAxis
+from uavseg.segmentation.params.segment import IntensityRange
 from uavseg.units import GREY_MAX
 
 _ROUNDING = 1e-6  # of a step between stored integers
@@ -60,12 +61,11 @@ class ValueRange:
 
 
 @dataclass(frozen=True, slots=True)
-class FittedRange:
-    """A range of values under a stretch that was fitted for it."""
+class DetectedRange:
+    """A range of v, after the stretch, and its ends in values; NaN where it is open or values are unknown."""
 
-    low: float  # of v, 0 at an open end
-    high: float  # of v, 1 at an open end
-    ends: tuple[float, float]  # the values; NaN at an open end
+    interval: IntensityRange
+    ends: tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,10 +95,13 @@ def axis_of(dataset: Dataset, stretch: Stretch) -> ValueAxis | None:
     """Return how v maps to values; None if the bands or files share no scale."""
     if dataset.scale is None:
         return None
+    return ValueAxis(stretch.low, stretch.high, dataset.scale, intensity_limits(dataset, stretch))
+
+
+def intensity_limits(dataset: Dataset, stretch: Stretch) -> tuple[float, float]:
+    """Return the smallest and the largest intensity that a dataset holds, as far as a stretch says it."""
     low, high = type_limits(dataset)
-    if not stretch.clips:
-        low, high = max(low, stretch.low), min(high, stretch.high)
-    return ValueAxis(stretch.low, stretch.high, dataset.scale, (low, high))
+    return (low, high) if stretch.clips else (max(low, stretch.low), min(high, stretch.high))
 
 
 def type_limits(dataset: Dataset) -> tuple[float, float]:
@@ -141,10 +144,17 @@ def stored_range(requested: ValueRange, scale: BandScale, dataset: Dataset, stat
     low, high = ends if scale.scale > 0 else ends[::-1]
     low, high = -inf if low is None else low, inf if high is None else high
     if requested.by_rank and is_wide(dataset):  # percentiles are rounded to float32
-        low, high = (
-            float(np.nextafter(np.float32(end), np.float32(way))) for end, way in ((low, -inf), (high, inf))
-        )
+        low, high = next_float32(low, high)
     return Bounds(low, high)
+
+
+def next_float32(low: float, high: float) -> tuple[float, float]:
+    """Return the numbers of single precision beside the ends of a range, outside of it."""
+    below, above = (
+        np.nextafter(np.float32(low), np.float32(-inf)),
+        np.nextafter(np.float32(high), np.float32(inf)),
+    )
+    return float(below), float(above)
 
 
 def _stored_bound(end: float, is_low: bool, scale: BandScale, dataset: Dataset) -> float:
@@ -206,7 +216,7 @@ def asked_ends(requested: ValueRange, bounds: Bounds, scale: BandScale) -> tuple
     return (first, last) if scale.scale > 0 else (last, first)
 
 
-def range_on_axis(requested: ValueRange, axis: ValueAxis | None, name: str) -> FittedRange:
+def range_on_axis(requested: ValueRange, axis: ValueAxis | None, name: str) -> DetectedRange:
     """Return a range of values in v, where greys are all that is known: to half a grey.
 
     A ParameterError says that it is of percentiles, or that a bound is at an end of the stretch or beyond,
@@ -225,7 +235,7 @@ def range_on_axis(requested: ValueRange, axis: ValueAxis | None, name: str) -> F
     last = 1.0 if high is None or high >= axis.limits[1] else _v_inside(high, requested, axis)
     if first >= last:
         first, last = max(first - 0.25 / GREY_MAX, 0.0), min(last + 0.25 / GREY_MAX, 1.0)
-    return FittedRange(first, last, requested.ends)
+    return DetectedRange(IntensityRange(first, last), requested.ends)
 
 
 def _v_inside(stored: float, requested: ValueRange, axis: ValueAxis) -> float:

@@ -23,19 +23,21 @@ from uavseg.raster.intensity.stretch import (
 )
 from uavseg.raster.intensity.value_range import (
     Bounds,
-    FittedRange,
+    DetectedRange,
     Statistics,
     ValueRange,
     asked_ends,
     check_type,
+    intensity_limits,
     is_wide,
     nearest_of_type,
+    next_float32,
     percents_asked,
     scale_of,
     stored_range,
-    type_limits,
 )
 from uavseg.raster.read.dataset import Dataset
+from uavseg.segmentation.params.segment import IntensityRange
 from uavseg.units import GREY_LEVELS, GREY_MAX
 
 _MARGIN = 1 / 8  # of the span of an automatic stretch: its ends stay so far from each bound
@@ -43,9 +45,9 @@ _GREYS = 1.25  # greys between a bound and the end of a stretch: one for what li
 
 
 def fit_values(
-    dataset: Dataset, spec: Stretch | StretchSpec, requested: Sequence[ValueRange], tile_pass: TilePass
-) -> tuple[Stretch, list[FittedRange]]:
-    """Fit a stretch under which ranges of values are decided exactly, and express them in v.
+    dataset: Dataset, spec: Stretch | StretchSpec, requested: ValueRange, tile_pass: TilePass
+) -> tuple[Stretch, DetectedRange]:
+    """Fit a stretch under which a range of values is decided exactly, and express it in v.
 
     An automatic stretch is widened until each bound lies inside it, an eighth of its span from its ends (but
     no further than values go), because values beyond the ends of a stretch have the same v. A stretch that
@@ -54,46 +56,40 @@ def fit_values(
     bound.
 
     A fitted stretch keeps its ends. The result does not depend on `tile_pass`, by which pixels are read only
-    where percentiles or the stretch need them. There is one fitted range for each of those requested, at
-    least one, in v of that stretch. A ParameterError says that a bound lies outside of a stretch that the
-    user chose, or that the files have different scales.
+    where percentiles or the stretch need them. A ParameterError says that a bound lies outside of a stretch
+    that the user chose, or that the files have different scales.
     """
     scale = scale_of(dataset)
-    found, statistics = _fit(dataset, spec, requested, tile_pass)
+    found, statistics = _fit(dataset, spec, percents_asked(requested, scale), tile_pass)
     if statistics is None:
-        return found, [FittedRange(0.0, 1.0, (math.nan, math.nan)) for _ in requested]
-    bounds = [stored_range(one, scale, dataset, statistics) for one in requested]
-    for one, own in zip(requested, bounds, strict=True):
-        check_type(one, own, dataset, scale)
+        return found, DetectedRange(IntensityRange(0.0, 1.0), (math.nan, math.nan))
+    bounds = stored_range(requested, scale, dataset, statistics)
+    check_type(requested, bounds, dataset, scale)
     limits = _limits(dataset, found, statistics)
-    inner = [_within(one, limits) for one in bounds]
-    ends = sorted({end for one in inner for end in one.finite})
+    inner = _within(bounds, limits)
+    ends = sorted(set(inner.finite))
     if isinstance(spec, StretchSpec) and spec.form == "auto":
         found = _widened(found, ends, limits)
     _check_inside(found, ends, requested, isinstance(spec, Stretch))
     if not isinstance(spec, Stretch):
         found = _with_guard(found, ends)
     found = replace(found, borders=_borders(dataset, found, inner))
-    return found, [
-        FittedRange(*_in_v(dataset, found, inside), asked_ends(one, own, scale))
-        for one, own, inside in zip(requested, bounds, inner, strict=True)
-    ]
+    return found, DetectedRange(_in_v(dataset, found, inner), asked_ends(requested, bounds, scale))
 
 
 def _fit(
-    dataset: Dataset, spec: Stretch | StretchSpec, requested: Sequence[ValueRange], tile_pass: TilePass
+    dataset: Dataset, spec: Stretch | StretchSpec, asked: Sequence[Fraction], tile_pass: TilePass
 ) -> tuple[Stretch, Statistics | None]:
-    """Return the stretch as it is without ranges, and the intensities at all percentiles that are needed.
+    """Return the stretch as it is without a range, and the intensities at all percentiles that are needed.
 
     These are those of the stretch, those that are asked for, and 0 and 100; none where no pixel is read, and
     None if no pixel is valid.
     """
     resolved = spec if isinstance(spec, Stretch) else resolved_spec(dataset, spec)
     own = () if isinstance(resolved, Stretch) else percents_of(resolved)
-    percents = {*own, *(percent for one in requested for percent in percents_asked(one, scale_of(dataset)))}
     statistics: Statistics | None = {}
-    if percents:
-        every = sorted({*percents, Fraction(0), Fraction(100)})
+    if own or asked:
+        every = sorted({*own, *asked, Fraction(0), Fraction(100)})
         found = order_statistics(dataset, every, tile_pass)
         statistics = None if found is None else dict(zip(every, found, strict=True))
     if isinstance(resolved, Stretch):
@@ -104,14 +100,11 @@ def _fit(
 
 def _limits(dataset: Dataset, stretch: Stretch, statistics: Statistics) -> tuple[float, float]:
     """Return intensities between which all pixels lie, as far as it is known."""
-    low, high = type_limits(dataset)
-    if not stretch.clips:
-        low, high = max(low, stretch.low), min(high, stretch.high)
+    low, high = intensity_limits(dataset, stretch)
     if statistics:
         first, last = statistics[Fraction(0)], statistics[Fraction(100)]
         if is_wide(dataset):
-            first = float(np.nextafter(np.float32(first), np.float32(-inf)))
-            last = float(np.nextafter(np.float32(last), np.float32(inf)))
+            first, last = next_float32(first, last)
         low, high = max(low, first), min(high, last)
     return low, high
 
@@ -135,9 +128,7 @@ def _widened(stretch: Stretch, ends: Sequence[float], limits: tuple[float, float
     return Stretch(low, high, f"{stretch.name}, widened to {low:g}..{high:g} for the range")
 
 
-def _check_inside(
-    stretch: Stretch, ends: Sequence[float], requested: Sequence[ValueRange], is_fitted: bool
-) -> None:
+def _check_inside(stretch: Stretch, ends: Sequence[float], requested: ValueRange, is_fitted: bool) -> None:
     """Refuse a bound outside of a stretch that cannot be widened."""
     for end in ends:
         inside = stretch.low < end < stretch.high if is_fitted else stretch.low <= end <= stretch.high
@@ -145,7 +136,7 @@ def _check_inside(
             first, last = min(ends[0], stretch.low), max(ends[-1], stretch.high)
             more = (last - first) / 8
             raise ParameterError(
-                f"the range {', '.join(map(str, requested))} reaches to {end:g} or beyond, outside of the "
+                f"the range {requested} reaches to {end:g} or beyond, outside of the "
                 f"stretch {stretch.name}, which makes all values there alike; use the stretch auto, or "
                 f"{first - more:g},{last + more:g}"
             )
@@ -170,43 +161,41 @@ def _steps_are_greys(dataset: Dataset, stretch: Stretch) -> bool:
     return counts_exactly(dataset) and stretch.high - stretch.low <= GREY_MAX
 
 
-def _borders(dataset: Dataset, stretch: Stretch, inner: Sequence[Bounds]) -> tuple[Border, ...]:
+def _borders(dataset: Dataset, stretch: Stretch, inner: Bounds) -> tuple[Border, ...]:
     """Return the bounds that greys alone do not decide."""
     if _steps_are_greys(dataset, stretch):
         return ()
-    found = [Border(one.low, _grey(stretch, one.low), True) for one in inner if math.isfinite(one.low)]
-    found += [Border(one.high, _grey(stretch, one.high), False) for one in inner if math.isfinite(one.high)]
+    found = [
+        Border(end, _grey(stretch, end), is_low)
+        for end, is_low in ((inner.low, True), (inner.high, False))
+        if math.isfinite(end)
+    ]
     if any(border.grey == (0 if border.is_low else GREY_MAX) for border in found):
         raise ParameterError(
             f"the values of {dataset.source} reach from {stretch.low:g} to {stretch.high:g}, too far apart "
             "for the range to be decided; give a stretch around it (--stretch LOW,HIGH)"
         )
-    return tuple(dict.fromkeys(found))
+    return tuple(found)
 
 
-def _in_v(dataset: Dataset, stretch: Stretch, inner: Bounds) -> tuple[float, float]:
+def _in_v(dataset: Dataset, stretch: Stretch, inner: Bounds) -> IntensityRange:
     """Return a range in v that holds the greys of its intensities and no other; its ends differ."""
     exact = _steps_are_greys(dataset, stretch)
-    low = _low_v(stretch, inner.low, exact) if math.isfinite(inner.low) else 0.0
-    high = _high_v(stretch, inner.high, exact) if math.isfinite(inner.high) else 1.0
+    low = _end_in_v(stretch, inner.low, exact, True) if math.isfinite(inner.low) else 0.0
+    high = _end_in_v(stretch, inner.high, exact, False) if math.isfinite(inner.high) else 1.0
     if low >= high:  # one intensity, or none: between the greys of two integers
         middle, reach = (low + high) / 2, (0.25 if low == high else 0.125) / GREY_MAX
         low, high = max(middle - reach, 0.0), min(middle + reach, 1.0)
-    return low, high
+    return IntensityRange(low, high)
 
 
-def _low_v(stretch: Stretch, bound: float, in_steps: bool) -> float:
+def _end_in_v(stretch: Stretch, bound: float, in_steps: bool, is_low: bool) -> float:
     if not in_steps:
         return _grey(stretch, bound) / GREY_MAX
     v = (bound - stretch.low) / (stretch.high - stretch.low)
-    first = math.ceil(bound)  # the smallest integer in the range
-    return min(max(v, (_grey(stretch, first - 1) + 0.5) / GREY_MAX), _grey(stretch, first) / GREY_MAX)
-
-
-def _high_v(stretch: Stretch, bound: float, in_steps: bool) -> float:
-    if not in_steps:
-        return _grey(stretch, bound) / GREY_MAX
-    v = (bound - stretch.low) / (stretch.high - stretch.low)
+    if is_low:
+        first = math.ceil(bound)  # the smallest integer in the range
+        return min(max(v, (_grey(stretch, first - 1) + 0.5) / GREY_MAX), _grey(stretch, first) / GREY_MAX)
     last = math.floor(bound)  # the largest integer in the range
     return max(min(v, (_grey(stretch, last + 1) - 0.5) / GREY_MAX), _grey(stretch, last) / GREY_MAX)
 
