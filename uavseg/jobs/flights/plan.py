@@ -13,7 +13,7 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import decided, phase
 from uavseg.flight.formats.files import MissionPath, write_mission
-from uavseg.flight.formats.options import DEFAULT_DJI_MODEL, FileOptions
+from uavseg.flight.formats.options import DEFAULT_DJI_MODEL
 from uavseg.flight.mission.features import as_html, explore
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.params.plan import PlanParams
@@ -128,7 +128,16 @@ class MissionPlan:
         OutputError
             If a file exists, or cannot be written.
         """
-        return write_flights(self.missions, path, self.check, overwrite, FileOptions(editable, dji_model))
+        count = len(self.missions)
+        paths, stale = _flight_paths(path, count), _stale_flight(path, count)
+        with transaction():
+            for mission, one in zip(self.missions, paths, strict=True):
+                write_mission(
+                    mission, one, overwrite, self.check.check, editable=editable, dji_model=dji_model
+                )
+        if stale is not None:
+            warnings.warn(f"{stale} is of another plan; do not fly it with this one", stacklevel=2)
+        return paths
 
 
 def plan(
@@ -219,32 +228,6 @@ def _flight_paths(path: MissionPath, count: int) -> list[Path]:
     if count == 1:
         return [base]
     return [base.with_name(f"{base.stem}-{number}{base.suffix}") for number in range(1, count + 1)]
-
-
-def write_flights(
-    missions: Sequence[Mission],
-    path: MissionPath,
-    check: SafetyCheck,
-    overwrite: bool = False,
-    options: FileOptions | None = None,
-) -> list[Path]:
-    """Write missions, read each back and check it; all files appear together, or none.
-
-    `path` is the file of a single mission, see `_flight_paths`. A MissionError says that its extension is not
-    one of missions, or that what was written is not safe, an OutputError that a file exists or cannot be
-    written.
-    """
-    paths = _flight_paths(path, len(missions))
-    options = options or FileOptions()
-    stale = _stale_flight(path, len(missions))
-    with transaction():
-        for mission, one in zip(missions, paths, strict=True):
-            write_mission(
-                mission, one, overwrite, check.check, editable=options.editable, dji_model=options.dji_model
-            )
-    if stale is not None:
-        warnings.warn(f"{stale} is of another plan; do not fly it with this one", stacklevel=2)
-    return paths
 
 
 def _stale_flight(path: MissionPath, count: int) -> Path | None:
