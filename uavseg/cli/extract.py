@@ -12,9 +12,11 @@ from uavseg.cli.terminal.say import Reporter, showing_phases, work_of
 from uavseg.cli.write import (
     RegionFiles,
     answer_each,
+    check_ranges,
     confidence_row,
     geojson_form,
     keep_inputs,
+    shown,
     summary_rows,
     transaction,
     write_plan_output,
@@ -40,7 +42,7 @@ def command(options: ExtractOptions) -> None:
     RASTER may also be a block map from `uavseg divide`. With --mission, a flight over the regions is planned
     too; see `uavseg plan --help` for how.
     """
-    _check_ranges(options)
+    check_ranges(options.ranges, {"--class": options.class_texts, "--classes": options.classes})
     from uavseg.jobs.requests import region_job
     from uavseg.jobs.source.open_source import open_source
     from uavseg.output.atomic import check_target
@@ -83,7 +85,7 @@ def command(options: ExtractOptions) -> None:
 
         notes = [*planned.warnings, *unwritten, *_avoid_notes(options)]
         report(planned.missions, planned.regions, paths, notes)
-    rows = {"regions": f"{len(found.regions):,} -> {files.shown}", **_class_rows(found, job.request)}
+    rows = {"regions": f"{len(found.regions):,} -> {shown(files.target)}", **_class_rows(found, job.request)}
     reporter.table(rows | summary_rows(found) | {"seconds": f"{reporter.seconds:.2f}"})
 
 
@@ -109,30 +111,6 @@ def _write_partitions(options: ExtractOptions, job: RegionJob, reporter: Reporte
     rows["largest"] = f"{area:,.1f} {unit} ({pixels:,} pixels)" if written.files else "-"
     rows |= confidence_row(found, written.regions)
     reporter.table(rows | {"seconds": f"{reporter.seconds:.2f}"})
-
-
-def _check_ranges(options: ExtractOptions) -> None:
-    """Refuse no range, or more than one kind of range or of classes."""
-    ranges = options.ranges
-    several = isinstance(ranges.range, list)
-    one = {
-        "--range": ranges.range,
-        "--values": ranges.values,
-        "--percentile": ranges.percentile,
-        "--class": options.class_texts,
-        "--classes": options.classes,
-    }
-    given = [name for name, value in one.items() if value]
-    if not given:
-        raise click.UsageError(
-            "Missing option '--range' (v in 0..1), '--values' or '--percentile'; or '--class' or '--classes'."
-        )
-    if len(given) > 1 and (several or "--class" in given or "--classes" in given):
-        raise click.UsageError(
-            f"{' and '.join(given)} do not go together; give a range, or classes in one way"
-        )
-    if len(given) > 1:
-        raise click.UsageError(f"{' and '.join(given)} are ranges of different kinds; give one of them")
 
 
 def _class_names(request: Any) -> list[str]:

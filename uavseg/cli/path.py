@@ -5,11 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import click
-
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter, work_of
-from uavseg.cli.write import keep_inputs, shown, write_mission_output, write_text
+from uavseg.cli.write import check_ranges, keep_inputs, shown, write_mission_output, write_text
 from uavseg.errors import MissionError, OutputError, ParameterError
 from uavseg.options.flights import Home
 from uavseg.options.maps import PathOptions
@@ -38,7 +36,7 @@ def command(options: PathOptions) -> None:
 
     reporter = Reporter(options.messages, options.progress)
     output, overwrite = options.output, options.files.overwrite
-    _check_range(options)
+    check_ranges(options.ranges, {})
     request, flight = path_request(options), _flight(options)
     if output != "-":
         check_target(output, overwrite)
@@ -56,17 +54,6 @@ def command(options: PathOptions) -> None:
         from uavseg.cli.mission_report import report
 
         report([mission], 1, [output], [*mission.warnings, *unwritten])
-
-
-def _check_range(options: PathOptions) -> None:
-    """Refuse no range, or more than one."""
-    ranges = options.ranges
-    named = {"--range": ranges.range, "--values": ranges.values, "--percentile": ranges.percentile}
-    given = [name for name, value in named.items() if value is not None]
-    if not given:
-        raise click.UsageError("Missing option '--range' (v in 0..1), '--values' or '--percentile'.")
-    if len(given) > 1:
-        raise click.UsageError(f"{' and '.join(given)} are ranges of different kinds; give one of them")
 
 
 def _flight(options: PathOptions) -> PlanParams | None:

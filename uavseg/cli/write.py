@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from uavseg.cli.terminal.say import standard_output
+from uavseg.cli.terminal.say import say, show, standard_output
 from uavseg.dataclass import dataclass
+from uavseg.errors import OutputError
 
 if TYPE_CHECKING:
     from uavseg.cli.terminal.say import Reporter
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from uavseg.jobs.result.result import Extraction
     from uavseg.jobs.source.work import Work
     from uavseg.options.flights import MissionFileOptions
-    from uavseg.options.regions import ExtractOptions, LevelsOptions, MatchOptions
+    from uavseg.options.regions import ExtractOptions, LevelsOptions, MatchOptions, RangeOptions
     from uavseg.options.running import RegionOutputs, StorageOptions
     from uavseg.raster.formats.creation import CreationOptions
     from uavseg.regions.formats.text_writers import GeoJsonForm
@@ -65,11 +66,23 @@ def check_targets(output: str | None, labels: str | None, overwrite: bool) -> No
 
 def check_distinct(*paths: str | None) -> None:
     """Refuse outputs that have the same name, with OutputError."""
-    from uavseg.errors import OutputError
-
     named = [Path(path).resolve() for path in paths if path and path != "-"]
     if len(set(named)) < len(named):
         raise OutputError("two outputs have the same name; give each its own")
+
+
+def check_ranges(ranges: RangeOptions, classes: Mapping[str, Any]) -> None:
+    """Refuse no range, or more than one kind of range or of classes, which are given by their options."""
+    named = {"--range": ranges.range, "--values": ranges.values, "--percentile": ranges.percentile}
+    given = [name for name, value in (named | dict(classes)).items() if value]
+    if not given:
+        others = "; or '--class' or '--classes'" if classes else ""
+        raise click.UsageError(f"Missing option '--range' (v in 0..1), '--values' or '--percentile'{others}.")
+    if len(given) > 1:
+        several = isinstance(ranges.range, list) or classes.keys() & set(given)
+        why = "do not go together; give a range, or classes in one way"
+        why = why if several else "are ranges of different kinds; give one of them"
+        raise click.UsageError(f"{' and '.join(given)} {why}")
 
 
 def keep_inputs(outputs: Sequence[str | None], *inputs: Any) -> None:
@@ -81,9 +94,9 @@ def keep_inputs(outputs: Sequence[str | None], *inputs: Any) -> None:
 
 def transaction() -> AbstractContextManager[None]:
     """Return a context whose files appear together at its end."""
-    from uavseg.output import atomic as files
+    from uavseg.output import atomic
 
-    return files.transaction()
+    return atomic.transaction()
 
 
 def write_region_output(
@@ -114,7 +127,6 @@ def write_label_output(found: Extraction, labels: LabelFile, work: Work, overwri
 
 def write_text(path: str, text: str, overwrite: bool) -> None:
     """Write a text file, or to the standard output where the path is -."""
-    from uavseg.cli.terminal.say import show
     from uavseg.output.atomic import atomic_file
     from uavseg.output.disk import noted_stream
 
@@ -241,11 +253,6 @@ class RegionFiles:
         if self.target == "-":
             write_region_output(found, self.target, self.overwrite, self.form)
 
-    @property
-    def shown(self) -> str:
-        """The target by its name for people."""
-        return "stdout" if self.target == "-" else self.target
-
 
 def answer_each(options: RegionOptions, job: RegionJob, ending: str, reporter: Reporter) -> bool:
     """Run a job for each raster, list those that failed, and end with exit code 1 if there are any.
@@ -262,7 +269,6 @@ def answer_each(options: RegionOptions, job: RegionJob, ending: str, reporter: R
                 raise click.UsageError(f"{flag} is for each of many rasters; give it with --each")
         return False
     _check_each(options)
-    from uavseg.cli.terminal.say import say
     from uavseg.execution import executors
     from uavseg.jobs.each.each import OutputNames, grouped_warnings, plan_tasks, run_each
     from uavseg.jobs.source.work import Work
