@@ -15,8 +15,7 @@ from uavseg.errors import ParameterError
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import TilePass
 from uavseg.raster.intensity.stretch import Stretch, parse_stretch
-from uavseg.raster.intensity.value_range import DetectedRange, ValueRange, axis_of, range_on_axis
-from uavseg.raster.intensity.values import fit_values
+from uavseg.raster.intensity.value_range import DetectedRange, ValueRange, axis_of, fit_values, range_on_axis
 from uavseg.raster.read.array_source import from_values
 from uavseg.raster.read.dataset import Dataset
 from uavseg.raster.read.mosaic import align_rasters

@@ -7,8 +7,14 @@ from uavseg.errors import ParameterError
 from uavseg.execution.executors import decided, phase
 from uavseg.jobs.source.source import Blocks, Pixels, Raster
 from uavseg.raster.grid.tiling import TilePass
-from uavseg.raster.intensity.value_range import DetectedRange, ValueRange, axis_of, range_on_axis
-from uavseg.raster.intensity.values import decided_at, fit_values
+from uavseg.raster.intensity.value_range import (
+    DetectedRange,
+    ValueRange,
+    axis_of,
+    decided_at,
+    fit_values,
+    range_on_axis,
+)
 from uavseg.raster.spectral.bands import ValueAxis, values_text
 from uavseg.segmentation.params.segment import IntensityRange
 from uavseg.segmentation.source import GreySource

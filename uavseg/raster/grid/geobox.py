@@ -1,11 +1,13 @@
 """Georeferenced grid: a shape, an affine transform and a CRS; lengths in metres or in pixels."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from affine import Affine
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from rasterio.crs import CRS
 
 from uavseg.arguments import checked
@@ -14,6 +16,7 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import MapError, ParameterError, RasterError
 from uavseg.raster.geodesy.globe import is_in_metres, lonlat_transform, unit_name
 from uavseg.raster.grid.tiling import Window
+from uavseg.warning_filters import changing_filters
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,3 +216,16 @@ def check_metres(geobox: GeoBox) -> None:
     if not is_in_metres(geobox.wkt):
         unit = unit_name(geobox.wkt)
         raise MapError(f"a robot's map is in metres and this one in {unit}; warp it first (gdalwarp -t_srs)")
+
+
+def pixels_inside(polygons: Iterable[Any], window: Window) -> NDArray[np.bool_]:
+    """Return the mask (rows, cols) of the pixels of a window whose centres lie inside polygons.
+
+    These (shapely) are in pixels as (col, row); the outer corner of the first pixel is (0, 0).
+    """
+    from rasterio.features import geometry_mask
+
+    shape, place = (window.rows, window.cols), Affine.translation(window.col, window.row)
+    with changing_filters():  # rasterio changes them itself
+        mask: NDArray[Any] = geometry_mask(list(polygons), shape, place, invert=True)
+    return mask
