@@ -101,7 +101,7 @@ def _share(histogram: NDArray[np.int64], end: int) -> float:
 
 def count_rim(dataset: Dataset, flooded: PixelMask, value: int, tile_pass: TilePass) -> RimCounts:
     """Return the histograms along the rim of a flood, as of `flood_from_edges`, of unsigned integers."""
-    windows = [window for window in _tiles(dataset) if _touched(dataset, flooded, window)]
+    windows = _tiles(dataset, flooded)
     size = 1 << 8 * dataset.dtype.itemsize
     start = RimCounts(np.zeros(size, np.int64), np.zeros(size, np.int64), 0)
     found = tile_pass.silent.run(partial(_count_tile, dataset, flooded, value), windows)
@@ -116,7 +116,7 @@ def grow_over_smear(
     They are connected to it within 16 pixels and differ by at most `limit` in all bands; with them go pixels
     of the mixture, within 2 pixels. With `limit` -1, it is the flood with its neighbours alone.
     """
-    windows = [window for window in _tiles(dataset) if _touched(dataset, flooded, window)]
+    windows = _tiles(dataset, flooded)
     parts = tile_pass.silent.run(partial(_grow_tile, dataset, flooded, value, limit), windows)
     masks, added = [], 0
     for window, (mask, count) in zip(windows, parts, strict=True):
@@ -125,12 +125,11 @@ def grow_over_smear(
     return PixelMask.joined(dataset.geobox.shape, masks), added
 
 
-def _tiles(dataset: Dataset) -> list[Window]:
-    return tiles(dataset.geobox.shape, flood_tiles(dataset))
-
-
-def _touched(dataset: Dataset, flooded: PixelMask, window: Window) -> bool:
-    return flooded.touches(window.grown(BEYOND).clipped(dataset.geobox.shape))
+def _tiles(dataset: Dataset, flooded: PixelMask) -> list[Window]:
+    """Return the tiles that lie in a flood or near it."""
+    shape = dataset.geobox.shape
+    every = tiles(shape, flood_tiles(dataset))
+    return [window for window in every if flooded.touches(window.grown(BEYOND).clipped(shape))]
 
 
 def _count_tile(dataset: Dataset, flooded: PixelMask, value: int, window: Window) -> RimCounts:

@@ -1,4 +1,4 @@
-"""Ranges of values or of percentiles as requested and as stored, and the stretch that decides them exactly."""
+"""Ranges of values or of percentiles as requested and as stored, and the stretch that decides them."""
 
 import math
 from collections.abc import Sequence
