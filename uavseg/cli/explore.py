@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter, showing_phases
 from uavseg.cli.write import check_distinct, keep_inputs, transaction, write_text
 from uavseg.errors import OutputError
 from uavseg.options.maps import ExploreOptions
-
-if TYPE_CHECKING:
-    from uavseg.jobs.maps.explore import Explored
 
 
 @job_command("explore", ExploreOptions)
@@ -41,7 +37,15 @@ def command(options: ExploreOptions) -> None:
             write_map(options.map, grid.probabilities, grid.geobox, overwrite)
         if options.animation:
             write_animation(found.drive, options.animation, overwrite)
-    reporter.table(_rows(found, options))
+    drive = found.drive
+    slowest = f"{1e3 * max(drive.seconds, default=0.0):.0f} ms"
+    reporter.table(
+        {
+            "drive": f"{drive.metres[-1]:,.1f} m, {len(drive.poses):,} scans -> {options.output}",
+            "known": f"{100 * found.share:.2f} % of what could be known",
+            "choices": f"{len(drive.seconds):,}, the slowest in {slowest}",
+        }
+    )
 
 
 def _check_targets(options: ExploreOptions) -> None:
@@ -63,13 +67,3 @@ def _check_targets(options: ExploreOptions) -> None:
     files = [path for path in (options.output, options.table, options.animation) if path and path != "-"]
     check_distinct(*files, *maps)
     keep_inputs([*files, *maps], options.scene)
-
-
-def _rows(found: Explored, options: ExploreOptions) -> dict[str, str]:
-    drive = found.drive
-    slowest = max(drive.seconds, default=0.0)
-    return {
-        "drive": f"{drive.metres[-1]:,.1f} m, {len(drive.poses):,} scans -> {options.output}",
-        "known": f"{100 * found.share:.2f} % of what could be known",
-        "choices": f"{len(drive.seconds):,}, the slowest in {1e3 * slowest:.0f} ms",
-    }

@@ -24,10 +24,8 @@ from uavseg.cli.write import (
 from uavseg.options.regions import ExtractOptions
 
 if TYPE_CHECKING:
-    from uavseg.jobs.flights.plan import MissionPlan, PlanRequest
     from uavseg.jobs.requests import RegionJob
     from uavseg.jobs.result.result import Extraction
-    from uavseg.jobs.source.source import Source
 
 _LISTED = 12  # classes in the table at the end
 
@@ -56,22 +54,37 @@ def command(options: ExtractOptions) -> None:
     if is_region_folder(options.outputs.output or ""):
         _write_partitions(options, job, reporter)
         return
-    flight = None if options.mission is None else _flight(options)
+    flight, avoid = None, options.flight.safety.avoid
+    if options.mission is not None:
+        from uavseg.flight.formats.files import check_mission_format
+        from uavseg.jobs.flights.request import mission_request
+
+        check_mission_format(options.mission)
+        over, around = options.mission_classes or None, options.avoid_classes
+        flight = mission_request(options.flight, classes=over, avoid_classes=around)
     files = RegionFiles(
         options,
         ".regions.geojson",
-        [zone for zone in options.flight.safety.avoid if isinstance(zone, str)],
+        [zone for zone in avoid if isinstance(zone, str)],
         options.flight.terrain.dem,
         others=[options.mission],
     )
     if options.mission is not None:
         check_target(options.mission, options.files.overwrite)
     source = open_source(options.source.rasters, job.read)
-    _check_place(options, files, source.geobox.wkt)
+    files.check_crs(source.geobox.wkt)
+    if flight is not None:
+        _check_flyable(source.geobox.wkt)
     work = work_of(options.run, reporter)
     found = job.find(source, work)
     reporter.finish([*found.warnings, *files.notes(found, source.geobox.wkt)])
-    planned = None if flight is None else _planned(options, found, flight, source, reporter)
+    planned = None
+    if flight is not None:
+        from uavseg.jobs.flights.plan import plan
+        from uavseg.jobs.flights.request import open_regions, zone_polygons
+
+        with showing_phases(reporter.quiet):
+            planned = plan(open_regions(found.regions), flight, zone_polygons(avoid, source), source)
     paths: list[Path] = []
     unwritten: list[str] = []
     with transaction():
@@ -155,38 +168,13 @@ def _class_rows(found: Extraction, request: Any) -> dict[str, str]:
     return {"classes": ", ".join(counts[:_LISTED]) + more}
 
 
-def _flight(options: ExtractOptions) -> PlanRequest:
-    """Return how to fly, checked before any work is done."""
-    from uavseg.flight.formats import files
-    from uavseg.jobs.flights.request import mission_request
-
-    files.check_mission_format(options.mission or "")
-    return mission_request(
-        options.flight, classes=options.mission_classes or None, avoid_classes=options.avoid_classes
-    )
-
-
-def _check_place(options: ExtractOptions, files: RegionFiles, wkt: str | None) -> None:
-    """Compute nothing that has no place where it is to be written or flown."""
+def _check_flyable(wkt: str | None) -> None:
+    """Compute nothing over which nobody can fly."""
     from uavseg.errors import MissionError
     from uavseg.regions.wgs84 import to_wgs84
 
-    files.check_crs(wkt)
-    if options.mission is None:
-        return
     if wkt is None:
         raise MissionError(
             "the raster has no CRS, so nobody knows where to fly; give it one with gdal_edit.py -a_srs"
         )
     to_wgs84.check_on_earth(wkt)
-
-
-def _planned(
-    options: ExtractOptions, found: Extraction, flight: PlanRequest, source: Source, reporter: Reporter
-) -> MissionPlan:
-    from uavseg.jobs.flights.plan import plan
-    from uavseg.jobs.flights.request import open_regions, zone_polygons
-
-    with showing_phases(reporter.quiet):
-        zones = zone_polygons(options.flight.safety.avoid, source)
-        return plan(open_regions(found.regions), flight, zones, source)
