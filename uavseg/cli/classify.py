@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter, work_of
 from uavseg.cli.write import (
-    LabelFile,
     check_distinct,
     check_targets,
     creation_of,
@@ -49,7 +48,7 @@ def command(options: ClassifyOptions) -> None:
     target = options.output or f"{Path(options.path).stem}.states.tif"
     request = classify_request(options)
     creation = creation_of(options.creation, {options.labels: "uint32", target: "uint8"})
-    labels, overwrite = LabelFile(options.labels, creation), options.files.overwrite
+    overwrite = options.files.overwrite
     _check_targets(target, options)
     mode = options.mode.mode or "trinary"
     files = [target, str(image_path(target, mode))] if is_ros_map(target) else [target]
@@ -65,7 +64,7 @@ def command(options: ClassifyOptions) -> None:
     with transaction():
         write_states(target, found.image, found.geobox, overwrite, mode, creation)
         if found.objects is not None:
-            write_label_output(found.objects, labels, work, overwrite)
+            write_label_output(found.objects, options.labels, work, overwrite, creation)
         if found.objects is not None and options.objects is not None:
             write_region_output(found.objects, options.objects, overwrite)
     if is_ros_map(target) and found.cells[0]:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from uavseg.cli.terminal.say import say, show, standard_output
-from uavseg.dataclass import dataclass
 from uavseg.errors import OutputError
 
 if TYPE_CHECKING:
@@ -30,19 +29,6 @@ if TYPE_CHECKING:
     RegionOptions = ExtractOptions | LevelsOptions | MatchOptions
 
 T = TypeVar("T")
-
-
-@dataclass(frozen=True, slots=True)
-class LabelFile:
-    """A raster of labels that a command writes: its path, or None, and how it is stored."""
-
-    path: str | None
-    creation: CreationOptions
-
-    @classmethod
-    def of(cls, path: str | None, stored: StorageOptions) -> LabelFile:
-        """Return the raster of labels with the options of its storage."""
-        return cls(path, creation_of(stored, {path: "uint32"}))
 
 
 def creation_of(stored: StorageOptions, targets: dict[str | None, str]) -> CreationOptions:
@@ -114,15 +100,16 @@ def write_region_output(
         export.write_regions(found.regions, stream, form=form or COLLECTION)
 
 
-def write_label_output(found: Extraction, labels: LabelFile, work: Work, overwrite: bool) -> None:
+def write_label_output(
+    found: Extraction, path: str | None, work: Work, overwrite: bool, creation: CreationOptions
+) -> None:
     """Write the labels of regions, if asked for; the executor writes them where they are many tiles."""
-    if labels.path is None:
+    if path is None:
         return
     from uavseg.regions.formats import export
 
-    run = work.executor if export.is_vrt(labels.path) else work.local
-    how = overwrite, labels.creation
-    export.write_label_raster(labels.path, found.rings, found.geobox, run, *how)
+    run = work.executor if export.is_vrt(path) else work.local
+    export.write_label_raster(path, found.rings, found.geobox, run, overwrite, creation)
 
 
 def write_text(path: str, text: str, overwrite: bool) -> None:
@@ -224,7 +211,7 @@ class RegionFiles:
         self.target = outputs.output or f"{stem_of(options.source.rasters[0])}{ending}"
         self.overwrite = options.files.overwrite
         self.form = geojson_form(outputs, self.target)
-        self.labels = LabelFile.of(outputs.labels, options.creation)
+        self.labels, self.creation = outputs.labels, creation_of(options.creation, {outputs.labels: "uint32"})
         check_targets(self.target, outputs.labels, self.overwrite)
         self.style = _checked_style(outputs.style, self.target, self.overwrite)
         keep_inputs([self.target, outputs.labels, *others], options.source.rasters, *inputs)
@@ -249,7 +236,7 @@ class RegionFiles:
             from uavseg.regions.formats.styles import write_style
 
             write_style(found.regions, self.target, self.style, self.overwrite)
-        write_label_output(found, self.labels, work, self.overwrite)
+        write_label_output(found, self.labels, work, self.overwrite, self.creation)
         if self.target == "-":
             write_region_output(found, self.target, self.overwrite, self.form)
 
@@ -275,14 +262,14 @@ def answer_each(options: RegionOptions, job: RegionJob, ending: str, reporter: R
 
     executors.threads(options.run.threads)  # an error before rasters are looked for
     target = options.outputs.output or f"{{stem}}{ending}"
-    labels = LabelFile.of(options.outputs.labels, options.creation)
+    labels = options.outputs.labels
     names = OutputNames(
         regions=target,
-        labels=labels.path,
+        labels=labels,
         overwrite=options.files.overwrite,
         skip_existing=options.each.skip_existing,
         report=options.each.report,
-        creation=labels.creation,
+        creation=creation_of(options.creation, {labels: "uint32"}),
     )
     tasks, skipped = plan_tasks(options.source.rasters, names)
     reporter.begin_each(len(tasks))

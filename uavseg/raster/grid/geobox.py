@@ -25,7 +25,7 @@ class Length:
 
     Examples
     --------
-    >>> parse_length("8px")
+    >>> as_length("8px")
     Length(value=8.0, in_pixels=True)
     """
 
@@ -45,24 +45,22 @@ class Length:
         return f"{self.value!r}".removesuffix(".0") + ("px" if self.in_pixels else "")
 
 
-def parse_length(text: str) -> Length:
-    """Parse a length: metres, or pixels with the suffix px; ParameterError if it is no number above 0."""
-    number = text.strip().lower()
-    in_pixels = number.endswith("px")
+def as_length(given: "Length | float | str | None") -> Length | None:
+    """Return a length: metres, as text too, or text such as "8px"; None is none.
+
+    ParameterError if it is no number above 0.
+    """
+    if given is None or isinstance(given, Length):
+        return given
+    number = str(given).strip().lower() if isinstance(given, str) else given
+    in_pixels = isinstance(number, str) and number.endswith("px")
     try:
-        value = float(number.removesuffix("px"))
+        value = float(number.removesuffix("px") if isinstance(number, str) else number)
     except ValueError as error:
         raise ParameterError(
-            f"a detail or a width is metres such as 2.5, or pixels such as 8px, not {text!r}"
+            f"a detail or a width is metres such as 2.5, or pixels such as 8px, not {given!r}"
         ) from error
     return Length(value, in_pixels)
-
-
-def as_length(given: float | str | None) -> Length | None:
-    """Return metres, or text such as "8px", as a length; None is none; errors as of `parse_length`."""
-    if given is None:
-        return None
-    return parse_length(given) if isinstance(given, str) else Length(float(given))
 
 
 @checked
