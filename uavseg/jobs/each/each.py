@@ -23,7 +23,7 @@ from uavseg.jobs.source.open_source import open_source
 from uavseg.jobs.source.source import Blocks, Source
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.output.atomic import atomic_file, check_target, output_errors, transaction
-from uavseg.output.disk import note_planned, note_written, recording_written
+from uavseg.output.disk import recording_written, written_here
 from uavseg.output.targets import check_distinct_outputs, existing_files, outputs_of
 from uavseg.plain_text import cause_of, one_line
 from uavseg.raster.access.opening import gdal_env
@@ -155,7 +155,7 @@ def run_each(
     """
     outcomes: dict[SourceTask, Outcome] = {}  # kept as they come, so that they are known after a stop
     run = threads(count)
-    note_planned(*(str(Path(name)) for task in tasks for name in task.outputs))
+    written_here().planned += [str(Path(name)) for task in tasks for name in task.outputs]
     alone = replace(work, executor=serial, local=serial, progress=None)
     progress = work.progress or (lambda done, total: None)
     context = copy_context()
@@ -174,7 +174,7 @@ def run_each(
         return found, written.files
 
     def received_of_copy(task: SourceTask, answer: tuple[Outcome | None, list[str]]) -> None:
-        note_written(*answer[1])
+        written_here().files += answer[1]
         received(task, answer[0])
 
     try:
