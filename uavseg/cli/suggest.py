@@ -79,7 +79,10 @@ def command(options: SuggestOptions) -> None:
             show(_as_json(found, commands, **facts))
         else:
             show(_table(found, commands))
-    _report(found, output, reporter)
+    if output is not None:
+        reporter.say(f"wrote {output}")
+    reporter.detail(f"{found.explained:.1%} of the variance of the means lies between the ranges")
+    reporter.detail(f"{reporter.seconds:.2f} seconds")
 
 
 def _line(
@@ -138,13 +141,6 @@ def _table(found: Suggestions, commands: list[str]) -> str:
         lines.append(f"{row}{contrast:>11}{'  part' * chosen.part}")
         lines.append(f"    {line}")
     return "\n".join(lines)
-
-
-def _report(found: Suggestions, output: str | None, reporter: Reporter) -> None:
-    if output is not None:
-        reporter.say(f"wrote {output}")
-    reporter.detail(f"{found.explained:.1%} of the variance of the means lies between the ranges")
-    reporter.detail(f"{reporter.seconds:.2f} seconds")
 
 
 # With a sample
