@@ -158,12 +158,15 @@ def classify(
     if not states.codes[1:].any():
         raise MapError(f"{source.name} has no valid cell: all of it is nodata or NaN")
     hints = _warnings(source.name, states, request)
-    if request.refine != "none":
-        leaves = None
-    objects = _objects(grey, states, leaves, request, outlining[0]) if request.objects else None
-    if objects is not None:
-        objects = with_metadata(objects, source, "classify", _metadata(request))
-    info = SourceInfo.of(grey)
+    objects, info = None, SourceInfo.of(grey)
+    if request.objects:
+        leaves = leaves if request.refine == "none" else None
+        outlined = outline_state(grey, states.image, OCCUPIED, outlining[0], leaves)
+        outlined = drop_small_regions(outlined, source.geobox, request.min_area)
+        bounds = _bounds(outlined.rings, source.geobox)
+        ends = request.limits.occupied_above, 1.0
+        found = measured(outlined, info, ends, request.drawing, bounds)
+        objects = with_metadata(found, source, "classify", _metadata(request))
     classification = Classification(
         image=states.image,
         cells=states.pixels,
@@ -207,22 +210,6 @@ def _warnings(name: str, states: ClassifiedStates, request: ClassifyRequest) -> 
         cells = "1 unknown cell" if one else f"{states.unknown_in_free:,} unknown cells"
         warnings.append(f"{cells} of {name} {'is' if one else 'are'} called free")
     return warnings
-
-
-def _objects(
-    grey: GreySource,
-    states: ClassifiedStates,
-    leaves: NDArray[np.uint8] | None,
-    request: ClassifyRequest,
-    tile_pass: TilePass,
-) -> Extraction:
-    outlined = outline_state(grey, states.image, OCCUPIED, tile_pass, leaves)
-    geobox = grey.dataset.geobox
-    if request.min_area is not None:
-        outlined = drop_small_regions(outlined, geobox, request.min_area)
-    interval = request.limits.occupied_above, 1.0
-    bounds = _bounds(outlined.rings, geobox)
-    return measured(outlined, SourceInfo.of(grey), interval, request.drawing, bounds)
 
 
 def _metadata(request: ClassifyRequest) -> dict[str, Any]:
