@@ -302,20 +302,15 @@ def choose(
     """
     if words.is_formula and (band is not None or rgb is not None):
         raise ParameterError("give --band, --rgb, --index or --expr: one of them")
-    if band is None and rgb is None and not words.is_formula:
-        _check_few(layout)
-    number = find_band(layout, band) if isinstance(band, str) else band
-    colors = None if rgb is None else [find_band(layout, n) if isinstance(n, str) else n for n in rgb]
-    return choose_bands(layout, number, colors, palette, bind_formula(words, layout))
-
-
-def _check_few(layout: BandLayout) -> None:
     count = sum(role != "alpha" for role in layout.roles)
-    if count > MOST_UNCHOSEN:
+    if count > MOST_UNCHOSEN and band is None and rgb is None and not words.is_formula:
         raise UnchosenBandsError(
             f"the raster has {count} bands; choose with --band, --rgb, --index or --expr; the bands are "
             f"{listed(layout)}"
         )
+    number = find_band(layout, band) if isinstance(band, str) else band
+    colors = None if rgb is None else [find_band(layout, n) if isinstance(n, str) else n for n in rgb]
+    return choose_bands(layout, number, colors, palette, bind_formula(words, layout))
 
 
 def check_reflectance(files: Sequence[RasterFile | ArraySource], choice: BandChoice) -> None:
