@@ -313,7 +313,8 @@ class Evidence:
         lines = SMEARED if counts.is_smeared else SHARP
         length = max(min(shape) / 8, 16 * lines.tolerance)
         straight = straight_share(outline_points(mask, shape), lines.tolerance, length, lines.most)
-        along_edge = _share_of_edge(mask, shape) >= EDGE_AROUND
+        of_edge = sum(int(mask.read(side).sum()) for side in sides(shape)) / (2 * sum(shape))
+        along_edge = of_edge >= EDGE_AROUND
         return cls(
             counts=counts,
             is_straight=straight >= lines.share,
@@ -359,8 +360,3 @@ def is_one_piece(mask: PixelMask, shape: tuple[int, int]) -> bool:
         if flood(source, picture).sum() >= ONE_PIECE * len(places):
             return True
     return False
-
-
-def _share_of_edge(mask: PixelMask, shape: tuple[int, int]) -> float:
-    """Return share of the pixels at the edge of a raster that are in a set."""
-    return sum(int(mask.read(side).sum()) for side in sides(shape)) / (2 * sum(shape))
