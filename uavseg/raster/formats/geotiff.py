@@ -6,7 +6,6 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
-from xml.sax.saxutils import escape
 
 import numpy as np
 from affine import Affine
@@ -331,13 +330,15 @@ _SOURCE = """\
 
 def _vrt_xml(geobox: GeoBox, windows: Sequence[Window], folder: str) -> bytes:
     """Return a GDAL virtual raster of the tiles, with relative paths."""
-    place = "" if geobox.wkt is None else f"  <SRS>{escape(geobox.wkt)}</SRS>\n"
+    from html import escape  # only here
+
+    place = "" if geobox.wkt is None else f"  <SRS>{escape(geobox.wkt, quote=False)}</SRS>\n"
     if geobox.transform != Affine.identity():
         numbers = ", ".join(repr(float(value)) for value in geobox.transform.to_gdal())
         place += f"  <GeoTransform>{numbers}</GeoTransform>\n"
     sources = [
         _SOURCE.format(
-            path=escape(f"{folder}/{_tile_name(one)}"),
+            path=escape(f"{folder}/{_tile_name(one)}", quote=False),
             raster=f'RasterXSize="{one.cols}" RasterYSize="{one.rows}"',
             size=f'xSize="{one.cols}" ySize="{one.rows}"',
             side=STRIPE,
