@@ -17,7 +17,7 @@ from uavseg.options.flights import CheckOptions, MissionOptions, PlanOptions
 from uavseg.options.maps import ClassifyOptions, PathOptions
 from uavseg.options.option import Option, options_of
 from uavseg.options.regions import ExtractOptions, LevelsOptions, MatchOptions, SuggestOptions
-from uavseg.raster.spectral.indices import INDICES
+from uavseg.raster.spectral.formula import INDICES
 
 TARGET = Path(__file__).parents[1] / "qgis_uavseg" / "options.json"
 JOBS = {

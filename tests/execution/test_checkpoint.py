@@ -121,7 +121,7 @@ def test_another_version_of_the_program_computes_everything_again(
     assert len(CALLS) == 20
 
 
-def test_the_hash_of_the_program_covers_every_module(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_hash_of_the_program_covers_every_module_and_table(monkeypatch: pytest.MonkeyPatch) -> None:
     package = Path(uavseg.__file__).resolve().parent
     read: list[Path] = []
 
@@ -131,7 +131,8 @@ def test_the_hash_of_the_program_covers_every_module(monkeypatch: pytest.MonkeyP
 
     monkeypatch.setattr(Path, "read_bytes", seen)
     uavseg.execution.checkpoint._code_hash.__wrapped__()
-    assert sorted(read) == sorted(package.rglob("*.py")) and package / "raster" / "grid" / "tiling.py" in read
+    every = [*package.rglob("*.py"), *package.rglob("*.csv")]
+    assert sorted(read) == sorted(every) and package / "raster" / "grid" / "tiling.py" in read
 
 
 @maps

@@ -18,7 +18,7 @@ from uavseg.cli import main
 from uavseg.errors import ParameterError, UavsegError
 from uavseg.jobs.source.open_source import open_source
 from uavseg.options.reading import ReadOptions
-from uavseg.raster.grid.geobox import Length, parse_length
+from uavseg.raster.grid.geobox import Length, as_length
 from uavseg.segmentation.blocks.block_file import read_block_map
 
 DARK = (0, 0.395)
@@ -158,9 +158,7 @@ def test_the_proposed_line_has_the_same_flat_field(tmp_path: Path) -> None:
     line = found["ranges"][0]["command"]
     assert " --flatten 40 " in line
     assert found["unit"] == "" and found["ranges"][0]["value_high"] is None
-    assert Length(12.5).word == "12.5" and parse_length(Length(300.0, in_pixels=True).word) == Length(
-        300, True
-    )
+    assert Length(12.5).word == "12.5" and as_length(Length(300.0, in_pixels=True).word) == Length(300, True)
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ import pytest
 from uavseg.errors import OutputError, OutputExistsError
 from uavseg.output import disk
 from uavseg.output.atomic import atomic_file, transaction
-from uavseg.output.disk import locked_folder, note_kept, noted_stream, recording_written
+from uavseg.output.disk import locked_folder, noted_stream, recording_written, written_here
 from uavseg.output.staging import interrupts_held
 
 
@@ -261,7 +261,7 @@ def test_what_was_written_is_reported(tmp_path: Path) -> None:
     assert (
         note(lambda: write(second), lambda: write(first, overwrite=True)) == f"{second}, {first} were written"
     )
-    assert note(lambda: note_kept("kept"), lambda: note_kept("kept")) == (
+    assert note(lambda: written_here().kept.append("kept"), lambda: written_here().kept.append("kept")) == (
         "nothing was written; finished tiles are kept in kept"
     )
 

@@ -12,7 +12,7 @@ import pytest
 
 from qgis_uavseg import package
 from uavseg import __version__
-from uavseg.raster.spectral.indices import INDICES
+from uavseg.raster.spectral.formula import INDICES
 
 FOLDER = Path(package.__file__).resolve().parent
 LINKS = {

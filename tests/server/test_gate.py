@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavseg.server.local_server import MAX_BODY, Gate, Refusal
+from uavseg.server.local_server import MAX_BODY, Answer, Gate
 
 GATE = Gate(8000, "secret-token")
 OWN = {"host": ["127.0.0.1:8000"]}
@@ -38,20 +38,20 @@ def test_the_page_itself_is_answered() -> None:
 )
 def test_other_hosts_and_sites_are_refused(headers: dict[str, list[str]], status: int) -> None:
     found = GATE.path_of("GET", TARGET, headers)
-    assert isinstance(found, Refusal)
+    assert isinstance(found, Answer)
     assert found.status == status
 
 
 @pytest.mark.parametrize("method", ["HEAD", "PUT", "OPTIONS", "DELETE", "TRACE", "get", ""])
 def test_other_methods_are_refused(method: str) -> None:
-    assert isinstance(GATE.path_of(method, TARGET, OWN), Refusal)
+    assert isinstance(GATE.path_of(method, TARGET, OWN), Answer)
 
 
 @given(st.text(max_size=40))
 def test_nothing_is_answered_without_the_token(text: str) -> None:
     for target in (text, f"/{text}", f"/{text}/", f"/{text}/secret-token/", f"http://127.0.0.1:8000/{text}"):
         if not target.startswith("/secret-token/"):
-            assert isinstance(GATE.path_of("GET", target, OWN), Refusal)
+            assert isinstance(GATE.path_of("GET", target, OWN), Answer)
 
 
 @pytest.mark.parametrize(
@@ -70,7 +70,7 @@ def test_nothing_is_answered_without_the_token(text: str) -> None:
 )
 def test_bodies_are_short_json_of_known_length(headers: dict[str, list[str]], status: int) -> None:
     found = GATE.body_length(headers)
-    assert isinstance(found, Refusal)
+    assert isinstance(found, Answer)
     assert found.status == status
 
 

@@ -104,17 +104,8 @@ def intermediate_code(kernel: LoopNest, helpers: dict[Any, Any]) -> str:
     `helpers` are those as numba has them, compiled once for all kernels that are given the same.
     """
     import numba
-    from numba import types as nb
 
-    given = [
-        nb.Array(numba_type(argument.scalar), argument.ndim, "C")
-        if argument.ndim
-        else numba_type(argument.scalar)
-        for argument in kernel.arguments
-    ]
-    loops = numba.njit(numba_type(kernel.result)(*given), **_OPTIONS)(
-        with_helpers(kernel.function, _OPTIONS, helpers)
-    )
+    loops = numba.njit(numba_signature(kernel), **_OPTIONS)(with_helpers(kernel.function, _OPTIONS, helpers))
     signature = loops.signatures[0]
     name = loops.overloads[signature].fndesc.llvm_func_name
     text = re.sub(
@@ -194,11 +185,14 @@ def object_code(text: str, processor: str, features: str, for_library: bool = Fa
     return code
 
 
-def numba_type(name: str) -> Any:
-    """Numba's type of a scalar, from its name in a signature."""
+def numba_signature(kernel: LoopNest, aligned: bool = True) -> Any:
+    """Return the signature of a kernel in numba's types."""
     from numba import types as nb
 
-    return getattr(nb, _NUMBA_NAMES.get(name) or np.dtype(name).name)
+    names = [kernel.result, *(argument.scalar for argument in kernel.arguments)]
+    result, *types = [getattr(nb, _NUMBA_NAMES.get(name) or np.dtype(name).name) for name in names]
+    given = zip(kernel.arguments, types, strict=True)
+    return result(*(nb.Array(of, one.ndim, "C", aligned=aligned) if one.ndim else of for one, of in given))
 
 
 def with_helpers(

@@ -76,13 +76,11 @@ def shared_library(functions: Mapping[str, bytes], entry: str) -> bytes:
     """
     names = sorted(functions)
     objects = [_read(functions[name]) for name in names]
-    imported = sorted({one.symbols[k][0] for one in objects for k in _symbols_of(one, imported=True)})
-    absolute = sum(
-        kind == _ABSOLUTE
-        for one in objects
-        for part in one.parts.values()
-        for _, kind, _, _ in part.relocations
-    )
+    relocations = [
+        (one, *found) for one in objects for part in one.parts.values() for found in part.relocations
+    ]
+    imported = sorted({one.symbols[k][0] for one, _, _, k, _ in relocations if not one.symbols[k][1]})
+    absolute = sum(kind == _ABSOLUTE for _, _, kind, _, _ in relocations)
     strings = b"\0" + b"".join(name.encode() + b"\0" for name in (*imported, *names, _LIBRARY))
 
     head = _Segment(0)
@@ -153,23 +151,8 @@ def shared_library(functions: Mapping[str, bytes], entry: str) -> bytes:
         (0, 3, 0, 0, data.end, len(section_names), 0, 0, 1, 0),
     ]
     sections_at = data.end + len(section_names)
-    header = (
-        _MAGIC,
-        3,
-        62,
-        1,
-        0,
-        64,
-        sections_at,
-        0,
-        64,
-        56,
-        len(segments),
-        64,
-        len(sections),
-        len(sections) - 1,
-    )
-    head.write(0, struct.pack(_HEADER, *header))
+    sizes = 64, 56, len(segments), 64, len(sections), len(sections) - 1
+    head.write(0, struct.pack(_HEADER, _MAGIC, 3, 62, 1, 0, 64, sections_at, 0, *sizes))
     described = [
         struct.pack(_SEGMENT, kind, flags, at, at, at, size, size, step)
         for kind, flags, at, size, step in segments
@@ -192,12 +175,6 @@ def _place(
         for section, part in one.parts.items():
             if belongs(part.flags):
                 places[number, section] = segment.append(part.content, part.alignment)
-
-
-def _symbols_of(one: _Object, imported: bool) -> set[int]:
-    """Return the numbers of the symbols that relocations name, of other libraries or of this object."""
-    named = {symbol for part in one.parts.values() for _, _, symbol, _ in part.relocations}
-    return {k for k in named if (one.symbols[k][1] == 0) == imported}
 
 
 def _read(content: bytes) -> _Object:

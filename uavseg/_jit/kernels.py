@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from uavseg._jit import compiling, messages, object_cache, shipped
-from uavseg._jit.compiling import SEMANTICS, fingerprint, numba_type, with_helpers
+from uavseg._jit.compiling import SEMANTICS, fingerprint, numba_signature, with_helpers
 from uavseg._jit.loop_nest import C_TYPES, LoopNest
 from uavseg.errors import MissingLibraryError
 
@@ -208,17 +208,10 @@ def _processor() -> str:
 def _njit(kernel: LoopNest, folder: Path | None) -> Callable[..., Any]:
     """The kernel compiled by numba for its signature, with a cache in a folder that has a file kernel.py."""
     import numba
-    from numba import types as nb
 
-    given = [
-        nb.Array(numba_type(argument.scalar), argument.ndim, "C", aligned=False)
-        if argument.ndim
-        else numba_type(argument.scalar)
-        for argument in kernel.arguments
-    ]
     function = with_helpers(kernel.function, SEMANTICS, {})
     if folder is not None:
         function.__code__ = function.__code__.replace(co_filename=str(folder / "kernel.py"))
-    signature = numba_type(kernel.result)(*given)
+    signature = numba_signature(kernel, aligned=False)
     compiled: Callable[..., Any] = numba.njit(signature, cache=folder is not None, **SEMANTICS)(function)
     return compiled

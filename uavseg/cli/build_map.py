@@ -23,8 +23,7 @@ def command(options: BuildMapOptions) -> None:
     probability of 0.25, occupied from 0.65 on, unless --mode keeps all levels. PATH.tif holds the
     probabilities.
     """
-    from uavseg.jobs.maps.build_map import build_map, topics_of
-    from uavseg.jobs.maps.requests import merge_params
+    from uavseg.jobs.maps.build_map import build_map, merge_params, topics_of
     from uavseg.occupancy.map_file import check_map_path, shares_of
 
     reporter = Reporter(options.messages)

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter, say, show
 from uavseg.errors import MissionError
 from uavseg.options.flights import CheckOptions
-
-if TYPE_CHECKING:
-    from uavseg.jobs.flights.check import MissionCheck
 
 
 @job_command("check", CheckOptions)
@@ -30,20 +27,16 @@ def command(options: CheckOptions) -> None:
 
         show(json.dumps(found.as_dict(), indent=2, allow_nan=False))
     elif not quiet:
-        show("\n".join(_lines(found)))
+        rows = _rows(found.as_dict())
+        for one in found.verdicts:
+            rows[one.who] = "accepts it" if one.accepts else f"refuses it: {one.reason}"
+        width = max(map(len, rows))
+        show("\n".join(f"{name:<{width}}  {value}" for name, value in rows.items()))
     for warning in () if quiet else found.warnings:
         say(f"note: {warning}")
     if found.problems:
         more = f" (and {len(found.problems) - 1} more)" if len(found.problems) > 1 else ""
         raise MissionError(f"{options.file}: {found.problems[0]}{more}")
-
-
-def _lines(found: MissionCheck) -> list[str]:
-    """Return the table: what the mission holds, then who takes it."""
-    rows = _rows(found.as_dict())
-    rows |= {one.who: "accepts it" if one.accepts else f"refuses it: {one.reason}" for one in found.verdicts}
-    width = max(map(len, rows))
-    return [f"{name:<{width}}  {value}" for name, value in rows.items()]
 
 
 def _rows(about: dict[str, Any]) -> dict[str, str]:

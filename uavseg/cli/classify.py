@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter, work_of
 from uavseg.cli.write import (
-    LabelFile,
     check_distinct,
     check_targets,
     creation_of,
@@ -24,8 +23,6 @@ from uavseg.options.maps import ClassifyOptions
 
 if TYPE_CHECKING:
     from uavseg.jobs.maps.classify import Classification
-    from uavseg.raster.formats.creation import CreationOptions
-    from uavseg.raster.grid.geobox import GeoBox
     from uavseg.segmentation.params.segment import StateLimits
 
 
@@ -41,30 +38,38 @@ def command(options: ClassifyOptions) -> None:
     not explain them. Where obstacles are lost all the same (--method paper, --refine none), nothing is
     written unless --allow-lost-obstacles is given.
     """
-    from uavseg.jobs.maps.classify import classify
-    from uavseg.jobs.maps.requests import classify_request
+    from uavseg.jobs.maps.classify import classify, classify_request
     from uavseg.jobs.source.open_source import open_probability_map
+    from uavseg.occupancy.map_file import write_states
+    from uavseg.occupancy.ros.ros_map import check_ros_map, image_path, is_ros_map
+    from uavseg.regions.formats.export import check_region_crs
 
     reporter = Reporter(options.messages, options.progress)
     target = options.output or f"{Path(options.path).stem}.states.tif"
     request = classify_request(options)
     creation = creation_of(options.creation, {options.labels: "uint32", target: "uint8"})
-    labels, overwrite = LabelFile(options.labels, creation), options.files.overwrite
+    overwrite = options.files.overwrite
     _check_targets(target, options)
-    keep_inputs(
-        [*_files(target, options.mode.mode or "trinary"), options.objects, options.labels], options.path
-    )
+    mode = options.mode.mode or "trinary"
+    files = [target, str(image_path(target, mode))] if is_ros_map(target) else [target]
+    keep_inputs([*files, options.objects, options.labels], options.path)
     source = open_probability_map(options.path, options.read)
-    _check_place(target, options, source.geobox)
+    if is_ros_map(target):
+        check_ros_map(target, source.geobox, overwrite, mode)
+    if options.objects is not None:
+        check_region_crs(options.objects, source.geobox.wkt)
     work = work_of(options.run, reporter)
     found = classify(source, request, work)
     reporter.finish(found.warnings)
     with transaction():
-        _write_states(found, target, options, creation, reporter)
+        write_states(target, found.image, found.geobox, overwrite, mode, creation)
         if found.objects is not None:
-            write_label_output(found.objects, labels, work, overwrite)
+            write_label_output(found.objects, options.labels, work, overwrite, creation)
         if found.objects is not None and options.objects is not None:
             write_region_output(found.objects, options.objects, overwrite)
+    if is_ros_map(target) and found.cells[0]:
+        cells = f"{found.cells[0]:,} cells without data are unknown in {target}"
+        reporter.warn(f"a ROS map knows no nodata: {cells}")
     rows = _rows(found, request.limits, target, options.objects)
     reporter.table(rows | {"seconds": f"{reporter.seconds:.2f}"})
 
@@ -78,43 +83,6 @@ def _check_targets(target: str, options: ClassifyOptions) -> None:
     check_target(target, options.files.overwrite)
     check_targets(options.objects, options.labels, options.files.overwrite)
     check_distinct(target, options.objects, options.labels)
-
-
-def _files(target: str, mode: str) -> list[str]:
-    """Return the states, and the image of a ROS map."""
-    from uavseg.occupancy.ros.ros_map import image_path, is_ros_map
-
-    return [target, str(image_path(target, mode))] if is_ros_map(target) else [target]
-
-
-def _check_place(target: str, options: ClassifyOptions, geobox: GeoBox) -> None:
-    """Nothing is computed that has no place where it is to be written."""
-    from uavseg.occupancy.ros.ros_map import check_ros_map, is_ros_map
-    from uavseg.regions.formats import export
-
-    if is_ros_map(target):
-        check_ros_map(target, geobox, options.files.overwrite, options.mode.mode or "trinary")
-    if options.objects is not None:
-        export.check_region_crs(options.objects, geobox.wkt)
-
-
-def _write_states(
-    found: Classification,
-    target: str,
-    options: ClassifyOptions,
-    creation: CreationOptions,
-    reporter: Reporter,
-) -> None:
-    from uavseg.occupancy.map_file import write_states
-    from uavseg.occupancy.ros.ros_map import is_ros_map
-
-    write_states(
-        target, found.image, found.geobox, options.files.overwrite, options.mode.mode or "trinary", creation
-    )
-    if is_ros_map(target) and found.cells[0]:
-        reporter.warn(
-            f"a ROS map knows no nodata: {found.cells[0]:,} cells without data are unknown in {target}"
-        )
 
 
 def _rows(found: Classification, limits: StateLimits, target: str, objects: str | None) -> dict[str, str]:

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from uavseg.cli import write
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter, work_of
 from uavseg.options.regions import CompareOptions
-
-if TYPE_CHECKING:
-    from uavseg.jobs.maps.compare import Comparison
 
 
 @job_command("compare", CompareOptions)
@@ -21,8 +16,7 @@ def command(options: CompareOptions) -> None:
     Without, they are maps, which are registered first, within 5 cells and 2 degrees. What is new or gone is
     free in the other map; what is first seen or not seen again is unknown there.
     """
-    from uavseg.jobs.maps.compare import compare, open_both
-    from uavseg.jobs.maps.requests import compare_job
+    from uavseg.jobs.maps.compare import compare, compare_job, open_both
     from uavseg.regions.edit.small import as_area
     from uavseg.regions.formats import export
 
@@ -48,17 +42,14 @@ def command(options: CompareOptions) -> None:
             preview(after.dataset, png, found.frame(), stretch=after.stretch, overwrite=overwrite)
         write.write_region_output(found, output, overwrite)
     rows = {"changes": f"{len(found.regions):,} -> {write.shown(output)}"}
-    reporter.table(rows | _rows(found) | {"seconds": f"{reporter.seconds:.2f}"})
-
-
-def _rows(found: Comparison) -> dict[str, str]:
     how, unit = found.registration, "m2"
     if how is not None:
         where = f"{how.shift[0]:.2f}, {how.shift[1]:.2f} cells and {how.angle_deg:.2f} degrees"
-        rows = {"shift": f"{where}; {100 * how.share:.1f} % of the occupied cells lie on each other"}
+        rows["shift"] = f"{where}; {100 * how.share:.1f} % of the occupied cells lie on each other"
     else:
         unit = "square units" if found.regions.wkt is None else unit
         inside = [f"{name} {found.before[name]:,} to {found.after[name]:,}" for name in found.before]
-        rows = {"pixels": f"{', '.join(inside)}, of {found.common:,} on the grid of {found.grid.upper()}"}
+        rows["pixels"] = f"{', '.join(inside)}, of {found.common:,} on the grid of {found.grid.upper()}"
     sums = [f"{name} {n:,} pixels, {area:,.2f} {unit}" for name, (n, area) in found.changes.items() if n]
-    return rows | {"sums": "; ".join(sums) or "no change"}
+    rows["sums"] = "; ".join(sums) or "no change"
+    reporter.table(rows | {"seconds": f"{reporter.seconds:.2f}"})

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter, showing_phases
 from uavseg.cli.write import check_distinct, keep_inputs, transaction, write_text
 from uavseg.errors import OutputError
 from uavseg.options.maps import ExploreOptions
-
-if TYPE_CHECKING:
-    from uavseg.jobs.maps.explore import Explored
 
 
 @job_command("explore", ExploreOptions)
@@ -22,8 +18,7 @@ def command(options: ExploreOptions) -> None:
     The scene is that of `uavseg simulate`, or MAP: a robot's map (YAML or raster), whose free cells the robot
     may enter and whose others are solid. It knows nothing of them but what it scans, every 0.25 m.
     """
-    from uavseg.jobs.maps.explore import explore
-    from uavseg.jobs.maps.requests import explore_request
+    from uavseg.jobs.maps.explore import explore, explore_request
     from uavseg.occupancy.map_file import write_map
     from uavseg.plot.drive_animation import write_animation
 
@@ -42,7 +37,15 @@ def command(options: ExploreOptions) -> None:
             write_map(options.map, grid.probabilities, grid.geobox, overwrite)
         if options.animation:
             write_animation(found.drive, options.animation, overwrite)
-    reporter.table(_rows(found, options))
+    drive = found.drive
+    slowest = f"{1e3 * max(drive.seconds, default=0.0):.0f} ms"
+    reporter.table(
+        {
+            "drive": f"{drive.metres[-1]:,.1f} m, {len(drive.poses):,} scans -> {options.output}",
+            "known": f"{100 * found.share:.2f} % of what could be known",
+            "choices": f"{len(drive.seconds):,}, the slowest in {slowest}",
+        }
+    )
 
 
 def _check_targets(options: ExploreOptions) -> None:
@@ -64,13 +67,3 @@ def _check_targets(options: ExploreOptions) -> None:
     files = [path for path in (options.output, options.table, options.animation) if path and path != "-"]
     check_distinct(*files, *maps)
     keep_inputs([*files, *maps], options.scene)
-
-
-def _rows(found: Explored, options: ExploreOptions) -> dict[str, str]:
-    drive = found.drive
-    slowest = max(drive.seconds, default=0.0)
-    return {
-        "drive": f"{drive.metres[-1]:,.1f} m, {len(drive.poses):,} scans -> {options.output}",
-        "known": f"{100 * found.share:.2f} % of what could be known",
-        "choices": f"{len(drive.seconds):,}, the slowest in {1e3 * slowest:.0f} ms",
-    }

@@ -13,9 +13,11 @@ from uavseg.cli.terminal.say import Reporter, showing_phases, work_of
 from uavseg.cli.write import (
     RegionFiles,
     answer_each,
+    check_ranges,
     confidence_row,
     geojson_form,
     keep_inputs,
+    shown,
     summary_rows,
     transaction,
     write_plan_output,
@@ -23,10 +25,8 @@ from uavseg.cli.write import (
 from uavseg.options.regions import ExtractOptions
 
 if TYPE_CHECKING:
-    from uavseg.jobs.flights.plan import MissionPlan, PlanRequest
     from uavseg.jobs.requests import RegionJob
     from uavseg.jobs.result.result import Extraction
-    from uavseg.jobs.source.source import Source
 
 _LISTED = 12  # classes in the table at the end
 
@@ -41,7 +41,7 @@ def command(options: ExtractOptions) -> None:
     RASTER may also be a block map from `uavseg divide`. With --mission, a flight over the regions is planned
     too; see `uavseg plan --help` for how.
     """
-    _check_ranges(options)
+    check_ranges(options.ranges, {"--class": options.class_texts, "--classes": options.classes})
     from uavseg.jobs.requests import region_job
     from uavseg.jobs.source.open_source import open_source
     from uavseg.output.atomic import check_target
@@ -55,22 +55,37 @@ def command(options: ExtractOptions) -> None:
     if is_region_folder(options.outputs.output or ""):
         _write_partitions(options, job, reporter)
         return
-    flight = None if options.mission is None else _flight(options)
+    flight, avoid = None, options.flight.safety.avoid
+    if options.mission is not None:
+        from uavseg.flight.formats.files import file_options
+        from uavseg.jobs.flights.request import mission_request
+
+        file_options(options.mission, **asdict(options.flight.files))
+        over, around = options.mission_classes or None, options.avoid_classes
+        flight = mission_request(options.flight, options.mission, classes=over, avoid_classes=around)
     files = RegionFiles(
         options,
         ".regions.geojson",
-        [zone for zone in options.flight.safety.avoid if isinstance(zone, str)],
+        [zone for zone in avoid if isinstance(zone, str)],
         options.flight.terrain.dem,
         others=[options.mission],
     )
     if options.mission is not None:
         check_target(options.mission, options.files.overwrite)
     source = open_source(options.source.rasters, job.read)
-    _check_place(options, files, source.geobox.wkt)
+    files.check_crs(source.geobox.wkt)
+    if flight is not None:
+        _check_flyable(source.geobox.wkt)
     work = work_of(options.run, reporter)
     found = job.find(source, work)
     reporter.finish([*found.warnings, *files.notes(found, source.geobox.wkt)])
-    planned = None if flight is None else _planned(options, found, flight, source, reporter)
+    planned = None
+    if flight is not None:
+        from uavseg.jobs.flights.plan import plan
+        from uavseg.jobs.flights.request import open_regions, zone_polygons
+
+        with showing_phases(reporter.quiet):
+            planned = plan(open_regions(found.regions), flight, zone_polygons(avoid, source), source)
     paths: list[Path] = []
     unwritten: list[str] = []
     with transaction():
@@ -84,7 +99,7 @@ def command(options: ExtractOptions) -> None:
 
         notes = [*planned.warnings, *unwritten, *_avoid_notes(options)]
         report(planned.missions, planned.regions, paths, notes)
-    rows = {"regions": f"{len(found.regions):,} -> {files.shown}", **_class_rows(found, job.request)}
+    rows = {"regions": f"{len(found.regions):,} -> {shown(files.target)}", **_class_rows(found, job.request)}
     reporter.table(rows | summary_rows(found) | {"seconds": f"{reporter.seconds:.2f}"})
 
 
@@ -110,30 +125,6 @@ def _write_partitions(options: ExtractOptions, job: RegionJob, reporter: Reporte
     rows["largest"] = f"{area:,.1f} {unit} ({pixels:,} pixels)" if written.files else "-"
     rows |= confidence_row(found, written.regions)
     reporter.table(rows | {"seconds": f"{reporter.seconds:.2f}"})
-
-
-def _check_ranges(options: ExtractOptions) -> None:
-    """Refuse no range, or more than one kind of range or of classes."""
-    ranges = options.ranges
-    several = isinstance(ranges.range, list)
-    one = {
-        "--range": ranges.range,
-        "--values": ranges.values,
-        "--percentile": ranges.percentile,
-        "--class": options.class_texts,
-        "--classes": options.classes,
-    }
-    given = [name for name, value in one.items() if value]
-    if not given:
-        raise click.UsageError(
-            "Missing option '--range' (v in 0..1), '--values' or '--percentile'; or '--class' or '--classes'."
-        )
-    if len(given) > 1 and (several or "--class" in given or "--classes" in given):
-        raise click.UsageError(
-            f"{' and '.join(given)} do not go together; give a range, or classes in one way"
-        )
-    if len(given) > 1:
-        raise click.UsageError(f"{' and '.join(given)} are ranges of different kinds; give one of them")
 
 
 def _class_names(request: Any) -> list[str]:
@@ -178,41 +169,13 @@ def _class_rows(found: Extraction, request: Any) -> dict[str, str]:
     return {"classes": ", ".join(counts[:_LISTED]) + more}
 
 
-def _flight(options: ExtractOptions) -> PlanRequest:
-    """Return how to fly, checked before any work is done."""
-    from uavseg.flight.formats import files
-    from uavseg.jobs.flights.request import mission_request
-
-    files.file_options(options.mission or "", **asdict(options.flight.files))
-    return mission_request(
-        options.flight,
-        options.mission,
-        classes=options.mission_classes or None,
-        avoid_classes=options.avoid_classes,
-    )
-
-
-def _check_place(options: ExtractOptions, files: RegionFiles, wkt: str | None) -> None:
-    """Compute nothing that has no place where it is to be written or flown."""
+def _check_flyable(wkt: str | None) -> None:
+    """Compute nothing over which nobody can fly."""
     from uavseg.errors import MissionError
     from uavseg.regions.wgs84 import to_wgs84
 
-    files.check_crs(wkt)
-    if options.mission is None:
-        return
     if wkt is None:
         raise MissionError(
             "the raster has no CRS, so nobody knows where to fly; give it one with gdal_edit.py -a_srs"
         )
     to_wgs84.check_on_earth(wkt)
-
-
-def _planned(
-    options: ExtractOptions, found: Extraction, flight: PlanRequest, source: Source, reporter: Reporter
-) -> MissionPlan:
-    from uavseg.jobs.flights.plan import plan
-    from uavseg.jobs.flights.request import open_regions, zone_polygons
-
-    with showing_phases(reporter.quiet):
-        zones = zone_polygons(options.flight.safety.avoid, source)
-        return plan(open_regions(found.regions), flight, zones, source)

@@ -1,7 +1,6 @@
 """`uavseg info`: what a raster is and what to try with it, or what a file of regions holds."""
 
 import sys
-from typing import Any
 
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import saying_decisions, show
@@ -19,37 +18,28 @@ def command(options: InfoOptions) -> None:
     RASTER may also be a file of regions (.geojson, .gpkg, .fgb, .parquet, .shp, .kml): then its format, CRS,
     extent and columns are told, and from what and how the regions were made, where the file says so.
     """
-    from uavseg.jobs.info import names_regions
+    from uavseg.jobs.info import info, info_regions, names_regions, open_to_describe
+    from uavseg.plot.summary_text import region_file_text, summary_text
 
     if options.verbose:
         saying_decisions()
-    regions = names_regions(options.source.rasters)
-    text, values = _regions(options) if regions else _raster(options)
+    rasters = options.source.rasters
+    if names_regions(rasters):
+        file = info_regions(rasters, options.read)
+        text, values = region_file_text(file), file.as_dict()
+    else:
+        from uavseg.execution.executors import threads
+        from uavseg.jobs.source.work import Work
+
+        work = Work(executor=threads(options.threads))
+        summary = info(open_to_describe(rasters, options.read), work, rasters)
+        text, values = summary_text(summary), summary.as_dict()
     if options.as_json:
         import json
 
         show(json.dumps(values, indent=2, allow_nan=False))
     else:
         show(_printable(text))
-
-
-def _raster(options: InfoOptions) -> tuple[str, dict[str, Any]]:
-    from uavseg.execution.executors import threads
-    from uavseg.jobs.info import info, open_to_describe
-    from uavseg.jobs.source.work import Work
-    from uavseg.plot.summary_text import summary_text
-
-    source = open_to_describe(options.source.rasters, options.read)
-    summary = info(source, Work(executor=threads(options.threads)), options.source.rasters)
-    return summary_text(summary), summary.as_dict()
-
-
-def _regions(options: InfoOptions) -> tuple[str, dict[str, Any]]:
-    from uavseg.jobs.info import info_regions
-    from uavseg.plot.summary_text import region_file_text
-
-    found = info_regions(options.source.rasters, options.read)
-    return region_file_text(found), found.as_dict()
 
 
 def _printable(text: str) -> str:

@@ -8,7 +8,7 @@ import click
 
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter, work_of
-from uavseg.cli.write import RegionFiles, answer_each, summary_rows, transaction
+from uavseg.cli.write import RegionFiles, answer_each, shown, summary_rows, transaction
 from uavseg.options.regions import LevelsOptions
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def command(options: LevelsOptions) -> None:
     with transaction():
         files.write(found, work)
     rows = {
-        "segments": f"{len(found.regions):,} -> {files.shown}",
+        "segments": f"{len(found.regions):,} -> {shown(files.target)}",
         "levels": _levels_row(found, job.request),
         **summary_rows(found),
         "seconds": f"{reporter.seconds:.2f}",

@@ -8,7 +8,7 @@ import click
 
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter, work_of
-from uavseg.cli.write import RegionFiles, answer_each, confidence_row, summary_rows, transaction
+from uavseg.cli.write import RegionFiles, answer_each, confidence_row, shown, summary_rows, transaction
 from uavseg.options.regions import MatchOptions
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ def command(options: MatchOptions) -> None:
         files.write(found, work)
     common = summary_rows(found)
     rows = {
-        "regions": f"{len(found.regions):,} -> {files.shown}",
+        "regions": f"{len(found.regions):,} -> {shown(files.target)}",
         "total area": common["total area"],
         "largest": common["largest"],
         **confidence_row(found),

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from uavseg.cli.command import job_command
-from uavseg.cli.terminal.say import Reporter, say, work_of
+from uavseg.cli.terminal.say import Reporter, work_of
 from uavseg.cli.write import keep_inputs, write_text
 from uavseg.options.maps import NextViewOptions
-
-if TYPE_CHECKING:
-    from uavseg.jobs.maps.next_view import NextViews
 
 
 @job_command("next-view", NextViewOptions)
@@ -21,8 +16,7 @@ def command(options: NextViewOptions) -> None:
     of free and unknown ones; the best begins a short tour through all of them, which ends where unknown space
     goes on farthest.
     """
-    from uavseg.jobs.maps.next_view import next_views
-    from uavseg.jobs.maps.requests import view_request
+    from uavseg.jobs.maps.next_view import next_views, view_request
     from uavseg.jobs.source.open_source import open_probability_map
     from uavseg.occupancy.paths.path_geojson import check_path_crs
     from uavseg.output.atomic import check_target
@@ -37,14 +31,10 @@ def command(options: NextViewOptions) -> None:
     found = next_views(source, request, work_of(options.run, reporter))
     reporter.finish(found.warnings)
     write_text(options.output, found.to_geojson(), options.files.overwrite)
-    if not reporter.quiet:
-        _report(found, options.output)
-
-
-def _report(found: NextViews, output: str) -> None:
     for rank, view in enumerate(found.views, start=1):
         about = view.properties
         place = f"{view.pose.x:.2f},{view.pose.y:.2f} heading {about['heading_deg']:.0f}"
         way = f"{about['distance_m']:.1f} m away, {about['frontier_m']:.1f} m of frontiers"
-        say(f"  {rank:2d}  {place}: {way}, {about['gain_bits']:.0f} bits, score {about['score']:.2f}")
-    say(f"  {len(found.views)} views -> {output}")
+        worth = f"{about['gain_bits']:.0f} bits, score {about['score']:.2f}"
+        reporter.say(f"  {rank:2d}  {place}: {way}, {worth}")
+    reporter.say(f"  {len(found.views)} views -> {options.output}")

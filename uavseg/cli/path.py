@@ -5,21 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import click
-
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter, work_of
-from uavseg.cli.write import keep_inputs, shown, write_mission_output, write_text
+from uavseg.cli.write import check_ranges, keep_inputs, shown, write_mission_output, write_text
 from uavseg.errors import MissionError, OutputError, ParameterError
-from uavseg.options.flights import Home
 from uavseg.options.maps import PathOptions
 
 if TYPE_CHECKING:
-    from uavseg.flight.mission.mission import Mission
     from uavseg.flight.params.plan import PlanParams
     from uavseg.jobs.maps.path import PathFound
-    from uavseg.occupancy.paths.find_path import PlannedPath
-    from uavseg.raster.grid.geobox import GeoBox
 
 _LINES = (".geojson", ".json")
 
@@ -32,42 +26,41 @@ def command(options: PathOptions) -> None:
     with the same --range and --refine. The path never enters a cell whose own value is outside of the range,
     and cuts no corner.
     """
-    from uavseg.jobs.maps.path import path
-    from uavseg.jobs.maps.requests import path_request
+    from uavseg.jobs.maps.path import path, path_request
     from uavseg.jobs.source.open_source import open_probability_map
+    from uavseg.occupancy.paths.path_geojson import check_path_crs, path_lonlat, path_to_geojson
     from uavseg.output.atomic import check_target
 
     reporter = Reporter(options.messages, options.progress)
     output, overwrite = options.output, options.files.overwrite
-    _check_range(options)
+    check_ranges(options.ranges, {})
     request, flight = path_request(options), _flight(options)
     if output != "-":
         check_target(output, overwrite)
     keep_inputs([output], options.map_)
     source = open_probability_map(options.map_, options.read)
-    _check_place(source.geobox, flight)
+    check_path_crs(source.geobox)
+    if flight is not None and source.geobox.crs is None:
+        raise MissionError(
+            "the map has no CRS, so nobody knows where to fly; give it one with gdal_edit.py -a_srs"
+        )
     found = path(source, request, work_of(options.run, reporter))
     reporter.finish(found.warnings)
-    mission = None
-    if flight is not None and options.home is not None:
-        mission = _flown(found.path, flight, options.home)
-    unwritten = _write(found.path, mission, output, overwrite)
+    mission, unwritten = None, []
+    if flight is None or options.home is None:
+        write_text(output, path_to_geojson(found.path), overwrite)
+    else:
+        from uavseg.flight.planning.along import fly_along
+
+        lon, lat = path_lonlat(found.path)
+        home = (float(lat[0]), float(lon[0])) if isinstance(options.home, str) else options.home
+        mission = fly_along(lon, lat, flight, home)
+        unwritten = write_mission_output(mission, output, overwrite)
     reporter.table(_rows(found, output) | {"seconds": f"{reporter.seconds:.2f}"})
     if mission is not None and not reporter.quiet:
         from uavseg.cli.mission_report import report
 
         report([mission], 1, [output], [*mission.warnings, *unwritten])
-
-
-def _check_range(options: PathOptions) -> None:
-    """Refuse no range, or more than one."""
-    ranges = options.ranges
-    named = {"--range": ranges.range, "--values": ranges.values, "--percentile": ranges.percentile}
-    given = [name for name, value in named.items() if value is not None]
-    if not given:
-        raise click.UsageError("Missing option '--range' (v in 0..1), '--values' or '--percentile'.")
-    if len(given) > 1:
-        raise click.UsageError(f"{' and '.join(given)} are ranges of different kinds; give one of them")
 
 
 def _flight(options: PathOptions) -> PlanParams | None:
@@ -89,35 +82,6 @@ def _flight(options: PathOptions) -> PlanParams | None:
     if options.home is None:
         raise ParameterError("a mission needs --home LAT,LON, where the vehicle starts (or --home auto)")
     return PlanParams(options.altitude, speed_m_s=options.speed, autopilot=options.autopilot)
-
-
-def _check_place(geobox: GeoBox, flight: PlanParams | None) -> None:
-    """Nothing is computed that has no place where it is to be written or flown."""
-    from uavseg.occupancy.paths import path_geojson
-
-    path_geojson.check_path_crs(geobox)
-    if flight is not None and geobox.crs is None:
-        raise MissionError(
-            "the map has no CRS, so nobody knows where to fly; give it one with gdal_edit.py -a_srs"
-        )
-
-
-def _flown(way: PlannedPath, flight: PlanParams, home: Home) -> Mission:
-    from uavseg.flight.planning.along import fly_along
-    from uavseg.occupancy.paths.path_geojson import path_lonlat
-
-    lon, lat = path_lonlat(way)
-    return fly_along(lon, lat, flight, (float(lat[0]), float(lon[0])) if isinstance(home, str) else home)
-
-
-def _write(way: PlannedPath, mission: Mission | None, output: str, overwrite: bool) -> list[str]:
-    """Write a path or a mission; what the format of a mission cannot hold is returned as warnings."""
-    from uavseg.occupancy.paths.path_geojson import path_to_geojson
-
-    if mission is not None:
-        return write_mission_output(mission, output, overwrite)
-    write_text(output, path_to_geojson(way), overwrite)
-    return []
 
 
 def _rows(found: PathFound, output: str) -> dict[str, str]:

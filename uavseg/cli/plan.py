@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict
-from typing import TYPE_CHECKING
 
 import click
 
@@ -13,9 +12,6 @@ from uavseg.cli.mission_report import missions_json, report
 from uavseg.cli.terminal.say import Reporter, show, showing_phases
 from uavseg.cli.write import keep_inputs, write_plan_output
 from uavseg.options.flights import PlanOptions
-
-if TYPE_CHECKING:
-    from uavseg.jobs.source.source import Source
 
 
 @job_command("plan", PlanOptions)
@@ -44,7 +40,11 @@ def command(options: PlanOptions) -> None:
     regions = click.open_file("-", "rb").read() if options.regions == "-" else options.regions
     with showing_phases(reporter.quiet):
         found = open_regions(regions, options.layer)
-        raster = None if options.raster is None else _opened(options.raster)
+        raster = None
+        if options.raster is not None:
+            from uavseg.jobs.source.open_source import open_source
+
+            raster = open_source(options.raster)
         planned = plan(found, request, zone_polygons(avoid, raster), raster)
     paths, unwritten = write_plan_output(planned, output, overwrite, options.mission.files)
     notes = [*planned.warnings, *unwritten]
@@ -55,9 +55,3 @@ def command(options: PlanOptions) -> None:
         show(json.dumps(written, allow_nan=False))
     if not reporter.quiet:
         report(planned.missions, planned.regions, paths, notes)
-
-
-def _opened(raster: str) -> Source:
-    from uavseg.jobs.source.open_source import open_source
-
-    return open_source(raster)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
@@ -12,10 +11,6 @@ from uavseg.cli.terminal.say import Reporter
 from uavseg.errors import ParameterError
 from uavseg.options.pages import PreviewOptions
 from uavseg.options.reading import ReadOptions
-
-if TYPE_CHECKING:
-    from uavseg.jobs.source.source import ProbabilityMap, Raster
-    from uavseg.raster.intensity.stretch import Stretch, StretchSpec
 
 _LAYERS = ("levels", "states", "leaves", "labels", "regions", "path", "mission")
 _READING = ("band", "rgb", "index", "expr", "band_names", "nodata", "skip_bad_tiles", "stretch", "collar")
@@ -86,12 +81,20 @@ def _draw_missions(missions: list[str], options: PreviewOptions, reporter: Repor
 
 
 def _draw_raster(options: PreviewOptions, reporter: Reporter) -> None:
+    from dataclasses import replace
+
     from uavseg.cli.write import warnings_of
+    from uavseg.jobs.source.open_source import open_pixels
     from uavseg.jobs.source.source import ProbabilityMap
     from uavseg.jobs.source.work import Work
     from uavseg.plot.preview import preview
+    from uavseg.raster.intensity.stretch import StretchSpec
 
-    source, stretch = _opened(options)
+    source = open_pixels(options.rasters, replace(options.read, stretch=None))
+    is_map, stretch = isinstance(source, ProbabilityMap), options.read.spec
+    if is_map and stretch == StretchSpec("auto"):  # a ROS map has one of its own
+        stretch = source.stretch
+    assert stretch is not None  # "auto" by default
     out = options.output or f"{Path(source.name).stem}.preview.png"
     drawn = {name: getattr(options, name) for name in _LAYERS}
     work = Work()
@@ -104,25 +107,8 @@ def _draw_raster(options: PreviewOptions, reporter: Reporter) -> None:
                 stretch=stretch,
                 width_px=options.width,
                 overwrite=options.files.overwrite,
-                collar="keep" if isinstance(source, ProbabilityMap) else options.read.collar,
+                collar="keep" if is_map else options.read.collar,
             )
         )
     reporter.finish((*source.warnings, *work.bad_block_warnings, *notes))
     reporter.say(f"wrote {out}")
-
-
-def _opened(options: PreviewOptions) -> tuple[Raster | ProbabilityMap, Stretch | StretchSpec]:
-    """Return the raster and its stretch; a ROS map has one of its own unless another is chosen."""
-    from dataclasses import replace
-
-    from uavseg.jobs.source.open_source import open_pixels
-    from uavseg.jobs.source.source import ProbabilityMap
-    from uavseg.raster.intensity.stretch import Stretch, StretchSpec
-
-    source = open_pixels(options.rasters, replace(options.read, stretch=None))
-    chosen = options.read.spec
-    assert chosen is not None  # "auto" by default
-    if not isinstance(source, ProbabilityMap):
-        return source, chosen
-    assert isinstance(source.stretch, Stretch)
-    return source, source.stretch if chosen == StretchSpec("auto") else chosen

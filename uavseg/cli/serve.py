@@ -19,13 +19,13 @@ def command(options: ServeOptions) -> None:
     from uavseg.api.pages import MapServer
     from uavseg.jobs.source.open_source import open_source
     from uavseg.jobs.web_map.content import FieldMapRequest
-    from uavseg.output.disk import note_ended
+    from uavseg.output.disk import written_here
 
     reporter = Reporter(options.messages, options.progress)
     request = FieldMapRequest(options.division.segment_params(), options.size.size)
     source = open_source(options.source.rasters, options.read)
     with MapServer(source, request, work_of(options.run, reporter), options.port) as server:
-        note_ended("the server is closed, and the files of its jobs are deleted")
+        written_here().ended = "the server is closed, and the files of its jobs are deleted"
         reporter.finish(server.warnings)
         show(f"{server.url}")
         server.wait()

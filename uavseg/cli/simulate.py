@@ -3,18 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter
 from uavseg.cli.write import check_distinct, creation_of, keep_inputs, transaction
 from uavseg.errors import OutputError
 from uavseg.options.maps import SimulateOptions
-
-if TYPE_CHECKING:
-    from uavseg.occupancy.mapping.grid import OccupancyGrid
-    from uavseg.occupancy.simulation.simulate import Simulation
-    from uavseg.raster.formats.creation import CreationOptions
 
 
 @job_command("simulate", SimulateOptions)
@@ -31,6 +25,7 @@ def command(options: SimulateOptions) -> None:
     from uavseg.jobs.maps.build_map import SimulateRequest, simulate
     from uavseg.occupancy.map_file import write_map
     from uavseg.occupancy.mapping.grid import grey_picture
+    from uavseg.raster.formats.geotiff import write_geotiff
     from uavseg.raster.formats.png import write_png
 
     reporter = Reporter(options.messages)
@@ -48,15 +43,29 @@ def command(options: SimulateOptions) -> None:
         step_deg=options.step,
     )
     found = simulate(scene, request)
-    grid = found.grid
+    grid, simulation, sensor = found.grid, found.simulation, found.simulation.sensor
     tags = {"scene": scene, "seed": str(options.seed)}
     with transaction():
         write_map(output, grid.probabilities, grid.geobox, overwrite, tags=tags, creation=creation)
         if png:
             write_png(png, grey_picture(grid.probabilities), overwrite)
         if truth:
-            _write_truth(truth, found.simulation, overwrite, creation)
-    reporter.table(_rows(found.simulation, grid) | {"written": ", ".join(outputs)})
+            real = simulation.truth()
+            bands = [real.states, real.solid.view("uint8"), real.visible.view("uint8")]
+            names = ["state: 1 free, 2 unseen, 3 occupied", "solid", "visible"]
+            write_geotiff(truth, bands, simulation.geobox, names, overwrite=overwrite, creation=creation)
+    (rows, cols), values = grid.geobox.shape, grid.probabilities
+    cells = {"below 0.5": values < 0.5, "never seen": values == 0.5, "above 0.5": values > 0.5}
+    beams = f"{len(sensor.angles)} beams, {sensor.step_deg:g} degrees apart"
+    reach = f"sigma {sensor.sigma_m:g} m, up to {sensor.max_range_m:g} m"
+    reporter.table(
+        {
+            "map": f"{rows} x {cols} cells of {grid.geobox.transform.a:g} m",
+            "scans": f"{len(simulation.poses)} of {beams}, {reach}",
+            "cells": ", ".join(f"{name} {100 * inside.mean():.1f} %" for name, inside in cells.items()),
+            "written": ", ".join(outputs),
+        }
+    )
 
 
 def _check_targets(output: str, png: str | None, truth: str | None, overwrite: bool) -> list[str]:
@@ -75,23 +84,3 @@ def _check_targets(output: str, png: str | None, truth: str | None, overwrite: b
     paths = [*check_map_path(output, overwrite), *others]
     check_distinct(*paths)
     return paths
-
-
-def _write_truth(path: str, simulation: Simulation, overwrite: bool, creation: CreationOptions) -> None:
-    from uavseg.raster.formats.geotiff import write_geotiff
-
-    truth = simulation.truth()
-    bands = [truth.states, truth.solid.view("uint8"), truth.visible.view("uint8")]
-    names = ["state: 1 free, 2 unseen, 3 occupied", "solid", "visible"]
-    write_geotiff(path, bands, simulation.geobox, names, overwrite=overwrite, creation=creation)
-
-
-def _rows(simulation: Simulation, grid: OccupancyGrid) -> dict[str, str]:
-    sensor, (rows, cols), values = simulation.sensor, grid.geobox.shape, grid.probabilities
-    cells = {"below 0.5": values < 0.5, "never seen": values == 0.5, "above 0.5": values > 0.5}
-    return {
-        "map": f"{rows} x {cols} cells of {grid.geobox.transform.a:g} m",
-        "scans": f"{len(simulation.poses)} of {len(sensor.angles)} beams, {sensor.step_deg:g} degrees apart, "
-        f"sigma {sensor.sigma_m:g} m, up to {sensor.max_range_m:g} m",
-        "cells": ", ".join(f"{name} {100 * inside.mean():.1f} %" for name, inside in cells.items()),
-    }

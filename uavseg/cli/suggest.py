@@ -19,6 +19,7 @@ from uavseg.options.regions import DivisionOptions, SuggestOptions
 if TYPE_CHECKING:
     from uavseg.jobs.match.ranges_of_sample import SampleRange, SampleRanges
     from uavseg.jobs.suggest import Suggestion, Suggestions
+    from uavseg.options.reading import ReadOptions
 
 _BANDS = ("band", "rgb", "index", "expr", "band_names")
 _OF_HISTOGRAM = ("output", "classes", "method", "threshold", "intensity_step", "resume")
@@ -60,7 +61,10 @@ def command(options: SuggestOptions) -> None:
         keep_inputs([output], rasters)
     source = open_source(rasters, options.read)
     found = suggest(source, request, work_of(options.run, reporter))
-    commands = [_command(chosen, found, options) for chosen in found.ranges]
+    ranges, more = [str(chosen) for chosen in found.ranges], _chosen(options.division)
+    commands = [
+        _line(options, options.read, found, one.replace(",", "-"), ["--range", one, *more]) for one in ranges
+    ]
     with transaction():
         if output is not None:
             from uavseg.plot.suggestions import draw_suggestions
@@ -75,19 +79,28 @@ def command(options: SuggestOptions) -> None:
             show(_as_json(found, commands, **facts))
         else:
             show(_table(found, commands))
-    _report(found, output, reporter)
+    if output is not None:
+        reporter.say(f"wrote {output}")
+    reporter.detail(f"{found.explained:.1%} of the variance of the means lies between the ranges")
+    reporter.detail(f"{reporter.seconds:.2f} seconds")
 
 
-def _command(chosen: Suggestion, found: Suggestions, options: SuggestOptions) -> str:
-    """Return the line that extracts a range, from the same rasters in the same way."""
+def _line(
+    options: SuggestOptions,
+    read: ReadOptions,
+    found: Suggestions | SampleRanges,
+    name: str,
+    words: Sequence[str],
+) -> str:
+    """Return the line that extracts a range, to a file whose name ends so, from the same rasters."""
     from uavseg.jobs.info import extract_line
     from uavseg.raster.read.source_list import stem_of
     from uavseg.regions.formats.export import suffix_for
 
+    kind, interval, *more = words
     rasters, suffix = options.source.rasters, suffix_for(found.source.geobox.wkt)
-    target = f"{stem_of(rasters[0])}.{str(chosen).replace(',', '-')}{suffix}"
-    line = extract_line(rasters, options.read, str(chosen))
-    return f"{line} {shlex.join([*_chosen(options.division), '-o', target])}"
+    line = extract_line(rasters, read, interval, kind)
+    return f"{line} {shlex.join([*more, '-o', f'{stem_of(rasters[0])}.{name}{suffix}'])}"
 
 
 def _chosen(division: DivisionOptions) -> list[str]:
@@ -130,13 +143,6 @@ def _table(found: Suggestions, commands: list[str]) -> str:
     return "\n".join(lines)
 
 
-def _report(found: Suggestions, output: str | None, reporter: Reporter) -> None:
-    if output is not None:
-        reporter.say(f"wrote {output}")
-    reporter.detail(f"{found.explained:.1%} of the variance of the means lies between the ranges")
-    reporter.detail(f"{reporter.seconds:.2f} seconds")
-
-
 # With a sample
 
 
@@ -152,23 +158,14 @@ def _suggest_like(options: SuggestOptions) -> None:
     request = suggest_like_request(options)
     opened = open_all_bands(options.source.rasters, options.read)
     found = ranges_of_sample(opened, request, work_of(options.run, reporter))
-    commands = [_like_command(one, rank, options, found) for rank, one in enumerate(found.ranges, start=1)]
+    commands = []
+    for rank, one in enumerate(found.ranges, start=1):
+        chosen: dict[str, Any] = {name: one.words.get(name) for name in _BANDS}
+        read = replace(options.read, **chosen)
+        commands.append(_line(options, read, found, f"like{rank}", ["--values", str(one)]))
     reporter.finish(found.warnings)
     show(_as_json(found, commands) if options.as_json else _like_table(found, commands))
     reporter.detail(f"{reporter.seconds:.2f} seconds")
-
-
-def _like_command(one: SampleRange, rank: int, options: SuggestOptions, found: SampleRanges) -> str:
-    from uavseg.jobs.info import extract_line
-    from uavseg.raster.read.source_list import stem_of
-    from uavseg.regions.formats.export import suffix_for
-
-    chosen: dict[str, Any] = {name: one.words.get(name) for name in _BANDS}
-    read = replace(options.read, **chosen)
-    rasters = options.source.rasters
-    line = extract_line(rasters, read, str(one), "--values")
-    target = f"{stem_of(rasters[0])}.like{rank}{suffix_for(found.source.geobox.wkt)}"
-    return f"{line} {shlex.join(['-o', target])}"
 
 
 def _like_table(found: SampleRanges, commands: Sequence[str]) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import asdict
 from pathlib import Path
@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from uavseg.cli.terminal.say import standard_output
-from uavseg.dataclass import dataclass
+from uavseg.cli.terminal.say import say, show, standard_output
+from uavseg.errors import OutputError
 
 if TYPE_CHECKING:
     from uavseg.cli.terminal.say import Reporter
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from uavseg.jobs.result.result import Extraction
     from uavseg.jobs.source.work import Work
     from uavseg.options.flights import MissionFileOptions
-    from uavseg.options.regions import ExtractOptions, LevelsOptions, MatchOptions
+    from uavseg.options.regions import ExtractOptions, LevelsOptions, MatchOptions, RangeOptions
     from uavseg.options.running import RegionOutputs, StorageOptions
     from uavseg.raster.formats.creation import CreationOptions
     from uavseg.regions.formats.text_writers import GeoJsonForm
@@ -30,19 +30,6 @@ if TYPE_CHECKING:
     RegionOptions = ExtractOptions | LevelsOptions | MatchOptions
 
 T = TypeVar("T")
-
-
-@dataclass(frozen=True, slots=True)
-class LabelFile:
-    """A raster of labels that a command writes: its path, or None, and how it is stored."""
-
-    path: str | None
-    creation: CreationOptions
-
-    @classmethod
-    def of(cls, path: str | None, stored: StorageOptions) -> LabelFile:
-        """Return the raster of labels with the options of its storage."""
-        return cls(path, creation_of(stored, {path: "uint32"}))
 
 
 def creation_of(stored: StorageOptions, targets: dict[str | None, str]) -> CreationOptions:
@@ -66,11 +53,23 @@ def check_targets(output: str | None, labels: str | None, overwrite: bool) -> No
 
 def check_distinct(*paths: str | None) -> None:
     """Refuse outputs that have the same name, with OutputError."""
-    from uavseg.errors import OutputError
-
     named = [Path(path).resolve() for path in paths if path and path != "-"]
     if len(set(named)) < len(named):
         raise OutputError("two outputs have the same name; give each its own")
+
+
+def check_ranges(ranges: RangeOptions, classes: Mapping[str, Any]) -> None:
+    """Refuse no range, or more than one kind of range or of classes, which are given by their options."""
+    named = {"--range": ranges.range, "--values": ranges.values, "--percentile": ranges.percentile}
+    given = [name for name, value in (named | dict(classes)).items() if value]
+    if not given:
+        others = "; or '--class' or '--classes'" if classes else ""
+        raise click.UsageError(f"Missing option '--range' (v in 0..1), '--values' or '--percentile'{others}.")
+    if len(given) > 1:
+        several = isinstance(ranges.range, list) or classes.keys() & set(given)
+        why = "do not go together; give a range, or classes in one way"
+        why = why if several else "are ranges of different kinds; give one of them"
+        raise click.UsageError(f"{' and '.join(given)} {why}")
 
 
 def keep_inputs(outputs: Sequence[str | None], *inputs: Any) -> None:
@@ -82,9 +81,9 @@ def keep_inputs(outputs: Sequence[str | None], *inputs: Any) -> None:
 
 def transaction() -> AbstractContextManager[None]:
     """Return a context whose files appear together at its end."""
-    from uavseg.output import atomic as files
+    from uavseg.output import atomic
 
-    return files.transaction()
+    return atomic.transaction()
 
 
 def write_region_output(
@@ -102,20 +101,20 @@ def write_region_output(
         export.write_regions(found.regions, stream, form=form or COLLECTION)
 
 
-def write_label_output(found: Extraction, labels: LabelFile, work: Work, overwrite: bool) -> None:
+def write_label_output(
+    found: Extraction, path: str | None, work: Work, overwrite: bool, creation: CreationOptions
+) -> None:
     """Write the labels of regions, if asked for; the executor writes them where they are many tiles."""
-    if labels.path is None:
+    if path is None:
         return
     from uavseg.regions.formats import export
 
-    run = work.executor if export.is_vrt(labels.path) else work.local
-    how = overwrite, labels.creation
-    export.write_label_raster(labels.path, found.rings, found.geobox, run, *how)
+    run = work.executor if export.is_vrt(path) else work.local
+    export.write_label_raster(path, found.rings, found.geobox, run, overwrite, creation)
 
 
 def write_text(path: str, text: str, overwrite: bool) -> None:
     """Write a text file, or to the standard output where the path is -."""
-    from uavseg.cli.terminal.say import show
     from uavseg.output.atomic import atomic_file
     from uavseg.output.disk import noted_stream
 
@@ -212,7 +211,7 @@ class RegionFiles:
         self.target = outputs.output or f"{stem_of(options.source.rasters[0])}{ending}"
         self.overwrite = options.files.overwrite
         self.form = geojson_form(outputs, self.target)
-        self.labels = LabelFile.of(outputs.labels, options.creation)
+        self.labels, self.creation = outputs.labels, creation_of(options.creation, {outputs.labels: "uint32"})
         check_targets(self.target, outputs.labels, self.overwrite)
         self.style = _checked_style(outputs.style, self.target, self.overwrite)
         keep_inputs([self.target, outputs.labels, *others], options.source.rasters, *inputs)
@@ -237,14 +236,9 @@ class RegionFiles:
             from uavseg.regions.formats.styles import write_style
 
             write_style(found.regions, self.target, self.style, self.overwrite)
-        write_label_output(found, self.labels, work, self.overwrite)
+        write_label_output(found, self.labels, work, self.overwrite, self.creation)
         if self.target == "-":
             write_region_output(found, self.target, self.overwrite, self.form)
-
-    @property
-    def shown(self) -> str:
-        """The target by its name for people."""
-        return "stdout" if self.target == "-" else self.target
 
 
 def answer_each(options: RegionOptions, job: RegionJob, ending: str, reporter: Reporter) -> bool:
@@ -262,21 +256,20 @@ def answer_each(options: RegionOptions, job: RegionJob, ending: str, reporter: R
                 raise click.UsageError(f"{flag} is for each of many rasters; give it with --each")
         return False
     _check_each(options)
-    from uavseg.cli.terminal.say import say
     from uavseg.execution import executors
     from uavseg.jobs.each.each import OutputNames, grouped_warnings, plan_tasks, run_each
     from uavseg.jobs.source.work import Work
 
     executors.threads(options.run.threads)  # an error before rasters are looked for
     target = options.outputs.output or f"{{stem}}{ending}"
-    labels = LabelFile.of(options.outputs.labels, options.creation)
+    labels = options.outputs.labels
     names = OutputNames(
         regions=target,
-        labels=labels.path,
+        labels=labels,
         overwrite=options.files.overwrite,
         skip_existing=options.each.skip_existing,
         report=options.each.report,
-        creation=labels.creation,
+        creation=creation_of(options.creation, {labels: "uint32"}),
     )
     tasks, skipped = plan_tasks(options.source.rasters, names)
     reporter.begin_each(len(tasks))

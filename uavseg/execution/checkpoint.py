@@ -33,7 +33,7 @@ from uavseg._version import __version__
 from uavseg.errors import OutputError
 from uavseg.execution.executors import Item, Map, Progress, Result, lazy_selection
 from uavseg.output.atomic import atomic_file
-from uavseg.output.disk import note_kept
+from uavseg.output.disk import written_here
 from uavseg.output.renames import recover
 from uavseg.output.targets import check_utf8
 
@@ -152,7 +152,7 @@ def with_checkpoint(map: Map, folder: str | os.PathLike[str], on_resume: OnResum
     root = Path(folder)
     check_utf8(root)
     _make_folder(root)
-    note_kept(str(folder))
+    written_here().kept.append(str(folder))
 
     def run(
         function: Callable[[Item], Result], items: Sequence[Item], progress: Progress | None = None
@@ -203,9 +203,9 @@ def stage_name(function: Any) -> str:
 
 @lru_cache
 def _code_hash() -> str:
-    """Hash the package's source: two states of it between two releases have the same version."""
-    hasher = hashlib.sha256()
-    for path in sorted(Path(__file__).parents[1].rglob("*.py")):
+    """Hash the package's source and tables: two states of it between two releases have the same version."""
+    hasher, root = hashlib.sha256(), Path(__file__).parents[1]
+    for path in sorted([*root.rglob("*.py"), *root.rglob("*.csv")]):
         hasher.update(path.read_bytes())
     return hasher.hexdigest()
 

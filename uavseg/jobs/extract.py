@@ -23,7 +23,6 @@ from uavseg.execution.executors import decided, phase, trim_heap
 from uavseg.jobs.ranges.ranges import (
     EACH_PIXEL,
     AnyRange,
-    DetectedRange,
     decided_grey,
     grey_for,
     missed_text,
@@ -56,7 +55,7 @@ from uavseg.output.atomic import atomic_file
 from uavseg.output.renames import recover
 from uavseg.raster.grid.geobox import Length
 from uavseg.raster.grid.tiling import TilePass
-from uavseg.raster.intensity.value_range import ValueRange
+from uavseg.raster.intensity.value_range import DetectedRange, ValueRange
 from uavseg.regions.confidence import Confidence, check_minimum, confidence_of, none_confident
 from uavseg.regions.edit.small import Area, drop_small_regions, fill_small_holes
 from uavseg.regions.formats.export import check_region_folder, write_regions

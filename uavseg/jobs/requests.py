@@ -14,14 +14,7 @@ from uavseg.jobs.result.result import Drawing, Extraction
 from uavseg.jobs.source.source import Source
 from uavseg.jobs.source.work import Work
 from uavseg.options.classes import classes_of_options, requested_range
-from uavseg.options.regions import (
-    DrawingOptions,
-    ExtractOptions,
-    LevelsOptions,
-    MatchOptions,
-    SizeOptions,
-    SuggestOptions,
-)
+from uavseg.options.regions import ExtractOptions, LevelsOptions, MatchOptions, SuggestOptions
 from uavseg.raster.grid.geobox import as_length
 from uavseg.regions.edit.small import as_area
 from uavseg.segmentation.params.segment import Levels
@@ -57,16 +50,15 @@ def region_job(options: ExtractOptions | LevelsOptions | MatchOptions) -> Region
     return _match_job(options)
 
 
-def _drawing(options: DrawingOptions) -> Drawing:
-    return Drawing(options.smooth_outline, options.simplify)
-
-
-def _sizes(options: SizeOptions) -> dict[str, Any]:
+def _sizes(options: ExtractOptions | LevelsOptions | MatchOptions) -> dict[str, Any]:
+    """Return how regions are drawn, and which are left out: what the requests have in common."""
+    sizes, drawing = options.sizes, options.drawing
     return {
-        "fill_holes": as_area(options.fill_holes),
-        "min_area": as_area(options.min_area),
-        "detail": as_length(options.detail),
-        "min_confidence": options.min_confidence,
+        "drawing": Drawing(drawing.smooth_outline, drawing.simplify),
+        "fill_holes": as_area(sizes.fill_holes),
+        "min_area": as_area(sizes.min_area),
+        "detail": as_length(sizes.detail),
+        "min_confidence": sizes.min_confidence,
     }
 
 
@@ -76,7 +68,7 @@ def _extract_job(options: ExtractOptions) -> RegionJob:
     if options.classes is not None and any(one is not None for one in ranges):
         raise ParameterError("extract takes a range or classes; give one of them")
     segment = options.division.segment_params(None if classes else options.refine)
-    common = {"drawing": _drawing(options.drawing), **_sizes(options.sizes)}
+    common = _sizes(options)
     if classes is None:
         request = ExtractRequest(
             requested_range(options.ranges), segment, thin_lines=options.thin_lines, **common
@@ -95,12 +87,11 @@ def _levels_request(options: LevelsOptions) -> LevelsRequest:
     from uavseg.jobs.segment_classes import LevelsRequest, level_params
 
     levels = breaks_of(options.breaks) if options.width is None else Levels(options.width)
-    sizes = _sizes(options.sizes)
+    sizes = _sizes(options)
     del sizes["fill_holes"]
     return LevelsRequest(
         levels,
         level_params(options.division.segment_params(), options.refine, levels),
-        drawing=_drawing(options.drawing),
         small=options.small,  # type: ignore[arg-type]
         **sizes,
     )
@@ -130,8 +121,7 @@ def _match_request(options: MatchOptions) -> MatchRequest:
         intensity=options.intensity,
         bands=tuple(options.bands),
         refine=options.refine,
-        drawing=_drawing(options.drawing),
-        **_sizes(options.sizes),
+        **_sizes(options),
     )
 
 
@@ -142,8 +132,7 @@ def _match_classes_request(options: MatchOptions) -> MatchClassesRequest:
         os.fspath(options.classes or ""),
         bands=tuple(options.bands),
         refine=options.refine,
-        drawing=_drawing(options.drawing),
-        **_sizes(options.sizes),
+        **_sizes(options),
     )
 
 

@@ -58,7 +58,7 @@ class FlightOptions(Options):
         "Wind to plan and estimate for, and the azimuth in degrees that it comes from; by default any.  "
         "[default: estimates are for calm air, and flights with --endurance are divided for 5 m/s]",
         metavar="M_S[,FROM]",
-        parse=texts.several_numbers("--wind is M_S or M_S,FROM, such as 6 or 6,270"),
+        parse=texts.numbers("--wind is M_S or M_S,FROM, such as 6 or 6,270"),
         label="Wind in m/s",
     )
     autopilot: str = option(
@@ -99,7 +99,7 @@ class PhotoOptions(Options):
         "Overlap of photographs along lines and between them, in per cent.",
         default=(75.0, 70.0),
         metavar="FRONT,SIDE",
-        parse=texts.several_numbers("--overlap is FRONT,SIDE in per cent, such as 75,70"),
+        parse=texts.numbers("--overlap is FRONT,SIDE in per cent, such as 75,70"),
         shown="75,70",
         basic=True,
         label="Overlap",
@@ -400,7 +400,7 @@ class CheckOptions(Options):
         "Wind to estimate for, and the azimuth in degrees that it comes from; by default any.  "
         "[default: calm air]",
         metavar="M_S[,FROM]",
-        parse=texts.several_numbers("--wind is M_S or M_S,FROM, such as 6 or 6,270"),
+        parse=texts.numbers("--wind is M_S or M_S,FROM, such as 6 or 6,270"),
         label="Wind in m/s",
     )
     terrain: TerrainOptions = group(

@@ -37,12 +37,10 @@ class ClassifyOptions(TiledJobOptions):
     """States."""
 
     path: str = argument("MAP", required=True)
-    output: str | None = option(
+    output: str | None = output_option(
         "The states: .tif, or .yaml for a ROS map with a .pgm beside it.  [default: STEM.states.tif here]",
-        *("-o", "--output"),
-        metavar="PATH",
-        python=False,
-        basic=True,
+        "PATH",
+        required=False,
     )
     objects: str | None = option(
         "Also write what is occupied, object by object: .geojson, .gpkg, .fgb, .parquet, .shp or .kml; - is "
@@ -65,20 +63,10 @@ class ClassifyOptions(TiledJobOptions):
         },
     )
     free_below: float = option(
-        "Free is what has at most this v.",
-        default=0.498,
-        type=float,
-        metavar="V",
-        basic=True,
-        label="Free up to v",
+        "Free is what has at most this v.", default=0.498, metavar="V", basic=True, label="Free up to v"
     )
     occupied_above: float = option(
-        "Occupied is what has a larger v.",
-        default=0.502,
-        type=float,
-        metavar="V",
-        basic=True,
-        label="Occupied above v",
+        "Occupied is what has a larger v.", default=0.502, metavar="V", basic=True, label="Occupied above v"
     )
     refine: str = option(
         "Whether the borders of states are found to the cell, or stay those of blocks.",
@@ -98,10 +86,7 @@ class ClassifyOptions(TiledJobOptions):
         label="Write states in which obstacles are lost",
     )
     simplify: float | None = option(
-        "Simplify the outlines of objects.",
-        type=float,
-        metavar="METRES",
-        label="Simplify outlines of objects within",
+        "Simplify the outlines of objects.", metavar="METRES", label="Simplify outlines of objects within"
     )
     read: ReadOptions = group(ReadOptions, *ONLY_RASTERS, **MAP_STRETCH)
     division: DivisionOptions = group(DivisionOptions, method={"basic": True})
@@ -137,7 +122,6 @@ class PathOptions(TiledJobOptions):
     clearance: float = option(
         "Metres from the centre of a cell to everything else.  [default: none]",
         default=0.0,
-        type=float,
         metavar="M",
         shown="-",
         basic=True,
@@ -149,13 +133,9 @@ class PathOptions(TiledJobOptions):
         basic=True,
         label="Pull the path tight, at any angle",
     )
-    output: str = option(
+    output: str = output_option(
         "The path: .geojson; as a mission .plan, .waypoints, .kmz, .csv or .kml; - is GeoJSON on stdout.",
-        *("-o", "--output"),
-        required=True,
-        metavar="PATH",
-        python=False,
-        basic=True,
+        "PATH",
     )
     refine: str | None = option(
         "What makes a region: cells by their own value, or as in the paper by the mean of their block too.",
@@ -164,7 +144,7 @@ class PathOptions(TiledJobOptions):
         label="Regions",
     )
     altitude: float | None = option(
-        "For a mission: metres above home.", type=float, metavar="M", python=False, basic=True
+        "For a mission: metres above home.", metavar="M", python=False, basic=True
     )
     home: Home | None = option(
         "For a mission: where the vehicle takes off; auto: the start.",
@@ -173,7 +153,7 @@ class PathOptions(TiledJobOptions):
         python=False,
         basic=True,
     )
-    speed: float = option("For a mission.", default=5.0, type=float, metavar="M_S", python=False)
+    speed: float = option("For a mission.", default=5.0, metavar="M_S", python=False)
     autopilot: str = option("For a mission.", default="ardupilot", choices=AUTOPILOTS, python=False)
     read: ReadOptions = group(ReadOptions, *ONLY_RASTERS, **MAP_STRETCH)
     division: DivisionOptions = group(DivisionOptions)
@@ -215,29 +195,18 @@ class NextViewOptions(TiledJobOptions):
         "Where the robot is, in the map's coordinates, and where it looks, counterclockwise from the x axis.",
         required=True,
         metavar="X,Y[,DEG]",
-        parse=texts.several_numbers("--pose is X,Y or X,Y,HEADING, such as 12.5,40"),
+        parse=texts.numbers("--pose is X,Y or X,Y,HEADING, such as 12.5,40"),
         basic=True,
     )
-    range: float = option("How far the sensor sees.", required=True, type=float, metavar="M", basic=True)
-    fov: float = option("Its field of view.", default=360.0, type=float, metavar="DEG", basic=True)
-    count: int = option("Return at most N views.", default=5, type=int, minimum=1, metavar="N", basic=True)
+    range: float = option("How far the sensor sees.", required=True, metavar="M", basic=True)
+    fov: float = option("Its field of view.", default=360.0, metavar="DEG", basic=True)
+    count: int = option("Return at most N views.", default=5, minimum=1, metavar="N", basic=True)
     clearance: float = option(
-        "From the robot's centre to everything that is not free.",
-        default=0.0,
-        type=float,
-        metavar="M",
-        basic=True,
+        "From the robot's centre to everything that is not free.", default=0.0, metavar="M", basic=True
     )
-    free_below: float = option("Free is what has at most this v.", default=0.498, type=float, metavar="V")
-    occupied_above: float = option("Occupied is what has a larger v.", default=0.502, type=float, metavar="V")
-    output: str = option(
-        "The views and the ways to them: .geojson; - is GeoJSON on stdout.",
-        *("-o", "--output"),
-        required=True,
-        metavar="PATH",
-        python=False,
-        basic=True,
-    )
+    free_below: float = option("Free is what has at most this v.", default=0.498, metavar="V")
+    occupied_above: float = option("Occupied is what has a larger v.", default=0.502, metavar="V")
+    output: str = output_option("The views and the ways to them: .geojson; - is GeoJSON on stdout.", "PATH")
     read: ReadOptions = group(ReadOptions, *ONLY_RASTERS, **MAP_STRETCH)
 
 
@@ -245,14 +214,7 @@ class ExploreOptions(Options):
     """Drive."""
 
     scene: str = argument("lens|circles|SCENE.json|MAP", required=True)
-    output: str = option(
-        "The drive, a line, and its views: .geojson; - is GeoJSON on stdout.",
-        *("-o", "--output"),
-        required=True,
-        metavar="PATH",
-        python=False,
-        basic=True,
-    )
+    output: str = output_option("The drive, a line, and its views: .geojson; - is GeoJSON on stdout.", "PATH")
     table: str | None = option(
         "Its scans: place, metres, cells that are known.", metavar="PATH.csv", python=False, basic=True
     )
@@ -268,27 +230,17 @@ class ExploreOptions(Options):
     start: tuple[float, ...] | None = option(
         "Where it begins, and where it looks.  [default: the scene's first pose]",
         metavar="X,Y[,DEG]",
-        parse=texts.several_numbers("--start is X,Y or X,Y,HEADING, such as 12.5,40"),
+        parse=texts.numbers("--start is X,Y or X,Y,HEADING, such as 12.5,40"),
         basic=True,
     )
-    range: float | None = option(
-        "How far the sensor sees.  [default: the scene's]", type=float, metavar="M", basic=True
-    )
-    fov: float | None = option(
-        "Its field of view.  [default: the scene's]", type=float, metavar="DEG", basic=True
-    )
-    sigma: float | None = option(
-        "Standard deviation of ranges.  [default: the scene's]", type=float, metavar="M"
-    )
-    step: float | None = option("Between beams.  [default: the scene's]", type=float, metavar="DEG")
+    range: float | None = option("How far the sensor sees.  [default: the scene's]", metavar="M", basic=True)
+    fov: float | None = option("Its field of view.  [default: the scene's]", metavar="DEG", basic=True)
+    sigma: float | None = option("Standard deviation of ranges.  [default: the scene's]", metavar="M")
+    step: float | None = option("Between beams.  [default: the scene's]", metavar="DEG")
     clearance: float = option(
-        "From the robot's centre to everything that is not free.",
-        default=0.0,
-        type=float,
-        metavar="M",
-        basic=True,
+        "From the robot's centre to everything that is not free.", default=0.0, metavar="M", basic=True
     )
-    seed: int = option("Of the noise; same seed, same drive.", default=0, type=int, minimum=0)
+    seed: int = option("Of the noise; same seed, same drive.", default=0, minimum=0)
     files: OverwriteOptions = group(OverwriteOptions)
     messages: VerbosityOptions = group(VerbosityOptions)
     access: AccessOptions = group(AccessOptions)
@@ -298,14 +250,7 @@ class BuildMapOptions(Options):
     """Bag."""
 
     bag: str = argument("BAG", required=True)
-    output: str = option(
-        "The map.",
-        *("-o", "--output"),
-        required=True,
-        metavar="PATH.yaml|PATH.tif",
-        python=False,
-        basic=True,
-    )
+    output: str = output_option("The map.", "PATH.yaml|PATH.tif")
     mode: ModeOptions = group(ModeOptions, mode={"basic": True})
     scan: str = option(
         "Of sensor_msgs/LaserScan, MultiEchoLaserScan or PointCloud2.",
@@ -317,10 +262,10 @@ class BuildMapOptions(Options):
         "Poses from nav_msgs/Odometry.  [default: /odom, unless --tf is given]", metavar="TOPIC", basic=True
     )
     tf: bool = option("Poses from the tree of /tf and /tf_static.", default=False, basic=True)
-    resolution: float = option("Side of a cell.", default=0.05, type=float, metavar="M", basic=True)
-    sigma: float = option("Standard deviation of ranges.", default=0.03, type=float, metavar="M")
+    resolution: float = option("Side of a cell.", default=0.05, metavar="M", basic=True)
+    sigma: float = option("Standard deviation of ranges.", default=0.03, metavar="M")
     max_range: float | None = option(
-        "Use beams up to here.  [default: the range_max of each scan]", type=float, metavar="M"
+        "Use beams up to here.  [default: the range_max of each scan]", metavar="M"
     )
     heights: Ends | None = option(
         "Of point clouds: what lies between these metres above the map's frame is an obstacle.",
@@ -345,18 +290,11 @@ class MergeMapsOptions(Options):
     """Merging."""
 
     maps: tuple[str, ...] = argument("MAP...", multiple=True, required=True)
-    output: str = option(
-        "The map.",
-        *("-o", "--output"),
-        required=True,
-        metavar="PATH.yaml|PATH.tif",
-        python=False,
-        basic=True,
-    )
+    output: str = output_option("The map.", "PATH.yaml|PATH.tif")
     crop: bool = option("End the map where nothing beyond is known.", default=False, basic=True)
     unrotate: bool = option("Let rows run along the x axis: a yaw of 0.", default=False, basic=True)
     resolution: float | None = option(
-        "Side of a cell.  [default: that of the first map]", type=float, metavar="M", basic=True
+        "Side of a cell.  [default: that of the first map]", metavar="M", basic=True
     )
     mode: ModeOptions = group(ModeOptions, mode={"basic": True})
     creation: StorageOptions = group(StorageOptions)
@@ -382,22 +320,16 @@ class SimulateOptions(Options):
     truth: str | None = option(
         "What the scene really is: states, solid, visible.", metavar="PATH.tif", basic=True
     )
-    seed: int = option("Of the noise; same seed, same map.", default=0, type=int, minimum=0, basic=True)
+    seed: int = option("Of the noise; same seed, same map.", default=0, minimum=0, basic=True)
     sigma: float | None = option(
-        "Standard deviation of ranges.  [default: the scene's]", type=float, metavar="M", basic=True
+        "Standard deviation of ranges.  [default: the scene's]", metavar="M", basic=True
     )
     max_range: float | None = option(
-        "How far the sensor sees.  [default: the scene's]", type=float, metavar="M", basic=True
+        "How far the sensor sees.  [default: the scene's]", metavar="M", basic=True
     )
-    fov: float | None = option(
-        "Its field of view.  [default: the scene's]", type=float, metavar="DEG", basic=True
-    )
-    step: float | None = option(
-        "Between beams.  [default: the scene's]", type=float, metavar="DEG", basic=True
-    )
-    poses: int | None = option(
-        "Scan from the first N poses only.", type=int, minimum=1, metavar="N", basic=True
-    )
+    fov: float | None = option("Its field of view.  [default: the scene's]", metavar="DEG", basic=True)
+    step: float | None = option("Between beams.  [default: the scene's]", metavar="DEG", basic=True)
+    poses: int | None = option("Scan from the first N poses only.", minimum=1, metavar="N", basic=True)
     creation: StorageOptions = group(StorageOptions)
     files: OverwriteOptions = group(OverwriteOptions)
     messages: VerbosityOptions = group(VerbosityOptions)

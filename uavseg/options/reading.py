@@ -102,14 +102,13 @@ class ReadOptions(Options):
 
     def __post_init__(self) -> None:
         from uavseg.raster.collar.find import check_collar
-        from uavseg.raster.grid.geobox import Length, as_length
+        from uavseg.raster.grid.geobox import as_length
         from uavseg.raster.intensity.stretch import parse_stretch
         from uavseg.raster.spectral.bands import as_nodata
 
         check_collar(self.collar)
         object.__setattr__(self, "nodata", as_nodata(self.nodata))
-        if not isinstance(self.flatten, Length):
-            object.__setattr__(self, "flatten", as_length(self.flatten))
+        object.__setattr__(self, "flatten", as_length(self.flatten))
         if isinstance(self.stretch, str):
             object.__setattr__(self, "stretch", parse_stretch(self.stretch))
 

@@ -214,13 +214,8 @@ class CompareOptions(TiledJobOptions):
     min_area: float | str | None = option(
         "Leave out changes of less; the sums count them.", metavar="M2|Npx", basic=True
     )
-    output: str = option(
-        "The changes: .geojson, .gpkg, .fgb, .parquet, .shp or .kml; - is GeoJSON on stdout.",
-        *("-o", "--output"),
-        required=True,
-        metavar="PATH",
-        python=False,
-        basic=True,
+    output: str = output_option(
+        "The changes: .geojson, .gpkg, .fgb, .parquet, .shp or .kml; - is GeoJSON on stdout.", "PATH"
     )
     png: str | None = option("Draw them over AFTER, too.", metavar="PATH.png", python=False, basic=True)
     read: ReadOptions = group(ReadOptions, *ONLY_MAPS, "flatten", "skip_bad_tiles", **MAP_STRETCH)
@@ -288,8 +283,7 @@ class MatchOptions(TiledJobOptions):
         **SAMPLES,
     )
     unlike: Sequence[Sample] = option(
-        "A sample of what is not wanted; may be given several times.",
-        **SAMPLES,
+        "A sample of what is not wanted; may be given several times.", **SAMPLES
     )
     classes: str | os.PathLike[str] | None = option(
         "In place of --like: a file of polygons with a column class; every pixel is of the likeliest class, "
@@ -346,9 +340,7 @@ class MatchOptions(TiledJobOptions):
     )
     sizes: SizeOptions = group(SizeOptions, min_area={"help": "Drop regions of less."})
     drawing: DrawingOptions = group(
-        DrawingOptions,
-        "smooth_outline",
-        simplify={"help": "Simplify outlines; shared borders stay shared."},
+        DrawingOptions, "smooth_outline", simplify={"help": "Simplify outlines; shared borders stay shared."}
     )
     each: EachOptions = group(EachOptions)
 

@@ -80,29 +80,20 @@ def several_ranges(given: tuple[str, ...]) -> Any:
     return list(given) if len(given) > 1 else range_named("--range")(given[0])
 
 
-def numbers(expected: str, count: int, separator: str = ",") -> Callable[[str], tuple[float, ...]]:
-    """Return a parser of so many numbers; `expected` says what the option is."""
+def numbers(expected: str, count: int = 0, separator: str = ",") -> Callable[[str], tuple[float, ...]]:
+    """Return a parser of so many numbers, 0: they are counted where they are used.
+
+    `expected` says what the option is.
+    """
 
     def parse(text: str) -> tuple[float, ...]:
         try:
             result = tuple(float(part) for part in text.lower().split(separator))
         except ValueError:
             result = ()
-        if len(result) != count:
+        if not result or (count and len(result) != count):
             raise ParameterError(f"{expected}, not {text!r}")
         return result
-
-    return parse
-
-
-def several_numbers(expected: str) -> Callable[[str], tuple[float, ...]]:
-    """Return a parser of numbers that are counted where they are used."""
-
-    def parse(text: str) -> tuple[float, ...]:
-        try:
-            return tuple(float(part) for part in text.split(","))
-        except ValueError:
-            raise ParameterError(f"{expected}, not {text!r}") from None
 
     return parse
 

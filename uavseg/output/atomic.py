@@ -24,7 +24,7 @@ from pathlib import Path
 
 from uavseg.dataclass import dataclass
 from uavseg.errors import OutputError, OutputExistsError, UavsegError
-from uavseg.output.disk import locked_folder, note_written, put_new, sync_all_in, sync_folder
+from uavseg.output.disk import locked_folder, put_new, sync_all_in, sync_folder, written_here
 from uavseg.output.renames import Journal, NewFile, has_journal, recover, remove_journal, rename_all, undo
 from uavseg.output.staging import Stage, interrupts_held, is_staged
 from uavseg.output.targets import Target, existing_files, find_target, sidecars
@@ -200,7 +200,7 @@ class Transaction:
             with interrupts_held():
                 self._rename()
                 if self._sync:
-                    note_written(*(str(part.target.given) for _, part in self._parts))
+                    written_here().files += [str(part.target.given) for _, part in self._parts]
 
     def close(self) -> None:
         """Remove the staging folders; one whose renames could not be undone stays."""

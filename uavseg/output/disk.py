@@ -35,7 +35,7 @@ class Written:
         if self.unfinished:
             parts = [*(parts if self.files else parts[1:]), f"{', '.join(self.unfinished)} may be incomplete"]
         if self.kept:
-            parts.append(f"finished tiles are kept in {', '.join(self.kept)}")
+            parts.append(f"finished tiles are kept in {', '.join(dict.fromkeys(self.kept))}")
         return "; ".join(parts)
 
 
@@ -53,37 +53,15 @@ def recording_written() -> Iterator[Written]:
         _current.reset(token)
 
 
-def note_ended(text: str) -> None:
-    """Note what the end of this command means from now on."""
-    if written := _current.get():
-        written.ended = text
-
-
-def note_written(*names: str) -> None:
-    """Note outputs that are complete."""
-    if written := _current.get():
-        written.files += names
-
-
-def note_planned(*names: str) -> None:
-    """Note outputs that are to be written, one after another."""
-    if written := _current.get():
-        written.planned += names
-
-
-def note_kept(folder: str) -> None:
-    """Note a folder of finished tiles."""
-    if (written := _current.get()) and folder not in written.kept:
-        written.kept.append(folder)
+def written_here() -> Written:
+    """Return the record in which outputs are noted; one that nobody reads where none is kept."""
+    return _current.get() or Written()
 
 
 @contextmanager
 def noted_stream(name: str) -> Iterator[None]:
     """Note a stream as incomplete while it is written to."""
-    written = _current.get()
-    if written is None:
-        yield
-        return
+    written = written_here()
     written.unfinished.append(name)
     yield
     written.unfinished.remove(name)

@@ -42,11 +42,23 @@ _STOPPING_S = 5.0  # a job stops at its next step; its files are deleted after i
 
 
 @dataclass(frozen=True, slots=True)
-class Refusal:
-    """Status and text of an answer that refuses a request."""
+class Answer:
+    """A response; with a file name it is a download."""
 
-    status: int
-    text: str
+    content: bytes
+    media_type: str = _JSON
+    status: int = 200
+    file_name: str = ""
+
+
+def json_answer(value: Any, status: int = 200) -> Answer:
+    """Encode a value as JSON, with a status of HTTP."""
+    return Answer(json.dumps(value, allow_nan=False).encode(), status=status)
+
+
+def refusal(status: int, text: str) -> Answer:
+    """Return an answer that says why a request is refused."""
+    return json_answer({"error": text}, status)
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,54 +77,39 @@ class Gate:
         """Return the names of the server."""
         return f"127.0.0.1:{self.port}", f"localhost:{self.port}"
 
-    def path_of(self, method: str, target: str, headers: Mapping[str, list[str]]) -> str | Refusal:
+    def path_of(self, method: str, target: str, headers: Mapping[str, list[str]]) -> str | Answer:
         """Return the path behind the token of a request that is allowed, such as "jobs/1".
 
         `headers` has all values of each header, by its name in lower case.
         """
         if method not in {"GET", "POST"}:
-            return Refusal(405, "only GET and POST are known here")
+            return refusal(405, "only GET and POST are known here")
         if headers.get("host", []) not in [[host] for host in self.hosts]:
-            return Refusal(421, "this server answers to 127.0.0.1 alone")
+            return refusal(421, "this server answers to 127.0.0.1 alone")
         origins = [[f"http://{host}"] for host in self.hosts]
         if "origin" in headers and headers["origin"] not in origins:
-            return Refusal(403, "requests of other sites are refused")
+            return refusal(403, "requests of other sites are refused")
         if headers.get("sec-fetch-site", ["none"]) not in [["none"], ["same-origin"]]:
-            return Refusal(403, "requests of other sites are refused")
+            return refusal(403, "requests of other sites are refused")
         if len(target) > _MAX_TARGET or not target.isascii():
-            return Refusal(414, "the address is too long, or not plain")
+            return refusal(414, "the address is too long, or not plain")
         parts = target.split("/", 2)
         token = parts[1] if len(parts) == 3 and not parts[0] else ""
         if not hmac.compare_digest(token.encode(), self.token.encode()):
-            return Refusal(404, "there is nothing here; open the address that uavseg serve printed")
+            return refusal(404, "there is nothing here; open the address that uavseg serve printed")
         return parts[2]
 
     @staticmethod
-    def body_length(headers: Mapping[str, list[str]]) -> int | Refusal:
+    def body_length(headers: Mapping[str, list[str]]) -> int | Answer:
         """Return the length of the body of a POST."""
         lengths = headers.get("content-length", [])
         if "transfer-encoding" in headers or len(lengths) != 1 or not _LENGTH.fullmatch(lengths[0]):
-            return Refusal(411, "a body has a Content-Length")
+            return refusal(411, "a body has a Content-Length")
         if int(lengths[0]) > MAX_BODY:
-            return Refusal(413, f"a body has at most {MAX_BODY} bytes")
+            return refusal(413, f"a body has at most {MAX_BODY} bytes")
         if headers.get("content-type") != [_JSON]:
-            return Refusal(415, f"a body is {_JSON}")
+            return refusal(415, f"a body is {_JSON}")
         return int(lengths[0])
-
-
-@dataclass(frozen=True, slots=True)
-class Answer:
-    """A response; with a file name it is a download."""
-
-    content: bytes
-    media_type: str = _JSON
-    status: int = 200
-    file_name: str = ""
-
-
-def json_answer(value: Any, status: int = 200) -> Answer:
-    """Encode a value as JSON, with a status of HTTP."""
-    return Answer(json.dumps(value, allow_nan=False).encode(), status=status)
 
 
 Answering = Callable[[str, str, bytes], Answer]
@@ -196,57 +193,50 @@ class _Handler(BaseHTTPRequestHandler):
         super().setup()
         self.rfile = io.BufferedReader(_UntilDeadline(self.connection, time.monotonic() + TIMEOUT_S))
 
-    def do_GET(self) -> None:
-        self._answer()
-
-    def do_POST(self) -> None:
-        self._answer()
-
     def log_message(self, format: str, *args: Any) -> None:
         """Log nothing: addresses hold the token."""
 
     def send_error(self, code: int, message: str | None = None, explain: str | None = None) -> None:
         """Refuse without repeating anything of the request."""
         status = 405 if code == 501 else code
-        self._send(json_answer({"error": "the request is not understood"}, status))
+        self._send(refusal(status, "the request is not understood"))
 
-    def _answer(self) -> None:
+    def do_GET(self) -> None:
         headers: dict[str, list[str]] = {}
         for name, value in self.headers.items():
             headers.setdefault(name.lower(), []).append(value)
         path = self.server.gate.path_of(self.command, self.path, headers)
-        if isinstance(path, Refusal):
-            self._refuse(path)
+        if isinstance(path, Answer):
+            self._send(path)
             return
         with self.server.slot(self.connection) as is_free:
             if is_free:
                 self._answer_allowed(path, headers)
             else:
-                self._refuse(Refusal(503, "too many requests are open; ask again"))
+                self._send(refusal(503, "too many requests are open; ask again"))
+
+    do_POST = do_GET  # noqa: N815 - as the standard library calls it
 
     def _answer_allowed(self, path: str, headers: dict[str, list[str]]) -> None:
         body = b""
         if self.command == "POST":
             length = self.server.gate.body_length(headers)
-            if isinstance(length, Refusal):
-                self._refuse(length)
+            if isinstance(length, Answer):
+                self._send(length)
                 return
             body = self.rfile.read(length)
             if len(body) < length:
-                self._refuse(Refusal(400, "the body ends too early"))
+                self._send(refusal(400, "the body ends too early"))
                 return
         try:
             with self.server.computing:
                 answer = self.server.answering(self.command, path, body)
         except UavsegError as error:
-            answer = json_answer({"error": printable(str(error))}, 400)
+            answer = refusal(400, printable(str(error)))
         except Exception:
             logger.exception("an answer failed")
-            answer = json_answer({"error": "the program failed; its log says how"}, 500)
+            answer = refusal(500, "the program failed; its log says how")
         self._send(answer)
-
-    def _refuse(self, refusal: Refusal) -> None:
-        self._send(json_answer({"error": refusal.text}, refusal.status))
 
     def _send(self, answer: Answer) -> None:
         self.close_connection = True

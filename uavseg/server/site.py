@@ -39,7 +39,7 @@ from uavseg.regions.edit.small import Area
 from uavseg.regions.formats.export import write_regions
 from uavseg.regions.sample.place import Disc
 from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
-from uavseg.server.local_server import Answer, BusyError, Job, Tasks, json_answer
+from uavseg.server.local_server import Answer, BusyError, Job, Tasks, json_answer, refusal
 from uavseg.warning_filters import changing_filters
 
 _MEDIA_TYPES = {".gpkg": "application/geopackage+sqlite3", ".plan": "application/json"}
@@ -62,7 +62,7 @@ FIELDS = {  # of the page, by the options that messages name
     "--spacing": "Distance of lines",
     "--speed": "Speed",
 }
-_MISSING = json_answer({"error": "there is no such thing here"}, 404)
+_MISSING = refusal(404, "there is no such thing here")
 MAX_ZONES, MAX_CORNERS = 100, 1000
 MAX_ID = 1 << 63
 
@@ -290,14 +290,14 @@ class Site:
             question = plan_question(body)
             regions = self.tasks.find(question.job)
             if regions is None or _REGIONS not in regions.files:
-                return json_answer({"error": "these regions are not there any more; extract them again"}, 404)
+                return refusal(404, "these regions are not there any more; extract them again")
             job = partial(self._plan, question, regions.files[_REGIONS])
         else:
             return _MISSING
         try:
             return json_answer(self.tasks.begin(_naming_fields()(job)).report(), 202)
         except BusyError as error:
-            return json_answer({"error": str(error)}, 409)
+            return refusal(409, str(error))
 
     def _extract(self, request: ExtractRequest, folder: Path, progress: Progress) -> _Result:
         return _regions(extract(self.raster, request, _work(progress)), folder)

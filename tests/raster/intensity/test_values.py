@@ -15,13 +15,11 @@ from uavseg.errors import ParameterError
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import TilePass
 from uavseg.raster.intensity.stretch import Stretch, parse_stretch
-from uavseg.raster.intensity.value_range import FittedRange, ValueRange, axis_of, range_on_axis
-from uavseg.raster.intensity.values import fit_values
+from uavseg.raster.intensity.value_range import DetectedRange, ValueRange, axis_of, fit_values, range_on_axis
 from uavseg.raster.read.array_source import from_values
 from uavseg.raster.read.dataset import Dataset
 from uavseg.raster.read.mosaic import align_rasters
 from uavseg.raster.spectral.bands import BandScale, ValueAxis, choose_bands
-from uavseg.segmentation.params.segment import IntensityRange
 
 TYPES = (np.uint8, np.int8, np.int16, np.uint16, np.int32, np.float32, np.float64)
 
@@ -35,15 +33,15 @@ def dataset_of(values: NDArray, scale: BandScale | None = None) -> Dataset:
 
 
 def fitted(
-    dataset: Dataset, stretch: str, *requested: ValueRange, tile: int = 64
-) -> tuple[Stretch, list[FittedRange]]:
+    dataset: Dataset, stretch: str, requested: ValueRange, tile: int = 64
+) -> tuple[Stretch, DetectedRange]:
     return fit_values(dataset, parse_stretch(stretch), requested, TilePass(dataset.windows(tile)))
 
 
-def selected(values: NDArray, stretch: Stretch, found: FittedRange) -> NDArray[np.bool_]:
+def selected(values: NDArray, stretch: Stretch, found: DetectedRange) -> NDArray[np.bool_]:
     """The pixels whose own grey is in the range."""
     grey = stretch.apply(values if values.ndim == 3 else values[None])
-    low, high = IntensityRange(found.low, found.high).greys
+    low, high = found.interval.greys
     return (grey >= low) & (grey <= high)
 
 
@@ -86,7 +84,7 @@ def test_the_pixels_selected_are_those_whose_value_lies_in_the_range(
     case: tuple[NDArray, ValueRange], stretch: str
 ) -> None:
     image, requested = case
-    found, [fit] = fitted(dataset_of(image), stretch, requested)
+    found, fit = fitted(dataset_of(image), stretch, requested)
     assert np.array_equal(selected(image, found, fit), in_range(image, requested))
 
 
@@ -97,8 +95,8 @@ def test_a_range_between_two_integers_holds_no_pixel(span: int, within: float) -
     image[0, :40] = np.arange(40)
     for below in (0, 7, 21, 38):
         end = below + within
-        found, [fit] = fitted(dataset_of(image), "minmax", ValueRange(end, end))
-        assert fit.low < fit.high and not selected(image, found, fit).any()
+        found, fit = fitted(dataset_of(image), "minmax", ValueRange(end, end))
+        assert fit.interval.low < fit.interval.high and not selected(image, found, fit).any()
 
 
 @settings(max_examples=60)
@@ -107,7 +105,7 @@ def test_a_chosen_stretch_decides_exactly_or_refuses(case: tuple[NDArray, ValueR
     image, requested = case
     assume(stretch != "dtype" or image.dtype.kind != "f")
     try:
-        found, [fit] = fitted(dataset_of(image), stretch, requested)
+        found, fit = fitted(dataset_of(image), stretch, requested)
     except ParameterError as error:
         assert "reaches to" in str(error) and "use the stretch auto" in str(error)
         return
@@ -118,20 +116,20 @@ def test_a_range_beyond_the_automatic_stretch_widens_it() -> None:
     image = np.arange(10000, dtype=np.uint16).reshape(100, 100)
     usual, _ = fitted(dataset_of(image), "auto", ValueRange(4000, 6000))
     assert usual.name == "percentile:2,98 -> 199..9799"
-    wide, [fit] = fitted(dataset_of(image), "auto", ValueRange(9900, None))
+    wide, fit = fitted(dataset_of(image), "auto", ValueRange(9900, None))
     assert (wide.low, wide.high) == (199, 9999) and "widened to 199..9999" in wide.name
     assert selected(image, wide, fit).sum() == 100
 
 
 def test_a_bound_beyond_all_values_does_not_widen_it() -> None:
     image = np.arange(10000, dtype=np.float32).reshape(100, 100)
-    found, [fit] = fitted(dataset_of(image), "auto", ValueRange(5000, 1e30))
-    assert found.high == 9799 and fit.high == 1 and fit.ends == (5000, 1e30)
+    found, fit = fitted(dataset_of(image), "auto", ValueRange(5000, 1e30))
+    assert found.high == 9799 and fit.interval.high == 1 and fit.ends == (5000, 1e30)
 
 
 def test_a_bound_at_the_end_of_a_chosen_stretch_is_not_lost_among_what_is_clipped() -> None:
     image = np.array([[49.0, 50.0, 50.5, 80.0]], np.float32)
-    found, [fit] = fitted(dataset_of(image), "0,50", ValueRange(20, 50))
+    found, fit = fitted(dataset_of(image), "0,50", ValueRange(20, 50))
     assert selected(image, found, fit).tolist() == [[True, True, False, False]]
     assert found.high == pytest.approx(50, abs=2e-3)
 
@@ -141,7 +139,7 @@ def test_a_bound_at_the_end_of_a_chosen_stretch_is_not_lost_among_what_is_clippe
 def test_percentiles_are_nearest_ranks_of_all_pixels(image: NDArray, ends: list[int]) -> None:
     values = np.sort(image.reshape(-1).astype(np.float32))
     low, high = (values[max(-(-end * values.size // 100), 1) - 1] for end in ends)
-    found, [fit] = fitted(dataset_of(image), "auto", ValueRange(*ends, by_rank=True))
+    found, fit = fitted(dataset_of(image), "auto", ValueRange(*ends, by_rank=True))
     assert np.array_equal(
         selected(image, found, fit), in_range(image.astype(np.float32), ValueRange(low, high))
     )
@@ -161,28 +159,27 @@ def test_values_are_those_after_scale_and_offset() -> None:
     stored = np.arange(-500, 1500, dtype=np.int16).reshape(40, 50)
     values = stored * 0.1 + 5
     dataset = dataset_of(stored, BandScale(0.1, 5.0, "degC"))
-    found, [fit] = fitted(dataset, "auto", ValueRange(35, 35.3))
+    found, fit = fitted(dataset, "auto", ValueRange(35, 35.3))
     assert np.array_equal(selected(stored, found, fit), (values > 34.99) & (values < 35.31))
     axis = axis_of(dataset, found)
     assert axis is not None and axis.unit == "degC"
-    assert axis.values([fit.low, fit.high]) == pytest.approx([35, 35.3], abs=0.01)
+    assert axis.values([fit.interval.low, fit.interval.high]) == pytest.approx([35, 35.3], abs=0.01)
 
 
 def test_a_negative_scale_turns_the_range_around() -> None:
     stored = np.arange(2000, dtype=np.int16).reshape(40, 50)
     dataset = dataset_of(stored, BandScale(-1.0, 0.0))
-    found, [fit] = fitted(dataset, "auto", ValueRange(-10, None))
+    found, fit = fitted(dataset, "auto", ValueRange(-10, None))
     assert np.array_equal(selected(stored, found, fit), stored <= 10)
-    found, [fit] = fitted(dataset, "auto", ValueRange(90, 100, by_rank=True))
+    found, fit = fitted(dataset, "auto", ValueRange(90, 100, by_rank=True))
     assert np.array_equal(selected(stored, found, fit), -stored >= np.sort(-stored.reshape(-1))[1799])
 
 
-def test_ranges_of_one_stretch_are_all_exact() -> None:
+def test_open_and_closed_ranges_of_wide_floats_are_exact() -> None:
     image = np.random.default_rng(2).normal(0, 10, (80, 80))
-    requested = [ValueRange(None, -5), ValueRange(-4.5, 0.125), ValueRange(12, 70)]
-    found, fits = fitted(dataset_of(image), "auto", *requested)
-    for one, fit in zip(requested, fits, strict=True):
-        assert np.array_equal(selected(image, found, fit), in_range(image, one))
+    for requested in (ValueRange(None, -5), ValueRange(-4.5, 0.125), ValueRange(12, 70)):
+        found, fit = fitted(dataset_of(image), "auto", requested)
+        assert np.array_equal(selected(image, found, fit), in_range(image, requested))
 
 
 @pytest.mark.parametrize(
@@ -206,8 +203,8 @@ def test_values_that_the_type_cannot_hold_are_refused() -> None:
 
 
 def test_where_no_pixel_is_valid_there_is_a_range() -> None:
-    _, [fit] = fitted(dataset_of(np.full((8, 8), np.nan)), "auto", ValueRange(3, None))
-    assert (fit.low, fit.high) == (0, 1)
+    _, fit = fitted(dataset_of(np.full((8, 8), np.nan)), "auto", ValueRange(3, None))
+    assert (fit.interval.low, fit.interval.high) == (0, 1)
 
 
 def test_the_axis_of_a_clipping_stretch_is_open_at_its_ends() -> None:
@@ -219,7 +216,7 @@ def test_the_axis_of_a_clipping_stretch_is_open_at_its_ends() -> None:
 
 def test_a_block_map_refuses_what_its_stretch_makes_alike() -> None:
     axis = ValueAxis(100, 300)
-    assert range_on_axis(ValueRange(150, None), axis, "a.tif").low == pytest.approx(0.25, abs=1e-5)
+    assert range_on_axis(ValueRange(150, None), axis, "a.tif").interval.low == pytest.approx(0.25, abs=1e-5)
     for requested in (ValueRange(300, None), ValueRange(50, 200)):
         with pytest.raises(ParameterError, match="does not lie inside of the stretch"):
             range_on_axis(requested, axis, "a.tif")
@@ -235,7 +232,7 @@ def test_values_too_far_apart_for_a_stretch_are_refused() -> None:
     image = np.array([[-3e307, 0.0, 1e-300, 3e307]] * 4)
     dataset = Dataset.of_values(image, GeoBox(image.shape, Affine.identity(), None), "far.tif")
     with pytest.raises(ParameterError, match=r"far.tif reach from -?inf to inf.*give a stretch around it"):
-        fit_values(dataset, parse_stretch("auto"), [ValueRange(50, 100, True)], TilePass(dataset.windows()))
+        fit_values(dataset, parse_stretch("auto"), ValueRange(50, 100, True), TilePass(dataset.windows()))
 
 
 @settings(max_examples=60)
@@ -252,5 +249,5 @@ def test_scaled_floats_are_decided_at_the_values_that_they_show(
     shown = values * scale + offset
     end = float(shown[0, 1])
     requested = ValueRange(end, None) if is_low else ValueRange(None, end)
-    stretch, [found] = fitted(dataset_of(values, BandScale(scale, offset)), "auto", requested)
+    stretch, found = fitted(dataset_of(values, BandScale(scale, offset)), "auto", requested)
     assert np.array_equal(selected(values, stretch, found), in_range(shown, requested))

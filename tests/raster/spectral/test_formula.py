@@ -17,8 +17,7 @@ from uavseg.raster.grid.tiling import TilePass, Window, tiles
 from uavseg.raster.intensity.stretch import fit_stretch
 from uavseg.raster.read.dataset import Dataset
 from uavseg.raster.spectral.bands import BandLayout
-from uavseg.raster.spectral.formula import BandWords, bind_formula
-from uavseg.raster.spectral.indices import INDICES, find_index
+from uavseg.raster.spectral.formula import INDICES, BandWords, bind_formula, find_index
 
 NAMES = ("blue", "green", "red", "rededge", "nir", "swir1", "swir2")
 LAYOUT = BandLayout(("float64",) * 7, ("undefined",) * 7, (64,) * 7, NAMES)

@@ -153,19 +153,15 @@ class Reporter:
 
     def begin(self, windows: Sequence[Window]) -> None:
         """Begin to report work on the tiles of a source."""
+        pixels = sum(window.rows * window.cols for window in windows)
+        self.begin_each(len(windows), pixels, "tiles")
+
+    def begin_each(self, count: int, pixels: int = 0, unit: str = "rasters") -> None:
+        """Begin to report work on many rasters, or other units."""
         if self._bar:
             from uavseg.execution.progress_bar import Amount
 
-            pixels = sum(window.rows * window.cols for window in windows)
-            self._amount = Amount(len(windows), pixels)
-            self._begun = _seconds()
-
-    def begin_each(self, count: int) -> None:
-        """Begin to report work on many rasters."""
-        if self._bar:
-            from uavseg.execution.progress_bar import Amount
-
-            self._amount = Amount(count, 0, "rasters")
+            self._amount = Amount(count, pixels, unit)
             self._begun = _seconds()
 
     def progress(self, done: int, total: int) -> None:

@@ -23,7 +23,7 @@ from uavseg.jobs.source.open_source import open_source
 from uavseg.jobs.source.source import Blocks, Source
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.output.atomic import atomic_file, check_target, output_errors, transaction
-from uavseg.output.disk import note_planned, note_written, recording_written
+from uavseg.output.disk import recording_written, written_here
 from uavseg.output.targets import check_distinct_outputs, existing_files, outputs_of
 from uavseg.plain_text import cause_of, one_line
 from uavseg.raster.access.opening import gdal_env
@@ -153,26 +153,9 @@ def run_each(
     are used; `count` is the number of threads, by default one for each core. Outcomes are in the order of the
     tasks, with their errors. An OutputError says that the report cannot be written.
     """
-    outcomes: dict[SourceTask, Outcome] = {}
-    try:
-        _run(tasks, job, names, work, count, outcomes)
-    finally:
-        if names.report is not None:
-            write_report(_in_order(tasks, outcomes), names.report, names.overwrite)
-    return _in_order(tasks, outcomes)
-
-
-def _run(
-    tasks: Sequence[SourceTask],
-    job: RegionJob,
-    names: OutputNames,
-    work: Work,
-    count: int | None,
-    outcomes: dict[SourceTask, Outcome],
-) -> None:
-    """Run a job; outcomes are kept as they come, so that they are known too after a run that is stopped."""
+    outcomes: dict[SourceTask, Outcome] = {}  # kept as they come, so that they are known after a stop
     run = threads(count)
-    note_planned(*(str(Path(name)) for task in tasks for name in task.outputs))
+    written_here().planned += [str(Path(name)) for task in tasks for name in task.outputs]
     alone = replace(work, executor=serial, local=serial, progress=None)
     progress = work.progress or (lambda done, total: None)
     context = copy_context()
@@ -191,31 +174,34 @@ def _run(
         return found, written.files
 
     def received_of_copy(task: SourceTask, answer: tuple[Outcome | None, list[str]]) -> None:
-        note_written(*answer[1])
+        written_here().files += answer[1]
         received(task, answer[0])
 
-    if most > 1 and len(tasks) > 1 and can_fork():
-        received(tasks[0], one(tasks[0]))  # which loads what copies need, and compiles it if it is not
-        fork_each(in_copy, tasks[1:], most, received_of_copy)
-    else:
-        with closing(run(lambda task: context.copy().run(one, task), tasks)) as finished:
-            for task, found in zip(tasks, finished, strict=True):
-                received(task, found)
-    done = len(outcomes)
-    for task in tasks:
-        if task in outcomes:
-            continue
-        within = replace(work, executor=run, local=run, progress=partial(_within, progress, done, len(tasks)))
-        found = _outcome(task, job, names, within, None)
-        assert found is not None, "only where tiles are limited, a task is put off"
-        outcomes[task] = found
-        done += 1
-        progress(done, len(tasks))
-
-
-def _in_order(tasks: Sequence[SourceTask], outcomes: dict[SourceTask, Outcome]) -> list[Outcome]:
-    """The outcomes of all tasks in their order; those that were not begun have an error that says so."""
-    return [outcomes.get(task) or Outcome(task.source, task.output, error=NOT_RUN) for task in tasks]
+    try:
+        if most > 1 and len(tasks) > 1 and can_fork():
+            received(tasks[0], one(tasks[0]))  # which loads what copies need, and compiles it if it is not
+            fork_each(in_copy, tasks[1:], most, received_of_copy)
+        else:
+            with closing(run(lambda task: context.copy().run(one, task), tasks)) as finished:
+                for task, found in zip(tasks, finished, strict=True):
+                    received(task, found)
+        done = len(outcomes)
+        for task in tasks:
+            if task in outcomes:
+                continue
+            within = replace(
+                work, executor=run, local=run, progress=partial(_within, progress, done, len(tasks))
+            )
+            found = _outcome(task, job, names, within, None)
+            assert found is not None, "only where tiles are limited, a task is put off"
+            outcomes[task] = found
+            done += 1
+            progress(done, len(tasks))
+    finally:
+        answers = [outcomes.get(task) or Outcome(task.source, task.output, error=NOT_RUN) for task in tasks]
+        if names.report is not None:
+            write_report(answers, names.report, names.overwrite)
+    return answers
 
 
 def grouped_warnings(outcomes: Sequence[Outcome]) -> list[str]:

@@ -3,7 +3,7 @@
 import os
 import warnings
 from collections.abc import Sequence
-from dataclasses import asdict, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -13,7 +13,7 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError, ParameterError
 from uavseg.execution.executors import decided, phase
 from uavseg.flight.formats.files import MissionPath, write_mission
-from uavseg.flight.formats.options import DEFAULT_DJI_MODEL, TURN_STOP, TURN_THROUGH, FileOptions
+from uavseg.flight.formats.options import DEFAULT_DJI_MODEL, TURN_STOP, TURN_THROUGH
 from uavseg.flight.formats.wpml import TURN_M
 from uavseg.flight.mission.features import as_html, explore
 from uavseg.flight.mission.mission import Mission
@@ -133,8 +133,29 @@ class MissionPlan:
         OutputError
             If a file exists, or cannot be written.
         """
-        options = FileOptions(editable=editable, dji_model=dji_model, lens=lens, turn=turn)
-        return write_flights(self.missions, path, self.check, overwrite, options)
+        corner_m = TURN_M / 2
+        if turn == TURN_THROUGH and self.check.zones and self.check.safety.avoid_margin_m < corner_m:
+            raise MissionError(
+                f"with --turn through the aircraft leaves the legs by up to {corner_m:g} m at corners; keep "
+                "at least that from zones (--avoid-margin), or stop at waypoints"
+            )
+        count = len(self.missions)
+        paths, stale = _flight_paths(path, count), _stale_flight(path, count)
+        with transaction():
+            for mission, one in zip(self.missions, paths, strict=True):
+                write_mission(
+                    mission,
+                    one,
+                    overwrite,
+                    self.check.check,
+                    editable=editable,
+                    dji_model=dji_model,
+                    lens=lens,
+                    turn=turn,
+                )
+        if stale is not None:
+            warnings.warn(f"{stale} is of another plan; do not fly it with this one", stacklevel=2)
+        return paths
 
 
 def plan(
@@ -225,36 +246,6 @@ def _flight_paths(path: MissionPath, count: int) -> list[Path]:
     if count == 1:
         return [base]
     return [base.with_name(f"{base.stem}-{number}{base.suffix}") for number in range(1, count + 1)]
-
-
-def write_flights(
-    missions: Sequence[Mission],
-    path: MissionPath,
-    check: SafetyCheck,
-    overwrite: bool = False,
-    options: FileOptions | None = None,
-) -> list[Path]:
-    """Write missions, read each back and check it; all files appear together, or none.
-
-    `path` is the file of a single mission, see `_flight_paths`. A MissionError says that its extension is not
-    one of missions, that what was written is not safe, or that turns at corners may be too near to zones, an
-    OutputError that a file exists or cannot be written.
-    """
-    paths = _flight_paths(path, len(missions))
-    options = options or FileOptions()
-    corner_m = TURN_M / 2
-    if options.turn == TURN_THROUGH and check.zones and check.safety.avoid_margin_m < corner_m:
-        raise MissionError(
-            f"with --turn through the aircraft leaves the legs by up to {corner_m:g} m at corners; keep at "
-            "least that from zones (--avoid-margin), or stop at waypoints"
-        )
-    stale = _stale_flight(path, len(missions))
-    with transaction():
-        for mission, one in zip(missions, paths, strict=True):
-            write_mission(mission, one, overwrite, check.check, **asdict(options))
-    if stale is not None:
-        warnings.warn(f"{stale} is of another plan; do not fly it with this one", stacklevel=2)
-    return paths
 
 
 def _stale_flight(path: MissionPath, count: int) -> Path | None:

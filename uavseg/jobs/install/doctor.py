@@ -163,8 +163,9 @@ def _kernels() -> Findings:
     except ImportError as error:
         return {"kernels": "unknown"}, [f"the kernels cannot be listed ({cause_of(error)})"]
     found = warming.states(kernels)
+    level = shipped.levels_here()[0] if shipped.runs_here() else "no kernels are shipped for this platform"
     text = f"{len(kernels)}: {found['shipped']} shipped, {found['kept']} compiled before"
-    facts = {"kernels": f"{text}, {found['missing']} not compiled yet", "processor level": _level()}
+    facts = {"kernels": f"{text}, {found['missing']} not compiled yet", "processor level": level}
     if not found["kept"] and not found["missing"]:
         return facts | {"kernel cache": "not needed"}, []
     kept = not object_cache.is_temporary(object_cache.cache_folder())
@@ -180,13 +181,6 @@ def _kernels() -> Findings:
             "no folder can keep compiled kernels; name one that only you can write to in UAVSEG_CACHE"
         )
     return facts, problems
-
-
-def _level() -> str:
-    """Return the level of this processor, for which kernels are chosen among those that are shipped."""
-    if sys.platform != "linux" or platform.machine() != "x86_64":
-        return "no kernels are shipped for this platform"
-    return shipped.levels_here()[0]
 
 
 def _threads() -> Findings:

@@ -15,6 +15,7 @@ from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.simulation.paper_scenes import BUILT_IN_SCENES
 from uavseg.occupancy.simulation.scene_file import load_scene
 from uavseg.occupancy.simulation.simulate import Simulation
+from uavseg.options.maps import BuildMapOptions
 from uavseg.raster.grid.geobox import GeoBox
 
 DEFAULT_ODOM = "/odom"
@@ -48,6 +49,18 @@ def topics_of(scan: str, odom: str | None, tf: bool) -> BagTopics:
     if tf and odom is not None:
         raise ParameterError("poses come from --odom or from --tf (odom and tf in Python), not from both")
     return BagTopics(scan, None if tf else odom or DEFAULT_ODOM)
+
+
+def merge_params(options: BuildMapOptions) -> MergeParams:
+    """Return how the scans of a bag are merged."""
+    return MergeParams(
+        resolution_m=options.resolution,
+        sigma_m=options.sigma,
+        max_range_m=options.max_range,
+        heights=options.heights,
+        no_return=options.no_return,
+        beam_order=options.beam_order,
+    )
 
 
 def build_map(bag: str | os.PathLike[str], topics: BagTopics, params: MergeParams) -> BuiltMap:

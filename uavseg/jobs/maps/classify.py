@@ -21,9 +21,10 @@ from uavseg.jobs.result.result import (
 )
 from uavseg.jobs.source.source import Blocks, ProbabilityMap
 from uavseg.jobs.source.work import SERIAL, Work
+from uavseg.options.maps import ClassifyOptions
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import TilePass
-from uavseg.regions.edit.small import Area, drop_small_regions
+from uavseg.regions.edit.small import Area, as_area, drop_small_regions
 from uavseg.regions.outline.rings import Rings
 from uavseg.regions.tiles.class_tiles import outline_state
 from uavseg.segmentation.blocks.leaves import cell_intervals
@@ -73,6 +74,22 @@ class ClassifyRequest:
     def restores(self) -> bool:
         """Return whether thin obstacles are restored: not with the paper's method, nor at block edges."""
         return self.segment.method == "adaptive" and self.refine == "scan"
+
+
+def classify_request(options: ClassifyOptions, with_objects: bool | None = None) -> ClassifyRequest:
+    """Return the states of which a map is classified.
+
+    Objects are outlined by default where a file of them is written.
+    """
+    named = options.objects is not None or options.labels is not None
+    return ClassifyRequest(
+        StateLimits(options.free_below, options.occupied_above),
+        options.division.segment_params(options.refine),
+        objects=named if with_objects is None else with_objects,
+        drawing=Drawing(simplify_m=options.simplify),
+        min_area=as_area(options.min_area),
+        allow_lost_obstacles=options.allow_lost_obstacles,
+    )
 
 
 @dataclass(frozen=True)
@@ -141,12 +158,15 @@ def classify(
     if not states.codes[1:].any():
         raise MapError(f"{source.name} has no valid cell: all of it is nodata or NaN")
     hints = _warnings(source.name, states, request)
-    if request.refine != "none":
-        leaves = None
-    objects = _objects(grey, states, leaves, request, outlining[0]) if request.objects else None
-    if objects is not None:
-        objects = with_metadata(objects, source, "classify", _metadata(request))
-    info = SourceInfo.of(grey)
+    objects, info = None, SourceInfo.of(grey)
+    if request.objects:
+        leaves = leaves if request.refine == "none" else None
+        outlined = outline_state(grey, states.image, OCCUPIED, outlining[0], leaves)
+        outlined = drop_small_regions(outlined, source.geobox, request.min_area)
+        bounds = _bounds(outlined.rings, source.geobox)
+        ends = request.limits.occupied_above, 1.0
+        found = measured(outlined, info, ends, request.drawing, bounds)
+        objects = with_metadata(found, source, "classify", _metadata(request))
     classification = Classification(
         image=states.image,
         cells=states.pixels,
@@ -190,22 +210,6 @@ def _warnings(name: str, states: ClassifiedStates, request: ClassifyRequest) -> 
         cells = "1 unknown cell" if one else f"{states.unknown_in_free:,} unknown cells"
         warnings.append(f"{cells} of {name} {'is' if one else 'are'} called free")
     return warnings
-
-
-def _objects(
-    grey: GreySource,
-    states: ClassifiedStates,
-    leaves: NDArray[np.uint8] | None,
-    request: ClassifyRequest,
-    tile_pass: TilePass,
-) -> Extraction:
-    outlined = outline_state(grey, states.image, OCCUPIED, tile_pass, leaves)
-    geobox = grey.dataset.geobox
-    if request.min_area is not None:
-        outlined = drop_small_regions(outlined, geobox, request.min_area)
-    interval = request.limits.occupied_above, 1.0
-    bounds = _bounds(outlined.rings, geobox)
-    return measured(outlined, SourceInfo.of(grey), interval, request.drawing, bounds)
 
 
 def _metadata(request: ClassifyRequest) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import MapError, ParameterError, RasterError
 from uavseg.execution.executors import phase, split_progress
 from uavseg.jobs.maps.merge_maps import placed_map
-from uavseg.jobs.requests import RegionJob
+from uavseg.jobs.requests import RegionJob, region_job
 from uavseg.jobs.result.result import Extraction
 from uavseg.jobs.source.open_source import open_pixels, open_probability_map, pixels_of
 from uavseg.jobs.source.source import ProbabilityMap, Raster
@@ -31,6 +31,7 @@ from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.occupancy.ros.ros_map import placement
 from uavseg.occupancy.several_maps import Evidence, Registration, changed_objects, register
 from uavseg.options.reading import ReadOptions
+from uavseg.options.regions import CompareOptions, ExtractOptions
 from uavseg.plain_text import printable
 from uavseg.raster.geodesy.globe import transform_between
 from uavseg.raster.grid.geobox import GeoBox
@@ -83,6 +84,17 @@ class Comparison:
     def frame(self) -> "GeoDataFrame":
         """Return the changes as a GeoDataFrame."""
         return self.regions.frame()
+
+
+def compare_job(options: CompareOptions) -> RegionJob | None:
+    """Return the job whose regions are compared; None where neither a range nor classes are given: maps."""
+    ranges, classes, refine = options.ranges, options.classes, options.refine
+    others = ranges.values, ranges.percentile, classes
+    if all(one is None for one in (ranges.range, refine, *others)):
+        return None
+    if isinstance(ranges.range, list) and any(one is not None for one in others):
+        raise ParameterError("several ranges are classes; give them, or values, percentile or classes")
+    return region_job(ExtractOptions(ranges=ranges, classes=classes, refine=refine))
 
 
 def open_both(before: Any, after: Any, job: RegionJob | None, read: ReadOptions) -> tuple[Source, Source]:

@@ -25,6 +25,7 @@ from uavseg.occupancy.simulation.paper_scenes import BUILT_IN_SCENES
 from uavseg.occupancy.simulation.scene import Scene
 from uavseg.occupancy.simulation.scene_file import load_scene
 from uavseg.occupancy.simulation.simulate import RangeFinder
+from uavseg.options.maps import ExploreOptions
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.segmentation.params.segment import StateLimits
 from uavseg.units import FREE, UNKNOWN
@@ -40,6 +41,14 @@ class ExploreRequest:
     sensor: Sequence[tuple[str, float]] = ()  # names and values of a `RangeFinder` that are not the scene's
     clearance_m: float = 0.0
     seed: int = 0
+
+
+def explore_request(options: ExploreOptions) -> ExploreRequest:
+    """Return how a scene is explored, and by which sensor."""
+    words = {"max_range_m": "range", "fov_deg": "fov", "sigma_m": "sigma", "step_deg": "step"}
+    given = [(name, getattr(options, word)) for name, word in words.items()]
+    sensor = [(name, value) for name, value in given if value is not None]
+    return ExploreRequest(options.start, sensor, options.clearance, options.seed)
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ from uavseg.occupancy.paths.astar import shortest_path
 from uavseg.occupancy.paths.find_path import PathParams, PlannedPath
 from uavseg.occupancy.ros.ros_map import placement
 from uavseg.occupancy.simulation.simulate import RangeFinder
+from uavseg.options.maps import NextViewOptions
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.ground import line_length
 from uavseg.segmentation.params.segment import StateLimits
@@ -53,6 +54,18 @@ class ViewRequest:
         PathParams(self.clearance_m)
         if self.count < 1:
             raise ParameterError(f"the number of views is at least 1, not {self.count}")
+
+
+def view_request(options: NextViewOptions) -> ViewRequest:
+    """Return the robot, its sensor and how many views are asked for."""
+    return ViewRequest(
+        options.pose,
+        options.range,
+        fov_deg=options.fov,
+        count=options.count,
+        clearance_m=options.clearance,
+        limits=StateLimits(options.free_below, options.occupied_above),
+    )
 
 
 @dataclass(frozen=True)

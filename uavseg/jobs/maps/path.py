@@ -8,7 +8,8 @@ from uavseg.jobs.extract import ExtractRequest, regions_of_pixels
 from uavseg.jobs.source.source import Blocks, ProbabilityMap
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.occupancy.paths.find_path import FreeCells, PathParams, PlannedPath, find_path
-from uavseg.options.classes import AnyRange
+from uavseg.options.classes import AnyRange, requested_range
+from uavseg.options.maps import PathOptions
 from uavseg.segmentation.params.segment import SegmentParams
 from uavseg.segmentation.source import GreySource
 
@@ -34,6 +35,17 @@ def path_params(segment: SegmentParams, refine: str | None) -> SegmentParams:
     if refine not in ("pixels", "scan"):
         raise ParameterError(f"regions of a path are refined by pixels or scan, not {refine}")
     return SegmentParams.from_options(segment.method, segment.threshold, segment.intensity_step, refine)
+
+
+def path_request(options: PathOptions) -> PathRequest:
+    """Return the two places of a path, and over what it leads."""
+    return PathRequest(
+        requested_range(options.ranges),
+        start=options.start,
+        goal=options.goal,
+        params=PathParams(options.clearance, options.smooth),
+        segment=path_params(options.division.segment_params(), options.refine),
+    )
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from uavseg.jobs.source.work import Work
 from uavseg.options.maps import DescribeOptions, RecogniseOptions
 from uavseg.raster.access.opening import file_exists
 from uavseg.raster.geodesy.globe import define_crs, is_in_metres
-from uavseg.raster.grid.polygon_mask import pixels_inside
+from uavseg.raster.grid.geobox import pixels_inside
 from uavseg.regions.edit.small import as_area
 from uavseg.regions.formats.export import check_region_path, write_regions
 from uavseg.regions.formats.read import read_regions, regions_of_frame

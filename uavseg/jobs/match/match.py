@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from uavseg.dataclass import dataclass
 from uavseg.execution.executors import decided, phase
-from uavseg.jobs.match.by_texture import TextureSample, regions_by_texture, search_texture
+from uavseg.jobs.match.by_texture import TextureSample, TextureSearch, regions_by_texture, search_texture
 from uavseg.jobs.match.ranges_of_sample import band_sources, color_sources
 from uavseg.jobs.match.request import MatchRequest
 from uavseg.jobs.result.result import (
@@ -99,8 +99,7 @@ def match(source: Source, request: MatchRequest, work: Work = SERIAL) -> Match:
     detail_of(request.detail, raster.geobox, request.refine)  # refused before any work
     places = tuple(sample_mask(like, raster.geobox) for like in request.samples)
     passes = work.over(raster).stages(7)
-    made = _by_texture if request.texture_alone else _by_color
-    result = made(raster, raster.grey(passes[0]), places, request, passes)
+    result = _compared(raster, raster.grey(passes[0]), places, request, passes)
     hints = []
     if result.color is None and not len(result.found.regions) and not result.found.below_minimum:
         hints.append("nothing is like the sample; a smaller similarity or a larger intensity finds more")
@@ -112,34 +111,28 @@ def match(source: Source, request: MatchRequest, work: Work = SERIAL) -> Match:
     return replace(result, found=work.finished(found, *hints))
 
 
-def _by_texture(
+def _compared(
     raster: Raster,
     grey: GreySource,
     places: Sequence[SampleMask],
     request: MatchRequest,
     passes: Sequence[TilePass],
 ) -> Match:
-    """By texture alone, with intensity."""
-    bands = band_sources(raster, request.bands, passes[0].silent)
-    search = search_texture(grey, bands, places[0], request, passes[:2])
-    return Match(regions_by_texture(search, passes[2:4]), None, search.how)
+    """Compare texture alone; or color, and unless that alone is chosen, texture where it tells more."""
 
+    def search_with_bands() -> TextureSearch:
+        bands = band_sources(raster, request.bands, passes[0].silent)
+        return search_texture(grey, bands, places[0], request, passes[:2])
 
-def _by_color(
-    raster: Raster,
-    grey: GreySource,
-    places: Sequence[SampleMask],
-    request: MatchRequest,
-    passes: Sequence[TilePass],
-) -> Match:
-    """By color, and unless that is asked for alone, by texture where it tells more."""
+    if request.texture_alone:
+        search = search_with_bands()
+        return Match(regions_by_texture(search, passes[2:4]), None, search.how)
     colors = color_sources(raster, grey, request.bands, passes[0].silent)
     unlike = [sample_mask(one, raster.geobox) for one in request.unlike]
     similarity = learn(colors, places, unlike, passes[0])
     window = fitting_window(places[0]) if request.by == "auto" and request.is_one else None
     if window is not None and not _parts(similarity.table):
-        bands = band_sources(raster, request.bands, passes[0].silent)
-        search = search_texture(grey, bands, places[0], request, passes[:2])
+        search = search_with_bands()
         if window >= _LEAST_WINDOW or separability(search.scores.best.ravel()) >= _LEAST_SEPARABILITY:
             decided("color hardly parts the sample from the raster: texture is compared")
             return Match(regions_by_texture(search, passes[2:4]), None, search.how)

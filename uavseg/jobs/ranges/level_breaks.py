@@ -82,22 +82,18 @@ def _break_between(low: int, high: int) -> float:
 
 
 def breaks_of(breaks: Sequence[float] | str | None) -> Breaks | BreakChoice:
-    """Return breaks from numbers or text; see `breaks_of_words`."""
-    if breaks is None or isinstance(breaks, str):
-        return breaks_of_words(breaks or "")
-    return Breaks(tuple(float(one) for one in breaks))
-
-
-def breaks_of_words(text: str) -> Breaks | BreakChoice:
-    """Return breaks from text: numbers between commas, or otsu or quantile, perhaps with a number of levels.
+    """Return breaks: numbers (as text between commas too), otsu or quantile, perhaps with a number of levels.
 
     ParameterError is raised if it is none of them.
 
     Examples
     --------
-    >>> breaks_of_words("otsu:3"), breaks_of_words("0.2,0.5")
+    >>> breaks_of("otsu:3"), breaks_of("0.2,0.5")
     (BreakChoice(rule='otsu', count=3), Breaks(edges=(0.2, 0.5)))
     """
+    if breaks is not None and not isinstance(breaks, str):
+        return Breaks(tuple(float(one) for one in breaks))
+    text = breaks or ""
     rule, _, count = text.strip().partition(":")
     try:
         if rule in get_args(BreakRule):

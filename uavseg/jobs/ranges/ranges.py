@@ -3,26 +3,23 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import decided, phase
 from uavseg.jobs.source.source import Blocks, Pixels, Raster
 from uavseg.raster.grid.tiling import TilePass
-from uavseg.raster.intensity.value_range import FittedRange, ValueRange, axis_of, range_on_axis
-from uavseg.raster.intensity.values import decided_at, fit_values
+from uavseg.raster.intensity.value_range import (
+    DetectedRange,
+    ValueRange,
+    axis_of,
+    decided_at,
+    fit_values,
+    range_on_axis,
+)
 from uavseg.raster.spectral.bands import ValueAxis, values_text
 from uavseg.segmentation.params.segment import IntensityRange
 from uavseg.segmentation.source import GreySource
 
 AnyRange = IntensityRange | ValueRange
-
-
-@dataclass(frozen=True, slots=True)
-class DetectedRange:
-    """A range of v, after the stretch, and its ends in values; NaN where it is open or values are unknown."""
-
-    interval: IntensityRange
-    ends: tuple[float, float]
 
 
 _FLAT = (
@@ -60,10 +57,10 @@ def grey_for(source: Pixels, requested: AnyRange, tile_pass: TilePass) -> tuple[
             raise ParameterError(_FLAT)
         dataset = source.cleaned(tile_pass)
         with phase("stretch"):
-            stretch, [found] = fit_values(dataset, source.stretch, [requested], tile_pass)
+            stretch, found = fit_values(dataset, source.stretch, requested, tile_pass)
         decided("%s, stretch %s", dataset.band_names, stretch.name)
-        decided("the range %s is v in %.7g..%.7g", requested, found.low, found.high)
-        return GreySource(dataset, stretch), _found(found)
+        decided("the range %s is v in %.7g..%.7g", requested, found.interval.low, found.interval.high)
+        return GreySource(dataset, stretch), found
     grey = decided_grey(source.grey(tile_pass), requested.edges, (requested.low, requested.high))
     axis = None if grey.is_flat else axis_of(source.dataset, grey.stretch)
     return grey, DetectedRange(requested, ends_of(axis, requested))
@@ -87,7 +84,7 @@ def range_of_blocks(source: Blocks, requested: AnyRange) -> DetectedRange:
         return DetectedRange(requested, ends_of(axis, requested))
     if is_flat(source):
         raise ParameterError(_FLAT)
-    return _found(range_on_axis(requested, axis, source.name))
+    return range_on_axis(requested, axis, source.name)
 
 
 def ends_of(axis: ValueAxis | None, interval: IntensityRange) -> tuple[float, float]:
@@ -111,7 +108,3 @@ def missed_text(pixels: int, valid: int, ways: Sequence[str], them: str = "it") 
     """Return how many pixels lie in ranges without a region, and what finds them, for messages."""
     number = f"{pixels:,} of {valid:,} pixels ({100 * pixels / valid:.3g} %) lie in {them}"
     return f"although {number}; {', and '.join(ways)}"
-
-
-def _found(fitted: FittedRange) -> DetectedRange:
-    return DetectedRange(IntensityRange(fitted.low, fitted.high), fitted.ends)

@@ -17,14 +17,13 @@ from numpy.typing import ArrayLike, NDArray
 from uavseg._version import __version__
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
-from uavseg.jobs.ranges.ranges import DetectedRange
 from uavseg.jobs.source.source import Blocks, Raster, Source
 from uavseg.options.reading import ReadOptions
 from uavseg.plain_text import printable
 from uavseg.raster.grid.geobox import GeoBox, Length
 from uavseg.raster.grid.tiling import TilePass
 from uavseg.raster.intensity.stretch import Stretch
-from uavseg.raster.intensity.value_range import axis_of
+from uavseg.raster.intensity.value_range import DetectedRange, axis_of
 from uavseg.raster.spectral.bands import ValueAxis
 from uavseg.regions.confidence import COLUMN, Confidence
 from uavseg.regions.edit.small import Area, fill_small_holes, simplify

@@ -141,14 +141,11 @@ def _raster(source: Any, options: ReadOptions, first: RasterFile | None = None) 
     """Open a raster, of which the first file may be inspected already."""
     given = [source] if _is_path(source) else source if isinstance(source, list | tuple) else []
     names = tuple(os.fspath(part) for part in given if _is_path(part))
-    dataset = _dataset([first, *given[1:]] if first else source, options)
-    return Raster(dataset, options.spec or AUTO, options, names)
-
-
-def _dataset(source: Any, options: ReadOptions) -> Dataset:
     if isinstance(source, Dataset):
-        return replace(source, skip_bad_tiles=source.skip_bad_tiles or options.skip_bad_tiles)
-    return options.open(source)
+        dataset = replace(source, skip_bad_tiles=source.skip_bad_tiles or options.skip_bad_tiles)
+    else:
+        dataset = options.open([first, *given[1:]] if first else source)
+    return Raster(dataset, options.spec or AUTO, options, names)
 
 
 def _refuse_flatten(options: ReadOptions, what: str) -> None:

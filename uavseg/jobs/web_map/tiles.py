@@ -144,7 +144,8 @@ def areas_by_code(cells: CellCodes, ground: GroundGrid) -> NDArray[np.float64]:
 
     The areas of pixels are those of the parts of the ground in which the centres of cells lie.
     """
-    heights, widths = (_sides(length) for length in cells.shape)
+    starts = (CELL * np.arange(-(-length // CELL)) for length in cells.shape)
+    heights, widths = (np.minimum(CELL, end - each) for end, each in zip(cells.shape, starts, strict=True))
     row, col = (_parts(*pair) for pair in zip(cells.shape, ground.pixel_m2.shape, strict=True))
     areas = np.zeros(NO_CODE + 1)
     for n, (codes, counts) in enumerate(zip(cells.codes, cells.counts, strict=True)):
@@ -152,11 +153,6 @@ def areas_by_code(cells: CellCodes, ground: GroundGrid) -> NDArray[np.float64]:
         valid = counts > 0
         areas += np.bincount(codes[valid], weights[valid], len(areas))
     return areas[: 2 * STEPS + 1]
-
-
-def _sides(length: int) -> NDArray[np.int64]:
-    """Return the rows of pixels of each row of cells; the same for columns."""
-    return np.minimum(CELL, length - CELL * np.arange(-(-length // CELL)))
 
 
 def _parts(length: int, parts: int) -> NDArray[np.int64]:

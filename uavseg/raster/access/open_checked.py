@@ -13,7 +13,6 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from rasterio.errors import RasterioIOError
@@ -38,9 +37,6 @@ from uavseg.raster.access.opening import (
 )
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.tiff.index import stored_blocks
-
-if TYPE_CHECKING:
-    from xml.etree import ElementTree
 
 MAX_BANDS = 4096  # satellite images with most bands have a few hundred
 MAX_RATIO = 2000  # bytes of pixels for each byte of a compressed file
@@ -88,11 +84,7 @@ def sources_of(path: str, text: bytes) -> Iterator[NamedSource]:
         root = ElementTree.fromstring(text)
     except (ElementTree.ParseError, ValueError, LookupError) as error:
         raise RasterReadError(f"{path} is not a valid VRT ({error})") from error
-    yield from _named_in(path, root, False)
-
-
-def _named_in(path: str, root: "ElementTree.Element", is_raw: bool) -> Iterator[NamedSource]:
-    pending = [(root, is_raw)]
+    pending = [(root, False)]
     while pending:
         element, is_raw = pending.pop()
         attributes = {_plain(name): value for name, value in element.attrib.items()}

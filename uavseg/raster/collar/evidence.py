@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.dataclass import dataclass
-from uavseg.raster.collar.flood import UNREACHED, distances, flood, flood_tiles, with_border
+from uavseg.raster.collar.flood import UNREACHED, distances, flood, flood_tiles, sides, with_border
 from uavseg.raster.grid.tiling import ALL, PixelMask, TilePass, Window, sample_positions, tiles
 from uavseg.raster.read.dataset import Dataset
 from uavseg.units import BLOCK
@@ -101,7 +101,7 @@ def _share(histogram: NDArray[np.int64], end: int) -> float:
 
 def count_rim(dataset: Dataset, flooded: PixelMask, value: int, tile_pass: TilePass) -> RimCounts:
     """Return the histograms along the rim of a flood, as of `flood_from_edges`, of unsigned integers."""
-    windows = [window for window in _tiles(dataset) if _touched(dataset, flooded, window)]
+    windows = _tiles(dataset, flooded)
     size = 1 << 8 * dataset.dtype.itemsize
     start = RimCounts(np.zeros(size, np.int64), np.zeros(size, np.int64), 0)
     found = tile_pass.silent.run(partial(_count_tile, dataset, flooded, value), windows)
@@ -116,7 +116,7 @@ def grow_over_smear(
     They are connected to it within 16 pixels and differ by at most `limit` in all bands; with them go pixels
     of the mixture, within 2 pixels. With `limit` -1, it is the flood with its neighbours alone.
     """
-    windows = [window for window in _tiles(dataset) if _touched(dataset, flooded, window)]
+    windows = _tiles(dataset, flooded)
     parts = tile_pass.silent.run(partial(_grow_tile, dataset, flooded, value, limit), windows)
     masks, added = [], 0
     for window, (mask, count) in zip(windows, parts, strict=True):
@@ -125,12 +125,11 @@ def grow_over_smear(
     return PixelMask.joined(dataset.geobox.shape, masks), added
 
 
-def _tiles(dataset: Dataset) -> list[Window]:
-    return tiles(dataset.geobox.shape, flood_tiles(dataset))
-
-
-def _touched(dataset: Dataset, flooded: PixelMask, window: Window) -> bool:
-    return flooded.touches(window.grown(BEYOND).clipped(dataset.geobox.shape))
+def _tiles(dataset: Dataset, flooded: PixelMask) -> list[Window]:
+    """Return the tiles that lie in a flood or near it."""
+    shape = dataset.geobox.shape
+    every = tiles(shape, flood_tiles(dataset))
+    return [window for window in every if flooded.touches(window.grown(BEYOND).clipped(shape))]
 
 
 def _count_tile(dataset: Dataset, flooded: PixelMask, value: int, window: Window) -> RimCounts:
@@ -300,10 +299,7 @@ class Evidence:
     the tolerance.
     """
 
-    is_textured: bool  # this and the next three: of `RimCounts`
-    is_smeared: bool
-    is_speckled: bool
-    fades: bool
+    counts: RimCounts
     is_straight: bool  # a few straight lines hold most of the border, see `Lines`
     is_around: bool  # it holds three corners or more
     is_all_around: bool  # all four, and half of the edge of the raster
@@ -315,22 +311,16 @@ class Evidence:
     ) -> "Evidence":
         """Judge by histograms of the rim, the pixels, the raster's shape, corners held, and pieces."""
         lines = SMEARED if counts.is_smeared else SHARP
-        straight = straight_share(
-            outline_points(mask, shape),
-            lines.tolerance,
-            max(min(shape) / 8, 16 * lines.tolerance),
-            lines.most,
-        )
-        along_edge = _share_of_edge(mask, shape) >= EDGE_AROUND
+        length = max(min(shape) / 8, 16 * lines.tolerance)
+        straight = straight_share(outline_points(mask, shape), lines.tolerance, length, lines.most)
+        of_edge = sum(int(mask.read(side).sum()) for side in sides(shape)) / (2 * sum(shape))
+        along_edge = of_edge >= EDGE_AROUND
         return cls(
-            counts.is_textured,
-            counts.is_smeared,
-            counts.is_speckled,
-            counts.fades,
-            straight >= lines.share,
-            along_edge and corners >= CORNERS_AROUND,
-            along_edge and corners == 4,
-            one_piece,
+            counts=counts,
+            is_straight=straight >= lines.share,
+            is_around=along_edge and corners >= CORNERS_AROUND,
+            is_all_around=along_edge and corners == 4,
+            is_one_piece=one_piece,
         )
 
     @property
@@ -341,18 +331,18 @@ class Evidence:
         picture, in one piece: a pale sky above a horizon fades like what JPEG smears. Beside a picture that
         is nearly black or white itself, all of it is required.
         """
-        if self.fades or self.is_speckled:
+        if self.counts.fades or self.counts.is_speckled:
             return False
-        if not self.is_textured:
+        if not self.counts.is_textured:
             return self.is_straight and self.is_all_around and self.is_one_piece
-        if self.is_smeared:
+        if self.counts.is_smeared:
             return self.is_one_piece and self.is_around
         return self.is_straight or (self.is_around and self.is_one_piece)
 
     @property
     def may_be_collar(self) -> bool:
         """Whether the user should decide."""
-        sharp = not (self.fades or self.is_speckled)
+        sharp = not (self.counts.fades or self.counts.is_speckled)
         return sharp and self.is_one_piece and (self.is_straight or self.is_around)
 
 
@@ -370,15 +360,3 @@ def is_one_piece(mask: PixelMask, shape: tuple[int, int]) -> bool:
         if flood(source, picture).sum() >= ONE_PIECE * len(places):
             return True
     return False
-
-
-def _share_of_edge(mask: PixelMask, shape: tuple[int, int]) -> float:
-    """Return share of the pixels at the edge of a raster that are in a set."""
-    rows, cols = shape
-    sides = (
-        Window(0, 0, 1, cols),
-        Window(rows - 1, 0, 1, cols),
-        Window(0, 0, rows, 1),
-        Window(0, cols - 1, rows, 1),
-    )
-    return sum(int(mask.read(side).sum()) for side in sides) / (2 * (rows + cols))

@@ -140,7 +140,9 @@ def _rim_of_nodata(dataset: Dataset, tile_pass: TilePass) -> _Found | None:
     from uavseg.raster.collar.evidence import count_rim, grow_over_smear
     from uavseg.raster.collar.flood import flood_from_edges
 
-    value = _fill_value(dataset, tile_pass)
+    corners = tile_pass.silent.run(partial(_is_filled_white, dataset), _corner_windows(dataset))
+    known = [is_white for is_white in corners if is_white is not None]
+    value = (1 << dataset.bits) - 1 if known and all(known) else 0  # what nodata was filled with
     flooded = flood_from_edges(dataset, None, tile_pass)
     counts = count_rim(dataset, flooded, value, tile_pass)
     if not (counts.shows_picture and counts.is_textured and counts.is_smeared) or counts.is_speckled:
@@ -152,13 +154,6 @@ def _rim_of_nodata(dataset: Dataset, tile_pass: TilePass) -> _Found | None:
         '--collar keep (collar="keep") keeps them'
     )
     return _Found(mask, pixels, note)
-
-
-def _fill_value(dataset: Dataset, tile_pass: TilePass) -> int:
-    """Return what nodata at the corners was filled with: the largest value, or 0."""
-    found = list(tile_pass.silent.run(partial(_is_filled_white, dataset), _corner_windows(dataset)))
-    known = [is_white for is_white in found if is_white is not None]
-    return (1 << dataset.bits) - 1 if known and all(known) else 0
 
 
 def _is_filled_white(dataset: Dataset, window: Window) -> bool | None:

@@ -121,18 +121,19 @@ def _border_lines(image: Pixels) -> Lines:
 
 def _border_strip(grid: "_Grid", place: tuple[int, int]) -> tuple[Window, ...]:
     """Return the pixels of a tile at the edge of the raster."""
-    window, (rows, cols) = grid.windows[place], grid.shape
-    end_row, end_col = window.row + window.rows, window.col + window.cols
-    strips = []
-    if window.row == 0:
-        strips.append(Window(0, window.col, 1, window.cols))
-    if end_row == rows:
-        strips.append(Window(rows - 1, window.col, 1, window.cols))
-    if window.col == 0:
-        strips.append(Window(window.row, 0, window.rows, 1))
-    if end_col == cols:
-        strips.append(Window(window.row, cols - 1, window.rows, 1))
-    return tuple(strips)
+    strips = [side.common(grid.windows[place]) for side in sides(grid.shape)]
+    return tuple(strip for strip in strips if strip.rows and strip.cols)
+
+
+def sides(shape: tuple[int, int]) -> tuple[Window, ...]:
+    """Return the first and the last row and column of a raster."""
+    rows, cols = shape
+    return (
+        Window(0, 0, 1, cols),
+        Window(rows - 1, 0, 1, cols),
+        Window(0, 0, rows, 1),
+        Window(0, cols - 1, rows, 1),
+    )
 
 
 class _Grid:

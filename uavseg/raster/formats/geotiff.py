@@ -6,7 +6,6 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
-from xml.etree import ElementTree
 
 import numpy as np
 from affine import Affine
@@ -311,46 +310,42 @@ def _is_tile(file: Path) -> bool:
     return file.suffix == ".tif" and row.isdecimal() and col.isdecimal()
 
 
+_VRT = """\
+<VRTDataset rasterXSize="{cols}" rasterYSize="{rows}">
+{place}  <VRTRasterBand dataType="UInt32" band="1">
+    <NoDataValue>0</NoDataValue>
+{sources}  </VRTRasterBand>
+</VRTDataset>
+"""
+_SOURCE = """\
+    <SimpleSource>
+      <SourceFilename relativeToVRT="1">{path}</SourceFilename>
+      <SourceBand>1</SourceBand>
+      <SourceProperties {raster} DataType="UInt32" BlockXSize="{side}" BlockYSize="{side}" />
+      <SrcRect xOff="0" yOff="0" {size} />
+      <DstRect xOff="{col}" yOff="{row}" {size} />
+    </SimpleSource>
+"""
+
+
 def _vrt_xml(geobox: GeoBox, windows: Sequence[Window], folder: str) -> bytes:
     """Return a GDAL virtual raster of the tiles, with relative paths."""
-    rows, cols = geobox.shape
-    root = ElementTree.Element("VRTDataset", rasterXSize=str(cols), rasterYSize=str(rows))
-    if geobox.wkt is not None:
-        _add_element(root, "SRS", geobox.wkt)
+    from html import escape  # only here
+
+    place = "" if geobox.wkt is None else f"  <SRS>{escape(geobox.wkt, quote=False)}</SRS>\n"
     if geobox.transform != Affine.identity():
-        _add_element(
-            root, "GeoTransform", ", ".join(repr(float(value)) for value in geobox.transform.to_gdal())
+        numbers = ", ".join(repr(float(value)) for value in geobox.transform.to_gdal())
+        place += f"  <GeoTransform>{numbers}</GeoTransform>\n"
+    sources = [
+        _SOURCE.format(
+            path=escape(f"{folder}/{_tile_name(one)}", quote=False),
+            raster=f'RasterXSize="{one.cols}" RasterYSize="{one.rows}"',
+            size=f'xSize="{one.cols}" ySize="{one.rows}"',
+            side=STRIPE,
+            row=one.row,
+            col=one.col,
         )
-    band = _add_element(root, "VRTRasterBand", dataType="UInt32", band="1")
-    _add_element(band, "NoDataValue", "0")
-    for window in windows:
-        band.append(_source(window, f"{folder}/{_tile_name(window)}"))
-    ElementTree.indent(root)
-    return ElementTree.tostring(root, "unicode").encode() + b"\n"
-
-
-def _source(window: Window, path: str) -> ElementTree.Element:
-    source = ElementTree.Element("SimpleSource")
-    _add_element(source, "SourceFilename", path, relativeToVRT="1")
-    _add_element(source, "SourceBand", "1")
-    size = {"xSize": str(window.cols), "ySize": str(window.rows)}
-    _add_element(
-        source,
-        "SourceProperties",
-        RasterXSize=size["xSize"],
-        RasterYSize=size["ySize"],
-        DataType="UInt32",
-        BlockXSize=str(STRIPE),
-        BlockYSize=str(STRIPE),
-    )
-    _add_element(source, "SrcRect", xOff="0", yOff="0", **size)
-    _add_element(source, "DstRect", xOff=str(window.col), yOff=str(window.row), **size)
-    return source
-
-
-def _add_element(
-    parent: ElementTree.Element, tag: str, text: str | None = None, **how: str
-) -> ElementTree.Element:
-    child = ElementTree.SubElement(parent, tag, how)
-    child.text = text
-    return child
+        for one in windows
+    ]
+    rows, cols = geobox.shape
+    return _VRT.format(rows=rows, cols=cols, place=place, sources="".join(sources)).encode()

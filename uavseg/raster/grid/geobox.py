@@ -1,11 +1,13 @@
 """Georeferenced grid: a shape, an affine transform and a CRS; lengths in metres or in pixels."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from affine import Affine
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from rasterio.crs import CRS
 
 from uavseg.arguments import checked
@@ -14,6 +16,7 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import MapError, ParameterError, RasterError
 from uavseg.raster.geodesy.globe import is_in_metres, lonlat_transform, unit_name
 from uavseg.raster.grid.tiling import Window
+from uavseg.warning_filters import changing_filters
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +25,7 @@ class Length:
 
     Examples
     --------
-    >>> parse_length("8px")
+    >>> as_length("8px")
     Length(value=8.0, in_pixels=True)
     """
 
@@ -42,24 +45,22 @@ class Length:
         return f"{self.value!r}".removesuffix(".0") + ("px" if self.in_pixels else "")
 
 
-def parse_length(text: str) -> Length:
-    """Parse a length: metres, or pixels with the suffix px; ParameterError if it is no number above 0."""
-    number = text.strip().lower()
-    in_pixels = number.endswith("px")
+def as_length(given: "Length | float | str | None") -> Length | None:
+    """Return a length: metres, as text too, or text such as "8px"; None is none.
+
+    ParameterError if it is no number above 0.
+    """
+    if given is None or isinstance(given, Length):
+        return given
+    number = str(given).strip().lower() if isinstance(given, str) else given
+    in_pixels = isinstance(number, str) and number.endswith("px")
     try:
-        value = float(number.removesuffix("px"))
+        value = float(number.removesuffix("px") if isinstance(number, str) else number)
     except ValueError as error:
         raise ParameterError(
-            f"a detail or a width is metres such as 2.5, or pixels such as 8px, not {text!r}"
+            f"a detail or a width is metres such as 2.5, or pixels such as 8px, not {given!r}"
         ) from error
     return Length(value, in_pixels)
-
-
-def as_length(given: float | str | None) -> Length | None:
-    """Return metres, or text such as "8px", as a length; None is none; errors as of `parse_length`."""
-    if given is None:
-        return None
-    return parse_length(given) if isinstance(given, str) else Length(float(given))
 
 
 @checked
@@ -213,3 +214,16 @@ def check_metres(geobox: GeoBox) -> None:
     if not is_in_metres(geobox.wkt):
         unit = unit_name(geobox.wkt)
         raise MapError(f"a robot's map is in metres and this one in {unit}; warp it first (gdalwarp -t_srs)")
+
+
+def pixels_inside(polygons: Iterable[Any], window: Window) -> NDArray[np.bool_]:
+    """Return the mask (rows, cols) of the pixels of a window whose centres lie inside polygons.
+
+    These (shapely) are in pixels as (col, row); the outer corner of the first pixel is (0, 0).
+    """
+    from rasterio.features import geometry_mask
+
+    shape, place = (window.rows, window.cols), Affine.translation(window.col, window.row)
+    with changing_filters():  # rasterio changes them itself
+        mask: NDArray[Any] = geometry_mask(list(polygons), shape, place, invert=True)
+    return mask

@@ -58,6 +58,13 @@ class Window:
         cols = max(min(self.col + self.cols, other.col + other.cols) - col, 0)
         return Window(row, col, rows, cols)
 
+    def blocks(self, rows: int, cols: int) -> tuple[slice, slice]:
+        """Return index of the blocks of so many rows and columns that intersect the window."""
+        return (
+            slice(self.row // rows, -(-(self.row + self.rows) // rows)),
+            slice(self.col // cols, -(-(self.col + self.cols) // cols)),
+        )
+
 
 def tiles(shape: tuple[int, int], side: int | tuple[int, int]) -> list[Window]:
     """Return windows that cover a raster once, row by row.
@@ -238,15 +245,15 @@ class PixelMask:
 
     def touches(self, window: Window) -> bool:
         """Return whether a block that intersects a window has a pixel in the set."""
-        return bool(self.codes[_blocks(window)].any())
+        return bool(self.codes[window.blocks(BLOCK, BLOCK)].any())
 
     def covers(self, window: Window) -> bool:
         """Return whether all blocks that intersect a window are wholly in the set."""
-        return bool((self.codes[_blocks(window)] == ALL).all())
+        return bool((self.codes[window.blocks(BLOCK, BLOCK)] == ALL).all())
 
     def read(self, window: Window) -> Pixels:
         """Return which pixels of a window inside the raster are in the set, (rows, cols) bool."""
-        here = _blocks(window)
+        here = window.blocks(BLOCK, BLOCK)
         codes = self.codes[here]
         whole = np.zeros((codes.shape[0], BLOCK, codes.shape[1], BLOCK), bool)
         whole[:] = (codes == ALL)[:, None, :, None]
@@ -288,11 +295,3 @@ def _padded(pixels: Pixels, value: bool) -> NDArray[Any]:
         whole = np.full(shape, value)
         whole[: pixels.shape[0], : pixels.shape[1]] = pixels
     return whole.reshape(shape[0] // BLOCK, BLOCK, shape[1] // BLOCK, BLOCK)
-
-
-def _blocks(window: Window) -> tuple[slice, slice]:
-    """Return index of the blocks that intersect a window."""
-    return (
-        slice(window.row // BLOCK, -(-(window.row + window.rows) // BLOCK)),
-        slice(window.col // BLOCK, -(-(window.col + window.cols) // BLOCK)),
-    )

@@ -13,8 +13,7 @@ from uavseg.raster.intensity.grey import luminance
 from uavseg.raster.read.raster_file import choose
 from uavseg.raster.spectral.band_names import names_of
 from uavseg.raster.spectral.bands import BandChoice, BandLayout, BandScale
-from uavseg.raster.spectral.formula import BandWords, bind_formula
-from uavseg.raster.spectral.indices import INDICES
+from uavseg.raster.spectral.formula import INDICES, BandWords, bind_formula
 
 _MOST_IN_RATIOS = 6  # bands of which all pairs are compared
 

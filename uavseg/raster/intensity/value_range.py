@@ -1,6 +1,8 @@
-"""Ranges of values or of percentiles as they are asked for, and as intensities that a raster stores."""
+"""Ranges of values or of percentiles as requested and as stored, and the stretch that decides them."""
 
 import math
+from collections.abc import Sequence
+from dataclasses import replace
 from fractions import Fraction
 from math import inf
 
@@ -8,12 +10,25 @@ import numpy as np
 
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
+from uavseg.raster.grid.tiling import TilePass
 from uavseg.raster.intensity.grey import to_grey
-from uavseg.raster.intensity.stretch import Stretch, counts_exactly
+from uavseg.raster.intensity.stretch import (
+    Border,
+    Stretch,
+    StretchSpec,
+    counts_exactly,
+    order_statistics,
+    percents_of,
+    resolved_spec,
+    stretch_of,
+)
 from uavseg.raster.read.dataset import Dataset
 from uavseg.raster.spectral.bands import BandScale, ValueAxis
-from uavseg.units import GREY_MAX
+from uavseg.segmentation.params.segment import IntensityRange
+from uavseg.units import GREY_LEVELS, GREY_MAX
 
+_MARGIN = 1 / 8  # of the span of an automatic stretch: its ends stay so far from each bound
+_GREYS = 1.25  # greys between a bound and the end of a stretch: one for what lies beyond, and for rounding
 _ROUNDING = 1e-6  # of a step between stored integers
 
 Statistics = dict[Fraction, float]
@@ -60,12 +75,11 @@ class ValueRange:
 
 
 @dataclass(frozen=True, slots=True)
-class FittedRange:
-    """A range of values under a stretch that was fitted for it."""
+class DetectedRange:
+    """A range of v, after the stretch, and its ends in values; NaN where it is open or values are unknown."""
 
-    low: float  # of v, 0 at an open end
-    high: float  # of v, 1 at an open end
-    ends: tuple[float, float]  # the values; NaN at an open end
+    interval: IntensityRange
+    ends: tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,10 +109,13 @@ def axis_of(dataset: Dataset, stretch: Stretch) -> ValueAxis | None:
     """Return how v maps to values; None if the bands or files share no scale."""
     if dataset.scale is None:
         return None
+    return ValueAxis(stretch.low, stretch.high, dataset.scale, intensity_limits(dataset, stretch))
+
+
+def intensity_limits(dataset: Dataset, stretch: Stretch) -> tuple[float, float]:
+    """Return the smallest and the largest intensity that a dataset holds, as far as a stretch says it."""
     low, high = type_limits(dataset)
-    if not stretch.clips:
-        low, high = max(low, stretch.low), min(high, stretch.high)
-    return ValueAxis(stretch.low, stretch.high, dataset.scale, (low, high))
+    return (low, high) if stretch.clips else (max(low, stretch.low), min(high, stretch.high))
 
 
 def type_limits(dataset: Dataset) -> tuple[float, float]:
@@ -141,10 +158,17 @@ def stored_range(requested: ValueRange, scale: BandScale, dataset: Dataset, stat
     low, high = ends if scale.scale > 0 else ends[::-1]
     low, high = -inf if low is None else low, inf if high is None else high
     if requested.by_rank and is_wide(dataset):  # percentiles are rounded to float32
-        low, high = (
-            float(np.nextafter(np.float32(end), np.float32(way))) for end, way in ((low, -inf), (high, inf))
-        )
+        low, high = next_float32(low, high)
     return Bounds(low, high)
+
+
+def next_float32(low: float, high: float) -> tuple[float, float]:
+    """Return the numbers of single precision beside the ends of a range, outside of it."""
+    below, above = (
+        np.nextafter(np.float32(low), np.float32(-inf)),
+        np.nextafter(np.float32(high), np.float32(inf)),
+    )
+    return float(below), float(above)
 
 
 def _stored_bound(end: float, is_low: bool, scale: BandScale, dataset: Dataset) -> float:
@@ -206,7 +230,7 @@ def asked_ends(requested: ValueRange, bounds: Bounds, scale: BandScale) -> tuple
     return (first, last) if scale.scale > 0 else (last, first)
 
 
-def range_on_axis(requested: ValueRange, axis: ValueAxis | None, name: str) -> FittedRange:
+def range_on_axis(requested: ValueRange, axis: ValueAxis | None, name: str) -> DetectedRange:
     """Return a range of values in v, where greys are all that is known: to half a grey.
 
     A ParameterError says that it is of percentiles, or that a bound is at an end of the stretch or beyond,
@@ -225,7 +249,7 @@ def range_on_axis(requested: ValueRange, axis: ValueAxis | None, name: str) -> F
     last = 1.0 if high is None or high >= axis.limits[1] else _v_inside(high, requested, axis)
     if first >= last:
         first, last = max(first - 0.25 / GREY_MAX, 0.0), min(last + 0.25 / GREY_MAX, 1.0)
-    return FittedRange(first, last, requested.ends)
+    return DetectedRange(IntensityRange(first, last), requested.ends)
 
 
 def _v_inside(stored: float, requested: ValueRange, axis: ValueAxis) -> float:
@@ -237,3 +261,213 @@ def _v_inside(stored: float, requested: ValueRange, axis: ValueAxis) -> float:
             "raster"
         )
     return int(to_grey(np.array([[[stored]]], np.float64), axis.low, axis.high)[0, 0]) / GREY_MAX
+
+
+def fit_values(
+    dataset: Dataset, spec: Stretch | StretchSpec, requested: ValueRange, tile_pass: TilePass
+) -> tuple[Stretch, DetectedRange]:
+    """Fit a stretch under which a range of values is decided exactly, and express it in v.
+
+    An automatic stretch is widened until each bound lies inside it, an eighth of its span from its ends (but
+    no further than values go), because values beyond the ends of a stretch have the same v. A stretch that
+    the user chose keeps its ends; a bound at one of them moves it outwards by a grey. Pixels whose grey is
+    that of a bound and whose value lies on its other side get the next grey, so that 16-bit greys move no
+    bound.
+
+    A fitted stretch keeps its ends. The result does not depend on `tile_pass`, by which pixels are read only
+    where percentiles or the stretch need them. A ParameterError says that a bound lies outside of a stretch
+    that the user chose, or that the files have different scales.
+    """
+    scale = scale_of(dataset)
+    found, statistics = _fit(dataset, spec, percents_asked(requested, scale), tile_pass)
+    if statistics is None:
+        return found, DetectedRange(IntensityRange(0.0, 1.0), (math.nan, math.nan))
+    bounds = stored_range(requested, scale, dataset, statistics)
+    check_type(requested, bounds, dataset, scale)
+    limits = _limits(dataset, found, statistics)
+    inner = _within(bounds, limits)
+    ends = sorted(set(inner.finite))
+    if isinstance(spec, StretchSpec) and spec.form == "auto":
+        found = _widened(found, ends, limits)
+    _check_inside(found, ends, requested, isinstance(spec, Stretch))
+    if not isinstance(spec, Stretch):
+        found = _with_guard(found, ends)
+    found = replace(found, borders=_borders(dataset, found, inner))
+    return found, DetectedRange(_in_v(dataset, found, inner), asked_ends(requested, bounds, scale))
+
+
+def _fit(
+    dataset: Dataset, spec: Stretch | StretchSpec, asked: Sequence[Fraction], tile_pass: TilePass
+) -> tuple[Stretch, Statistics | None]:
+    """Return the stretch as it is without a range, and the intensities at all percentiles that are needed.
+
+    These are those of the stretch, those that are asked for, and 0 and 100; none where no pixel is read, and
+    None if no pixel is valid.
+    """
+    resolved = spec if isinstance(spec, Stretch) else resolved_spec(dataset, spec)
+    own = () if isinstance(resolved, Stretch) else percents_of(resolved)
+    statistics: Statistics | None = {}
+    if own or asked:
+        every = sorted({*own, *asked, Fraction(0), Fraction(100)})
+        found = order_statistics(dataset, every, tile_pass)
+        statistics = None if found is None else dict(zip(every, found, strict=True))
+    if isinstance(resolved, Stretch):
+        return resolved, statistics
+    ends = None if statistics is None else [statistics[percent] for percent in own]
+    return stretch_of(dataset, resolved, ends), statistics
+
+
+def _limits(dataset: Dataset, stretch: Stretch, statistics: Statistics) -> tuple[float, float]:
+    """Return intensities between which all pixels lie, as far as it is known."""
+    low, high = intensity_limits(dataset, stretch)
+    if statistics:
+        first, last = statistics[Fraction(0)], statistics[Fraction(100)]
+        if is_wide(dataset):
+            first, last = next_float32(first, last)
+        low, high = max(low, first), min(high, last)
+    return low, high
+
+
+def _within(bounds: Bounds, limits: tuple[float, float]) -> Bounds:
+    """Return the range, open where nothing lies beyond."""
+    low = -inf if bounds.low <= limits[0] else bounds.low
+    return Bounds(low, inf if bounds.high >= limits[1] else bounds.high)
+
+
+def _widened(stretch: Stretch, ends: Sequence[float], limits: tuple[float, float]) -> Stretch:
+    """Return an automatic stretch with each bound well inside it."""
+    if not ends:
+        return stretch
+    first, last = min(stretch.low, ends[0]), max(stretch.high, ends[-1])
+    margin = _MARGIN * (last - first)
+    low = min(stretch.low, max(ends[0] - margin, min(limits[0], ends[0])))
+    high = max(stretch.high, min(ends[-1] + margin, max(limits[1], ends[-1])))
+    if (low, high) == (stretch.low, stretch.high):
+        return stretch
+    return Stretch(low, high, f"{stretch.name}, widened to {low:g}..{high:g} for the range")
+
+
+def _check_inside(stretch: Stretch, ends: Sequence[float], requested: ValueRange, is_fitted: bool) -> None:
+    """Refuse a bound outside of a stretch that cannot be widened."""
+    for end in ends:
+        inside = stretch.low < end < stretch.high if is_fitted else stretch.low <= end <= stretch.high
+        if not inside:
+            first, last = min(ends[0], stretch.low), max(ends[-1], stretch.high)
+            more = (last - first) / 8
+            raise ParameterError(
+                f"the range {requested} reaches to {end:g} or beyond, outside of the "
+                f"stretch {stretch.name}, which makes all values there alike; use the stretch auto, or "
+                f"{first - more:g},{last + more:g}"
+            )
+
+
+def _with_guard(stretch: Stretch, ends: Sequence[float]) -> Stretch:
+    """Return a stretch whose ends have other greys than the bounds."""
+    if not ends:
+        return stretch
+    low, high = stretch.low, stretch.high
+    grey = (high - low or 1e-6 * abs(low) or 1e-30) / GREY_MAX  # any span, if all pixels are one intensity
+    low, high = min(low, ends[0] - _GREYS * grey), max(high, ends[-1] + _GREYS * grey)
+    return stretch if (low, high) == (stretch.low, stretch.high) else replace(stretch, low=low, high=high)
+
+
+def _grey(stretch: Stretch, intensity: float) -> int:
+    return int(to_grey(np.array([[[intensity]]], np.float64), stretch.low, stretch.high)[0, 0])
+
+
+def _steps_are_greys(dataset: Dataset, stretch: Stretch) -> bool:
+    """Return whether all intensities are integers with different greys, as far as the stretch reaches."""
+    return counts_exactly(dataset) and stretch.high - stretch.low <= GREY_MAX
+
+
+def _borders(dataset: Dataset, stretch: Stretch, inner: Bounds) -> tuple[Border, ...]:
+    """Return the bounds that greys alone do not decide."""
+    if _steps_are_greys(dataset, stretch):
+        return ()
+    found = [
+        Border(end, _grey(stretch, end), is_low)
+        for end, is_low in ((inner.low, True), (inner.high, False))
+        if math.isfinite(end)
+    ]
+    if any(border.grey == (0 if border.is_low else GREY_MAX) for border in found):
+        raise ParameterError(
+            f"the values of {dataset.source} reach from {stretch.low:g} to {stretch.high:g}, too far apart "
+            "for the range to be decided; give a stretch around it (--stretch LOW,HIGH)"
+        )
+    return tuple(found)
+
+
+def _in_v(dataset: Dataset, stretch: Stretch, inner: Bounds) -> IntensityRange:
+    """Return a range in v that holds the greys of its intensities and no other; its ends differ."""
+    exact = _steps_are_greys(dataset, stretch)
+    low = _end_in_v(stretch, inner.low, exact, True) if math.isfinite(inner.low) else 0.0
+    high = _end_in_v(stretch, inner.high, exact, False) if math.isfinite(inner.high) else 1.0
+    if low >= high:  # one intensity, or none: between the greys of two integers
+        middle, reach = (low + high) / 2, (0.25 if low == high else 0.125) / GREY_MAX
+        low, high = max(middle - reach, 0.0), min(middle + reach, 1.0)
+    return IntensityRange(low, high)
+
+
+def _end_in_v(stretch: Stretch, bound: float, in_steps: bool, is_low: bool) -> float:
+    if not in_steps:
+        return _grey(stretch, bound) / GREY_MAX
+    v = (bound - stretch.low) / (stretch.high - stretch.low)
+    if is_low:
+        first = math.ceil(bound)  # the smallest integer in the range
+        return min(max(v, (_grey(stretch, first - 1) + 0.5) / GREY_MAX), _grey(stretch, first) / GREY_MAX)
+    last = math.floor(bound)  # the largest integer in the range
+    return max(min(v, (_grey(stretch, last + 1) - 0.5) / GREY_MAX), _grey(stretch, last) / GREY_MAX)
+
+
+def decided_at(
+    dataset: Dataset, stretch: Stretch, edges: Sequence[float], bounds: Sequence[float]
+) -> Stretch:
+    """Return a fitted stretch under which edges between intervals of v are decided exactly.
+
+    Greys are rounded to the nearest: those of 0.5 and 0.50000001 of float pixels are one, and its v lies
+    above 0.5. So pixels near an edge get the grey on that side of it on which their intensity lies.
+
+    `edges` increase; a value on an edge belongs to the interval below it. `bounds` are the edges as they were
+    asked for: one that is not among them is the number before the low end of a range, to which that end
+    belongs.
+    """
+    found: dict[int, Border] = {}
+    for edge in edges if stretch.low < stretch.high else ():
+        is_low = edge not in bounds
+        v = math.nextafter(edge, 1.0) if is_low else edge
+        below = int(np.searchsorted(_V, edge, "right")) - 1  # the last grey below the edge
+        if 0 < v < 1 and below not in found:
+            border = Border(_intensity_at(dataset, stretch, v, is_low), below + is_low, is_low)
+            if not _steps_over(dataset, stretch, border):
+                found[below] = border
+    return replace(stretch, borders=(*stretch.borders, *found.values())) if found else stretch
+
+
+_V = np.arange(GREY_LEVELS) / GREY_MAX
+_ROUNDINGS = 8  # doubles near a bound that may be the same v
+
+
+def _intensity_at(dataset: Dataset, stretch: Stretch, v: float, is_low: bool) -> float:
+    """Return the intensity of a bound, the outermost that belongs to it."""
+    span = stretch.high - stretch.low
+    result = nearest_of_type(stretch.low + v * span, dataset)
+    if not is_wide(dataset) or dataset.dtype.kind in "iu":
+        return result
+    for _ in range(_ROUNDINGS):
+        further = math.nextafter(result, -inf if is_low else inf)
+        own = (further - stretch.low) / span
+        if own < v if is_low else own > v:
+            break
+        result = further
+    return result
+
+
+def _steps_over(dataset: Dataset, stretch: Stretch, border: Border) -> bool:
+    """Return whether the intensities beside a bound are integers whose greys lie on its two sides already."""
+    if dataset.dtype.kind not in "iu" or len(dataset.bands) == 3 or dataset.choice.expanded:
+        return False
+    inside = math.ceil(border.intensity) if border.is_low else math.floor(border.intensity)
+    greys = [_grey(stretch, number) for number in (inside, inside + (-1 if border.is_low else 1))]
+    if border.is_low:
+        return greys[0] >= border.grey > greys[1]
+    return greys[0] <= border.grey < greys[1]

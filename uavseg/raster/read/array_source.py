@@ -34,13 +34,13 @@ class ArraySource:
     shape: tuple[int, int]
     transform: Affine
     crs: CRS | None
-    located: bool
     layout: BandLayout
     nodatas: tuple[float | None, ...]
-    block: tuple[int, int]
-    warnings: tuple[str, ...]
+    located: bool = True
+    block: tuple[int, int] = (512, 512)
+    warnings: tuple[str, ...] = ()
     palette: None = None
-    driver: str = "DataArray"
+    driver: str = "array"
     overviews: tuple[int, ...] = ()
     scales: tuple[BandScale, ...] = ()
     placed: bool = True  # whether it says where it lies, which parts of a mosaic have to
@@ -149,12 +149,9 @@ def from_array(array: Any) -> ArraySource:
         shape=(int(rows), int(cols)),
         transform=Affine.identity(),
         crs=None,
-        located=True,
         layout=layout_of(array.dtype, tuple(roles)),
         nodatas=(None,) * len(roles),
-        block=(512, 512),
         warnings=warnings,
-        driver="array",
         placed=False,
     )
 
@@ -210,12 +207,8 @@ def from_values(values: Values, geobox: GeoBox, name: str) -> ArraySource:
         shape=geobox.shape,
         transform=geobox.transform,
         crs=geobox.crs,
-        located=True,
         layout=layout_of(values.dtype, ("undefined",)),
         nodatas=(None,),
-        block=(512, 512),
-        warnings=(),
-        driver="array",
     )
 
 

@@ -207,12 +207,11 @@ def _read_whole_blocks(
     file: RasterFile, handles: OpenFiles, choice: BandChoice, window: Window
 ) -> tuple[Values, Valid | None]:
     """Return a window, read together with the rest of all blocks that it intersects."""
-    block_rows, block_cols = file.block
-    row, col = window.row // block_rows * block_rows, window.col // block_cols * block_cols
-    rows = -(-(window.row + window.rows) // block_rows) * block_rows - row
-    cols = -(-(window.col + window.cols) // block_cols) * block_cols - col
-    values, valid = file.read(handles, choice, Window(row, col, rows, cols).clipped(file.shape))
-    own = Window(window.row - row, window.col - col, window.rows, window.cols).slices
+    (rows, cols), (down, across) = file.block, window.blocks(*file.block)
+    size = (down.stop - down.start) * rows, (across.stop - across.start) * cols
+    whole = Window(down.start * rows, across.start * cols, *size).clipped(file.shape)
+    values, valid = file.read(handles, choice, whole)
+    own = window.relative_to(whole).slices
     return values[:, *own], None if valid is None else valid[own]
 
 

@@ -70,11 +70,11 @@ def from_data_array(given: Any) -> ArraySource:
         shape=(int(array.shape[-2]), int(array.shape[-1])),
         transform=transform,
         crs=crs,
-        located=True,
         layout=layout_of(array.dtype, ("undefined",) * count, names),
         nodatas=(nodata,) * count,
         block=_chunk(array),
         warnings=tuple(notes),
+        driver="DataArray",
         scales=scales,
         placed=placed,
     )

@@ -156,14 +156,15 @@ def _layout(source: DatasetReader) -> BandLayout:
         stored = source.tags(band, ns="IMAGE_STRUCTURE").get("NBITS", size)
         bits.append(int(stored) if np.dtype(name).kind in "iu" else size)
     roles = tuple(role.name for role in source.colorinterp)
-    return BandLayout(dtypes, roles, tuple(bits), *_spectral_metadata(source, len(dtypes)))
-
-
-def _spectral_metadata(source: DatasetReader, count: int) -> tuple[tuple[str, ...], tuple[float | None, ...]]:
-    """Return descriptions, and wavelengths in micrometres; each empty if none is known."""
     descriptions = tuple(text or "" for text in source.descriptions)
-    wavelengths = tuple(_wavelength(source, band) for band in range(1, count + 1))
-    return descriptions if any(descriptions) else (), wavelengths if any(wavelengths) else ()
+    wavelengths = tuple(_wavelength(source, band) for band in range(1, len(dtypes) + 1))
+    return BandLayout(
+        dtypes,
+        roles,
+        tuple(bits),
+        descriptions=descriptions if any(descriptions) else (),
+        micrometres=wavelengths if any(wavelengths) else (),
+    )
 
 
 def _wavelength(source: DatasetReader, band: int) -> float | None:
@@ -186,25 +187,21 @@ def _palette(source: DatasetReader, layout: BandLayout) -> tuple[tuple[int, int,
 
 
 def _masks(path: str, source: DatasetReader) -> str:
-    kind, has_mask = mask_kind(source), _has_mask(path, source)
+    """Return the masks of a raster; an error where a local TIFF has one, or directories, that cannot be read.
+
+    GDAL leaves out a mask that it cannot read, also one beside the raster.
+    """
+    kind, has_mask = mask_kind(source), False
+    if source.driver == "GTiff" and is_local(path):
+        if file_exists(f"{path}.msk"):
+            mask_page(f"{path}.msk")
+        has_mask = mask_page(path) is not None
     if has_mask and not kind and MaskFlags.per_dataset not in source.mask_flag_enums[0]:
         raise RasterReadError(
             f"{path} cannot be opened as a raster (it has a mask that cannot be read); the file is damaged "
             "or incomplete: repair it"
         )
     return kind
-
-
-def _has_mask(path: str, source: DatasetReader) -> bool:
-    """Return whether a local TIFF has a mask in itself; an error if its directories cannot be read.
-
-    GDAL leaves out a mask that it cannot read, also one beside the raster.
-    """
-    if source.driver != "GTiff" or not is_local(path):
-        return False
-    if file_exists(f"{path}.msk"):
-        mask_page(f"{path}.msk")
-    return mask_page(path) is not None
 
 
 def _transform(path: str, source: DatasetReader) -> Affine | None:

@@ -248,17 +248,14 @@ class PartReader:
         self, file: RasterSource, part: Window, shape: tuple[int, int]
     ) -> tuple[Values, Valid | None, Sequence[MissingPart]]:
         """Return values and validity of a part of a file, and which blocks of it cannot be read."""
-        values, valid, bad = self._read_bands(file, part, shape)
-        return *with_formula(file, self.choice, values, valid), bad
-
-    def _read_bands(
-        self, file: RasterSource, part: Window, shape: tuple[int, int]
-    ) -> tuple[Values, Valid | None, Sequence[MissingPart]]:
+        bad: Sequence[MissingPart] = ()
         if not isinstance(file, RasterFile):
-            return *file.read(self.handles, self.choice, part, shape), ()
-        if self.skip_bad_tiles:
-            return read_skipping_bad_blocks(file, self.handles, self.choice, part, shape)
-        return *read_naming_bad_block(file, self.handles, self.choice, part, shape), ()
+            values, valid = file.read(self.handles, self.choice, part, shape)
+        elif self.skip_bad_tiles:
+            values, valid, bad = read_skipping_bad_blocks(file, self.handles, self.choice, part, shape)
+        else:
+            values, valid = read_naming_bad_block(file, self.handles, self.choice, part, shape)
+        return *with_formula(file, self.choice, values, valid), bad
 
 
 def with_formula(

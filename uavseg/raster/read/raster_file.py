@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from affine import Affine
@@ -42,29 +41,24 @@ from uavseg.raster.spectral.bands import (
     valid_pixels,
 )
 from uavseg.raster.spectral.formula import BandWords, bind_formula
-from uavseg.raster.tiff.damaged_blocks import check_deflate_blocks, check_jpeg_blocks
-from uavseg.raster.tiff.directories import file_of, mask_page
+from uavseg.raster.tiff.damaged_blocks import check_blocks
+from uavseg.raster.tiff.directories import file_of, mask_page, once_for_each_file
 from uavseg.raster.tiff.index import SparseBlocks, are_cut_off
-
-_opened: "WeakKeyDictionary[DatasetReader, tuple[str, DatasetReader] | None]" = WeakKeyDictionary()
 
 
 def check_mask_blocks(path: str, source: DatasetReader, bands: Sequence[int], window: Window) -> None:
     """Check the blocks of the mask of an open TIFF that intersect a window; each only once.
 
     Nothing is checked of a source that lies in an archive or is remote; of `bands` that, where each has its
-    own mask. Errors are those of `check_deflate_blocks` and `check_jpeg_blocks`.
+    own mask. Errors are those of `check_blocks`.
     """
-    if source not in _opened:
-        _opened[source] = _open_mask(path, source)
-    found = _opened[source]
+    found = _open_mask(path, source)
     if found is not None:
         name, mask = found
-        bands = bands if mask.count >= max(bands) else (1,)
-        check_deflate_blocks(name, mask, bands, window)
-        check_jpeg_blocks(name, mask, bands, window)
+        check_blocks(name, mask, bands if mask.count >= max(bands) else (1,), window)
 
 
+@once_for_each_file
 def _open_mask(path: str, source: DatasetReader) -> tuple[str, DatasetReader] | None:
     """Return the mask as a raster, and its name; None if there is none that can be opened by itself."""
     if file_of(path) is None:
@@ -132,9 +126,9 @@ class RasterFile:
 
     def blocks_in(self, window: Window) -> Iterator[Window]:
         """Yield the blocks of the file that intersect a window, row by row, clipped to the raster."""
-        rows, cols = self.block
-        for i in range(window.row // rows, -(-(window.row + window.rows) // rows)):
-            for j in range(window.col // cols, -(-(window.col + window.cols) // cols)):
+        (rows, cols), (down, across) = self.block, window.blocks(*self.block)
+        for i in range(down.start, down.stop):
+            for j in range(across.start, across.stop):
                 yield Window(i * rows, j * cols, rows, cols).clipped(self.shape)
 
     def read(
@@ -212,8 +206,7 @@ class RasterFile:
                 return sparse
             values: Values = source.read(list(bands), **options)
             if self._is_checked(window, options):
-                check_deflate_blocks(self.path, source, bands, window, values)
-                check_jpeg_blocks(self.path, source, bands, window)
+                check_blocks(self.path, source, bands, window, values)
             return values
 
         bands, alpha = choice.bands, self.layout.alpha
@@ -309,20 +302,15 @@ def choose(
     """
     if words.is_formula and (band is not None or rgb is not None):
         raise ParameterError("give --band, --rgb, --index or --expr: one of them")
-    if band is None and rgb is None and not words.is_formula:
-        _check_few(layout)
-    number = find_band(layout, band) if isinstance(band, str) else band
-    colors = None if rgb is None else [find_band(layout, n) if isinstance(n, str) else n for n in rgb]
-    return choose_bands(layout, number, colors, palette, bind_formula(words, layout))
-
-
-def _check_few(layout: BandLayout) -> None:
     count = sum(role != "alpha" for role in layout.roles)
-    if count > MOST_UNCHOSEN:
+    if count > MOST_UNCHOSEN and band is None and rgb is None and not words.is_formula:
         raise UnchosenBandsError(
             f"the raster has {count} bands; choose with --band, --rgb, --index or --expr; the bands are "
             f"{listed(layout)}"
         )
+    number = find_band(layout, band) if isinstance(band, str) else band
+    colors = None if rgb is None else [find_band(layout, n) if isinstance(n, str) else n for n in rgb]
+    return choose_bands(layout, number, colors, palette, bind_formula(words, layout))
 
 
 def check_reflectance(files: Sequence[RasterFile | ArraySource], choice: BandChoice) -> None:

@@ -3,35 +3,27 @@
 The names are those of the STAC extension for Earth observation, with 1, 2, 3 for the bands of red edge and of
 short-wave infrared (STAC: rededge071, 075, 078; swir16, swir22). Bands of satellites and wavelengths follow
 the list of bands of Awesome Spectral Indices (Montero et al. 2023, Scientific Data 10:197, MIT licence).
+
+`bands.csv` has a row for each name: the words that stand for it (a regular expression; of those that fit, the
+first row counts), wavelengths, codes by satellite, whether it is a colour interpretation, synonyms.
 """
 
+import csv
 import re
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 from uavseg.dataclass import dataclass
 from uavseg.errors import BandError, ParameterError
 from uavseg.plain_text import shown
 from uavseg.raster.spectral.bands import BandLayout
 
-FROM_ROLES = {
-    *("red", "green", "blue", "yellow", "pan", "coastal", "rededge", "nir", "swir", "mwir", "lwir", "tir")
-}
+_TABLE = list(csv.DictReader(Path(__file__).with_name("bands.csv").read_text(encoding="utf-8").splitlines()))
+FROM_ROLES = {row["name"] for row in _TABLE if row["role"]}
 """Colour interpretations of GDAL that are common names."""
 
-SYNONYMS = {
-    "swir16": "swir1",
-    "swir22": "swir2",
-    "rededge071": "rededge1",
-    "rededge075": "rededge2",
-    "rededge078": "rededge3",
-    "re1": "rededge1",
-    "re2": "rededge2",
-    "re3": "rededge3",
-    "red_edge": "rededge",
-    "near_infrared": "nir",
-    "panchromatic": "pan",
-}
+SYNONYMS = {word: row["name"] for row in _TABLE for word in row["synonyms"].split()}
 
 FAMILIES = {
     "rededge": ("rededge1", "rededge2", "rededge3"),
@@ -42,77 +34,12 @@ FAMILIES = {
 }
 """Names that stand for others where no band has the name itself."""
 
-_WORDS = (
-    ("rededge1", r"red ?edge ?1"),
-    ("rededge2", r"red ?edge ?2"),
-    ("rededge3", r"red ?edge ?3"),
-    ("rededge", r"red ?edge"),
-    ("swir1", r"swir ?(?:1|16)|(?:shortwave|short wave) infra ?red ?1"),
-    ("swir2", r"swir ?(?:2|22)|(?:shortwave|short wave) infra ?red ?2"),
-    ("nir08", r"nir ?08|narrow nir|nir narrow"),
-    ("nir", r"nir|near infra ?red|near ir"),
-    ("coastal", r"coastal(?: aerosol| blue)?|aerosols?"),
-    ("cirrus", r"cirrus"),
-    ("pan", r"pan|panchromatic"),
-    ("lwir", r"lwir|thermal(?: infra ?red)?"),
-    ("yellow", r"yellow"),
-    ("red", r"red"),
-    ("green", r"green"),
-    ("blue", r"blue"),
+_WORDS = [(row["name"], row["words"]) for row in _TABLE if row["words"]]
+_MICROMETRES = [(float(row["from_um"]), float(row["to_um"]), row["name"]) for row in _TABLE if row["from_um"]]
+_SENTINEL_2, _LANDSAT_8, _LANDSAT_4 = (
+    {row[codes]: row["name"] for row in _TABLE if row[codes]}
+    for codes in ("sentinel_2", "landsat_8", "landsat_4")
 )
-
-_MICROMETRES = (
-    (0.400, 0.455, "coastal"),
-    (0.455, 0.510, "blue"),
-    (0.510, 0.600, "green"),
-    (0.600, 0.620, "yellow"),
-    (0.620, 0.690, "red"),
-    (0.695, 0.715, "rededge1"),
-    (0.730, 0.750, "rededge2"),
-    (0.765, 0.795, "rededge3"),
-    (0.795, 0.855, "nir"),
-    (0.855, 0.880, "nir08"),
-    (1.360, 1.390, "cirrus"),
-    (1.550, 1.750, "swir1"),
-    (2.080, 2.350, "swir2"),
-    (10.40, 11.30, "lwir11"),
-    (11.50, 12.51, "lwir12"),
-)
-
-_SENTINEL_2 = {
-    "b1": "coastal",
-    "b2": "blue",
-    "b3": "green",
-    "b4": "red",
-    "b5": "rededge1",
-    "b6": "rededge2",
-    "b7": "rededge3",
-    "b8": "nir",
-    "b8a": "nir08",
-    "b9": "nir09",
-    "b10": "cirrus",
-    "b11": "swir1",
-    "b12": "swir2",
-}
-_LANDSAT_8 = {
-    "b1": "coastal",
-    "b2": "blue",
-    "b3": "green",
-    "b4": "red",
-    "b5": "nir",
-    "b6": "swir1",
-    "b7": "swir2",
-    "b10": "lwir11",
-}
-_LANDSAT_4 = {
-    "b1": "blue",
-    "b2": "green",
-    "b3": "red",
-    "b4": "nir",
-    "b5": "swir1",
-    "b7": "swir2",
-    "b6": "lwir",
-}
 
 _CODE = re.compile(r"(?:sr_|st_)?b(?:and)?[ _]?0*(\d{1,2}a?)(?![0-9a-z])")
 _WAVELENGTH = re.compile(r"(\d{3,5}(?:\.\d+)?) ?nm\b")

@@ -1,10 +1,17 @@
-"""Formulas that become intensity: a spectral index or band arithmetic (`--expr`), bound to its bands."""
+"""Formulas that become intensity: a spectral index or band arithmetic (`--expr`), bound to its bands.
+
+The indices are in `indices.csv`. Formulas, names and references are those of Awesome Spectral Indices
+(https://github.com/awesome-spectral-indices, Montero et al. 2023, Scientific Data 10:197, MIT licence), with
+its constants put in: g = 2.5, C1 = 6, C2 = 7.5 and L = 1 for EVI, and L = 0.5 for SAVI (Huete 1988).
+"""
 
 import ast
+import csv
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache, partial
-from typing import TYPE_CHECKING, Any, ClassVar
+from pathlib import Path
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,13 +19,9 @@ from numpy.typing import NDArray
 from uavseg.dataclass import dataclass
 from uavseg.errors import BandError, ExpressionError, ParameterError
 from uavseg.expressions import ARITHMETIC, Evaluator
-from uavseg.plain_text import printable
+from uavseg.plain_text import printable, shown
 from uavseg.raster.spectral.band_names import find_band, listed, names_of
 from uavseg.raster.spectral.bands import BandLayout, BandScale, Valid, Values
-from uavseg.raster.spectral.indices import find_index
-
-if TYPE_CHECKING:
-    from uavseg.raster.spectral.indices import SpectralIndex
 
 _SHOWN = 60  # characters of a formula in messages
 MAX_CHARACTERS = 1000
@@ -26,6 +29,46 @@ MAX_DEPTH = 50
 CHUNK = 1 << 14  # pixels: what a step holds stays in the processor's cache
 
 Array = NDArray[Any]
+
+
+@dataclass(frozen=True, slots=True)
+class SpectralIndex:
+    """A spectral index."""
+
+    name: str  # in full
+    formula: str
+    reference: str
+    limits: tuple[float, float] | None  # between which all values of positive bands lie
+    of_reflectance: bool  # for reflectance (0 to 1) alone: constants are added to bands
+
+
+def _read_table() -> Iterator[tuple[str, SpectralIndex]]:
+    text = Path(__file__).with_name("indices.csv").read_text(encoding="utf-8")
+    for row in csv.DictReader(text.splitlines()):
+        limits = (float(row["low"]), float(row["high"])) if row["low"] else None
+        yield (
+            row["index"],
+            SpectralIndex(
+                name=row["name"],
+                formula=row["formula"],
+                reference=row["reference"],
+                limits=limits,
+                of_reflectance=row["of_reflectance"] == "yes",
+            ),
+        )
+
+
+INDICES = dict(_read_table())
+
+
+def find_index(name: str) -> tuple[str, SpectralIndex]:
+    """Return the index of a name, in any case, with its name in lower case; else a ParameterError."""
+    key = name.strip().casefold()
+    if key not in INDICES:
+        raise ParameterError(
+            f"{shown(name)} is not a known index; give another as --expr; known are {', '.join(INDICES)}"
+        )
+    return key, INDICES[key]
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,8 +132,6 @@ def bind_formula(words: BandWords, layout: BandLayout) -> Formula | None:
     """
     if not words.is_formula:
         return None
-    from uavseg.raster.spectral.formula import parse_expression
-
     if words.expr is not None:
         return Formula("", parse_expression(words.expr, partial(_find, layout)))
     assert words.index is not None
@@ -114,7 +155,7 @@ def _find(layout: BandLayout, name: str) -> int:
     return number
 
 
-def _find_of(layout: BandLayout, index: str, found: "SpectralIndex", name: str) -> int:
+def _find_of(layout: BandLayout, index: str, found: SpectralIndex, name: str) -> int:
     try:
         return find_band(layout, name)
     except BandError as error:

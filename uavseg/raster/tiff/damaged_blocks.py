@@ -14,10 +14,11 @@ that its header names have to be in the block or in those of the file.
 
 import zlib
 from collections.abc import Callable, Iterator, Sequence
+from functools import lru_cache
 from pathlib import Path
-from weakref import WeakKeyDictionary
 
 import numpy as np
+from numpy.typing import NDArray
 from rasterio.enums import Compression, PhotometricInterp
 from rasterio.errors import RasterBlockError
 from rasterio.io import DatasetReader
@@ -25,46 +26,111 @@ from rasterio.io import DatasetReader
 from uavseg.dataclass import dataclass
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.spectral.bands import Values
-from uavseg.raster.tiff.directories import BlockStream, CheckedBlocks, file_of, strip_rows
+from uavseg.raster.tiff.directories import file_of, is_by_pixel, once_for_each_file, strip_rows
 
-_known: "WeakKeyDictionary[DatasetReader, DeflateBlocks | None]" = WeakKeyDictionary()  # by open file
+Bands = tuple[int, ...]
 HEADER_BYTES = 4096  # in which the frame header usually lies
 _START_OF_FRAME = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}  # these three are tables, or reserved
 _SEQUENTIAL = {0xC0, 0xC1}
 _HUFFMAN, _START_OF_SCAN, _QUANTISATION = 0xC4, 0xDA, 0xDB
 _WITHOUT_LENGTH = {0x01, *range(0xD0, 0xD9)}
 
-_jpeg_blocks_of: "WeakKeyDictionary[DatasetReader, JpegBlocks | None]" = WeakKeyDictionary()  # by open file
 
-
-def check_deflate_blocks(
+def check_blocks(
     path: str, source: DatasetReader, bands: Sequence[int], window: Window, values: Values | None = None
 ) -> None:
-    """Check the blocks of an open TIFF that intersect a window which was just read; each only once.
+    """Check the blocks of an open TIFF that intersect a window; each only once.
 
     `path` is that by which it was opened: of the file, or of one of its images (`GTIFF_DIR:2:a.tif`). Nothing
-    is checked of a source that is compressed in another manner, lies in an archive or is remote. `values`
-    (bands, rows, cols) are what was read; without them blocks are read again. A RasterBlockError says that
-    the stream of one of them does not end where the block ends.
+    is checked of a source that is compressed in another manner, lies in an archive or is remote, or whose
+    chrominance lies in planes of its own, which may be smaller. `values` (bands, rows, cols) are what was
+    just read; without them blocks are read again. A RasterBlockError says that the stream of one of them does
+    not end where the block ends, or that the image in it is smaller than it, or lacks a table.
     """
-    if source not in _known:
-        _known[source] = _deflate_blocks(path, source)
-    blocks = _known[source]
+    blocks = _blocks_of(path, source)
     if blocks is not None:
         blocks.check(source, tuple(bands), window, values)
 
 
-def _deflate_blocks(name: str, source: DatasetReader) -> "DeflateBlocks | None":
-    path = file_of(name) if source.compression == Compression.deflate else None
-    if path is None:
-        return None
-    rows = strip_rows(path, source)
-    if rows not in (None, source.block_shapes[0][0]):
-        return None  # read line by line
-    return DeflateBlocks(name, path, source, is_tiled=rows is None)
+@once_for_each_file
+def _blocks_of(name: str, source: DatasetReader) -> "_Blocks | None":
+    path = file_of(name) if source.driver == "GTiff" else None
+    if path is not None and source.compression == Compression.deflate:
+        rows = strip_rows(path, source)
+        if rows in (None, source.block_shapes[0][0]):  # else it is read line by line
+            return _DeflateBlocks(name, path, source, is_tiled=rows is None)
+    if path is not None and source.compression == Compression.jpeg:
+        planar = source.count > 1 and not is_by_pixel(source)
+        if not (planar and source.photometric == PhotometricInterp.ycbcr):
+            return _JpegBlocks(name, path, source)
+    return None
 
 
-class DeflateBlocks(CheckedBlocks):
+@dataclass(frozen=True, slots=True)
+class BlockStream:
+    """Where the stream of a block lies."""
+
+    path: Path
+    offset: int  # in bytes
+    size: int
+
+    @classmethod
+    def of(cls, path: Path, source: DatasetReader, band: int, place: tuple[int, int]) -> "BlockStream | None":
+        """Return that of the block in a row and a column of blocks; None if it is not stored."""
+        offset = source.get_tag_item(f"BLOCK_OFFSET_{place[1]}_{place[0]}", "TIFF", bidx=band)
+        return None if offset is None else cls(path, int(offset), source.block_size(band, *place))
+
+    def read(self, start: int = 0, most: int | None = None) -> bytes:
+        """Read its bytes from `start` on, which counts from the end if it is below 0; `most` of them."""
+        start = start if start >= 0 else max(self.size + start, 0)
+        left = self.size - start
+        with self.path.open("rb") as file:
+            file.seek(self.offset + start)
+            return file.read(left if most is None else min(left, most))
+
+
+class _Blocks:
+    """The blocks of an image, which all threads check once: `name` is that of the image, `path` its file."""
+
+    def __init__(self, name: str, path: Path, source: DatasetReader) -> None:
+        self._path = path
+        rows, cols = self._shape = source.block_shapes[0]
+        self._all_bands = is_by_pixel(source) and source.count > 1
+        planes, about = 1 if self._all_bands else source.count, path.stat()
+        size = planes, -(-source.height // rows), -(-source.width // cols)
+        self._checked = _checked(name, about.st_size, about.st_mtime_ns, size)
+
+    def check(self, source: DatasetReader, bands: Bands, window: Window, values: Values | None) -> None:
+        """Check as `check_blocks`."""
+        raise NotImplementedError
+
+    def _left(
+        self, source: DatasetReader, bands: Bands, window: Window
+    ) -> Iterator[tuple[BlockStream, Bands, int, Window]]:
+        """Yield blocks to check, each with its bands and the index of the first; it is right if this goes on.
+
+        A block is its stream, and its pixels as a window.
+        """
+        (rows, cols), here = self._shape, window.blocks(*self._shape)
+        planes = [0] if self._all_bands else [band - 1 for band in bands]
+        left = np.argwhere(~self._checked[planes, *here])
+        for k, row, col in (left + np.array([0, here[0].start, here[1].start])).tolist():
+            every = tuple(source.indexes) if self._all_bands else (bands[k],)
+            stored = BlockStream.of(self._path, source, every[0], (row, col))
+            if stored is not None:
+                yield stored, every, k, Window(row * rows, col * cols, rows, cols).clipped(source.shape)
+            self._checked[planes[k], row, col] = True
+
+    def _name(self, block: Window) -> str:
+        return f"the block at {block.row // self._shape[0]}, {block.col // self._shape[1]}"
+
+
+@lru_cache(maxsize=64)
+def _checked(name: str, size: int, mtime_ns: int, shape: tuple[int, int, int]) -> NDArray[np.bool_]:
+    return np.zeros(shape, bool)
+
+
+class _DeflateBlocks(_Blocks):
     """The blocks of an open TIFF that is compressed by deflate."""
 
     def __init__(self, name: str, path: Path, source: DatasetReader, is_tiled: bool) -> None:
@@ -73,31 +139,18 @@ class DeflateBlocks(CheckedBlocks):
         self._bits = source.tags(1, ns="IMAGE_STRUCTURE").get("NBITS")
         self._is_tiled = is_tiled
 
-    def check(
-        self, source: DatasetReader, bands: tuple[int, ...], window: Window, values: Values | None
-    ) -> None:
-        """Check as `check_deflate_blocks`."""
-        rows, cols = self._shape
-        for k, row, col in self._left(bands, window):
-            block = Window(row * rows, col * cols, rows, cols).clipped(source.shape)
-            every = tuple(source.indexes) if self._all_bands else (bands[k],)
+    def check(self, source: DatasetReader, bands: Bands, window: Window, values: Values | None) -> None:
+        """Check the checksum of each block, or where its stream ends."""
+        for stored, every, k, block in self._left(source, bands, window):
             own = None if values is None else values[k : k + len(every)]
             if self._all_bands and bands != every:
                 own = None  # without the other bands of the block
-            if not self._is_right(source, every, (row, col), block, _part(own, window, block)):
-                raise RasterBlockError(f"the stream of the block at {row}, {col} goes on beyond its end")
+            if not self._is_right(source, stored, every, block, _part(own, window, block)):
+                raise RasterBlockError(f"the stream of {self._name(block)} goes on beyond its end")
 
     def _is_right(
-        self,
-        source: DatasetReader,
-        bands: tuple[int, ...],
-        place: tuple[int, int],
-        block: Window,
-        own: Values | None,
+        self, source: DatasetReader, stored: BlockStream, bands: Bands, block: Window, own: Values | None
     ) -> bool:
-        stored = BlockStream.of(self._path, source, bands[0], place)
-        if stored is None:
-            return True  # a block that is not stored
         whole = not self._is_tiled or (block.rows, block.cols) == self._shape
         if whole and self._predictor in ("1", "2") and self._bits is None:
             if own is None:
@@ -119,11 +172,10 @@ class DeflateBlocks(CheckedBlocks):
 
 
 def _part(values: Values | None, window: Window, block: Window) -> Values | None:
-    row, col = block.row - window.row, block.col - window.col
-    inside = row >= 0 and col >= 0 and row + block.rows <= window.rows and col + block.cols <= window.cols
-    if values is None or not inside:
+    """Return the values of a block from those of a window; None where it does not hold the whole block."""
+    if values is None or block.common(window) != block:
         return None
-    return values[:, row : row + block.rows, col : col + block.cols]
+    return values[:, *block.relative_to(window).slices]
 
 
 def _ends_at(stream: bytes, size: int) -> bool:
@@ -136,30 +188,7 @@ def _ends_at(stream: bytes, size: int) -> bool:
     return found == size and decoder.eof
 
 
-def check_jpeg_blocks(path: str, source: DatasetReader, bands: Sequence[int], window: Window) -> None:
-    """Check the blocks of an open TIFF that intersect a window; each only once.
-
-    `path` is that by which it was opened: of the file, or of one of its images (`GTIFF_DIR:2:a.tif`). Nothing
-    is checked of a source that is compressed in another manner, lies in an archive or is remote, or whose
-    chrominance lies in planes of its own, which may be smaller. A RasterBlockError says that a block holds an
-    image that is smaller than it, or lacks a table.
-    """
-    if source not in _jpeg_blocks_of:
-        _jpeg_blocks_of[source] = _jpeg_blocks(path, source)
-    blocks = _jpeg_blocks_of[source]
-    if blocks is not None:
-        blocks.check(source, bands, window)
-
-
-def _jpeg_blocks(name: str, source: DatasetReader) -> "JpegBlocks | None":
-    if source.compression != Compression.jpeg or source.driver != "GTiff":
-        return None
-    planar = source.count > 1 and source.tags(ns="IMAGE_STRUCTURE").get("INTERLEAVE") != "PIXEL"
-    path = None if planar and source.photometric == PhotometricInterp.ycbcr else file_of(name)
-    return None if path is None else JpegBlocks(name, path, source)
-
-
-class JpegBlocks(CheckedBlocks):
+class _JpegBlocks(_Blocks):
     """The blocks of an open TIFF that is compressed by JPEG."""
 
     def __init__(self, name: str, path: Path, source: DatasetReader) -> None:
@@ -167,27 +196,21 @@ class JpegBlocks(CheckedBlocks):
         tables = source.get_tag_item("JPEGTABLES", "TIFF", bidx=1) or ""
         self._tables = _parse(bytes.fromhex(tables)).defined
 
-    def check(self, source: DatasetReader, bands: Sequence[int], window: Window) -> None:
-        """Check as `check_jpeg_blocks`."""
+    def check(self, source: DatasetReader, bands: Bands, window: Window, values: Values | None) -> None:
+        """Check the size in the header of each block, and its tables."""
         rows, cols = self._shape
-        for k, row, col in self._left(bands, window):
-            stored = BlockStream.of(self._path, source, 1 if self._all_bands else bands[k], (row, col))
-            expected = min(rows, source.height - row * rows) if cols == source.width else rows, cols
-            if stored is not None:
-                self._check_header(stored, expected, (row, col))
-
-    def _check_header(self, stored: BlockStream, expected: tuple[int, int], place: tuple[int, int]) -> None:
-        header = _parse(stored.read(0, HEADER_BYTES))
-        if not header.ends and not header.damaged:
-            header = _parse(stored.read())
-        row, col = place
-        if header.size is not None and (header.size[0] < expected[0] or header.size[1] < expected[1]):
-            raise RasterBlockError(
-                f"the image in the block at {row}, {col} has {header.size[1]} x {header.size[0]} pixels, and "
-                f"the block {expected[1]} x {expected[0]}"
-            )
-        if header.damaged or (header.ends and not header.named <= header.defined | self._tables):
-            raise RasterBlockError(f"the JPEG header of the block at {row}, {col} is damaged")
+        for stored, _, _, block in self._left(source, bands, window):
+            header = _parse(stored.read(0, HEADER_BYTES))
+            if not header.ends and not header.damaged:
+                header = _parse(stored.read())
+            least = (block.rows if cols == source.width else rows), cols
+            if header.size is not None and (header.size[0] < least[0] or header.size[1] < least[1]):
+                raise RasterBlockError(
+                    f"the image in {self._name(block)} has {header.size[1]} x {header.size[0]} pixels, and "
+                    f"the block {least[1]} x {least[0]}"
+                )
+            if header.damaged or (header.ends and not header.named <= header.defined | self._tables):
+                raise RasterBlockError(f"the JPEG header of {self._name(block)} is damaged")
 
 
 @dataclass(frozen=True, slots=True)

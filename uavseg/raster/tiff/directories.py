@@ -14,10 +14,11 @@ next one, the last one 0.
 import os
 import re
 import struct
-from collections.abc import Iterator, Sequence
-from functools import lru_cache
+from collections.abc import Callable
+from functools import wraps
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO, TypeVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,9 +29,19 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import RasterReadError
 from uavseg.inputs import regular_file
 from uavseg.plain_text import cause_of
-from uavseg.raster.grid.tiling import Window
+
+Found = TypeVar("Found")
 
 _PAGE = re.compile(r"GTIFF_DIR:(?:off:)?\d+:(.+)", re.IGNORECASE | re.DOTALL)
+MAX_DIRECTORIES = 65536  # as in libtiff
+_KIND, _COLS, _ROWS, _COMPRESSION = 254, 256, 257, 259  # tags
+_SAMPLES, _STRIP_ROWS, _PLANAR, _TILE_COLS, _TILE_ROWS = 277, 278, 284, 322, 323
+_NUMBERS = (_KIND, _COLS, _ROWS, _COMPRESSION, _SAMPLES, _STRIP_ROWS, _PLANAR, _TILE_COLS, _TILE_ROWS)
+_SEPARATE = 2  # bands one after the other
+_PLACES, _LENGTHS = (273, 324), (279, 325)  # tags of the places and lengths of blocks: strips, tiles
+_TYPES = {3: "u2", 4: "u4", 16: "u8"}
+_REDUCED, _MASK = 1, 4  # bits of the tag of the kind
+_FAX = {2, 3, 4, 32771}  # compressions: CCITT, ITU-T T.4 and T.6
 
 
 def file_of(name: str) -> Path | None:
@@ -46,68 +57,22 @@ def file_of(name: str) -> Path | None:
     return path if path.is_file() else None
 
 
-@dataclass(frozen=True, slots=True)
-class BlockStream:
-    """Where the stream of a block lies."""
+def once_for_each_file(find: Callable[[str, DatasetReader], Found]) -> Callable[[str, DatasetReader], Found]:
+    """Decorate a function of the name and an open file, which is called once for each of these."""
+    known: WeakKeyDictionary[DatasetReader, Found] = WeakKeyDictionary()
 
-    path: Path
-    offset: int  # in bytes
-    size: int
+    @wraps(find)
+    def kept(name: str, source: DatasetReader) -> Found:
+        if source not in known:
+            known[source] = find(name, source)
+        return known[source]
 
-    @classmethod
-    def of(cls, path: Path, source: DatasetReader, band: int, place: tuple[int, int]) -> "BlockStream | None":
-        """Return that of the block in a row and a column of blocks; None if it is not stored."""
-        offset = source.get_tag_item(f"BLOCK_OFFSET_{place[1]}_{place[0]}", "TIFF", bidx=band)
-        return None if offset is None else cls(path, int(offset), source.block_size(band, *place))
-
-    def read(self, start: int = 0, most: int | None = None) -> bytes:
-        """Read its bytes from `start` on, which counts from the end if it is below 0; `most` of them."""
-        start = start if start >= 0 else max(self.size + start, 0)
-        left = self.size - start
-        with self.path.open("rb") as file:
-            file.seek(self.offset + start)
-            return file.read(left if most is None else min(left, most))
+    return kept
 
 
-class CheckedBlocks:
-    """The blocks of an image, which all threads check once: `name` is that of the image, `path` its file."""
-
-    def __init__(self, name: str, path: Path, source: DatasetReader) -> None:
-        self._path = path
-        rows, cols = self._shape = source.block_shapes[0]
-        self._all_bands = source.tags(ns="IMAGE_STRUCTURE").get("INTERLEAVE") == "PIXEL" and source.count > 1
-        planes, about = 1 if self._all_bands else source.count, path.stat()
-        size = planes, -(-source.height // rows), -(-source.width // cols)
-        self._checked = _checked(name, about.st_size, about.st_mtime_ns, size)
-
-    def _left(self, bands: Sequence[int], window: Window) -> Iterator[tuple[int, int, int]]:
-        """Yield index of the band, row and column of blocks to check; each counts as right if it goes on."""
-        rows, cols = self._shape
-        i, j = window.row // rows, window.col // cols
-        last = -(-(window.row + window.rows) // rows), -(-(window.col + window.cols) // cols)
-        planes = [0] if self._all_bands else [band - 1 for band in bands]
-        left = np.argwhere(~self._checked[planes, i : last[0], j : last[1]])
-        for k, row, col in (left + np.array([0, i, j])).tolist():
-            yield k, row, col
-            self._checked[planes[k], row, col] = True
-
-
-@lru_cache(maxsize=64)
-def _checked(name: str, size: int, mtime_ns: int, shape: tuple[int, int, int]) -> NDArray[np.bool_]:
-    return np.zeros(shape, bool)
-
-
-MAX_DIRECTORIES = 65536  # as in libtiff
-_KIND, _COLS, _ROWS, _COMPRESSION = 254, 256, 257, 259  # tags
-_SAMPLES, _STRIP_ROWS, _PLANAR, _TILE_COLS, _TILE_ROWS = 277, 278, 284, 322, 323
-_NUMBERS = (_KIND, _COLS, _ROWS, _COMPRESSION, _SAMPLES, _STRIP_ROWS, _PLANAR, _TILE_COLS, _TILE_ROWS)
-_SEPARATE = 2  # bands one after the other
-_PLACES, _LENGTHS = (273, 324), (279, 325)  # tags of the places and lengths of blocks: strips, tiles
-_INDEX = (*_PLACES, *_LENGTHS)
-_SIZES = {3: 2, 4: 4, 16: 8}  # of a number in bytes, by its type
-_REDUCED, _MASK = 1, 4  # bits of the tag of the kind
-_FAX = {2, 3, 4, 32771}  # compressions: CCITT, ITU-T T.4 and T.6
-_FORMATS = {3: "H", 4: "I", 16: "Q"}  # of a number, by its type
+def is_by_pixel(source: DatasetReader) -> bool:
+    """Return whether the bands of a pixel are stored beside each other."""
+    return bool(source.tags(ns="IMAGE_STRUCTURE").get("INTERLEAVE") == "PIXEL")
 
 
 class _IndexError(ValueError):
@@ -115,23 +80,77 @@ class _IndexError(ValueError):
 
 
 @dataclass(frozen=True, slots=True)
-class _Layout:
-    """How numbers lie in a TIFF: byte order, and the formats of a count, an entry and a place."""
+class _Array:
+    """Where an array of a directory is: its type, its length, and its content, or the place of that."""
 
-    order: str
-    count: str
-    entry: str
-    place: str
+    kind: int
+    items: int
+    value: bytes
 
-    def read(self, file: BinaryIO, numbers: str) -> tuple[int, ...]:
-        """Return numbers at the present place; struct.error if the file ends before."""
-        return struct.unpack(self.order + numbers, file.read(struct.calcsize(self.order + numbers)))
 
-    def seek(self, file: BinaryIO, place: int) -> None:
-        """Go to a place; struct.error if it lies beyond the end of the file, and may be too large to seek."""
-        if place > os.fstat(file.fileno()).st_size:
+@dataclass(frozen=True, slots=True)
+class Directory:
+    """What a directory says of its image."""
+
+    numbers: dict[int, int]  # by tag
+    arrays: dict[int, _Array]  # places and lengths of its blocks, by tag; none that are empty
+    following: int  # place of the next directory
+
+
+class TiffReader:
+    """Numbers and directories of an open TIFF: its byte order, and the formats of its entries."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        start = file.read(4)
+        self._file, self._size = file, os.fstat(file.fileno()).st_size
+        self._order, self._is_big = "<" if start[:2] == b"II" else ">", b"+" in start[2:4]
+        self._place = "Q" if self._is_big else "I"
+        self._entry = f"{self._order}HH{self._place}{8 if self._is_big else 4}s"
+
+    def first(self) -> int:
+        """Return the place of the first directory."""
+        self._seek(8 if self._is_big else 4)
+        return self._read(self._place)
+
+    def directory(self, place: int) -> Directory:
+        """Read a directory; struct.error if the file ends before."""
+        self._seek(place)
+        size = self._read("Q" if self._is_big else "H") * struct.calcsize(self._entry)
+        if size > self._size:
             raise struct.error
-        file.seek(place)
+        content, following = self._file.read(size), self._read(self._place)
+        numbers, arrays = {}, {}
+        for tag, kind, items, value in struct.iter_unpack(self._entry, content):
+            if tag in _NUMBERS and items == 1 and kind in _TYPES:
+                if np.dtype(_TYPES[kind]).itemsize <= len(value):
+                    numbers[tag] = int(self.array(_Array(kind, items, value))[0])
+            elif tag in (*_PLACES, *_LENGTHS) and items > 0:
+                arrays[tag] = _Array(kind, items, value)
+        return Directory(numbers, arrays, following)
+
+    def array(self, array: _Array) -> NDArray[np.unsignedinteger[Any]]:
+        """Read an array of a directory; struct.error if its type is another, or the file ends before."""
+        if array.kind not in _TYPES:
+            raise struct.error
+        dtype = np.dtype(self._order + _TYPES[array.kind])
+        content, size = array.value, array.items * dtype.itemsize
+        if size > len(content):
+            (place,) = struct.unpack(self._order + self._place, content)
+            self._seek(place + size)
+            self._file.seek(place)
+            content = self._file.read(size)
+        return np.frombuffer(content, dtype, array.items)
+
+    def _read(self, number: str) -> int:
+        """Return the number at the present place; struct.error if the file ends before."""
+        number = self._order + number
+        return int(struct.unpack(number, self._file.read(struct.calcsize(number)))[0])
+
+    def _seek(self, place: int) -> None:
+        """Go to a place; struct.error if it lies beyond the end of the file, and may be too large to seek."""
+        if place > self._size:
+            raise struct.error
+        self._file.seek(place)
 
 
 def mask_page(path: str) -> int | None:
@@ -142,7 +161,7 @@ def mask_page(path: str) -> int | None:
     """
     try:
         with regular_file(path).open("rb") as file:
-            directories = _directories(file)
+            directories = _directories(TiffReader(file))
     except (OSError, struct.error, _IndexError) as error:
         if isinstance(error, RasterReadError):
             raise
@@ -172,66 +191,41 @@ def strip_rows(path: Path, source: DatasetReader) -> int | None:
     place = int(source.get_tag_item("IFD_OFFSET", "TIFF", bidx=1))
     try:
         with path.open("rb") as file:
-            layout = _layout(file)
-            layout.seek(file, place)
-            numbers, _ = _directory(file, layout, is_first=False)
+            numbers = _checked_directory(TiffReader(file), place, is_first=False).numbers
     except (OSError, struct.error, _IndexError) as error:
         raise RasterBlockError(f"its directory cannot be read: {cause_of(error)}") from error
     return None if _TILE_COLS in numbers else min(numbers.get(_STRIP_ROWS, source.height), source.height)
 
 
-def _layout(file: BinaryIO) -> _Layout:
-    """Return how numbers lie in an open TIFF; its next number is the place of the first directory."""
-    start = file.read(4)
-    order, is_big = "<" if start[:2] == b"II" else ">", b"+" in start[2:4]
-    if is_big:
-        file.seek(8)
-    return _Layout(order, "Q", "HHQ8s", "Q") if is_big else _Layout(order, "H", "HHI4s", "I")
-
-
-def _directories(file: BinaryIO) -> list[dict[int, int]]:
+def _directories(reader: TiffReader) -> list[dict[int, int]]:
     """Return kind and size of each image, as numbers by tag."""
-    layout = _layout(file)
-    (place,) = layout.read(file, layout.place)
-    found: dict[int, dict[int, int]] = {}
+    place, found = reader.first(), dict[int, dict[int, int]]()
     while place and place not in found and len(found) < MAX_DIRECTORIES:
-        layout.seek(file, place)
-        found[place], place = _directory(file, layout, is_first=not found)
+        one = _checked_directory(reader, place, is_first=not found)
+        found[place], place = one.numbers, one.following
     if not found:
         raise struct.error
     return list(found.values())
 
 
-def _directory(file: BinaryIO, layout: _Layout, is_first: bool) -> tuple[dict[int, int], int]:
-    """Return numbers by tag, and the place of the next directory."""
-    (count,) = layout.read(file, layout.count)
-    step = struct.calcsize(layout.order + layout.entry)
-    if count * step > os.fstat(file.fileno()).st_size:
-        raise struct.error
-    content, numbers = file.read(count * step), {}
-    (following,) = layout.read(file, layout.place)
-    index, counts = [], dict.fromkeys(_INDEX, 0)
-    for tag, kind, items, value in struct.iter_unpack(layout.order + layout.entry, content):
-        if tag in counts:
-            counts[tag] = items
-        if tag in _NUMBERS and items == 1 and kind in _FORMATS:
-            number = layout.order + _FORMATS[kind]
-            if struct.calcsize(number) <= len(value):
-                (numbers[tag],) = struct.unpack_from(number, value)
-        elif tag in _INDEX and items * _SIZES.get(kind, 0) > len(value):
-            index.append((*struct.unpack(layout.order + layout.place, value), items * _SIZES[kind]))
-    if is_first and any(counts[tag] for tag in _LENGTHS) and not any(counts[tag] for tag in _PLACES):
-        # A sparse file may have neither.
+def _checked_directory(reader: TiffReader, place: int, is_first: bool) -> Directory:
+    """Read a directory, and compare the index of its blocks with their number."""
+    one = reader.directory(place)
+    counts = {tag: array.items for tag, array in one.arrays.items()}
+    places, lengths = (max(counts.get(tag, 0) for tag in tags) for tags in (_PLACES, _LENGTHS))
+    if is_first and lengths and not places:  # a sparse file may have neither
         raise _IndexError("it has lengths of blocks, but not where they are")
-    blocks = _count_blocks(numbers)
-    if is_first and _TILE_COLS not in numbers and max(counts.values()) > blocks:
+    blocks = _count_blocks(one.numbers)
+    if is_first and _TILE_COLS not in one.numbers and max(places, lengths) > blocks:
         raise _IndexError("its index has more strips than its size makes")
-    for tags in (_PLACES, _LENGTHS):
-        if 0 < (known := max(counts[tag] for tag in tags)) < blocks:
+    for known in (places, lengths):
+        if 0 < known < blocks:
             raise _IndexError(f"its index has {known:,} of the {blocks:,} blocks that its size makes")
-    if numbers.get(_KIND, 0) & _MASK:
-        _check_index(file, layout, index)
-    return numbers, following
+    if one.numbers.get(_KIND, 0) & _MASK:
+        for array in one.arrays.values():  # GDAL takes blocks of a mask that it does not find for empty ones
+            if array.kind in _TYPES:
+                reader.array(array)
+    return one
 
 
 def _count_blocks(numbers: dict[int, int]) -> int:
@@ -243,14 +237,3 @@ def _count_blocks(numbers: dict[int, int]) -> int:
         return -(-rows // max(numbers.get(_TILE_ROWS, rows), 1)) * across * planes
     strip = min(numbers.get(_STRIP_ROWS, rows), rows)
     return -(-rows // max(strip, 1)) * planes
-
-
-def _check_index(file: BinaryIO, layout: _Layout, index: list[tuple[int, int]]) -> None:
-    """Check that the index of a mask can be read: GDAL takes blocks that it does not find for empty ones."""
-    for place, size in index:
-        layout.seek(file, place)
-        while size > 0:
-            piece = file.read(min(size, 1 << 20))
-            if not piece:
-                raise struct.error
-            size -= len(piece)

@@ -8,7 +8,7 @@ import shapely
 
 from uavseg.arrays import Floats
 from uavseg.raster.geodesy.globe import WGS84, geod_wgs84
-from uavseg.raster.grid.polygon_mask import pixels_inside
+from uavseg.raster.grid.geobox import pixels_inside
 from uavseg.raster.grid.tiling import Window
 from uavseg.regions.shapes import Objects
 from uavseg.regions.table import Regions

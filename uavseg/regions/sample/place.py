@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, SampleError
 from uavseg.raster.geodesy.globe import geod_of, is_geographic, transform_between, wrap_lon
-from uavseg.raster.grid.geobox import GeoBox
-from uavseg.raster.grid.polygon_mask import pixels_inside
+from uavseg.raster.grid.geobox import GeoBox, pixels_inside
 from uavseg.raster.grid.tiling import Window
 from uavseg.units import CELL
 from uavseg.warning_filters import changing_filters
