@@ -15,21 +15,26 @@ from uavseg.dataclass import dataclass
 WORD = 8  # pixels of a uint8 image that are compared at once
 
 
-def label_components(inside: NDArray[np.uint8], margin: int = 0) -> tuple[NDArray[np.uint32], int]:
+def label_components(
+    inside: NDArray[np.uint8], margin: int = 0, diagonally: bool = False
+) -> tuple[NDArray[np.uint32], int]:
     """Label the connected components of a mask, 1..n in raster order of their first pixels; return n, too.
 
     `inside`, (M + 2 m, N + 2 m), is 1 where a pixel belongs to a component; its border of m pixels, the
-    `margin`, is left out of the labels, (M, N), which are 0 outside.
+    `margin`, is left out of the labels, (M, N), which are 0 outside. Pixels that touch `diagonally` are
+    connected too, if requested.
 
     Examples
     --------
     >>> label_components(np.array([[1, 0, 1], [1, 1, 0]], np.uint8))[0]
     array([[1, 0, 2],
            [1, 1, 0]], dtype=uint32)
+    >>> label_components(np.array([[1, 0, 1], [1, 1, 0]], np.uint8), diagonally=True)[1]
+    1
     """
     labels = np.zeros((inside.shape[0] - 2 * margin, inside.shape[1] - 2 * margin), np.uint32)
     parents = np.empty(labels.size // 2 + 2, np.uint32)
-    return labels, _label_u1(inside, view_as_words(inside, margin), margin, labels, parents)
+    return labels, _label_u1(inside, view_as_words(inside, margin), margin, int(diagonally), labels, parents)
 
 
 def label_equal_values(image: NDArray[Any], margin: int = 0) -> tuple[NDArray[np.uint32], int]:
@@ -46,7 +51,7 @@ def label_equal_values(image: NDArray[Any], margin: int = 0) -> tuple[NDArray[np
     labels = np.zeros((image.shape[0] - 2 * margin, image.shape[1] - 2 * margin), np.uint32)
     parents = np.empty(labels.size + 1, np.uint32)
     label = _label_u1 if image.dtype == np.uint8 else _label_u4
-    return labels, label(image, view_as_words(image, margin), margin, labels, parents)
+    return labels, label(image, view_as_words(image, margin), margin, 0, labels, parents)
 
 
 def component_values(image: NDArray[np.uint32], labels: NDArray[np.uint32], count: int) -> NDArray[np.int64]:
@@ -117,9 +122,10 @@ def end_of_run(image, words, margin, r, c, value):  # type: ignore[no-untyped-de
     return c
 
 
-def _label(image, words, margin, labels, parents):  # type: ignore[no-untyped-def]
-    # Two passes: runs of pixels get provisional labels, united where runs of two rows touch. The smaller
-    # label is the root, so roots are in raster order; the second pass renumbers them.
+def _label(image, words, margin, reach, labels, parents):  # type: ignore[no-untyped-def]
+    # Two passes: runs of pixels get provisional labels, united where runs of two rows touch, or are `reach`
+    # columns apart. The smaller label is the root, so roots are in raster order; the second pass renumbers
+    # them.
     rows, cols = labels.shape
     used = np.uint32(0)
     parents[0] = 0
@@ -131,7 +137,7 @@ def _label(image, words, margin, labels, parents):  # type: ignore[no-untyped-de
             if value != 0:
                 label = np.uint32(0)
                 previous = np.uint32(0)
-                for k in range(c, end if r > 0 else c):
+                for k in range(max(c - reach, 0), min(end + reach, cols) if r > 0 else 0):
                     above = labels[r - 1, k]
                     if above != previous:
                         previous = above
@@ -161,8 +167,8 @@ def _label(image, words, margin, labels, parents):  # type: ignore[no-untyped-de
     return count
 
 
-_label_u1 = kernel("i8(u1[:,::1], u8[:,::1], i8, u4[:,::1], u4[::1])")(_label)
-_label_u4 = kernel("i8(u4[:,::1], u8[:,::1], i8, u4[:,::1], u4[::1])")(_label)
+_label_u1 = kernel("i8(u1[:,::1], u8[:,::1], i8, i8, u4[:,::1], u4[::1])")(_label)
+_label_u4 = kernel("i8(u4[:,::1], u8[:,::1], i8, i8, u4[:,::1], u4[::1])")(_label)
 
 
 @kernel("void(u4[:,::1], u4[:,::1], i8[::1])")
