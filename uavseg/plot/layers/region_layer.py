@@ -22,15 +22,16 @@ from uavseg.plain_text import shown
 from uavseg.plot.page.page import Frame, area_text
 from uavseg.raster.access.opening import file_exists
 from uavseg.raster.geodesy.globe import transform_between
-from uavseg.regions.formats.check_read import (
+from uavseg.regions.formats.parquet import import_pyarrow
+from uavseg.regions.formats.read import read_regions, vector_errors
+from uavseg.regions.formats.vector_files import (
     check_attributes,
     check_count,
     check_feature_count,
     check_geometries,
+    check_vector,
+    reading_vectors,
 )
-from uavseg.regions.formats.parquet import import_pyarrow
-from uavseg.regions.formats.read import read_regions, vector_errors
-from uavseg.regions.formats.vector_files import check_vector, reading_vectors
 from uavseg.regions.table import Regions
 
 Columns = dict[str, NDArray[Any]]

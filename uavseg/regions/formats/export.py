@@ -154,9 +154,9 @@ def _write_stream(regions: Regions, stream: IO[Any], form: GeoJsonForm) -> None:
         ) from error
 
 
-def _write_geojson(regions: Regions, path: Path) -> None:
+def _write_text(write: Callable[[Regions, IO[bytes]], None], regions: Regions, path: Path) -> None:
     with path.open("wb") as stream:
-        text_writers.write_geojson(regions, stream)
+        write(regions, stream)
 
 
 def _write_geopackage(regions: Regions, path: Path) -> None:
@@ -169,11 +169,6 @@ def _write_shapefile(regions: Regions, path: Path) -> None:
     columns = {_SHORT_NAMES.get(name, name): column for name, column in regions.columns.items()}
     renamed = Regions(columns, regions.polygons, regions.wkt)  # without metadata: a Shapefile has none
     _write_layer(renamed, path, "ESRI Shapefile", DBF_DATE_LAST_UPDATE=_DATE[:10])
-
-
-def _write_kml(regions: Regions, path: Path) -> None:
-    with path.open("wb") as stream:
-        write_kml(regions, stream)
 
 
 def _write_layer(regions: Regions, path: Path, driver: str, **options: str) -> None:
@@ -233,13 +228,13 @@ def _geo_metadata(regions: Regions) -> dict[str, Any]:
 
 
 _WRITERS: dict[str, Callable[[Regions, Path], None]] = {
-    ".geojson": _write_geojson,
-    ".json": _write_geojson,
+    ".geojson": partial(_write_text, text_writers.write_geojson),
+    ".json": partial(_write_text, text_writers.write_geojson),
     ".gpkg": _write_geopackage,
     ".fgb": partial(_write_layer, driver="FlatGeobuf"),
     ".parquet": _write_parquet,
     ".shp": _write_shapefile,
-    ".kml": _write_kml,
+    ".kml": partial(_write_text, write_kml),
 }
 
 

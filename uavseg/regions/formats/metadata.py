@@ -17,11 +17,15 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import RegionError
 from uavseg.inputs import parse_json, read_start
 from uavseg.raster.access.opening import file_exists
-from uavseg.regions.formats.check_read import check_feature_count
 from uavseg.regions.formats.parquet import import_pyarrow
 from uavseg.regions.formats.read import KML_FIELDS, vector_errors
 from uavseg.regions.formats.styles import STYLE_TABLE
-from uavseg.regions.formats.vector_files import check_vector, reading_vectors, vector_format
+from uavseg.regions.formats.vector_files import (
+    check_feature_count,
+    check_vector,
+    reading_vectors,
+    vector_format,
+)
 
 METADATA_KEY = "uavseg"
 _HEAD = 4 << 20  # bytes at the beginning of a text file, where its metadata is
@@ -69,13 +73,6 @@ def read_kml_metadata(path: str | os.PathLike[str]) -> dict[str, Any]:
     head = read_start(path, _HEAD, RegionError).decode("utf-8", "replace").partition("<Placemark")[0]
     data = _KML_DATA.search(head)
     return parse_metadata(html.unescape(data[1])) if data else {}
-
-
-def read_parquet_schema(path: str | os.PathLike[str]) -> Any:
-    """Read the schema of a Parquet file with its metadata, and the number of its rows."""
-    pyarrow = import_pyarrow()
-    with pyarrow.parquet.ParquetFile(Path(path)) as file:
-        return file.schema_arrow, file.metadata.num_rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +144,8 @@ def _about_layer(path: str | os.PathLike[str], name: str, file_format: str) -> R
 
 
 def _about_parquet(path: str | os.PathLike[str]) -> RegionFile:
-    schema, rows = read_parquet_schema(path)
+    with import_pyarrow().parquet.ParquetFile(Path(path)) as file:
+        schema, rows = file.schema_arrow, file.metadata.num_rows
     items = {key.decode(): value.decode("utf-8", "replace") for key, value in (schema.metadata or {}).items()}
     geo = parse_metadata(items.get("geo"))
     primary = str(geo.get("primary_column", "geometry"))

@@ -19,17 +19,18 @@ from uavseg.output.staging import default_signals
 from uavseg.plain_text import cause_of
 from uavseg.raster.access.opening import file_exists
 from uavseg.raster.geodesy.globe import MAX_DECIMALS, WGS84, geod_wgs84, unwrap_lon
-from uavseg.regions.formats.check_read import (
+from uavseg.regions.formats.parquet import import_pyarrow
+from uavseg.regions.formats.vector_files import (
     check_attributes,
     check_count,
     check_feature_count,
     check_geometries,
+    check_vector,
+    reading_vectors,
 )
-from uavseg.regions.formats.parquet import import_pyarrow
-from uavseg.regions.formats.vector_files import check_vector, reading_vectors
 from uavseg.regions.shapes import batch_slices
 from uavseg.regions.table import COLUMNS, VALUE_COLUMNS, Regions
-from uavseg.regions.wgs84.antimeridian import cut_at_antimeridian
+from uavseg.regions.wgs84.to_wgs84 import cut_at_antimeridian
 from uavseg.warning_filters import changing_filters
 
 if TYPE_CHECKING:
@@ -114,7 +115,10 @@ def vector_errors(name: str) -> Iterator[None]:
     except (UavsegError, MemoryError):
         raise
     except Exception as error:
-        raise RegionError(f"{name} cannot be read as regions: {_cause(error)}") from error
+        cause = cause_of(error)
+        if "not recognized as being in a supported file format" in cause:
+            cause = "it is neither GeoJSON nor another format of polygons that GDAL knows"
+        raise RegionError(f"{name} cannot be read as regions: {cause}") from error
     for warning in caught:
         text = str(warning.message)
         if _LOST_GEOMETRY.search(text) and not _HARMLESS.search(text):
@@ -123,12 +127,6 @@ def vector_errors(name: str) -> Iterator[None]:
 
 _LOST_GEOMETRY = re.compile(r"\bring\b|WKT|NULL geometry|coord|JSON construct|vertex|point", re.IGNORECASE)
 _HARMLESS = re.compile(r"winding|Measured", re.IGNORECASE)
-
-
-def _cause(error: Exception) -> str:
-    cause = cause_of(error)
-    unknown = "not recognized as being in a supported file format" in cause
-    return "it is neither GeoJSON nor another format of polygons that GDAL knows" if unknown else cause
 
 
 def _layers(source: str | os.PathLike[str] | bytes, name: str, layer: str | None) -> Any:
