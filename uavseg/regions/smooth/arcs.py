@@ -61,8 +61,7 @@ def _nodes_along(rings: Rings, keys: Integers, axis: int, stride: int) -> Intege
     corners = sorted_unique(keys)
     directions = np.zeros(len(corners), np.uint8)
     _set_directions(rings.vertices, rings.starts, corners, axis, stride, directions)
-    nodes: Integers = corners[_IS_NODE[directions]]
-    return nodes
+    return np.asarray(corners[_IS_NODE[directions]])
 
 
 _IS_NODE = np.array([bits & _PASSED > 0 or bits.bit_count() > 2 for bits in range(2 * _PASSED)])

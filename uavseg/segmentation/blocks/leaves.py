@@ -8,11 +8,7 @@ from numpy.typing import NDArray
 
 from uavseg._jit import kernel
 from uavseg.segmentation.blocks.block_map import BlockMap, leaf_means_by_strip
-from uavseg.segmentation.params.segment import (
-    DivisionParams,
-    IntensityRange,
-    Partition,
-)
+from uavseg.segmentation.params.segment import DivisionParams, IntensityRange, Partition
 from uavseg.units import GREY_LEVELS, GREY_MAX
 
 STEPS = 1000

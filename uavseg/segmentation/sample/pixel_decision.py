@@ -81,8 +81,7 @@ def _log_ratio(sample: NDArray[np.int64], background: NDArray[np.int64]) -> NDAr
     share = background / np.maximum(background.sum(axis=-1, keepdims=True), 1)
     expected = (sample.sum(axis=-1, keepdims=True) + PRIOR_PIXELS) * share
     ratio = np.divide(sample + PRIOR_PIXELS * share, expected, out=np.ones_like(share), where=background > 0)
-    logarithm: NDArray[np.float64] = np.log(ratio)
-    return logarithm
+    return np.asarray(np.log(ratio))
 
 
 def _sample_window_means(sample: SymbolPair, background: NDArray[np.int64], side: int) -> NDArray[np.float64]:
@@ -173,8 +172,7 @@ def log_ratio(one: NDArray[np.int64], other: NDArray[np.int64]) -> NDArray[np.in
     Each is the Krichevsky-Trofimov estimate from (n,) counts: half a count is added.
     """
     first, second = ((counts + 0.5) / (counts.sum() + 0.5 * len(counts)) for counts in (one, other))
-    weights: NDArray[np.int64] = np.rint(np.log(first / second) * WEIGHT_UNITS).astype(np.int64)
-    return weights
+    return np.asarray(np.rint(np.log(first / second) * WEIGHT_UNITS).astype(np.int64))
 
 
 def classify_pixels(
@@ -227,7 +225,7 @@ def pixel_weight(symbols, coarse_symbols, grey, valid, r, c, texture, greys, coa
 
 @kernel(
     "void(u1[:,::1], u1[:,::1], u2[:,::1], u2[:,::1], u2[:,::1], "
-    "i8[::1], i8[::1], i8[::1], i8[:,::1], i8, i8[::1], u1[:,::1])",
+    "i8[::1], i8[::1], i8[::1], i8[:,::1], i8, i8[::1], u1[:,::1])"
 )
 def _classify_pixels(  # type: ignore[no-untyped-def]
     cells, valid, grey, symbols, coarse_symbols, texture, greys, coarse, colors, radius, columns, inside

@@ -49,11 +49,7 @@ from uavseg.segmentation.states.state_scans import (
     resolve_columns,
     resolve_rows,
 )
-from uavseg.segmentation.states.thin_structures import (
-    BY_VALUE_ALONE,
-    ThinObstacles,
-    find_thin_obstacles,
-)
+from uavseg.segmentation.states.thin_structures import BY_VALUE_ALONE, ThinObstacles, find_thin_obstacles
 from uavseg.units import BLOCK, CELL, FREE, GREY_MAX, OCCUPIED, UNKNOWN
 
 StateRefinement = Literal["none", "scan"]
@@ -119,7 +115,9 @@ def classify_states(
     upwards = [tile for strip in reversed(strips) for tile in strip]
     encoding, finding = tile_pass.stages(2)
     encode_tile = partial(_encode_tile, source, limits, restore)
-    jobs = LazySequence(len(upwards), partial(_job, cells, upwards))
+    jobs = LazySequence(
+        len(upwards), lambda k: (upwards[k], np.ascontiguousarray(cells[window_cells(upwards[k])]))
+    )
     results = zip(upwards, encoding.run(encode_tile, jobs), strict=True)
     codes, statistics = np.zeros(16, np.int64), ValueStatistics.empty()
     previous = np.zeros(image.cols, np.uint8)
@@ -228,10 +226,6 @@ def _scan(image: StateImage, strips: Sequence[tuple[int, int]]) -> NDArray[np.in
 
 
 _Job = tuple[Window, NDArray[np.uint8]]  # a tile and the states of its cells
-
-
-def _job(cells: NDArray[np.uint8], windows: Sequence[Window], k: int) -> _Job:
-    return windows[k], np.ascontiguousarray(cells[window_cells(windows[k])])
 
 
 @dataclass(frozen=True, slots=True)
