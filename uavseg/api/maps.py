@@ -19,19 +19,10 @@ from uavseg.jobs.maps.compare import compare as run_compare
 from uavseg.jobs.maps.merge_maps import MergedMap, MergeRequest
 from uavseg.jobs.maps.merge_maps import merge_maps as run_merge_maps
 from uavseg.jobs.maps.path import path as run_path
-from uavseg.jobs.maps.requests import (
-    classify_request,
-    compare_job,
-    merge_params,
-    path_request,
-)
+from uavseg.jobs.maps.requests import classify_request, compare_job, merge_params, path_request
 from uavseg.jobs.source.open_source import open_probability_map
 from uavseg.occupancy.paths.find_path import PlannedPath
-from uavseg.options.maps import (
-    BuildMapOptions,
-    ClassifyOptions,
-    PathOptions,
-)
+from uavseg.options.maps import BuildMapOptions, ClassifyOptions, PathOptions
 from uavseg.options.option import build
 from uavseg.options.regions import CompareOptions
 from uavseg.regions.edit.small import as_area
