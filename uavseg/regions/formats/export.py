@@ -154,9 +154,14 @@ def _write_stream(regions: Regions, stream: IO[Any], form: GeoJsonForm) -> None:
         ) from error
 
 
-def _write_text(write: Callable[[Regions, IO[bytes]], None], regions: Regions, path: Path) -> None:
+def _write_geojson(regions: Regions, path: Path) -> None:
     with path.open("wb") as stream:
-        write(regions, stream)
+        text_writers.write_geojson(regions, stream)
+
+
+def _write_kml(regions: Regions, path: Path) -> None:
+    with path.open("wb") as stream:
+        write_kml(regions, stream)
 
 
 def _write_geopackage(regions: Regions, path: Path) -> None:
@@ -228,13 +233,13 @@ def _geo_metadata(regions: Regions) -> dict[str, Any]:
 
 
 _WRITERS: dict[str, Callable[[Regions, Path], None]] = {
-    ".geojson": partial(_write_text, text_writers.write_geojson),
-    ".json": partial(_write_text, text_writers.write_geojson),
+    ".geojson": _write_geojson,
+    ".json": _write_geojson,
     ".gpkg": _write_geopackage,
     ".fgb": partial(_write_layer, driver="FlatGeobuf"),
     ".parquet": _write_parquet,
     ".shp": _write_shapefile,
-    ".kml": partial(_write_text, write_kml),
+    ".kml": _write_kml,
 }
 
 
