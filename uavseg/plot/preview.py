@@ -14,14 +14,7 @@ from uavseg.occupancy.map_file import open_map, stretch_of
 from uavseg.occupancy.ros.ros_map import is_ros_map
 from uavseg.output.atomic import atomic_file
 from uavseg.plain_text import printable
-from uavseg.plot.layers.mission_layer import (
-    FenceLayer,
-    MissionLayer,
-    PathLayer,
-    mission_layers,
-    mission_title,
-    read_missions,
-)
+from uavseg.plot.layers import mission_layer
 from uavseg.plot.layers.raster_layers import LabelsLayer, LeavesLayer, StatesLayer, draw_raster
 from uavseg.plot.layers.region_layer import LevelsLayer, RegionLayer
 from uavseg.plot.page.page import (
@@ -155,18 +148,18 @@ def make_layers(frame: Frame, max_side: int, mission: Any = None, **sources: Any
 
     Rasters are read with at most `max_side` rows and columns.
     """
-    flights = [] if mission is None else read_missions(mission)
+    flights = [] if mission is None else mission_layer.read_missions(mission)
     readers: dict[str, Callable[[Any, Frame], Layer]] = {
         "levels": LevelsLayer.of,
         "states": partial(StatesLayer.of, max_side=max_side),
         "leaves": partial(LeavesLayer.of, max_side=max_side),
         "labels": partial(LabelsLayer.of, max_side=max_side),
         "regions": RegionLayer.of,
-        "path": PathLayer.of,
+        "path": mission_layer.PathLayer.of,
     }
     layers = [read(sources[name], frame) for name, read in readers.items() if sources.get(name) is not None]
-    fences = [FenceLayer.of([flight for _, flight in flights], frame)] if flights else []
-    return [*layers, *fences, *mission_layers(flights, frame)]
+    fences = [mission_layer.FenceLayer.of([flight for _, flight in flights], frame)] if flights else []
+    return [*layers, *fences, *mission_layer.mission_layers(flights, frame)]
 
 
 def _figure(
@@ -198,7 +191,7 @@ def _view(frame: Frame, layers: Sequence[Layer]) -> View:
     """Return the view of the raster, and of a mission up to half a raster outside."""
     corners = frame.corners
     low, high = corners.min(axis=0), corners.max(axis=0)
-    flights = [layer.path for layer in layers if isinstance(layer, MissionLayer)]
+    flights = [layer.path for layer in layers if isinstance(layer, mission_layer.MissionLayer)]
     if flights:
         reach, path = (high - low) / 2, np.concatenate(flights)
         near = np.clip(path[np.isfinite(path).all(axis=1)], low - reach, high + reach)
@@ -208,7 +201,7 @@ def _view(frame: Frame, layers: Sequence[Layer]) -> View:
 
 
 def _title_parts(layers: Sequence[Layer], has_crs: bool) -> list[str]:
-    flights = [layer for layer in layers if isinstance(layer, MissionLayer)]
-    others = [layer for layer in layers if not isinstance(layer, MissionLayer)]
+    flights = [layer for layer in layers if isinstance(layer, mission_layer.MissionLayer)]
+    others = [layer for layer in layers if not isinstance(layer, mission_layer.MissionLayer)]
     parts = [text for layer in others for text in layer.title_parts(has_crs)]
-    return [*parts, *(mission_title(flights) if flights else [])] or ["the raster alone"]
+    return [*parts, *(mission_layer.mission_title(flights) if flights else [])] or ["the raster alone"]

@@ -23,19 +23,7 @@ from numpy.typing import NDArray
 from uavseg.arrays import Floats, Integers
 from uavseg.dataclass import dataclass
 from uavseg.errors import OutputError, RasterError
-from uavseg.raster.geodesy.globe import (
-    Transform,
-    decimals_for,
-    densify_rings,
-    ellipsoid_under,
-    equatorial_radius,
-    is_geographic,
-    is_on_earth,
-    lonlat_transform,
-    unit_factor,
-    unwrap_lon,
-    wrap_lon,
-)
+from uavseg.raster.geodesy import globe
 from uavseg.regions import shapes
 from uavseg.regions.shapes import RaggedPolygons
 from uavseg.regions.table import Regions
@@ -78,7 +66,7 @@ def wgs84_batches(regions: Regions, vertices: int = shapes.BATCH_VERTICES) -> It
     if not (isinstance(pixels, np.number) and pixels > 0):  # regions of other programs
         pixels = shapely.get_num_coordinates(list(regions.polygons)).sum()
     pixel = shapes.total_area(regions.polygons) / pixels
-    decimals = decimals_for(float(np.sqrt(np.nansum(regions.columns["area_m2"]) / pixels)))
+    decimals = globe.decimals_for(float(np.sqrt(np.nansum(regions.columns["area_m2"]) / pixels)))
     for part in shapes.batch_slices(regions.polygons, vertices):
         yield _batch(regions.polygons[part], pixel, decimals, reprojection)
 
@@ -97,7 +85,7 @@ def check_on_earth(wkt: str | None) -> None:
 class _Reprojection:
     """Reprojection of a CRS to longitude and latitude in WGS 84."""
 
-    transform: Transform
+    transform: globe.Transform
     geographic: bool  # edges stay straight, and longitudes never jump
     radius: float  # of the Earth in units of the map, unless geographic
     turn: float  # 360 degrees in units of the map, if geographic
@@ -105,8 +93,8 @@ class _Reprojection:
     @classmethod
     def of(cls, wkt: str | None) -> "_Reprojection":
         try:
-            on_earth = is_on_earth(wkt)
-            transform = lonlat_transform(wkt) if on_earth else None
+            on_earth = globe.is_on_earth(wkt)
+            transform = globe.lonlat_transform(wkt) if on_earth else None
         except RasterError as error:
             raise OutputError(
                 "these regions have no place on the globe, which GeoJSON and KML need; write a .gpkg instead"
@@ -115,8 +103,8 @@ class _Reprojection:
             raise OutputError(
                 "these regions are not on the Earth, and GeoJSON and KML are WGS 84; write a .gpkg instead"
             )
-        ellipsoid, unit = ellipsoid_under(wkt), unit_factor(wkt)
-        radius = 1.0 if is_geographic(wkt) else equatorial_radius(wkt)
+        ellipsoid, unit = globe.ellipsoid_under(wkt), globe.unit_factor(wkt)
+        radius = 1.0 if globe.is_geographic(wkt) else globe.equatorial_radius(wkt)
         return cls(
             transform, ellipsoid is not None and ellipsoid.inverse is None, radius / unit, 2 * np.pi / unit
         )
@@ -138,7 +126,7 @@ class _Reprojection:
             return False
         step = self.radius * 1e-5
         there = self.degrees(xy + np.array([[0, 0], [step, 0], [0, step]]))
-        (a, b), (c, d) = wrap_lon(there[1:] - there[0])
+        (a, b), (c, d) = globe.wrap_lon(there[1:] - there[0])
         return bool(a * d - b * c < 0)
 
 
@@ -286,7 +274,7 @@ def _cut_ring(ring: Floats, jumping: bool, degree: float) -> Any:
     """Return the area to the left of a ring."""
     if jumping:
         ring = _split_at_poles(ring, degree)
-        ring = np.stack([unwrap_lon(ring[:, 0], 360 * degree), ring[:, 1]], axis=1)
+        ring = np.stack([globe.unwrap_lon(ring[:, 0], 360 * degree), ring[:, 1]], axis=1)
         ring = _close_at_pole(ring, degree)
     width = np.ptp(ring[:, 0])
     if not width <= 360 * degree * _MAX_TURNS:
@@ -379,7 +367,7 @@ def densify_edges(
                 f"outlines have edges of up to {longest:.3g} map units, which is too long for the Earth; "
                 "the georeference of the raster is damaged"
             )
-        xy, starts = densify_rings(xy, starts, pieces)
+        xy, starts = globe.densify_rings(xy, starts, pieces)
         degrees = to_degrees(xy)
     return replace(flat, vertices=degrees, rings=starts)
 
