@@ -53,7 +53,7 @@ def _checked(target: F, signature: inspect.Signature, module: str) -> F:
     @functools.cache
     def checks() -> dict[str, tuple[Check, str]]:
         named = [(name, _resolved(found.annotation, module)) for name, found in signature.parameters.items()]
-        return {name: (_check(kind), _description(kind)) for name, kind in named if kind is not Any}
+        return {name: _rule(kind) for name, kind in named if kind is not Any}
 
     @functools.wraps(target)
     def call(*args: Any, **kwargs: Any) -> Any:
@@ -85,37 +85,40 @@ def _parts(kind: Any) -> tuple[Any, ...]:
     return get_args(kind) if is_union else (kind,)
 
 
-def _check(kind: Any) -> Check:
-    """Return whether a value fits a type."""
-    parts = [_check_one(part) for part in _parts(kind)]
-    return lambda value: any(fits(value) for fits in parts)
+def _rule(kind: Any) -> tuple[Check, str]:
+    """Return whether a value fits a type, and the type in words."""
+    checks, words = zip(*map(_rule_of_one, _parts(kind)), strict=True)
+    *others, last = dict.fromkeys(words)
+    text = f"{', '.join(others)} or {last}" if others else last
+    return lambda value: any(fits(value) for fits in checks), text
 
 
-def _check_one(kind: Any) -> Check:
+def _rule_of_one(kind: Any) -> tuple[Check, str]:
     origin, args = get_origin(kind), get_args(kind)
     if kind in _SIMPLE:
-        return _SIMPLE[kind][0]
+        return _SIMPLE[kind]
     if origin is Literal:
-        return _is_text  # whoever uses it says which words there are
-    if origin is tuple and args[-1:] != (...,):
-        each = [_check(part) for part in args]
-        return lambda value: _is_sequence(value) and _all_fit(each, value)
+        return _is_text, "a text"  # whoever uses it says which words there are
     if origin in (tuple, collections.abc.Sequence):
-        item = _check(args[0])
-        return lambda value: _is_sequence(value) and all(map(item, value))
+        rules = [_rule(part) for part in args if part is not ...]
+        items = f"{rules[0][1].removeprefix('a ')}s"
+        if origin is tuple and args[-1] is not ...:
+            each = [fits for fits, _ in rules]
+            count = _COUNTS.get(len(args), str(len(args)))
+            return lambda value: _is_sequence(value) and _all_fit(each, value), f"{count} {items}"
+        return lambda value: _is_sequence(value) and all(map(rules[0][0], value)), f"a sequence of {items}"
     if origin is collections.abc.Callable:
-        return callable
+        return callable, "a function"
     if _is_array_like(kind):
-        return _holds_numbers
+        return _holds_numbers, "an array of numbers"
     if _is_array(kind):
-        return lambda value: hasattr(value, "ndim") and _holds_numbers(value)
+        return lambda value: hasattr(value, "ndim") and _holds_numbers(value), "an array of numbers"
+    expected = origin or kind
+    name = f"a {getattr(expected, '__name__', kind)}"
     if getattr(kind, "_is_protocol", False):
         names = [name for name in vars(kind) if not name.startswith("_") or name in _OPERATORS]
-        return lambda value: not isinstance(value, str | type) and all(hasattr(value, name) for name in names)
-    expected = origin or kind
-    if isinstance(expected, type):
-        return lambda value: isinstance(value, expected)
-    return lambda value: True
+        return lambda value: not isinstance(value, str | type) and all(hasattr(value, n) for n in names), name
+    return lambda value: not isinstance(expected, type) or isinstance(value, expected), name
 
 
 def _all_fit(checks: list[Check], values: Any) -> bool:
@@ -174,30 +177,6 @@ def _holds_numbers(value: Any) -> bool:
         return False
 
 
-def _description(kind: Any) -> str:
-    """Return a type in words."""
-    words = list(dict.fromkeys(_description_of_one(part) for part in _parts(kind)))
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} or {words[-1]}"
-
-
-def _description_of_one(kind: Any) -> str:
-    origin, args = get_origin(kind), get_args(kind)
-    if kind in _SIMPLE:
-        return _SIMPLE[kind][1]
-    if origin is Literal:
-        return "a text"
-    if origin is tuple and args[-1:] != (...,):
-        items = _description(args[0]).removeprefix("a ")
-        return f"{_COUNTS.get(len(args), str(len(args)))} {items}s"
-    if origin in (tuple, collections.abc.Sequence):
-        return f"a sequence of {_description(args[0]).removeprefix('a ')}s"
-    if origin is collections.abc.Callable:
-        return "a function"
-    if _is_array(kind) or _is_array_like(kind):
-        return "an array of numbers"
-    return f"a {getattr(origin or kind, '__name__', kind)}"
-
-
 _SIMPLE: dict[Any, tuple[Check, str]] = {
     float: (_is_number, "a number"),
     int: (_is_whole, "a whole number"),
@@ -206,8 +185,5 @@ _SIMPLE: dict[Any, tuple[Check, str]] = {
     None: (lambda value: value is None, "None"),
     type(None): (lambda value: value is None, "None"),
     Any: (lambda value: True, "anything"),
-    os.PathLike[str]: (
-        lambda value: isinstance(value, os.PathLike) and _is_text(os.fspath(value)),
-        "a path",
-    ),
+    os.PathLike[str]: (lambda value: isinstance(value, os.PathLike) and _is_text(os.fspath(value)), "a path"),
 }

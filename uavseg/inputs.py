@@ -8,6 +8,7 @@ import json
 import os
 import stat
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -76,7 +77,7 @@ def read_start(path: str | os.PathLike[str], count: int = 4096, error: Error = R
 def parse_json(text: str, **options: Any) -> Any:
     """Parse JSON as `json.loads`; ValueError where objects are nested too deeply or numbers too long."""
     _check_depth(text)
-    return json.loads(text, parse_int=_integer, parse_float=_float, **options)
+    return json.loads(text, parse_int=partial(_number, int), parse_float=partial(_number, float), **options)
 
 
 def check_yaml_brackets(content: bytes) -> None:
@@ -111,19 +112,10 @@ def _check_depth(text: str) -> None:
             depth -= 1
 
 
-def _integer(digits: str) -> int:
-    _check_digits(digits)
-    return int(digits)
-
-
-def _float(digits: str) -> float:
-    _check_digits(digits)
-    return float(digits)
-
-
-def _check_digits(digits: str) -> None:
+def _number(convert: Callable[[str], Any], digits: str) -> Any:
     if len(digits) > MAX_DIGITS:
         raise ValueError(f"a number has {len(digits)} digits; at most {MAX_DIGITS} are read")
+    return convert(digits)
 
 
 def read_object(path: str | os.PathLike[str], subject: str, expected: str) -> dict[str, Any]:

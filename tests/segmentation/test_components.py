@@ -34,11 +34,11 @@ def picture(text: str) -> NDArray[np.uint32]:
 
 
 @settings(max_examples=150)
-@given(seeds, shapes)
-def test_components_are_those_of_scipy(seed: int, shape: tuple[int, int]) -> None:
+@given(seeds, shapes, st.booleans())
+def test_components_are_those_of_scipy(seed: int, shape: tuple[int, int], diagonally: bool) -> None:
     inside = blots(seed, shape)
-    labels, count = label_components(inside)
-    expected, number = ndimage.label(inside)
+    labels, count = label_components(inside, diagonally=diagonally)
+    expected, number = ndimage.label(inside, np.ones((3, 3)) if diagonally else None)
     assert count == number
     assert np.array_equal(labels, expected)
 

@@ -77,9 +77,7 @@ def collecting() -> Iterator[Requested]:
 
 
 def regions_of(
-    source: Any,
-    options: ExtractOptions | LevelsOptions | MatchOptions,
-    progress: Progress | bool | None,
+    source: Any, options: ExtractOptions | LevelsOptions | MatchOptions, progress: Progress | bool | None
 ) -> GeoDataFrame:
     """Return the regions of a source, for the public function that calls this; within `collecting`, None."""
     job = region_job(options)

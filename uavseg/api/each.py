@@ -19,8 +19,10 @@ from uavseg.execution.cluster import dask
 from uavseg.execution.executors import Progress
 from uavseg.jobs.each.each import Outcome, OutputNames, grouped_warnings, plan_tasks, run_each
 from uavseg.jobs.extract import Written, check_local, extract_partitions
+from uavseg.jobs.requests import RegionJob
 from uavseg.jobs.source.open_source import open_source
 from uavseg.jobs.source.work import Work
+from uavseg.options.running import RunOptions
 from uavseg.raster.formats.creation import creation_for
 
 _JOBS: tuple[Callable[..., Any], ...] = (extract, levels, match)
@@ -93,11 +95,8 @@ def each(
     """
     if job not in _JOBS:
         raise ParameterError("job is uavseg.extract, uavseg.levels or uavseg.match")
-    _check_words(job, words)
-    with collecting() as requested:
-        job(None, **words)
-    assert requested.job is not None and requested.run is not None, "each of these functions asks for regions"
-    if requested.run.resume is not None:
+    regions, run = _requested(job, words)
+    if run.resume is not None:
         raise ParameterError("resume is for one source; skip_existing=True leaves out what is done")
     creation = creation_for(creation_options, {labels: "uint32"})
     names = OutputNames(
@@ -112,11 +111,7 @@ def each(
     with allowing(allow_path, allow_network):
         tasks, _ = plan_tasks(given, names)
         result = run_each(
-            tasks,
-            requested.job,
-            names,
-            Work.by_threads(None, requested.run.tile, progress_of(progress)),
-            threads,
+            tasks, regions, names, Work.by_threads(None, run.tile, progress_of(progress)), threads
         )
     failures = [one.failure for one in result if one.error is not None]
     warn([*grouped_warnings(result), *failures])
@@ -172,28 +167,24 @@ def extract_to(
     >>> import uavseg
     >>> uavseg.extract_to("regions.parquet/", "tile.tif", range=(0.55, 1))  # doctest: +SKIP
     """
-    _check_words(extract, words)
-    with collecting() as requested:
-        extract(None, **words)
-    assert requested.job is not None and requested.run is not None, "extract asks for regions"
-    run = requested.run
+    regions, run = _requested(extract, words)
     if scheduler is not None and run.threads is not None:
         raise ParameterError("threads are this machine's, a scheduler has its own; give one of the two")
     with ExitStack() as stack, allowing(allow_path, allow_network):
         how = work(run, progress)
-        request = check_local(requested.job.request)
+        request = check_local(regions.request)
         if scheduler is not None:
             cluster = dask(scheduler)
             stack.callback(cluster.close)
             how = replace(how, executor=cluster)
-        opened = open_source(source, requested.job.read)
+        opened = open_source(source, regions.read)
         found, written = extract_partitions(opened, request, output, how, overwrite)
     warn(found.warnings)
     return written
 
 
-def _check_words(job: Callable[..., Any], words: dict[str, Any]) -> None:
-    """Refuse words that are no arguments of the job, or lack one that it needs."""
+def _requested(job: Callable[..., Any], words: dict[str, Any]) -> tuple[RegionJob, RunOptions]:
+    """Return what a function is asked for; refuse words that are no arguments of it, or lack one."""
     known = {name: one for name, one in inspect.signature(job).parameters.items() if name != "source"}
     for name in words:
         if name not in known:
@@ -201,3 +192,7 @@ def _check_words(job: Callable[..., Any], words: dict[str, Any]) -> None:
     for name, one in known.items():
         if one.default is inspect.Parameter.empty and name not in words:
             raise ParameterError(f"uavseg.{job.__name__} needs {name}; give it by name")
+    with collecting() as requested:
+        job(None, **words)
+    assert requested.job is not None and requested.run is not None, "each of these functions asks for regions"
+    return requested.job, requested.run

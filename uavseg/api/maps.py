@@ -22,11 +22,7 @@ from uavseg.jobs.maps.path import path as run_path
 from uavseg.jobs.maps.path import path_request
 from uavseg.jobs.source.open_source import open_probability_map
 from uavseg.occupancy.paths.find_path import PlannedPath
-from uavseg.options.maps import (
-    BuildMapOptions,
-    ClassifyOptions,
-    PathOptions,
-)
+from uavseg.options.maps import BuildMapOptions, ClassifyOptions, PathOptions
 from uavseg.options.option import build
 from uavseg.options.regions import CompareOptions
 from uavseg.regions.edit.small import as_area

@@ -13,11 +13,7 @@ from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress
 from uavseg.jobs.info import info as run_info
 from uavseg.jobs.info import info_regions, names_regions, open_to_describe
-from uavseg.jobs.match.ranges_of_sample import (
-    SampleRange,
-    open_all_bands,
-    ranges_of_sample,
-)
+from uavseg.jobs.match.ranges_of_sample import SampleRange, open_all_bands, ranges_of_sample
 from uavseg.jobs.requests import suggest_like_request, suggest_request
 from uavseg.jobs.source.open_source import open_source
 from uavseg.jobs.source.work import Work

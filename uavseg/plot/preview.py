@@ -14,29 +14,10 @@ from uavseg.occupancy.map_file import open_map, stretch_of
 from uavseg.occupancy.ros.ros_map import is_ros_map
 from uavseg.output.atomic import atomic_file
 from uavseg.plain_text import printable
-from uavseg.plot.layers.mission_layer import (
-    FenceLayer,
-    MissionLayer,
-    PathLayer,
-    mission_layers,
-    mission_title,
-    read_missions,
-)
+from uavseg.plot.layers import mission_layer
 from uavseg.plot.layers.raster_layers import LabelsLayer, LeavesLayer, StatesLayer, draw_raster
 from uavseg.plot.layers.region_layer import LevelsLayer, RegionLayer
-from uavseg.plot.page.page import (
-    Frame,
-    View,
-    check_png_target,
-    check_width,
-    draw_furniture,
-    draw_legend,
-    fit_axes,
-    new_figure,
-    raster_caption,
-    save_figure,
-    write_text,
-)
+from uavseg.plot.page import page
 from uavseg.raster.collar.find import check_collar
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec
 from uavseg.raster.read.dataset import Dataset
@@ -97,14 +78,14 @@ def preview(
     ParameterError, RasterError, RegionError, PathError, MissionError
         If an input cannot be read or does not belong to the raster.
     """
-    check_width(width_px)
-    target = check_png_target(out, overwrite)
+    page.check_width(width_px)
+    target = page.check_png_target(out, overwrite)
     inputs = [regions, mission, levels, _paths_of(states), leaves, _paths_of(labels), path]
     keep_inputs([target], [_paths_of(raster), *inputs])
     is_map = states is not None or path is not None
     dataset, grey = _open_raster(raster, stretch, is_map)
     collar = "keep" if is_map else check_collar(collar)
-    frame = Frame(dataset.geobox, dataset.local_metres)
+    frame = page.Frame(dataset.geobox, dataset.local_metres)
     with phase("layers"):
         layers = make_layers(
             frame,
@@ -120,7 +101,7 @@ def preview(
     with phase("picture"):
         figure = _figure(dataset, frame, grey, collar, layers, width_px / _WIDTH_IN)
         with atomic_file(target, overwrite) as temporary:
-            save_figure(figure, temporary)
+            page.save_figure(figure, temporary)
     return target
 
 
@@ -150,55 +131,55 @@ class Layer(Protocol):
         """Return parts of the title; lengths and areas are in metres if there is a CRS."""
 
 
-def make_layers(frame: Frame, max_side: int, mission: Any = None, **sources: Any) -> list[Layer]:
+def make_layers(frame: page.Frame, max_side: int, mission: Any = None, **sources: Any) -> list[Layer]:
     """Read the layers that have a source, the lowest first; sources are as of `preview`.
 
     Rasters are read with at most `max_side` rows and columns.
     """
-    flights = [] if mission is None else read_missions(mission)
-    readers: dict[str, Callable[[Any, Frame], Layer]] = {
+    flights = [] if mission is None else mission_layer.read_missions(mission)
+    readers: dict[str, Callable[[Any, page.Frame], Layer]] = {
         "levels": LevelsLayer.of,
         "states": partial(StatesLayer.of, max_side=max_side),
         "leaves": partial(LeavesLayer.of, max_side=max_side),
         "labels": partial(LabelsLayer.of, max_side=max_side),
         "regions": RegionLayer.of,
-        "path": PathLayer.of,
+        "path": mission_layer.PathLayer.of,
     }
     layers = [read(sources[name], frame) for name, read in readers.items() if sources.get(name) is not None]
-    fences = [FenceLayer.of([flight for _, flight in flights], frame)] if flights else []
-    return [*layers, *fences, *mission_layers(flights, frame)]
+    fences = [mission_layer.FenceLayer.of([flight for _, flight in flights], frame)] if flights else []
+    return [*layers, *fences, *mission_layer.mission_layers(flights, frame)]
 
 
 def _figure(
-    dataset: Dataset, frame: Frame, stretch: AnyStretch, collar: str, layers: Sequence[Layer], dpi: float
+    dataset: Dataset, frame: page.Frame, stretch: AnyStretch, collar: str, layers: Sequence[Layer], dpi: float
 ) -> Any:
     view = _view(frame, layers)
     left, right, bottom, top = view
     width = _WIDTH_IN - 2 * _MARGIN_IN
     height = min(max(width * (top - bottom) / (right - left), _MIN_HEIGHT_IN), _MAX_HEIGHT_IN)
-    page = height + _HEAD_IN + _FOOT_IN
-    figure = new_figure(_WIDTH_IN, page, dpi)
-    ax = figure.add_axes((_MARGIN_IN / _WIDTH_IN, _FOOT_IN / page, width / _WIDTH_IN, height / page))
-    point = fit_axes(ax, view, width, height)
+    page_in = height + _HEAD_IN + _FOOT_IN
+    figure = page.new_figure(_WIDTH_IN, page_in, dpi)
+    ax = figure.add_axes((_MARGIN_IN / _WIDTH_IN, _FOOT_IN / page_in, width / _WIDTH_IN, height / page_in))
+    point = page.fit_axes(ax, view, width, height)
     grey_name = draw_raster(ax, dataset, frame, stretch, collar)
     decided("%s, %s", dataset.band_names, grey_name)
     for layer in layers:
         layer.draw(ax, point)
-    draw_furniture(ax, frame, point)
-    draw_legend(ax)
+    page.draw_furniture(ax, frame, point)
+    page.draw_legend(ax)
     others = len(dataset.paths) - 1
     title = printable(dataset.source + (f" and {others} more" if others else ""))
     subtitle = " · ".join(_title_parts(layers, dataset.in_metres))
-    caption = raster_caption(dataset.geobox, dataset.band_names, grey_name, dataset.local_metres)
-    write_text(figure, _MARGIN_IN / _WIDTH_IN, title, subtitle, caption, 0.12)
+    caption = page.raster_caption(dataset.geobox, dataset.band_names, grey_name, dataset.local_metres)
+    page.write_text(figure, _MARGIN_IN / _WIDTH_IN, title, subtitle, caption, 0.12)
     return figure
 
 
-def _view(frame: Frame, layers: Sequence[Layer]) -> View:
+def _view(frame: page.Frame, layers: Sequence[Layer]) -> page.View:
     """Return the view of the raster, and of a mission up to half a raster outside."""
     corners = frame.corners
     low, high = corners.min(axis=0), corners.max(axis=0)
-    flights = [layer.path for layer in layers if isinstance(layer, MissionLayer)]
+    flights = [layer.path for layer in layers if isinstance(layer, mission_layer.MissionLayer)]
     if flights:
         reach, path = (high - low) / 2, np.concatenate(flights)
         near = np.clip(path[np.isfinite(path).all(axis=1)], low - reach, high + reach)
@@ -208,7 +189,7 @@ def _view(frame: Frame, layers: Sequence[Layer]) -> View:
 
 
 def _title_parts(layers: Sequence[Layer], has_crs: bool) -> list[str]:
-    flights = [layer for layer in layers if isinstance(layer, MissionLayer)]
-    others = [layer for layer in layers if not isinstance(layer, MissionLayer)]
+    flights = [layer for layer in layers if isinstance(layer, mission_layer.MissionLayer)]
+    others = [layer for layer in layers if not isinstance(layer, mission_layer.MissionLayer)]
     parts = [text for layer in others for text in layer.title_parts(has_crs)]
-    return [*parts, *(mission_title(flights) if flights else [])] or ["the raster alone"]
+    return [*parts, *(mission_layer.mission_title(flights) if flights else [])] or ["the raster alone"]

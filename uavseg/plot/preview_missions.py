@@ -24,20 +24,7 @@ from uavseg.flight.terrain.altitude_profile import check_known, profile_along
 from uavseg.jobs.source.inputs import keep_inputs
 from uavseg.output.atomic import atomic_file
 from uavseg.plot.layers.mission_layer import FenceLayer, mission_layers, mission_title, read_missions
-from uavseg.plot.page.page import (
-    TEXT_COLOR,
-    Frame,
-    View,
-    check_png_target,
-    check_width,
-    draw_furniture,
-    draw_legend,
-    draw_spines,
-    fit_axes,
-    new_figure,
-    save_figure,
-    write_text,
-)
+from uavseg.plot.page import page
 from uavseg.raster.elevation.dem import Dem
 from uavseg.raster.grid.geobox import azimuthal_geobox
 
@@ -150,12 +137,12 @@ def draw_profiles(ax: Any, profiles: Sequence[FlightProfile], colors: Sequence[s
     end, room = max(start - _SPACE * total, 1.0) / 1000, 0.12 * max(high - low, 1.0)
     ax.set(xlim=(-0.01 * end, 1.01 * end), ylim=(low - room / 2, high + room), autoscale_on=False)
     label = "km flown" if len(profiles) == 1 else "km flown, one flight after another"
-    ax.set_xlabel(label, size=7.5, color=TEXT_COLOR)
+    ax.set_xlabel(label, size=7.5, color=page.TEXT_COLOR)
     zeros = dict.fromkeys(profile.zero for profile in profiles)
-    ax.set_ylabel(f"m above {' or '.join(zeros)}", size=7.5, color=TEXT_COLOR)
-    ax.tick_params(labelsize=7, colors=TEXT_COLOR)
+    ax.set_ylabel(f"m above {' or '.join(zeros)}", size=7.5, color=page.TEXT_COLOR)
+    ax.tick_params(labelsize=7, colors=page.TEXT_COLOR)
     ax.grid(axis="y", color="#dddddd", lw=0.5, zorder=0)
-    draw_spines(ax)
+    page.draw_spines(ax)
 
 
 File = str | os.PathLike[str]
@@ -200,8 +187,8 @@ def preview_missions(
     ParameterError, RasterError
         If the width is out of bounds, or the elevation model is not one.
     """
-    check_width(width_px)
-    target = check_png_target(out, overwrite)
+    page.check_width(width_px)
+    target = page.check_png_target(out, overwrite)
     keep_inputs([target], [missions, dem])
     named = read_missions(missions)
     for note in dict.fromkeys(note for _, mission in named for note in mission.notes):
@@ -216,7 +203,7 @@ def preview_missions(
     with phase("picture"):
         figure = _figure(named, profiles, width_px / _WIDTH_IN, None if ground is None else ground.name)
         with atomic_file(target, overwrite) as temporary:
-            save_figure(figure, temporary)
+            page.save_figure(figure, temporary)
     return target
 
 
@@ -234,35 +221,35 @@ def _figure(
     width = _WIDTH_IN - 2 * _MARGIN_IN
     height = min(max(width * (top - bottom) / (right - left), _MIN_MAP_IN), _MAX_MAP_IN)
     below = _PROFILE_IN + _FOOT_IN
-    page = height + _HEAD_IN + below
-    figure = new_figure(_WIDTH_IN, page, dpi)
-    ax = figure.add_axes((_MARGIN_IN / _WIDTH_IN, below / page, width / _WIDTH_IN, height / page))
+    page_in = height + _HEAD_IN + below
+    figure = page.new_figure(_WIDTH_IN, page_in, dpi)
+    ax = figure.add_axes((_MARGIN_IN / _WIDTH_IN, below / page_in, width / _WIDTH_IN, height / page_in))
     ax.set_facecolor("#f7f6f2")
-    point = fit_axes(ax, view, width, height)
+    point = page.fit_axes(ax, view, width, height)
     fence.draw(ax, point)
     for layer in layers:
         layer.draw(ax, point)
-    draw_furniture(ax, frame, point)
-    draw_legend(ax)
+    page.draw_furniture(ax, frame, point)
+    page.draw_legend(ax)
     box = (_LEFT_IN, _FOOT_IN - 0.15, _WIDTH_IN - _LEFT_IN - _MARGIN_IN, _PROFILE_IN - 0.05)
-    profile = figure.add_axes((box[0] / _WIDTH_IN, box[1] / page, box[2] / _WIDTH_IN, box[3] / page))
+    profile = figure.add_axes((box[0] / _WIDTH_IN, box[1] / page_in, box[2] / _WIDTH_IN, box[3] / page_in))
     draw_profiles(profile, profiles, [layer.color for layer in layers])
     names = [name for name, _ in named]
     others = f" and {len(names) - _MAX_NAMES} more" if len(names) > _MAX_NAMES else ""
     title, subtitle = ", ".join(names[:_MAX_NAMES]) + others, " · ".join(mission_title(layers))
     caption = _caption(missions, profiles, dem_name)
-    write_text(figure, _MARGIN_IN / _WIDTH_IN, title, subtitle, caption, 0.08)
+    page.write_text(figure, _MARGIN_IN / _WIDTH_IN, title, subtitle, caption, 0.08)
     return figure
 
 
-def _frame(missions: Sequence["Mission"]) -> Frame:
+def _frame(missions: Sequence["Mission"]) -> page.Frame:
     """Return plot coordinates around the homes and positions of missions, north up."""
     lat, lon = (np.concatenate([mission.path[k] for mission in missions]) for k in (0, 1))
     plane, side = plane_around(np.column_stack([lon, lat, lon, lat]), float(lon[0])), _MIN_SIDE_M
-    return Frame(azimuthal_geobox(plane.lat, plane.lon, (-side, -side, side, side)))
+    return page.Frame(azimuthal_geobox(plane.lat, plane.lon, (-side, -side, side, side)))
 
 
-def _view(points: NDArray[np.float64]) -> View:
+def _view(points: NDArray[np.float64]) -> page.View:
     low, high = points.min(axis=0), points.max(axis=0)
     middle, half = (low + high) / 2, np.maximum((high - low) / 2, _MIN_SIDE_M / 2)
     half = half + 0.06 * half.max()

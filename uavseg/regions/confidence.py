@@ -164,11 +164,7 @@ class Confidence:
 
     @classmethod
     def of(
-        cls,
-        outlined: RegionOutlines,
-        compute: Callable[[], Floats],
-        refine: str,
-        minimum: float | None,
+        cls, outlined: RegionOutlines, compute: Callable[[], Floats], refine: str, minimum: float | None
     ) -> "Confidence":
         """Compute the confidence of regions, unless they are not refined: then it is not known.
 

@@ -120,8 +120,7 @@ def total_area(polygons: PolygonArray) -> float:
 def as_multipolygons(polygons: Objects) -> Objects:
     """Convert (n,) polygons to multipolygons, each of its parts."""
     parts, owners = shapely.get_parts(polygons, return_index=True)
-    multipolygons: Objects = shapely.multipolygons(parts, indices=owners)
-    return multipolygons
+    return np.asarray(shapely.multipolygons(parts, indices=owners))
 
 
 def has_multipolygons(polygons: PolygonArray) -> bool:

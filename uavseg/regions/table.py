@@ -124,14 +124,15 @@ def make_regions(
     """
     polygons = LazyPolygons(rings, geobox.transform)
     n = len(polygons)
-    mean, std = _mean_and_std(sums)
+    mean = sums.greys / sums.counts
+    std = np.sqrt(np.maximum(sums.squares / sums.counts - mean * mean, 0)) / GREY_MAX
     lon, lat = _points_inside(polygons, geobox)
     low, high = interval
     values: list[Any] = [
         np.arange(1, n + 1),
         _per_region(rings.labels, ring_areas(geobox, rings.vertices, rings.starts), n),
         _per_region(rings.labels, ring_perimeters(geobox, rings.vertices, rings.starts), n),
-        mean,
+        mean / GREY_MAX,
         std,
         sums.counts if pixels is None else pixels,
         _per_region(rings.labels, ~rings.exteriors, n),
@@ -150,12 +151,6 @@ def make_regions(
 
 def _per_region(labels: Integers, values: NDArray[Any], n: int) -> NDArray[Any]:
     return np.bincount(labels, weights=values, minlength=n + 1)[1:]
-
-
-def _mean_and_std(sums: "Sums") -> tuple[Floats, Floats]:
-    mean = sums.greys / sums.counts
-    variance = np.maximum(sums.squares / sums.counts - mean * mean, 0)
-    return mean / GREY_MAX, np.sqrt(variance) / GREY_MAX
 
 
 def _points_inside(polygons: LazyPolygons, geobox: GeoBox) -> tuple[Floats, Floats]:

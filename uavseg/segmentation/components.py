@@ -4,7 +4,7 @@ Not `skimage.measure.label`: the same labels in 3 times the time, as int64.
 """
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,23 +13,38 @@ from uavseg._jit import inlined, kernel
 from uavseg.dataclass import dataclass
 
 WORD = 8  # pixels of a uint8 image that are compared at once
+STRIP = 256  # rows of a label image that are processed at a time: their working memory is reused
 
 
-def label_components(inside: NDArray[np.uint8], margin: int = 0) -> tuple[NDArray[np.uint32], int]:
+class LabelRows(Protocol):
+    """Label image whose rows can be read: an array, or `LazyLabels`."""
+
+    @property
+    def shape(self) -> tuple[int, ...]: ...
+
+    def __getitem__(self, rows: slice, /) -> NDArray[np.uint32]: ...
+
+
+def label_components(
+    inside: NDArray[np.uint8], margin: int = 0, diagonally: bool = False
+) -> tuple[NDArray[np.uint32], int]:
     """Label the connected components of a mask, 1..n in raster order of their first pixels; return n, too.
 
     `inside`, (M + 2 m, N + 2 m), is 1 where a pixel belongs to a component; its border of m pixels, the
-    `margin`, is left out of the labels, (M, N), which are 0 outside.
+    `margin`, is left out of the labels, (M, N), which are 0 outside. Pixels that touch `diagonally` are
+    connected too, if requested.
 
     Examples
     --------
     >>> label_components(np.array([[1, 0, 1], [1, 1, 0]], np.uint8))[0]
     array([[1, 0, 2],
            [1, 1, 0]], dtype=uint32)
+    >>> label_components(np.array([[1, 0, 1], [1, 1, 0]], np.uint8), diagonally=True)[1]
+    1
     """
     labels = np.zeros((inside.shape[0] - 2 * margin, inside.shape[1] - 2 * margin), np.uint32)
     parents = np.empty(labels.size // 2 + 2, np.uint32)
-    return labels, _label_u1(inside, view_as_words(inside, margin), margin, labels, parents)
+    return labels, _label_u1(inside, view_as_words(inside, margin), margin, int(diagonally), labels, parents)
 
 
 def label_equal_values(image: NDArray[Any], margin: int = 0) -> tuple[NDArray[np.uint32], int]:
@@ -46,7 +61,7 @@ def label_equal_values(image: NDArray[Any], margin: int = 0) -> tuple[NDArray[np
     labels = np.zeros((image.shape[0] - 2 * margin, image.shape[1] - 2 * margin), np.uint32)
     parents = np.empty(labels.size + 1, np.uint32)
     label = _label_u1 if image.dtype == np.uint8 else _label_u4
-    return labels, label(image, view_as_words(image, margin), margin, labels, parents)
+    return labels, label(image, view_as_words(image, margin), margin, 0, labels, parents)
 
 
 def component_values(image: NDArray[np.uint32], labels: NDArray[np.uint32], count: int) -> NDArray[np.int64]:
@@ -117,9 +132,10 @@ def end_of_run(image, words, margin, r, c, value):  # type: ignore[no-untyped-de
     return c
 
 
-def _label(image, words, margin, labels, parents):  # type: ignore[no-untyped-def]
-    # Two passes: runs of pixels get provisional labels, united where runs of two rows touch. The smaller
-    # label is the root, so roots are in raster order; the second pass renumbers them.
+def _label(image, words, margin, reach, labels, parents):  # type: ignore[no-untyped-def]
+    # Two passes: runs of pixels get provisional labels, united where runs of two rows touch, or are `reach`
+    # columns apart. The smaller label is the root, so roots are in raster order; the second pass renumbers
+    # them.
     rows, cols = labels.shape
     used = np.uint32(0)
     parents[0] = 0
@@ -131,7 +147,7 @@ def _label(image, words, margin, labels, parents):  # type: ignore[no-untyped-de
             if value != 0:
                 label = np.uint32(0)
                 previous = np.uint32(0)
-                for k in range(c, end if r > 0 else c):
+                for k in range(max(c - reach, 0), min(end + reach, cols) if r > 0 else 0):
                     above = labels[r - 1, k]
                     if above != previous:
                         previous = above
@@ -161,8 +177,8 @@ def _label(image, words, margin, labels, parents):  # type: ignore[no-untyped-de
     return count
 
 
-_label_u1 = kernel("i8(u1[:,::1], u8[:,::1], i8, u4[:,::1], u4[::1])")(_label)
-_label_u4 = kernel("i8(u4[:,::1], u8[:,::1], i8, u4[:,::1], u4[::1])")(_label)
+_label_u1 = kernel("i8(u1[:,::1], u8[:,::1], i8, i8, u4[:,::1], u4[::1])")(_label)
+_label_u4 = kernel("i8(u4[:,::1], u8[:,::1], i8, i8, u4[:,::1], u4[::1])")(_label)
 
 
 @kernel("void(u4[:,::1], u4[:,::1], i8[::1])")
@@ -258,6 +274,40 @@ def _sum_up(labels, grey, margin, counts, greys, squares, firsts):  # type: igno
             counts[label - 1] += c - start
             greys[label - 1] += total
             squares[label - 1] += square
+
+
+def border_lengths(labels: LabelRows) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Measure the border that each pair of adjacent regions shares (region adjacency graph).
+
+    The pairs, (k, 2), are labels other than 0, the smaller one first, in ascending order; the lengths, (k,),
+    are the numbers of pixel edges that they share.
+
+    Examples
+    --------
+    >>> pairs, lengths = border_lengths(np.array([[1, 1, 2], [3, 0, 2]], np.uint32))
+    >>> pairs.tolist(), lengths.tolist()
+    ([[1, 2], [1, 3]], [1, 1])
+    """
+    strips = [
+        np.unique(_edge_keys(labels[max(top - 1, 0) : top + STRIP], first=top == 0), return_counts=True)
+        for top in range(0, labels.shape[0], STRIP)
+    ]
+    names, lengths = (np.concatenate(parts) for parts in zip(*strips, strict=True))
+    keys, place = np.unique(names, return_inverse=True)
+    sums = np.zeros(len(keys), np.int64)
+    np.add.at(sums, place, lengths)
+    return np.stack([keys >> 32, keys & 0xFFFFFFFF], axis=1), sums
+
+
+def _edge_keys(labels: NDArray[np.uint32], first: bool) -> NDArray[np.int64]:
+    """Return a key for each pixel edge between two labels; the first row is of the strip before, if any."""
+    rows = labels if first else labels[1:]
+    keys = [np.empty(0, np.int64)]
+    for one, other in ((rows[:, :-1], rows[:, 1:]), (labels[:-1], labels[1:])):
+        apart = (one != other) & (one > 0) & (other > 0)
+        near, far = one[apart].astype(np.int64), other[apart].astype(np.int64)
+        keys.append((np.minimum(near, far) << 32) | np.maximum(near, far))
+    return np.concatenate(keys)
 
 
 def border_steps(

@@ -25,7 +25,7 @@ from uavseg.segmentation.blocks.lbp import (
     contrast_histogram,
     lbp_symbols,
 )
-from uavseg.segmentation.components import number_by_size, union_roots
+from uavseg.segmentation.components import border_lengths, number_by_size, union_roots
 from uavseg.segmentation.in_memory import block_map_of_array, pad_to_blocks
 from uavseg.segmentation.params.segment import DivisionParams
 from uavseg.units import CELL
@@ -73,9 +73,7 @@ def check_lbpc_size(shape: tuple[int, int]) -> None:
 
 
 def segment_lbpc(
-    grey: NDArray[np.uint16],
-    valid: NDArray[np.bool_] | None = None,
-    params: LbpcParams = LbpcParams(),
+    grey: NDArray[np.uint16], valid: NDArray[np.bool_] | None = None, params: LbpcParams = LbpcParams()
 ) -> Labels:
     """Label the segments of an (M, N) image by LBP/C; all pixels are valid without `valid`.
 
@@ -209,7 +207,7 @@ def _merge_regions(
     """
     count = int(labels.max(initial=0))
     regions = _Regions.of(labels, symbols, count)
-    pairs = _adjacent_pairs(labels)
+    pairs, _ = border_lengths(labels)
     possible = count - len(np.unique(union_roots(pairs, count + 1)[1:]))
     parents = _merge(regions, pairs, stop, untested * possible)
     roots, numbers = np.unique(parents, return_inverse=True)
@@ -299,17 +297,6 @@ def _merge_pair(
     neighbours[other].clear()
     versions[one] += 1
     versions[other] = -1
-
-
-def _adjacent_pairs(labels: NDArray[np.uint32]) -> NDArray[np.int64]:
-    """List the pairs of adjacent labels, the smaller first; (k, 2)."""
-    size = int(labels.max(initial=0)) + 1
-    keys = []
-    for one, other in ((labels[:, 1:], labels[:, :-1]), (labels[1:], labels[:-1])):
-        apart = (one != other) & (one > 0) & (other > 0)
-        low, high = np.minimum(one[apart], other[apart]), np.maximum(one[apart], other[apart])
-        keys.append(np.unique(low.astype(np.int64) * size + high))
-    return np.stack(np.divmod(np.unique(np.concatenate(keys)), size), axis=1)
 
 
 @kernel("void(u4[:,::1], i8[::1], i8[::1], i8[::1], i8[::1], f8[::1], f8[::1])")

@@ -130,12 +130,9 @@ class _CacheBlocks:
             self.query.cache.put(window, tile, _block_corners(self.query.required_ratios(sums, counts)))
 
 
-def measure_cells(source: GreySource, tile_pass: TilePass, query: LeafQuery | None = None) -> MeasuredCells:
-    """Measure sums and counts of all cells, and the bin edges of contrast over the whole raster (first pass).
-
-    The cache of `query` is filled with the blocks that it requires.
-    """
-    return _measure_several([source], tile_pass, [query])[0]
+def measure_cells(source: GreySource, tile_pass: TilePass) -> MeasuredCells:
+    """Measure sums and counts of all cells, and the bin edges of contrast over the raster (first pass)."""
+    return _measure_several([source], tile_pass, [None])[0]
 
 
 def _measure_several(
@@ -227,11 +224,7 @@ def every_cell(shape: tuple[int, int]) -> NDArray[np.uint8]:
 
 
 def refine_tile(
-    source: GreySource,
-    cells: NDArray[np.uint8],
-    interval: IntensityRange,
-    refine: Refinement,
-    window: Window,
+    source: GreySource, cells: NDArray[np.uint8], interval: IntensityRange, refine: Refinement, window: Window
 ) -> tuple[NDArray[np.uint8], GreyTile] | None:
     """Refine the regions of a tile to the pixel; None where no cell is in range, or no pixel is valid.
 
@@ -302,8 +295,7 @@ def _majority_sums(source: GreySource, greys: Sequence[int], window: Window) -> 
         inside = pixels_in_range(tile.grey, tile.valid, low + 1, high)
         sums, counts = cell_sums(tile.grey * inside, inside)
         majority = np.where(counts > majority[1], (sums, counts), majority)
-    scaled: NDArray[np.uint32] = (majority[0] * total // np.maximum(majority[1], 1)).astype(np.uint32)
-    return scaled
+    return np.asarray((majority[0] * total // np.maximum(majority[1], 1)).astype(np.uint32))
 
 
 def _divide_tile(

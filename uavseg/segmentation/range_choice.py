@@ -55,17 +55,16 @@ def propose_ranges(histogram: NDArray[np.int64], n_classes: int | None = None) -
     than `n_classes` if it has fewer different means. By default there are the largest number from 2 to 6 for
     which valleys separate the classes.
     """
-    first, last = np.flatnonzero(histogram)[[0, -1]]
-    width = -(-(int(last) - int(first) + 1) // _BINS)
-    occupied = histogram[first : last + 1]
+    means = np.flatnonzero(histogram)
+    first = int(means[0])
+    occupied = histogram[first : means[-1] + 1]
+    width = -(-occupied.size // _BINS)
     bins = np.add.reduceat(occupied, np.arange(0, occupied.size, width))
     splits = multi_otsu(bins, n_classes or _MAX_PROPOSED)
     classes = select_classes(bins, splits) if n_classes is None else splits[-1]
-    pairs = zip(classes.ends, classes.starts, strict=True)
-    gaps = [
-        (int(first) + low, int(first) + high)
-        for low, high in (_gap(occupied, width, *pair) for pair in pairs)
-    ]
+    darker = means[np.searchsorted(means, first + width * (np.array(classes.ends, np.int64) + 1)) - 1]
+    lighter = means[np.searchsorted(means, first + width * np.array(classes.starts, np.int64))]
+    gaps = list(zip(darker.tolist(), lighter.tolist(), strict=True))
     return RangeCandidates(_edges(histogram, gaps, width), are_separated(bins, classes))
 
 
@@ -107,14 +106,6 @@ def explained_variance(histogram: NDArray[np.int64], edges: Sequence[float]) -> 
     number = np.bincount(classes, weights)
     sums = np.bincount(classes, weights * offsets)
     return float((sums**2 / np.maximum(number, 1)).sum() / (weights * offsets**2).sum())
-
-
-def _gap(occupied: NDArray[np.int64], width: int, end: int, start: int) -> tuple[int, int]:
-    """Return the last nonzero element of one bin, and the first nonzero element of a later bin."""
-    return (
-        end * width + int(np.flatnonzero(occupied[end * width : (end + 1) * width])[-1]),
-        start * width + int(np.flatnonzero(occupied[start * width : (start + 1) * width])[0]),
-    )
 
 
 def edge_beside_means(edge: float) -> float:
@@ -284,14 +275,13 @@ def _parts(
     """Choose the part of the darkest class and that of the brightest with the best border."""
     parts: list[tuple[float, float, bool]] = []
     bounds = _contrasting_bounds(pairs)
-    for side, outer, inner in (("dark", 0.0, edges[0]), ("bright", 1.0, edges[-1])):
-        scores = []
+    for outer, inner in ((0.0, edges[0]), (1.0, edges[-1])):
+        (low, high), scores = sorted((outer, inner)), []
         for bound in bounds:
-            low, high = sorted((outer, inner))
             edge = edge_near(histogram, pairs.grey_of(bound), low, high)
             if edge is None:
                 continue
-            part = (0.0, edge) if side == "dark" else (edge, 1.0)
+            part = (min(outer, edge), max(outer, edge))
             border, whole = _border(pairs, *part), _border(pairs, low, high)
             if border is None or whole is None or border.contrast < _PART_CONTRAST:
                 continue

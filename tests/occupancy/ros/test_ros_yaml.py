@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 
 from tests.occupancy.ros.map_files import ALL, put
 from uavseg.errors import MapError, RasterReadError
-from uavseg.occupancy.ros.ros_map import read_ros_map
-from uavseg.occupancy.ros.ros_yaml import (
+from uavseg.occupancy.ros.ros_map import (
     ROS_MODES,
     CellRules,
     MapDescription,
+    read_ros_map,
     read_ros_yaml,
     ros_yaml_text,
 )

@@ -14,7 +14,7 @@ import shapely
 
 from uavseg.errors import RegionError
 from uavseg.plot.layers.region_layer import PolygonTable
-from uavseg.regions.formats import check_read
+from uavseg.regions.formats import vector_files
 from uavseg.regions.formats.read import read_regions, regions_of_frame
 
 OPEN = [[15.0, 40.6], [15.001, 40.6], [15.001, 40.601], [15.0, 40.601]]
@@ -165,7 +165,7 @@ def test_all_features_of_a_json_text_are_read(
     path.write_text(text)
     readers = (read_regions, PolygonTable.of, lambda path: read_regions(path.read_bytes()))
     for piece in (1 << 24, 7):  # bytes of the text that are looked at in one go
-        monkeypatch.setattr(check_read, "_PIECE", piece)
+        monkeypatch.setattr(vector_files, "_PIECE", piece)
         for read in readers:
             if count is None:
                 with pytest.raises(RegionError, match=r"of which|without a geometry|null bytes|Extra"):
@@ -181,8 +181,8 @@ def test_a_text_that_is_whole_is_not_parsed_a_second_time(
     def parse(text: str) -> Any:
         raise AssertionError("parsed")
 
-    monkeypatch.setattr(check_read, "_PIECE", piece)
-    monkeypatch.setattr(check_read, "parse_json", parse)
+    monkeypatch.setattr(vector_files, "_PIECE", piece)
+    monkeypatch.setattr(vector_files, "parse_json", parse)
     (tmp_path / "a.geojson").write_text(geojson(*3 * [polygon(CLOSED)]))
     (tmp_path / "a.geojsonl").write_text(3 * (json.dumps({**FEATURE, "properties": {}}) + "\n"))
     for name in ("a.geojson", "a.geojsonl"):

@@ -5,7 +5,7 @@ import pytest
 import shapely
 
 from uavseg.errors import OutputError
-from uavseg.regions.wgs84.antimeridian import cut_at_antimeridian
+from uavseg.regions.wgs84.to_wgs84 import cut_at_antimeridian
 
 
 def box(west, south, east, north):

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from uavseg.errors import OutputError
 from uavseg.regions.shapes import RaggedPolygons
-from uavseg.regions.wgs84.antimeridian import densify_edges
+from uavseg.regions.wgs84.to_wgs84 import densify_edges
 
 RADIUS = 6378137.0
 to_map = pyproj.Transformer.from_crs(4326, 32633, always_xy=True).transform

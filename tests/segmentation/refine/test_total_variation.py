@@ -9,10 +9,16 @@ from hypothesis import strategies as st
 
 from uavseg.segmentation.params.segment import IntensityRange
 from uavseg.segmentation.refine import total_variation
-from uavseg.segmentation.refine.total_variation import MAX_WEIGHT, _classify_panels, _threshold_panels
+from uavseg.segmentation.refine.total_variation import MAX_WEIGHT, _classify_panels
 
 seeds = st.integers(0, 100_000)
 MIDDLE = IntensityRange(0.35, 0.65)
+
+
+def within(low: int, high: int) -> np.ndarray:
+    """The class of each grey: 1 in a range."""
+    greys = np.arange(65536)
+    return ((low <= greys) & (greys <= high)).astype(np.uint8)
 
 
 @pytest.mark.slow
@@ -46,7 +52,7 @@ def test_thresholds_are_those_of_plain_arrays(plain_variation: ModuleType, seed:
     u, _ = plain_variation.minimise_tv(grey, weights.repeat(8, 0).repeat(8, 1) * valid.astype(np.int64))
     low, high = MIDDLE.greys
     expected = np.where(u != grey // 2, (low <= 2 * u) & (2 * u <= high) & (valid > 0), inside > 0)
-    _threshold_panels(grey, valid, weights, MIDDLE.greys, inside)
+    _classify_panels(grey, valid, weights, within(*MIDDLE.greys), inside)
     assert np.array_equal(inside > 0, expected)
 
 
@@ -57,7 +63,7 @@ def test_without_weights_nothing_changes(seed: int) -> None:
     grey = rng.integers(0, 65536, (16, 24)).astype(np.uint16)
     before = rng.integers(0, 2, grey.shape).astype(np.uint8)
     inside = before.copy()
-    _threshold_panels(grey, np.ones_like(inside), np.zeros((2, 3), np.int16), MIDDLE.greys, inside)
+    _classify_panels(grey, np.ones_like(inside), np.zeros((2, 3), np.int16), within(*MIDDLE.greys), inside)
     assert np.array_equal(inside, before)
 
 
@@ -90,8 +96,8 @@ def test_columns_without_weight_may_be_left_out(share: float, monkeypatch: pytes
         weights[row + 3, col + 1], weights[row + 4, col] = 900, 900
     grey, valid = rng.integers(0, 65536, shape, dtype=np.uint16), np.ones(shape, np.uint8)
     found, expected = np.zeros((2, *shape), np.uint8)
-    arguments = grey, valid, weights.astype(np.int16), (20_000, 65_535)
-    total_variation._threshold_panels(*arguments, found)
+    arguments = grey, valid, weights.astype(np.int16), within(20_000, 65_535)
+    total_variation._classify_panels(*arguments, found)
 
     def everything(weights: np.ndarray) -> np.ndarray:
         runs = np.zeros((2, len(weights), 2, 2), np.int64)
@@ -99,5 +105,5 @@ def test_columns_without_weight_may_be_left_out(share: float, monkeypatch: pytes
         return runs
 
     monkeypatch.setattr(total_variation, "_runs", everything)
-    total_variation._threshold_panels(*arguments, expected)
+    total_variation._classify_panels(*arguments, expected)
     assert found.any() and (found == expected).all()

@@ -37,7 +37,7 @@ def test_pixels_are_classified_as_by_a_plain_version(seed: int, rows: int, cols:
     cells, valid, grey, symbols, coarse = picture(seed, 8 * rows, 8 * cols)
     rng = np.random.default_rng(seed)
     weights = PixelWeights.between(model(rng), model(rng))
-    found = classify_pixels(cells, valid, grey, symbols, coarse, weights)
+    found = classify_pixels(cells, valid, grey, (symbols, coarse), weights)
     weight = np.zeros(valid.shape, np.int64)
     texture = np.where(symbols == UNCOUNTED, 0, weights.texture[symbols % 2048])
     weight[1:-1, 1:-1] = (texture + weights.greys[grey[1:-1, 1:-1] // 1024]) * valid[1:-1, 1:-1]
@@ -59,13 +59,14 @@ def test_a_crop_with_a_halo_is_classified_as_the_whole(seed: int, row: int, col:
     cells, valid, grey, symbols, coarse = picture(seed, 96, 96)
     rng = np.random.default_rng(seed)
     weights = PixelWeights.between(model(rng), model(rng))
-    whole = classify_pixels(cells, valid, grey, symbols, coarse, weights)
+    whole = classify_pixels(cells, valid, grey, (symbols, coarse), weights)
     top, left, end = 8 * row, 8 * col, 16 + 2 * DECISION_HALO
     part = np.s_[top : top + end, left : left + end]
     inner, deep = (np.s_[top : top + end - less, left : left + end - less] for less in (2, 6))
     own = np.s_[row : row + end // 8, col : col + end // 8]
     pieces = (cells[own], valid[part], grey[part], symbols[inner], coarse[deep])
-    crop = classify_pixels(*(piece.copy() for piece in pieces), weights)
+    *image, fine, means = (piece.copy() for piece in pieces)
+    crop = classify_pixels(*image, (fine, means), weights)
     near = np.s_[DECISION_HALO - 1 : 1 - DECISION_HALO, DECISION_HALO - 1 : 1 - DECISION_HALO]
     assert np.array_equal(crop[near], whole[part][near])
 

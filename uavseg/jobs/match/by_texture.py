@@ -46,7 +46,6 @@ from uavseg.segmentation.sample.g_scores import NULL_SCORE, SCORE_UNITS, separab
 from uavseg.segmentation.sample.pixel_decision import (
     DECISION_HALO,
     PixelWeights,
-    classify_colored_pixels,
     classify_pixels,
     undecided_cells,
 )
@@ -237,11 +236,8 @@ def _outline_match(
     if (cells == 2).any():
         known, edges = tile.mask, criterion.bin_edges
         names = lbp_symbols(tile.grey, known, edges), coarse_symbols(tile.grey, known, edges)
-        if criterion.colors:
-            planes = color_planes(criterion.colors, rest_colors, decided, DECISION_HALO)
-            pixels = classify_colored_pixels(cells, tile.valid, tile.grey, names, weights, planes)
-        else:
-            pixels = classify_pixels(cells, tile.valid, tile.grey, *names, weights)
+        planes = color_planes(criterion.colors, rest_colors, decided, DECISION_HALO)
+        pixels = classify_pixels(cells, tile.valid, tile.grey, names, weights, planes)
     else:
         pixels = cells_to_pixels(cells, tile.valid)
     if within is not None:

@@ -55,7 +55,7 @@ def _files_read(path: str) -> list[str]:
 
 
 def _ros_image(path: str) -> list[str]:
-    from uavseg.occupancy.ros.ros_yaml import read_ros_yaml
+    from uavseg.occupancy.ros.ros_map import read_ros_yaml
 
     try:
         return [os.fspath(read_ros_yaml(path).image)]

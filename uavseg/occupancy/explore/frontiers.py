@@ -79,8 +79,7 @@ def rays_for(range_cells: float, first: float = 0.0, fov: float = tau) -> Floats
     """
     turn = min(max(int(tau * range_cells / _CELLS_BETWEEN_RAYS), 16), _MAX_RAYS)
     angles = first + tau * np.arange(max(int(turn * fov / tau), 1)) / turn
-    rays: Floats = np.stack([np.sin(angles), np.cos(angles)], axis=1)
-    return rays
+    return np.asarray(np.stack([np.sin(angles), np.cos(angles)], axis=1))
 
 
 def seen_from(

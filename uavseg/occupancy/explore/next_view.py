@@ -243,12 +243,7 @@ class ViewPlanner:
 
 
 def _ordered(
-    candidates: Candidates,
-    frontiers: Frontiers,
-    graph: BlockGraph,
-    at: int,
-    views: list[int],
-    depths: Floats,
+    candidates: Candidates, frontiers: Frontiers, graph: BlockGraph, at: int, views: list[int], depths: Floats
 ) -> Tour:
     """Return views in the order of a short tour from a node, which ends rather where a depth is great."""
     nodes = [at, *candidates.nodes[views].tolist()]

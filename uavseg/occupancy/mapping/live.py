@@ -15,12 +15,12 @@ from uavseg._jit import inlined, kernel
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.occupancy.mapping.pending import GreyMap, Mask
-from uavseg.segmentation.blocks.block_map import BlockMap, leaves_of_block, mean_v, required_ratios_of_block
+from uavseg.segmentation.blocks.block_map import BlockMap, leaves_of_block, mean_v
 from uavseg.segmentation.blocks.division import block_ratios, selected_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
 from uavseg.segmentation.params.segment import IntensityRange, Intervals, SegmentParams, StateLimits
 from uavseg.segmentation.pipeline import LeafQuery
-from uavseg.units import BLOCK, CELL, GREY_MAX
+from uavseg.units import BLOCK, CELL, CELLS, GREY_MAX
 
 MAX_INTERVALS = 255
 
@@ -308,10 +308,10 @@ def _inner_blocks(shape: tuple[int, int]) -> Mask:
 
 def _required_ratios_at(blocks: BlockMap, query: LeafQuery, indices: BlockIndices) -> NDArray[np.uint32]:
     """Find the R of some blocks that must be known to answer a query, one bit each, see `block_map`."""
-    required = np.empty(len(indices), np.uint32)
-    edges = np.array(query.edges, np.float64)
-    _required(blocks.sums, blocks.counts, edges, query.division.step, indices, required)
-    return required
+    chosen, shape = (indices[:, 0], slice(None), indices[:, 1]), (-1, CELLS, blocks.blocks[1], CELLS)
+    sums = blocks.sums.reshape(shape)[chosen].reshape(-1, CELLS)  # one block below the other
+    counts = blocks.counts.reshape(shape)[chosen].reshape(-1, CELLS)
+    return query.required_ratios(sums, counts)[:, 0]
 
 
 def _classify_leaves(
@@ -330,13 +330,6 @@ def _classify_leaves(
     division = (blocks.sums, blocks.counts, blocks.ratios, query.division.threshold, query.division.step)
     edges = np.array(query.edges, np.float64)
     _classify(*division, edges, indices, required, *scratch, intervals)
-
-
-@kernel("void(u4[:,::1], u1[:,::1], f8[::1], f8, i8[:,::1], u4[::1])")
-def _required(sums, counts, edges, step, indices, required):  # type: ignore[no-untyped-def]
-    for k in range(indices.shape[0]):
-        row, col = max(indices[k, 0], 0), max(indices[k, 1], 0)
-        required[k] = required_ratios_of_block(sums, counts, row, col, edges, step)
 
 
 @inlined

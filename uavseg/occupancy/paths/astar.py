@@ -312,19 +312,9 @@ def _jump_diagonally(rows, cols, nodes, queue, state, node, row, col, cost, dire
     " i8[::1], i8)"
 )
 def _search(  # type: ignore[no-untyped-def]
-    rows,
-    cols,
-    node_of_cell,
-    node_cells,
-    parents,
-    costs,
-    directions,
-    entries,
-    next_entry,
-    heads,
-    state,
+    rows, cols, node_of_cell, node_cells, parents, costs, directions, entries, next_entry, heads, state,
     reserve,
-):
+):  # fmt: skip
     # 1 if the pools must grow before the search continues, 0 if it is over. Low bits of directions: those in
     # which a node was reached and is yet to be expanded; high bits: expanded.
     nodes = (node_of_cell, node_cells, parents, costs, directions)

@@ -51,8 +51,7 @@ def lens_outline(
     turned = np.linspace(-half_angle, half_angle, arc_corners)
     right = np.column_stack([waist / 2 + radius * (1 - np.cos(turned)), radius * np.sin(turned)])
     left = -right  # mirrored in both axes, so the order continues
-    corners: NDArray[np.float64] = np.vstack([right, left]) + np.array([x, y])
-    return corners
+    return np.asarray(np.vstack([right, left]) + np.array([x, y]))
 
 
 def _views_around(

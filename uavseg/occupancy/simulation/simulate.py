@@ -14,8 +14,7 @@ from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.mapping.pending import Mask
 from uavseg.occupancy.mapping.scan import Pose, Scan, check_distance, check_positive
 from uavseg.occupancy.mapping.sensor_messages import MAX_BEAMS
-from uavseg.occupancy.simulation.cell_scene import CellScene
-from uavseg.occupancy.simulation.scene import Scene
+from uavseg.occupancy.simulation.scene import CellScene, Scene
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.units import FREE, OCCUPIED, UNKNOWN
 
@@ -52,8 +51,7 @@ class RangeFinder:
         """Return the angles of the beams in radians from the heading, (n,): evenly spaced."""
         steps = math.floor(self.fov_deg / self.step_deg + 1e-9)
         beams = steps if self.fov_deg == 360 else steps + 1  # a whole turn ends where it began
-        angles: Floats = np.radians((np.arange(beams) - (beams - 1) / 2) * self.step_deg)
-        return angles
+        return np.asarray(np.radians((np.arange(beams) - (beams - 1) / 2) * self.step_deg))
 
     def scan(self, scene: Scene | CellScene, pose: Pose, random: np.random.Generator) -> Scan:
         """Simulate one scan.

@@ -59,16 +59,14 @@ class MissionLayer:
         from uavseg.flight.mission.estimate import flown_path
 
         lat, lon, _ = mission.path
-        flown = [item for item in mission.items if item.has_position or item.command == RETURN]
-        unnumbered = {*TAKEOFFS, RETURN, *LANDINGS}
-        counts = np.array([False] + [item.command not in unnumbered for item in flown])
+        numbers, returns = path_numbers(mission)
         legs = flown_path(mission, mission.vehicle or default_vehicle(mission.autopilot))
         return cls(
             path=frame.plot_from_lonlat(lon, lat),
-            numbers=np.where(counts, np.cumsum(counts), 0),
+            numbers=numbers,
             is_line=np.r_[legs.is_line, np.zeros(len(lat), bool)][: len(lat) - 1],
             has_shot=np.r_[legs.has_shot, np.zeros(len(lat), bool)][: len(lat)],
-            returns=bool(flown) and flown[-1].command == RETURN,
+            returns=returns,
             mission=mission,
             name=name,
             color=color,
@@ -119,6 +117,13 @@ class MissionLayer:
         look = {"size": 6.5, "color": self.color, "weight": "bold", "zorder": 6.2, "clip_on": True}
         for n in choose_numbered(self.path, self.numbers, _MIN_NUMBER_DISTANCE * point):
             ax.text(*(self.path[n] + 4.5 * point), str(self.numbers[n]), **look).set_path_effects(halo)
+
+
+def path_numbers(mission: "Mission") -> tuple[NDArray[np.int64], bool]:
+    """Return the number of each position of a path, 0 for home, takeoff and landing; and if it leads home."""
+    commands = [item.command for item in mission.items if item.has_position or item.command == RETURN]
+    counts = np.array([False] + [one not in {*TAKEOFFS, RETURN, *LANDINGS} for one in commands])
+    return np.where(counts, np.cumsum(counts), 0), commands[-1:] == [RETURN]
 
 
 def mission_layers(missions: Sequence[tuple[str, "Mission"]], frame: Frame) -> list[MissionLayer]:

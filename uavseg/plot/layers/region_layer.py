@@ -22,15 +22,9 @@ from uavseg.plain_text import shown
 from uavseg.plot.page.page import Frame, area_text
 from uavseg.raster.access.opening import file_exists
 from uavseg.raster.geodesy.globe import transform_between
-from uavseg.regions.formats.check_read import (
-    check_attributes,
-    check_count,
-    check_feature_count,
-    check_geometries,
-)
+from uavseg.regions.formats import vector_files
 from uavseg.regions.formats.parquet import import_pyarrow
 from uavseg.regions.formats.read import read_regions, vector_errors
-from uavseg.regions.formats.vector_files import check_vector, reading_vectors
 from uavseg.regions.table import Regions
 
 Columns = dict[str, NDArray[Any]]
@@ -129,19 +123,19 @@ def _table_of_file(name: str) -> PolygonTable:
     suffix = Path(name).suffix.lower()
     if not file_exists(name):
         raise RegionError(f"there is no file {name} with regions; uavseg extract makes one")
-    check_vector(name, name)
+    vector_files.check_vector(name, name)
     if suffix in {".kml", ".kmz"}:
         return _table_of_memory(read_regions(name))
     if suffix in {".parquet", ".geoparquet"}:
         return _table_of_parquet(name)
-    with vector_errors(name), reading_vectors():
-        features = check_feature_count(name, name)
+    with vector_errors(name), vector_files.reading_vectors():
+        features = vector_files.check_feature_count(name, name)
         with default_signals():
             metadata, _, geometry, columns = read(name)
-        check_attributes(name, name, len(columns))
+        vector_files.check_attributes(name, name, len(columns))
         polygons = None if geometry is None else shapely.from_wkb(geometry)
         if polygons is not None:
-            check_count(len(polygons), features, name)
+            vector_files.check_count(len(polygons), features, name)
     if polygons is None:
         raise RegionError(f"{name} is a table without geometry; give a file of polygons")
     return PolygonTable(
@@ -168,7 +162,7 @@ def _table_of_parquet(name: str) -> PolygonTable:
 def _complete(polygons: PolygonArray, name: str) -> PolygonArray:
     """Refuse polygons of which some could not be read; a file without regions is drawn."""
     if len(polygons):
-        check_geometries(polygons, name)
+        vector_files.check_geometries(polygons, name)
     return polygons
 
 

@@ -69,8 +69,7 @@ class Frame:
     def plot_from_xy(self, xy: ArrayLike) -> Floats:
         """Convert map coordinates to plot coordinates, (n, 2) to (n, 2)."""
         points, t = np.asarray(xy, np.float64), self.plot_from_map
-        placed: Floats = points * (t.a, t.e) + (t.c, t.f)
-        return placed
+        return np.asarray(points * (t.a, t.e) + (t.c, t.f))
 
     def plot_from_lonlat(self, lon: ArrayLike, lat: ArrayLike) -> Floats:
         """Convert degrees (WGS 84), each (n,), to plot coordinates, (n, 2)."""

@@ -23,7 +23,6 @@ from uavseg.flight.camera.camera import Photos
 from uavseg.flight.formats.files import write_geojson
 from uavseg.flight.formats.options import FileOptions
 from uavseg.flight.mission.estimate import estimate_text, footprints
-from uavseg.flight.mission.items import LANDINGS, RETURN, TAKEOFFS
 from uavseg.jobs.flights.request import open_regions, photos_of
 from uavseg.jobs.result.result import SourceInfo, same_reading
 from uavseg.jobs.source.inputs import keep_inputs
@@ -34,7 +33,7 @@ from uavseg.options.flights import PhotoOptions
 from uavseg.options.reading import ReadOptions
 from uavseg.output.atomic import atomic_file, check_target
 from uavseg.plain_text import printable
-from uavseg.plot.layers.mission_layer import read_missions
+from uavseg.plot.layers.mission_layer import path_numbers, read_missions
 from uavseg.plot.page.page import length_text
 from uavseg.raster.geodesy.globe import MAX_DECIMALS, crs_name, decimals_for
 from uavseg.regions.formats.metadata import METADATA_KEY, about_file
@@ -173,12 +172,6 @@ def read_flights(missions: Any, camera: Any = None) -> list[dict[str, Any]]:
 
 def _flight(name: str, mission: "Mission", photos: Photos | None) -> dict[str, Any]:
     lat, lon, _ = mission.path
-    unnumbered, number, numbers = {*TAKEOFFS, RETURN, *LANDINGS}, 0, [0]
-    for item in mission.items:
-        if item.has_position or item.command == RETURN:
-            counts = item.command not in unnumbered
-            number += counts
-            numbers.append(number if counts else 0)
     estimate, shown = mission.estimate, footprints(mission, photos)
     flown = estimate_text(estimate.distance_m, estimate.duration_s)
     shots = f", {estimate.photographs:,} photographs" if estimate.photographs else ""
@@ -187,7 +180,7 @@ def _flight(name: str, mission: "Mission", photos: Photos | None) -> dict[str, A
         "estimate": f"{len(mission.items)} items, {flown}{shots}",
         "notes": [printable(note) for note in mission.warnings],
         "path": [[round(float(y), 8), round(float(x), 8)] for y, x in zip(lat, lon, strict=True)],
-        "numbers": numbers,
+        "numbers": path_numbers(mission)[0].tolist(),
         "footprints": np.round(shown.lonlat, _FOOTPRINT_DECIMALS).tolist(),
         "unseen": shown.note,
         "features": json.loads(write_geojson(mission, FileOptions())),

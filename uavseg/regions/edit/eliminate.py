@@ -10,8 +10,8 @@ from uavseg.arrays import Integers
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.regions.edit.small import Area, region_areas
 from uavseg.regions.outline.rings import LazyLabels, Rasteriser, RegionOutlines, merge_sums, select_sums
-from uavseg.regions.outline.trace import STRIP, LabelRows, link_strips, trace_strips
-from uavseg.segmentation.components import Sums
+from uavseg.regions.outline.trace import link_strips, trace_strips
+from uavseg.segmentation.components import LabelRows, Sums, border_lengths
 
 
 def eliminate(
@@ -44,40 +44,6 @@ def eliminate(
     strips = trace_strips(replace(labels, numbers=np.append(0, number[group]).astype(np.uint32)))
     del labels
     return RegionOutlines(link_strips(strips), select_sums(sums, order)), classes[roots][order]
-
-
-def border_lengths(labels: LabelRows) -> tuple[Integers, Integers]:
-    """Measure the border that each pair of adjacent regions shares (region adjacency graph).
-
-    The pairs, (k, 2), are labels other than 0, the smaller one first, in ascending order; the lengths, (k,),
-    are the numbers of pixel edges that they share.
-
-    Examples
-    --------
-    >>> pairs, lengths = border_lengths(np.array([[1, 1, 2], [3, 0, 2]], np.uint32))
-    >>> pairs.tolist(), lengths.tolist()
-    ([[1, 2], [1, 3]], [1, 1])
-    """
-    strips = [
-        np.unique(_contacts(labels[max(top - 1, 0) : top + STRIP], first=top == 0), return_counts=True)
-        for top in range(0, labels.shape[0], STRIP)
-    ]
-    names, lengths = (np.concatenate(parts) for parts in zip(*strips, strict=True))
-    keys, place = np.unique(names, return_inverse=True)
-    sums = np.zeros(len(keys), np.int64)
-    np.add.at(sums, place, lengths)
-    return np.stack([keys >> 32, keys & 0xFFFFFFFF], axis=1), sums
-
-
-def _contacts(labels: NDArray[np.uint32], first: bool) -> Integers:
-    """Return a key for each pixel edge between two labels; the first row is of the strip before, if any."""
-    rows = labels if first else labels[1:]
-    keys = [np.empty(0, np.int64)]
-    for one, other in ((rows[:, :-1], rows[:, 1:]), (labels[:-1], labels[1:])):
-        apart = (one != other) & (one > 0) & (other > 0)
-        near, far = one[apart].astype(np.int64), other[apart].astype(np.int64)
-        keys.append((np.minimum(near, far) << 32) | np.maximum(near, far))
-    return np.concatenate(keys)
 
 
 def _merged_into(

@@ -159,6 +159,11 @@ def _write_geojson(regions: Regions, path: Path) -> None:
         text_writers.write_geojson(regions, stream)
 
 
+def _write_kml(regions: Regions, path: Path) -> None:
+    with path.open("wb") as stream:
+        write_kml(regions, stream)
+
+
 def _write_geopackage(regions: Regions, path: Path) -> None:
     from uavseg.regions.formats.geopackage import write_geopackage
 
@@ -169,11 +174,6 @@ def _write_shapefile(regions: Regions, path: Path) -> None:
     columns = {_SHORT_NAMES.get(name, name): column for name, column in regions.columns.items()}
     renamed = Regions(columns, regions.polygons, regions.wkt)  # without metadata: a Shapefile has none
     _write_layer(renamed, path, "ESRI Shapefile", DBF_DATE_LAST_UPDATE=_DATE[:10])
-
-
-def _write_kml(regions: Regions, path: Path) -> None:
-    with path.open("wb") as stream:
-        write_kml(regions, stream)
 
 
 def _write_layer(regions: Regions, path: Path, driver: str, **options: str) -> None:

@@ -29,32 +29,13 @@ _WGS84 = (
     '0.0174532925199433,AUTHORITY["EPSG","9122"]],AXIS["Latitude",NORTH],AXIS["Longitude",EAST],'
     'AUTHORITY["EPSG","4326"]]'
 )
+_SYSTEM = "coordinate reference system"
+_PLACE = "longitude/latitude coordinates in decimal degrees on the WGS 84 spheroid"
 # Name, number, organisation, its number, definition as WKT 1, description: section 1.1.2.1.2.
 _REQUIRED_SRS = (
-    (
-        "Undefined Cartesian SRS",
-        -1,
-        "NONE",
-        -1,
-        "undefined",
-        "undefined Cartesian coordinate reference system",
-    ),
-    (
-        "Undefined geographic SRS",
-        0,
-        "NONE",
-        0,
-        "undefined",
-        "undefined geographic coordinate reference system",
-    ),
-    (
-        "WGS 84 geodetic",
-        4326,
-        "EPSG",
-        4326,
-        _WGS84,
-        "longitude/latitude coordinates in decimal degrees on the WGS 84 spheroid",
-    ),
+    ("Undefined Cartesian SRS", -1, "NONE", -1, "undefined", f"undefined Cartesian {_SYSTEM}"),
+    ("Undefined geographic SRS", 0, "NONE", 0, "undefined", f"undefined geographic {_SYSTEM}"),
+    ("WGS 84 geodetic", 4326, "EPSG", 4326, _WGS84, _PLACE),
 )
 _NO_SRS = (
     "Undefined SRS",

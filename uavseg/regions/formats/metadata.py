@@ -17,11 +17,10 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import RegionError
 from uavseg.inputs import parse_json, read_start
 from uavseg.raster.access.opening import file_exists
-from uavseg.regions.formats.check_read import check_feature_count
+from uavseg.regions.formats import vector_files
 from uavseg.regions.formats.parquet import import_pyarrow
 from uavseg.regions.formats.read import KML_FIELDS, vector_errors
 from uavseg.regions.formats.styles import STYLE_TABLE
-from uavseg.regions.formats.vector_files import check_vector, reading_vectors, vector_format
 
 METADATA_KEY = "uavseg"
 _HEAD = 4 << 20  # bytes at the beginning of a text file, where its metadata is
@@ -71,13 +70,6 @@ def read_kml_metadata(path: str | os.PathLike[str]) -> dict[str, Any]:
     return parse_metadata(html.unescape(data[1])) if data else {}
 
 
-def read_parquet_schema(path: str | os.PathLike[str]) -> Any:
-    """Read the schema of a Parquet file with its metadata, and the number of its rows."""
-    pyarrow = import_pyarrow()
-    with pyarrow.parquet.ParquetFile(Path(path)) as file:
-        return file.schema_arrow, file.metadata.num_rows
-
-
 @dataclass(frozen=True, slots=True)
 class RegionFile:
     """Metadata of a file of regions."""
@@ -102,7 +94,7 @@ def is_region_file(path: str | os.PathLike[str]) -> bool:
     """Check whether a local file is of a format of regions; a GeoPackage of images is not."""
     if not file_exists(path) or not Path(path).is_file():
         return False
-    file_format = vector_format(path)
+    file_format = vector_files.vector_format(path)
     return file_format is not None and not (file_format == "GeoPackage" and _holds_tiles(path))
 
 
@@ -113,12 +105,12 @@ def about_file(path: str | os.PathLike[str]) -> RegionFile:
     addresses.
     """
     name = os.fspath(path)
-    check_vector(path, name)
-    file_format = vector_format(path) or "unknown"
+    vector_files.check_vector(path, name)
+    file_format = vector_files.vector_format(path) or "unknown"
     with vector_errors(name):
         if file_format == "GeoParquet":
             return _about_parquet(path)
-        with reading_vectors():
+        with vector_files.reading_vectors():
             return _about_layer(path, name, file_format)
 
 
@@ -128,7 +120,7 @@ def _about_layer(path: str | os.PathLike[str], name: str, file_format: str) -> R
     layers = [layer for layer in map(str, pyogrio.list_layers(path)[:, 0]) if layer != STYLE_TABLE]
     if not layers:
         raise RegionError(f"{name} holds no layer of regions")
-    check_feature_count(path, name, layers[0])
+    vector_files.check_feature_count(path, name, layers[0])
     info = pyogrio.read_info(path, layer=layers[0], force_feature_count=True, force_total_bounds=True)
     reader = {"GeoJSON": read_json_metadata, "KML": read_kml_metadata}.get(file_format)
     item = (info.get("layer_metadata") or {}).get(METADATA_KEY)
@@ -147,7 +139,8 @@ def _about_layer(path: str | os.PathLike[str], name: str, file_format: str) -> R
 
 
 def _about_parquet(path: str | os.PathLike[str]) -> RegionFile:
-    schema, rows = read_parquet_schema(path)
+    with import_pyarrow().parquet.ParquetFile(Path(path)) as file:
+        schema, rows = file.schema_arrow, file.metadata.num_rows
     items = {key.decode(): value.decode("utf-8", "replace") for key, value in (schema.metadata or {}).items()}
     geo = parse_metadata(items.get("geo"))
     primary = str(geo.get("primary_column", "geometry"))

@@ -19,17 +19,11 @@ from uavseg.output.staging import default_signals
 from uavseg.plain_text import cause_of
 from uavseg.raster.access.opening import file_exists
 from uavseg.raster.geodesy.globe import MAX_DECIMALS, WGS84, geod_wgs84, unwrap_lon
-from uavseg.regions.formats.check_read import (
-    check_attributes,
-    check_count,
-    check_feature_count,
-    check_geometries,
-)
+from uavseg.regions.formats import vector_files
 from uavseg.regions.formats.parquet import import_pyarrow
-from uavseg.regions.formats.vector_files import check_vector, reading_vectors
 from uavseg.regions.shapes import batch_slices
 from uavseg.regions.table import COLUMNS, VALUE_COLUMNS, Regions
-from uavseg.regions.wgs84.antimeridian import cut_at_antimeridian
+from uavseg.regions.wgs84.to_wgs84 import cut_at_antimeridian
 from uavseg.warning_filters import changing_filters
 
 if TYPE_CHECKING:
@@ -70,7 +64,7 @@ def regions_of_frame(frame: "GeoDataFrame", local: bool = False) -> Regions:
 
 @np.errstate(all="ignore")  # coordinates that are not finite, or far too large, are refused below
 def _complete_frame(frame: "GeoDataFrame", name: str, local: bool) -> Regions:
-    check_geometries(np.asarray(frame.geometry, dtype=object), name)
+    vector_files.check_geometries(np.asarray(frame.geometry, dtype=object), name)
     local = local and frame.crs is None
     frame = frame if local else _to_wgs84(frame, name)
     fields = [field for field in frame.columns if field != frame.geometry.name]
@@ -87,13 +81,13 @@ def _read_frame(source: str | os.PathLike[str] | bytes, name: str, layer: str | 
 
     if not isinstance(source, bytes) and not file_exists(source):
         raise RegionError(f"{name} does not exist; name a file of regions")
-    check_vector(source, name)
+    vector_files.check_vector(source, name)
     with vector_errors(name):
         if not isinstance(source, bytes) and Path(source).suffix.lower() in {".parquet", ".geoparquet"}:
             import_pyarrow()
             frame = geopandas.read_parquet(source)
         else:
-            with reading_vectors():
+            with vector_files.reading_vectors():
                 frame = _layers(source, name, layer)
     if not isinstance(frame, geopandas.GeoDataFrame):
         raise RegionError(f"{name} holds no geometries; regions are polygons")
@@ -114,7 +108,10 @@ def vector_errors(name: str) -> Iterator[None]:
     except (UavsegError, MemoryError):
         raise
     except Exception as error:
-        raise RegionError(f"{name} cannot be read as regions: {_cause(error)}") from error
+        cause = cause_of(error)
+        if "not recognized as being in a supported file format" in cause:
+            cause = "it is neither GeoJSON nor another format of polygons that GDAL knows"
+        raise RegionError(f"{name} cannot be read as regions: {cause}") from error
     for warning in caught:
         text = str(warning.message)
         if _LOST_GEOMETRY.search(text) and not _HARMLESS.search(text):
@@ -123,12 +120,6 @@ def vector_errors(name: str) -> Iterator[None]:
 
 _LOST_GEOMETRY = re.compile(r"\bring\b|WKT|NULL geometry|coord|JSON construct|vertex|point", re.IGNORECASE)
 _HARMLESS = re.compile(r"winding|Measured", re.IGNORECASE)
-
-
-def _cause(error: Exception) -> str:
-    cause = cause_of(error)
-    unknown = "not recognized as being in a supported file format" in cause
-    return "it is neither GeoJSON nor another format of polygons that GDAL knows" if unknown else cause
 
 
 def _layers(source: str | os.PathLike[str] | bytes, name: str, layer: str | None) -> Any:
@@ -146,7 +137,7 @@ def _layers(source: str | os.PathLike[str] | bytes, name: str, layer: str | None
     if len(wanted) > 1 and Path(source).suffix.lower() not in {".kml", ".kmz"}:
         raise RegionError(f"{name} has {len(layers)} layers; choose with --layer one of {', '.join(layers)}")
     frames = [_layer(source, name, one) for one in wanted]
-    check_attributes(source, name, max(len(frame.columns) for frame in frames) - 1)
+    vector_files.check_attributes(source, name, max(len(frame.columns) for frame in frames) - 1)
     frames = [frame for frame in frames if len(frame)] or frames
     return frames[0] if len(frames) == 1 else pandas.concat(frames, ignore_index=True)
 
@@ -154,10 +145,10 @@ def _layers(source: str | os.PathLike[str] | bytes, name: str, layer: str | None
 def _layer(source: str | os.PathLike[str] | bytes, name: str, layer: str | None = None) -> Any:
     import geopandas
 
-    features = check_feature_count(source, name, layer)
+    features = vector_files.check_feature_count(source, name, layer)
     with default_signals():
         frame = geopandas.read_file(io.BytesIO(source) if isinstance(source, bytes) else source, layer=layer)
-    check_count(len(frame), features, name)
+    vector_files.check_count(len(frame), features, name)
     return frame
 
 

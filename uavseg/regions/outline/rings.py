@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import fields
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -179,11 +178,8 @@ def rasterise(rings: Rings, window: Window) -> NDArray[np.uint32]:
 
 def edge_tables(rings: Rings, windows: Sequence[Window]) -> "LazySequence[EdgeTable]":
     """Return the edge table of each window, made when it is indexed: workers get only what they need."""
-    return LazySequence(len(windows), partial(_edge_table_of, Rasteriser(rings), windows))
-
-
-def _edge_table_of(rasteriser: "Rasteriser", windows: Sequence[Window], k: int) -> "EdgeTable":
-    return rasteriser.edge_table(windows[k])
+    rasteriser = Rasteriser(rings)
+    return LazySequence(len(windows), lambda k: rasteriser.edge_table(windows[k]))
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,6 +24,9 @@ from uavseg.segmentation.components import (
 from uavseg.segmentation.source import GreyTile
 from uavseg.units import CELL
 
+# Component of each pixel along the top, the bottom, the left and the right border of a window, 0 for none.
+Borders = tuple[NDArray[np.uint32], NDArray[np.uint32], NDArray[np.uint32], NDArray[np.uint32]]
+
 
 @dataclass(frozen=True, slots=True)
 class TileOutlines:
@@ -31,10 +34,7 @@ class TileOutlines:
 
     sums: Sums  # of components 1..n
     chains: Chains
-    top: NDArray[np.uint32]  # component of each pixel along this border, 0 for none
-    bottom: NDArray[np.uint32]
-    left: NDArray[np.uint32]
-    right: NDArray[np.uint32]
+    borders: Borders
 
 
 def outline_tile(
@@ -55,14 +55,11 @@ def outline_tile(
     beyond = None if tile.excess is None else tile.excess[inner]
     sums = with_excess(component_sums(labels, count, tile.grey, halo), labels, beyond)
     sums.firsts[:] += (window.row, window.col)
-    clipped = labels[: window.rows, : window.cols]
+    inside = labels[: window.rows, : window.cols]
     return TileOutlines(
         sums=replace(sums, steps=border_steps(image, labels, count, tile.grey, tile.valid)),
         chains=trace_tile(image, labels, halo, (window.row, window.col), width),
-        top=clipped[0].copy(),
-        bottom=clipped[-1].copy(),
-        left=clipped[:, 0].copy(),
-        right=clipped[:, -1].copy(),
+        borders=(inside[0].copy(), inside[-1].copy(), inside[:, 0].copy(), inside[:, -1].copy()),
     )
 
 
@@ -79,17 +76,6 @@ class Components:
         chains = pack_chains(self.chains.unpacked(kept))
         chains.table[:, OWNER] = np.searchsorted(which, chains.table[:, OWNER])
         return Components(select_sums(self.sums, which), chains)
-
-
-@dataclass(frozen=True, slots=True)
-class JoinedBorders:
-    """First pixels of components that reach a border of a part of the raster, and labels along borders."""
-
-    firsts: NDArray[np.int64]
-    top: NDArray[np.uint32]
-    bottom: NDArray[np.uint32]
-    left: NDArray[np.uint32]
-    right: NDArray[np.uint32]
 
 
 class Contacts:
@@ -112,25 +98,23 @@ class Contacts:
         """Pairs of components, (k, 2), counted from 0."""
         return np.concatenate([np.empty((0, 2), np.int64), *self._pairs])
 
-    def add(self, window: Window, count: int, borders: TileOutlines | JoinedBorders | None) -> None:
+    def add(self, window: Window, count: int, borders: Borders | None) -> None:
         """Add a window with components 1..count; None for one without components."""
         rows, cols = window.slices
         if borders is None:
             self.bottom[cols] = self.right[rows] = 0
             return
-        top, left = self._numbered(borders.top), self._numbered(borders.left)
+        top, bottom, left, right = (
+            np.where(border > 0, border + np.int64(self.count), 0) for border in borders
+        )
         self._add_pairs(self.bottom[cols], top)
         self._add_pairs(self.right[rows], left)
         if window.row == self._first.row:
             self.top[cols] = top
         if window.col == self._first.col:
             self.left[rows] = left
-        self.bottom[cols] = self._numbered(borders.bottom)
-        self.right[rows] = self._numbered(borders.right)
+        self.bottom[cols], self.right[rows] = bottom, right
         self.count += count
-
-    def _numbered(self, border: NDArray[np.uint32]) -> NDArray[np.int64]:
-        return np.where(border > 0, border + np.int64(self.count), 0)
 
     def _add_pairs(self, first: NDArray[np.int64], second: NDArray[np.int64]) -> None:
         touching = (first > 0) & (second > 0)
@@ -161,7 +145,7 @@ class TileStitcher:
         tile.chains.table[:, OWNER] += self._contacts.count - 1
         self._sums.append(tile.sums)
         self._chains.append(pack_chains(tile.chains))
-        self._contacts.add(window, len(tile.sums.counts), tile)
+        self._contacts.add(window, len(tile.sums.counts), tile.borders)
 
     def finish(
         self, leaves: NDArray[Any] | None = None, classes: NDArray[np.uint8] | None = None
@@ -187,10 +171,10 @@ class TileStitcher:
         segments, _ = label_equal_values(leaves)
         return number_regions(sums, segments[row, col].astype(np.int64), parts, self._chains)
 
-    def join(self, window: Window) -> tuple[JoinedBorders, Components, Components] | None:
+    def join(self, window: Window) -> tuple[Borders, Components, Components] | None:
         """Join the tiles of a part of the raster, `window`; None if there is no component.
 
-        The components are those that reach a border with another part, in the order of the borders, and
+        The components are those that reach a border with another part, which the borders number, and
         complete regions.
         """
         found, (rows, cols) = self._contacts, window.slices
@@ -205,10 +189,9 @@ class TileStitcher:
         of_label = np.append(0, group + 1)
         labels = [of_label[side * is_inner] for side, is_inner in zip(sides, inner, strict=True)]
         reached = np.union1d(np.concatenate(labels), 0)
-        borders = [np.searchsorted(reached, side).astype(np.uint32) for side in labels]
+        top, bottom, left, right = (np.searchsorted(reached, side).astype(np.uint32) for side in labels)
         reaching, within = reached[1:] - 1, np.setdiff1d(np.arange(len(names)), reached[1:] - 1)
-        parts = joined.select(reaching), joined.select(within)
-        return JoinedBorders(joined.sums.firsts[reaching], *borders), *parts
+        return (top, bottom, left, right), joined.select(reaching), joined.select(within)
 
 
 def number_regions(

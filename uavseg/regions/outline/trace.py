@@ -6,7 +6,6 @@ Chains of boundaries are linked end to end, and rings are split where they pass 
 from collections.abc import Iterator, Sequence
 from functools import partial
 from itertools import pairwise
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,19 +30,9 @@ from uavseg.regions.outline.chains import (
     trace_tile,
 )
 from uavseg.regions.outline.rings import Rings, dense_parts, reorder_rings
-from uavseg.segmentation.components import component_values, label_equal_values, union_roots
+from uavseg.segmentation.components import STRIP, LabelRows, component_values, label_equal_values, union_roots
 
 BATCH = 1 << 21  # vertices of the chains that are linked at a time
-STRIP = 256  # rows of a label image that are traced at a time: their working memory is reused
-
-
-class LabelRows(Protocol):
-    """Label image whose rows can be read: an array, or `LazyLabels`."""
-
-    @property
-    def shape(self) -> tuple[int, ...]: ...
-
-    def __getitem__(self, rows: slice, /) -> NDArray[np.uint32]: ...
 
 
 @checked

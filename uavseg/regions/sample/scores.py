@@ -86,8 +86,7 @@ def limit_scores(
 
 def _cell_sums(pixels: NDArray[np.integer[Any]]) -> Counts:
     rows, cols = (length // CELL for length in pixels.shape)
-    sums: Counts = pixels.reshape(rows, CELL, cols, CELL).sum(axis=(1, 3), dtype=np.int64)
-    return sums
+    return np.asarray(pixels.reshape(rows, CELL, cols, CELL).sum(axis=(1, 3), dtype=np.int64))
 
 
 def count_colors(colors: Sequence[ColorBand], window: Window, cells: NDArray[np.bool_]) -> Counts:
@@ -256,19 +255,13 @@ def mean_scores(
     """
     sums, counts = np.zeros((2, len(outlined.sums.counts) + 1), np.int64)
     tables = edge_tables(outlined.rings, tile_pass.windows)
-    jobs = LazySequence(len(tables), partial(_score_job, tables, best))
+    jobs = LazySequence(len(tables), lambda k: (tables[k], best[window_cells(tables[k].window)]))
     for names, total, count in tile_pass.silent.run(_sum_scores, jobs):
         sums[names] += total
         counts[names] += count
     means = np.full(len(sums) - 1, np.nan)
     np.divide(sums[1:], counts[1:], out=means, where=counts[1:] > 0)
     return means
-
-
-def _score_job(
-    tables: Sequence[EdgeTable], best: NDArray[np.uint16], k: int
-) -> tuple[EdgeTable, NDArray[np.uint16]]:
-    return tables[k], best[window_cells(tables[k].window)]
 
 
 def _sum_scores(job: tuple[EdgeTable, NDArray[np.uint16]]) -> tuple[Integers, Integers, Integers]:

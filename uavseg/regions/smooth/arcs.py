@@ -61,8 +61,7 @@ def _nodes_along(rings: Rings, keys: Integers, axis: int, stride: int) -> Intege
     corners = sorted_unique(keys)
     directions = np.zeros(len(corners), np.uint8)
     _set_directions(rings.vertices, rings.starts, corners, axis, stride, directions)
-    nodes: Integers = corners[_IS_NODE[directions]]
-    return nodes
+    return np.asarray(corners[_IS_NODE[directions]])
 
 
 _IS_NODE = np.array([bits & _PASSED > 0 or bits.bit_count() > 2 for bits in range(2 * _PASSED)])
@@ -139,22 +138,14 @@ def unit_corners(vertices, begin, end, by_row, by_col, rows, cols, corners, fixe
             fixed[used + k] = 0
         if row == 0 or row == rows or col == 0 or col == cols:
             fixed[used] = 1
-        if down == 0:
-            first = row * (cols + 1) + min(col, col + across)
-            k = lower_bound(by_row, first)
-            while k < by_row.shape[0] and by_row[k] <= first + length:
-                away = abs(by_row[k] - row * (cols + 1) - col)
-                if away < length:
-                    fixed[used + away] = 1
-                k += 1
-        else:
-            first = col * (rows + 1) + min(row, row + down)
-            k = lower_bound(by_col, first)
-            while k < by_col.shape[0] and by_col[k] <= first + length:
-                away = abs(by_col[k] - col * (rows + 1) - row)
-                if away < length:
-                    fixed[used + away] = 1
-                k += 1
+        keys, key = (by_row, row * (cols + 1) + col) if down == 0 else (by_col, col * (rows + 1) + row)
+        first = key + min(down + across, 0)  # one of the two is 0
+        k = lower_bound(keys, first)
+        while k < keys.shape[0] and keys[k] <= first + length:
+            away = abs(keys[k] - key)
+            if away < length:
+                fixed[used + away] = 1
+            k += 1
         used += length
     return used
 

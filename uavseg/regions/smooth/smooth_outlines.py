@@ -235,7 +235,7 @@ def smooth_rings(
     stay on the pixel edges. `share` blends between pixel edges (towards 0) and the smooth line (1); above 0
     and at most 1.
     """
-    lengths = _lengths(rings)
+    lengths = rings.pixel_perimeters()
     units, longest = int(lengths.sum()), int(lengths.max(initial=0))
     vertices, starts = np.empty((2 * units, 2), np.int32), np.zeros_like(rings.starts)
     arcs, owners = np.empty((2, units), np.int64)
@@ -249,19 +249,11 @@ def smooth_rings(
     return SmoothRings(smooth, arcs[:count].copy(), owners[:count].copy())
 
 
-def _lengths(rings: Rings) -> Integers:
-    first, last = rings.starts[:-1], rings.starts[1:] - 1
-    steps = np.abs(np.diff(rings.vertices, axis=0)).sum(axis=1, dtype=np.int64)
-    sums = np.concatenate([[0], np.cumsum(steps)])
-    closing = np.abs(rings.vertices[last] - rings.vertices[first]).sum(axis=1, dtype=np.int64)
-    return np.asarray(closing + sums[last] - sums[first], np.int64)
-
-
 @inlined
-def write_vertex(row, col, vertices, used):  # type: ignore[no-untyped-def]
-    """Write a vertex; return the number of vertices."""
-    vertices[used, 0] = row
-    vertices[used, 1] = col
+def write_vertex(row, col, down, right, vertices, used):  # type: ignore[no-untyped-def]
+    """Write a vertex that lies steps down and to the right of a corner; return the number of vertices."""
+    vertices[used, 0] = STEPS_PER_PIXEL * row + int(down)
+    vertices[used, 1] = STEPS_PER_PIXEL * col + int(right)
     return used + 1
 
 
@@ -275,9 +267,7 @@ def write_edges(corners, total, start, n, cyclic, vertices, used):  # type: igno
         straight = corners[before, 0] + corners[after, 0] == 2 * corners[here, 0]
         straight = straight and corners[before, 1] + corners[after, 1] == 2 * corners[here, 1]
         if not straight or (k == 0 and not cyclic):
-            used = write_vertex(
-                STEPS_PER_PIXEL * corners[here, 0], STEPS_PER_PIXEL * corners[here, 1], vertices, used
-            )
+            used = write_vertex(corners[here, 0], corners[here, 1], 0, 0, vertices, used)
     return used
 
 
@@ -290,27 +280,19 @@ def write_arc(base, integers, row, col, n, cyclic, reverse, share, last, count, 
     if share == 1.0:
         for k in range(count - 1):
             at = kept[count - 1 - k] if reverse else kept[k]
-            used = write_vertex(
-                STEPS_PER_PIXEL * row + py[at], STEPS_PER_PIXEL * col + px[at], vertices, used
-            )
+            used = write_vertex(row, col, py[at], px[at], vertices, used)
         return used
     # Between the points of two adjacent edges lies their corner, blended by the same share.
     for k in range(last):
         at = last - k if reverse else k
+        x, y = np.float64(px[at]), np.float64(py[at])
         if cyclic or k > 0:
-            edge = at if cyclic else at - 1
-            edge = edge % n
+            edge = (at if cyclic else at - 1) % n
             x = 0.5 * STEPS_PER_PIXEL * (base[0, edge] + base[0, edge + 1])
             y = 0.5 * STEPS_PER_PIXEL * (base[1, edge] + base[1, edge + 1])
             x = np.floor(x + share * (px[at] - x) + 0.5)
             y = np.floor(y + share * (py[at] - y) + 0.5)
-            used = write_vertex(
-                STEPS_PER_PIXEL * row + int(y), STEPS_PER_PIXEL * col + int(x), vertices, used
-            )
-        else:
-            used = write_vertex(
-                STEPS_PER_PIXEL * row + py[at], STEPS_PER_PIXEL * col + px[at], vertices, used
-            )
+        used = write_vertex(row, col, y, x, vertices, used)
         low = at - 1 if reverse else at
         if cyclic or (low >= 1 and low < last - 1):
             corner = low + 1 if cyclic else low
@@ -324,30 +306,27 @@ def write_arc(base, integers, row, col, n, cyclic, reverse, share, last, count, 
                 + share * 0.5 * (py[low] + py[low + 1])
                 + 0.5
             )
-            used = write_vertex(
-                STEPS_PER_PIXEL * row + int(y), STEPS_PER_PIXEL * col + int(x), vertices, used
-            )
+            used = write_vertex(row, col, y, x, vertices, used)
     return used
 
 
 @inlined
 def fit_arc(floats, integers, n, cyclic):  # type: ignore[no-untyped-def]
     """Fit points to an arc; return the index of the last point, and the number of kept points."""
-    relax(floats[0], floats[1], n, cyclic, floats[2], floats[3], floats[4], floats[5])
-    offsets = floats[6]
-    portal_offsets(floats[0], floats[1], n, floats[2], floats[3], offsets)
-    expected = int(doubled_area(floats[0], floats[1], n)) * STEPS_PER_PIXEL * STEPS_PER_PIXEL
+    base_x, base_y, offsets = floats[0], floats[1], floats[6]
+    px, py, steps, kept = integers[0], integers[1], integers[2], integers[3]
+    relax(base_x, base_y, n, cyclic, floats[2], floats[3], floats[4], floats[5])
+    portal_offsets(base_x, base_y, n, floats[2], floats[3], offsets)
+    expected = int(doubled_area(base_x, base_y, n)) * STEPS_PER_PIXEL * STEPS_PER_PIXEL
     last = 0
     count = 0
     for _try in range(_MAX_TRIES):
-        last = place_points(floats[0], floats[1], n, cyclic, offsets, integers[0], integers[1], integers[2])
-        count = straighten(
-            floats[0], floats[1], cyclic, integers[0], integers[1], integers[2], last, integers[3]
-        )
-        missing = expected - doubled_steps(integers[0], integers[1], integers[3], count)
+        last = place_points(base_x, base_y, n, cyclic, offsets, px, py, steps)
+        count = straighten(base_x, base_y, cyclic, px, py, steps, last, kept)
+        missing = expected - doubled_steps(px, py, kept, count)
         if abs(missing) <= 64 * n:  # a two-thousandth of a pixel for each edge
             break
-        slope = area_slope(floats[0], floats[1], n, cyclic, integers[0], integers[1], last)
+        slope = area_slope(base_x, base_y, n, cyclic, px, py, last)
         if slope <= 0:
             break
         more = float(missing) / float(slope)

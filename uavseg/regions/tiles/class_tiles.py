@@ -1,6 +1,6 @@
 """Segments of whole cells, of a state, or of several refined classes that share borders, by tiles."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
 from typing import Any
@@ -67,32 +67,23 @@ def outline_state(
 
 def cell_jobs(cells: NDArray[Any], windows: Sequence[Window], halo: int) -> LazySequence[_Job]:
     """Return tiles with their values of the (m, n) cells, and those within `halo` pixels around them."""
-    return LazySequence(len(windows), partial(_cell_job, cells, windows, halo))
-
-
-def _cell_job(cells: NDArray[Any], windows: Sequence[Window], halo: int, k: int) -> _Job:
-    return windows[k], cells_around(cells, windows[k], halo)
+    return LazySequence(len(windows), lambda k: (windows[k], cells_around(cells, windows[k], halo)))
 
 
 def _state_jobs(image: StateImage, state: int, windows: Sequence[Window]) -> LazySequence[_Job]:
     """Return tiles with a mask of one state, and 8 pixels around them, one bit per pixel."""
-    # Tiles of the same rows follow each other, so the mask of the last rows is cached.
-    mask_of_rows = lru_cache(maxsize=1)(partial(_state_mask, image, state))
-    return LazySequence(len(windows), partial(_state_job, mask_of_rows, windows))
 
+    @lru_cache(maxsize=1)  # tiles of the same rows follow each other
+    def mask_of_rows(row: int, rows: int) -> NDArray[np.bool_]:
+        return np.pad(decode_states(image.read_codes(row, rows)) == state, ((0, 0), (CELL, CELL)))
 
-def _state_mask(image: StateImage, state: int, row: int, rows: int) -> NDArray[np.bool_]:
-    inside = decode_states(image.read_codes(row, rows)) == state
-    return np.pad(inside, ((0, 0), (CELL, CELL)))
+    def job(k: int) -> _Job:
+        window = windows[k]
+        mask = mask_of_rows(window.row - CELL, whole_blocks(window.rows) + 2 * CELL)
+        part = mask[:, window.col : window.col + whole_blocks(window.cols) + 2 * CELL]
+        return window, np.packbits(part, axis=1)
 
-
-def _state_job(
-    mask_of_rows: Callable[[int, int], NDArray[np.bool_]], windows: Sequence[Window], k: int
-) -> _Job:
-    window = windows[k]
-    mask = mask_of_rows(window.row - CELL, whole_blocks(window.rows) + 2 * CELL)
-    part = mask[:, window.col : window.col + whole_blocks(window.cols) + 2 * CELL]
-    return window, np.packbits(part, axis=1)
+    return LazySequence(len(windows), job)
 
 
 def _outline_cells(source: GreySource, job: _Job) -> TileOutlines | None:
@@ -224,13 +215,9 @@ def outline_likely_classes(
     jobs = [tile_jobs(one, windows, detail=detail) for one in cells]
     tiles = tile_pass.run(
         partial(_outline_likely_tile, grey, similarities, refine, detail),
-        LazySequence(len(windows), partial(_same_tile, jobs)),
+        LazySequence(len(windows), lambda k: tuple(of_class[k] for of_class in jobs)),
     )
     return stitch_classes(grey.shape, windows, tiles)
-
-
-def _same_tile(jobs: Sequence[Sequence[TileJob]], k: int) -> tuple[TileJob, ...]:
-    return tuple(of_class[k] for of_class in jobs)
 
 
 # Outlines of the components of a tile, and the class of each; None for a tile without components.

@@ -23,13 +23,7 @@ from uavseg.output.renames import recover
 from uavseg.raster.grid.tiling import TilePass, Window, tiles, whole_blocks
 from uavseg.regions.outline.chains import OWNER
 from uavseg.regions.outline.rings import RegionOutlines
-from uavseg.regions.outline.stitch import (
-    Components,
-    Contacts,
-    JoinedBorders,
-    concatenate_sums,
-    number_regions,
-)
+from uavseg.regions.outline.stitch import Borders, Components, Contacts, concatenate_sums, number_regions
 from uavseg.regions.tiles.range_tiles import stitch_tiles, tile_jobs
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges
 from uavseg.segmentation.components import union_roots
@@ -103,11 +97,11 @@ def join_partitions(
     outline = partial(
         _outline_partition, source, interval, segment, edges, detail, tile, str(folder.absolute())
     )
-    contacts, firsts = Contacts(source.shape, windows[0]), {}
-    for number, borders in enumerate(tile_pass.run(outline, list(enumerate(windows)))):
-        contacts.add(windows[number], 0 if borders is None else len(borders.firsts), borders)
-        if borders is not None:
-            firsts[number] = borders.firsts
+    contacts, firsts = Contacts(source.shape, windows[0]), dict[int, Integers]()
+    for number, joined in enumerate(tile_pass.run(outline, list(enumerate(windows)))):
+        if joined is not None:
+            firsts[number] = joined[0]
+        contacts.add(windows[number], len(firsts.get(number, ())), None if joined is None else joined[1])
     recover(folder)  # what workers left that were killed
     if not all(_path(folder, "within", number).is_file() for number in firsts):
         raise OutputError("what workers wrote is not here; workers must share the folder of the output")
@@ -145,8 +139,11 @@ def _outline_partition(
     tile: tuple[int, int],
     folder: str,
     item: tuple[int, Window],
-) -> JoinedBorders | None:
-    """Outline the tiles of a partition one after the other, and keep what was joined of them in a folder."""
+) -> tuple[Integers, Borders] | None:
+    """Outline the tiles of a partition one after the other, and keep what was joined of them in a folder.
+
+    Return the first pixels of components that reach a border with another partition, and those borders.
+    """
     number, window = item
     around, windows = window, _tiles_of(window, tile)
     if bin_edges is None:
@@ -164,7 +161,7 @@ def _outline_partition(
         path = _path(folder, name, number)
         with atomic_file(path, overwrite=True, sync=False) as file:
             file.write_bytes(encode_result(components, path.name))
-    return joined[0]
+    return joined[1].sums.firsts, joined[0]
 
 
 def _sum_contrasts(source: GreySource, tile: tuple[int, int], window: Window) -> NDArray[np.int64]:

@@ -101,27 +101,18 @@ def tile_jobs(
     `part` is the window of the raster to which the cells belong, by default all of it.
     """
     halo = detail.halo if detail else 0
-    make = partial(_job, cells, windows, expected, halo, part or Window(0, 0, 0, 0))
-    return LazySequence(len(windows), make)
+    whole = part or Window(0, 0, 0, 0)
 
+    def job(k: int) -> TileJob:
+        refined, here = windows[k].grown(halo), window_cells(windows[k])
+        return TileJob(
+            window=windows[k],
+            cells=cells_around(cells, refined.relative_to(whole), REFINE_HALO),
+            expected=None if expected is None else (expected.sums[here], expected.counts[here]),
+            refined=refined,
+        )
 
-def _job(
-    cells: NDArray[np.uint8],
-    windows: Sequence[Window],
-    expected: BlockMap | None,
-    halo: int,
-    part: Window,
-    k: int,
-) -> TileJob:
-    window = windows[k]
-    refined = window.grown(halo)
-    here = window_cells(window)
-    return TileJob(
-        window=window,
-        cells=cells_around(cells, refined.relative_to(part), REFINE_HALO),
-        expected=None if expected is None else (expected.sums[here], expected.counts[here]),
-        refined=refined,
-    )
+    return LazySequence(len(windows), job)
 
 
 def _outline_tile(

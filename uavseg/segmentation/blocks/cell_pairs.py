@@ -1,6 +1,7 @@
 """Co-occurrence histograms of the means of neighbouring cells: contrast at the border of any range."""
 
 import math
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -69,26 +70,19 @@ class CellPairs:
         """Restrict the histograms to the cells of the bins low..high - 1."""
         inside = (np.arange(BINS) >= low) & (np.arange(BINS) < high)
         both = np.outer(inside, inside)
-        return CellPairs(
-            first=self.first,
-            width=self.width,
-            cells=self.cells * inside,
-            frame=self.frame * inside,
-            near=self.near * both,
-            far=self.far * both,
-        )
+        cells, frame = self.cells * inside, self.frame * inside
+        return replace(self, cells=cells, frame=frame, near=self.near * both, far=self.far * both)
 
     def border(self, low: int, high: int) -> RangeBorder:
         """Measure the range of the bins low..high - 1; raise ValueError if it holds no cell."""
         inside = self.cells[low:high].sum()
         if not inside:
             raise ValueError(f"no cell lies in the bins {low} to {high - 1}")
-        both, cross, _ = _sides(self._near_sums, low, high)
-        far_within = _within(self._far_sums, low, high)
-        steps_within = _within(self._step_sums, low, high)
-        crossing, steps = (_sides(sums, low, high)[1] for sums in (self._far_sums, self._step_sums))
+        (both, cross, _), (_, crossing, within), (_, steps, steps_within) = (
+            _sides(sums, low, high) for sums in self._prefix_sums
+        )
         min_step = _MIN_STEP * GREY_MAX / self.width
-        contrast = (steps / max(crossing, 1)) / (steps_within / max(far_within, 1) + min_step)
+        contrast = (steps / max(crossing, 1)) / (steps_within / max(within, 1) + min_step)
         return RangeBorder(
             share=float(inside / self.cells.sum()),
             frame=float(self.frame[low:high].sum() / max(self.frame.sum(), 1)),
@@ -121,17 +115,14 @@ class CellPairs:
         return contrasts, crossing
 
     @cached_property
-    def _near_sums(self) -> Counts:
-        return _prefix_sums(self.near)
-
-    @cached_property
-    def _far_sums(self) -> Counts:
-        return _prefix_sums(self.far)
-
-    @cached_property
-    def _step_sums(self) -> Counts:
+    def _prefix_sums(self) -> Counts:
+        """Sums of `near`, of `far` and of its steps over all pairs before each: (3, 513, 513)."""
         bins = np.arange(BINS)
-        return _prefix_sums(self.far * np.abs(bins[:, None] - bins))
+        pairs = (self.near, self.far, self.far * np.abs(bins[:, None] - bins))
+        sums = np.zeros((3, BINS + 1, BINS + 1), np.int64)
+        for counts, of_counts in zip(pairs, sums, strict=True):
+            np.cumsum(np.cumsum(counts, axis=0), axis=1, out=of_counts[1:, 1:])
+        return sums
 
 
 def count_cell_pairs(blocks: BlockMap) -> CellPairs | None:
@@ -158,27 +149,15 @@ def cells_with_mean_in_range(blocks: BlockMap, interval: IntensityRange) -> NDAr
     return inside
 
 
-def _prefix_sums(counts: Counts) -> Counts:
-    sums = np.zeros((BINS + 1, BINS + 1), np.int64)
-    np.cumsum(np.cumsum(counts, axis=0), axis=1, out=sums[1:, 1:])
-    return sums
-
-
 def _sides(sums: Counts, low: int, high: int) -> tuple[int, int, int]:
-    """Sum over the pairs with both in a range of bins, with one, and with none."""
+    """Sum over the pairs with both in a range of bins, with one, and with both or none."""
 
     def block(a: int, b: int, c: int, d: int) -> int:
         return int(sums[b, d] - sums[a, d] - sums[b, c] + sums[a, c])
 
     both = block(low, high, low, high)
     one = block(0, low, low, high) + block(low, high, high, BINS)
-    return both, one, int(sums[BINS, BINS]) - both - one
-
-
-def _within(sums: Counts, low: int, high: int) -> int:
-    """Sum over the pairs on one side of both ends of a range of bins."""
-    both, _, none = _sides(sums, low, high)
-    return both + none
+    return both, one, int(sums[BINS, BINS]) - one
 
 
 @inlined

@@ -76,8 +76,7 @@ def _expected_g_of_symbol(n: int, share: float, ln_factorial: NDArray[np.float64
 
 def n_ln_n(n: NDArray[np.integer]) -> NDArray[np.float64]:
     """Compute n ln n of counts; 0 where n is 0."""
-    product: NDArray[np.float64] = n.astype(np.float64) * np.log(np.maximum(n, 1))
-    return product
+    return np.asarray(n.astype(np.float64) * np.log(np.maximum(n, 1)))
 
 
 def n_ln_n_table(largest: int) -> NDArray[np.float64]:

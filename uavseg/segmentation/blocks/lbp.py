@@ -176,7 +176,8 @@ def coarse_symbols(
     """
     rows, cols = (max(length - 2 * COARSE_HALO, 0) for length in grey.shape)
     symbols = np.empty((rows, cols), np.uint16)
-    means = _means_of_2x2(grey)
+    pairs = grey[:-1].astype(np.uint32) + grey[1:]
+    means = ((pairs[:, :-1] + pairs[:, 1:]) >> 2).astype(np.uint16)
     whole = None if valid is None else valid[:-1, :-1] & valid[:-1, 1:] & valid[1:, :-1] & valid[1:, 1:]
     for row, col in np.ndindex(2, 2):  # means that touch each other are two pixels apart
         every_other = symbols[row::2, col::2]
@@ -186,8 +187,3 @@ def coarse_symbols(
             mask = None if whole is None else np.ascontiguousarray(whole[part])
             every_other[:] = lbp_symbols(np.ascontiguousarray(means[part]), mask, bin_edges)
     return symbols
-
-
-def _means_of_2x2(grey: NDArray[np.uint16]) -> NDArray[np.uint16]:
-    pairs = grey[:-1].astype(np.uint32) + grey[1:]
-    return ((pairs[:, :-1] + pairs[:, 1:]) >> 2).astype(np.uint16)

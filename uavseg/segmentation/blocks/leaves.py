@@ -8,11 +8,7 @@ from numpy.typing import NDArray
 
 from uavseg._jit import kernel
 from uavseg.segmentation.blocks.block_map import BlockMap, leaf_means_by_strip
-from uavseg.segmentation.params.segment import (
-    DivisionParams,
-    IntensityRange,
-    Partition,
-)
+from uavseg.segmentation.params.segment import DivisionParams, IntensityRange, Partition
 from uavseg.units import GREY_LEVELS, GREY_MAX
 
 STEPS = 1000
@@ -86,22 +82,16 @@ def pixel_classes(
     return classes
 
 
-@kernel("void(u1[:,::1], u1[:,::1], u1[:,::1])")
-def _upsample_u1(cells, valid, pixels):  # type: ignore[no-untyped-def]
+def _upsample(cells, valid, pixels):  # type: ignore[no-untyped-def]
     for r in range(pixels.shape[0]):
         for cell in range(cells.shape[1]):
             value = cells[r // 8, cell]
             for c in range(8 * cell, 8 * cell + 8):
-                pixels[r, c] = value & (np.uint8(0) - valid[r, c])  # faster than a product of bytes
+                pixels[r, c] = value if valid[r, c] else 0
 
 
-@kernel("void(u4[:,::1], u1[:,::1], u4[:,::1])")
-def _upsample_u4(cells, valid, pixels):  # type: ignore[no-untyped-def]
-    for r in range(pixels.shape[0]):
-        for cell in range(cells.shape[1]):
-            value = cells[r // 8, cell]
-            for c in range(8 * cell, 8 * cell + 8):
-                pixels[r, c] = value * valid[r, c]
+_upsample_u1 = kernel("void(u1[:,::1], u1[:,::1], u1[:,::1])")(_upsample)
+_upsample_u4 = kernel("void(u4[:,::1], u1[:,::1], u4[:,::1])")(_upsample)
 
 
 @kernel("void(u2[::1], u1[::1], i8, i8, u1[::1])")

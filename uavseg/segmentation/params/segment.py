@@ -167,9 +167,25 @@ class StateLimits:
         return self.of(np.arange(GREY_LEVELS) / GREY_MAX)
 
 
+class _OfLevels:
+    """Levels that cover 0..1, by the edges between them."""
+
+    __slots__ = ()
+
+    @property
+    def count(self: Intervals) -> int:
+        """Number of levels."""
+        return len(self.edges) + 1
+
+    @property
+    def bounds(self: Intervals) -> tuple[float, ...]:
+        """Edges with 0 and 1 at the ends: level k lies between bounds k and k + 1."""
+        return (0.0, *self.edges, 1.0)
+
+
 @checked
 @dataclass(frozen=True, slots=True)
-class Levels:
+class Levels(_OfLevels):
     """Levels of equal width over 0..1; the last may be narrower.
 
     Level k, from 0, holds the values above k P up to (k + 1) P with P the `width`; level 0 also holds 0. A
@@ -193,19 +209,9 @@ class Levels:
             )
 
     @property
-    def count(self) -> int:
-        """Number of levels."""
-        return math.ceil(1 / self.width - 1e-9)
-
-    @property
     def edges(self) -> tuple[float, ...]:
         """Edges between levels."""
-        return tuple(round(k * self.width, 12) for k in range(1, self.count))
-
-    @property
-    def bounds(self) -> tuple[float, ...]:
-        """Edges with 0 and 1 at the ends: level k lies between bounds k and k + 1."""
-        return (0.0, *self.edges, 1.0)
+        return tuple(round(k * self.width, 12) for k in range(1, math.ceil(1 / self.width - 1e-9)))
 
 
 _MAX_NAME = 80
@@ -237,7 +243,7 @@ class Partition:
 
 @checked
 @dataclass(frozen=True, slots=True)
-class Breaks:
+class Breaks(_OfLevels):
     """Levels between given edges over 0..1; a value on an edge belongs to the level below it.
 
     A ParameterError says that the edges do not increase, above 0 and below 1.
@@ -251,24 +257,13 @@ class Breaks:
     edges: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        bounds = (0.0, *self.edges, 1.0)
-        if not all(low < high for low, high in pairwise(bounds)):
+        if not all(low < high for low, high in pairwise(self.bounds)):
             given = ",".join(f"{edge:g}" for edge in self.edges)
             raise ParameterError(f"breaks increase, above 0 and below 1, such as 0.2,0.5; got {given}")
         if len(self.edges) >= GREY_MAX:
             raise ParameterError(
                 f"there are {len(self.edges)} breaks, and no more than {GREY_MAX - 1} differ"
             )
-
-    @property
-    def count(self) -> int:
-        """Number of levels."""
-        return len(self.edges) + 1
-
-    @property
-    def bounds(self) -> tuple[float, ...]:
-        """Edges with 0 and 1 at the ends: level k lies between bounds k and k + 1."""
-        return (0.0, *self.edges, 1.0)
 
 
 def partition_of_levels(levels: Levels | Breaks) -> Partition:

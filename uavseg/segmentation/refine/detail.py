@@ -152,22 +152,17 @@ def _take_nearest(classes: Image, covered: Image, valid: Image, disc: PixelDisc)
 def _measure_columns(covered, limit, up, down):  # type: ignore[no-untyped-def]
     # Rows to the nearest covered pixel above and below, up to a limit.
     rows = covered.shape[0]
-    for row in range(rows):
-        for col in range(covered.shape[1]):
-            if covered[row, col]:
-                up[row, col] = 0
-            elif row == 0 or up[row - 1, col] >= limit:
-                up[row, col] = _FAR
-            else:
-                up[row, col] = up[row - 1, col] + 1
-    for row in range(rows - 1, -1, -1):
-        for col in range(covered.shape[1]):
-            if covered[row, col]:
-                down[row, col] = 0
-            elif row == rows - 1 or down[row + 1, col] >= limit:
-                down[row, col] = _FAR
-            else:
-                down[row, col] = down[row + 1, col] + 1
+    for step in (1, -1):
+        distances = up if step > 0 else down
+        for k in range(rows):
+            row = k if step > 0 else rows - 1 - k
+            for col in range(covered.shape[1]):
+                if covered[row, col]:
+                    distances[row, col] = 0
+                elif k == 0 or distances[row - step, col] >= limit:
+                    distances[row, col] = _FAR
+                else:
+                    distances[row, col] = distances[row - step, col] + 1
 
 
 @inlined

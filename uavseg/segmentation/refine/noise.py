@@ -19,10 +19,7 @@ _SEPARATION = 4.0
 
 
 def estimate_noise(
-    grey: NDArray[np.uint16],
-    valid: NDArray[np.uint8],
-    active: NDArray[np.uint8],
-    bounds: NDArray[np.int64],
+    grey: NDArray[np.uint16], valid: NDArray[np.uint8], active: NDArray[np.uint8], bounds: NDArray[np.int64]
 ) -> NDArray[np.float64]:
     """Estimate the standard deviation of the noise around each square with active cells; 0 elsewhere.
 

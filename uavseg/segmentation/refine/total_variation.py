@@ -35,23 +35,6 @@ _GAP = 16  # pixels of weight 0 behind those of the even and of the odd columns
 _WEIGHT_PER_NOISE = 0.34  # weight of a pair of neighbours / standard deviation of the noise
 
 
-def _threshold_panels(
-    grey: NDArray[np.uint16],
-    valid: NDArray[np.uint8],
-    weights: NDArray[np.int16],
-    greys: tuple[int, int],
-    inside: NDArray[np.uint8],
-) -> None:
-    """Classify pixels by whether denoised grey lies in a range, in place; unchanged pixels keep their side.
-
-    M is even, N a multiple of 8. A cell has one weight, in units of half a grey, 0 to `MAX_WEIGHT`; between
-    cells the smaller one holds.
-    """
-    table = np.zeros(GREY_LEVELS, np.uint8)
-    table[greys[0] : greys[1] + 1] = 1
-    _classify_panels(grey, valid, weights, table, inside)
-
-
 def _classify_panels(
     grey: NDArray[np.uint16],
     valid: NDArray[np.uint8],
@@ -59,7 +42,11 @@ def _classify_panels(
     table: NDArray[np.uint8],
     classes: NDArray[np.uint8],
 ) -> None:
-    """Classify pixels by the class of their denoised grey, in place; unchanged pixels keep their class."""
+    """Classify pixels by the class of their denoised grey, in place; unchanged pixels keep their class.
+
+    M is even, N a multiple of 8. A cell has one weight, in units of half a grey, 0 to `MAX_WEIGHT`; between
+    cells the smaller one holds.
+    """
     half_greys = np.ascontiguousarray(table[::2])
     for panel, buffers in _panels(weights, grey.shape[1]):
         _classify_tv(grey, valid, *panel, half_greys, *buffers, classes)
@@ -269,15 +256,9 @@ def refine_by_tv(
     and is refined in place and returned; `grey` is 0 where not valid. `separate` tells whether a step between
     two separate groups of greys is structure, and not noise; see `noise`.
     """
-    two_sided = np.empty((inside.shape[0] // CELL, inside.shape[1] // CELL), np.uint8)
-    _two_sided_cells(inside, valid, np.empty((2, inside.shape[1]), np.uint8), two_sided)
-    if two_sided.any():
-        active = dilate(two_sided)
-        bounds = [bound for bound in (greys[0], greys[1] + 1) if separate and 0 < bound < GREY_LEVELS]
-        weights = _weights(estimate_noise(grey, valid, active, np.array(bounds, np.int64)), active)
-        _threshold_panels(grey, valid, weights, greys, inside)
-        drop_specks(inside, valid, (weights > 0).view(np.uint8))
-    return inside
+    table = np.zeros(GREY_LEVELS, np.uint8)
+    table[greys[0] : greys[1] + 1] = 1
+    return refine_classes_by_tv(inside, valid, grey, table, separate)
 
 
 def refine_classes_by_tv(
@@ -285,6 +266,7 @@ def refine_classes_by_tv(
     valid: NDArray[np.uint8],
     grey: NDArray[np.uint16],
     table: NDArray[np.uint8],
+    separate: bool = True,
 ) -> NDArray[np.uint8]:
     """Classify the pixels around the bounds of several classes by denoised v, in place.
 
@@ -293,11 +275,11 @@ def refine_classes_by_tv(
     those of `refine_by_tv`, with the class of each pixel's own grey, 0 where not valid, in place of its side.
     `table`, (65536,), has the class of each grey, at most `MAX_PIXEL_CLASSES`.
     """
-    two_sided = np.empty((classes.shape[0] // CELL, classes.shape[1] // CELL), np.uint8)
-    _cells_of_two_classes(classes, valid, two_sided)
-    if two_sided.any():
-        active = dilate(two_sided)
-        bounds = 1 + np.flatnonzero(table[1:] != table[:-1])
+    mixed = np.empty((classes.shape[0] // CELL, classes.shape[1] // CELL), np.uint8)
+    _cells_of_two_classes(classes, valid, np.empty((2, classes.shape[1]), np.uint8), mixed)
+    if mixed.any():
+        active = dilate(mixed)
+        bounds = 1 + np.flatnonzero(table[1:] != table[:-1]) if separate else np.empty(0, np.int64)
         weights = _weights(estimate_noise(grey, valid, active, bounds), active)
         _classify_panels(grey, valid, weights, table, classes)
         drop_specks(classes, valid, (weights > 0).view(np.uint8))
@@ -311,38 +293,24 @@ def _weights(noise: NDArray[np.float64], active: NDArray[np.uint8]) -> NDArray[n
 
 
 @inlined
-def add_row(inside, valid, any_in, any_out):  # type: ignore[no-untyped-def]
-    """Accumulate which sides occur in each column."""
-    for c in range(np.uintp(inside.shape[0])):
-        any_in[c] |= inside[c]
-    for c in range(np.uintp(inside.shape[0])):
-        any_out[c] |= valid[c] ^ inside[c]  # a pixel inside is valid
+def add_row(classes, valid, lowest, highest):  # type: ignore[no-untyped-def]
+    """Accumulate the lowest and the highest class of valid pixels in each column."""
+    for c in range(np.uintp(classes.shape[0])):
+        lowest[c] = min(lowest[c], np.uint8(classes[c] | np.uint8(valid[c] - np.uint8(1))))
+    for c in range(np.uintp(classes.shape[0])):
+        highest[c] = max(highest[c], classes[c])  # 0 where not valid
 
 
 @kernel("void(u1[:,::1], u1[:,::1], u1[:,::1], u1[:,::1])")
-def _two_sided_cells(inside, valid, lines, two_sided):  # type: ignore[no-untyped-def]
-    any_in, any_out = lines[0], lines[1]
-    for row in range(two_sided.shape[0]):
-        any_in[:] = 0
-        any_out[:] = 0
+def _cells_of_two_classes(classes, valid, lines, mixed):  # type: ignore[no-untyped-def]
+    lowest, highest = lines[0], lines[1]
+    for row in range(mixed.shape[0]):
+        lowest[:] = 255
+        highest[:] = 0
         for r in range(8 * row, 8 * row + 8):
-            add_row(inside[r], valid[r], any_in, any_out)
-        for cell in range(two_sided.shape[1]):
-            sides = np.uint8(0)
+            add_row(classes[r], valid[r], lowest, highest)
+        for cell in range(mixed.shape[1]):
+            low, high = np.uint8(255), np.uint8(0)
             for c in range(8 * cell, 8 * cell + 8):
-                sides |= any_in[c] | (any_out[c] << np.uint8(1))
-            two_sided[row, cell] = np.uint8(sides == 3)
-
-
-@kernel("void(u1[:,::1], u1[:,::1], u1[:,::1])")
-def _cells_of_two_classes(classes, valid, two_sided):  # type: ignore[no-untyped-def]
-    for row in range(two_sided.shape[0]):
-        for cell in range(np.uintp(two_sided.shape[1])):
-            minimum = np.uint8(255)
-            maximum = np.uint8(0)
-            for r in range(8 * row, 8 * row + 8):
-                for c in range(np.uintp(8) * cell, np.uintp(8) * cell + np.uintp(8)):
-                    if valid[r, c]:
-                        minimum = min(minimum, classes[r, c])
-                        maximum = max(maximum, classes[r, c])
-            two_sided[row, cell] = np.uint8(minimum < maximum)
+                low, high = min(low, lowest[c]), max(high, highest[c])
+            mixed[row, cell] = np.uint8(low < high)

@@ -180,7 +180,7 @@ def added_g(frequency, count, above, below, leave_one_out):  # type: ignore[no-u
 
 
 @kernel(
-    "void(u2[:,::1], u2[:,::1], i8, i8[::1], i8[::1], i8[::1], i8[::1], b1, i8, i8, i8, i8[::1], u2[:,::1])",
+    "void(u2[:,::1], u2[:,::1], i8, i8[::1], i8[::1], i8[::1], i8[::1], b1, i8, i8, i8, i8[::1], u2[:,::1])"
 )
 def _slide_window(  # type: ignore[no-untyped-def]
     symbols, grey, side, model, above, below, whole, leave_one_out, minimum, low, high, table, scores

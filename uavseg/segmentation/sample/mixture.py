@@ -247,8 +247,7 @@ def _purities_of_two(mixture: Mixture, memberships: Points, others: Points) -> P
     Components that neither has, and the raster has, are of a third class.
     """
     one, other = memberships.mean(1), others.mean(1)
-    result: Points = one / (one + np.maximum(other, _ELSEWHERE * mixture.shares) + RARE)
-    return result
+    return np.asarray(one / (one + np.maximum(other, _ELSEWHERE * mixture.shares) + RARE))
 
 
 def _purities(mixture: Mixture, memberships: Points) -> Points:
@@ -260,8 +259,7 @@ def _purities(mixture: Mixture, memberships: Points) -> Points:
     in_sample = memberships.mean(1)
     ratio = in_sample / np.maximum(mixture.shares, RARE)
     largest = ratio[in_sample > _IN_SAMPLE].max()
-    result: Points = np.minimum(ratio / largest, 1)
-    return result
+    return np.asarray(np.minimum(ratio / largest, 1))
 
 
 def _weighted(weights: Points, rows: Points) -> Points:

@@ -23,7 +23,6 @@ from uavseg.units import CELL
 DECISION_HALO = 16  # pixels: a tile with this halo is classified exactly as the whole image
 WINDOW_RADIUS = 6  # pixels on every side of a pixel in its window
 
-_WEIGHT_UNITS = 1024  # units of a weight for a natural logarithm of 1
 PRIOR_PIXELS = 1000  # pseudo-count: pixels in the proportions of the background added to a sample
 WEIGHT_UNITS = 1024  # units of a weight for a natural logarithm of 1
 
@@ -82,8 +81,7 @@ def _log_ratio(sample: NDArray[np.int64], background: NDArray[np.int64]) -> NDAr
     share = background / np.maximum(background.sum(axis=-1, keepdims=True), 1)
     expected = (sample.sum(axis=-1, keepdims=True) + PRIOR_PIXELS) * share
     ratio = np.divide(sample + PRIOR_PIXELS * share, expected, out=np.ones_like(share), where=background > 0)
-    logarithm: NDArray[np.float64] = np.log(ratio)
-    return logarithm
+    return np.asarray(np.log(ratio))
 
 
 def _sample_window_means(sample: SymbolPair, background: NDArray[np.int64], side: int) -> NDArray[np.float64]:
@@ -174,30 +172,32 @@ def log_ratio(one: NDArray[np.int64], other: NDArray[np.int64]) -> NDArray[np.in
     Each is the Krichevsky-Trofimov estimate from (n,) counts: half a count is added.
     """
     first, second = ((counts + 0.5) / (counts.sum() + 0.5 * len(counts)) for counts in (one, other))
-    weights: NDArray[np.int64] = np.rint(np.log(first / second) * _WEIGHT_UNITS).astype(np.int64)
-    return weights
+    return np.asarray(np.rint(np.log(first / second) * WEIGHT_UNITS).astype(np.int64))
 
 
 def classify_pixels(
     cells: NDArray[np.uint8],
     valid: NDArray[np.uint8],
     grey: NDArray[np.uint16],
-    symbols: NDArray[np.uint16],
-    coarse: NDArray[np.uint16],
+    symbols: SymbolPair,
     weights: PixelWeights,
+    colors: Sequence["ColorPlane"] = (),
 ) -> NDArray[np.uint8]:
     """Classify pixels as their cell, in undecided cells by the sign of the weight of a 13 x 13 window.
 
     `cells`, (M / 8, N / 8), are 0 outside, 1 inside, 2 undecided; `valid` and `grey` are (M, N). Pixels along
-    the border have no weight: `symbols`, from `lbp_symbols`, are without a border of one pixel, `coarse`,
-    from `coarse_symbols`, without one of three. The result, (M, N), is 1 inside; 0 where a pixel is not
-    valid.
+    the border have no weight: of the `symbols`, those from `lbp_symbols` are without a border of one pixel,
+    those from `coarse_symbols` without one of three. The weights of further bands, `colors`, are added. The
+    result, (M, N), is 1 inside; 0 where a pixel is not valid.
     """
     inside = np.zeros_like(valid)
+    of_colors = np.zeros(valid.shape if colors else (0, 0), np.int64)
+    for color in colors:
+        of_colors += np.where(color.valid & valid, color.weights[color.grey >> 10], 0)
+    padded = np.pad(symbols[1], 2, constant_values=UNCOUNTED)  # the border is that of the fine symbols
+    tables = (weights.texture, weights.greys, weights.coarse, of_colors)
     columns = np.zeros(valid.shape[1], np.int64)
-    padded = np.pad(coarse, 2, constant_values=UNCOUNTED)  # the border is that of the symbols
-    tables = (weights.texture, weights.greys, weights.coarse)
-    _classify_pixels(cells, valid, grey, symbols, padded, *tables, WINDOW_RADIUS, columns, inside)
+    _classify_pixels(cells, valid, grey, symbols[0], padded, *tables, WINDOW_RADIUS, columns, inside)
     return inside
 
 
@@ -225,10 +225,10 @@ def pixel_weight(symbols, coarse_symbols, grey, valid, r, c, texture, greys, coa
 
 @kernel(
     "void(u1[:,::1], u1[:,::1], u2[:,::1], u2[:,::1], u2[:,::1], "
-    "i8[::1], i8[::1], i8[::1], i8, i8[::1], u1[:,::1])",
+    "i8[::1], i8[::1], i8[::1], i8[:,::1], i8, i8[::1], u1[:,::1])"
 )
 def _classify_pixels(  # type: ignore[no-untyped-def]
-    cells, valid, grey, symbols, coarse_symbols, texture, greys, coarse, radius, columns, inside
+    cells, valid, grey, symbols, coarse_symbols, texture, greys, coarse, colors, radius, columns, inside
 ):
     rows, cols = valid.shape
     for entering in range(1, rows + radius):  # the row that enters the column sums
@@ -237,12 +237,18 @@ def _classify_pixels(  # type: ignore[no-untyped-def]
                 columns[c] += pixel_weight(
                     symbols, coarse_symbols, grey, valid, entering, c, texture, greys, coarse
                 )
+            if colors.shape[0] > 0:
+                for c in range(1, cols - 1):
+                    columns[c] += colors[entering, c]
         leaving = entering - 2 * radius - 1
         if leaving >= 1:
             for c in range(1, cols - 1):
                 columns[c] -= pixel_weight(
                     symbols, coarse_symbols, grey, valid, leaving, c, texture, greys, coarse
                 )
+            if colors.shape[0] > 0:
+                for c in range(1, cols - 1):
+                    columns[c] -= colors[leaving, c]
         r = entering - radius
         if r < 0:
             continue
@@ -266,44 +272,3 @@ class ColorPlane:
     grey: NDArray[np.uint16]
     valid: NDArray[np.uint8]
     weights: NDArray[np.int64]
-
-
-def classify_colored_pixels(
-    cells: NDArray[np.uint8],
-    valid: NDArray[np.uint8],
-    grey: NDArray[np.uint16],
-    symbols: tuple[NDArray[np.uint16], NDArray[np.uint16]],
-    weights: PixelWeights,
-    colors: Sequence[ColorPlane],
-) -> NDArray[np.uint8]:
-    """Classify pixels as `classify_pixels` does, with the weights of further bands added.
-
-    The arguments are those of `classify_pixels`, with both kinds of symbols in a pair.
-    """
-    total = np.zeros(valid.shape, np.int64)
-    inner = total[1:-1, 1:-1]
-    inner += weights.greys[grey[1:-1, 1:-1] >> 10]
-    for table, image in zip((weights.texture, weights.coarse), symbols, strict=True):
-        margin = (inner.shape[0] - image.shape[0]) // 2
-        around = np.pad(image, margin, constant_values=UNCOUNTED)
-        counted = around != UNCOUNTED
-        inner += np.where(counted, table[np.where(counted, around, 0)], 0)
-    for color in colors:
-        inner += np.where(color.valid, color.weights[color.grey >> 10], 0)[1:-1, 1:-1]
-    inner *= valid[1:-1, 1:-1]
-    sides = cells.repeat(8, 0).repeat(8, 1)
-    inside: NDArray[np.uint8] = (
-        (valid != 0) & ((sides == 1) | ((sides == 2) & (_box_sums(total) > 0)))
-    ).view(np.uint8)
-    return inside
-
-
-def _box_sums(values: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Sum over the window of each pixel, as far as it lies within the array."""
-    for axis in (0, 1):
-        length = values.shape[axis]
-        sums = np.concatenate([np.zeros_like(values.take([0], axis)), values.cumsum(axis)], axis)
-        ends = np.arange(length)
-        low, high = np.maximum(ends - WINDOW_RADIUS, 0), np.minimum(ends + WINDOW_RADIUS + 1, length)
-        values = sums.take(high, axis) - sums.take(low, axis)
-    return values

@@ -40,10 +40,7 @@ class SimilarityTable:
 
     @classmethod
     def fit(
-        cls,
-        points: NDArray[np.uint16],
-        sample: NDArray[np.uint16],
-        unlike: NDArray[np.uint16] | None = None,
+        cls, points: NDArray[np.uint16], sample: NDArray[np.uint16], unlike: NDArray[np.uint16] | None = None
     ) -> "SimilarityTable":
         """Fit a table to (n, bands) blurred colours of a raster, of a sample, and of other classes if given.
 
@@ -81,8 +78,7 @@ class SimilarityTable:
 
     def of(self, colors: NDArray[np.uint16]) -> NDArray[np.uint16]:
         """Look up the similarity of (n, bands) colours, 65535 for certain."""
-        result: NDArray[np.uint16] = self.apply([column[None] for column in colors.T])[0]
-        return result
+        return np.asarray(self.apply([column[None] for column in colors.T])[0])
 
     def apply(self, planes: Sequence[NDArray[np.uint16]]) -> NDArray[np.uint16]:
         """Look up the similarity of the pixels of blurred bands, each (M, N)."""
@@ -182,8 +178,7 @@ def _axes(points: Points, sample: Points) -> Points:
     rest = np.cov(values.T)
     keep = np.eye(bands) - np.outer(first, first)
     _, vectors = np.linalg.eigh(keep @ rest @ keep)
-    weights: Points = np.stack([first, vectors[:, -1], vectors[:, -2]]) * scale
-    return weights
+    return np.asarray(np.stack([first, vectors[:, -1], vectors[:, -2]]) * scale)
 
 
 def _project(colors: NDArray[np.uint16], weights: Points) -> Points:

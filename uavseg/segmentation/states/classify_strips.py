@@ -31,6 +31,7 @@ from uavseg.raster.grid.tiling import TilePass, Window, tile_side, tiles, whole_
 from uavseg.segmentation.blocks.leaves import cells_to_pixels
 from uavseg.segmentation.params.segment import StateLimits
 from uavseg.segmentation.source import GreySource
+from uavseg.segmentation.states import state_scans
 from uavseg.segmentation.states.obstacle_evidence import (
     STRONG_ABOVE,
     ValueStatistics,
@@ -39,21 +40,7 @@ from uavseg.segmentation.states.obstacle_evidence import (
     value_statistics,
 )
 from uavseg.segmentation.states.state_image import StateImage, pack_codes, unpack_codes
-from uavseg.segmentation.states.state_scans import (
-    LOOKAHEAD,
-    Codes,
-    compact_columns,
-    compact_rows,
-    count_codes,
-    encode_states,
-    resolve_columns,
-    resolve_rows,
-)
-from uavseg.segmentation.states.thin_structures import (
-    BY_VALUE_ALONE,
-    ThinObstacles,
-    find_thin_obstacles,
-)
+from uavseg.segmentation.states.thin_structures import BY_VALUE_ALONE, ThinObstacles, find_thin_obstacles
 from uavseg.units import BLOCK, CELL, FREE, GREY_MAX, OCCUPIED, UNKNOWN
 
 StateRefinement = Literal["none", "scan"]
@@ -119,7 +106,9 @@ def classify_states(
     upwards = [tile for strip in reversed(strips) for tile in strip]
     encoding, finding = tile_pass.stages(2)
     encode_tile = partial(_encode_tile, source, limits, restore)
-    jobs = LazySequence(len(upwards), partial(_job, cells, upwards))
+    jobs = LazySequence(
+        len(upwards), lambda k: (upwards[k], np.ascontiguousarray(cells[window_cells(upwards[k])]))
+    )
     results = zip(upwards, encoding.run(encode_tile, jobs), strict=True)
     codes, statistics = np.zeros(16, np.int64), ValueStatistics.empty()
     previous = np.zeros(image.cols, np.uint8)
@@ -129,10 +118,10 @@ def classify_states(
         for _, tile in tiles_of_strip:
             statistics = statistics if tile is None else statistics.merged(tile.statistics)
         if refine == "scan":
-            compact_rows(part)
-            compact_columns(part, previous, True)
+            state_scans.compact_rows(part)
+            state_scans.compact_columns(part, previous, True)
         else:
-            codes += count_codes(part)
+            codes += state_scans.count_codes(part)
         image.write_codes(strip[0].row, part)
     next(results, None)  # lets the executor finish and report it
     if refine == "scan":
@@ -166,7 +155,7 @@ def states_by_value(source: GreySource, limits: StateLimits, tile_pass: TilePass
                 parts.append((window, tile))
             part = _assemble_strip(strip, parts, image.cols)
             image.write_codes(row, part)
-            codes += count_codes(part)
+            codes += state_scans.count_codes(part)
     thin = ThinObstacles({FREE: 0, UNKNOWN: 0}, 0)
     return ClassifiedStates(image=image, codes=codes, thin=thin, noise=0.0, trinary=True)
 
@@ -209,29 +198,25 @@ def _scan(image: StateImage, strips: Sequence[tuple[int, int]]) -> NDArray[np.in
     previous = np.zeros(image.cols, np.uint8)
     for row, rows in strips:
         codes = image.read_codes(row, rows)
-        compact_columns(codes, previous, False)
-        resolve_rows(codes)
+        state_scans.compact_columns(codes, previous, False)
+        state_scans.resolve_rows(codes)
         image.write_codes(row, codes)
     previous[:] = 0
     for row, rows in reversed(strips):
-        codes = image.read_codes(row - LOOKAHEAD, rows + LOOKAHEAD)
-        resolve_columns(codes, previous, True)
-        image.write_codes(row, codes[LOOKAHEAD:])
+        codes = image.read_codes(row - state_scans.LOOKAHEAD, rows + state_scans.LOOKAHEAD)
+        state_scans.resolve_columns(codes, previous, True)
+        image.write_codes(row, codes[state_scans.LOOKAHEAD :])
     previous[:] = 0
     counts = np.zeros(16, np.int64)
     for row, rows in strips:
-        codes = image.read_codes(row, rows + LOOKAHEAD)
-        resolve_columns(codes, previous, False)
-        image.write_codes(row, codes[:-LOOKAHEAD])
-        counts += count_codes(codes[:-LOOKAHEAD])
+        codes = image.read_codes(row, rows + state_scans.LOOKAHEAD)
+        state_scans.resolve_columns(codes, previous, False)
+        image.write_codes(row, codes[: -state_scans.LOOKAHEAD])
+        counts += state_scans.count_codes(codes[: -state_scans.LOOKAHEAD])
     return counts
 
 
 _Job = tuple[Window, NDArray[np.uint8]]  # a tile and the states of its cells
-
-
-def _job(cells: NDArray[np.uint8], windows: Sequence[Window], k: int) -> _Job:
-    return windows[k], np.ascontiguousarray(cells[window_cells(windows[k])])
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,7 +243,7 @@ def _encode_tile(source: GreySource, limits: StateLimits, restore: bool, job: _J
         surely_free = min(1 - STRONG_ABOVE, limits.free_below)
         surely_occupied = max(STRONG_ABOVE, limits.occupied_above)
         _free_mixed(tile.grey, states, GREY_MAX * surely_free, GREY_MAX * surely_occupied)
-    pairs = pack_codes(encode_states(states, by_value))
+    pairs = pack_codes(state_scans.encode_states(states, by_value))
     return _EncodedTile(pairs, value_statistics(tile.grey, tile.valid, by_value))
 
 
@@ -277,7 +262,7 @@ def _state_table(limits: StateLimits) -> NDArray[np.uint8]:
 
 def _assemble_strip(
     strip: Sequence[Window], parts: Sequence[tuple[Window, _EncodedTile | None]], cols: int
-) -> Codes:
+) -> state_scans.Codes:
     """Assemble the codes of a strip from those of its tiles."""
     codes = np.zeros((whole_blocks(strip[0].rows), cols), np.uint8)
     for window, tile in parts:

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from uavseg._jit import inlined, kernel
 from uavseg.dataclass import dataclass
 from uavseg.raster.grid.tiling import TilePass, Window, whole_blocks
-from uavseg.segmentation.components import WORD, number_roots, root_of, union_roots
+from uavseg.segmentation.components import WORD, label_components, union_roots
 from uavseg.segmentation.source import GreySource
 from uavseg.segmentation.states.obstacle_evidence import MIN_CELLS, EvidenceRule
 from uavseg.segmentation.states.state_image import StateImage
@@ -113,7 +113,7 @@ def _chosen(
     mask: NDArray[np.uint8], chosen: NDArray[np.bool_]
 ) -> tuple[tuple[NDArray[np.uint32], NDArray[np.bool_]], NDArray[np.bool_]]:
     """Label a chunk; return labels with whether each is chosen, and the choices of later chunks."""
-    labels, count = label_8_connected(mask)
+    labels, count = label_components(mask, diagonally=True)
     return (labels, np.concatenate([[False], chosen[:count]])), chosen[count:]
 
 
@@ -242,7 +242,7 @@ class ThinComponents:
         The arrays are (M, N), with N a multiple of 8: 1 where a cell belongs to a component; its evidence; 1
         where it touches an occupied cell.
         """
-        labels, count = label_8_connected(mask)
+        labels, count = label_components(mask, diagonally=True)
         sums = np.zeros((3, count), np.int64)
         if count:
             _sum_components(labels, mask.view(np.uint64), evidence, attached, sums)
@@ -282,62 +282,6 @@ class ThinComponents:
             if touching.any():
                 pairs = np.stack([here[touching], above[touching]], axis=1) - 1
                 self._pairs.append(np.unique(pairs, axis=0))
-
-
-def label_8_connected(mask: Mask) -> tuple[NDArray[np.uint32], int]:
-    """Label the 8-connected components of a mask in raster order of their first pixels, and count them.
-
-    N, the number of columns, is a multiple of 8.
-
-    Examples
-    --------
-    >>> mask = np.array([[1, 0, 0, 1, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0, 1, 1]], np.uint8)
-    >>> label_8_connected(mask)[0]
-    array([[1, 0, 0, 2, 0, 0, 0, 0],
-           [0, 1, 0, 0, 0, 0, 3, 3]], dtype=uint32)
-    """
-    labels = np.zeros(mask.shape, np.uint32)
-    if not mask.any():
-        return labels, 0
-    max_count = (mask.shape[0] + 1) // 2 * ((mask.shape[1] + 1) // 2)
-    return labels, _label(mask, mask.view(np.uint64), labels, np.empty(max_count + 1, np.uint32))
-
-
-@kernel("i8(u1[:,::1], u8[:,::1], u4[:,::1], u4[::1])")
-def _label(mask, words, labels, parents):  # type: ignore[no-untyped-def]
-    # The smaller label is the root, so roots are in raster order; the second pass renumbers them. Words are
-    # eight pixels each.
-    rows, cols = mask.shape
-    used = np.uint32(0)
-    parents[0] = 0
-    for r in range(rows):
-        for word in range(words.shape[1]):
-            if words[r, word] == 0:
-                continue
-            for c in range(word * WORD, word * WORD + WORD):
-                if mask[r, c] == 0:
-                    continue
-                label = labels[r, c - 1] if c > 0 else np.uint32(0)
-                for k in range(max(c - 1, 0), min(c + 2, cols) if r > 0 else 0):
-                    if labels[r - 1, k]:
-                        root = root_of(parents, labels[r - 1, k])
-                        if label != 0:
-                            label = root_of(parents, label)
-                            parents[max(label, root)] = min(label, root)
-                            root = min(label, root)
-                        label = root
-                if label == 0:
-                    used += np.uint32(1)
-                    parents[used] = used
-                    label = used
-                labels[r, c] = label
-    count = number_roots(parents, used)
-    for r in range(rows):
-        for word in range(words.shape[1]):
-            if words[r, word]:
-                for c in range(word * WORD, word * WORD + WORD):
-                    labels[r, c] = parents[labels[r, c]]
-    return count
 
 
 @kernel("void(u4[:,::1], u8[:,::1], u1[:,::1], u1[:,::1], i8[:,::1])")
