@@ -11,6 +11,7 @@ from typing import Any
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.formats.options import FileOptions
+from uavseg.flight.formats.vehicle_state import VehicleState
 from uavseg.flight.mission.items import (
     AUTOPILOTS,
     CAMERA_DISTANCE,
@@ -266,14 +267,17 @@ def read_plan(content: bytes, name: str) -> Mission:
     home = HomePosition(*(float(value or 0.0) for value in mission["plannedHomePosition"]))
     geofence = {} if plan.get("geoFence") is None else plan["geoFence"]
     rally = plan.get("rallyPoints") or {}
-    items = tuple(_numbered(number, item) for number, item in enumerate(_flat(mission["items"]), start=1))
+    state = VehicleState(home.lat, home.lon) if autopilot == "ardupilot" else None
+    rows = enumerate(_flat(mission["items"]), start=1)
+    items = tuple(_numbered(number, item, state) for number, item in rows)
+    odd = () if state is None else state.notes()
     breach = ("the breach return point of the fence was not read",) if geofence.get("breachReturn") else ()
     return Mission(
         home=home,
         items=items,
         autopilot=autopilot,
         name=name,
-        notes=breach,
+        notes=(*breach, *odd),
         fence=_fence_from_json(geofence),
         rally=tuple(
             RallyPoint(float(lat), float(lon), float(altitude_m))
@@ -291,17 +295,19 @@ def _flat(items: Sequence[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
             yield from items_of_survey(item)
 
 
-def _numbered(number: int, item: Mapping[str, Any]) -> MissionItem:
-    """Read an item; errors name its number."""
+def _numbered(number: int, item: Mapping[str, Any], state: VehicleState | None) -> MissionItem:
+    """Read an item; errors name its number. The state is that of a vehicle with ArduPilot."""
     try:
-        return _item_of_plan(item)
+        fields = _fields_of(item)
+        return MissionItem(**fields) if state is None else state.item(number, **fields)
     except MissionError as error:
         raise MissionError(f"item {number}: {error}") from error
     except _MISFITS as error:
         raise MissionError(f"item {number}: {cause_of(error)}") from error
 
 
-def _item_of_plan(item: Mapping[str, Any]) -> MissionItem:
+def _fields_of(item: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields of `MissionItem` of a simple item."""
     if item["type"] != "SimpleItem":
         raise MissionError(f"an item of a survey is of type {shown(item['type'])}; expected SimpleItem")
     first, second, third, fourth, *place = (None if p is None else float(p) for p in item["params"])
@@ -309,15 +315,15 @@ def _item_of_plan(item: Mapping[str, Any]) -> MissionItem:
     autocontinue = item.get("autoContinue", True)
     if not isinstance(autocontinue, bool):
         raise MissionError(f"autoContinue is {shown(autocontinue)}; expected true or false")
-    return MissionItem(
-        command=int(item["command"]),
-        frame=int(item["frame"]),
-        params=(first, second, third, fourth),
-        lat=lat,
-        lon=lon,
-        altitude_m=altitude_m,
-        autocontinue=autocontinue,
-    )
+    return {
+        "command": int(item["command"]),
+        "frame": int(item["frame"]),
+        "params": (first, second, third, fourth),
+        "lat": lat,
+        "lon": lon,
+        "altitude_m": altitude_m,
+        "autocontinue": autocontinue,
+    }
 
 
 def _fence_to_json(fence: Iterable[Fence]) -> dict[str, Any]:

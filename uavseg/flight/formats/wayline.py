@@ -9,6 +9,7 @@ from dataclasses import replace
 
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
+from uavseg.flight.formats.vehicle_state import HOME_UNKNOWN
 from uavseg.flight.mission.items import (
     CAMERA_DISTANCE,
     CHANGE_SPEED,
@@ -225,8 +226,7 @@ def mission_of_wayline(wayline: Wayline, name: str, notes: Sequence[str]) -> Mis
     home = HomePosition(first.lat, first.lon)
     items = tuple(items_of_wayline(wayline, home))
     autopilot = "ardupilot" if any(item.frame == FRAME_TERRAIN for item in items) else "generic"
-    where = "the file does not hold home: the position of the first waypoint is taken, at 0 m above the sea"
-    return Mission(home, items, autopilot, name, (*notes, where))
+    return Mission(home, items, autopilot, name, (*notes, HOME_UNKNOWN))
 
 
 def wayline_losses(mission: Mission, wayline: Wayline, format_name: str) -> list[str]:

@@ -170,6 +170,11 @@ def _check_ardupilot(item: MissionItem) -> None:
         )
     if item.command in {CAMERA_INTERVAL, CONDITION_GATE}:
         raise MissionError(f"ArduPilot does not know command {item.command}")
+    if item.has_position and item.command not in {*TAKEOFFS, *LANDINGS}:
+        if item.altitude_m == 0:
+            raise MissionError("ArduPilot reads altitude 0 as the height that the vehicle has; give 0.01")
+        if item.lat == 0 and item.lon == 0:
+            raise MissionError("ArduPilot reads position 0,0 as where the vehicle is; give 0.0000001,0")
 
 
 def _check_px4(item: MissionItem) -> None:
