@@ -16,6 +16,7 @@ from uavseg.flight.mission.items import (
     FRAME_RELATIVE,
     LAND,
     POSITION_COMMANDS,
+    RETURN,
     TAKEOFF,
     WAYPOINT,
     HomePosition,
@@ -58,6 +59,9 @@ def test_position_0_0_is_where_the_vehicle_is(tmp_path: Path) -> None:
     assert up.is_at_vehicle  # a takeoff keeps it
     assert (at_home.lat, at_home.lon) == (mission.home.lat, mission.home.lon)
     assert (again.lat, again.lon) == (there.lat, there.lon) == (-35.362, 149.165)
+    after = [row(3), row(4, 94), row(5, 19, lat=0, lon=0), row(6, 20), row(7, lat=0, lon=0)]
+    places = [(item.lat, item.lon) for item in read(rows(HOME, UP, row(2), *after), tmp_path).items]
+    assert places[4] == places[3] and places[6] == (mission.home.lat, mission.home.lon)
     assert any(text.startswith("items 2, 4: position 0,0") for text in mission.warnings)
 
 
@@ -158,7 +162,9 @@ def test_a_file_whose_heights_and_places_are_left_out_is_read_as_the_one_that_re
             item = replace(item, lat=place[0], lon=place[1], frame=height[0], altitude_m=height[1])
         if moves and item.command != LAND:
             height = item.frame, item.altitude_m
-        if moves and item.command != TAKEOFF:
+        if item.command == RETURN:
+            place = mission.home.lat, mission.home.lon
+        elif moves and item.command != TAKEOFF:
             place = item.lat, item.lon
         items.append(item)
     try:

@@ -267,7 +267,7 @@ def read_plan(content: bytes, name: str) -> Mission:
     home = HomePosition(*(float(value or 0.0) for value in mission["plannedHomePosition"]))
     geofence = {} if plan.get("geoFence") is None else plan["geoFence"]
     rally = plan.get("rallyPoints") or {}
-    state = VehicleState(home.lat, home.lon) if autopilot == "ardupilot" else None
+    state = VehicleState(home) if autopilot == "ardupilot" else None
     rows = enumerate(_flat(mission["items"]), start=1)
     items = tuple(_numbered(number, item, state) for number, item in rows)
     odd = () if state is None else state.notes()

@@ -15,9 +15,12 @@ from uavseg.flight.mission.items import (
     FRAME_RELATIVE,
     FRAME_TERRAIN,
     LANDINGS,
+    LAST_NAV,
     LOITER_TO_ALTITUDE,
     POSITION_COMMANDS,
+    RETURN,
     TAKEOFFS,
+    HomePosition,
     MissionItem,
 )
 
@@ -32,11 +35,15 @@ _FRAMES = {FRAME_MISSION: FRAME_AMSL, 5: FRAME_AMSL, 6: FRAME_RELATIVE, 11: FRAM
 class VehicleState:
     """Position and height of a vehicle with ArduPilot at each item of a mission that is read in order."""
 
-    lat: float
-    lon: float
+    home: HomePosition
+    lat: float = field(init=False)
+    lon: float = field(init=False)
     height: tuple[int, float] | None = None  # frame and metres; None while no item has said them
     kept: list[str] = field(default_factory=list)  # which items keep which height
     here: list[str] = field(default_factory=list)  # which items are where the vehicle is
+
+    def __post_init__(self) -> None:
+        self.lat, self.lon = self.home.lat, self.home.lon
 
     def item(self, number: int, **given: Any) -> MissionItem:
         """Return the item with this number, of which fields of `MissionItem` are given.
@@ -44,10 +51,14 @@ class VehicleState:
         A MissionError says that it has no height of its own, and no item before it has one.
         """
         command, landing = given["command"], given["command"] in LANDINGS
+        at_vehicle = given["lat"] == 0 and given["lon"] == 0
+        if command == RETURN:
+            self.lat, self.lon = self.home.lat, self.home.lon
+        elif not at_vehicle and command <= LAST_NAV and command not in TAKEOFFS:  # these climb straight up
+            self.lat, self.lon = given["lat"], given["lon"]
         if command not in POSITION_COMMANDS:
             return MissionItem(**given)
         given["frame"] = _FRAMES.get(given["frame"], given["frame"])
-        at_vehicle = given["lat"] == 0 and given["lon"] == 0
         if at_vehicle and not landing and command not in TAKEOFFS:
             given |= {"lat": self.lat, "lon": self.lon}
             self.here.append(str(number))
@@ -62,8 +73,6 @@ class VehicleState:
             given["frame"], given["altitude_m"] = self.height
             self.kept.append(f"{number} ({self.height[1]:g} m)")
         item = MissionItem(**given)
-        if not at_vehicle and command not in TAKEOFFS:
-            self.lat, self.lon = item.lat, item.lon
         if not landing:
             self.height = item.frame, item.altitude_m
         return item

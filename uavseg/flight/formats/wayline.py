@@ -22,6 +22,7 @@ from uavseg.flight.mission.items import (
     IMAGE_STOP,
     JUMP,
     LAND,
+    LAST_NAV,
     LOITER_TIME,
     MOUNT_CONTROL,
     RETURN,
@@ -32,7 +33,6 @@ from uavseg.flight.mission.items import (
 )
 from uavseg.flight.mission.mission import CRUISE_M_S, Mission
 
-LAST_NAV = 95  # MAV_CMD_NAV_LAST: commands up to it move the vehicle
 TARGETING = 2.0  # MAV_MOUNT_MODE_MAVLINK_TARGETING
 FINISH_RETURN, FINISH_LAND, FINISH_NONE = "return", "land", "none"
 

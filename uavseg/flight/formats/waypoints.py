@@ -72,7 +72,7 @@ def read_waypoints(content: bytes, name: str) -> Mission:
             )
     items = [fields for _, fields in rows[1 - first :]]
     home, notes = _home(rows[0][1] if rows and not first else None, items)
-    state = VehicleState(home.lat, home.lon)
+    state = VehicleState(home)
     read = tuple(_item_of_row(fields, state) for fields in items)
     return Mission(home, read, name=name, notes=(*notes, *state.notes()))
 
