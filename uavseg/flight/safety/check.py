@@ -14,7 +14,9 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.mission.items import (
     FRAME_AMSL,
+    FRAME_RELATIVE,
     FRAME_TERRAIN,
+    LANDINGS,
     RETURN,
     TAKEOFFS,
     Fence,
@@ -298,7 +300,10 @@ class SafetyCheck:
 
         if len(self.zones):
             zones = shapely.STRtree(shapely.make_valid(plane.project_polygons(self.zones)))
+            sure_m = _sure_heights_m(mission)
+            above = np.minimum(sure_m[:-1], sure_m[1:]) >= self.safety.over_zones_m - SLACK_M
             legs = shapely.linestrings(np.stack([xy[:-1], xy[1:]], axis=1))
+            legs[above] = None
             yield from self._near_zones(zones, legs, leg_name)
             yield from self._near_zones(zones, [shapely.Point(place) for place in rally_xy], rally_name)
         yield from fence_problems(mission)
@@ -324,16 +329,34 @@ class SafetyCheck:
                     "allowed (--max-distance)"
                 )
 
-    def _near_zones(self, zones: shapely.STRtree, shapes: Sequence[Any], name: Name) -> Iterator[str]:
-        if not len(shapes):
+    def _near_zones(self, zones: shapely.STRtree, shapes: Any, name: Name) -> Iterator[str]:
+        (which, _), distance = zones.query_nearest(shapes, return_distance=True, all_matches=False)
+        if not len(which):
             return
-        _, distance = zones.query_nearest(shapes, return_distance=True, all_matches=False)
-        nearest, margin_m = int(distance.argmin()), self.safety.avoid_margin_m
-        if distance[nearest] < margin_m - SLACK_M or distance[nearest] == 0:
+        nearest, safety = int(distance.argmin()), self.safety
+        if distance[nearest] < safety.avoid_margin_m - SLACK_M or distance[nearest] == 0:
+            tall = safety.zone_height_m is not None
+            over = f", or {safety.over_zones_m:g} m above home to pass over it" if tall else ""
             yield (
-                f"{name(nearest)} comes within {distance[nearest]:.1f} m of a keep-out zone, "
-                f"and at least {margin_m:g} m are kept"
+                f"{name(int(which[nearest]))} comes within {distance[nearest]:.1f} m of a keep-out zone, "
+                f"and at least {safety.avoid_margin_m:g} m are kept{over}"
             )
+
+
+def _sure_heights_m(mission: Mission) -> Floats:
+    """Return the heights above home at the positions of `Mission.path`, minus infinity where not certain.
+
+    Heights above the sea depend on that of home, and those above the terrain on the ground; where it lands,
+    the vehicle is on the ground.
+    """
+    heights = [0.0]
+    for item in mission.items:
+        if item.has_position:
+            sure = item.frame == FRAME_RELATIVE and item.command not in LANDINGS
+            heights.append(item.altitude_m if sure else -math.inf)
+        elif item.command == RETURN:
+            heights.append(heights[-1])
+    return np.array(heights)
 
 
 def _greatest_above(

@@ -47,6 +47,7 @@ IsGround = Callable[[float, float], bool]
 CLEARANCE_M = 15.0  # from home to regions and to zones with their margin
 SIMPLIFIED_M = 0.75  # tolerance for outlines of many corners; GEOS moves the ends of rings by up to twice it
 HOME_STEP_M = 5.0
+HOME_GAP_M = 1.0  # from zones with their margin to a place that is named instead of a home in them
 MAX_TRIES = 5000
 _DECIMALS = 7  # of degrees: a centimetre
 
@@ -63,7 +64,13 @@ class KeepOut:
     """
 
     zones: Sequence[Any] = ()  # shapely, in metres
-    margin_m: float = 0.0  # minimum distance to the zones
+    margin_m: float = 0.0  # minimum distance of the vehicle to the zones
+    deviation_m: float = 0.0  # by which the vehicle may leave its legs
+
+    @property
+    def legs_m(self) -> float:
+        """Minimum distance of legs to the zones."""
+        return self.margin_m + self.deviation_m
 
     @cached_property
     def _merged(self) -> Any:
@@ -80,17 +87,17 @@ class KeepOut:
 
     @cached_property
     def grown(self) -> Any:
-        """Zones grown by the margin and a little more, with few corners."""
+        """Zones grown by the distance of legs and a little more, with few corners."""
         if not self.zones:
             return shapely.MultiPolygon()
-        tolerance_m = max(self.margin_m / 8, MIN_TOLERANCE_M)
+        tolerance_m = max(self.legs_m / 8, MIN_TOLERANCE_M)
         required = self._merged
-        if self.margin_m:
-            required = shapely.buffer(required, self.margin_m / math.cos(math.pi / 32), quad_segs=8)
-        grown = _grown(self._merged, required, self.margin_m, tolerance_m)
+        if self.legs_m:
+            required = shapely.buffer(required, self.legs_m / math.cos(math.pi / 32), quad_segs=8)
+        grown = _grown(self._merged, required, self.legs_m, tolerance_m)
         while shapely.get_num_coordinates(grown) > MAX_CORNERS and tolerance_m < MAX_TOLERANCE_M:
             zones = enclosing(self._merged, tolerance_m)
-            grown = _smoothed(zones, required, self.margin_m, tolerance_m)
+            grown = _smoothed(zones, required, self.legs_m, tolerance_m)
             tolerance_m *= 2
         shapely.prepare(grown)
         return grown
@@ -232,6 +239,41 @@ def near_zones(zones: Sequence[Any], places: Sequence[Any], reach_m: float) -> l
             return [zone for zone, is_near in zip(zones, near.tolist(), strict=True) if is_near]
         near = reached
         hull = shapely.convex_hull(shapely.union_all([hull, *shapely.convex_hull(parts[near])]))
+
+
+def keep_out_of(
+    zones: Sequence[Any], home: Floats, plane: Plane, params: PlanParams
+) -> tuple[KeepOut, list[str]]:
+    """Return what a flight keeps out of, with notes; nothing where it is above the zones.
+
+    The zones and home, (2,), are in metres of the plane. A MissionError says that home lies in a zone or its
+    margin, and where the nearest place is that does not: the vehicle takes off and lands there.
+    """
+    safety = params.safety
+    vehicles = returning_vehicles(params.vehicle, params.autopilot)
+    deviation_m = max(vehicle.deviation_m(params.speed_m_s) for vehicle in vehicles)
+    keep_out = KeepOut(zones, safety.avoid_margin_m, deviation_m)
+    if not keep_out.space.is_free(home[None])[0]:
+        outlines = shapely.get_exterior_ring(shapely.get_parts(shapely.buffer(keep_out.grown, HOME_GAP_M)))
+        free = shapely.union_all(shapely.polygons(outlines)).boundary  # outside of islands in zones
+        x, y = shapely.get_coordinates(shapely.shortest_line(shapely.Point(home), free))[1]
+        lon, lat = plane.lonlat_from_xy(x, y)
+        raise MissionError(
+            f"home lies in a keep-out zone or its margin, {keep_out.legs_m:.3g} m with turns at "
+            f"{params.speed_m_s:g} m/s; the nearest free place is {float(lat):.7f},{float(lon):.7f}: look at "
+            "it and start there (--home), or give a smaller --avoid-margin"
+        )
+    if not zones or safety.zone_height_m is None:
+        return keep_out, []
+    tall = f"keep-out zones are {safety.zone_height_m:g} m tall (--zone-height)"
+    if params.altitude_m < safety.over_zones_m:
+        return keep_out, [
+            f"{tall}: the flight leads around them, over them from {safety.over_zones_m:g} m on"
+        ]
+    return KeepOut(), [
+        f"{tall}: at {params.altitude_m:g} m the flight may pass over them, and its fence does not exclude "
+        "them; takeoff and landing at home keep away from them"
+    ]
 
 
 def return_notes(path: Floats, keep_out: KeepOut, plane: Plane, params: PlanParams) -> Iterator[str]:
