@@ -210,5 +210,5 @@ def _planned(
     from uavseg.jobs.flights.request import open_regions, zone_polygons
 
     with showing_phases(reporter.quiet):
-        zones = zone_polygons(options.flight.safety.avoid, source)
-        return plan(open_regions(found.regions), flight, zones, source)
+        zones, notes = zone_polygons(options.flight.safety, source)
+        return plan(open_regions(found.regions), flight, zones, source, notes)

@@ -164,12 +164,15 @@ class SurveyParams:
 @checked
 @dataclass(frozen=True, slots=True)
 class CorridorParams:
-    """Parameters of corridors: metres by which the regions are grown before they are covered."""
+    """Parameters of corridors."""
 
-    margin_m: float = 0.0
+    margin_m: float = 0.0  # metres by which the regions are grown before they are covered
+    width_m: float | None = None  # of regions that are given as lines; by default half of the spacing
 
     def __post_init__(self) -> None:
         _check("margin", self.margin_m, 0, MAX_MARGIN_M, "m")
+        if self.width_m is not None:
+            _check("width of a corridor", self.width_m, MIN_NUMBER, MAX_DISTANCE_M, "m")
 
 
 @checked

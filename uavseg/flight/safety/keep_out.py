@@ -259,9 +259,9 @@ def keep_out_of(
         x, y = shapely.get_coordinates(shapely.shortest_line(shapely.Point(home), free))[1]
         lon, lat = plane.lonlat_from_xy(x, y)
         raise MissionError(
-            f"home lies in a keep-out zone or its margin, {keep_out.legs_m:.3g} m with turns at "
-            f"{params.speed_m_s:g} m/s; the nearest free place is {float(lat):.7f},{float(lon):.7f}: look at "
-            "it and start there (--home), or give a smaller --avoid-margin"
+            f"home lies in a keep-out zone or its margin, {keep_out.legs_m:.3g} m with what the vehicle may "
+            f"leave its legs by at {params.speed_m_s:g} m/s; the nearest free place is {float(lat):.7f},"
+            f"{float(lon):.7f}: look at it and start there (--home), or give a smaller --avoid-margin"
         )
     if not zones or safety.zone_height_m is None:
         return keep_out, []

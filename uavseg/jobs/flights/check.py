@@ -69,11 +69,16 @@ class CheckRequest:
     safety: SafetyParams = ANY_HEIGHT  # by default any height and distance is accepted
     zones: Sequence[Any] = ()  # keep-out zones: polygons in degrees (lon, lat; WGS 84)
     dem: Dem | None = None  # no leg is nearer to it than `CLEARANCE_M`, and heights are those above it
+    notes: tuple[str, ...] = ()  # on the zones
 
     def __post_init__(self) -> None:
         if self.autopilot is not None and self.autopilot not in AUTOPILOTS:
             raise ParameterError(
                 f"an autopilot is one of {', '.join(AUTOPILOTS)}, not {shown(self.autopilot)}"
+            )
+        if self.safety.zone_height_m is not None and not len(self.zones):
+            raise ParameterError(
+                "--zone-height is for keep-out zones, and there are none; give them with --avoid"
             )
 
 
@@ -101,11 +106,12 @@ class MissionCheck:
     autopilot: str
     verdicts: tuple[Verdict, ...]
     problems: tuple[str, ...]
+    notes: tuple[str, ...] = ()  # on what it was checked against
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """What the person who flies it should know."""
-        notes = list(self.mission.warnings)
+        notes = [*self.notes, *self.mission.warnings]
         unknown = sorted({item.command for item in self.mission.items} - KNOWN)
         if unknown:
             notes.append(
@@ -182,7 +188,13 @@ def check(source: str | os.PathLike[str] | Mission, request: CheckRequest) -> Mi
         problems += _paper_check(mission, request, requested).problems(mission)
         if mission.fence or request.zones or request.dem is not None:
             problems += _not_followed(mission)
-    return MissionCheck(mission, requested or mission.autopilot, tuple(verdicts), tuple(problems))
+    return MissionCheck(
+        mission=mission,
+        autopilot=requested or mission.autopilot,
+        verdicts=tuple(verdicts),
+        problems=tuple(problems),
+        notes=request.notes,
+    )
 
 
 def _not_followed(mission: Mission) -> list[str]:
@@ -208,9 +220,20 @@ def check_request(options: CheckOptions) -> CheckRequest:
     """Return what a mission is checked for, with keep-out zones and an elevation model opened."""
     limits, dem = options.safety, options.terrain.dem
     highest = MAX_HEIGHT_M if limits.max_altitude is None else limits.max_altitude
-    safety = SafetyParams(limits.avoid_margin, max_altitude_m=highest, max_distance_m=limits.max_distance)
-    zones = tuple(zone_polygons(limits.avoid))
-    return CheckRequest(options.autopilot, safety, zones, None if dem is None else Dem.open(dem))
+    safety = SafetyParams(
+        avoid_margin_m=limits.avoid_margin,
+        max_altitude_m=highest,
+        max_distance_m=limits.max_distance,
+        zone_height_m=limits.zone_height,
+    )
+    zones, notes = zone_polygons(limits)
+    return CheckRequest(
+        autopilot=options.autopilot,
+        safety=safety,
+        zones=tuple(zones),
+        dem=None if dem is None else Dem.open(dem),
+        notes=tuple(notes),
+    )
 
 
 def _paper_check(mission: Mission, request: CheckRequest, autopilot: str | None) -> SafetyCheck:
