@@ -211,8 +211,8 @@ class SafetyOptions(Options):
         label="Width of lines and points that are zones",
     )
     zone_height: float | None = option(
-        "Height of all keep-out zones above home: flights that are higher by --avoid-margin, and 5 m at "
-        "least, may pass over them.  [default: they reach to the sky]",
+        "How high all zones are above home: a flight that is higher by their margin, and by 5 m, may pass "
+        "over them.  [default: they reach to the sky]",
         metavar="M",
         label="Height of keep-out zones",
     )
