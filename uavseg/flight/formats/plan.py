@@ -11,7 +11,7 @@ from typing import Any
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.formats.options import FileOptions
-from uavseg.flight.formats.vehicle_state import VehicleState
+from uavseg.flight.formats.waypoints import ItemReader
 from uavseg.flight.mission.items import (
     AUTOPILOTS,
     CAMERA_DISTANCE,
@@ -28,7 +28,7 @@ from uavseg.flight.mission.items import (
 )
 from uavseg.flight.mission.mission import Mission, Position, SurveyBlock
 from uavseg.inputs import parse_json
-from uavseg.plain_text import cause_of, shown
+from uavseg.plain_text import shown
 
 ALTITUDE_MODES = {FRAME_RELATIVE: 1, FRAME_AMSL: 2, FRAME_TERRAIN: 4}  # QGroundControl's enum, by MAV_FRAME
 SURVEY_VERSION = 5
@@ -169,7 +169,6 @@ def items_of_survey(item: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 _MIXED = 0  # of the same enum: items differ
 _QUADROTOR = 2  # MAV_TYPE
 _PLANE_SPEED_M_S = 15  # .plan requires a fixed-wing speed; a multirotor does not use it
-_MISFITS = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError)
 _VERSION, _SHAPE_VERSION = 2, 1
 
 
@@ -267,17 +266,15 @@ def read_plan(content: bytes, name: str) -> Mission:
     home = HomePosition(*(float(value or 0.0) for value in mission["plannedHomePosition"]))
     geofence = {} if plan.get("geoFence") is None else plan["geoFence"]
     rally = plan.get("rallyPoints") or {}
-    state = VehicleState(home) if autopilot == "ardupilot" else None
-    rows = enumerate(_flat(mission["items"]), start=1)
-    items = tuple(_numbered(number, item, state) for number, item in rows)
-    odd = () if state is None else state.notes()
+    reader = ItemReader(home, autopilot)
+    items = reader.read(_flat(mission["items"]), _fields_of)
     breach = ("the breach return point of the fence was not read",) if geofence.get("breachReturn") else ()
     return Mission(
         home=home,
         items=items,
         autopilot=autopilot,
         name=name,
-        notes=(*breach, *odd),
+        notes=(*breach, *reader.notes),
         fence=_fence_from_json(geofence),
         rally=tuple(
             RallyPoint(float(lat), float(lon), float(altitude_m))
@@ -293,17 +290,6 @@ def _flat(items: Sequence[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
             yield item
         else:
             yield from items_of_survey(item)
-
-
-def _numbered(number: int, item: Mapping[str, Any], state: VehicleState | None) -> MissionItem:
-    """Read an item; errors name its number. The state is that of a vehicle with ArduPilot."""
-    try:
-        fields = _fields_of(item)
-        return MissionItem(**fields) if state is None else state.item(number, **fields)
-    except MissionError as error:
-        raise MissionError(f"item {number}: {error}") from error
-    except _MISFITS as error:
-        raise MissionError(f"item {number}: {cause_of(error)}") from error
 
 
 def _fields_of(item: Mapping[str, Any]) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
-from uavseg.flight.formats.vehicle_state import HOME_UNKNOWN
+from uavseg.flight.formats.waypoints import HOME_UNKNOWN
 from uavseg.flight.mission.items import (
     CAMERA_DISTANCE,
     CHANGE_SPEED,

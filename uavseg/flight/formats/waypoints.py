@@ -1,25 +1,38 @@
 """Mission Planner's .waypoints files (QGC WPL 110)."""
 
 import re
+from collections.abc import Callable, Iterable
+from typing import Any, TypeVar
 
 import numpy as np
 
 from uavseg.errors import MissionError
 from uavseg.flight.formats.options import FileOptions
-from uavseg.flight.formats.vehicle_state import HOME_UNKNOWN, VehicleState
 from uavseg.flight.mission.items import (
     FRAME_AMSL,
+    FRAME_MISSION,
     FRAME_RELATIVE,
+    FRAME_TERRAIN,
     HEADING_COMMANDS,
+    LANDINGS,
+    LAST_NAV,
+    LOITER_TO_ALTITUDE,
     POSITION_COMMANDS,
+    RETURN,
+    TAKEOFFS,
     WAYPOINT,
     HomePosition,
     MissionItem,
 )
 from uavseg.flight.mission.mission import Mission
-from uavseg.plain_text import shown
+from uavseg.plain_text import cause_of, shown
 
 HEADER = "QGC WPL 110"
+MISFITS = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError)
+R = TypeVar("R")
+HOME_UNKNOWN = (
+    "the file does not hold home: the position of the first waypoint is taken, at 0 m above the sea"
+)
 
 
 def waypoints_losses(mission: Mission, options: FileOptions) -> list[str]:
@@ -70,53 +83,104 @@ def read_waypoints(content: bytes, name: str) -> Mission:
             raise MissionError(
                 f"line {line} is not item {number} with 12 fields separated by TAB, spaces or commas"
             )
-    items = [fields for _, fields in rows[1 - first :]]
-    home, notes = _home(rows[0][1] if rows and not first else None, items)
-    state = VehicleState(home)
-    read = tuple(_item_of_row(fields, state) for fields in items)
-    return Mission(home, read, name=name, notes=(*notes, *state.notes()))
+    home, notes = _home([fields for _, fields in rows])
+    reader = ItemReader(home)
+    items = reader.read([fields for _, fields in rows[1 - first :]], _fields_of)
+    return Mission(home, items, name=name, notes=(*notes, *reader.notes))
 
 
 _SEPARATOR = re.compile(r"\s*,\s*|\s+")
 
 
-def _home(row: list[str] | None, items: list[list[str]]) -> tuple[HomePosition, list[str]]:
-    """Return home, by its row where there is one, with notes."""
+def _home(rows: list[list[str]]) -> tuple[HomePosition, list[str]]:
+    """Return home, which is row 0, or the first position, with notes."""
     notes = []
-    if row is not None:
-        if (int(row[3]), int(row[2])) != (WAYPOINT, FRAME_AMSL):
-            notes.append(
-                f"row 0 (command {row[3]} in frame {row[2]}) is home for ArduPilot, which does not fly it"
-            )
-        lat, lon, altitude_m = map(float, row[8:11])
-        if lat != 0 or lon != 0:
+    if rows and rows[0][0] == "0" and rows[0][2:4] != [str(FRAME_AMSL), str(WAYPOINT)]:
+        notes.append(f"row 0 is home for ArduPilot, which does not fly its command {rows[0][3]}")
+    for fields in rows:
+        lat, lon, altitude_m = map(float, fields[8:11])
+        if lat == 0 and lon == 0:
+            continue
+        if fields[0] == "0":
             return HomePosition(lat, lon, altitude_m), notes
-    positions = (
-        (float(fields[8]), float(fields[9])) for fields in items if int(fields[3]) in POSITION_COMMANDS
-    )
-    first = next((position for position in positions if position != (0, 0)), None)
-    if first is None:
-        raise MissionError("it holds neither home nor a position to fly to")
-    return HomePosition(*first), [*notes, HOME_UNKNOWN]
+        if int(fields[3]) in POSITION_COMMANDS:
+            return HomePosition(lat, lon), [*notes, HOME_UNKNOWN]
+    raise MissionError("it holds neither home nor a position to fly to")
 
 
-def _item_of_row(fields: list[str], state: VehicleState) -> MissionItem:
-    """Read an item; errors name its number."""
-    number, _, frame, command = map(int, fields[:4])
-    first, second, third, fourth, lat, lon, altitude_m = map(float, fields[4:11])
-    heading = None if command in HEADING_COMMANDS and fourth == 0 else fourth
-    try:
-        if fields[11] not in {"0", "1"}:
-            raise MissionError(f"autocontinue is {shown(fields[11])}; expected 0 or 1")
-        return state.item(
-            number,
-            command=command,
-            frame=frame,
-            params=(first, second, third, heading),
-            lat=lat,
-            lon=lon,
-            altitude_m=altitude_m,
-            autocontinue=fields[11] == "1",
-        )
-    except MissionError as error:
-        raise MissionError(f"item {number}: {error}") from error
+def _fields_of(row: list[str]) -> dict[str, Any]:
+    """Return the fields of `MissionItem` of a row."""
+    frame, command = int(row[2]), int(row[3])
+    first, second, third, fourth, lat, lon, altitude_m = map(float, row[4:11])
+    if row[11] not in {"0", "1"}:
+        raise MissionError(f"autocontinue is {shown(row[11])}; expected 0 or 1")
+    return {
+        "command": command,
+        "frame": frame,
+        "params": (first, second, third, None if command in HEADING_COMMANDS and fourth == 0 else fourth),
+        "lat": lat,
+        "lon": lon,
+        "altitude_m": altitude_m,
+        "autocontinue": row[11] == "1",
+    }
+
+
+# Frames of integer coordinates are those of floats; without a frame, heights are above the sea.
+_FRAMES = {FRAME_MISSION: FRAME_AMSL, 5: FRAME_AMSL, 6: FRAME_RELATIVE, 11: FRAME_TERRAIN}
+_OWN_HEIGHT = frozenset({*LANDINGS, *TAKEOFFS, LOITER_TO_ALTITUDE})  # commands that 0 is a height for
+
+
+class ItemReader:
+    """Reader of items in their order, with position and height of the vehicle at each.
+
+    To ArduPilot, altitude 0 is the height that the vehicle has, and position 0, 0 where it is
+    (`ModeAuto::loc_from_cmd` of ArduCopter/mode_auto.cpp).
+    """
+
+    def __init__(self, home: HomePosition, autopilot: str = "ardupilot") -> None:
+        self.home = home
+        self.is_ardupilot = autopilot == "ardupilot"
+        self.lat, self.lon = home.lat, home.lon
+        self.height: tuple[int, float] | None = None  # frame and metres, by the last item that says them
+        self.filled: list[str] = []  # what items were given of it
+
+    def read(self, rows: Iterable[R], fields_of: Callable[[R], dict[str, Any]]) -> tuple[MissionItem, ...]:
+        """Return the items of rows, by the fields of `MissionItem` of each; errors name their number."""
+        items = []
+        for number, row in enumerate(rows, start=1):
+            try:
+                fields = fields_of(row)
+                items.append(MissionItem(**(self._filled(number, fields) if self.is_ardupilot else fields)))
+            except MissionError as error:
+                raise MissionError(f"item {number}: {error}") from error
+            except MISFITS as error:
+                raise MissionError(f"item {number}: {cause_of(error)}") from error
+        return tuple(items)
+
+    @property
+    def notes(self) -> list[str]:
+        """What was taken from the state of the vehicle."""
+        means = "altitude 0 is the height that the vehicle has, and position 0,0 where it is, to ArduPilot"
+        more = f" and {len(self.filled) - 1} more" if len(self.filled) > 1 else ""
+        return [f"{means}: {self.filled[0]}{more}"] if self.filled else []
+
+    def _filled(self, number: int, fields: dict[str, Any]) -> dict[str, Any]:
+        command, at_vehicle = fields["command"], fields["lat"] == 0 and fields["lon"] == 0
+        if command == RETURN:
+            self.lat, self.lon = self.home.lat, self.home.lon
+        elif not at_vehicle and command <= LAST_NAV and command not in TAKEOFFS:  # these climb straight up
+            self.lat, self.lon = fields["lat"], fields["lon"]
+        if command not in POSITION_COMMANDS:
+            return fields
+        fields["frame"] = _FRAMES.get(fields["frame"], fields["frame"])
+        if at_vehicle and command not in {*LANDINGS, *TAKEOFFS}:
+            fields |= {"lat": self.lat, "lon": self.lon}
+            self.filled.append(f"item {number} at {self.lat:.6f},{self.lon:.6f}")
+        if fields["altitude_m"] == 0 and command in LANDINGS and fields["frame"] == FRAME_AMSL:
+            fields["frame"] = FRAME_RELATIVE
+        elif fields["altitude_m"] == 0 and self.height and command not in _OWN_HEIGHT:
+            fields["frame"], fields["altitude_m"] = self.height
+            self.filled.append(f"item {number} at {self.height[1]:g} m")
+        if command not in LANDINGS:
+            self.height = fields["frame"], fields["altitude_m"]
+        return fields

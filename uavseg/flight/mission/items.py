@@ -26,6 +26,11 @@ PX4_MISSION_FRAME = frozenset(
     {RETURN, JUMP, CHANGE_SPEED, MOUNT_CONTROL, CAMERA_DISTANCE, CAMERA_INTERVAL}
     | {ROI_NONE, IMAGE_START, IMAGE_STOP}
 )
+# Jumps (601 to a tag), curves, circles and gates: paths that are more than straight legs between positions
+ELSEWHERE = frozenset({JUMP, SPLINE_WAYPOINT, LOITER_TURNS, CONDITION_GATE, 601})
+KNOWN = frozenset(  # with delay, wait, yaw, start of a landing, ROI, shutter and tag of jumps
+    {*POSITION_COMMANDS, *PX4_MISSION_FRAME, *ELSEWHERE, ROI_LOCATION, 93, 112, 115, 189, 201, 203, 600}
+)
 DEGREE_DECIMALS = 8  # a millimetre
 # MAV_FRAME
 FRAME_AMSL, FRAME_MISSION, FRAME_RELATIVE, FRAME_TERRAIN = 0, 2, 3, 10
@@ -171,11 +176,9 @@ def _check_ardupilot(item: MissionItem) -> None:
         )
     if item.command in {CAMERA_INTERVAL, CONDITION_GATE}:
         raise MissionError(f"ArduPilot does not know command {item.command}")
-    if item.has_position and item.command not in {*TAKEOFFS, *LANDINGS}:
-        if item.altitude_m == 0:
-            raise MissionError("ArduPilot reads altitude 0 as the height that the vehicle has; give 0.01")
-        if item.lat == 0 and item.lon == 0:
-            raise MissionError("ArduPilot reads position 0,0 as where the vehicle is; give 0.0000001,0")
+    unset_place = item.altitude_m == 0 or item.lat == item.lon == 0
+    if unset_place and item.has_position and item.command not in {*TAKEOFFS, *LANDINGS}:
+        raise MissionError("ArduPilot reads altitude 0 and position 0,0 as those that the vehicle has")
 
 
 def _check_px4(item: MissionItem) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
-from uavseg.errors import MissionError
+from uavseg.errors import MissionError, ParameterError
 from uavseg.flight.mission.items import (
     FRAME_AMSL,
     FRAME_RELATIVE,
@@ -22,6 +22,7 @@ from uavseg.flight.mission.items import (
     Fence,
     FenceCircle,
     FencePolygon,
+    MissionItem,
 )
 from uavseg.flight.mission.mission import CRUISE_M_S, Mission
 from uavseg.flight.mission.track import Plane, plane_around
@@ -272,6 +273,10 @@ class SafetyCheck:
     zones: Sequence[Any] = ()  # keep-out zones, shapely in degrees (lon, lat; WGS 84)
     clearance: Clearance | None = None  # above the ground; without it, heights above home are checked
 
+    def __post_init__(self) -> None:
+        if self.safety.zone_height_m is not None and not len(self.zones):
+            raise ParameterError("--zone-height is for keep-out zones; give some (--avoid), or leave it out")
+
     def check(self, mission: Mission) -> None:
         """Raise MissionError with the first of the `problems` of a mission."""
         for problem in self.problems(mission):
@@ -300,8 +305,8 @@ class SafetyCheck:
 
         if len(self.zones):
             zones = shapely.STRtree(shapely.make_valid(plane.project_polygons(self.zones)))
-            sure_m = _sure_heights_m(mission)
-            above = np.minimum(sure_m[:-1], sure_m[1:]) >= self.safety.over_zones_m - SLACK_M
+            above = np.minimum(height[:-1], height[1:]) >= self.safety.over_zones_m - SLACK_M
+            above &= all(map(_is_above_home, mission.items))
             legs = shapely.linestrings(np.stack([xy[:-1], xy[1:]], axis=1))
             legs[above] = None
             yield from self._near_zones(zones, legs, leg_name)
@@ -343,20 +348,11 @@ class SafetyCheck:
             )
 
 
-def _sure_heights_m(mission: Mission) -> Floats:
-    """Return the heights above home at the positions of `Mission.path`, minus infinity where not certain.
-
-    Heights above the sea depend on that of home, and those above the terrain on the ground; where it lands,
-    the vehicle is on the ground.
-    """
-    heights = [0.0]
-    for item in mission.items:
-        if item.has_position:
-            sure = item.frame == FRAME_RELATIVE and item.command not in LANDINGS
-            heights.append(item.altitude_m if sure else -math.inf)
-        elif item.command == RETURN:
-            heights.append(heights[-1])
-    return np.array(heights)
+def _is_above_home(item: MissionItem) -> bool:
+    """Return whether the height above home at an item is certain; where it lands, it has to be 0."""
+    if not item.has_position or (item.command in LANDINGS and item.altitude_m == 0):
+        return True
+    return item.frame == FRAME_RELATIVE and item.command not in LANDINGS
 
 
 def _greatest_above(

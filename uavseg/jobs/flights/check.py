@@ -4,7 +4,7 @@ import math
 import os
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from typing import Any
 
@@ -16,21 +16,15 @@ from uavseg.flight.formats.files import MAX_BYTES, check_mission_format, read_mi
 from uavseg.flight.formats.wayline import wayline_of
 from uavseg.flight.mission.items import (
     AUTOPILOTS,
-    CONDITION_GATE,
+    ELSEWHERE,
     FRAME_AMSL,
-    JUMP,
+    KNOWN,
     LANDINGS,
     LAST_NAV,
-    LOITER_TURNS,
     MAX_HEIGHT_M,
-    POSITION_COMMANDS,
-    PX4_MISSION_FRAME,
     RETURN,
-    ROI_LOCATION,
-    SPLINE_WAYPOINT,
     TAKEOFFS,
     WAYPOINT,
-    MissionItem,
     check_accepted,
 )
 from uavseg.flight.mission.mission import Mission
@@ -48,13 +42,6 @@ NAMES = {"ardupilot": "ArduPilot", "px4": "PX4"}
 CLEARANCE_M = 5.0
 """Least height above the ground of a DEM."""
 ANY_HEIGHT = SafetyParams(max_altitude_m=MAX_HEIGHT_M)
-ELSEWHERE = frozenset({JUMP, SPLINE_WAYPOINT, LOITER_TURNS, CONDITION_GATE, 601})
-"""Jumps (601 to a tag), curves, circles, gates: the path is more than straight legs between positions."""
-KNOWN = frozenset(
-    {*POSITION_COMMANDS, *PX4_MISSION_FRAME, *ELSEWHERE, ROI_LOCATION}
-    | {93, 112, 115, 189, 201, 203, 600}  # delay, wait, yaw, start of a landing, ROI, shutter, tag of jumps
-)
-MAX_LISTED = 5  # items in a sentence
 OWN_AUTOPILOT = frozenset({".plan", ".kml", ".geojson"})  # formats that hold it
 
 
@@ -75,10 +62,6 @@ class CheckRequest:
         if self.autopilot is not None and self.autopilot not in AUTOPILOTS:
             raise ParameterError(
                 f"an autopilot is one of {', '.join(AUTOPILOTS)}, not {shown(self.autopilot)}"
-            )
-        if self.safety.zone_height_m is not None and not len(self.zones):
-            raise ParameterError(
-                "--zone-height is for keep-out zones, and there are none; give them with --avoid"
             )
 
 
@@ -106,17 +89,14 @@ class MissionCheck:
     autopilot: str
     verdicts: tuple[Verdict, ...]
     problems: tuple[str, ...]
-    notes: tuple[str, ...] = ()  # on what it was checked against
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """What the person who flies it should know."""
-        notes = [*self.notes, *self.mission.warnings]
-        unknown = sorted({item.command for item in self.mission.items} - KNOWN)
-        if unknown:
-            notes.append(
-                f"commands that are not known here are kept and not checked: {', '.join(map(str, unknown))}"
-            )
+        notes = list(self.mission.warnings)
+        if unknown := sorted({item.command for item in self.mission.items} - KNOWN):
+            listed = ", ".join(map(str, unknown))
+            notes.append(f"commands that are not known here are kept and not checked: {listed}")
         notes += _not_followed(self.mission)
         ends = [item.command for item in self.mission.items]
         if not TAKEOFFS & set(ends):
@@ -188,32 +168,20 @@ def check(source: str | os.PathLike[str] | Mission, request: CheckRequest) -> Mi
         problems += _paper_check(mission, request, requested).problems(mission)
         if mission.fence or request.zones or request.dem is not None:
             problems += _not_followed(mission)
-    return MissionCheck(
-        mission=mission,
-        autopilot=requested or mission.autopilot,
-        verdicts=tuple(verdicts),
-        problems=tuple(problems),
-        notes=request.notes,
-    )
+    mission = replace(mission, notes=(*request.notes, *mission.notes))
+    return MissionCheck(mission, requested or mission.autopilot, tuple(verdicts), tuple(problems))
 
 
 def _not_followed(mission: Mission) -> list[str]:
     """Return a sentence about the items after which the vehicle is elsewhere than on straight legs."""
     items = [
-        f"{k} (command {item.command})" for k, item in enumerate(mission.items, start=1) if _strays(item)
+        f"item {number} (command {item.command})"
+        for number, item in enumerate(mission.items, start=1)
+        if item.command in ELSEWHERE or (item.command < LAST_NAV and item.command not in KNOWN)
     ]
-    if not items:
-        return []
-    more = f" and {len(items) - MAX_LISTED} more" if len(items) > MAX_LISTED else ""
-    listed = f"item{'s' * (len(items) > 1)} {', '.join(items[:MAX_LISTED])}{more}"
-    return [
-        f"{listed}: where the vehicle flies there is not known here, so it is neither checked nor counted"
-    ]
-
-
-def _strays(item: MissionItem) -> bool:
-    command = item.command
-    return command in ELSEWHERE or (command < LAST_NAV and command not in KNOWN)
+    more = f" and {len(items) - 1} more" if len(items) > 1 else ""
+    unknown = "where the vehicle flies there is not known here, so it is neither checked nor counted"
+    return [f"{items[0]}{more}: {unknown}"] if items else []
 
 
 def check_request(options: CheckOptions) -> CheckRequest:

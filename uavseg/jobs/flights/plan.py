@@ -153,10 +153,6 @@ def plan(
     if request.avoid_classes:
         avoided = np.flatnonzero(of_classes(regions, request.avoid_classes))
         zones = [*zones, *regions.select(avoided).polygons]
-    if request.flight.safety.zone_height_m is not None and not len(zones):
-        raise ParameterError(
-            "--zone-height is for keep-out zones, and there are none; give them with --avoid"
-        )
     if raster is not None and not request.allow_edge and len(chosen):
         from uavseg.jobs.flights.under_raster import without_edge_regions
 
@@ -181,11 +177,11 @@ def plan(
             "place before the flight: the plan knows nothing of trees, water or roads there"
         )
     decided("%d of %d regions, %d keep-out zones", len(chosen), len(regions), len(zones))
+    check = SafetyCheck(flight.safety, tuple(zones), clearance_of(flight))
     with phase("route and flights"):
         missions = plan_missions(polygons, points, flight, home, zones)
     notes = [*zone_notes, *regions.metadata.get("notes", ()), *notes]
     missions = tuple(replace(mission, notes=(*notes, *mission.notes)) for mission in missions)
-    check = SafetyCheck(flight.safety, tuple(zones), clearance_of(flight))
     with phase("paper check"):
         for mission in missions:
             check.check(mission)

@@ -272,8 +272,8 @@ def widths_of(flight: PlanParams) -> Widths:
         assert flight.spacing_m is not None
         line_m = flight.how.width_m or flight.spacing_m / 2  # one line of flight
         use = f"flown along, {line_m:g} m wide (--width)"
-    left_out = "not flown: --pattern visit flies to points, --pattern corridor along lines"
-    return Widths(point_m, line_m, use, left_out, flat_ends=True)
+    left_out = "not flown, as --pattern visit is for points and --pattern corridor for lines"
+    return Widths(point_m, line_m, use, left_out)
 
 
 def in_degrees(regions: Regions) -> Regions:
