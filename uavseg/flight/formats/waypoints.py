@@ -72,20 +72,20 @@ def read_waypoints(content: bytes, name: str) -> Mission:
     header, *lines = content.decode("utf-8-sig").splitlines()
     if header.split() != HEADER.split():
         raise MissionError(f"its first line is {header[:40]!r}; expected {HEADER!r}")
-    rows = [
-        (number, _SEPARATOR.split(line.strip()))
-        for number, line in enumerate(lines, start=2)
-        if line.strip() and not line.lstrip().startswith("#")
-    ]
-    first = int(rows[0][1][0] == "1") if rows else 0
-    for number, (line, fields) in enumerate(rows, start=first):
-        if len(fields) != 12 or int(fields[0]) != number:
+    rows: list[list[str]] = []
+    for line, text in enumerate(lines, start=2):
+        row = _SEPARATOR.split(text.strip())
+        if row == [""] or row[0].startswith("#"):
+            continue
+        number = int(rows[-1][0]) + 1 if rows else int(row[0] == "1")  # the first one may be missing
+        if len(row) != 12 or row[0] != str(number):
             raise MissionError(
                 f"line {line} is not item {number} with 12 fields separated by TAB, spaces or commas"
             )
-    home, notes = _home([fields for _, fields in rows])
+        rows.append(row)
+    home, notes = _home(rows)
     reader = ItemReader(home)
-    items = reader.read([fields for _, fields in rows[1 - first :]], _fields_of)
+    items = reader.read((row for row in rows if row[0] != "0"), _fields_of)
     return Mission(home, items, name=name, notes=(*notes, *reader.notes))
 
 

@@ -87,11 +87,10 @@ class Vehicle:
             )
 
     def deviation_m(self, speed_m_s: float) -> float:
-        """Return an upper bound of how far the vehicle leaves its legs at a speed, in wind too.
+        """Return an upper bound of how far the vehicle leaves its legs at a speed.
 
         Corners are cut within the radius in which a waypoint is passed, and the position controller lags. In
-        simulated flights of both autopilots around random corners, at 2 to 50 m/s, in wind of 0 and 8 m/s, it
-        was at most 0.6 of this up to 20 m/s, and 0.9 beyond.
+        simulated flights around random corners, in wind of 0 and 8 m/s too, it was less.
         """
         return self.radius_m + CONTROL_LAG_S * speed_m_s
 

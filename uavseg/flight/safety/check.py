@@ -340,11 +340,9 @@ class SafetyCheck:
             return
         nearest, safety = int(distance.argmin()), self.safety
         if distance[nearest] < safety.avoid_margin_m - SLACK_M or distance[nearest] == 0:
-            tall = safety.zone_height_m is not None
-            over = f", or {safety.over_zones_m:g} m above home to pass over it" if tall else ""
             yield (
                 f"{name(int(which[nearest]))} comes within {distance[nearest]:.1f} m of a keep-out zone, "
-                f"and at least {safety.avoid_margin_m:g} m are kept{over}"
+                f"and at least {safety.avoid_margin_m:g} m are kept"
             )
 
 

@@ -64,13 +64,8 @@ class KeepOut:
     """
 
     zones: Sequence[Any] = ()  # shapely, in metres
-    margin_m: float = 0.0  # minimum distance of the vehicle to the zones
-    deviation_m: float = 0.0  # by which the vehicle may leave its legs
-
-    @property
-    def legs_m(self) -> float:
-        """Minimum distance of legs to the zones."""
-        return self.margin_m + self.deviation_m
+    margin_m: float = 0.0  # minimum distance of legs to the zones
+    deviation_m: float = 0.0  # of it, by which the vehicle may leave its legs
 
     @cached_property
     def _merged(self) -> Any:
@@ -87,17 +82,17 @@ class KeepOut:
 
     @cached_property
     def grown(self) -> Any:
-        """Zones grown by the distance of legs and a little more, with few corners."""
+        """Zones grown by the margin and a little more, with few corners."""
         if not self.zones:
             return shapely.MultiPolygon()
-        tolerance_m = max(self.legs_m / 8, MIN_TOLERANCE_M)
+        tolerance_m = max(self.margin_m / 8, MIN_TOLERANCE_M)
         required = self._merged
-        if self.legs_m:
-            required = shapely.buffer(required, self.legs_m / math.cos(math.pi / 32), quad_segs=8)
-        grown = _grown(self._merged, required, self.legs_m, tolerance_m)
+        if self.margin_m:
+            required = shapely.buffer(required, self.margin_m / math.cos(math.pi / 32), quad_segs=8)
+        grown = _grown(self._merged, required, self.margin_m, tolerance_m)
         while shapely.get_num_coordinates(grown) > MAX_CORNERS and tolerance_m < MAX_TOLERANCE_M:
             zones = enclosing(self._merged, tolerance_m)
-            grown = _smoothed(zones, required, self.legs_m, tolerance_m)
+            grown = _smoothed(zones, required, self.margin_m, tolerance_m)
             tolerance_m *= 2
         shapely.prepare(grown)
         return grown
@@ -116,10 +111,10 @@ class KeepOut:
         """Draw polygons around the zones with few corners and at most a share of their margin."""
         if not self.zones:
             return []
-        fenced = [self._merged]
-        if self.margin_m >= MIN_FENCE_MARGIN_M:
-            around = shapely.get_parts(shapely.buffer(self._merged, self.margin_m * share / 2))
-            fenced = [_simple(part, self._merged, self.margin_m * share) for part in around]
+        fenced, margin_m = [self._merged], self.margin_m - self.deviation_m
+        if margin_m >= MIN_FENCE_MARGIN_M:
+            around = shapely.get_parts(shapely.buffer(self._merged, margin_m * share / 2))
+            fenced = [_simple(part, self._merged, margin_m * share) for part in around]
         parts = shapely.get_parts(fenced)
         return [part for part in parts if part.geom_type == "Polygon" and part.area > 0]
 
@@ -252,28 +247,26 @@ def keep_out_of(
     safety = params.safety
     vehicles = returning_vehicles(params.vehicle, params.autopilot)
     deviation_m = max(vehicle.deviation_m(params.speed_m_s) for vehicle in vehicles)
-    keep_out = KeepOut(zones, safety.avoid_margin_m, deviation_m)
+    keep_out = KeepOut(zones, safety.avoid_margin_m + deviation_m, deviation_m)
     if not keep_out.space.is_free(home[None])[0]:
         outlines = shapely.get_exterior_ring(shapely.get_parts(shapely.buffer(keep_out.grown, HOME_GAP_M)))
         free = shapely.union_all(shapely.polygons(outlines)).boundary  # outside of islands in zones
         x, y = shapely.get_coordinates(shapely.shortest_line(shapely.Point(home), free))[1]
         lon, lat = plane.lonlat_from_xy(x, y)
         raise MissionError(
-            f"home lies in a keep-out zone or its margin, {keep_out.legs_m:.3g} m with what the vehicle may "
-            f"leave its legs by at {params.speed_m_s:g} m/s; the nearest free place is {float(lat):.7f},"
+            f"home lies in a keep-out zone or its margin, {keep_out.margin_m:.3g} m with what the vehicle "
+            f"may leave its legs by at {params.speed_m_s:g} m/s; the nearest free place is {float(lat):.7f},"
             f"{float(lon):.7f}: look at it and start there (--home), or give a smaller --avoid-margin"
         )
     if not zones or safety.zone_height_m is None:
         return keep_out, []
-    tall = f"keep-out zones are {safety.zone_height_m:g} m tall (--zone-height)"
-    if params.altitude_m < safety.over_zones_m:
-        return keep_out, [
-            f"{tall}: the flight leads around them, over them from {safety.over_zones_m:g} m on"
-        ]
-    return KeepOut(), [
-        f"{tall}: at {params.altitude_m:g} m the flight may pass over them, and its fence does not exclude "
-        "them; takeoff and landing at home keep away from them"
-    ]
+    over = params.altitude_m >= safety.over_zones_m
+    note = (
+        f"keep-out zones are {safety.zone_height_m:g} m tall (--zone-height), and this flight at "
+        f"{params.altitude_m:g} m {'may pass over them' if over else 'leads around them'}: from "
+        f"{safety.over_zones_m:g} m on, flights may pass over them, and their fences do not exclude them"
+    )
+    return KeepOut() if over else keep_out, [note]
 
 
 def return_notes(path: Floats, keep_out: KeepOut, plane: Plane, params: PlanParams) -> Iterator[str]:

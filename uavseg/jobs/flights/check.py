@@ -33,7 +33,7 @@ from uavseg.flight.params.plan import SafetyParams
 from uavseg.flight.safety.check import Clearance, SafetyCheck
 from uavseg.flight.terrain.altitude_profile import climbs_early
 from uavseg.inputs import read_bytes
-from uavseg.jobs.flights.request import zone_polygons
+from uavseg.jobs.flights.request import safety_params, zone_polygons
 from uavseg.options.flights import CheckOptions
 from uavseg.plain_text import shown
 from uavseg.raster.elevation.dem import Dem
@@ -187,17 +187,12 @@ def _not_followed(mission: Mission) -> list[str]:
 def check_request(options: CheckOptions) -> CheckRequest:
     """Return what a mission is checked for, with keep-out zones and an elevation model opened."""
     limits, dem = options.safety, options.terrain.dem
-    highest = MAX_HEIGHT_M if limits.max_altitude is None else limits.max_altitude
-    safety = SafetyParams(
-        avoid_margin_m=limits.avoid_margin,
-        max_altitude_m=highest,
-        max_distance_m=limits.max_distance,
-        zone_height_m=limits.zone_height,
-    )
+    if limits.max_altitude is None:
+        limits = replace(limits, max_altitude=MAX_HEIGHT_M)
     zones, notes = zone_polygons(limits)
     return CheckRequest(
         autopilot=options.autopilot,
-        safety=safety,
+        safety=safety_params(limits),
         zones=tuple(zones),
         dem=None if dem is None else Dem.open(dem),
         notes=tuple(notes),

@@ -104,7 +104,7 @@ def flight_params(options: MissionOptions) -> PlanParams:
         else vehicle,
         how=_pattern_params(pattern, options.pattern),
         limits=LimitParams(limits.endurance, limits.reserve, limits.max_items),
-        safety=_safety_params(options.safety),
+        safety=safety_params(options.safety),
         terrain=terrain_params(
             terrain.dem or None,
             terrain.terrain,
@@ -169,7 +169,8 @@ def _pattern_params(pattern: str, options: PatternOptions) -> PatternParams | No
     return params
 
 
-def _safety_params(options: SafetyOptions) -> SafetyParams:
+def safety_params(options: SafetyOptions) -> SafetyParams:
+    """Return the margins and limits of a flight."""
     return SafetyParams(
         avoid_margin_m=options.avoid_margin,
         fence_margin_m=options.fence,
@@ -266,14 +267,11 @@ def widths_of(flight: PlanParams) -> Widths:
 
     What the flight is not for is left out.
     """
-    point_m = POINT_M if flight.pattern == "visit" else None
-    line_m, use = None, "visited"
-    if isinstance(flight.how, CorridorParams):
-        assert flight.spacing_m is not None
-        line_m = flight.how.width_m or flight.spacing_m / 2  # one line of flight
-        use = f"flown along, {line_m:g} m wide (--width)"
+    how, spacing_m = flight.how, flight.spacing_m or 0.0
+    line_m = (how.width_m or spacing_m / 2) if isinstance(how, CorridorParams) else None
+    use = "visited" if line_m is None else f"flown along, {line_m:g} m wide (--width)"
     left_out = "not flown, as --pattern visit is for points and --pattern corridor for lines"
-    return Widths(point_m, line_m, use, left_out)
+    return Widths(POINT_M if flight.pattern == "visit" else None, line_m, use, left_out)
 
 
 def in_degrees(regions: Regions) -> Regions:

@@ -71,5 +71,5 @@ def _widened(shape: Any, width_m: float) -> Any:
         shape = shapely.segmentize(shapely.LineString(lonlat), LONGEST_EDGE_DEG)
     metres = shapely.transform(shape, lambda lonlat: np.column_stack(plane.xy_from_lonlat(*lonlat.T)))
     reach_m = width_m / 2 / math.cos(math.pi / (4 * QUARTER))  # the sides touch the circle
-    area = shapely.buffer(metres, reach_m, QUARTER)
+    area = shapely.buffer(metres, reach_m, quad_segs=QUARTER)
     return shapely.transform(area, lambda xy: np.column_stack(plane.lonlat_from_xy(*xy.T)))
