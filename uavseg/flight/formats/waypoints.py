@@ -95,7 +95,7 @@ _SEPARATOR = re.compile(r"\s*,\s*|\s+")
 def _home(rows: list[list[str]]) -> tuple[HomePosition, list[str]]:
     """Return home, which is row 0, or the first position, with notes."""
     notes = []
-    if rows and rows[0][0] == "0" and rows[0][2:4] != [str(FRAME_AMSL), str(WAYPOINT)]:
+    if rows and rows[0][0] == "0" and [*map(int, rows[0][2:4])] != [FRAME_AMSL, WAYPOINT]:
         notes.append(f"row 0 is home for ArduPilot, which does not fly its command {rows[0][3]}")
     for fields in rows:
         lat, lon, altitude_m = map(float, fields[8:11])
@@ -161,8 +161,8 @@ class ItemReader:
     def notes(self) -> list[str]:
         """What was taken from the state of the vehicle."""
         means = "altitude 0 is the height that the vehicle has, and position 0,0 where it is, to ArduPilot"
-        more = f" and {len(self.filled) - 1} more" if len(self.filled) > 1 else ""
-        return [f"{means}: {self.filled[0]}{more}"] if self.filled else []
+        more = f" and {len(self.filled) - 3} more" if len(self.filled) > 3 else ""
+        return [f"{means}: {', '.join(self.filled[:3])}{more}"] if self.filled else []
 
     def _filled(self, number: int, fields: dict[str, Any]) -> dict[str, Any]:
         command, at_vehicle = fields["command"], fields["lat"] == 0 and fields["lon"] == 0
