@@ -269,11 +269,8 @@ def check(
         Keep-out zones, which no leg and no rally point may come near to.
     avoid_margin : float
         Least distance of legs to them in metres.
-    zone_width : float
-        Metres: the width of lines and the diameter of points in `avoid`.
-    zone_height : float, optional
-        Metres above home of all zones: legs at heights above home that are higher by the margin, and 5 m at
-        least, may pass over them.
+    zone_width, zone_height : float, optional
+        As of `plan`; over zones pass only missions whose heights are all above home.
     max_altitude, max_distance : float, optional
         Metres that the mission must not exceed, above home or with `dem` above the ground, and from home.
     dem : path or sequence of paths, optional

@@ -28,6 +28,7 @@ from uavseg.flight.mission.mission import Mission
 from uavseg.plain_text import cause_of, shown
 
 HEADER = "QGC WPL 110"
+_ENDS = TAKEOFFS | LANDINGS
 MISFITS = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError)
 R = TypeVar("R")
 HOME_UNKNOWN = (
@@ -127,14 +128,12 @@ def _fields_of(row: list[str]) -> dict[str, Any]:
 
 # Frames of integer coordinates are those of floats; without a frame, heights are above the sea.
 _FRAMES = {FRAME_MISSION: FRAME_AMSL, 5: FRAME_AMSL, 6: FRAME_RELATIVE, 11: FRAME_TERRAIN}
-_OWN_HEIGHT = frozenset({*LANDINGS, *TAKEOFFS, LOITER_TO_ALTITUDE})  # commands that 0 is a height for
 
 
 class ItemReader:
     """Reader of items in their order, with position and height of the vehicle at each.
 
-    To ArduPilot, altitude 0 is the height that the vehicle has, and position 0, 0 where it is
-    (`ModeAuto::loc_from_cmd` of ArduCopter/mode_auto.cpp).
+    To ArduPilot, altitude 0 is the height that it has, and 0, 0 where it is (`ModeAuto::loc_from_cmd`).
     """
 
     def __init__(self, home: HomePosition, autopilot: str = "ardupilot") -> None:
@@ -173,12 +172,12 @@ class ItemReader:
         if command not in POSITION_COMMANDS:
             return fields
         fields["frame"] = _FRAMES.get(fields["frame"], fields["frame"])
-        if at_vehicle and command not in {*LANDINGS, *TAKEOFFS}:
+        if at_vehicle and command not in _ENDS:
             fields |= {"lat": self.lat, "lon": self.lon}
             self.filled.append(f"item {number} at {self.lat:.6f},{self.lon:.6f}")
         if fields["altitude_m"] == 0 and command in LANDINGS and fields["frame"] == FRAME_AMSL:
             fields["frame"] = FRAME_RELATIVE
-        elif fields["altitude_m"] == 0 and self.height and command not in _OWN_HEIGHT:
+        elif fields["altitude_m"] == 0 and self.height and command not in {*_ENDS, LOITER_TO_ALTITUDE}:
             fields["frame"], fields["altitude_m"] = self.height
             self.filled.append(f"item {number} at {self.height[1]:g} m")
         if command not in LANDINGS:

@@ -244,9 +244,8 @@ class SafetyParams:
     @property
     def over_zones_m(self) -> float:
         """Minimum height above home from which a flight may pass over keep-out zones."""
-        if self.zone_height_m is None:
-            return math.inf
-        return self.zone_height_m + max(self.avoid_margin_m, MIN_OVER_M)
+        height_m = math.inf if self.zone_height_m is None else self.zone_height_m
+        return height_m + max(self.avoid_margin_m, MIN_OVER_M)
 
     def __post_init__(self) -> None:
         if self.zone_height_m is not None:

@@ -22,7 +22,6 @@ from uavseg.flight.mission.items import (
     Fence,
     FenceCircle,
     FencePolygon,
-    MissionItem,
 )
 from uavseg.flight.mission.mission import CRUISE_M_S, Mission
 from uavseg.flight.mission.track import Plane, plane_around
@@ -306,7 +305,10 @@ class SafetyCheck:
         if len(self.zones):
             zones = shapely.STRtree(shapely.make_valid(plane.project_polygons(self.zones)))
             above = np.minimum(height[:-1], height[1:]) >= self.safety.over_zones_m - SLACK_M
-            above &= all(map(_is_above_home, mission.items))
+            # certain where heights are above home, and landings on the ground
+            positions = [item for item in mission.items if item.has_position]
+            above &= all(item.frame == FRAME_RELATIVE for item in positions)
+            above &= not any(item.altitude_m for item in positions if item.command in LANDINGS)
             legs = shapely.linestrings(np.stack([xy[:-1], xy[1:]], axis=1))
             legs[above] = None
             yield from self._near_zones(zones, legs, leg_name)
@@ -344,13 +346,6 @@ class SafetyCheck:
                 f"{name(int(which[nearest]))} comes within {distance[nearest]:.1f} m of a keep-out zone, "
                 f"and at least {safety.avoid_margin_m:g} m are kept"
             )
-
-
-def _is_above_home(item: MissionItem) -> bool:
-    """Return whether the height above home at an item is certain; where it lands, it has to be 0."""
-    if not item.has_position or (item.command in LANDINGS and item.altitude_m == 0):
-        return True
-    return item.frame == FRAME_RELATIVE and item.command not in LANDINGS
 
 
 def _greatest_above(

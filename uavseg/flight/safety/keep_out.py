@@ -241,8 +241,8 @@ def keep_out_of(
 ) -> tuple[KeepOut, list[str]]:
     """Return what a flight keeps out of, with notes; nothing where it is above the zones.
 
-    The zones and home, (2,), are in metres of the plane. A MissionError says that home lies in a zone or its
-    margin, and where the nearest place is that does not: the vehicle takes off and lands there.
+    Zones and home, (2,), are in metres of the plane. A MissionError says that home lies in a zone or its
+    margin, and where the nearest place is that does not.
     """
     safety = params.safety
     vehicles = returning_vehicles(params.vehicle, params.autopilot)

@@ -25,7 +25,6 @@ from uavseg.flight.mission.items import (
     RETURN,
     TAKEOFFS,
     WAYPOINT,
-    check_accepted,
 )
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.vehicle import default_vehicle
@@ -155,7 +154,7 @@ def check(source: str | os.PathLike[str] | Mission, request: CheckRequest) -> Mi
         own = mission.autopilot if suffix in OWN_AUTOPILOT else None
     requested = request.autopilot or own
     decided("checked for %s, %d keep-out zones", requested or "any autopilot", len(request.zones))
-    pilots = {key: _reason(partial(_check_items, mission, key)) for key in NAMES}
+    pilots = {key: _reason(partial(replace, mission, autopilot=key)) for key in NAMES}
     verdicts = [Verdict(NAMES[key], reason) for key, reason in pilots.items()]
     verdicts += [Verdict(who, reason) for who, reason in refused.items()]
     verdicts += [
@@ -215,12 +214,7 @@ def _paper_check(mission: Mission, request: CheckRequest, autopilot: str | None)
     return SafetyCheck(request.safety, request.zones, Clearance(request.dem, CLEARANCE_M, early))
 
 
-def _check_items(mission: Mission, autopilot: str) -> None:
-    for number, item in enumerate(mission.items, start=1):
-        check_accepted(item, autopilot, number)
-
-
-def _reason(test: Callable[[], None]) -> str:
+def _reason(test: Callable[[], Any]) -> str:
     """Tell why a test fails; empty if it passes."""
     try:
         test()

@@ -288,10 +288,9 @@ def in_degrees(regions: Regions) -> Regions:
 def zone_polygons(options: SafetyOptions, raster: Source | None = None) -> tuple[list[Any], list[str]]:
     """Return polygons in degrees of keep-out zones, with notes: of files, frames, or ranges of intensity.
 
-    Points and lines are as wide as the options say. A range stands for its regions in the raster. A
-    RegionError says that a file cannot be read, a ParameterError that the width is out of bounds, that there
-    is a range and no raster, or that a range is wrong or finds nothing to keep out of, an OutputError that
-    the raster has no place on the Earth.
+    A range stands for its regions in the raster. A RegionError says that a file cannot be read, a
+    ParameterError that the width of points and lines is out of bounds, there is a range and no raster, or it
+    finds nothing to keep out of, an OutputError that the raster has no place on the Earth.
     """
     width_m = options.zone_width
     if not MIN_ZONE_M <= width_m <= MAX_ZONE_M:
@@ -302,10 +301,10 @@ def zone_polygons(options: SafetyOptions, raster: Source | None = None) -> tuple
     polygons: list[Any] = []
     notes: list[str] = []
     for zone in options.avoid:
-        is_range = isinstance(zone, tuple | list)
-        found = _in_range(zone, raster) if is_range else open_regions(zone, widths=widths)
+        is_file = not isinstance(zone, tuple | list)
+        found = open_regions(zone, widths=widths) if is_file else _in_range(zone, raster)
         polygons += list(found.polygons)
-        notes += [] if is_range else found.metadata.get("notes", [])
+        notes += found.metadata.get("notes", [])
     return polygons, notes
 
 
