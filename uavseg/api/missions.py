@@ -147,8 +147,7 @@ def plan(
         Metres by which a survey or corridor grows regions before it covers them, or between a region and the
         circle of an orbit around it.
     width : float, optional
-        For a corridor: metres by which lines of the file are wide; by default half of the spacing, so that
-        each is flown along once.
+        For a corridor: the width of lines of the file in metres; by default half of the spacing.
     crosshatch : bool
         For a survey: once more, in lines at a right angle to the first.
     turnaround : float, optional
@@ -162,13 +161,11 @@ def plan(
     hold : float, optional
         For a visit: seconds over each region.
     avoid : path, GeoDataFrame, (low, high), or a sequence of these
-        Keep-out zones, which no leg enters: polygons, lines and points, or a range of intensity that is
-        looked for in `raster`.
+        Keep-out zones, which no leg enters: polygons, lines, points, or a range of intensity in `raster`.
     avoid_classes : str or sequence of str
         Regions of these classes are keep-out zones too.
     avoid_margin : float
-        Least distance to keep-out zones in metres, in the air: legs keep away farther, by what the vehicle
-        may leave them at its speed, see `Vehicle.deviation_m`.
+        Least distance of the vehicle to them in metres; legs keep farther away, see `Vehicle.deviation_m`.
     zone_width : float
         Metres: the width of lines and the diameter of points in `avoid`.
     zone_height : float, optional

@@ -89,8 +89,7 @@ class Vehicle:
     def deviation_m(self, speed_m_s: float) -> float:
         """Return an upper bound of how far the vehicle leaves its legs at a speed.
 
-        Corners are cut within the radius in which a waypoint is passed, and the position controller lags. In
-        simulated flights around random corners, in wind of 0 and 8 m/s too, it was less.
+        Corners are cut within the radius in which a waypoint is passed, and the position controller lags.
         """
         return self.radius_m + CONTROL_LAG_S * speed_m_s
 

@@ -262,9 +262,9 @@ def keep_out_of(
         return keep_out, []
     over = params.altitude_m >= safety.over_zones_m
     note = (
-        f"keep-out zones are {safety.zone_height_m:g} m tall (--zone-height), and this flight at "
-        f"{params.altitude_m:g} m {'may pass over them' if over else 'leads around them'}: from "
-        f"{safety.over_zones_m:g} m on, flights may pass over them, and their fences do not exclude them"
+        f"keep-out zones are {safety.zone_height_m:g} m tall (--zone-height): from {safety.over_zones_m:g} m "
+        "on, flights may pass over them, and fences do not exclude them; this one "
+        f"{'may' if over else 'leads around them'}, at {params.altitude_m:g} m"
     )
     return KeepOut() if over else keep_out, [note]
 

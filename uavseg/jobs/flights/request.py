@@ -263,10 +263,7 @@ def open_regions(
 
 
 def widths_of(flight: PlanParams) -> Widths:
-    """Return what points and lines of a file of regions are for a flight: points are visited, lines followed.
-
-    What the flight is not for is left out.
-    """
+    """Return what points and lines of a file of regions are for a flight: visited, followed or left out."""
     how, spacing_m = flight.how, flight.spacing_m or 0.0
     line_m = (how.width_m or spacing_m / 2) if isinstance(how, CorridorParams) else None
     use = "visited" if line_m is None else f"flown along, {line_m:g} m wide (--width)"
