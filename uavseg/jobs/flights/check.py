@@ -165,7 +165,7 @@ def check(source: str | os.PathLike[str] | Mission, request: CheckRequest) -> Mi
     problems = [f"{NAMES[key]} refuses it: {pilots[key]}" for key in needed if pilots[key]]
     with phase("paper check"):
         problems += _paper_check(mission, request, requested).problems(mission)
-        if mission.fence or request.zones or request.dem is not None:
+        if mission.fence or request.zones or request.dem or request.safety.max_distance_m:
             problems += _not_followed(mission)
     mission = replace(mission, notes=(*request.notes, *mission.notes))
     return MissionCheck(mission, requested or mission.autopilot, tuple(verdicts), tuple(problems))
