@@ -136,6 +136,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         geopandas.read_file("regions.gpkg").tail(2).to_file("two.gpkg", layer="b")
         far = shapely.Point(-76.2708, 45.1511).buffer(8e-5)
         geopandas.GeoDataFrame({"id": [1]}, geometry=[far], crs=4326).to_file("zone.geojson")
+        mast, wire = far.centroid, shapely.LineString(far.exterior.coords[:2])
+        geopandas.GeoDataFrame({"id": [1, 2]}, geometry=[mast, wire], crs=4326).to_file("masts.geojson")
         discs = [shapely.Point(4e5 + x, 5e6 - y).buffer(20) for x, y in ((170, 140), (60, 60), (60, 200))]
         classes = {"class": ["a", "b", "b"]}
         geopandas.GeoDataFrame(classes, geometry=discs, crs=UTM["crs"]).to_file("samples.gpkg")
@@ -904,6 +906,16 @@ PLANNED: list[tuple[str, Words]] = [
     ("regions.gpkg", FLIGHT | {"dem": "tile.tif"}),
     ("regions.geojson", FLIGHT | {"spacing": 15, "avoid": "zone.geojson", "avoid_margin": 4.0}),
     ("regions.geojson", FLIGHT | {"spacing": 15, "avoid": (0.0, 0.2), "raster": "tile.tif"}),
+    ("regions.geojson", FLIGHT | {"spacing": 15, "avoid": "masts.geojson", "zone_width": 4.0}),
+    ("regions.geojson", FLIGHT | {"avoid": "masts.geojson", "zone_height": 20.0}),
+    ("regions.geojson", FLIGHT | {"avoid": "masts.geojson", "zone_height": 20.0, "dem": "ground.tif"}),
+    ("regions.geojson", FLIGHT | {"avoid": "masts.geojson", "zone_width": 0.0}),
+    ("regions.geojson", FLIGHT | {"zone_height": 20.0}),
+    ("masts.geojson", FLIGHT | {"pattern": "visit"}),
+    ("masts.geojson", FLIGHT | {"pattern": "corridor", "spacing": 15.0}),
+    ("masts.geojson", FLIGHT | {"pattern": "corridor", "spacing": 15.0, "width": 40.0}),
+    ("masts.geojson", FLIGHT | {"pattern": "orbit"}),
+    ("regions.geojson", FLIGHT | {"width": 40.0}),
     ("regions.geojson", FLIGHT | {"raster": "tile.tif"}),
     ("regions.geojson", FLIGHT | {"raster": "tile.tif", "allow_edge": True}),
     ("regions.geojson", FLIGHT | {"raster": "blocks.tif", "largest": 2}),
@@ -1032,6 +1044,8 @@ CHECKS: list[Words] = [
     {"autopilot": "px4"},
     {"autopilot": "generic"},
     {"avoid": "missing.geojson"},
+    {"avoid": "masts.geojson", "zone_width": 5.0, "zone_height": 3.0},
+    {"zone_height": 3.0},
     {"max_altitude": 500.0, "max_distance": 5000.0, "avoid_margin": 5.0},
     {"dem": "missing.tif"},
 ]

@@ -43,7 +43,8 @@ class CheckMission(ProgramAlgorithm):
                 "A mission file: .plan, .waypoints, .kmz, .csv, .kml or .geojson.",
                 advanced=False,
             ),
-            *listed("check", "AUTOPILOT", "AVOID", "AVOID_MARGIN", "MAX_ALTITUDE", "MAX_DISTANCE", "DEM"),
+            *listed("check", "AUTOPILOT", "AVOID", "AVOID_MARGIN", "ZONE_WIDTH", "ZONE_HEIGHT"),
+            *listed("check", "MAX_ALTITUDE", "MAX_DISTANCE", "DEM"),
         )
 
     def add_outputs(self) -> None:

@@ -70,6 +70,7 @@ PLAN_OPTIONS = (
     *listed(
         "plan",
         *("PATTERN", "SPACING", "CAMERA", "GSD", "OVERLAP", "AVOID", "AVOID_MARGIN", "AUTOPILOT", "SPEED"),
+        *("ZONE_WIDTH", "ZONE_HEIGHT"),
         *("ANGLE", "RASTER", "ALLOW_EDGE", "DEM", "TERRAIN", "ENDURANCE", "RESERVE", "MAX_ALTITUDE"),
         *("MAX_DISTANCE", "FENCE", "WHERE", "LARGEST", "VEHICLE", "TRIGGER", "CROSSHATCH", "EDITABLE"),
     ),

@@ -128,6 +128,30 @@ def test_zones_limits_and_ground_are_checked(tmp_path: Path) -> None:
     assert "keep-out zone" in uavseg.check(path, avoid=zone).problems[0]
 
 
+def test_commands_that_are_not_known_are_kept_and_listed(tmp_path: Path) -> None:
+    home = "0 0 0 16 0 0 0 0 -35.363262 149.165237 584 1\n1 0 3 22 0 0 0 0 -35.3633 149.1652 20 1\n"
+    for number, (item, listed, moves) in enumerate(
+        [
+            ("2 0 0 218 70 2 0 0 0 0 0 1", "not checked: 218", False),
+            ("2 0 3 94 0 0 0 0 -35.363 149.165 9 1", "not checked: 94", True),
+            ("2 0 3 36 90 0 0 0 -35.363 149.165 9 1", "not checked: 36", True),
+            ("2 0 0 177 1 2 0 0 0 0 0 1", "item 2 (command 177): where", True),
+            ("2 0 3 82 0 0 0 0 -35.363 149.165 9 1", "item 2 (command 82): where", True),
+            ("2 0 3 18 3 0 9 0 -35.363 149.165 9 1", "item 2 (command 18): where", True),
+            ("2 0 0 93 5 0 0 0 0 0 0 1", "", False),
+        ]
+    ):
+        path, zone = tmp_path / f"{number}.waypoints", tmp_path / f"{number}.geojson"
+        path.write_text(f"QGC WPL 110\n{home}{item}\n3 0 0 20 0 0 0 0 0 0 0 1\n")
+        far = shapely.box(149.3, -35.3, 149.31, -35.29)
+        geopandas.GeoDataFrame({"id": [1]}, geometry=[far], crs=4326).to_file(zone)
+        result = check(path)
+        assert result.exit_code == 0 and listed in result.stderr
+        assert ("known here" in result.stderr) == bool(listed)
+        result = check(path, "--avoid", zone, "-q")  # nobody knows whether it keeps away
+        assert result.exit_code == int(moves) and ("neither checked" in result.stderr) == moves
+
+
 @pytest.mark.parametrize("name", ["none.plan", "fly.txt", "."])
 def test_what_is_no_mission_file_is_one_line(tmp_path: Path, name: str) -> None:
     result = check(tmp_path / name)

@@ -215,9 +215,9 @@ def test_an_invalid_plan_is_refused_by_name(tmp_path: Path, text: str, words: st
     [
         ("110", "120", "first line"),
         ("\n1\t", "\n2\t", "line 3"),
-        ("\t", " ", "line 2"),
+        ("\t", ";", "line 2"),
         ("\t-33", "\tminus", "not a mission"),
-        ("-33.8561", "nan", "not a mission|finite"),
+        ("-33.8561", "nan", "item 3: expected a number|finite"),
         ("151.21512", "351.21512", "-180..180"),
         ("\t1\n", "\tnan\n", "item 1: autocontinue is 'nan'; expected 0 or 1"),
     ],

@@ -17,7 +17,7 @@ from uavseg.flight.mission.items import (
     HomePosition,
     MissionItem,
 )
-from uavseg.flight.mission.mission import Mission
+from uavseg.flight.mission.mission import CRUISE_M_S, Mission
 from uavseg.flight.mission.vehicle import ARDUCOPTER
 
 HOME = HomePosition(47.0, 8.0, 400.0)
@@ -29,7 +29,16 @@ UP = MissionItem(TAKEOFF, FRAME_RELATIVE, (0.0, 0.0, 0.0, None), 47.0, 8.0, 50.0
 BACK = MissionItem(RETURN, FRAME_MISSION)
 
 
-@pytest.mark.parametrize("items", [(), (UP,), (UP, BACK)])
+PLACE = MissionItem(94, FRAME_RELATIVE, lat=47.0, lon=8.0, altitude_m=20.0)  # a command that is not known
+
+
+@pytest.mark.parametrize("items", [(UP,), (UP, BACK), (UP, PLACE, BACK)])
+def test_a_mission_may_only_take_off(items: tuple[MissionItem, ...]) -> None:
+    mission = Mission(HOME, items)
+    assert mission.speed_range_m_s == (CRUISE_M_S, CRUISE_M_S) and mission.duration_s > 20
+
+
+@pytest.mark.parametrize("items", [(), (BACK,), (PLACE, BACK)])
 def test_a_mission_without_a_position_to_fly_to_is_refused(items: tuple[MissionItem, ...]) -> None:
     with pytest.raises(MissionError, match="has none"):
         Mission(HOME, items)

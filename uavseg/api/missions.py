@@ -19,7 +19,7 @@ from uavseg.jobs.flights.link import download as run_download
 from uavseg.jobs.flights.link import upload as run_upload
 from uavseg.jobs.flights.plan import MissionPlan
 from uavseg.jobs.flights.plan import plan as run_plan
-from uavseg.jobs.flights.request import open_regions, plan_request, zone_polygons
+from uavseg.jobs.flights.request import open_regions, plan_request, widths_of, zone_polygons
 from uavseg.jobs.source.open_source import open_source
 from uavseg.options.flights import CheckOptions, PlanOptions
 from uavseg.options.option import build
@@ -58,6 +58,7 @@ def plan(
     trigger: str | None = None,
     shutter: float | None = None,
     margin: float | None = None,
+    width: float | None = None,
     crosshatch: bool = False,
     turnaround: float | None = None,
     offset: float | None = None,
@@ -67,6 +68,8 @@ def plan(
     avoid: Any = (),
     avoid_classes: str | Sequence[str] = (),
     avoid_margin: float = 10.0,
+    zone_width: float = 10.0,
+    zone_height: float | None = None,
     raster: Any = None,
     allow_edge: bool = False,
     endurance: float | None = None,
@@ -92,7 +95,8 @@ def plan(
     Parameters
     ----------
     regions : path, bytes or GeoDataFrame
-        A file of polygons, the content of one such as GeoJSON, or what `extract` gives.
+        A file of polygons, the content of one such as GeoJSON, or what `extract` gives. With the pattern
+        "visit" points are flown to as well, with "corridor" lines are followed.
     altitude : float, optional
         Height of the whole flight above home, or with `dem` above the ground, in metres; with a camera, `gsd`
         may take its place.
@@ -150,6 +154,8 @@ def plan(
     margin : float, optional
         Metres by which a survey or corridor grows regions before it covers them, or between a region and the
         circle of an orbit around it.
+    width : float, optional
+        For a corridor: the width of lines of the file in metres; by default half of the spacing.
     crosshatch : bool
         For a survey: once more, in lines at a right angle to the first.
     turnaround : float, optional
@@ -163,11 +169,16 @@ def plan(
     hold : float, optional
         For a visit: seconds over each region.
     avoid : path, GeoDataFrame, (low, high), or a sequence of these
-        Keep-out zones, which no leg enters: polygons, or a range of intensity that is looked for in `raster`.
+        Keep-out zones, which no leg enters: polygons, lines, points, or a range of intensity in `raster`.
     avoid_classes : str or sequence of str
         Regions of these classes are keep-out zones too.
     avoid_margin : float
-        Least distance to keep-out zones in metres.
+        Least distance of the vehicle to them in metres; legs keep farther away, see `Vehicle.deviation_m`.
+    zone_width : float
+        Metres: the width of lines and the diameter of points in `avoid`.
+    zone_height : float, optional
+        Metres above home of all zones: a flight that is higher by the margin, and 5 m at least, may pass over
+        them. By default they reach to the sky, as they have to where the flight follows the ground.
     raster : path, sequence of paths, array, DataArray or open raster of rasterio, optional
         Where the ranges of `avoid` are looked for, and home "auto" lies on a valid pixel. Regions that touch
         its edge are left out: they may go on beyond it, or be a collar.
@@ -232,12 +243,13 @@ def plan(
     >>> plan = uavseg.plan(regions, altitude=60, home="auto", spacing=25)  # doctest: +SKIP
     >>> plan.write("fly.plan")  # doctest: +SKIP
     """
-    options = build(PlanOptions, locals())
+    options = build(PlanOptions, locals() | {"avoid": listed_zones(avoid)})
     with allowing(allow_path, allow_network):
         request = plan_request(options)
-        found = open_regions(regions, layer)
+        found = open_regions(regions, layer, widths_of(request.flight))
         source = None if raster is None else open_source(raster)
-        planned = run_plan(found, request, zone_polygons(listed_zones(avoid), source), source)
+        zones, notes = zone_polygons(options.mission.safety, source)
+        planned = run_plan(found, request, zones, source, notes)
     warn(planned.warnings)
     return planned
 
@@ -249,6 +261,8 @@ def check(
     autopilot: str | None = None,
     avoid: Any = (),
     avoid_margin: float = 10.0,
+    zone_width: float = 10.0,
+    zone_height: float | None = None,
     max_altitude: float | None = None,
     max_distance: float | None = None,
     wind: float | Sequence[float] | None = None,
@@ -267,7 +281,9 @@ def check(
     avoid : path, GeoDataFrame, or a sequence of these
         Keep-out zones, which no leg and no rally point may come near to.
     avoid_margin : float
-        Least distance to them in metres.
+        Least distance of legs to them in metres.
+    zone_width, zone_height : float, optional
+        As of `plan`; over zones pass only missions whose heights are all above home.
     max_altitude, max_distance : float, optional
         Metres that the mission must not exceed, above home or with `dem` above the ground, and from home.
     wind : float or (float, float), optional

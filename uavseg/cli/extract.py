@@ -85,7 +85,8 @@ def command(options: ExtractOptions) -> None:
         from uavseg.jobs.flights.request import open_regions, zone_polygons
 
         with showing_phases(reporter.quiet):
-            planned = plan(open_regions(found.regions), flight, zone_polygons(avoid, source), source)
+            zones, notes = zone_polygons(options.flight.safety, source)
+            planned = plan(open_regions(found.regions), flight, zones, source, notes)
     paths: list[Path] = []
     unwritten: list[str] = []
     with transaction():

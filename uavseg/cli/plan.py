@@ -25,7 +25,7 @@ def command(options: PlanOptions) -> None:
     """
     from uavseg.flight.formats import files
     from uavseg.jobs.flights.plan import plan
-    from uavseg.jobs.flights.request import open_regions, plan_request, zone_polygons
+    from uavseg.jobs.flights.request import open_regions, plan_request, widths_of, zone_polygons
     from uavseg.output.atomic import check_target
 
     reporter = Reporter(options.messages)
@@ -34,18 +34,19 @@ def command(options: PlanOptions) -> None:
         raise click.UsageError("--footprints are a part of --json; give both")
     files.file_options(output, **asdict(options.mission.files))
     check_target(output, overwrite)
-    zones = [zone for zone in avoid if isinstance(zone, str)]
-    keep_inputs([output], options.regions, options.raster, zones, options.mission.terrain.dem)
+    names = [zone for zone in avoid if isinstance(zone, str)]
+    keep_inputs([output], options.regions, options.raster, names, options.mission.terrain.dem)
     request = plan_request(options)
     regions = click.open_file("-", "rb").read() if options.regions == "-" else options.regions
     with showing_phases(reporter.quiet):
-        found = open_regions(regions, options.layer)
+        found = open_regions(regions, options.layer, widths_of(request.flight))
         raster = None
         if options.raster is not None:
             from uavseg.jobs.source.open_source import open_source
 
             raster = open_source(options.raster)
-        planned = plan(found, request, zone_polygons(avoid, raster), raster)
+        zones, notes = zone_polygons(options.mission.safety, raster)
+        planned = plan(found, request, zones, raster, notes)
     paths, unwritten = write_plan_output(planned, output, overwrite, options.mission.files)
     notes = [*planned.warnings, *unwritten]
     if options.as_json:

@@ -142,6 +142,10 @@ class PatternOptions(Options):
         "from the region.  [default: 0]",
         metavar="M",
     )
+    width: float | None = option(
+        "Corridor: width of lines in REGIONS.  [default: half of the spacing, for one line of flight]",
+        metavar="M",
+    )
     crosshatch: bool = option(
         "Survey: once more, in lines at a right angle to the first.",
         default=False,
@@ -195,8 +199,8 @@ class SafetyOptions(Options):
     """Safety."""
 
     avoid: Any = option(
-        "Keep-out zones that no leg enters: a file of polygons, or a range of intensity that is looked for "
-        "in the raster. May be given several times.",
+        "Keep-out zones that no leg enters: a file of polygons, lines and points, or a range of intensity "
+        "that is looked for in the raster. May be given several times.",
         default=(),
         metavar="FILE|LO,HI",
         multiple=True,
@@ -206,6 +210,18 @@ class SafetyOptions(Options):
     )
     avoid_margin: float = option(
         "Least distance to keep-out zones.", default=10.0, metavar="M", label="Distance to keep-out zones"
+    )
+    zone_width: float = option(
+        "Width of lines and diameter of points in files of --avoid; --avoid-margin comes on top.",
+        default=10.0,
+        metavar="M",
+        label="Width of lines and points that are zones",
+    )
+    zone_height: float | None = option(
+        "How high all zones are above home: a flight that is higher by their margin, and by 5 m, may pass "
+        "over them.  [default: they reach to the sky]",
+        metavar="M",
+        label="Height of keep-out zones",
     )
     allow_edge: bool = option(
         "Fly over regions that touch the edge of the raster all the same; they may go on beyond it, or be a "

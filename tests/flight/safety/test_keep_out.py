@@ -85,7 +85,7 @@ def test_a_region_is_flown_as_far_as_zones_leave_it_and_a_note_says_how_much_is_
         [box(100, 0, 100, 100)], zones=[box(160, -50, 200, 200)], pattern="survey", spacing_m=10
     )
     (note,) = [text for text in mission.warnings if "keep-out" in text]
-    assert "5,1" in note and "(52 %)" in note
+    assert "5,4" in note and "(55 %)" in note
     assert path(mission)[1:-1, 0].max() < 150
     assert path(mission)[1:-1, 0].max() > 140
 

@@ -11,6 +11,7 @@ from typing import Any
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.formats.options import FileOptions
+from uavseg.flight.formats.waypoints import ItemReader
 from uavseg.flight.mission.items import (
     AUTOPILOTS,
     CAMERA_DISTANCE,
@@ -27,7 +28,7 @@ from uavseg.flight.mission.items import (
 )
 from uavseg.flight.mission.mission import Mission, Position, SurveyBlock
 from uavseg.inputs import parse_json
-from uavseg.plain_text import cause_of, shown
+from uavseg.plain_text import shown
 
 ALTITUDE_MODES = {FRAME_RELATIVE: 1, FRAME_AMSL: 2, FRAME_TERRAIN: 4}  # QGroundControl's enum, by MAV_FRAME
 SURVEY_VERSION = 5
@@ -168,7 +169,6 @@ def items_of_survey(item: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 _MIXED = 0  # of the same enum: items differ
 _QUADROTOR = 2  # MAV_TYPE
 _PLANE_SPEED_M_S = 15  # .plan requires a fixed-wing speed; a multirotor does not use it
-_MISFITS = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError)
 _VERSION, _SHAPE_VERSION = 2, 1
 
 
@@ -266,14 +266,15 @@ def read_plan(content: bytes, name: str) -> Mission:
     home = HomePosition(*(float(value or 0.0) for value in mission["plannedHomePosition"]))
     geofence = {} if plan.get("geoFence") is None else plan["geoFence"]
     rally = plan.get("rallyPoints") or {}
-    items = tuple(_numbered(number, item) for number, item in enumerate(_flat(mission["items"]), start=1))
+    reader = ItemReader(home, autopilot)
+    items = reader.read(_flat(mission["items"]), _fields_of)
     breach = ("the breach return point of the fence was not read",) if geofence.get("breachReturn") else ()
     return Mission(
         home=home,
         items=items,
         autopilot=autopilot,
         name=name,
-        notes=breach,
+        notes=(*breach, *reader.notes),
         fence=_fence_from_json(geofence),
         rally=tuple(
             RallyPoint(float(lat), float(lon), float(altitude_m))
@@ -291,17 +292,8 @@ def _flat(items: Sequence[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
             yield from items_of_survey(item)
 
 
-def _numbered(number: int, item: Mapping[str, Any]) -> MissionItem:
-    """Read an item; errors name its number."""
-    try:
-        return _item_of_plan(item)
-    except MissionError as error:
-        raise MissionError(f"item {number}: {error}") from error
-    except _MISFITS as error:
-        raise MissionError(f"item {number}: {cause_of(error)}") from error
-
-
-def _item_of_plan(item: Mapping[str, Any]) -> MissionItem:
+def _fields_of(item: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields of `MissionItem` of a simple item."""
     if item["type"] != "SimpleItem":
         raise MissionError(f"an item of a survey is of type {shown(item['type'])}; expected SimpleItem")
     first, second, third, fourth, *place = (None if p is None else float(p) for p in item["params"])
@@ -309,15 +301,15 @@ def _item_of_plan(item: Mapping[str, Any]) -> MissionItem:
     autocontinue = item.get("autoContinue", True)
     if not isinstance(autocontinue, bool):
         raise MissionError(f"autoContinue is {shown(autocontinue)}; expected true or false")
-    return MissionItem(
-        command=int(item["command"]),
-        frame=int(item["frame"]),
-        params=(first, second, third, fourth),
-        lat=lat,
-        lon=lon,
-        altitude_m=altitude_m,
-        autocontinue=autocontinue,
-    )
+    return {
+        "command": int(item["command"]),
+        "frame": int(item["frame"]),
+        "params": (first, second, third, fourth),
+        "lat": lat,
+        "lon": lon,
+        "altitude_m": altitude_m,
+        "autocontinue": autocontinue,
+    }
 
 
 def _fence_to_json(fence: Iterable[Fence]) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from itertools import pairwise
 
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
+from uavseg.flight.formats.waypoints import HOME_UNKNOWN
 from uavseg.flight.mission.items import (
     CAMERA_DISTANCE,
     CHANGE_SPEED,
@@ -23,6 +24,7 @@ from uavseg.flight.mission.items import (
     IMAGE_STOP,
     JUMP,
     LAND,
+    LAST_NAV,
     LOITER_TIME,
     MOUNT_CONTROL,
     RETURN,
@@ -40,7 +42,6 @@ from uavseg.flight.mission.mission import CRUISE_M_S, Mission
 _SETTINGS = frozenset(
     {CHANGE_SPEED, MOUNT_CONTROL, ROI_LOCATION, ROI_NONE, CAMERA_DISTANCE, IMAGE_START, IMAGE_STOP}
 )
-LAST_NAV = 95  # MAV_CMD_NAV_LAST: commands up to it move the vehicle
 NEAR_M = 0.6  # DJI's aircraft and Litchi fly no shorter legs
 TARGETING = 2.0  # MAV_MOUNT_MODE_MAVLINK_TARGETING
 FINISH_RETURN, FINISH_LAND, FINISH_NONE = "return", "land", "none"
@@ -282,8 +283,7 @@ def mission_of_wayline(wayline: Wayline, name: str, notes: Sequence[str]) -> Mis
     home = HomePosition(first.lat, first.lon)
     items = tuple(items_of_wayline(wayline, home))
     autopilot = "ardupilot" if any(item.frame == FRAME_TERRAIN for item in items) else "generic"
-    where = "the file does not hold home: the position of the first waypoint is taken, at 0 m above the sea"
-    return Mission(home, items, autopilot, name, (*notes, where))
+    return Mission(home, items, autopilot, name, (*notes, HOME_UNKNOWN))
 
 
 def wayline_losses(mission: Mission, wayline: Wayline, format_name: str) -> list[str]:

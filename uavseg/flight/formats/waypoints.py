@@ -1,21 +1,39 @@
 """Mission Planner's .waypoints files (QGC WPL 110)."""
 
+import re
+from collections.abc import Callable, Iterable
+from typing import Any, TypeVar
+
 import numpy as np
 
 from uavseg.errors import MissionError
 from uavseg.flight.formats.options import FileOptions
 from uavseg.flight.mission.items import (
     FRAME_AMSL,
+    FRAME_MISSION,
     FRAME_RELATIVE,
+    FRAME_TERRAIN,
     HEADING_COMMANDS,
+    LANDINGS,
+    LAST_NAV,
+    LOITER_TO_ALTITUDE,
+    POSITION_COMMANDS,
+    RETURN,
+    TAKEOFFS,
     WAYPOINT,
     HomePosition,
     MissionItem,
 )
 from uavseg.flight.mission.mission import Mission
-from uavseg.plain_text import shown
+from uavseg.plain_text import cause_of, shown
 
 HEADER = "QGC WPL 110"
+_ENDS = TAKEOFFS | LANDINGS
+MISFITS = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError)
+R = TypeVar("R")
+HOME_UNKNOWN = (
+    "the file does not hold home: the position of the first waypoint is taken, at 0 m above the sea"
+)
 
 
 def waypoints_losses(mission: Mission, options: FileOptions) -> list[str]:
@@ -47,36 +65,121 @@ def decimal(value: float, min_decimals: int) -> str:
 
 
 def read_waypoints(content: bytes, name: str) -> Mission:
-    """Read a .waypoints file."""
-    header, *rows = content.decode().splitlines()
+    """Read a .waypoints file as ArduPilot reads it; notes say what is odd.
+
+    Fields are separated by white space or commas; blank lines and comments (#) are skipped. Row 0 is home,
+    whatever its command; where it is missing, or at 0, 0, home is at the first position.
+    """
+    header, *lines = content.decode("utf-8-sig").splitlines()
     if header.split() != HEADER.split():
         raise MissionError(f"its first line is {header[:40]!r}; expected {HEADER!r}")
-    home, *items = (_item_of_row(number, row) for number, row in enumerate(rows))
-    assert isinstance(home, HomePosition)
-    return Mission(home, tuple(item for item in items if isinstance(item, MissionItem)), name=name)
+    rows: list[list[str]] = []
+    for line, text in enumerate(lines, start=2):
+        row = _SEPARATOR.split(text.strip())
+        if row == [""] or row[0].startswith("#"):
+            continue
+        number = int(rows[-1][0]) + 1 if rows else int(row[0] == "1")  # the first one may be missing
+        if len(row) != 12 or row[0] != str(number):
+            raise MissionError(
+                f"line {line} is not item {number} with 12 fields separated by TAB, spaces or commas"
+            )
+        rows.append(row)
+    home, notes = _home(rows)
+    reader = ItemReader(home)
+    items = reader.read((row for row in rows if row[0] != "0"), _fields_of)
+    return Mission(home, items, name=name, notes=(*notes, *reader.notes))
 
 
-def _item_of_row(number: int, row: str) -> HomePosition | MissionItem:
-    fields = row.split("\t")
-    if len(fields) != 12 or int(fields[0]) != number:
-        raise MissionError(f"line {number + 2} is not item {number} with 12 fields separated by TAB")
-    frame, command = int(fields[2]), int(fields[3])
-    first, second, third, fourth, lat, lon, altitude_m = map(float, fields[4:11])
-    if number == 0:
-        return HomePosition(lat, lon, altitude_m)
-    heading = None if command in HEADING_COMMANDS and fourth == 0 else fourth
-    try:
-        if fields[11].strip() not in {"0", "1"}:
-            raise MissionError(f"autocontinue is {shown(fields[11])}; expected 0 or 1")
-        params = (first, second, third, heading)
-        return MissionItem(
-            command=command,
-            frame=frame,
-            params=params,
-            lat=lat,
-            lon=lon,
-            altitude_m=altitude_m,
-            autocontinue=fields[11].strip() == "1",
-        )
-    except MissionError as error:
-        raise MissionError(f"item {number}: {error}") from error
+_SEPARATOR = re.compile(r"\s*,\s*|\s+")
+
+
+def _home(rows: list[list[str]]) -> tuple[HomePosition, list[str]]:
+    """Return home, which is row 0, or the first position, with notes."""
+    notes = []
+    if rows and rows[0][0] == "0" and [*map(int, rows[0][2:4])] != [FRAME_AMSL, WAYPOINT]:
+        notes.append(f"row 0 is home for ArduPilot, which does not fly its command {rows[0][3]}")
+    for fields in rows:
+        lat, lon, altitude_m = map(float, fields[8:11])
+        if lat == 0 and lon == 0:
+            continue
+        if fields[0] == "0":
+            return HomePosition(lat, lon, altitude_m), notes
+        if int(fields[3]) in POSITION_COMMANDS:
+            return HomePosition(lat, lon), [*notes, HOME_UNKNOWN]
+    raise MissionError("it holds neither home nor a position to fly to")
+
+
+def _fields_of(row: list[str]) -> dict[str, Any]:
+    """Return the fields of `MissionItem` of a row."""
+    frame, command = int(row[2]), int(row[3])
+    first, second, third, fourth, lat, lon, altitude_m = map(float, row[4:11])
+    if row[11] not in {"0", "1"}:
+        raise MissionError(f"autocontinue is {shown(row[11])}; expected 0 or 1")
+    return {
+        "command": command,
+        "frame": frame,
+        "params": (first, second, third, None if command in HEADING_COMMANDS and fourth == 0 else fourth),
+        "lat": lat,
+        "lon": lon,
+        "altitude_m": altitude_m,
+        "autocontinue": row[11] == "1",
+    }
+
+
+# Frames of integer coordinates are those of floats; without a frame, heights are above the sea.
+_FRAMES = {FRAME_MISSION: FRAME_AMSL, 5: FRAME_AMSL, 6: FRAME_RELATIVE, 11: FRAME_TERRAIN}
+
+
+class ItemReader:
+    """Reader of items in their order, with position and height of the vehicle at each.
+
+    To ArduPilot, altitude 0 is the height that it has, and 0, 0 where it is (`ModeAuto::loc_from_cmd`).
+    """
+
+    def __init__(self, home: HomePosition, autopilot: str = "ardupilot") -> None:
+        self.home = home
+        self.is_ardupilot = autopilot == "ardupilot"
+        self.lat, self.lon = home.lat, home.lon
+        self.height: tuple[int, float] | None = None  # frame and metres, by the last item that says them
+        self.filled: list[str] = []  # what items were given of it
+
+    def read(self, rows: Iterable[R], fields_of: Callable[[R], dict[str, Any]]) -> tuple[MissionItem, ...]:
+        """Return the items of rows, by the fields of `MissionItem` of each; errors name their number."""
+        items = []
+        for number, row in enumerate(rows, start=1):
+            try:
+                fields = fields_of(row)
+                items.append(MissionItem(**(self._filled(number, fields) if self.is_ardupilot else fields)))
+            except MissionError as error:
+                raise MissionError(f"item {number}: {error}") from error
+            except MISFITS as error:
+                raise MissionError(f"item {number}: {cause_of(error)}") from error
+        return tuple(items)
+
+    @property
+    def notes(self) -> list[str]:
+        """What was taken from the state of the vehicle."""
+        means = "altitude 0 is the height that the vehicle has, and position 0,0 where it is, to ArduPilot"
+        more = f" and {len(self.filled) - 3} more" if len(self.filled) > 3 else ""
+        return [f"{means}: {', '.join(self.filled[:3])}{more}"] if self.filled else []
+
+    def _filled(self, number: int, fields: dict[str, Any]) -> dict[str, Any]:
+        command, at_vehicle = fields["command"], fields["lat"] == 0 and fields["lon"] == 0
+        if command == RETURN:
+            self.lat, self.lon = self.home.lat, self.home.lon
+        elif not at_vehicle and command <= LAST_NAV and command not in TAKEOFFS:  # these climb straight up
+            self.lat, self.lon = fields["lat"], fields["lon"]
+        if command not in POSITION_COMMANDS:
+            return fields
+        fields["frame"] = _FRAMES.get(fields["frame"], fields["frame"])
+        if at_vehicle and command not in _ENDS:
+            fields |= {"lat": self.lat, "lon": self.lon}
+            self.filled.append(f"item {number} at {self.lat:.6f},{self.lon:.6f}")
+        if fields["altitude_m"] == 0 and command in LANDINGS and fields["frame"] == FRAME_AMSL:
+            fields["frame"] = FRAME_RELATIVE
+        elif fields["altitude_m"] == 0 and self.height and command not in {*_ENDS, LOITER_TO_ALTITUDE}:
+            fields["frame"], fields["altitude_m"] = self.height
+            self.filled.append(f"item {number} at {self.height[1]:g} m")
+        if command not in LANDINGS:
+            self.height = fields["frame"], fields["altitude_m"]
+        return fields

@@ -15,6 +15,7 @@ JUMP, CHANGE_SPEED, MOUNT_CONTROL, CAMERA_DISTANCE, CAMERA_INTERVAL = 177, 178, 
 ROI_LOCATION, ROI_NONE = 195, 197
 IMAGE_START, IMAGE_STOP = 2000, 2001
 CONDITION_GATE = 4501
+LAST_NAV = 95  # commands up to it move the vehicle
 TAKEOFFS = frozenset({TAKEOFF, VTOL_TAKEOFF})
 LANDINGS = frozenset({LAND, VTOL_LAND})
 HEADING_COMMANDS = frozenset({WAYPOINT, LOITER, LAND, *TAKEOFFS})  # param4 is a heading that may be unset
@@ -24,6 +25,11 @@ POSITION_COMMANDS = frozenset(  # the vehicle flies to a position
 PX4_MISSION_FRAME = frozenset(
     {RETURN, JUMP, CHANGE_SPEED, MOUNT_CONTROL, CAMERA_DISTANCE, CAMERA_INTERVAL}
     | {ROI_NONE, IMAGE_START, IMAGE_STOP}
+)
+# Jumps (601 to a tag), curves, circles and gates: paths that are more than straight legs between positions
+ELSEWHERE = frozenset({JUMP, SPLINE_WAYPOINT, LOITER_TURNS, CONDITION_GATE, 601})
+KNOWN = frozenset(  # with delay, wait, yaw, start of a landing, ROI, shutter and tag of jumps
+    {*POSITION_COMMANDS, *PX4_MISSION_FRAME, *ELSEWHERE, ROI_LOCATION, 93, 112, 115, 189, 201, 203, 600}
 )
 DEGREE_DECIMALS = 8  # a millimetre
 # MAV_FRAME
@@ -170,6 +176,9 @@ def _check_ardupilot(item: MissionItem) -> None:
         )
     if item.command in {CAMERA_INTERVAL, CONDITION_GATE}:
         raise MissionError(f"ArduPilot does not know command {item.command}")
+    unset_place = item.altitude_m == 0 or item.lat == item.lon == 0
+    if unset_place and item.has_position and item.command not in {*TAKEOFFS, *LANDINGS}:
+        raise MissionError("ArduPilot reads altitude 0 and position 0,0 as those that the vehicle has")
 
 
 def _check_px4(item: MissionItem) -> None:

@@ -126,8 +126,8 @@ class Mission:
     Raises
     ------
     MissionError
-        If there are no items to fly to or more than a link can count; if a position is not on Earth, is more
-        than 20 km (the first) or 100 km (any) from home, at or below home, or more than 1000 m above it; if
+        If no item has a position, or there are more items than a link can count; if a position is not on
+        Earth, is more than 20 km (the first) or 100 km (any) from home, or more than 1000 m above it; if
         the fence or a rally point is more than 100 km from home; or if the autopilot is known to refuse an
         item.
     """
@@ -149,7 +149,7 @@ class Mission:
     def __post_init__(self) -> None:
         if self.autopilot not in AUTOPILOTS:
             raise MissionError(f"a mission is for {', '.join(AUTOPILOTS)}, not for {self.autopilot!r}")
-        if not any(item.has_position and item.command not in TAKEOFFS for item in self.items):
+        if not any(item.has_position for item in self.items):
             raise MissionError("a mission needs an item to fly to; this one has none")
         if len(self.items) > MAX_ITEMS:
             raise MissionError(
@@ -177,7 +177,7 @@ class Mission:
         items = (item for item in self.items if item.has_position)
         legs = zip(items, self.leg_speeds_m_s, strict=True)
         speeds = [speed for item, speed in legs if item.command not in TAKEOFFS]
-        return min(speeds), max(speeds)
+        return min(speeds, default=self.speed_m_s), max(speeds, default=self.speed_m_s)
 
     @property
     def leg_speeds_m_s(self) -> tuple[float, ...]:

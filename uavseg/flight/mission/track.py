@@ -76,7 +76,7 @@ def plane_around(bounds: NDArray[np.float64], lon: float) -> Plane:
     return Plane((bounds[:, 1].min() + bounds[:, 3].max()) / 2, float(wrap_lon(middle)))
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=256)
 def _projection(lat: float, lon: float) -> Any:
     from pyproj import Proj
 

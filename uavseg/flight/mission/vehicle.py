@@ -31,6 +31,7 @@ from uavseg.inputs import number_in, read_object, text_in
 from uavseg.plain_text import shown
 
 TURNS = ("blend", "slow")
+CONTROL_LAG_S = 0.1  # of the position controller
 _MINIMUM, _MAXIMUM = 1e-9, 1e9  # of any number but 0, so that no product or ratio of them overflows
 _MAY_BE_ZERO = frozenset(
     {"jerk_rise_s", "return_height_m", "return_slope", "return_hold_s"}
@@ -93,6 +94,13 @@ class Vehicle:
                 f"the power of the vehicle {self.name} is hover_w, cruise_w and battery_wh together; "
                 f"only {' and '.join(given)} is given"
             )
+
+    def deviation_m(self, speed_m_s: float) -> float:
+        """Return an upper bound of how far the vehicle leaves its legs at a speed.
+
+        Corners are cut within the radius in which a waypoint is passed, and the position controller lags.
+        """
+        return self.radius_m + CONTROL_LAG_S * speed_m_s
 
 
 NUMBERS = tuple(field.name for field in fields(Vehicle) if field.name not in {"name", "turns"})

@@ -164,12 +164,15 @@ class SurveyParams:
 @checked
 @dataclass(frozen=True, slots=True)
 class CorridorParams:
-    """Parameters of corridors: metres by which the regions are grown before they are covered."""
+    """Parameters of corridors."""
 
-    margin_m: float = 0.0
+    margin_m: float = 0.0  # metres by which the regions are grown before they are covered
+    width_m: float | None = None  # of regions that are given as lines; by default half of the spacing
 
     def __post_init__(self) -> None:
         _check("margin", self.margin_m, 0, MAX_MARGIN_M, "m")
+        if self.width_m is not None:
+            _check("width of a corridor", self.width_m, MIN_NUMBER, MAX_DISTANCE_M, "m")
 
 
 @checked
@@ -248,13 +251,22 @@ class LimitParams:
 class SafetyParams:
     """Keep-out margins, fence and limits of height and distance."""
 
-    avoid_margin_m: float = 10.0  # minimum distance to keep-out zones
+    avoid_margin_m: float = 10.0  # minimum distance of the vehicle to keep-out zones
     fence_margin_m: float | None = 50.0  # distance of the fence from the flight; None: no fence is written
     max_altitude_m: float = USUAL_MAX_HEIGHT_M  # above home, or above the ground where that is known
     max_distance_m: float | None = None  # maximum distance from home; by default 100 km
     rally: tuple[RallyPoint, ...] = ()
+    zone_height_m: float | None = None  # of keep-out zones, above home; None: they reach to the sky
+
+    @property
+    def over_zones_m(self) -> float:
+        """Minimum height above home from which a flight may pass over keep-out zones."""
+        height_m = math.inf if self.zone_height_m is None else self.zone_height_m
+        return height_m + max(self.avoid_margin_m, MIN_OVER_M)
 
     def __post_init__(self) -> None:
+        if self.zone_height_m is not None:
+            _check("height of keep-out zones (--zone-height)", self.zone_height_m, 0, MAX_HEIGHT_M, "m")
         if not 0 <= self.avoid_margin_m <= 10_000:
             raise ParameterError(f"the margin of zones is 0 to 10,000 m, not {self.avoid_margin_m:g}")
         if self.fence_margin_m is not None and not 5 <= self.fence_margin_m <= 10_000:
@@ -270,6 +282,7 @@ class SafetyParams:
             )
 
 
+MIN_OVER_M = 5.0  # barometers drift by metres during a flight
 COVERING = ("survey", "corridor")  # patterns of lines that cover a region
 MAX_SPEED_M_S = 50.0
 MIN_NUMBER = 0.001  # of metres, or metres per second
@@ -357,6 +370,11 @@ class PlanParams:
             _check("tolerance", self.tolerance_m, MIN_NUMBER, MAX_DISTANCE_M, "m")
         if self.terrain is not None:
             self.terrain.check(self.altitude_m, self.autopilot)
+            if self.safety.zone_height_m is not None:
+                raise ParameterError(
+                    "--zone-height counts from home, above which a flight that follows the ground (--dem, "
+                    "--terrain) changes its height; leave it out: then the flight leads around the zones"
+                )
 
     def _check_lines(self) -> None:
         if self.pattern in COVERING and self.spacing_m is None:

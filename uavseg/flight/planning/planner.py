@@ -40,7 +40,7 @@ from uavseg.flight.planning.split import (
     split_route,
 )
 from uavseg.flight.safety.check import fence_around, rally_of_flights
-from uavseg.flight.safety.keep_out import KeepOut, near_zones, return_notes
+from uavseg.flight.safety.keep_out import KeepOut, keep_out_of, near_zones, return_notes
 from uavseg.flight.terrain.altitude_profile import LegPoints, points_of_leg
 from uavseg.flight.terrain.follow import follow_ground, home_on_ground
 from uavseg.flight.terrain.leg_speeds import fewest_changes, speed_notes, with_speeds
@@ -444,16 +444,12 @@ def plan_missions(
     near = near_zones(
         list(plane.project_polygons(zones)), [*regions, shapely.Point(place)], _reach_m(regions, params)
     )
-    keep_out = KeepOut(near, params.safety.avoid_margin_m)
-    if not keep_out.space.is_free(place[None])[0]:
-        raise MissionError(
-            "home lies in a keep-out zone or its margin; choose another home or a smaller --avoid-margin"
-        )
+    keep_out, height_notes = keep_out_of(near, place, plane, params)
     parts, zone_notes = clear_parts(region_parts(regions, plane, points), keep_out)
     candidates = _PATTERN_FUNCTIONS[params.pattern](parts, params)
     _check_count(candidates)
     route = short_route(_reachable(candidates, place, keep_out), place, keep_out.space)
-    notes = [*home_notes(home), *at_home, *zone_notes, *candidates.notes]
+    notes = [*home_notes(home), *at_home, *height_notes, *zone_notes, *candidates.notes]
     missions = missions_over(route, start, plane, keep_out, params, notes)
     blocks = blocks_of_surveys(candidates.surveys, plane, params)
     return tuple(replace(mission, blocks=blocks) for mission in missions)

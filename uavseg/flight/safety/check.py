@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 
 from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
-from uavseg.errors import MissionError
+from uavseg.errors import MissionError, ParameterError
 from uavseg.flight.mission.items import (
     FRAME_AMSL,
+    FRAME_RELATIVE,
     FRAME_TERRAIN,
+    LANDINGS,
     RETURN,
     TAKEOFFS,
     Fence,
@@ -270,6 +272,10 @@ class SafetyCheck:
     zones: Sequence[Any] = ()  # keep-out zones, shapely in degrees (lon, lat; WGS 84)
     clearance: Clearance | None = None  # above the ground; without it, heights above home are checked
 
+    def __post_init__(self) -> None:
+        if self.safety.zone_height_m is not None and not len(self.zones):
+            raise ParameterError("--zone-height is for keep-out zones; give some (--avoid), or leave it out")
+
     def check(self, mission: Mission) -> None:
         """Raise MissionError with the first of the `problems` of a mission."""
         for problem in self.problems(mission):
@@ -298,7 +304,13 @@ class SafetyCheck:
 
         if len(self.zones):
             zones = shapely.STRtree(shapely.make_valid(plane.project_polygons(self.zones)))
+            above = np.minimum(height[:-1], height[1:]) >= self.safety.over_zones_m - SLACK_M
+            # certain where heights are above home, and landings on the ground
+            positions = [item for item in mission.items if item.has_position]
+            above &= all(item.frame == FRAME_RELATIVE for item in positions)
+            above &= not any(item.altitude_m for item in positions if item.command in LANDINGS)
             legs = shapely.linestrings(np.stack([xy[:-1], xy[1:]], axis=1))
+            legs[above] = None
             yield from self._near_zones(zones, legs, leg_name)
             yield from self._near_zones(zones, [shapely.Point(place) for place in rally_xy], rally_name)
         yield from fence_problems(mission)
@@ -324,15 +336,15 @@ class SafetyCheck:
                     "allowed (--max-distance)"
                 )
 
-    def _near_zones(self, zones: shapely.STRtree, shapes: Sequence[Any], name: Name) -> Iterator[str]:
-        if not len(shapes):
+    def _near_zones(self, zones: shapely.STRtree, shapes: Any, name: Name) -> Iterator[str]:
+        (which, _), distance = zones.query_nearest(shapes, return_distance=True, all_matches=False)
+        if not len(which):
             return
-        _, distance = zones.query_nearest(shapes, return_distance=True, all_matches=False)
-        nearest, margin_m = int(distance.argmin()), self.safety.avoid_margin_m
-        if distance[nearest] < margin_m - SLACK_M or distance[nearest] == 0:
+        nearest, safety = int(distance.argmin()), self.safety
+        if distance[nearest] < safety.avoid_margin_m - SLACK_M or distance[nearest] == 0:
             yield (
-                f"{name(nearest)} comes within {distance[nearest]:.1f} m of a keep-out zone, "
-                f"and at least {margin_m:g} m are kept"
+                f"{name(int(which[nearest]))} comes within {distance[nearest]:.1f} m of a keep-out zone, "
+                f"and at least {safety.avoid_margin_m:g} m are kept"
             )
 
 

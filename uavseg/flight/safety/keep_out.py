@@ -47,6 +47,7 @@ IsGround = Callable[[float, float], bool]
 CLEARANCE_M = 15.0  # from home to regions and to zones with their margin
 SIMPLIFIED_M = 0.75  # tolerance for outlines of many corners; GEOS moves the ends of rings by up to twice it
 HOME_STEP_M = 5.0
+HOME_GAP_M = 1.0  # from zones with their margin to a place that is named instead of a home in them
 MAX_TRIES = 5000
 _DECIMALS = 7  # of degrees: a centimetre
 
@@ -63,7 +64,8 @@ class KeepOut:
     """
 
     zones: Sequence[Any] = ()  # shapely, in metres
-    margin_m: float = 0.0  # minimum distance to the zones
+    margin_m: float = 0.0  # minimum distance of legs to the zones
+    deviation_m: float = 0.0  # of it, by which the vehicle may leave its legs
 
     @cached_property
     def _merged(self) -> Any:
@@ -109,10 +111,10 @@ class KeepOut:
         """Draw polygons around the zones with few corners and at most a share of their margin."""
         if not self.zones:
             return []
-        fenced = [self._merged]
-        if self.margin_m >= MIN_FENCE_MARGIN_M:
-            around = shapely.get_parts(shapely.buffer(self._merged, self.margin_m * share / 2))
-            fenced = [_simple(part, self._merged, self.margin_m * share) for part in around]
+        fenced, margin_m = [self._merged], self.margin_m - self.deviation_m
+        if margin_m >= MIN_FENCE_MARGIN_M:
+            around = shapely.get_parts(shapely.buffer(self._merged, margin_m * share / 2))
+            fenced = [_simple(part, self._merged, margin_m * share) for part in around]
         parts = shapely.get_parts(fenced)
         return [part for part in parts if part.geom_type == "Polygon" and part.area > 0]
 
@@ -232,6 +234,39 @@ def near_zones(zones: Sequence[Any], places: Sequence[Any], reach_m: float) -> l
             return [zone for zone, is_near in zip(zones, near.tolist(), strict=True) if is_near]
         near = reached
         hull = shapely.convex_hull(shapely.union_all([hull, *shapely.convex_hull(parts[near])]))
+
+
+def keep_out_of(
+    zones: Sequence[Any], home: Floats, plane: Plane, params: PlanParams
+) -> tuple[KeepOut, list[str]]:
+    """Return what a flight keeps out of, with notes; nothing where it is above the zones.
+
+    Zones and home, (2,), are in metres of the plane. A MissionError says that home lies in a zone or its
+    margin, and where the nearest place is that does not.
+    """
+    safety = params.safety
+    vehicles = returning_vehicles(params.vehicle, params.autopilot)
+    deviation_m = max(vehicle.deviation_m(params.speed_m_s) for vehicle in vehicles)
+    keep_out = KeepOut(zones, safety.avoid_margin_m + deviation_m, deviation_m)
+    if not keep_out.space.is_free(home[None])[0]:
+        outlines = shapely.get_exterior_ring(shapely.get_parts(shapely.buffer(keep_out.grown, HOME_GAP_M)))
+        free = shapely.union_all(shapely.polygons(outlines)).boundary  # outside of islands in zones
+        x, y = shapely.get_coordinates(shapely.shortest_line(shapely.Point(home), free))[1]
+        lon, lat = plane.lonlat_from_xy(x, y)
+        raise MissionError(
+            f"home lies in a keep-out zone or its margin, {keep_out.margin_m:.3g} m with what the vehicle "
+            f"may leave its legs by at {params.speed_m_s:g} m/s; the nearest free place is {float(lat):.7f},"
+            f"{float(lon):.7f}: look at it and start there (--home), or give a smaller --avoid-margin"
+        )
+    if not zones or safety.zone_height_m is None:
+        return keep_out, []
+    over = params.altitude_m >= safety.over_zones_m
+    note = (
+        f"keep-out zones are {safety.zone_height_m:g} m tall (--zone-height): from {safety.over_zones_m:g} m "
+        "on, flights may pass over them, and fences do not exclude them; this one "
+        f"{'may' if over else 'leads around them'}, at {params.altitude_m:g} m"
+    )
+    return KeepOut() if over else keep_out, [note]
 
 
 def return_notes(path: Floats, keep_out: KeepOut, plane: Plane, params: PlanParams) -> Iterator[str]:

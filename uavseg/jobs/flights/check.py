@@ -16,13 +16,15 @@ from uavseg.flight.formats.files import MAX_BYTES, check_mission_format, read_mi
 from uavseg.flight.formats.wayline import wayline_of
 from uavseg.flight.mission.items import (
     AUTOPILOTS,
+    ELSEWHERE,
     FRAME_AMSL,
+    KNOWN,
     LANDINGS,
+    LAST_NAV,
     MAX_HEIGHT_M,
     RETURN,
     TAKEOFFS,
     WAYPOINT,
-    check_accepted,
 )
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.vehicle import Wind, default_vehicle
@@ -30,7 +32,7 @@ from uavseg.flight.params.plan import SafetyParams
 from uavseg.flight.safety.check import Clearance, SafetyCheck
 from uavseg.flight.terrain.altitude_profile import climbs_early
 from uavseg.inputs import read_bytes
-from uavseg.jobs.flights.request import wind_of, zone_polygons
+from uavseg.jobs.flights.request import safety_params, wind_of, zone_polygons
 from uavseg.options.flights import CheckOptions
 from uavseg.plain_text import shown
 from uavseg.raster.elevation.dem import Dem
@@ -54,6 +56,7 @@ class CheckRequest:
     zones: Sequence[Any] = ()  # keep-out zones: polygons in degrees (lon, lat; WGS 84)
     wind: Wind | None = None  # that the flight is estimated for
     dem: Dem | None = None  # no leg is nearer to it than `CLEARANCE_M`, and heights are those above it
+    notes: tuple[str, ...] = ()  # on the zones
 
     def __post_init__(self) -> None:
         if self.autopilot is not None and self.autopilot not in AUTOPILOTS:
@@ -91,6 +94,10 @@ class MissionCheck:
     def warnings(self) -> tuple[str, ...]:
         """What the person who flies it should know."""
         notes = list(self.mission.warnings)
+        if unknown := sorted({item.command for item in self.mission.items} - KNOWN):
+            listed = ", ".join(map(str, unknown))
+            notes.append(f"commands that are not known here are kept and not checked: {listed}")
+        notes += _not_followed(self.mission)
         ends = [item.command for item in self.mission.items]
         if not TAKEOFFS & set(ends):
             notes.append("the mission has no takeoff: a multirotor has to be in the air before it starts")
@@ -149,7 +156,7 @@ def check(source: str | os.PathLike[str] | Mission, request: CheckRequest) -> Mi
     mission = replace(mission, wind=request.wind or mission.wind)
     requested = request.autopilot or own
     decided("checked for %s, %d keep-out zones", requested or "any autopilot", len(request.zones))
-    pilots = {key: _reason(partial(_check_items, mission, key)) for key in NAMES}
+    pilots = {key: _reason(partial(replace, mission, autopilot=key)) for key in NAMES}
     verdicts = [Verdict(NAMES[key], reason) for key, reason in pilots.items()]
     verdicts += [Verdict(who, reason) for who, reason in refused.items()]
     verdicts += [
@@ -160,21 +167,37 @@ def check(source: str | os.PathLike[str] | Mission, request: CheckRequest) -> Mi
     problems = [f"{NAMES[key]} refuses it: {pilots[key]}" for key in needed if pilots[key]]
     with phase("paper check"):
         problems += _paper_check(mission, request, requested).problems(mission)
+        if mission.fence or request.zones or request.dem or request.safety.max_distance_m:
+            problems += _not_followed(mission)
+    mission = replace(mission, notes=(*request.notes, *mission.notes))
     return MissionCheck(mission, requested or mission.autopilot, tuple(verdicts), tuple(problems))
+
+
+def _not_followed(mission: Mission) -> list[str]:
+    """Return a sentence about the items after which the vehicle is elsewhere than on straight legs."""
+    items = [
+        f"item {number} (command {item.command})"
+        for number, item in enumerate(mission.items, start=1)
+        if item.command in ELSEWHERE or (item.command < LAST_NAV and item.command not in KNOWN)
+    ]
+    more = f" and {len(items) - 1} more" if len(items) > 1 else ""
+    unknown = "where the vehicle flies there is not known here, so it is neither checked nor counted"
+    return [f"{items[0]}{more}: {unknown}"] if items else []
 
 
 def check_request(options: CheckOptions) -> CheckRequest:
     """Return what a mission is checked for, with keep-out zones and an elevation model opened."""
     limits, dem = options.safety, options.terrain.dem
-    highest = MAX_HEIGHT_M if limits.max_altitude is None else limits.max_altitude
-    safety = SafetyParams(limits.avoid_margin, max_altitude_m=highest, max_distance_m=limits.max_distance)
-    zones = tuple(zone_polygons(limits.avoid))
+    if limits.max_altitude is None:
+        limits = replace(limits, max_altitude=MAX_HEIGHT_M)
+    zones, notes = zone_polygons(limits)
     return CheckRequest(
         autopilot=options.autopilot,
-        safety=safety,
-        zones=zones,
+        safety=safety_params(limits),
+        zones=tuple(zones),
         wind=wind_of(options.wind),
         dem=None if dem is None else Dem.open(dem),
+        notes=tuple(notes),
     )
 
 
@@ -194,12 +217,7 @@ def _paper_check(mission: Mission, request: CheckRequest, autopilot: str | None)
     return SafetyCheck(request.safety, request.zones, Clearance(request.dem, CLEARANCE_M, early))
 
 
-def _check_items(mission: Mission, autopilot: str) -> None:
-    for number, item in enumerate(mission.items, start=1):
-        check_accepted(item, autopilot, number)
-
-
-def _reason(test: Callable[[], None]) -> str:
+def _reason(test: Callable[[], Any]) -> str:
     """Tell why a test fails; empty if it passes."""
     try:
         test()

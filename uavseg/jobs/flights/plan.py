@@ -159,7 +159,11 @@ class MissionPlan:
 
 
 def plan(
-    regions: Regions, request: PlanRequest, zones: Sequence[Any] = (), raster: "Source | None" = None
+    regions: Regions,
+    request: PlanRequest,
+    zones: Sequence[Any] = (),
+    raster: "Source | None" = None,
+    zone_notes: Sequence[str] = (),
 ) -> MissionPlan:
     """Plan missions over regions: take off, fly their pattern in a short order, return.
 
@@ -200,10 +204,11 @@ def plan(
             "place before the flight: the plan knows nothing of trees, water or roads there"
         )
     decided("%d of %d regions, %d keep-out zones", len(chosen), len(regions), len(zones))
+    check = SafetyCheck(flight.safety, tuple(zones), clearance_of(flight))
     with phase("route and flights"):
         missions = plan_missions(polygons, points, flight, home, zones)
+    notes = [*zone_notes, *regions.metadata.get("notes", ()), *notes]
     missions = tuple(replace(mission, notes=(*notes, *mission.notes)) for mission in missions)
-    check = SafetyCheck(flight.safety, tuple(zones), clearance_of(flight))
     with phase("paper check"):
         for mission in missions:
             check.check(mission)

@@ -19,6 +19,7 @@ from uavseg.flight.mission.vehicle import Wind, read_vehicle
 from uavseg.flight.params.plan import (
     COVERING,
     PARAMS_OF,
+    CorridorParams,
     LimitParams,
     PatternParams,
     PlanParams,
@@ -28,6 +29,7 @@ from uavseg.flight.params.plan import (
 from uavseg.jobs.flights.plan import Home, PlanRequest
 from uavseg.options.flights import MissionOptions, PatternOptions, PhotoOptions, PlanOptions, SafetyOptions
 from uavseg.plain_text import shown
+from uavseg.regions.formats.widen import Widths
 from uavseg.regions.table import Regions
 
 if TYPE_CHECKING:
@@ -36,6 +38,8 @@ if TYPE_CHECKING:
     from uavseg.jobs.source.source import Source
 
 MAX_GSD_CM = 100.0
+POINT_M = 1.0  # diameter of the region that a point is, for visits
+MIN_ZONE_M, MAX_ZONE_M = 0.1, 10_000.0  # width of points and lines that are zones
 
 
 def plan_request(options: PlanOptions) -> PlanRequest:
@@ -114,7 +118,7 @@ def flight_params(options: MissionOptions) -> PlanParams:
             flights=limits.flights,
             vehicles=limits.vehicles,
         ),
-        safety=_safety_params(options.safety),
+        safety=safety_params(options.safety),
         terrain=terrain_params(
             terrain.dem or None,
             terrain.terrain,
@@ -164,6 +168,7 @@ _FIELDS = {  # of an option about a pattern: the field of its parameters, and th
     "offset": ("offset_m", ("perimeter",)),
     "min_leg": ("min_leg_m", ("perimeter",)),
     "holes": ("holes", ("perimeter",)),
+    "width": ("width_m", ("corridor",)),
     "margin": ("margin_m", ("survey", "corridor", "orbit")),
     "crosshatch": ("crosshatch", ("survey",)),
     "turnaround": ("turnaround_m", ("survey",)),
@@ -190,13 +195,15 @@ def _pattern_params(pattern: str, options: PatternOptions) -> PatternParams | No
     return params
 
 
-def _safety_params(options: SafetyOptions) -> SafetyParams:
+def safety_params(options: SafetyOptions) -> SafetyParams:
+    """Return the margins and limits of a flight."""
     return SafetyParams(
         avoid_margin_m=options.avoid_margin,
         fence_margin_m=options.fence,
         max_altitude_m=options.max_altitude,  # type: ignore[arg-type]
         max_distance_m=options.max_distance,
         rally=tuple(RallyPoint(*place) for place in options.rally),
+        zone_height_m=options.zone_height,
     )
 
 
@@ -260,12 +267,14 @@ def _names(given: Any) -> Any:
 
 
 def open_regions(
-    source: str | os.PathLike[str] | bytes | GeoDataFrame | Regions, layer: str | None = None
+    source: str | os.PathLike[str] | bytes | GeoDataFrame | Regions,
+    layer: str | None = None,
+    widths: Widths | None = None,
 ) -> Regions:
     """Return regions in degrees from a file (a layer of it), the content of one, a frame or another job.
 
-    A RegionError says that the file cannot be read, has no polygons or not only polygons, or no coordinate
-    system.
+    With `widths`, points and lines are areas or left out, which "notes" of the metadata say. A RegionError
+    says that the file cannot be read, has no polygons or not only polygons, or no coordinate system.
     """
     if isinstance(source, Regions):
         return in_degrees(source)
@@ -273,10 +282,19 @@ def open_regions(
 
     if isinstance(source, str | os.PathLike | bytes):
         with phase("reading of regions"):
-            return read.read_regions(source, layer)
+            return read.read_regions(source, layer, widths=widths)
     if not hasattr(source, "geometry") or not hasattr(source, "columns"):
         raise ParameterError(f"regions is a file of polygons or a GeoDataFrame, not {shown(source)}")
-    return read.regions_of_frame(source)
+    return read.regions_of_frame(source, widths=widths)
+
+
+def widths_of(flight: PlanParams) -> Widths:
+    """Return what points and lines of a file of regions are for a flight: visited, followed or left out."""
+    how, spacing_m = flight.how, flight.spacing_m or 0.0
+    line_m = (how.width_m or spacing_m / 2) if isinstance(how, CorridorParams) else None
+    use = "visited" if line_m is None else f"flown along, {line_m:g} m wide (--width)"
+    left_out = "not flown, as --pattern visit is for points and --pattern corridor for lines"
+    return Widths(POINT_M if flight.pattern == "visit" else None, line_m, use, left_out)
 
 
 def in_degrees(regions: Regions) -> Regions:
@@ -290,18 +308,27 @@ def in_degrees(regions: Regions) -> Regions:
     return replace(regions, polygons=polygons, wkt="EPSG:4326")
 
 
-def zone_polygons(avoid: Sequence[Any], raster: Source | None = None) -> list[Any]:
-    """Return polygons in degrees of keep-out zones: files, frames, regions, or ranges of intensity.
+def zone_polygons(options: SafetyOptions, raster: Source | None = None) -> tuple[list[Any], list[str]]:
+    """Return polygons in degrees of keep-out zones, with notes: of files, frames, or ranges of intensity.
 
     A range stands for its regions in the raster. A RegionError says that a file cannot be read, a
-    ParameterError that there is a range and no raster, or that a range is wrong or finds nothing to keep out
-    of, an OutputError that the raster has no place on the Earth.
+    ParameterError that the width of points and lines is out of bounds, there is a range and no raster, or it
+    finds nothing to keep out of, an OutputError that the raster has no place on the Earth.
     """
-    result: list[Any] = []
-    for zone in avoid:
-        is_range = isinstance(zone, tuple | list)
-        result += list((_in_range(zone, raster) if is_range else open_regions(zone)).polygons)
-    return result
+    width_m = options.zone_width
+    if not MIN_ZONE_M <= width_m <= MAX_ZONE_M:
+        raise ParameterError(
+            f"the width of zones (--zone-width) is {MIN_ZONE_M:g} to {MAX_ZONE_M:,.0f} m, not {width_m:g}"
+        )
+    widths = Widths(width_m, width_m, f"kept out of, {width_m:g} m wide (--zone-width)")
+    polygons: list[Any] = []
+    notes: list[str] = []
+    for zone in options.avoid:
+        is_file = not isinstance(zone, tuple | list)
+        found = open_regions(zone, widths=widths) if is_file else _in_range(zone, raster)
+        polygons += list(found.polygons)
+        notes += found.metadata.get("notes", [])
+    return polygons, notes
 
 
 def _in_range(ends: Sequence[Any], raster: Source | None) -> Regions:

@@ -6,6 +6,7 @@ import re
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,7 @@ from uavseg.raster.access.opening import file_exists
 from uavseg.raster.geodesy.globe import MAX_DECIMALS, WGS84, geod_wgs84, unwrap_lon
 from uavseg.regions.formats import vector_files
 from uavseg.regions.formats.parquet import import_pyarrow
+from uavseg.regions.formats.widen import MULTIPOLYGON, POLYGON, Widths, as_areas
 from uavseg.regions.shapes import batch_slices
 from uavseg.regions.table import COLUMNS, VALUE_COLUMNS, Regions
 from uavseg.regions.wgs84.to_wgs84 import cut_at_antimeridian
@@ -38,7 +40,10 @@ FULL_NAMES = {"perim_m": "perimeter_m", "range_lo": "range_low", "range_hi": "ra
 
 
 def read_regions(
-    source: str | os.PathLike[str] | bytes, layer: str | None = None, local: bool = False
+    source: str | os.PathLike[str] | bytes,
+    layer: str | None = None,
+    local: bool = False,
+    widths: Widths | None = None,
 ) -> Regions:
     """Read regions from a file, in WGS 84.
 
@@ -48,32 +53,40 @@ def read_regions(
     separately; `area_m2` (geodesic) and `lon`, `lat` of a point inside are computed. `layer` is for a file
     that has several, other than KML, of which all are read. A RegionError says that the file cannot be read,
     has no polygons or other geometries too, no CRS, or local coordinates; with `local`, coordinates without a
-    CRS are read as they are.
+    CRS are read as they are. With `widths`, points and lines become areas or are left out, and the metadata
+    have "notes" on them.
     """
     name = "standard input" if isinstance(source, bytes) else str(source)
-    return _complete_frame(_read_frame(source, name, layer), name, local)
+    return _complete_frame(_read_frame(source, name, layer), name, local, widths)
 
 
-def regions_of_frame(frame: "GeoDataFrame", local: bool = False) -> Regions:
-    """Return regions of a GeoDataFrame, in WGS 84, completed like those of a file (`local` too).
+def regions_of_frame(frame: "GeoDataFrame", local: bool = False, widths: Widths | None = None) -> Regions:
+    """Return regions of a GeoDataFrame, in WGS 84, completed like those of a file (`local`, `widths` too).
 
     A RegionError says that it has no polygons or other geometries too, no CRS, or local coordinates.
     """
-    return _complete_frame(frame, "the frame", local)
+    return _complete_frame(frame, "the frame", local, widths)
 
 
 @np.errstate(all="ignore")  # coordinates that are not finite, or far too large, are refused below
-def _complete_frame(frame: "GeoDataFrame", name: str, local: bool) -> Regions:
+def _complete_frame(frame: "GeoDataFrame", name: str, local: bool, widths: Widths | None) -> Regions:
     vector_files.check_geometries(np.asarray(frame.geometry, dtype=object), name)
     local = local and frame.crs is None
     frame = frame if local else _to_wgs84(frame, name)
+    geometries = np.asarray(frame.geometry, dtype=object)
+    notes: list[str] = []
+    if widths is not None:
+        geometries, features, notes = as_areas(geometries, name, widths)
+        frame = frame.iloc[features]
+    if not local:
+        geometries = _cut_at_antimeridian(geometries, name)
     fields = [field for field in frame.columns if field != frame.geometry.name]
     if len({str(field) for field in fields}) < len(fields):
         raise RegionError(f"{name} has two attributes of the same name; rename one of them")
     with vector_errors(name):  # texts of a damaged file may not be UTF-8
         columns = {str(field): np.asarray(frame[field]) for field in fields}
-    geometries = _polygons(np.asarray(frame.geometry, dtype=object), name)
-    return _complete(_restore_names(columns), geometries, None if local else WGS84)
+    whole = _complete(_restore_names(columns), _polygons(geometries, name), None if local else WGS84)
+    return replace(whole, metadata={"notes": notes}) if notes else whole
 
 
 def _read_frame(source: str | os.PathLike[str] | bytes, name: str, layer: str | None) -> "GeoDataFrame":
@@ -174,7 +187,7 @@ def _to_wgs84(frame: "GeoDataFrame", name: str) -> "GeoDataFrame":
         )
     # As many decimals as GeoJSON has at most: the rounding of a format must not decide between plans.
     degrees = shapely.transform(np.asarray(frame.geometry, object), lambda xy: xy.round(MAX_DECIMALS))
-    return frame.set_geometry(_cut_at_antimeridian(degrees, name), crs=frame.crs)
+    return frame.set_geometry(degrees, crs=frame.crs)
 
 
 def _cut_at_antimeridian(geometries: NDArray[np.object_], name: str) -> NDArray[np.object_]:
@@ -184,7 +197,8 @@ def _cut_at_antimeridian(geometries: NDArray[np.object_], name: str) -> NDArray[
     puts the two sides of a polygon at both ends of the map.
     """
     west, _, east, _ = shapely.bounds(geometries).T
-    crossing = np.flatnonzero((east > 180.001) | (east - west > 180))
+    is_area = np.isin(shapely.get_type_id(geometries), (POLYGON, MULTIPOLYGON))
+    crossing = np.flatnonzero(is_area & ((east > 180.001) | (east - west > 180)))
     if len(crossing):
         geometries = geometries.copy()
     for n in crossing.tolist():
