@@ -48,7 +48,7 @@ from uavseg.flight.mission.items import (
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.params.plan import SafetyParams
 from uavseg.flight.safety.check import SafetyCheck
-from uavseg.jobs.flights.plan import write_flights
+from uavseg.jobs.flights.plan import MissionPlan
 
 UP = MissionItem(TAKEOFF, FRAME_RELATIVE, (0.0, 0.0, 0.0, None), 47.0, 8.0, 50.0)
 FREE = (0.0, 0.0, 0.0, None)
@@ -276,13 +276,12 @@ def test_an_aircraft_stops_or_passes_within_two_metres() -> None:
 def test_corners_that_may_be_cut_stay_out_of_zones(tmp_path: Path) -> None:
     zones = [shapely.box(8.01, 47.01, 8.02, 47.02)]
     near, far = (SafetyCheck(SafetyParams(avoid_margin_m=margin), zones) for margin in (0.9, 1.0))
-    through = FileOptions(turn="through")
     with pytest.raises(MissionError, match="up to 1 m at corners"):
-        write_flights([SURVEY], tmp_path / "fly.kmz", near, options=through)
+        MissionPlan((SURVEY,), 1, near).write(tmp_path / "fly.kmz", turn="through")
     assert not list(tmp_path.iterdir())
-    for check, options in ((near, FileOptions()), (far, through)):
+    for check, turn in ((near, "stop"), (far, "through")):
         with warnings.catch_warnings(action="ignore"):
-            write_flights([SURVEY], tmp_path / "fly.kmz", check, overwrite=True, options=options)
+            MissionPlan((SURVEY,), 1, check).write(tmp_path / "fly.kmz", overwrite=True, turn=turn)
 
 
 def photographed(camera: str) -> Mission:
