@@ -2,10 +2,11 @@
 
 The position controller is the usual cascade (position P, velocity PI, acceleration fed forward) with the
 gains of ArduCopter (PSC_POSXY_P 1, PSC_VELXY_P 2, PSC_VELXY_I 1); thrust follows with a lag of 0.15 s, and
-lean angles are at most 30 degrees (ATC_ANGLE_MAX). The drag is that of ArduPilot's simulated quadrotor
-(libraries/SITL/SIM_Frame.cpp) of 3 kg, which reaches 15.1 m/s at a lean of 45 degrees: in the frame of the
-vehicle 0.0358 / m of the square of the speed through the air, and 0.186 / s of the speed, times the root of
-the thrust. At 30 degrees it flies 11.8 m/s. Gusts change with the time constant of 2 s.
+lean angles are at most 30 degrees (ATC_ANGLE_MAX), first for what is across the track. The drag is that of
+ArduPilot's simulated quadrotor (libraries/SITL/SIM_Frame.cpp) of 3 kg, which reaches 15.1 m/s at a lean of
+45 degrees: in the frame of the vehicle 0.0358 / m of the square of the speed through the air, and 0.186 / s
+of the speed, times the root of the thrust. At 30 degrees it flies 11.8 m/s. Gusts change with the time
+constant of 2 s.
 """
 
 import math
@@ -46,14 +47,12 @@ class Body:
             total = self.integral[k] + _SPEED_I * error * DT
             sums.append(min(max(total, -_MOST_INTEGRAL), _MOST_INTEGRAL))
             wanted.append(acceleration[k] + _SPEED_P * error + sums[k])
-        lean = math.hypot(wanted[0], wanted[1])
-        scale = min(1.0, _LEAN_M_S2 / lean) if lean else 1.0
-        if scale < 1:  # at the limit, integrals do not grow
-            sums = [
-                kept if abs(new) > abs(kept) else new for new, kept in zip(sums, self.integral, strict=True)
-            ]
+        level = _limited((wanted[0], wanted[1]), velocity)
+        if level != (wanted[0], wanted[1]):  # at the limit, integrals do not grow
+            pairs = zip(sums, self.integral, strict=True)
+            sums = [kept if abs(new) > abs(kept) else new for new, kept in pairs]
         self.integral = (sums[0], sums[1], sums[2])
-        commanded = (wanted[0] * scale, wanted[1] * scale, min(max(wanted[2], -5.0), 5.0))
+        commanded = (*level, min(max(wanted[2], -5.0), 5.0))
         share = DT / _LAG_S
         if self.gust_m_s:
             self._change_gust()
@@ -86,3 +85,18 @@ class Body:
         flat = cosine * forward + sine * _DRAG_PER_M * under * under
         share = flat / level if level else 0.0
         return x * share, y * share, _DRAG_PER_M * abs(z) * z
+
+
+def _limited(wanted: tuple[float, float], velocity: Vector) -> tuple[float, float]:
+    """The acceleration within the lean angle: what is across the track comes first (limit_accel_xy)."""
+    if math.hypot(*wanted) <= _LEAN_M_S2:
+        return wanted
+    speed = math.hypot(velocity[0], velocity[1])
+    if not speed:
+        scale = _LEAN_M_S2 / math.hypot(*wanted)
+        return wanted[0] * scale, wanted[1] * scale
+    x, y = velocity[0] / speed, velocity[1] / speed
+    along, across = wanted[0] * x + wanted[1] * y, wanted[1] * x - wanted[0] * y
+    across = min(max(across, -_LEAN_M_S2), _LEAN_M_S2)
+    along = math.copysign(min(abs(along), math.sqrt(_LEAN_M_S2**2 - across**2)), along)
+    return along * x - across * y, along * y + across * x
