@@ -22,6 +22,7 @@ from uavseg.errors import MissionError
 TOUCH_M = 1e-4
 """Legs may run along the edge of free space: that close to it, they are in it."""
 MAX_POINTS = 8001  # both ends of as many regions as are ordered, and home; paths of more take gigabytes
+AT_ONCE = 16  # paths that are computed together
 MAX_CORNERS = 1200  # a graph of their pairs takes seconds
 
 
@@ -168,9 +169,13 @@ class FreeSpace:
 
     def each_path(self, starts: Floats, ends: Floats) -> list[Floats]:
         """Return the shortest path between each start and its end, (n, 2) each; see `path`."""
-        straight = self.sees(starts, ends).tolist()
-        pairs = np.stack([starts, ends], axis=1)
-        return [pair if seen else self.path(*pair) for pair, seen in zip(pairs, straight, strict=True)]
+        paths: list[Floats] = list(np.stack([starts, ends], axis=1))
+        bent = np.flatnonzero(~self.sees(starts, ends)).tolist()
+        for some in (bent[k : k + AT_ONCE] for k in range(0, len(bent), AT_ONCE)):
+            found = self.paths(np.concatenate([starts[some], ends[some]]))
+            for k, leg in enumerate(some):
+                paths[leg] = found.path(k, k + len(some))
+        return paths
 
     def paths(self, points: Floats) -> "ShortestPaths":
         """Compute the shortest paths between any two of some points (n, 2).

@@ -9,6 +9,7 @@ lines as the region is high, but two for an arm that lies across an edge of the 
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -51,10 +52,10 @@ def grid_lines(
     [3, 3, 3, 3]
     """
     _, south, _, north = shapely.bounds(polygon)
-    count = _line_count(north - (south if start is None else start), spacing_m)
-    edges = (
-        np.linspace(south, north, count + 1) if start is None else start + spacing_m * np.arange(count + 1)
-    )
+    edges = np.linspace(south, north, _line_count(north - south, spacing_m) + 1)
+    if start is not None:
+        count = _line_count(north - start, spacing_m, 1e-6)
+        edges = np.linspace(start, start + spacing_m * count, count + 1)
     parts, row = shapely.get_parts(_strips_between(polygon, edges), return_index=True)
     is_area = shapely.get_type_id(parts) == shapely.GeometryType.POLYGON
     west = shapely.bounds(parts)[:, 0]
@@ -153,14 +154,14 @@ def _lines_in_strips(
     return np.stack([start, y, end, y], axis=1).reshape(-1, 2, 2)
 
 
-def _line_count(width_m: float, spacing_m: float) -> int:
+def _line_count(width_m: float, spacing_m: float, slack: float = WIDTH_SLACK) -> int:
     """Return the number of lines over a width.
 
     Refuse a spacing that is not positive (ParameterError) and more lines than a mission holds (MissionError).
     """
     if not (math.isfinite(spacing_m) and spacing_m > 0):
         raise ParameterError(f"the spacing of survey lines is a positive number of metres, not {spacing_m}")
-    count = max(math.ceil(width_m / spacing_m * (1 - WIDTH_SLACK)), 1)
+    count = max(math.ceil(width_m / spacing_m * (1 - slack)), 1)
     if count > MAX_LINES:
         raise MissionError(
             f"{width_m:.0f} m at a spacing of {spacing_m:g} m make {count} lines, more than a mission holds; "
@@ -170,23 +171,26 @@ def _line_count(width_m: float, spacing_m: float) -> int:
 
 
 def _strips_between(cell: Any, edges: Floats) -> NDArray[np.object_]:
-    """Return the parts of a cell between lines along x, by bisection, which is fast for many lines."""
+    """Return the parts of a cell between lines along x.
+
+    GEOS clips to rectangles fast, but does not promise that all is well where corners lie on their edges.
+    """
     west, south, east, north = shapely.bounds(cell)
-    bounds = np.concatenate([[south - 1], edges[1:-1], [north + 1]])
-    parts, first, last = np.array([cell], object), np.array([0]), np.array([len(edges) - 1])
-    while (last - first > 1).any():
-        middle = (first + last) // 2
-        whole = middle == first
-        first, last = (
-            np.concatenate([first, middle[~whole]]),
-            np.concatenate([np.where(whole, last, middle), last[~whole]]),
-        )
-        parts = np.concatenate([parts, parts[~whole]])
-        order = np.argsort(first, kind="stable")
-        parts, first, last = parts[order], first[order], last[order]
-        boxes = shapely.box(west - 1, bounds[first], east + 1, bounds[last])
-        parts = shapely.intersection(parts, boxes)
-    return parts
+    bounds = [south - 1, *edges[1:-1].tolist(), north + 1]
+    try:
+        clipped = [
+            shapely.clip_by_rect(cell, west - 1, low, east + 1, high) for low, high in pairwise(bounds)
+        ]
+        parts = np.array(clipped, object)
+        whole = math.isclose(float(shapely.area(parts).sum()), shapely.area(cell), rel_tol=1e-9)
+        if whole and shapely.is_valid(parts).all():
+            return parts
+    except shapely.GEOSException:  # of parts without area
+        pass
+    exact: NDArray[np.object_] = shapely.intersection(
+        cell, shapely.box(west - 1, bounds[:-1], east + 1, bounds[1:])
+    )
+    return exact
 
 
 def flight_space(
@@ -216,6 +220,7 @@ def _of_few_corners(region: Any, spacing_m: float) -> Any:
 
 
 ROUNDS = 300  # of the search for the order of many cells
+FEW_LINES = 150  # are also ordered one by one
 HALVINGS = 4  # of a straight leg past the end of a line, until it is free
 
 
@@ -227,36 +232,48 @@ class SurveyLines:
     cells: tuple[Floats, ...]  # for each cell (n, 2, 2): both ends of its lines, in metres
     lead_m: float = 0.0  # length of the straight legs before and after each line
 
-    def estimate_m(self, turn_m: float) -> float:
-        """Estimate the cost of flying them in metres: their length, the legs between them, and the turns."""
-        within = between = 0.0
-        for cell in self.cells:
-            ends = np.stack([cell[:-1, 1] - cell[1:, 1], cell[:-1, 0] - cell[1:, 0]], axis=1)
-            within += float(np.hypot(*(cell[:, 1] - cell[:, 0]).T).sum())
-            within += float(np.hypot(ends[..., 0], ends[..., 1]).mean(axis=1).sum())
-        middles = np.array([cell.mean(axis=(0, 1)) for cell in self.cells])
-        steps = np.hypot(*(middles[:, None] - middles).T)
-        np.fill_diagonal(steps, np.inf)
-        if len(middles) > 1:
-            between = float(steps.min(axis=0).sum())
-        lines = sum(len(cell) for cell in self.cells)
-        return within + between + 2 * turn_m * (lines + len(self.cells))
+    def rough_order(self, start: Floats | None) -> Floats:
+        """Return the lines in an order of flight, (n, 2, 2): from cell to cell by the nearest of their ends.
+
+        The flight comes from the place `start` (2,), by default from a cell.
+        """
+        corners = np.stack([cell[[0, 0, -1, -1], [0, 1, 0, 1]] for cell in self.cells])
+        here = corners[0, 0] if start is None else start
+        flown = []
+        for _ in self.cells:
+            away = np.hypot(corners[..., 0] - here[0], corners[..., 1] - here[1])
+            cell, entry = divmod(int(np.argmin(away)), 4)
+            lines = self.cells[cell][::-1] if entry >= 2 else self.cells[cell].copy()
+            turned = slice(1 - entry % 2, None, 2)
+            lines = lines.copy()
+            lines[turned] = lines[turned, ::-1]
+            corners[cell], here = np.inf, lines[-1, 1]
+            flown.append(lines)
+        return np.concatenate(flown)
 
 
-def fly_lines(lines: SurveyLines, space: FreeSpace) -> Iterator[tuple[Floats, Floats, tuple[Floats, ...]]]:
-    """Yield orders of lines: one for many cells, two for one cell, which are not each other reversed.
+def fly_lines(
+    lines: SurveyLines, space: FreeSpace, home: Floats | None = None
+) -> Iterator[tuple[Floats, Floats, tuple[Floats, ...]]]:
+    """Yield orders of lines; two for one cell, which are not each other reversed.
 
-    Each is the lines in the order and direction of flight, the same with the straight legs before and after
-    them, and the n - 1 legs from one to the next. A MissionError says that there is no path between lines.
+    Many cells are flown one after another; and if they have few lines, these are also ordered one by one. The
+    flight comes from `home` (2,) and returns there, where that is given. Each order is the lines in the order
+    and direction of flight, the same with the straight legs before and after them, and the n - 1 legs from
+    one to the next. A MissionError says that there is no path between lines.
     """
     flat = np.concatenate(lines.cells)
     outer = _extended(flat, lines.lead_m, space)
     stops = np.cumsum([len(cell) for cell in lines.cells])
-    candidates = [
-        to_and_fro(range(stop - len(cell), stop)) for cell, stop in zip(lines.cells, stops, strict=True)
-    ]
-    one = len(candidates) == 1
-    for order in candidates[0][:2] if one else [join_cells(candidates, outer.reshape(-1, 2), space)]:
+    cells = [to_and_fro(range(stop - len(cell), stop)) for cell, stop in zip(lines.cells, stops, strict=True)]
+    if len(cells) == 1:
+        orders = cells[0][:2]
+    else:
+        orders = [join_cells(cells, outer.reshape(-1, 2), space, home)]
+        if len(flat) <= FEW_LINES:
+            single = [to_and_fro([k]) for k in range(len(flat))]
+            orders.append(join_cells(single, outer.reshape(-1, 2), space, home))
+    for order in orders:
         placed = _in_order(outer, order)
         yield _in_order(flat, order), placed, tuple(space.each_path(placed[:-1, 1], placed[1:, 0]))
 
@@ -269,16 +286,22 @@ def to_and_fro(cell: Sequence[int]) -> list[Integers]:
     return forward + [(one ^ 1)[::-1] for one in forward]
 
 
-def join_cells(candidates: list[list[Integers]], ends: Floats, space: FreeSpace) -> Integers:
+def join_cells(
+    candidates: list[list[Integers]], ends: Floats, space: FreeSpace, home: Floats | None = None
+) -> Integers:
     """Return one order of the lines of all cells, with a short tour over the cells.
 
     `candidates` are for each cell its orders, as of `to_and_fro`; rows 2 k and 2 k + 1 of `ends` (m, 2) are
-    the ends of line k.
+    the ends of line k. The tour begins and ends at `home` (2,) where that is given, with straight legs.
     """
     entries = np.array([[(order[0], order[-1] ^ 1) for order in orders] for orders in candidates])
     points, index = np.unique(entries.ravel(), return_inverse=True)
     lengths = space.paths(ends[points]).lengths
-    tour = short_tour(Stops.of(list(index.reshape(entries.shape))), lengths, rounds=ROUNDS)
+    start = -1
+    if home is not None:
+        start, away = len(points), np.hypot(*(ends[points] - home).T)
+        lengths = np.block([[lengths, away[:, None]], [away, np.zeros(1)]])
+    tour = short_tour(Stops.of(list(index.reshape(entries.shape))), lengths, start, start, ROUNDS)
     return np.concatenate([candidates[cell][order] for cell, order in tour])
 
 

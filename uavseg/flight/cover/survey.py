@@ -11,7 +11,7 @@ one piece.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -19,7 +19,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from uavseg.arrays import Floats
+from uavseg.arrays import Bools, Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.flight.avoid.free_space import FreeSpace
@@ -138,12 +138,25 @@ MIN_HEIGHT = 0.5  # spacings: cells that are less high are merged
 GAP = 3.0  # spacings: longest gap over which a line continues
 TURN_M = 10.0
 """A turn costs the time of so many metres: at 5 m/s, braking and accelerating at 2.5 m/s2."""
-STEP_DEG = 15.0  # azimuths that are tried besides those of edges
-MAX_AZIMUTHS = 40
-TRIED_AZIMUTHS = 6  # those that need the fewest lines are divided into cells
+STEP_DEG = 15.0  # azimuths that are tried besides those of edges; whole degrees where many are tried
+MIN_TRIES, MANY_TRIES = 3, 12
+MAX_WORK = 9000  # tries times corners of a region
+MAX_AZIMUTHS = 40  # of edges
 COMPACT = 0.8  # share of the convex hull: a region that fills more, and is one cell, is not divided otherwise
 MAX_CRITICAL = 400  # corners at which a region is divided into cells
-FLOWN = 3  # the best of those are planned to the end
+MAX_SHIFTS = 4  # places of the first line, for one azimuth
+
+Costs = Callable[[Floats, Bools, Bools], Floats]
+
+
+def even_costs(xy: Floats, is_line: Bools, stops: Bools) -> Floats:
+    """Return the length of each leg (n - 1,) of a path (n, 2) in metres, with `TURN_M` for a turn at its end.
+
+    Another function of the same arguments may give the times of legs: `is_line`, (n - 1,), whether a leg is a
+    survey line, `stops`, (n,), whether the vehicle stands there, as at home.
+    """
+    lengths: Floats = np.hypot(*np.diff(xy, axis=0).T)
+    return lengths + TURN_M * ~stops[1:]
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,12 +164,14 @@ class CoverParams:
     """Parameters of survey lines over a region."""
 
     spacing_m: float  # distance between neighbouring lines
-    angle_deg: float | None = None  # azimuth, clockwise from north; by default that of the least time
+    angle_deg: float | None = None  # azimuth, clockwise from north; by default that of the least cost
     reach_m: float = 0.0  # ground that photographs show past the end of a line
     min_m: float = MIN_LINE_M  # length of the shortest line
-    turn_m: float = TURN_M  # metres that take as long as a turn
+    costs: Costs = even_costs  # of legs
     lead_m: float = 0.0  # length of the straight legs before and after each line, without photographs
     crosshatch: bool = False  # whether to cover the region once more, at a right angle
+    tries: int = MIN_TRIES  # surveys that are planned to the end
+    home: tuple[float, float] | None = None  # where the flight starts and ends, if over this region only
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,14 +194,29 @@ class Survey:
         """Number of places at which the vehicle changes its direction."""
         return sum(len(leg) for leg in self.legs)
 
+    def path(self) -> tuple[Floats, Bools]:
+        """Return the path of flight (k, 2), and whether each of its legs is a line (k - 1,)."""
+        legs = [
+            self.outer[0],
+            *(part for pair in zip(self.legs, self.outer[1:], strict=True) for part in pair),
+        ]
+        xy = np.concatenate([leg[1:] if k else leg for k, leg in enumerate(legs)])
+        counts = [len(leg) - 1 for leg in legs]
+        return xy, np.repeat(np.arange(len(legs)) % 2 == 0, counts)
+
 
 def surveys(region: Any, params: CoverParams, obstacles: Sequence[Any] = ()) -> list[Survey]:
-    """Cover a region with parallel lines in a short order; return the shortest survey.
+    """Cover a region with parallel lines in a short order; return surveys from the cheapest one on.
 
-    One cell is also flown from the other end of its lines; each survey may be reversed. The region (shapely,
-    in metres) may be concave and have holes; no line or leg crosses an obstacle. A ParameterError says that
-    the spacing is not a positive number or the angle not finite, a MissionError that there would be more
-    lines than a mission holds, or no path between them.
+    Lines of many azimuths are laid in one grid, and ranked by the cost of a rough order. For the best ones
+    the grid is also shifted, and the region divided into cells. The `tries` best of all of these are planned
+    to the end, cell by cell and line by line; twice as many azimuths are ranked, or 180 and more for 12
+    tries. There are fewer tries where the region has many corners. Lines of one azimuth are laid and planned
+    in the same way.
+
+    Each survey may be reversed. The region (shapely, in metres) may be concave and have holes; no line or leg
+    crosses an obstacle. A ParameterError says that the spacing is not a positive number or the angle not
+    finite, a MissionError that there would be more lines than a mission holds, or no path between them.
 
     Examples
     --------
@@ -196,32 +226,56 @@ def surveys(region: Any, params: CoverParams, obstacles: Sequence[Any] = ()) -> 
     """
     simple, space = flight_space(region, params.spacing_m, params.lead_m, obstacles)
     near = flight_space(region, params.spacing_m, 0.0, obstacles)[1] if params.lead_m else space
-    best = _best(simple, params, near, space)
+    found = _found(simple, params, near, space)
     if not params.crosshatch:
-        return best
-    across = _best(simple, replace(params, angle_deg=best[0].angle_deg + 90), near, space)
-    return [_joined(best, across, space)]
+        return found
+    across = replace(params, angle_deg=found[0].angle_deg + 90)
+    return [_joined(_same_azimuth(found), _same_azimuth(_found(simple, across, near, space)), space)]
 
 
-def _best(region: Any, params: CoverParams, near: FreeSpace, space: FreeSpace) -> list[Survey]:
-    """Return the fastest survey, with lines in one space and legs in another; see `surveys`."""
+def _same_azimuth(found: list[Survey]) -> list[Survey]:
+    """Return the cheapest survey and another one of the same lines."""
+    return [one for one in found[:2] if one.angle_deg == found[0].angle_deg]
 
-    def estimate(lines: SurveyLines) -> float:
-        return lines.estimate_m(params.turn_m)
 
-    grids = sorted(
-        (_grid(region, azimuth, params, near) for azimuth in _azimuths(region, params)), key=estimate
-    )
+def _found(region: Any, params: CoverParams, near: FreeSpace, space: FreeSpace) -> list[Survey]:
+    """Return surveys from the cheapest on, with lines in one space and legs in another; see `surveys`."""
+    home = None if params.home is None else np.array(params.home)
+    tries = min(params.tries, max(MAX_WORK // int(shapely.get_num_coordinates(region)), MIN_TRIES))
+
+    def ranked(laid: list[SurveyLines]) -> list[SurveyLines]:
+        orders = [lines.rough_order(home).reshape(-1, 2) for lines in laid]
+        costs = _path_costs([(xy, np.arange(len(xy) - 1) % 2 == 0) for xy in orders], params)
+        return [laid[k] for k in np.argsort(costs, kind="stable").tolist()]
+
+    grids = ranked([_grid(region, azimuth, params, near) for azimuth in _azimuths(region, params, tries)])
     compact = region.area > COMPACT * shapely.convex_hull(region).area
-    others = [grid for grid in grids[:FLOWN] if not compact or len(grid.cells) > 1]
-    cells = [lines for grid in others for lines in _cells(region, grid.angle_deg, params)]
+    best = [grid for grid in grids[:tries] if not compact or len(grid.cells) > 1]
+    shifted = [lines for grid in best for lines in _shifted(region, grid.angle_deg, params, near)]
+    cells = [lines for grid in best for lines in _cells(region, grid.angle_deg, params)]
     free = [lines for lines in cells if _stays_in(lines, near)]  # merged cells are not monotone
-    tried = sorted([*grids, *free], key=estimate)
-    flown = [_fly(lines, space) for lines in tried[:FLOWN]]
-    return min(flown, key=lambda orders: orders[0].length_m + params.turn_m * orders[0].turns)
+    tried = ranked([*grids, *shifted, *free])[:tries]
+    flown = [survey for lines in tried for survey in _fly(lines, space, home)]
+    costs = _path_costs([survey.path() for survey in flown], params)
+    return [flown[k] for k in np.argsort(costs, kind="stable").tolist()]
 
 
-def _azimuths(region: Any, params: CoverParams) -> list[float]:
+def _path_costs(paths: list[tuple[Floats, Bools]], params: CoverParams) -> Floats:
+    """Return the cost of each path, from home and back where that is given; all are measured at once."""
+    home = np.empty((0, 2)) if params.home is None else np.array([params.home])
+    ends, flag = len(home), np.zeros(len(home), bool)
+    xy = np.concatenate([part for path, _ in paths for part in (home, path, home)])
+    is_line = np.concatenate([np.concatenate([flag, lines, flag, [False]]) for _, lines in paths])[:-1]
+    first = np.cumsum([0, *(len(path) + 2 * ends for path, _ in paths)])
+    stops = np.zeros(len(xy), bool)
+    stops[first[:-1]] = stops[first[1:] - 1] = True
+    costs = np.append(params.costs(xy, is_line, stops), 0.0)
+    costs[first[1:] - 1] = 0.0  # from one path to the next
+    sums: Floats = np.add.reduceat(costs, first[:-1])
+    return sums
+
+
+def _azimuths(region: Any, params: CoverParams, tries: int) -> list[float]:
     """Return the requested azimuth, or those along edges and in steps that need the fewest lines.
 
     The number of lines is about half of the rise and fall of the outline across them, in spacings.
@@ -232,15 +286,17 @@ def _azimuths(region: Any, params: CoverParams) -> list[float]:
                 f"the azimuth of survey lines is a number of degrees or auto, not {params.angle_deg}"
             )
         return [float(params.angle_deg % 180) % 180]  # -1e-17 % 180 is 180
+    many = tries >= MANY_TRIES
     outlines = [*shapely.get_rings(region), shapely.get_exterior_ring(shapely.convex_hull(region))]
     step = np.concatenate([np.diff(shapely.get_coordinates(ring), axis=0) for ring in outlines])
     longest = step[np.argsort(-np.hypot(*step.T), kind="stable")][:MAX_AZIMUTHS]
     along = np.degrees(np.arctan2(longest[:, 0], longest[:, 1])) % 180
-    azimuths = np.unique(np.round(np.concatenate([along, np.arange(0, 180, STEP_DEG)]), 3) % 180)
+    steps = np.arange(0, 180, 1.0 if many else STEP_DEG)
+    azimuths = np.unique(np.round(np.concatenate([along, steps]), 3) % 180)
     edges = np.concatenate([np.diff(shapely.get_coordinates(ring), axis=0) for ring in outlines[:-1]])
     rise = [float(np.abs(edges @ axes(azimuth)[:, 1]).sum()) for azimuth in azimuths.tolist()]
-    best: list[float] = azimuths[np.argsort(rise, kind="stable")][:TRIED_AZIMUTHS].tolist()
-    return best
+    best: list[float] = azimuths[np.argsort(rise, kind="stable")].tolist()
+    return best if many else best[: 2 * tries]
 
 
 def axes(angle_deg: float) -> Floats:
@@ -250,16 +306,29 @@ def axes(angle_deg: float) -> Floats:
     return np.array([[sine, cosine], [cosine, -sine]])
 
 
-def _grid(region: Any, angle_deg: float, params: CoverParams, space: FreeSpace) -> SurveyLines:
-    """Return the lines of one azimuth, in one grid."""
+def _grid(
+    region: Any, angle_deg: float, params: CoverParams, space: FreeSpace, start: float | None = None
+) -> SurveyLines:
+    """Return the lines of one azimuth, in one grid; `start` is that of `grid_lines`."""
     turn, spacing = axes(angle_deg), params.spacing_m
 
     def joins(starts: Floats, ends: Floats) -> NDArray[np.bool_]:
         near = _length(np.stack([starts, ends], axis=1)) <= GAP * spacing
         return near & space.sees(starts @ turn.T, ends @ turn.T)
 
-    cells = grid_lines(_turned(region, turn), spacing, (params.reach_m, params.min_m), joins)
+    cells = grid_lines(_turned(region, turn), spacing, (params.reach_m, params.min_m), joins, start)
     return SurveyLines(angle_deg, tuple(cell @ turn.T for cell in cells), params.lead_m)
+
+
+def _shifted(region: Any, angle_deg: float, params: CoverParams, space: FreeSpace) -> list[SurveyLines]:
+    """Return grids of one azimuth with an edge between strips at a corner where cells are divided."""
+    turned = _turned(region, axes(angle_deg))
+    _, south, _, north = shapely.bounds(turned)
+    corners = _all_critical(turned, STEP * params.spacing_m, MIN_HEIGHT * params.spacing_m / 2)[:, 1]
+    phases = (np.concatenate([corners, [south, north]]) - south) % params.spacing_m
+    distinct = np.unique(np.round(phases / params.spacing_m, 1) % 1, return_index=True)[1][:MAX_SHIFTS]
+    starts = south + phases[distinct] - params.spacing_m * (phases[distinct] > 0)
+    return [_grid(region, angle_deg, params, space, start) for start in starts.tolist()]
 
 
 def _cells(region: Any, angle_deg: float, params: CoverParams) -> list[SurveyLines]:
@@ -288,10 +357,10 @@ def _turned(region: Any, turn: Floats) -> Any:
     return shapely.transform(region, lambda xy: xy @ turn)
 
 
-def _fly(lines: SurveyLines, space: FreeSpace) -> list[Survey]:
+def _fly(lines: SurveyLines, space: FreeSpace, home: Floats | None) -> list[Survey]:
     return [
         Survey(angle_deg=lines.angle_deg, cells=len(lines.cells), lines=flown, outer=outer, legs=legs)
-        for flown, outer, legs in fly_lines(lines, space)
+        for flown, outer, legs in fly_lines(lines, space, home)
     ]
 
 

@@ -29,7 +29,14 @@ from uavseg.flight.params.plan import MAX_MARGIN_M, PARAMS_OF, PerimeterParams, 
 from uavseg.flight.patterns import candidates as patterns
 from uavseg.flight.patterns.candidates import RegionPart
 from uavseg.flight.planning.along import home_notes, items_along
-from uavseg.flight.planning.split import FlightLimits, RegionRoute, check_order, short_route, split_route
+from uavseg.flight.planning.split import (
+    FlightLimits,
+    RegionRoute,
+    check_order,
+    fastest,
+    short_route,
+    split_route,
+)
 from uavseg.flight.safety.check import fence_around, rally_of_flights
 from uavseg.flight.safety.keep_out import KeepOut, near_zones, return_notes
 from uavseg.flight.terrain.altitude_profile import LegPoints, points_of_leg
@@ -143,19 +150,9 @@ def missions_over(
 
     `plane` is that of the route; `notes` are for all missions, and some are added.
     """
-    vehicle, limits = params.vehicle or default_vehicle(params.autopilot), params.limits
-    max_items = limits.max_items or BOARD_CAPACITY[params.autopilot]
-    climb_s = params.altitude_m / vehicle.climb_m_s + landing_seconds(params.altitude_m, vehicle)
-    costs = LegCosts(plane, params)
-    allowed = FlightLimits(
-        seconds=limits.seconds,
-        items=max_items,
-        fixed_s=climb_s + vehicle.return_hold_s,
-        fixed_items=FIXED_ITEMS,
-        leg_seconds=costs.level_seconds,
-        costs=costs.of,
-        return_seconds=costs.return_seconds,
-    )
+    limits = params.limits
+    allowed = _flight_limits(plane, params)
+    max_items = allowed.items
     for _ in range(ATTEMPTS):
         parts = [track.without_repeats() for track in split_route(route, allowed)]
         tracks = [with_speeds(track, route.home, params) for track in parts]
@@ -174,6 +171,20 @@ def missions_over(
         notes.append(f"the mission is divided into {len(missions)} flights, each from home and back")
         missions = rally_of_flights(missions) if params.safety.rally else missions
     return tuple(replace(mission, notes=(*notes, *mission.notes)) for mission in missions)
+
+
+def _flight_limits(plane: Plane, params: PlanParams) -> FlightLimits:
+    vehicle, costs = params.vehicle or default_vehicle(params.autopilot), LegCosts(plane, params)
+    climb_s = params.altitude_m / vehicle.climb_m_s + landing_seconds(params.altitude_m, vehicle)
+    return FlightLimits(
+        seconds=params.limits.seconds,
+        items=params.limits.max_items or BOARD_CAPACITY[params.autopilot],
+        fixed_s=climb_s + vehicle.return_hold_s,
+        fixed_items=FIXED_ITEMS,
+        leg_seconds=costs.level_seconds,
+        costs=costs.of,
+        return_seconds=costs.return_seconds,
+    )
 
 
 def _mission(
@@ -272,7 +283,6 @@ MIN_REACH_M = 100.0
 _PATTERN_FUNCTIONS = {
     "visit": patterns.visits,
     "perimeter": patterns.perimeters,
-    "survey": patterns.surveys,
     "corridor": patterns.corridors,
     "orbit": patterns.orbits,
 }
@@ -312,9 +322,15 @@ def plan_missions(
             "home lies in a keep-out zone or its margin; choose another home or a smaller --avoid-margin"
         )
     parts, zone_notes = clear_parts(region_parts(regions, plane, points), keep_out)
-    candidates = _PATTERN_FUNCTIONS[params.pattern](parts, params)
+    if params.pattern == "survey":
+        candidates = patterns.surveys(parts, params, place)
+    else:
+        candidates = _PATTERN_FUNCTIONS[params.pattern](parts, params)
     _check_count(candidates)
-    route = short_route(_reachable(candidates, place, keep_out), place, keep_out.space)
+    tracks = _reachable(candidates, place, keep_out)
+    if params.pattern == "survey" and len(tracks) == 1:
+        tracks = [fastest(tracks[0], place, keep_out.space, _flight_limits(plane, params))]
+    route = short_route(tracks, place, keep_out.space)
     notes = [*home_notes(home), *at_home, *zone_notes, *candidates.notes]
     missions = missions_over(route, start, plane, keep_out, params, notes)
     blocks = blocks_of_surveys(candidates.surveys, plane, params)
