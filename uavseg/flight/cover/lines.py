@@ -9,6 +9,7 @@ lines as the region is high, but two for an arm that lies across an edge of the 
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -219,7 +220,6 @@ def _of_few_corners(region: Any, spacing_m: float) -> Any:
     return without_small_holes(around, spacing_m**2)
 
 
-ROUNDS = 300  # of the search for the order of many cells
 FEW_LINES = 150  # are also ordered one by one
 HALVINGS = 4  # of a straight leg past the end of a line, until it is free
 
@@ -232,50 +232,57 @@ class SurveyLines:
     cells: tuple[Floats, ...]  # for each cell (n, 2, 2): both ends of its lines, in metres
     lead_m: float = 0.0  # length of the straight legs before and after each line
 
-    def rough_order(self, start: Floats | None) -> Floats:
-        """Return the lines in an order of flight, (n, 2, 2): from cell to cell by the nearest of their ends.
+    @property
+    def orders(self) -> list[list[Integers]]:
+        """The orders of the lines of each cell, as of `to_and_fro`."""
+        stops = np.cumsum([len(cell) for cell in self.cells])
+        return [to_and_fro(range(end - len(cell), end)) for cell, end in zip(self.cells, stops, strict=True)]
 
-        The flight comes from the place `start` (2,), by default from a cell.
-        """
-        corners = np.stack([cell[[0, 0, -1, -1], [0, 1, 0, 1]] for cell in self.cells])
-        here = corners[0, 0] if start is None else start
-        flown = []
+    def rough_order(self, home: Floats | None) -> Integers:
+        """Return an order of all lines: cell by cell, each at the nearest end of its first or last line."""
+        entries = np.array([[(order[0], order[-1] ^ 1) for order in orders] for orders in self.orders])
+        places = np.concatenate(self.cells).reshape(-1, 2)[entries]
+        here, chosen = places[0, 0, 0] if home is None else home, []
         for _ in self.cells:
-            away = np.hypot(corners[..., 0] - here[0], corners[..., 1] - here[1])
-            cell, entry = divmod(int(np.argmin(away)), 4)
-            lines = self.cells[cell][::-1] if entry >= 2 else self.cells[cell].copy()
-            turned = slice(1 - entry % 2, None, 2)
-            lines = lines.copy()
-            lines[turned] = lines[turned, ::-1]
-            corners[cell], here = np.inf, lines[-1, 1]
-            flown.append(lines)
-        return np.concatenate(flown)
+            away = np.hypot(places[..., 0, 0] - here[0], places[..., 0, 1] - here[1])
+            cell, option = divmod(int(np.argmin(away)), 4)
+            here = places[cell, option, 1].copy()
+            places[cell] = np.inf
+            chosen.append(self.orders[cell][option])
+        return np.concatenate(chosen)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OrderParams:
+    """Parameters of the search for the order of lines."""
+
+    home: Floats | None = None  # (2,), where the flight starts and ends, in metres
+    costs: Callable[[Floats], Floats] = np.asarray  # of legs, by their lengths in metres
+    rounds: int = 300  # of the search
+    first: Integers | None = None  # options of the first order of the search
 
 
 def fly_lines(
-    lines: SurveyLines, space: FreeSpace, home: Floats | None = None
+    lines: SurveyLines, space: FreeSpace, params: OrderParams
 ) -> Iterator[tuple[Floats, Floats, tuple[Floats, ...]]]:
-    """Yield orders of lines; two for one cell, which are not each other reversed.
+    """Yield orders of lines: two for one cell, one for several.
 
-    Many cells are flown one after another; and if they have few lines, these are also ordered one by one. The
-    flight comes from `home` (2,) and returns there, where that is given. Each order is the lines in the order
-    and direction of flight, the same with the straight legs before and after them, and the n - 1 legs from
-    one to the next. A MissionError says that there is no path between lines.
+    The lines of one cell are flown to and fro, from either end. Those of several cells are ordered line by
+    line where they are few, else cell by cell. Each order is the lines in the order and direction of flight,
+    the same with the straight legs before and after them, and the n - 1 legs from one to the next. A
+    MissionError says that there is no path between lines.
     """
-    flat = np.concatenate(lines.cells)
+    flat, cells = np.concatenate(lines.cells), lines.orders
     outer = _extended(flat, lines.lead_m, space)
-    stops = np.cumsum([len(cell) for cell in lines.cells])
-    cells = [to_and_fro(range(stop - len(cell), stop)) for cell, stop in zip(lines.cells, stops, strict=True)]
+    ends, orders = outer.reshape(-1, 2), []
     if len(cells) == 1:
         orders = cells[0][:2]
-    else:
-        orders = [join_cells(cells, outer.reshape(-1, 2), space, home)]
-        if len(flat) <= FEW_LINES:
-            single = [to_and_fro([k]) for k in range(len(flat))]
-            orders.append(join_cells(single, outer.reshape(-1, 2), space, home))
-    for order in orders:
-        placed = _in_order(outer, order)
-        yield _in_order(flat, order), placed, tuple(space.each_path(placed[:-1, 1], placed[1:, 0]))
+    elif len(flat) <= FEW_LINES:
+        each = [to_and_fro([k])[:2] for k in range(len(flat))]
+        orders = [join_cells(each, ends, space, replace(params, first=lines.rough_order(params.home)))]
+    for order in orders or [join_cells(cells, ends, space, params)]:
+        placed = in_order(outer, order)
+        yield in_order(flat, order), placed, tuple(space.each_path(placed[:-1, 1], placed[1:, 0]))
 
 
 def to_and_fro(cell: Sequence[int]) -> list[Integers]:
@@ -287,21 +294,21 @@ def to_and_fro(cell: Sequence[int]) -> list[Integers]:
 
 
 def join_cells(
-    candidates: list[list[Integers]], ends: Floats, space: FreeSpace, home: Floats | None = None
+    candidates: list[list[Integers]], ends: Floats, space: FreeSpace, params: OrderParams
 ) -> Integers:
     """Return one order of the lines of all cells, with a short tour over the cells.
 
     `candidates` are for each cell its orders, as of `to_and_fro`; rows 2 k and 2 k + 1 of `ends` (m, 2) are
-    the ends of line k. The tour begins and ends at `home` (2,) where that is given, with straight legs.
+    the ends of line k. The ways from home and back are straight.
     """
     entries = np.array([[(order[0], order[-1] ^ 1) for order in orders] for orders in candidates])
     points, index = np.unique(entries.ravel(), return_inverse=True)
-    lengths = space.paths(ends[points]).lengths
-    start = -1
-    if home is not None:
-        start, away = len(points), np.hypot(*(ends[points] - home).T)
+    lengths, start = space.paths(ends[points]).lengths, -1
+    if params.home is not None:
+        start, away = len(points), np.hypot(*(ends[points] - params.home).T)
         lengths = np.block([[lengths, away[:, None]], [away, np.zeros(1)]])
-    tour = short_tour(Stops.of(list(index.reshape(entries.shape))), lengths, start, start, ROUNDS)
+    stops = Stops.of(list(index.reshape(entries.shape)))
+    tour = short_tour(stops, params.costs(lengths), start, start, params.rounds, params.first)
     return np.concatenate([candidates[cell][order] for cell, order in tour])
 
 
@@ -310,7 +317,8 @@ def path_length(path: Floats) -> float:
     return math.fsum(np.hypot(*np.diff(path, axis=0).T).tolist())
 
 
-def _in_order(lines: Floats, order: Integers) -> Floats:
+def in_order(lines: Floats, order: Integers) -> Floats:
+    """Return lines (n, 2, 2) in an order and direction of flight, as of `to_and_fro`."""
     flown = lines[order // 2]
     turned = order % 2 == 1
     flown[turned] = flown[turned, ::-1]

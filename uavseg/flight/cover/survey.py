@@ -11,7 +11,7 @@ one piece.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -25,10 +25,12 @@ from uavseg.errors import ParameterError
 from uavseg.flight.avoid.free_space import FreeSpace
 from uavseg.flight.cover.lines import (
     MIN_LINE_M,
+    OrderParams,
     SurveyLines,
     flight_space,
     fly_lines,
     grid_lines,
+    in_order,
     path_length,
     strip_lines,
 )
@@ -140,7 +142,11 @@ TURN_M = 10.0
 """A turn costs the time of so many metres: at 5 m/s, braking and accelerating at 2.5 m/s2."""
 STEP_DEG = 15.0  # azimuths that are tried besides those of edges; whole degrees where many are tried
 MIN_TRIES, MANY_TRIES = 3, 12
-MAX_WORK = 9000  # tries times corners of a region
+MAX_WORK = 9000  # tries times corners of a region and its lines
+FINE_DEG, MAX_RISE = 2.0, 1.35  # azimuths of many tries: steps, and lines relative to the fewest
+LEG_LENGTHS = 48  # between which the costs of legs are interpolated
+QUICK_ROUNDS = 30  # of the search for an order, where azimuths are compared
+SPREAD, REFINED = 8, 3  # azimuths at all ranks that are tried too; azimuths beside those of the best are
 MAX_AZIMUTHS = 40  # of edges
 COMPACT = 0.8  # share of the convex hull: a region that fills more, and is one cell, is not divided otherwise
 MAX_CRITICAL = 400  # corners at which a region is divided into cells
@@ -241,34 +247,69 @@ def _same_azimuth(found: list[Survey]) -> list[Survey]:
 def _found(region: Any, params: CoverParams, near: FreeSpace, space: FreeSpace) -> list[Survey]:
     """Return surveys from the cheapest on, with lines in one space and legs in another; see `surveys`."""
     home = None if params.home is None else np.array(params.home)
-    tries = min(params.tries, max(MAX_WORK // int(shapely.get_num_coordinates(region)), MIN_TRIES))
+    order = OrderParams(home, _leg_costs(region, params))
+    quick = replace(order, rounds=QUICK_ROUNDS)
+    is_compact = region.area > COMPACT * shapely.convex_hull(region).area
+    tries = _affordable(region, params)
+    is_thorough = tries >= MANY_TRIES
 
     def ranked(laid: list[SurveyLines]) -> list[SurveyLines]:
-        orders = [lines.rough_order(home).reshape(-1, 2) for lines in laid]
-        costs = _path_costs([(xy, np.arange(len(xy) - 1) % 2 == 0) for xy in orders], params)
-        return [laid[k] for k in np.argsort(costs, kind="stable").tolist()]
+        if is_thorough:
+            paths = [next(_fly(lines, space, quick)).path() for lines in laid]
+        else:
+            orders = [in_order(np.concatenate(lines.cells), lines.rough_order(home)) for lines in laid]
+            paths = [(xy.reshape(-1, 2), np.arange(2 * len(xy) - 1) % 2 == 0) for xy in orders]
+        return [laid[k] for k in np.argsort(_path_costs(paths, params), kind="stable").tolist()]
+
+    def others(grids: list[SurveyLines]) -> list[SurveyLines]:
+        """Return further lines of the azimuths of grids: merged cells may leave the region."""
+        divided = [grid for grid in grids if not is_compact or len(grid.cells) > 1]
+        cells = [lines for grid in divided for lines in _cells(region, grid.angle_deg, params)]
+        shifted = [
+            lines for grid in grids * is_thorough for lines in _shifted(region, grid.angle_deg, params, near)
+        ]
+        return [*shifted, *(lines for lines in cells if _stays_in(lines, near))]
 
     grids = ranked([_grid(region, azimuth, params, near) for azimuth in _azimuths(region, params, tries)])
-    compact = region.area > COMPACT * shapely.convex_hull(region).area
-    best = [grid for grid in grids[:tries] if not compact or len(grid.cells) > 1]
-    shifted = [lines for grid in best for lines in _shifted(region, grid.angle_deg, params, near)]
-    cells = [lines for grid in best for lines in _cells(region, grid.angle_deg, params)]
-    free = [lines for lines in cells if _stays_in(lines, near)]  # merged cells are not monotone
-    tried = ranked([*grids, *shifted, *free])[:tries]
-    flown = [survey for lines in tried for survey in _fly(lines, space, home)]
+    spread = grids[:: max(len(grids) // SPREAD, 1)] if is_thorough else []
+    best = list(dict.fromkeys([*grids[: max(tries // 3, MIN_TRIES)], *spread]))
+    laid = ranked([*grids, *others(best)])
+    if is_thorough and params.angle_deg is None:
+        known = {grid.angle_deg for grid in best}
+        beside = {(lines.angle_deg + step) % 180 for lines in laid[:REFINED] for step in (-2, -1, 1, 2)}
+        closer = [_grid(region, azimuth, params, near) for azimuth in sorted(beside - known)]
+        laid = ranked([*laid[:tries], *closer, *others(closer)])
+    flown = [survey for lines in laid[: max(tries // 3, MIN_TRIES)] for survey in _fly(lines, space, order)]
     costs = _path_costs([survey.path() for survey in flown], params)
     return [flown[k] for k in np.argsort(costs, kind="stable").tolist()]
 
 
+def _leg_costs(region: Any, params: CoverParams) -> Callable[[Floats], Floats]:
+    """Return the function of the cost of straight legs, from rest to rest, by their lengths."""
+    west, south, east, north = shapely.bounds(region)
+    lengths = np.append(0.0, np.geomspace(1.0, 10 * (east - west + north - south), LEG_LENGTHS))
+    ends = np.stack([np.zeros(len(lengths)), lengths], axis=1).ravel()
+    path = np.stack([ends, np.zeros(len(ends))], axis=1)
+    costs = params.costs(path, np.zeros(len(path) - 1, bool), np.ones(len(path), bool))[::2]
+    return lambda some: np.interp(some, lengths, costs)
+
+
+def _affordable(region: Any, params: CoverParams) -> int:
+    """Return the number of tries: fewer where they take long."""
+    lines = region.area / params.spacing_m**2 / max(math.sqrt(region.area) / params.spacing_m, 1.0)
+    size = int(shapely.get_num_coordinates(region)) + 2 * lines
+    return min(params.tries, max(int(MAX_WORK / size), MIN_TRIES))
+
+
 def _path_costs(paths: list[tuple[Floats, Bools]], params: CoverParams) -> Floats:
-    """Return the cost of each path, from home and back where that is given; all are measured at once."""
+    """Return the cost of each path, all at once; where home is given, from it and, after a stop, back."""
     home = np.empty((0, 2)) if params.home is None else np.array([params.home])
     ends, flag = len(home), np.zeros(len(home), bool)
     xy = np.concatenate([part for path, _ in paths for part in (home, path, home)])
     is_line = np.concatenate([np.concatenate([flag, lines, flag, [False]]) for _, lines in paths])[:-1]
     first = np.cumsum([0, *(len(path) + 2 * ends for path, _ in paths)])
     stops = np.zeros(len(xy), bool)
-    stops[first[:-1]] = stops[first[1:] - 1] = True
+    stops[first[:-1]] = stops[first[1:] - 1] = stops[first[1:] - 1 - ends] = True
     costs = np.append(params.costs(xy, is_line, stops), 0.0)
     costs[first[1:] - 1] = 0.0  # from one path to the next
     sums: Floats = np.add.reduceat(costs, first[:-1])
@@ -291,12 +332,13 @@ def _azimuths(region: Any, params: CoverParams, tries: int) -> list[float]:
     step = np.concatenate([np.diff(shapely.get_coordinates(ring), axis=0) for ring in outlines])
     longest = step[np.argsort(-np.hypot(*step.T), kind="stable")][:MAX_AZIMUTHS]
     along = np.degrees(np.arctan2(longest[:, 0], longest[:, 1])) % 180
-    steps = np.arange(0, 180, 1.0 if many else STEP_DEG)
+    steps = np.arange(0, 180, FINE_DEG if many else STEP_DEG)
     azimuths = np.unique(np.round(np.concatenate([along, steps]), 3) % 180)
     edges = np.concatenate([np.diff(shapely.get_coordinates(ring), axis=0) for ring in outlines[:-1]])
     rise = [float(np.abs(edges @ axes(azimuth)[:, 1]).sum()) for azimuth in azimuths.tolist()]
     best: list[float] = azimuths[np.argsort(rise, kind="stable")].tolist()
-    return best if many else best[: 2 * tries]
+    count = int((np.array(rise) <= MAX_RISE * min(rise)).sum()) if many else 2 * tries
+    return best[:count]
 
 
 def axes(angle_deg: float) -> Floats:
@@ -357,11 +399,9 @@ def _turned(region: Any, turn: Floats) -> Any:
     return shapely.transform(region, lambda xy: xy @ turn)
 
 
-def _fly(lines: SurveyLines, space: FreeSpace, home: Floats | None) -> list[Survey]:
-    return [
-        Survey(angle_deg=lines.angle_deg, cells=len(lines.cells), lines=flown, outer=outer, legs=legs)
-        for flown, outer, legs in fly_lines(lines, space, home)
-    ]
+def _fly(lines: SurveyLines, space: FreeSpace, params: OrderParams) -> Iterator[Survey]:
+    for flown, outer, legs in fly_lines(lines, space, params):
+        yield Survey(angle_deg=lines.angle_deg, cells=len(lines.cells), lines=flown, outer=outer, legs=legs)
 
 
 def _joined(first: list[Survey], second: list[Survey], space: FreeSpace) -> Survey:

@@ -329,8 +329,9 @@ def plan_missions(
     _check_count(candidates)
     tracks = _reachable(candidates, place, keep_out)
     if params.pattern == "survey" and len(tracks) == 1:
-        tracks = [fastest(tracks[0], place, keep_out.space, _flight_limits(plane, params))]
-    route = short_route(tracks, place, keep_out.space)
+        route = fastest(tracks[0], place, keep_out.space, _flight_limits(plane, params))
+    else:
+        route = short_route(tracks, place, keep_out.space)
     notes = [*home_notes(home), *at_home, *zone_notes, *candidates.notes]
     missions = missions_over(route, start, plane, keep_out, params, notes)
     blocks = blocks_of_surveys(candidates.surveys, plane, params)

@@ -78,11 +78,20 @@ def short_route(candidates: Sequence[Sequence[Track]], home: Floats, space: Free
     return RegionRoute(home=home, pieces=tuple(pieces), transits=tuple(transits), space=space)
 
 
-def fastest(tracks: Sequence[Track], home: Floats, space: FreeSpace, limits: "FlightLimits") -> list[Track]:
-    """Return the track of one region whose flight from home and back takes the least time."""
-    routes = [short_route([[track]], home, space) for track in tracks]
-    seconds = [_flight_seconds(route, route.flight(0, len(route.pieces) - 1), limits)[0] for route in routes]
-    return [tracks[int(np.argmin(seconds))]]
+def fastest(tracks: Sequence[Track], home: Floats, space: FreeSpace, limits: "FlightLimits") -> RegionRoute:
+    """Return the route over one region, on the track and in the direction of the least time, with the return.
+
+    The vehicle stops where the return begins.
+    """
+    both = [direction for track in tracks for direction in (track, track.reversed())]
+    routes = [short_route([[track]], home, space) for track in both]
+    seconds = []
+    for route in routes:
+        flight = route.flight(0, len(route.pieces) - 1)
+        out, back = (Track.transit(np.array([home, flight.xy[end]])) for end in (0, -1))
+        spent = float(limits.of(Track.joined([out, flight]))[0].sum())
+        seconds.append(spent + float(_return_seconds(np.array([back.length_m]), limits)[0]))
+    return routes[int(np.argmin(seconds))]
 
 
 def check_order(count: int) -> None:
@@ -200,19 +209,13 @@ def split_route(route: RegionRoute, limits: FlightLimits) -> list[Track]:
 
 
 def _fits(route: RegionRoute, flight: Track, limits: FlightLimits) -> bool:
-    seconds, items = _flight_seconds(route, flight, limits)
-    max_items = limits.items - limits.fixed_items
-    return seconds <= limits.seconds and _items(flight) + items <= max_items
-
-
-def _flight_seconds(route: RegionRoute, flight: Track, limits: FlightLimits) -> tuple[float, float]:
-    """Return the time of a flight from home and back, and its items besides those of its track."""
     out, back = (Track.transit(np.array([route.home, flight.xy[end]])) for end in (0, -1))
     seconds, items = limits.of(Track.joined([out, flight, back.reversed()]))
+    max_items = limits.items - limits.fixed_items
     spent_s = float(seconds.sum()) + limits.fixed_s
     if limits.return_seconds is not None:
         spent_s += max(limits.return_seconds(back.length_m) - float(seconds[-1]), 0.0)
-    return spent_s, float(items[:-1].sum())
+    return spent_s <= limits.seconds and _items(flight) + items[:-1].sum() <= max_items
 
 
 def _items(track: Track) -> int:
