@@ -19,7 +19,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from uavseg.arrays import Bools, Floats
+from uavseg.arrays import Bools, Floats, Integers
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.flight.avoid.free_space import FreeSpace
@@ -152,14 +152,15 @@ COMPACT = 0.8  # share of the convex hull: a region that fills more, and is one 
 MAX_CRITICAL = 400  # corners at which a region is divided into cells
 MAX_SHIFTS = 4  # places of the first line, for one azimuth
 
-Costs = Callable[[Floats, Bools, Bools], Floats]
+WAY, LINE, RETURN = 0, 1, 2  # kinds of legs: between lines and from home; survey lines; home
+Costs = Callable[[Floats, Integers, Bools], Floats]
 
 
-def even_costs(xy: Floats, is_line: Bools, stops: Bools) -> Floats:
+def even_costs(xy: Floats, kind: Integers, stops: Bools) -> Floats:
     """Return the length of each leg (n - 1,) of a path (n, 2) in metres, with `TURN_M` for a turn at its end.
 
-    Another function of the same arguments may give the times of legs: `is_line`, (n - 1,), whether a leg is a
-    survey line, `stops`, (n,), whether the vehicle stands there, as at home.
+    Another function of the same arguments may give the times of legs: `kind`, (n - 1,), is `WAY`, `LINE` or
+    `RETURN`, and `stops`, (n,), whether the vehicle stands there, as at home.
     """
     lengths: Floats = np.hypot(*np.diff(xy, axis=0).T)
     return lengths + TURN_M * ~stops[1:]
@@ -290,7 +291,7 @@ def _leg_costs(region: Any, params: CoverParams) -> Callable[[Floats], Floats]:
     lengths = np.append(0.0, np.geomspace(1.0, 10 * (east - west + north - south), LEG_LENGTHS))
     ends = np.stack([np.zeros(len(lengths)), lengths], axis=1).ravel()
     path = np.stack([ends, np.zeros(len(ends))], axis=1)
-    costs = params.costs(path, np.zeros(len(path) - 1, bool), np.ones(len(path), bool))[::2]
+    costs = params.costs(path, np.full(len(path) - 1, WAY), np.ones(len(path), bool))[::2]
     return lambda some: np.interp(some, lengths, costs)
 
 
@@ -302,17 +303,22 @@ def _affordable(region: Any, params: CoverParams) -> int:
 
 
 def _path_costs(paths: list[tuple[Floats, Bools]], params: CoverParams) -> Floats:
-    """Return the cost of each path, all at once; where home is given, from it and, after a stop, back."""
+    """Return the cost of each path, all at once; from home and, after a stop, back, where that is given.
+
+    Of both directions that of less cost counts.
+    """
+    both = [*paths, *((xy[::-1], is_line[::-1]) for xy, is_line in paths)]
     home = np.empty((0, 2)) if params.home is None else np.array([params.home])
-    ends, flag = len(home), np.zeros(len(home), bool)
-    xy = np.concatenate([part for path, _ in paths for part in (home, path, home)])
-    is_line = np.concatenate([np.concatenate([flag, lines, flag, [False]]) for _, lines in paths])[:-1]
-    first = np.cumsum([0, *(len(path) + 2 * ends for path, _ in paths)])
+    ends = len(home)
+    xy = np.concatenate([part for path, _ in both for part in (home, path, home)])
+    out, back = np.full(ends, WAY), np.full(ends, RETURN)
+    kind = np.concatenate([part for _, is_line in both for part in (out, is_line * LINE, back, [WAY])])
+    first = np.cumsum([0, *(len(path) + 2 * ends for path, _ in both)])
     stops = np.zeros(len(xy), bool)
     stops[first[:-1]] = stops[first[1:] - 1] = stops[first[1:] - 1 - ends] = True
-    costs = np.append(params.costs(xy, is_line, stops), 0.0)
+    costs = np.append(params.costs(xy, kind[:-1], stops), 0.0)
     costs[first[1:] - 1] = 0.0  # from one path to the next
-    sums: Floats = np.add.reduceat(costs, first[:-1])
+    sums: Floats = np.add.reduceat(costs, first[:-1]).reshape(2, -1).min(axis=0)
     return sums
 
 

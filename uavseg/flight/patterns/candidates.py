@@ -214,7 +214,8 @@ def _line_costs(params: PlanParams) -> Costs:
         if photos.trigger == "hover":
             one = seconds(np.array([[0.0, 0.0], [trigger_m, 0.0]]), speed, np.ones(2, bool))
             on_lines = trigger_m / (HOVER_S + float(one[0]))
-    return lambda xy, is_line, stops: seconds(xy, np.where(is_line, on_lines, speed), stops)
+    speeds = np.array([speed, on_lines, vehicle.return_speed_m_s])  # as WAY, LINE, RETURN
+    return lambda xy, kind, stops: seconds(xy, speeds[kind], stops)
 
 
 def _turn_m(params: PlanParams) -> float:

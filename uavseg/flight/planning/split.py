@@ -85,13 +85,11 @@ def fastest(tracks: Sequence[Track], home: Floats, space: FreeSpace, limits: "Fl
     """
     both = [direction for track in tracks for direction in (track, track.reversed())]
     routes = [short_route([[track]], home, space) for track in both]
-    seconds = []
-    for route in routes:
-        flight = route.flight(0, len(route.pieces) - 1)
-        out, back = (Track.transit(np.array([home, flight.xy[end]])) for end in (0, -1))
-        spent = float(limits.of(Track.joined([out, flight]))[0].sum())
-        seconds.append(spent + float(_return_seconds(np.array([back.length_m]), limits)[0]))
-    return routes[int(np.argmin(seconds))]
+    flights = [route.flight(0, len(route.pieces) - 1) for route in routes]
+    outward = [Track.transit(np.array([home, flight.xy[0]])) for flight in flights]
+    seconds = [limits.of(Track.joined(pair))[0].sum() for pair in zip(outward, flights, strict=True)]
+    back_m = np.hypot(*(np.array([flight.xy[-1] for flight in flights]) - home).T)
+    return routes[int(np.argmin(seconds + _return_seconds(back_m, limits)))]
 
 
 def check_order(count: int) -> None:
