@@ -156,14 +156,8 @@ WAY, LINE, RETURN = 0, 1, 2  # kinds of legs: between lines and from home; surve
 Costs = Callable[[Floats, Integers, Bools], Floats]
 
 
-def even_costs(xy: Floats, kind: Integers, stops: Bools) -> Floats:
-    """Return the length of each leg (n - 1,) of a path (n, 2) in metres, with `TURN_M` for a turn at its end.
-
-    Another function of the same arguments may give the times of legs: `kind`, (n - 1,), is `WAY`, `LINE` or
-    `RETURN`, and `stops`, (n,), whether the vehicle stands there, as at home.
-    """
-    lengths: Floats = np.hypot(*np.diff(xy, axis=0).T)
-    return lengths + TURN_M * ~stops[1:]
+"""Costs of the legs (n - 1,) of a path (n, 2) in metres: the second argument, (n - 1,), is the kind of each,
+the third, (n,), whether the vehicle stops there, as at home."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,7 +168,8 @@ class CoverParams:
     angle_deg: float | None = None  # azimuth, clockwise from north; by default that of the least cost
     reach_m: float = 0.0  # ground that photographs show past the end of a line
     min_m: float = MIN_LINE_M  # length of the shortest line
-    costs: Costs = even_costs  # of legs
+    costs: Costs | None = None  # of legs, such as their times; by default their lengths, and turns
+    turn_m: float = TURN_M  # metres that take as long as a turn
     lead_m: float = 0.0  # length of the straight legs before and after each line, without photographs
     crosshatch: bool = False  # whether to cover the region once more, at a right angle
     tries: int = MIN_TRIES  # surveys that are planned to the end
@@ -248,7 +243,7 @@ def _same_azimuth(found: list[Survey]) -> list[Survey]:
 def _found(region: Any, params: CoverParams, near: FreeSpace, space: FreeSpace) -> list[Survey]:
     """Return surveys from the cheapest on, with lines in one space and legs in another; see `surveys`."""
     home = None if params.home is None else np.array(params.home)
-    order = OrderParams(home, _leg_costs(region, params))
+    order = OrderParams(home) if params.costs is None else OrderParams(home, _leg_costs(region, params.costs))
     quick = replace(order, rounds=QUICK_ROUNDS)
     is_compact = region.area > COMPACT * shapely.convex_hull(region).area
     tries = _affordable(region, params)
@@ -256,11 +251,12 @@ def _found(region: Any, params: CoverParams, near: FreeSpace, space: FreeSpace) 
 
     def ranked(laid: list[SurveyLines]) -> list[SurveyLines]:
         if is_thorough:
-            paths = [next(_fly(lines, space, quick)).path() for lines in laid]
+            costs = _least_costs([list(_fly(lines, space, quick)) for lines in laid], params)
         else:
             orders = [in_order(np.concatenate(lines.cells), lines.rough_order(home)) for lines in laid]
             paths = [(xy.reshape(-1, 2), np.arange(2 * len(xy) - 1) % 2 == 0) for xy in orders]
-        return [laid[k] for k in np.argsort(_path_costs(paths, params), kind="stable").tolist()]
+            costs = _path_costs(paths, params)
+        return [laid[k] for k in np.argsort(costs, kind="stable").tolist()]
 
     def others(grids: list[SurveyLines]) -> list[SurveyLines]:
         """Return further lines of the azimuths of grids: merged cells may leave the region."""
@@ -280,18 +276,25 @@ def _found(region: Any, params: CoverParams, near: FreeSpace, space: FreeSpace) 
         beside = {(lines.angle_deg + step) % 180 for lines in laid[:REFINED] for step in (-2, -1, 1, 2)}
         closer = [_grid(region, azimuth, params, near) for azimuth in sorted(beside - known)]
         laid = ranked([*laid[:tries], *closer, *others(closer)])
-    flown = [survey for lines in laid[: max(tries // 3, MIN_TRIES)] for survey in _fly(lines, space, order)]
-    costs = _path_costs([survey.path() for survey in flown], params)
-    return [flown[k] for k in np.argsort(costs, kind="stable").tolist()]
+    flown = [list(_fly(lines, space, order)) for lines in laid[: max(tries // 3, MIN_TRIES)]]
+    best_first = np.argsort(_least_costs(flown, params), kind="stable").tolist()
+    return [survey for k in best_first for survey in flown[k]]
 
 
-def _leg_costs(region: Any, params: CoverParams) -> Callable[[Floats], Floats]:
+def _least_costs(flown: list[list[Survey]], params: CoverParams) -> Floats:
+    """Return the cost of the cheapest of each list of surveys."""
+    costs = _path_costs([survey.path() for some in flown for survey in some], params)
+    least: Floats = np.minimum.reduceat(costs, np.cumsum([0, *map(len, flown[:-1])]))
+    return least
+
+
+def _leg_costs(region: Any, costs_of: Costs) -> Callable[[Floats], Floats]:
     """Return the function of the cost of straight legs, from rest to rest, by their lengths."""
     west, south, east, north = shapely.bounds(region)
     lengths = np.append(0.0, np.geomspace(1.0, 10 * (east - west + north - south), LEG_LENGTHS))
     ends = np.stack([np.zeros(len(lengths)), lengths], axis=1).ravel()
     path = np.stack([ends, np.zeros(len(ends))], axis=1)
-    costs = params.costs(path, np.full(len(path) - 1, WAY), np.ones(len(path), bool))[::2]
+    costs = costs_of(path, np.full(len(path) - 1, WAY), np.ones(len(path), bool))[::2]
     return lambda some: np.interp(some, lengths, costs)
 
 
@@ -307,7 +310,8 @@ def _path_costs(paths: list[tuple[Floats, Bools]], params: CoverParams) -> Float
 
     Of both directions that of less cost counts.
     """
-    both = [*paths, *((xy[::-1], is_line[::-1]) for xy, is_line in paths)]
+    turned = [] if params.home is None else [(xy[::-1], is_line[::-1]) for xy, is_line in paths]
+    both = [*paths, *turned]
     home = np.empty((0, 2)) if params.home is None else np.array([params.home])
     ends = len(home)
     xy = np.concatenate([part for path, _ in both for part in (home, path, home)])
@@ -316,9 +320,12 @@ def _path_costs(paths: list[tuple[Floats, Bools]], params: CoverParams) -> Float
     first = np.cumsum([0, *(len(path) + 2 * ends for path, _ in both)])
     stops = np.zeros(len(xy), bool)
     stops[first[:-1]] = stops[first[1:] - 1] = stops[first[1:] - 1 - ends] = True
-    costs = np.append(params.costs(xy, kind[:-1], stops), 0.0)
+    if params.costs is None:
+        costs = np.append(np.hypot(*np.diff(xy, axis=0).T) + params.turn_m * ~stops[1:], 0.0)
+    else:
+        costs = np.append(params.costs(xy, kind[:-1], stops), 0.0)
     costs[first[1:] - 1] = 0.0  # from one path to the next
-    sums: Floats = np.add.reduceat(costs, first[:-1]).reshape(2, -1).min(axis=0)
+    sums: Floats = np.add.reduceat(costs, first[:-1]).reshape(-1, len(paths)).min(axis=0)
     return sums
 
 

@@ -33,7 +33,7 @@ from uavseg.flight.params.plan import (
 from uavseg.flight.patterns.perimeter import OffsetRings, default_tolerance_m, offset_rings
 
 SEARCHED = 30  # surveys of all regions that are planned to the end
-MAX_CHOICES = 12  # surveys of one region of which the fastest flight is chosen
+MAX_CHOICES = 20  # surveys of one region of which the fastest flight is chosen
 MAX_STARTS = 16  # corners at which a ring may begin
 MAX_CANDIDATES = 4000  # of all regions, so that their distances fit into memory
 BRAKING_M_S2 = 2.5
@@ -107,21 +107,24 @@ def surveys(parts: Sequence[RegionPart], params: PlanParams, home: Floats | None
     """Return tracks of survey lines over each region.
 
     The effort is shared: `SEARCHED` surveys are planned to the end, but `MIN_TRIES` at least for each region.
-    The flight over one region comes from `home` (2,) and returns there, and the survey is chosen with that.
+    For one region they are compared by their times, with the flight from `home` (2,) and the return; for
+    several ones by their lengths and turns.
     """
     how = params.how
     assert params.spacing_m is not None and isinstance(how, SurveyParams)
     reach_m, min_m = _line_ends(params)
+    is_many = len(parts) > 1
     cover = CoverParams(
         spacing_m=params.spacing_m,
         angle_deg=params.angle_deg,
         reach_m=reach_m,
         min_m=min_m,
-        costs=_line_costs(params),
+        costs=None if is_many else _line_costs(params),
+        turn_m=_turn_m(params),
         lead_m=how.turnaround_m,
         crosshatch=how.crosshatch,
         tries=max(SEARCHED // len(parts), MIN_TRIES),
-        home=None if home is None or len(parts) > 1 or how.crosshatch else tuple(home.tolist()),
+        home=None if home is None or is_many or how.crosshatch else tuple(home.tolist()),
     )
     regions = _grown(parts, how.margin_m)
     kept = MAX_CHOICES if cover.home else 2
