@@ -147,6 +147,12 @@ def _orders(options: argparse.Namespace) -> str:
     return orders_table(list(tours(field=many(200, 40))), plans())
 
 
+def _angles(options: argparse.Namespace) -> str:
+    from benchmarks.flight.angles import angle_rows, angles_table, shapes
+
+    return angles_table(list(angle_rows(shapes(), _report)))
+
+
 def _patterns(options: argparse.Namespace) -> str:
     from benchmarks.flight.cases import cases, fly_cases, survey_lengths
     from benchmarks.flight.patterns_section import patterns_table
@@ -177,6 +183,7 @@ _SECTIONS = {
     "flights": _flights,
     "patterns": _patterns,
     "orders": _orders,
+    "angles": _angles,
 }
 _DOCUMENTS = {"quality": PROJECT / "docs" / "quality.md"}
 

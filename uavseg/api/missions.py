@@ -109,7 +109,7 @@ def plan(
     spacing : float, optional
         Metres between the lines of a survey or corridor.
     angle : float or "auto"
-        Azimuth of the lines, clockwise from north; with "auto" the one that needs the fewest lines.
+        Azimuth of the lines, clockwise from north; with "auto" the one of the least time.
     speed : float
         Metres per second.
     wind : float or (float, float), optional

@@ -47,7 +47,7 @@ class FlightOptions(Options):
         "Metres between the lines of a survey or corridor.", metavar="M", label="Between lines"
     )
     angle: float | Literal["auto"] = option(
-        "Azimuth of the lines, clockwise from north; auto: the one that needs the fewest lines.",
+        "Azimuth of the lines, clockwise from north; auto: the one of the least time.",
         default="auto",
         metavar="DEG|auto",
         parse=texts.number_or("auto", "auto", "--angle is a number of degrees or auto"),

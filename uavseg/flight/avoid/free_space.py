@@ -22,6 +22,8 @@ from uavseg.errors import MissionError
 TOUCH_M = 1e-4
 """Legs may run along the edge of free space: that close to it, they are in it."""
 MAX_POINTS = 8001  # both ends of as many regions as are ordered, and home; paths of more take gigabytes
+MAX_PAIRS = 20_000  # of points, between which legs are checked together
+AT_ONCE = 16  # paths that are computed together
 MAX_CORNERS = 1200  # a graph of their pairs takes seconds
 
 
@@ -168,9 +170,13 @@ class FreeSpace:
 
     def each_path(self, starts: Floats, ends: Floats) -> list[Floats]:
         """Return the shortest path between each start and its end, (n, 2) each; see `path`."""
-        straight = self.sees(starts, ends).tolist()
-        pairs = np.stack([starts, ends], axis=1)
-        return [pair if seen else self.path(*pair) for pair, seen in zip(pairs, straight, strict=True)]
+        paths: list[Floats] = list(np.stack([starts, ends], axis=1))
+        bent = np.flatnonzero(~self.sees(starts, ends)).tolist()
+        for some in (bent[k : k + AT_ONCE] for k in range(0, len(bent), AT_ONCE)):
+            found = self.paths(np.concatenate([starts[some], ends[some]]))
+            for k, leg in enumerate(some):
+                paths[leg] = found.path(k, k + len(some))
+        return paths
 
     def paths(self, points: Floats) -> "ShortestPaths":
         """Compute the shortest paths between any two of some points (n, 2).
@@ -227,11 +233,14 @@ class FreeSpace:
     def _among(self, points: Floats, free: NDArray[np.bool_]) -> Floats:
         """Return the lengths of the straight legs between points; infinite where they are not free."""
         lengths = np.full((len(points), len(points)), np.inf)
-        for k in np.flatnonzero(free).tolist():  # row by row: all pairs at once take gigabytes
-            later = np.flatnonzero(free[k + 1 :]) + k + 1
-            here = np.broadcast_to(points[k], (len(later), 2))
-            seen = ~self._edges.crossed(here, points[later])
-            lengths[k, later[seen]] = lengths[later[seen], k] = _distances(here[seen], points[later[seen]])
+        inside = np.flatnonzero(free)
+        rows = max(MAX_PAIRS // max(len(inside), 1), 1)  # all pairs at once take gigabytes
+        for first in range(0, len(inside), rows):
+            here, there = np.triu_indices(min(rows, len(inside) - first), 1, len(inside) - first)
+            here, there = inside[first + here], inside[first + there]
+            seen = ~self._edges.crossed(points[here], points[there])
+            here, there = here[seen], there[seen]
+            lengths[here, there] = lengths[there, here] = _distances(points[here], points[there])
         np.fill_diagonal(lengths, 0)
         return lengths
 

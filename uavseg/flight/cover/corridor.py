@@ -24,6 +24,7 @@ from uavseg.errors import MissionError
 from uavseg.flight.avoid.enclosing import MANY_CORNERS
 from uavseg.flight.cover.lines import (
     MIN_LINE_M,
+    OrderParams,
     flight_space,
     grid_lines,
     join_cells,
@@ -234,7 +235,7 @@ def corridor(
     rest = shapely.difference(region, shapely.union_all(covered))  # as at forks
     lines += _rest_lines(rest, MISSED * region.area, spacing_m, ends)
     places = np.concatenate([line[[0, -1]] for line in lines])
-    order = join_cells([to_and_fro([k]) for k in range(len(lines))], places, space)
+    order = join_cells([to_and_fro([k]) for k in range(len(lines))], places, space, OrderParams())
     flown = [lines[k // 2][:: -1 if k % 2 else 1] for k in order.tolist()]
     between = space.each_path(
         np.array([line[-1] for line in flown[:-1]]).reshape(-1, 2),

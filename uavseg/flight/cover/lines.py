@@ -9,6 +9,8 @@ lines as the region is high, but two for an arm that lies across an edge of the 
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -30,15 +32,19 @@ MAX_VERTICES = 40  # outlines with more are simplified
 Free = Callable[[Floats, Floats], NDArray[np.bool_]]
 
 TOUCH_M = 1e-6
+NEAR_EDGE_M = 1e-3  # of an edge between strips: corners there lie on it
 
 
-def grid_lines(polygon: Any, spacing_m: float, ends: tuple[float, float], joins: Free) -> list[Floats]:
+def grid_lines(
+    polygon: Any, spacing_m: float, ends: tuple[float, float], joins: Free, start: float | None = None
+) -> list[Floats]:
     """Return the lines along x that cover a polygon, cell by cell.
 
     For each cell they are (n, 2, 2), from south to north: west and east end of each, as x, y. The polygon
     (shapely) is in metres; `spacing_m` is the largest distance between neighbouring lines, `ends` the reach
     and the length of the shortest line, as of `strip_lines`. `joins` says of starts and ends, (n, 2), whether
-    a line may lead over a gap in a strip.
+    a line may lead over a gap in a strip. The strips are as high as each other, or as the spacing from the
+    height `start` on, which is not above the polygon.
 
     Examples
     --------
@@ -48,69 +54,60 @@ def grid_lines(polygon: Any, spacing_m: float, ends: tuple[float, float], joins:
     """
     _, south, _, north = shapely.bounds(polygon)
     edges = np.linspace(south, north, _line_count(north - south, spacing_m) + 1)
-    rows = []
-    for k, strip in enumerate(_strips_between(polygon, edges)):
-        parts = [part for part in shapely.get_parts(strip) if part.geom_type == "Polygon"]
-        rows.append(_row(parts, (edges[k] + edges[k + 1]) / 2, ends, joins))
-    return _chains(rows, edges)
+    if start is not None:
+        count = _line_count(north - start, spacing_m, 1e-6)
+        edges = np.linspace(start, start + spacing_m * count, count + 1)
+    parts, row = shapely.get_parts(_strips_between(polygon, edges), return_index=True)
+    is_area = shapely.get_type_id(parts) == shapely.GeometryType.POLYGON
+    west = shapely.bounds(parts)[:, 0]
+    order = np.flatnonzero(is_area)[np.lexsort((west[is_area], row[is_area]))]
+    parts, row = parts[order], row[order]
+    lines = _lines_in_strips(parts, ((edges[:-1] + edges[1:]) / 2)[row], *ends)
+    joined = np.zeros(len(parts), bool)  # to the part before
+    near = np.flatnonzero(np.diff(row) == 0) + 1
+    joined[near] = joins(lines[near - 1, 1], lines[near, 0])
+    first = np.flatnonzero(~joined)
+    lines = np.stack(
+        [lines[first, 0], np.stack([np.maximum.reduceat(lines[:, 1, 0], first), lines[first, 1, 1]], axis=1)],
+        axis=1,
+    )
+    touched = [_touched(parts, edges[row + k], first) for k in (0, 1)]
+    return _chains(lines, row[first], *touched)
 
 
-Segment = tuple[Any, Floats]  # what of the polygon a line covers, and the line
+def _touched(parts: NDArray[np.object_], height: Floats, first: Integers) -> Floats:
+    """Return the extents (n, 2) along x of groups of parts where they touch a line along x; NaN where not."""
+    xy, owner = shapely.get_coordinates(parts, return_index=True)
+    near = np.abs(xy[:, 1] - height[owner]) < NEAR_EDGE_M
+    low, high = np.full(len(parts), np.inf), np.full(len(parts), -np.inf)
+    np.minimum.at(low, owner[near], xy[near, 0])
+    np.maximum.at(high, owner[near], xy[near, 0])
+    return np.stack([np.minimum.reduceat(low, first), np.maximum.reduceat(high, first)], axis=1)
 
 
-def _row(parts: list[Any], y: float, ends: tuple[float, float], joins: Free) -> list[Segment]:
-    """Return the lines of one strip from west to east; one line for parts between which a line may lead."""
-    laid = sorted(((part, _line_in_strip(part, y, *ends)) for part in parts), key=lambda one: one[1][0, 0])
-    if len(laid) < 2:
-        return laid
-    joined = joins(*(np.stack([line[k] for _, line in some]) for k, some in ((1, laid[:-1]), (0, laid[1:]))))
-    row = [laid[0]]
-    for join, (part, line) in zip(joined.tolist(), laid[1:], strict=True):
-        if join:
-            before, first = row[-1]
-            last = line if line[1, 0] > first[1, 0] else first
-            row[-1] = (shapely.union(before, part), np.stack([first[0], last[1]]))
-        else:
-            row.append((part, line))
-    return row
+def _chains(lines: Floats, row: Integers, below: Floats, above: Floats) -> list[Floats]:
+    """Join lines of neighbouring strips to one cell, as long as each has one neighbour only.
 
-
-def _chains(rows: list[list[Segment]], edges: Floats) -> list[Floats]:
-    """Join lines of neighbouring strips to one cell, as long as each has one neighbour only."""
-    cells: list[list[Floats]] = []
-    open_: list[list[Floats]] = []  # the cell of each segment of the row before
-    before: list[Segment] = []
-    for k, row in enumerate(rows):
-        touch = _touching(before, row, float(edges[k]))
-        cells_of_row = []
-        for j, (_, line) in enumerate(row):
-            below = np.flatnonzero(touch[:, j])
-            if len(below) == 1 and touch[below[0]].sum() == 1:
-                cell = open_[below[0]]
-                cell.append(line)
+    `below` and `above` (n, 2) are extents of what each line covers along the edges of its strip.
+    """
+    after = [np.flatnonzero(row == k) for k in range(int(row[-1]) + 2)]
+    cells: list[list[int]] = []
+    cell_of: dict[int, list[int]] = {}
+    for k in range(len(after) - 1):
+        before, here = after[k - 1] if k else after[-1], after[k]
+        low, high = below[here], above[before]
+        shared = np.minimum(high[:, None, 1], low[:, 1]) - np.maximum(high[:, None, 0], low[:, 0])
+        touch = shared > TOUCH_M
+        for j, line in enumerate(here.tolist()):
+            neighbours = np.flatnonzero(touch[:, j])
+            if len(neighbours) == 1 and touch[neighbours[0]].sum() == 1:
+                cell = cell_of[int(before[neighbours[0]])]
             else:
-                cell = [line]
+                cell = []
                 cells.append(cell)
-            cells_of_row.append(cell)
-        open_, before = cells_of_row, row
-    return [np.stack(cell) for cell in cells]
-
-
-def _touching(below: list[Segment], above: list[Segment], y: float) -> NDArray[np.bool_]:
-    """Return whether the parts that lines below and above cover touch along the edge between strips."""
-
-    def extent(part: Any) -> Floats:
-        west, _, east, _ = shapely.bounds(part)
-        slab = shapely.box(west - 1, y - 1e-3, east + 1, y + 1e-3)
-        bounds: Floats = shapely.bounds(shapely.intersection(part, slab))
-        return bounds
-
-    touch = np.zeros((len(below), len(above)), bool)
-    low, high = ([extent(part) for part, _ in row] for row in (below, above))
-    for i, one in enumerate(low):
-        for j, other in enumerate(high):
-            touch[i, j] = min(one[2], other[2]) - max(one[0], other[0]) > TOUCH_M  # False for NaN
-    return touch
+            cell.append(line)
+            cell_of[line] = cell
+    return [lines[cell] for cell in cells]
 
 
 MAX_LINES = 10_000  # of a region; 20 000 waypoints are planned at most, and a line takes two of them
@@ -133,42 +130,39 @@ def strip_lines(cell: Any, spacing_m: float, reach_m: float = 0.0, min_m: float 
     [[[0.0, 5.0], [100.0, 5.0]], [[0.0, 15.0], [100.0, 15.0]], [[0.0, 25.0], [100.0, 25.0]]]
     """
     _, south, _, north = shapely.bounds(cell)
-    count = _line_count(north - south, spacing_m)
-    edges = np.linspace(south, north, count + 1)
-    middle = ((edges[1:] + edges[:-1]) / 2).tolist()
-    return np.stack(
-        [
-            _line_in_strip(piece, y, reach_m, min_m)
-            for piece, y in zip(_strips_between(cell, edges), middle, strict=True)
-        ]
-    )
+    edges = np.linspace(south, north, _line_count(north - south, spacing_m) + 1)
+    return _lines_in_strips(_strips_between(cell, edges), (edges[1:] + edges[:-1]) / 2, reach_m, min_m)
 
 
-def _line_in_strip(piece: Any, y: float, reach_m: float, min_m: float = MIN_LINE_M) -> Floats:
-    """Return the line along x at a height that covers a piece of a strip: (2, 2), west end and east end.
+def _lines_in_strips(
+    pieces: NDArray[np.object_], y: Floats, reach_m: float, min_m: float = MIN_LINE_M
+) -> Floats:
+    """Return the lines along x at heights that cover pieces of strips: (n, 2, 2), west end and east end.
 
-    It is no shorter than `min_m` where the strip is as long, but 5 m where one photograph shows all of it.
+    They are no shorter than `min_m` where the strip is as long, but 5 m where one photograph shows all of it.
     """
-    low, _, high, _ = shapely.bounds(piece)
-    across = shapely.LineString([(low - 1, y), (high + 1, y)])
-    begin, _, stop, _ = shapely.bounds(shapely.intersection(piece, across))  # NaN where it is not met
+    low, _, high, _ = shapely.bounds(pieces).T
+    across = np.stack([low - 1, y, high + 1, y], axis=1).reshape(-1, 2, 2)
+    met = shapely.intersection(pieces, shapely.linestrings(across))
+    begin, _, stop, _ = shapely.bounds(met).T  # NaN where a piece is not met
     start, end = np.fmin(low + reach_m, begin), np.fmax(high - reach_m, stop)
-    if end - start < min_m:
-        shown_at_once = high - low <= 2 * reach_m - MIN_LINE_M
-        middle = (low + high) / 2 if shown_at_once or start > end else (start + end) / 2
-        half = (MIN_LINE_M if shown_at_once else min_m) / 2
-        start, end = max(low, middle - half), min(high, middle + half)
-    return np.array([[start, y], [end, y]])
+    shown_at_once = high - low <= 2 * reach_m - MIN_LINE_M
+    middle = np.where(shown_at_once | (start > end), low + high, start + end) / 2
+    half = np.where(shown_at_once, MIN_LINE_M, min_m) / 2
+    short = end - start < min_m
+    start = np.where(short, np.maximum(low, middle - half), start)
+    end = np.where(short, np.minimum(high, middle + half), end)
+    return np.stack([start, y, end, y], axis=1).reshape(-1, 2, 2)
 
 
-def _line_count(width_m: float, spacing_m: float) -> int:
+def _line_count(width_m: float, spacing_m: float, slack: float = WIDTH_SLACK) -> int:
     """Return the number of lines over a width.
 
     Refuse a spacing that is not positive (ParameterError) and more lines than a mission holds (MissionError).
     """
     if not (math.isfinite(spacing_m) and spacing_m > 0):
         raise ParameterError(f"the spacing of survey lines is a positive number of metres, not {spacing_m}")
-    count = max(math.ceil(width_m / spacing_m * (1 - WIDTH_SLACK)), 1)
+    count = max(math.ceil(width_m / spacing_m * (1 - slack)), 1)
     if count > MAX_LINES:
         raise MissionError(
             f"{width_m:.0f} m at a spacing of {spacing_m:g} m make {count} lines, more than a mission holds; "
@@ -177,21 +171,27 @@ def _line_count(width_m: float, spacing_m: float) -> int:
     return count
 
 
-def _strips_between(cell: Any, edges: Floats) -> list[Any]:
-    """Return the parts of a cell between lines along x, by bisection, which is fast for many lines."""
-    strips: list[Any] = [None] * (len(edges) - 1)
-    todo = [(cell, 0, len(edges) - 1)]
-    while todo:
-        part, first, last = todo.pop()
-        if last - first == 1:
-            strips[first] = part
-            continue
-        middle = (first + last) // 2
-        west, south, east, north = shapely.bounds(part)
-        for begin, stop in ((first, middle), (middle, last)):
-            low, high = (south - 1, edges[middle]) if begin == first else (edges[middle], north + 1)
-            todo.append((shapely.intersection(part, shapely.box(west - 1, low, east + 1, high)), begin, stop))
-    return strips
+def _strips_between(cell: Any, edges: Floats) -> NDArray[np.object_]:
+    """Return the parts of a cell between lines along x.
+
+    GEOS clips to rectangles fast, but does not promise that all is well where corners lie on their edges.
+    """
+    west, south, east, north = shapely.bounds(cell)
+    bounds = [south - 1, *edges[1:-1].tolist(), north + 1]
+    try:
+        clipped = [
+            shapely.clip_by_rect(cell, west - 1, low, east + 1, high) for low, high in pairwise(bounds)
+        ]
+        parts = np.array(clipped, object)
+        whole = math.isclose(float(shapely.area(parts).sum()), shapely.area(cell), rel_tol=1e-9)
+        if whole and shapely.is_valid(parts).all():
+            return parts
+    except shapely.GEOSException:  # of parts without area
+        pass
+    exact: NDArray[np.object_] = shapely.intersection(
+        cell, shapely.box(west - 1, bounds[:-1], east + 1, bounds[1:])
+    )
+    return exact
 
 
 def flight_space(
@@ -220,7 +220,7 @@ def _of_few_corners(region: Any, spacing_m: float) -> Any:
     return without_small_holes(around, spacing_m**2)
 
 
-ROUNDS = 300  # of the search for the order of many cells
+FEW_LINES = 150  # are also ordered one by one
 HALVINGS = 4  # of a straight leg past the end of a line, until it is free
 
 
@@ -232,38 +232,57 @@ class SurveyLines:
     cells: tuple[Floats, ...]  # for each cell (n, 2, 2): both ends of its lines, in metres
     lead_m: float = 0.0  # length of the straight legs before and after each line
 
-    def estimate_m(self, turn_m: float) -> float:
-        """Estimate the cost of flying them in metres: their length, the legs between them, and the turns."""
-        within = between = 0.0
-        for cell in self.cells:
-            ends = np.stack([cell[:-1, 1] - cell[1:, 1], cell[:-1, 0] - cell[1:, 0]], axis=1)
-            within += float(np.hypot(*(cell[:, 1] - cell[:, 0]).T).sum())
-            within += float(np.hypot(ends[..., 0], ends[..., 1]).mean(axis=1).sum())
-        middles = np.array([cell.mean(axis=(0, 1)) for cell in self.cells])
-        steps = np.hypot(*(middles[:, None] - middles).T)
-        np.fill_diagonal(steps, np.inf)
-        if len(middles) > 1:
-            between = float(steps.min(axis=0).sum())
-        lines = sum(len(cell) for cell in self.cells)
-        return within + between + 2 * turn_m * (lines + len(self.cells))
+    @property
+    def orders(self) -> list[list[Integers]]:
+        """The orders of the lines of each cell, as of `to_and_fro`."""
+        stops = np.cumsum([len(cell) for cell in self.cells])
+        return [to_and_fro(range(end - len(cell), end)) for cell, end in zip(self.cells, stops, strict=True)]
+
+    def rough_order(self, home: Floats | None) -> Integers:
+        """Return an order of all lines: cell by cell, each at the nearest end of its first or last line."""
+        entries = np.array([[(order[0], order[-1] ^ 1) for order in orders] for orders in self.orders])
+        places = np.concatenate(self.cells).reshape(-1, 2)[entries]
+        here, chosen = places[0, 0, 0] if home is None else home, []
+        for _ in self.cells:
+            away = np.hypot(places[..., 0, 0] - here[0], places[..., 0, 1] - here[1])
+            cell, option = divmod(int(np.argmin(away)), 4)
+            here = places[cell, option, 1].copy()
+            places[cell] = np.inf
+            chosen.append(self.orders[cell][option])
+        return np.concatenate(chosen)
 
 
-def fly_lines(lines: SurveyLines, space: FreeSpace) -> Iterator[tuple[Floats, Floats, tuple[Floats, ...]]]:
-    """Yield orders of lines: one for many cells, two for one cell, which are not each other reversed.
+@dataclass(frozen=True, slots=True, eq=False)
+class OrderParams:
+    """Parameters of the search for the order of lines."""
 
-    Each is the lines in the order and direction of flight, the same with the straight legs before and after
-    them, and the n - 1 legs from one to the next. A MissionError says that there is no path between lines.
+    home: Floats | None = None  # (2,), where the flight starts and ends, in metres
+    costs: Callable[[Floats], Floats] = np.asarray  # of legs, by their lengths in metres
+    rounds: int = 300  # of the search
+    first: Integers | None = None  # options of the first order of the search
+
+
+def fly_lines(
+    lines: SurveyLines, space: FreeSpace, params: OrderParams
+) -> Iterator[tuple[Floats, Floats, tuple[Floats, ...]]]:
+    """Yield orders of lines: two for one cell, one for several.
+
+    The lines of one cell are flown to and fro, from either end. Those of several cells are ordered line by
+    line where they are few, else cell by cell. Each order is the lines in the order and direction of flight,
+    the same with the straight legs before and after them, and the n - 1 legs from one to the next. A
+    MissionError says that there is no path between lines.
     """
-    flat = np.concatenate(lines.cells)
+    flat, cells = np.concatenate(lines.cells), lines.orders
     outer = _extended(flat, lines.lead_m, space)
-    stops = np.cumsum([len(cell) for cell in lines.cells])
-    candidates = [
-        to_and_fro(range(stop - len(cell), stop)) for cell, stop in zip(lines.cells, stops, strict=True)
-    ]
-    one = len(candidates) == 1
-    for order in candidates[0][:2] if one else [join_cells(candidates, outer.reshape(-1, 2), space)]:
-        placed = _in_order(outer, order)
-        yield _in_order(flat, order), placed, tuple(space.each_path(placed[:-1, 1], placed[1:, 0]))
+    ends, orders = outer.reshape(-1, 2), []
+    if len(cells) == 1:
+        orders = cells[0][:2]
+    elif len(flat) <= FEW_LINES:
+        each = [to_and_fro([k])[:2] for k in range(len(flat))]
+        orders = [join_cells(each, ends, space, replace(params, first=lines.rough_order(params.home)))]
+    for order in orders or [join_cells(cells, ends, space, params)]:
+        placed = in_order(outer, order)
+        yield in_order(flat, order), placed, tuple(space.each_path(placed[:-1, 1], placed[1:, 0]))
 
 
 def to_and_fro(cell: Sequence[int]) -> list[Integers]:
@@ -274,16 +293,22 @@ def to_and_fro(cell: Sequence[int]) -> list[Integers]:
     return forward + [(one ^ 1)[::-1] for one in forward]
 
 
-def join_cells(candidates: list[list[Integers]], ends: Floats, space: FreeSpace) -> Integers:
+def join_cells(
+    candidates: list[list[Integers]], ends: Floats, space: FreeSpace, params: OrderParams
+) -> Integers:
     """Return one order of the lines of all cells, with a short tour over the cells.
 
     `candidates` are for each cell its orders, as of `to_and_fro`; rows 2 k and 2 k + 1 of `ends` (m, 2) are
-    the ends of line k.
+    the ends of line k. The ways from home and back are straight.
     """
     entries = np.array([[(order[0], order[-1] ^ 1) for order in orders] for orders in candidates])
     points, index = np.unique(entries.ravel(), return_inverse=True)
-    lengths = space.paths(ends[points]).lengths
-    tour = short_tour(Stops.of(list(index.reshape(entries.shape))), lengths, rounds=ROUNDS)
+    lengths, start = space.paths(ends[points]).lengths, -1
+    if params.home is not None:
+        start, away = len(points), np.hypot(*(ends[points] - params.home).T)
+        lengths = np.block([[lengths, away[:, None]], [away, np.zeros(1)]])
+    stops = Stops.of(list(index.reshape(entries.shape)))
+    tour = short_tour(stops, params.costs(lengths), start, start, params.rounds, params.first)
     return np.concatenate([candidates[cell][order] for cell, order in tour])
 
 
@@ -292,7 +317,8 @@ def path_length(path: Floats) -> float:
     return math.fsum(np.hypot(*np.diff(path, axis=0).T).tolist())
 
 
-def _in_order(lines: Floats, order: Integers) -> Floats:
+def in_order(lines: Floats, order: Integers) -> Floats:
+    """Return lines (n, 2, 2) in an order and direction of flight, as of `to_and_fro`."""
     flown = lines[order // 2]
     turned = order % 2 == 1
     flown[turned] = flown[turned, ::-1]

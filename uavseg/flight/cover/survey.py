@@ -11,7 +11,7 @@ one piece.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -19,16 +19,18 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from uavseg.arrays import Floats
+from uavseg.arrays import Bools, Floats, Integers
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.flight.avoid.free_space import FreeSpace
 from uavseg.flight.cover.lines import (
     MIN_LINE_M,
+    OrderParams,
     SurveyLines,
     flight_space,
     fly_lines,
     grid_lines,
+    in_order,
     path_length,
     strip_lines,
 )
@@ -138,12 +140,24 @@ MIN_HEIGHT = 0.5  # spacings: cells that are less high are merged
 GAP = 3.0  # spacings: longest gap over which a line continues
 TURN_M = 10.0
 """A turn costs the time of so many metres: at 5 m/s, braking and accelerating at 2.5 m/s2."""
-STEP_DEG = 15.0  # azimuths that are tried besides those of edges
-MAX_AZIMUTHS = 40
-TRIED_AZIMUTHS = 6  # those that need the fewest lines are divided into cells
+STEP_DEG = 15.0  # azimuths that are tried besides those of edges; whole degrees where many are tried
+MIN_TRIES, MANY_TRIES = 3, 12
+MAX_WORK = 9000  # tries times corners of a region and its lines
+FINE_DEG, MAX_RISE = 2.0, 1.35  # azimuths of many tries: steps, and lines relative to the fewest
+LEG_LENGTHS = 48  # between which the costs of legs are interpolated
+QUICK_ROUNDS = 30  # of the search for an order, where azimuths are compared
+SPREAD, REFINED = 8, 3  # azimuths at all ranks that are tried too; azimuths beside those of the best are
+MAX_AZIMUTHS = 40  # of edges
 COMPACT = 0.8  # share of the convex hull: a region that fills more, and is one cell, is not divided otherwise
 MAX_CRITICAL = 400  # corners at which a region is divided into cells
-FLOWN = 3  # the best of those are planned to the end
+MAX_SHIFTS = 4  # places of the first line, for one azimuth
+
+WAY, LINE, RETURN = 0, 1, 2  # kinds of legs: between lines and from home; survey lines; home
+Costs = Callable[[Floats, Integers, Bools], Floats]
+
+
+"""Costs of the legs (n - 1,) of a path (n, 2) in metres: the second argument, (n - 1,), is the kind of each,
+the third, (n,), whether the vehicle stops there, as at home."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,12 +165,15 @@ class CoverParams:
     """Parameters of survey lines over a region."""
 
     spacing_m: float  # distance between neighbouring lines
-    angle_deg: float | None = None  # azimuth, clockwise from north; by default that of the least time
+    angle_deg: float | None = None  # azimuth, clockwise from north; by default that of the least cost
     reach_m: float = 0.0  # ground that photographs show past the end of a line
     min_m: float = MIN_LINE_M  # length of the shortest line
+    costs: Costs | None = None  # of legs, such as their times; by default their lengths, and turns
     turn_m: float = TURN_M  # metres that take as long as a turn
     lead_m: float = 0.0  # length of the straight legs before and after each line, without photographs
     crosshatch: bool = False  # whether to cover the region once more, at a right angle
+    tries: int = MIN_TRIES  # surveys that are planned to the end
+    home: tuple[float, float] | None = None  # where the flight starts and ends, if over this region only
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,14 +196,29 @@ class Survey:
         """Number of places at which the vehicle changes its direction."""
         return sum(len(leg) for leg in self.legs)
 
+    def path(self) -> tuple[Floats, Bools]:
+        """Return the path of flight (k, 2), and whether each of its legs is a line (k - 1,)."""
+        legs = [
+            self.outer[0],
+            *(part for pair in zip(self.legs, self.outer[1:], strict=True) for part in pair),
+        ]
+        xy = np.concatenate([leg[1:] if k else leg for k, leg in enumerate(legs)])
+        counts = [len(leg) - 1 for leg in legs]
+        return xy, np.repeat(np.arange(len(legs)) % 2 == 0, counts)
+
 
 def surveys(region: Any, params: CoverParams, obstacles: Sequence[Any] = ()) -> list[Survey]:
-    """Cover a region with parallel lines in a short order; return the shortest survey.
+    """Cover a region with parallel lines in a short order; return surveys from the cheapest one on.
 
-    One cell is also flown from the other end of its lines; each survey may be reversed. The region (shapely,
-    in metres) may be concave and have holes; no line or leg crosses an obstacle. A ParameterError says that
-    the spacing is not a positive number or the angle not finite, a MissionError that there would be more
-    lines than a mission holds, or no path between them.
+    Lines of many azimuths are laid in one grid, and ranked by the cost of a rough order. For the best ones
+    the grid is also shifted, and the region divided into cells. The `tries` best of all of these are planned
+    to the end, cell by cell and line by line; twice as many azimuths are ranked, or 180 and more for 12
+    tries. There are fewer tries where the region has many corners. Lines of one azimuth are laid and planned
+    in the same way.
+
+    Each survey may be reversed. The region (shapely, in metres) may be concave and have holes; no line or leg
+    crosses an obstacle. A ParameterError says that the spacing is not a positive number or the angle not
+    finite, a MissionError that there would be more lines than a mission holds, or no path between them.
 
     Examples
     --------
@@ -196,32 +228,108 @@ def surveys(region: Any, params: CoverParams, obstacles: Sequence[Any] = ()) -> 
     """
     simple, space = flight_space(region, params.spacing_m, params.lead_m, obstacles)
     near = flight_space(region, params.spacing_m, 0.0, obstacles)[1] if params.lead_m else space
-    best = _best(simple, params, near, space)
+    found = _found(simple, params, near, space)
     if not params.crosshatch:
-        return best
-    across = _best(simple, replace(params, angle_deg=best[0].angle_deg + 90), near, space)
-    return [_joined(best, across, space)]
+        return found
+    across = replace(params, angle_deg=found[0].angle_deg + 90)
+    return [_joined(_same_azimuth(found), _same_azimuth(_found(simple, across, near, space)), space)]
 
 
-def _best(region: Any, params: CoverParams, near: FreeSpace, space: FreeSpace) -> list[Survey]:
-    """Return the fastest survey, with lines in one space and legs in another; see `surveys`."""
-
-    def estimate(lines: SurveyLines) -> float:
-        return lines.estimate_m(params.turn_m)
-
-    grids = sorted(
-        (_grid(region, azimuth, params, near) for azimuth in _azimuths(region, params)), key=estimate
-    )
-    compact = region.area > COMPACT * shapely.convex_hull(region).area
-    others = [grid for grid in grids[:FLOWN] if not compact or len(grid.cells) > 1]
-    cells = [lines for grid in others for lines in _cells(region, grid.angle_deg, params)]
-    free = [lines for lines in cells if _stays_in(lines, near)]  # merged cells are not monotone
-    tried = sorted([*grids, *free], key=estimate)
-    flown = [_fly(lines, space) for lines in tried[:FLOWN]]
-    return min(flown, key=lambda orders: orders[0].length_m + params.turn_m * orders[0].turns)
+def _same_azimuth(found: list[Survey]) -> list[Survey]:
+    """Return the cheapest survey and another one of the same lines."""
+    return [one for one in found[:2] if one.angle_deg == found[0].angle_deg]
 
 
-def _azimuths(region: Any, params: CoverParams) -> list[float]:
+def _found(region: Any, params: CoverParams, near: FreeSpace, space: FreeSpace) -> list[Survey]:
+    """Return surveys from the cheapest on, with lines in one space and legs in another; see `surveys`."""
+    home = None if params.home is None else np.array(params.home)
+    order = OrderParams(home) if params.costs is None else OrderParams(home, _leg_costs(region, params.costs))
+    quick = replace(order, rounds=QUICK_ROUNDS)
+    is_compact = region.area > COMPACT * shapely.convex_hull(region).area
+    tries = _affordable(region, params)
+    is_thorough = tries >= MANY_TRIES
+
+    def ranked(laid: list[SurveyLines]) -> list[SurveyLines]:
+        if is_thorough:
+            costs = _least_costs([list(_fly(lines, space, quick)) for lines in laid], params)
+        else:
+            orders = [in_order(np.concatenate(lines.cells), lines.rough_order(home)) for lines in laid]
+            paths = [(xy.reshape(-1, 2), np.arange(2 * len(xy) - 1) % 2 == 0) for xy in orders]
+            costs = _path_costs(paths, params)
+        return [laid[k] for k in np.argsort(costs, kind="stable").tolist()]
+
+    def others(grids: list[SurveyLines]) -> list[SurveyLines]:
+        """Return further lines of the azimuths of grids: merged cells may leave the region."""
+        divided = [grid for grid in grids if not is_compact or len(grid.cells) > 1]
+        cells = [lines for grid in divided for lines in _cells(region, grid.angle_deg, params)]
+        shifted = [
+            lines for grid in grids * is_thorough for lines in _shifted(region, grid.angle_deg, params, near)
+        ]
+        return [*shifted, *(lines for lines in cells if _stays_in(lines, near))]
+
+    grids = ranked([_grid(region, azimuth, params, near) for azimuth in _azimuths(region, params, tries)])
+    spread = grids[:: max(len(grids) // SPREAD, 1)] if is_thorough else []
+    best = list(dict.fromkeys([*grids[: max(tries // 3, MIN_TRIES)], *spread]))
+    laid = ranked([*grids, *others(best)])
+    if is_thorough and params.angle_deg is None:
+        known = {grid.angle_deg for grid in best}
+        beside = {(lines.angle_deg + step) % 180 for lines in laid[:REFINED] for step in (-2, -1, 1, 2)}
+        closer = [_grid(region, azimuth, params, near) for azimuth in sorted(beside - known)]
+        laid = ranked([*laid[:tries], *closer, *others(closer)])
+    flown = [list(_fly(lines, space, order)) for lines in laid[: max(tries // 3, MIN_TRIES)]]
+    best_first = np.argsort(_least_costs(flown, params), kind="stable").tolist()
+    return [survey for k in best_first for survey in flown[k]]
+
+
+def _least_costs(flown: list[list[Survey]], params: CoverParams) -> Floats:
+    """Return the cost of the cheapest of each list of surveys."""
+    costs = _path_costs([survey.path() for some in flown for survey in some], params)
+    least: Floats = np.minimum.reduceat(costs, np.cumsum([0, *map(len, flown[:-1])]))
+    return least
+
+
+def _leg_costs(region: Any, costs_of: Costs) -> Callable[[Floats], Floats]:
+    """Return the function of the cost of straight legs, from rest to rest, by their lengths."""
+    west, south, east, north = shapely.bounds(region)
+    lengths = np.append(0.0, np.geomspace(1.0, 10 * (east - west + north - south), LEG_LENGTHS))
+    ends = np.stack([np.zeros(len(lengths)), lengths], axis=1).ravel()
+    path = np.stack([ends, np.zeros(len(ends))], axis=1)
+    costs = costs_of(path, np.full(len(path) - 1, WAY), np.ones(len(path), bool))[::2]
+    return lambda some: np.interp(some, lengths, costs)
+
+
+def _affordable(region: Any, params: CoverParams) -> int:
+    """Return the number of tries: fewer where they take long."""
+    lines = region.area / params.spacing_m**2 / max(math.sqrt(region.area) / params.spacing_m, 1.0)
+    size = int(shapely.get_num_coordinates(region)) + 2 * lines
+    return min(params.tries, max(int(MAX_WORK / size), MIN_TRIES))
+
+
+def _path_costs(paths: list[tuple[Floats, Bools]], params: CoverParams) -> Floats:
+    """Return the cost of each path, all at once; from home and, after a stop, back, where that is given.
+
+    Of both directions that of less cost counts.
+    """
+    turned = [] if params.home is None else [(xy[::-1], is_line[::-1]) for xy, is_line in paths]
+    both = [*paths, *turned]
+    home = np.empty((0, 2)) if params.home is None else np.array([params.home])
+    ends = len(home)
+    xy = np.concatenate([part for path, _ in both for part in (home, path, home)])
+    out, back = np.full(ends, WAY), np.full(ends, RETURN)
+    kind = np.concatenate([part for _, is_line in both for part in (out, is_line * LINE, back, [WAY])])
+    first = np.cumsum([0, *(len(path) + 2 * ends for path, _ in both)])
+    stops = np.zeros(len(xy), bool)
+    stops[first[:-1]] = stops[first[1:] - 1] = stops[first[1:] - 1 - ends] = True
+    if params.costs is None:
+        costs = np.append(np.hypot(*np.diff(xy, axis=0).T) + params.turn_m * ~stops[1:], 0.0)
+    else:
+        costs = np.append(params.costs(xy, kind[:-1], stops), 0.0)
+    costs[first[1:] - 1] = 0.0  # from one path to the next
+    sums: Floats = np.add.reduceat(costs, first[:-1]).reshape(-1, len(paths)).min(axis=0)
+    return sums
+
+
+def _azimuths(region: Any, params: CoverParams, tries: int) -> list[float]:
     """Return the requested azimuth, or those along edges and in steps that need the fewest lines.
 
     The number of lines is about half of the rise and fall of the outline across them, in spacings.
@@ -232,15 +340,18 @@ def _azimuths(region: Any, params: CoverParams) -> list[float]:
                 f"the azimuth of survey lines is a number of degrees or auto, not {params.angle_deg}"
             )
         return [float(params.angle_deg % 180) % 180]  # -1e-17 % 180 is 180
+    many = tries >= MANY_TRIES
     outlines = [*shapely.get_rings(region), shapely.get_exterior_ring(shapely.convex_hull(region))]
     step = np.concatenate([np.diff(shapely.get_coordinates(ring), axis=0) for ring in outlines])
     longest = step[np.argsort(-np.hypot(*step.T), kind="stable")][:MAX_AZIMUTHS]
     along = np.degrees(np.arctan2(longest[:, 0], longest[:, 1])) % 180
-    azimuths = np.unique(np.round(np.concatenate([along, np.arange(0, 180, STEP_DEG)]), 3) % 180)
+    steps = np.arange(0, 180, FINE_DEG if many else STEP_DEG)
+    azimuths = np.unique(np.round(np.concatenate([along, steps]), 3) % 180)
     edges = np.concatenate([np.diff(shapely.get_coordinates(ring), axis=0) for ring in outlines[:-1]])
     rise = [float(np.abs(edges @ axes(azimuth)[:, 1]).sum()) for azimuth in azimuths.tolist()]
-    best: list[float] = azimuths[np.argsort(rise, kind="stable")][:TRIED_AZIMUTHS].tolist()
-    return best
+    best: list[float] = azimuths[np.argsort(rise, kind="stable")].tolist()
+    count = int((np.array(rise) <= MAX_RISE * min(rise)).sum()) if many else 2 * tries
+    return best[:count]
 
 
 def axes(angle_deg: float) -> Floats:
@@ -250,16 +361,29 @@ def axes(angle_deg: float) -> Floats:
     return np.array([[sine, cosine], [cosine, -sine]])
 
 
-def _grid(region: Any, angle_deg: float, params: CoverParams, space: FreeSpace) -> SurveyLines:
-    """Return the lines of one azimuth, in one grid."""
+def _grid(
+    region: Any, angle_deg: float, params: CoverParams, space: FreeSpace, start: float | None = None
+) -> SurveyLines:
+    """Return the lines of one azimuth, in one grid; `start` is that of `grid_lines`."""
     turn, spacing = axes(angle_deg), params.spacing_m
 
     def joins(starts: Floats, ends: Floats) -> NDArray[np.bool_]:
         near = _length(np.stack([starts, ends], axis=1)) <= GAP * spacing
         return near & space.sees(starts @ turn.T, ends @ turn.T)
 
-    cells = grid_lines(_turned(region, turn), spacing, (params.reach_m, params.min_m), joins)
+    cells = grid_lines(_turned(region, turn), spacing, (params.reach_m, params.min_m), joins, start)
     return SurveyLines(angle_deg, tuple(cell @ turn.T for cell in cells), params.lead_m)
+
+
+def _shifted(region: Any, angle_deg: float, params: CoverParams, space: FreeSpace) -> list[SurveyLines]:
+    """Return grids of one azimuth with an edge between strips at a corner where cells are divided."""
+    turned = _turned(region, axes(angle_deg))
+    _, south, _, north = shapely.bounds(turned)
+    corners = _all_critical(turned, STEP * params.spacing_m, MIN_HEIGHT * params.spacing_m / 2)[:, 1]
+    phases = (np.concatenate([corners, [south, north]]) - south) % params.spacing_m
+    distinct = np.unique(np.round(phases / params.spacing_m, 1) % 1, return_index=True)[1][:MAX_SHIFTS]
+    starts = south + phases[distinct] - params.spacing_m * (phases[distinct] > 0)
+    return [_grid(region, angle_deg, params, space, start) for start in starts.tolist()]
 
 
 def _cells(region: Any, angle_deg: float, params: CoverParams) -> list[SurveyLines]:
@@ -288,11 +412,9 @@ def _turned(region: Any, turn: Floats) -> Any:
     return shapely.transform(region, lambda xy: xy @ turn)
 
 
-def _fly(lines: SurveyLines, space: FreeSpace) -> list[Survey]:
-    return [
-        Survey(angle_deg=lines.angle_deg, cells=len(lines.cells), lines=flown, outer=outer, legs=legs)
-        for flown, outer, legs in fly_lines(lines, space)
-    ]
+def _fly(lines: SurveyLines, space: FreeSpace, params: OrderParams) -> Iterator[Survey]:
+    for flown, outer, legs in fly_lines(lines, space, params):
+        yield Survey(angle_deg=lines.angle_deg, cells=len(lines.cells), lines=flown, outer=outer, legs=legs)
 
 
 def _joined(first: list[Survey], second: list[Survey], space: FreeSpace) -> Survey:

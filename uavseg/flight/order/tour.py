@@ -293,13 +293,19 @@ class Stops:
 
 
 def short_tour(
-    stops: Stops, distances: Floats, start: int = -1, end: int = -1, rounds: int = ROUNDS
+    stops: Stops,
+    distances: Floats,
+    start: int = -1,
+    end: int = -1,
+    rounds: int = ROUNDS,
+    first: Integers | None = None,
 ) -> list[tuple[int, int]]:
     """Return a short tour over stops, each flown in one of its options.
 
     `distances` (p, p) are costs between points: finite, symmetric, not negative. The tour starts and ends at
     the points `start` and `end`; -1 where it may be anywhere. `rounds` is how long to search where there are
-    many stops. The results are the stops in order, and the option of each, counted from 0 for each stop.
+    many stops, `first`, (n,), the options of the tour with which that search begins. The results are the
+    stops in order, and the option of each, counted from 0 for each stop.
 
     Examples
     --------
@@ -315,7 +321,7 @@ def short_tour(
     if count <= MAX_STOPS and 2**count * float(options) ** 2 <= MAX_STEPS:
         tour = exact_tour(stops, matrix, start, end)
     else:
-        tour = local_search_tour(stops, matrix, start, end, rounds)
+        tour = local_search_tour(stops, matrix, start, end, rounds, first)
     chosen = stops.stop_of[tour]
     return list(zip(chosen.tolist(), (tour - stops.first[chosen]).tolist(), strict=True))
 
@@ -359,11 +365,19 @@ def _fill(distances, stop_of, enters, leaves, costs, start, best, before):  # ty
 
 
 def local_search_tour(
-    stops: Stops, distances: Floats, start: int, end: int, rounds: int = ROUNDS
+    stops: Stops,
+    distances: Floats,
+    start: int,
+    end: int,
+    rounds: int = ROUNDS,
+    first: Integers | None = None,
 ) -> Integers:
     """Return the options of a short tour, in order (iterated local search); parameters as of `short_tour`."""
     stops, options_left = stops.distinct()
-    tour = _nearest_neighbour(stops, distances, start)
+    if first is None:
+        tour = _nearest_neighbour(stops, distances, start)
+    else:
+        tour = np.searchsorted(options_left, first)
     count, widest = len(stops), int(np.diff(stops.first).max())
     options = np.stack([stops.enters, stops.leaves, stops.reverse, stops.stop_of])
     members, apart = _groups(stops, distances, tour, (start, end))

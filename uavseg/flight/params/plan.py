@@ -303,8 +303,8 @@ class PlanParams:
     spacing_m : float, optional
         Distance between the lines of a survey or corridor; required for one.
     angle_deg : float, optional
-        Azimuth of the lines of a survey, clockwise from north; by default, for each region, the one that
-        needs the fewest.
+        Azimuth of the lines of a survey, clockwise from north; by default, for each region, the one of the
+        least time.
     speed_m_s : float
         Over ground, above 0 and at most 50.
     autopilot : "ardupilot", "px4" or "generic"

@@ -8,16 +8,18 @@ from typing import Any
 import numpy as np
 import shapely
 
-from uavseg.arrays import Floats
+from uavseg.arrays import Bools, Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.avoid.enclosing import MANY_CORNERS, enclosing
 from uavseg.flight.camera.camera import Photos
 from uavseg.flight.cover.corridor import corridor, is_long_and_thin
 from uavseg.flight.cover.lines import COARSE, MIN_LINE_M
-from uavseg.flight.cover.survey import CoverParams, Survey
+from uavseg.flight.cover.survey import MIN_TRIES, Costs, CoverParams, Survey
 from uavseg.flight.cover.survey import surveys as cover_region
+from uavseg.flight.mission.duration import CALM, leg_seconds
 from uavseg.flight.mission.track import HOVER_S, Track
+from uavseg.flight.mission.vehicle import default_vehicle
 from uavseg.flight.params.plan import (
     COVERING,
     MIN_MARGIN_M,
@@ -30,6 +32,8 @@ from uavseg.flight.params.plan import (
 )
 from uavseg.flight.patterns.perimeter import OffsetRings, default_tolerance_m, offset_rings
 
+SEARCHED = 30  # surveys of all regions that are planned to the end
+MAX_CHOICES = 20  # surveys of one region of which the fastest flight is chosen
 MAX_STARTS = 16  # corners at which a ring may begin
 MAX_CANDIDATES = 4000  # of all regions, so that their distances fit into memory
 BRAKING_M_S2 = 2.5
@@ -99,22 +103,32 @@ def perimeters(parts: Sequence[RegionPart], params: PlanParams) -> Candidates:
     return Candidates(_started_anywhere(tracks), [place for _, place in rings], notes)
 
 
-def surveys(parts: Sequence[RegionPart], params: PlanParams) -> Candidates:
-    """Return tracks of survey lines over each region."""
+def surveys(parts: Sequence[RegionPart], params: PlanParams, home: Floats | None = None) -> Candidates:
+    """Return tracks of survey lines over each region.
+
+    The effort is shared: `SEARCHED` surveys are planned to the end, but `MIN_TRIES` at least for each region.
+    For one region they are compared by their times, with the flight from `home` (2,) and the return; for
+    several ones by their lengths and turns.
+    """
     how = params.how
     assert params.spacing_m is not None and isinstance(how, SurveyParams)
     reach_m, min_m = _line_ends(params)
+    is_many = len(parts) > 1
     cover = CoverParams(
         spacing_m=params.spacing_m,
         angle_deg=params.angle_deg,
         reach_m=reach_m,
         min_m=min_m,
+        costs=None if is_many else _line_costs(params),
         turn_m=_turn_m(params),
         lead_m=how.turnaround_m,
         crosshatch=how.crosshatch,
+        tries=max(SEARCHED // len(parts), MIN_TRIES),
+        home=None if home is None or is_many or how.crosshatch else tuple(home.tolist()),
     )
     regions = _grown(parts, how.margin_m)
-    choices = [cover_region(region, cover) for region in regions]
+    kept = MAX_CHOICES if cover.home else 2
+    choices = [cover_region(region, cover)[:kept] for region in regions]
     tracks = [
         [_lines_track(list(one.lines), list(one.outer), one.legs, params) for one in some] for some in choices
     ]
@@ -185,6 +199,29 @@ def _line_ends(params: PlanParams) -> tuple[float, float]:
     """Return the ground that photographs show past the ends of lines, and the length of the shortest line."""
     photos, height = params.photos, params.altitude_m
     return (0.0, MIN_LINE_M) if photos is None else (photos.line_reach_m(height), photos.min_line_m(height))
+
+
+def _line_costs(params: PlanParams) -> Costs:
+    """Return the function that estimates the time of legs, for `CoverParams`."""
+    vehicle, photos = params.vehicle or default_vehicle(params.autopilot), params.photos
+    height, speed = params.altitude_m, params.speed_m_s
+    wind = params.wind
+    if wind is None or wind.from_deg is None:
+        wind = CALM  # of unknown direction, it favours no azimuth
+
+    def seconds(xy: Floats, speeds: Floats | float, stops: Bools) -> Floats:
+        path = np.column_stack([xy, np.full(len(xy), height)])
+        return leg_seconds(path, speeds, vehicle, stops, wind=wind)
+
+    on_lines = speed
+    if photos is not None:
+        trigger_m = photos.trigger_m(height)
+        on_lines = min(speed, photos.max_speed_m_s(height, trigger_m))
+        if photos.trigger == "hover":
+            one = seconds(np.array([[0.0, 0.0], [trigger_m, 0.0]]), speed, np.ones(2, bool))
+            on_lines = trigger_m / (HOVER_S + float(one[0]))
+    speeds = np.array([speed, on_lines, vehicle.return_speed_m_s])  # as WAY, LINE, RETURN
+    return lambda xy, kind, stops: seconds(xy, speeds[kind], stops)
 
 
 def _turn_m(params: PlanParams) -> float:

@@ -35,6 +35,7 @@ from uavseg.flight.planning.split import (
     FlightLimits,
     RegionRoute,
     check_order,
+    fastest,
     items_of,
     short_route,
     split_route,
@@ -183,7 +184,7 @@ def _split(
 ) -> tuple[list[Track], list[Mission]]:
     """Return the tracks and missions of flights, those of one vehicle after those of another."""
     limits, vehicles = params.limits, params.limits.vehicles
-    allowed = _flight_limits(route, plane, params, wind)
+    allowed = _flight_limits(_worst_costs(route, plane, params, wind), params)
     for _ in range(ATTEMPTS):
         parts = split_route(route, allowed)
         if len(parts) % vehicles:
@@ -204,14 +205,13 @@ def _split(
     )
 
 
-def _flight_limits(route: RegionRoute, plane: Plane, params: PlanParams, wind: Wind) -> FlightLimits:
+def _flight_limits(costs: "LegCosts", params: PlanParams) -> FlightLimits:
     vehicle, limits = params.vehicle or default_vehicle(params.autopilot), params.limits
     climb = np.array([(0.0, 0.0, 0.0), (0.0, 0.0, params.altitude_m)])
     slow_m = min(params.altitude_m, vehicle.takeoff_height_m)
     up_s = float(leg_seconds(climb, vehicle.climb_m_s, vehicle)[0]) + vehicle.start_s
     up_s += slow_m * (1 / vehicle.takeoff_m_s - 1 / vehicle.climb_m_s)
     down_s = float(landing_seconds(params.altitude_m, vehicle)) + vehicle.stop_s + vehicle.return_hold_s
-    costs = _worst_costs(route, plane, params, wind)
     by_waypoints = limits.max_waypoints is not None
     return FlightLimits(
         seconds=limits.seconds,
@@ -410,7 +410,6 @@ MIN_REACH_M = 100.0
 _PATTERN_FUNCTIONS = {
     "visit": patterns.visits,
     "perimeter": patterns.perimeters,
-    "survey": patterns.surveys,
     "corridor": patterns.corridors,
     "orbit": patterns.orbits,
 }
@@ -446,9 +445,18 @@ def plan_missions(
     )
     keep_out, height_notes = keep_out_of(near, place, plane, params)
     parts, zone_notes = clear_parts(region_parts(regions, plane, points), keep_out)
-    candidates = _PATTERN_FUNCTIONS[params.pattern](parts, params)
+    if params.pattern == "survey":
+        candidates = patterns.surveys(parts, params, place)
+    else:
+        candidates = _PATTERN_FUNCTIONS[params.pattern](parts, params)
     _check_count(candidates)
-    route = short_route(_reachable(candidates, place, keep_out), place, keep_out.space)
+    tracks = _reachable(candidates, place, keep_out)
+    if params.pattern == "survey" and len(tracks) == 1:
+        winds = (params.wind or CALM).directions()
+        limits = [_flight_limits(LegCosts(plane, params, wind), params) for wind in winds]
+        route = fastest(tracks[0], place, keep_out.space, limits)
+    else:
+        route = short_route(tracks, place, keep_out.space)
     notes = [*home_notes(home), *at_home, *height_notes, *zone_notes, *candidates.notes]
     missions = missions_over(route, start, plane, keep_out, params, notes)
     blocks = blocks_of_surveys(candidates.surveys, plane, params)

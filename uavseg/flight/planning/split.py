@@ -95,6 +95,27 @@ def short_route(candidates: Sequence[Sequence[Track]], home: Floats, space: Free
     )
 
 
+def fastest(
+    tracks: Sequence[Track], home: Floats, space: FreeSpace, limits: "Sequence[FlightLimits]"
+) -> RegionRoute:
+    """Return the route over one region, on the track and in the direction of the least time, with the return.
+
+    There are limits for each direction that the wind may have; the longest time of them counts. The vehicle
+    stops where the return begins.
+    """
+    both = [direction for track in tracks for direction in (track, track.reversed())]
+    routes = [short_route([[track]], home, space) for track in both]
+    flights = [route.flight(0, len(route.pieces) - 1) for route in routes]
+    outward = [Track.transit(np.array([home, flight.xy[0]])) for flight in flights]
+    whole = [Track.joined(pair) for pair in zip(outward, flights, strict=True)]
+    ends = np.array([flight.xy[-1] for flight in flights])
+    away_m = np.hypot(*(ends - home).T)
+    seconds = [
+        [one.costs(track)[0].sum() for track in whole] + one.ways(home, ends, away_m)[1] for one in limits
+    ]
+    return routes[int(np.max(seconds, axis=0).argmin())]
+
+
 def check_order(count: int) -> None:
     """Refuse more regions than can be ordered (MissionError)."""
     if count > MAX_REGIONS:
