@@ -451,12 +451,11 @@ def plan_missions(
         candidates = _PATTERN_FUNCTIONS[params.pattern](parts, params)
     _check_count(candidates)
     tracks = _reachable(candidates, place, keep_out)
-    if params.pattern == "survey" and len(tracks) == 1:
-        winds = (params.wind or CALM).directions()
-        limits = [_flight_limits(LegCosts(plane, params, wind), params) for wind in winds]
-        route = fastest(tracks[0], place, keep_out.space, limits)
-    else:
-        route = short_route(tracks, place, keep_out.space)
+    chosen = [[[track]] for track in tracks[0]] if len(tracks) == 1 else [tracks]
+    routes = [short_route(some, place, keep_out.space) for some in chosen]
+    winds = (params.wind or CALM).directions()
+    limits = [_flight_limits(LegCosts(plane, params, wind), params) for wind in winds]
+    route = fastest(routes, limits)
     notes = [*home_notes(home), *at_home, *height_notes, *zone_notes, *candidates.notes]
     missions = missions_over(route, start, plane, keep_out, params, notes)
     blocks = blocks_of_surveys(candidates.surveys, plane, params)

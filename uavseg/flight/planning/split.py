@@ -45,6 +45,11 @@ class RegionRoute:
             tracks.append(back)
         return without_short_legs(Track.joined(tracks).part_from(1), self.space)
 
+    def reversed(self) -> "RegionRoute":
+        """Return the route from its end to its start."""
+        regions = np.arange(int(self.region[-1]) + 1)
+        return self.reordered(regions[::-1], np.ones(len(regions), np.int64))
+
     def reordered(self, order: Integers, turned: Integers) -> "RegionRoute":
         """Return the route over regions in another order, some of them from their end to their start."""
         pieces: list[Track] = []
@@ -95,17 +100,15 @@ def short_route(candidates: Sequence[Sequence[Track]], home: Floats, space: Free
     )
 
 
-def fastest(
-    tracks: Sequence[Track], home: Floats, space: FreeSpace, limits: "Sequence[FlightLimits]"
-) -> RegionRoute:
-    """Return the route over one region, on the track and in the direction of the least time, with the return.
+def fastest(routes: Sequence[RegionRoute], limits: "Sequence[FlightLimits]") -> RegionRoute:
+    """Return the route of the least time, with the return, of some that are flown in either direction.
 
     There are limits for each direction that the wind may have; the longest time of them counts. The vehicle
     stops where the return begins.
     """
-    both = [direction for track in tracks for direction in (track, track.reversed())]
-    routes = [short_route([[track]], home, space) for track in both]
-    flights = [route.flight(0, len(route.pieces) - 1) for route in routes]
+    both = [direction for route in routes for direction in (route, route.reversed())]
+    flights = [route.flight(0, len(route.pieces) - 1) for route in both]
+    home = routes[0].home
     outward = [Track.transit(np.array([home, flight.xy[0]])) for flight in flights]
     whole = [Track.joined(pair) for pair in zip(outward, flights, strict=True)]
     ends = np.array([flight.xy[-1] for flight in flights])
@@ -113,7 +116,7 @@ def fastest(
     seconds = [
         [one.costs(track)[0].sum() for track in whole] + one.ways(home, ends, away_m)[1] for one in limits
     ]
-    return routes[int(np.max(seconds, axis=0).argmin())]
+    return both[int(np.max(seconds, axis=0).argmin())]
 
 
 def check_order(count: int) -> None:
