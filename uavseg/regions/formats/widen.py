@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from uavseg.dataclass import dataclass
 from uavseg.errors import RegionError
-from uavseg.flight.mission.track import LONGEST_EDGE_DEG, Plane
 from uavseg.raster.geodesy.globe import unwrap_lon, wrap_lon
 
 QUARTER = 8  # sides of a quarter of a circle
@@ -63,6 +62,8 @@ def as_areas(
 
 def _widened(shape: Any, width_m: float) -> Any:
     """Return the disc around a point, or the strip along a line, in a local plane around it."""
+    from uavseg.flight.mission.track import LONGEST_EDGE_DEG, Plane
+
     lonlat = shapely.get_coordinates(shape)
     lonlat[:, 0] = unwrap_lon(lonlat[:, 0])
     lon, lat = (lonlat.min(axis=0) + lonlat.max(axis=0)) / 2
