@@ -12,8 +12,9 @@ from uavseg.flight.mission.duration import leg_seconds
 from uavseg.flight.mission.track import Plane, Track
 from uavseg.flight.mission.vehicle import PX4
 from uavseg.flight.params.plan import LimitParams, PlanParams, SafetyParams, TerrainParams
-from uavseg.flight.planning import planner
-from uavseg.flight.planning.planner import LegCosts, plan_missions
+from uavseg.flight.planning import flights
+from uavseg.flight.planning.flights import LegCosts
+from uavseg.flight.planning.planner import plan_missions
 from uavseg.raster.elevation.dem import Dem
 
 PLANE = Plane(*HOME)
@@ -48,13 +49,13 @@ def test_a_division_is_right_the_first_time(
     }[kind]
     params = PlanParams(60, "survey", 30.0, autopilot=autopilot, **how)
     divisions = []
-    split = planner.split_route
+    split = flights.split_route
 
     def counted(*given: object) -> list[Track]:
         divisions.append(split(*given))  # type: ignore[arg-type]
         return divisions[-1]
 
-    monkeypatch.setattr(planner, "split_route", counted)
+    monkeypatch.setattr(flights, "split_route", counted)
     points = [tuple(field.centroid.coords[0]) for field in FIELDS]
     missions = plan_missions(FIELDS, points, params, (*HOME, 600.0) if kind != "hills" else HOME)
     assert len(missions) > 1 and len(divisions) == 1
