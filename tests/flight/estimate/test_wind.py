@@ -128,3 +128,16 @@ def test_a_speed_that_no_air_allows_is_said() -> None:
     [mission] = flights([box(100, 100, 300, 150)], speed_m_s=14.0)
     assert any("more than the 11.7 m/s" in note for note in mission.notes)
     assert PlanParams(50).wind is None
+
+
+@pytest.mark.parametrize("from_deg", [0.0, 50.0, 90.0, 240.0])
+def test_the_angle_follows_the_wind(from_deg: float) -> None:
+    wind = Wind(8.0, from_deg)
+    survey = {"pattern": "survey", "spacing_m": 30.0, "speed_m_s": 10.0}
+    [calm] = flights([box(60, 40, 320, 290)], **survey)
+    [windy] = flights([box(60, 40, 320, 290)], **survey, wind=wind)
+    assert windy.duration_s <= estimate(calm, wind=wind).duration_s * 1.001
+    assert windy.duration_s < max(
+        flights([box(60, 40, 320, 290)], **survey, wind=wind, angle_deg=angle)[0].duration_s
+        for angle in (0.0, 90.0)
+    )
