@@ -142,15 +142,15 @@ TURN_M = 10.0
 """A turn costs the time of so many metres: at 5 m/s, braking and accelerating at 2.5 m/s2."""
 STEP_DEG = 15.0  # azimuths that are tried besides those of edges; whole degrees where many are tried
 MIN_TRIES, MANY_TRIES = 3, 12
-MAX_WORK = 9000  # tries times corners of a region and its lines
+MAX_WORK = 18_000  # tries times corners of a region and its lines
 FINE_DEG, MAX_RISE = 2.0, 1.35  # azimuths of many tries: steps, and lines relative to the fewest
 LEG_LENGTHS = 48  # between which the costs of legs are interpolated
-QUICK_ROUNDS = 30  # of the search for an order, where azimuths are compared
-SPREAD, REFINED = 8, 3  # azimuths at all ranks that are tried too; azimuths beside those of the best are
+QUICK_ROUNDS = 100  # of the search for an order, where azimuths are compared
+SPREAD, REFINED = 16, 6  # azimuths at all ranks that are tried too; azimuths beside those of the best are
 MAX_AZIMUTHS = 40  # of edges
 COMPACT = 0.8  # share of the convex hull: a region that fills more, and is one cell, is not divided otherwise
 MAX_CRITICAL = 400  # corners at which a region is divided into cells
-MAX_SHIFTS = 4  # places of the first line, for one azimuth
+MAX_SHIFTS = 6  # places of the first line, for one azimuth
 
 WAY, LINE, RETURN = 0, 1, 2  # kinds of legs: between lines and from home; survey lines; home
 Costs = Callable[[Floats, Integers, Bools], Floats]

@@ -32,7 +32,7 @@ from uavseg.flight.params.plan import (
 )
 from uavseg.flight.patterns.perimeter import OffsetRings, default_tolerance_m, offset_rings
 
-SEARCHED = 30  # surveys of all regions that are planned to the end
+SEARCHED = 60  # surveys of all regions that are planned to the end
 MAX_CHOICES = 20  # surveys of one region of which the fastest flight is chosen
 MAX_STARTS = 16  # corners at which a ring may begin
 MAX_CANDIDATES = 4000  # of all regions, so that their distances fit into memory
