@@ -971,7 +971,7 @@ def test_missions(source: str, words: Words, suffix: str) -> None:
         for n, words in enumerate(
             [
                 {"max_items": 12},
-                {"endurance": 6.0, "camera": "phantom 4 rtk", "autopilot": "px4"},
+                {"endurance": 6.0, "camera": "mavic 3 enterprise", "autopilot": "px4"},
                 {"max_items": 10, "dem": "ground.tif", "raster": "tile.tif"},
                 {"max_items": 14, "avoid": "zone.geojson", "rally": [(45.1447, -76.2697, 30.0)]},
             ]

@@ -78,6 +78,7 @@ OPTIONS = {  # of a command: lines in which # is the number
         *(f"--altitude 60 --rally {place}" for place in ("#,8,30", "47,#,30", "47,8,#")),
         *(f"--altitude 60 {one} #" for one in ("--spacing", "--climb", "--descent", "--terrain-tolerance")),
         *(f"--altitude 60 --dem dem.tif {one} #" for one in ("--climb", "--descent", "--terrain-tolerance")),
+        *("--altitude 60 --wind #", "--altitude 60 --wind 5,#"),
         *(f"{SPACING} {one} #" for one in ("--angle", "--margin", "--turnaround")),
         *(f"{SPACING} --pattern corridor {one} #" for one in ("--margin", "--width")),
         *(f"--altitude 60 --avoid regions.geojson {one} #" for one in ("--zone-width", "--zone-height")),
@@ -97,7 +98,7 @@ OPTIONS = {  # of a command: lines in which # is the number
         "--altitude 60 --where area_m2>#",
     ],
     "check": [
-        *("--avoid #,1", "--avoid-margin #", "--max-altitude #", "--max-distance #"),
+        *("--avoid #,1", "--avoid-margin #", "--max-altitude #", "--max-distance #", "--wind #"),
         *(f"--avoid regions.geojson {one} #" for one in ("--zone-width", "--zone-height")),
     ],
     "upload": ["--connect udpout:127.0.0.1:9 --timeout #"],

@@ -14,7 +14,7 @@ from tests.honest import arrays, campaign, picture
 from tests.honest.findings import findings_of
 from tests.hostile.campaign import report
 from uavseg.errors import RasterError
-from uavseg.raster.tiff.damaged_blocks import DeflateBlocks
+from uavseg.raster.tiff import damaged_blocks
 
 FILE = 8  # a case of `files` that finds nothing
 
@@ -60,13 +60,14 @@ def test_a_fault_of_each_kind_is_a_finding(
 def test_a_tile_as_wide_as_the_raster_that_is_taken_for_a_strip_is_found(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    right = DeflateBlocks.__init__
+    blocks = damaged_blocks._DeflateBlocks
+    right = blocks.__init__
 
     def by_width(self: Any, name: str, path: Path, source: Any, *more: Any, **how: Any) -> None:
         right(self, name, path, source, *more, **how)
         self._is_tiled = self._shape[1] != source.width
 
-    monkeypatch.setattr(DeflateBlocks, "__init__", by_width)
+    monkeypatch.setattr(blocks, "__init__", by_width)
     _, found = campaign.batch(0, 100, 0, {"files": 1}, float("inf"))
     assert {finding.kind for finding, _ in found} == {"REFUSED"}
     assert all("goes on beyond its end" in finding.detail for finding, _ in found)

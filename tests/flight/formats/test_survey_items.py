@@ -106,7 +106,7 @@ def test_concave_fields_are_divided_and_what_stays_concave_is_single_items(tmp_p
         for item in found
     )
     ring = shapely.Point(200, 200).buffer(150) - shapely.Point(200, 200).buffer(60)
-    mission = planned(ring)
+    mission = planned(ring, angle_deg=30.0)
     with pytest.warns(UserWarning, match=r"parts? of the survey can be edited .* single items"):
         files.write_mission(mission, tmp_path / "ring.plan", editable=True)
     assert files.read_mission(tmp_path / "ring.plan") == mission

@@ -147,6 +147,7 @@ FINE_DEG, MAX_RISE = 2.0, 1.35  # azimuths of many tries: steps, and lines relat
 LEG_LENGTHS = 48  # between which the costs of legs are interpolated
 QUICK_ROUNDS = 100  # of the search for an order, where azimuths are compared
 SPREAD, REFINED = 16, 6  # azimuths at all ranks that are tried too; azimuths beside those of the best are
+COST_DECIMALS = 6  # so that rounding errors choose nothing
 MAX_AZIMUTHS = 40  # of edges
 COMPACT = 0.8  # share of the convex hull: a region that fills more, and is one cell, is not divided otherwise
 MAX_CRITICAL = 400  # corners at which a region is divided into cells
@@ -222,7 +223,7 @@ def surveys(region: Any, params: CoverParams, obstacles: Sequence[Any] = ()) -> 
 
     Examples
     --------
-    >>> flown, _ = surveys(shapely.box(0, 0, 20, 100), CoverParams(10))
+    >>> flown, *_ = surveys(shapely.box(0, 0, 20, 100), CoverParams(10))
     >>> flown.angle_deg, flown.cells, flown.lines.round(6).tolist()
     (0.0, 1, [[[5.0, 0.0], [5.0, 100.0]], [[15.0, 100.0], [15.0, 0.0]]])
     """
@@ -326,7 +327,7 @@ def _path_costs(paths: list[tuple[Floats, Bools]], params: CoverParams) -> Float
         costs = np.append(params.costs(xy, kind[:-1], stops), 0.0)
     costs[first[1:] - 1] = 0.0  # from one path to the next
     sums: Floats = np.add.reduceat(costs, first[:-1]).reshape(-1, len(paths)).min(axis=0)
-    return sums
+    return sums.round(COST_DECIMALS)
 
 
 def _azimuths(region: Any, params: CoverParams, tries: int) -> list[float]:

@@ -292,7 +292,7 @@ def estimate(
     >>> there = MissionItem(16, FRAME_RELATIVE, lat=47.001, lon=8.0, altitude_m=30.0)
     >>> flight = estimate(Mission(HomePosition(47, 8), (up, there, MissionItem(RETURN, 2))))
     >>> round(flight.distance_m), round(flight.duration_s)
-    (222, 99)
+    (222, 105)
     """
     vehicle = vehicle or mission.vehicle or default_vehicle(mission.autopilot)
     wind = wind or mission.wind or CALM

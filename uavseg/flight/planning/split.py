@@ -21,6 +21,7 @@ Ways = Callable[[Floats, Floats, Floats], tuple[Floats, Floats]]
 MAX_PIECES = 50_000
 ATTEMPTS = 4  # at an order whose flights are more alike
 ALIKE = 0.9  # of the longest flight, where the shortest is not made longer
+SECONDS_DECIMALS = 6  # so that rounding errors choose nothing
 FINENESS = 10  # pieces of each of a number of flights, at least
 ROUNDING_S = 10.0  # a piece that is flown alone starts and ends at rest
 MAX_REGIONS = 4000  # far more than any vehicle stores
@@ -116,7 +117,7 @@ def fastest(routes: Sequence[RegionRoute], limits: "Sequence[FlightLimits]") -> 
     seconds = [
         [one.costs(track)[0].sum() for track in whole] + one.ways(home, ends, away_m)[1] for one in limits
     ]
-    return both[int(np.max(seconds, axis=0).argmin())]
+    return both[int(np.max(seconds, axis=0).round(SECONDS_DECIMALS).argmin())]
 
 
 def check_order(count: int) -> None:
