@@ -9,6 +9,7 @@ import csv
 import math
 import os
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -37,6 +38,8 @@ LAST_PHOTO_M = 5.0
 The vehicle leaves a line up to 2 m before its end (the radius of waypoints), its first photograph is taken up
 to 2 m after the start, and each one some centimetres late: with less, simulated flights lost the last one.
 """
+TURNED_M = 10.0
+"""A vehicle that turns around at the start of a line looks along it after so many metres at most."""
 ONE_PHOTO_M = 5.0
 """Lines that are no longer have one photograph, at their start."""
 INTERVAL_STEP_S = 0.01
@@ -263,7 +266,8 @@ def _plain(name: str) -> str:
 class Photos:
     """Photographs of a flight: camera, overlap, gimbal pitch, trigger, exposure time.
 
-    A ParameterError says that the pitch or the exposure time is out of bounds, or the trigger is not known.
+    A ParameterError says that a pitch or the exposure time is out of bounds, a pitch is given twice, or the
+    trigger is not known.
 
     With `trigger`, photographs are taken by metres, by seconds, in hover at a waypoint for each, or not by
     the mission.
@@ -274,15 +278,27 @@ class Photos:
     pitch_deg: float = NADIR_DEG  # gimbal pitch: -90 is straight down
     trigger: str = "distance"  # "distance", "interval", "hover" or "none"
     shutter_s: float = SHUTTER_S  # exposure time, by which motion blur is estimated
+    flatter_deg: tuple[float, ...] = ()  # further pitches, ascending, each flown over the region again
 
     def __post_init__(self) -> None:
-        check_pitch(self.pitch_deg)
+        pitches = (self.pitch_deg, *self.flatter_deg)
+        for pitch in pitches:
+            check_pitch(pitch)
+        if list(pitches) != sorted(set(pitches)):
+            given = ", ".join(f"{pitch:g}" for pitch in pitches)
+            raise ParameterError(f"each gimbal pitch is given once, the steepest first, not {given}")
         if self.trigger not in TRIGGERS:
             raise ParameterError(f"a trigger is one of {', '.join(TRIGGERS)}, not {self.trigger!r}")
         if not SHORTEST_SHUTTER_S <= self.shutter_s <= LONGEST_SHUTTER_S:
             raise ParameterError(
                 f"an exposure time is at most a second, such as 1/1000, not {self.shutter_s:g} s"
             )
+
+    @property
+    def passes(self) -> tuple["Photos", ...]:
+        """The photographs of each pitch, from the steepest on."""
+        pitches = (self.pitch_deg, *self.flatter_deg)
+        return tuple(replace(self, pitch_deg=pitch, flatter_deg=()) for pitch in pitches)
 
     def spacing_m(self, height_m: float) -> float:
         """Return the distance between lines at a height above the ground."""
@@ -307,6 +323,15 @@ class Photos:
         reach = self.reach_m(height_m)
         before_end = {"hover": 0.0, "distance": LAST_PHOTO_M, "interval": self.trigger_m(height_m)}
         return max(reach - before_end[self.trigger], 0.0)
+
+    def side_reach_m(self, height_m: float) -> float:
+        """Return by how much lines may be shorter than the ground that is seen along them from either end.
+
+        Mostly it is negative: a tilted camera sees the near edge of a region from outside only. The lines
+        begin a photograph earlier, for the first may be taken before the vehicle looks along them.
+        """
+        near, _ = self.camera.ground_reach_m(height_m, self.pitch_deg)
+        return -near - max(self.trigger_m(height_m), TURNED_M)
 
     def min_line_m(self, height_m: float) -> float:
         """Return the length of the shortest line whose two photographs are not too close for a fair speed."""

@@ -6,6 +6,7 @@ They are checked when they are made: a value out of bounds raises ParameterError
 import math
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 
 from uavseg.arguments import checked
 from uavseg.dataclass import dataclass
@@ -376,6 +377,18 @@ class PlanParams:
                     "--terrain) changes its height; leave it out: then the flight leads around the zones"
                 )
 
+    @property
+    def passes(self) -> "tuple[PlanParams, ...]":
+        """Parameters for each gimbal pitch; `spacing_m` is that of the steepest, others in proportion."""
+        if self.photos is None or not self.photos.flatter_deg:
+            return (self,)
+        each, spacing_m = self.photos.passes, self.spacing_m or 0.0
+        shares = [one.spacing_m(1.0) / each[0].spacing_m(1.0) for one in each]
+        return tuple(
+            replace(self, photos=one, spacing_m=spacing_m * share)
+            for one, share in zip(each, shares, strict=True)
+        )
+
     def _check_lines(self) -> None:
         if self.pattern in COVERING and self.spacing_m is None:
             raise ParameterError(
@@ -396,3 +409,7 @@ class PlanParams:
             )
         if self.pattern == "orbit" and self.photos.pitch_deg != NADIR_DEG:
             raise ParameterError("in an orbit the camera looks at the region; a gimbal pitch is not for it")
+        if self.pattern != "survey" and self.photos.flatter_deg:
+            raise ParameterError(
+                f"several gimbal pitches are for a survey, not for the pattern {self.pattern}; give one"
+            )

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from uavseg.arrays import Bools, Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.avoid.enclosing import MANY_CORNERS, enclosing
-from uavseg.flight.camera.camera import Photos
+from uavseg.flight.camera.camera import NADIR_DEG, Photos
 from uavseg.flight.cover.corridor import corridor, is_long_and_thin
 from uavseg.flight.cover.lines import COARSE, MIN_LINE_M
 from uavseg.flight.cover.survey import MIN_TRIES, Costs, CoverParams, Survey
@@ -108,9 +109,9 @@ def surveys(parts: Sequence[RegionPart], params: PlanParams, home: Floats | None
 
     The effort is shared: `SEARCHED` surveys are planned to the end, but `MIN_TRIES` at least for each region.
     For one region they are compared by their times, with the flight from `home` (2,) and the return; for
-    several ones by their lengths and turns.
+    several ones by their lengths and turns. With several gimbal pitches each region has one track.
     """
-    how = params.how
+    how, passes = params.how, params.passes
     assert params.spacing_m is not None and isinstance(how, SurveyParams)
     reach_m, min_m = _line_ends(params)
     is_many = len(parts) > 1
@@ -127,21 +128,73 @@ def surveys(parts: Sequence[RegionPart], params: PlanParams, home: Floats | None
         home=None if home is None or is_many or how.crosshatch else tuple(home.tolist()),
     )
     regions = _grown(parts, how.margin_m)
-    kept = MAX_CHOICES if cover.home else 2
-    choices = [cover_region(region, cover)[:kept] for region in regions]
-    tracks = [
-        [_lines_track(list(one.lines), list(one.outer), one.legs, params) for one in some] for some in choices
-    ]
-    notes = [*_outline_notes(parts, params), *_photo_notes(params)]
+    notes = _outline_notes(parts, params)
+    if len(passes) > 1:
+        around = [_from_all_sides(region, passes, replace(cover, home=None)) for region in regions]
+        tracks, choices = [[track] for track, _ in around], [down for _, down in around]
+        notes += _pass_notes(passes)
+    else:
+        kept = MAX_CHOICES if cover.home else 2
+        choices = [cover_region(region, cover)[:kept] for region in regions]
+        tracks = [[_survey_track(one, params) for one in some] for some in choices]
+        notes += [*_photo_notes(params), *_corridor_note(regions, [some[0] for some in choices], params)]
     if how.turnaround_m:
         notes.append(f"each line has {how.turnaround_m:g} m of straight flight outside before and after it")
-    notes += _corridor_note(regions, [some[0] for some in choices], params)
     return Candidates(
         tracks=tracks,
         places=_places(parts),
         notes=notes,
         surveys=[survey for some in choices for survey in some],
     )
+
+
+def _from_all_sides(
+    region: Any, passes: Sequence[PlanParams], cover: CoverParams
+) -> tuple[Track, list[Survey]]:
+    """Join the lines of all gimbal pitches; those of a tilted camera in two azimuths, each there and back.
+
+    Return the track, and the survey straight down where there is one.
+    """
+    tracks: list[Track] = []
+    down: list[Survey] = []
+    for one in passes:
+        assert one.photos is not None and one.spacing_m is not None
+        pitch_deg, reach_m = one.photos.pitch_deg, one.photos.side_reach_m(one.altitude_m)
+        cover = replace(cover, spacing_m=one.spacing_m)
+        if pitch_deg > NADIR_DEG:
+            cover = replace(cover, reach_m=reach_m, min_m=_line_ends(one)[1], crosshatch=False)
+        flown = cover_region(region, cover)[:1]
+        cover = replace(cover, angle_deg=flown[0].angle_deg)
+        if pitch_deg == NADIR_DEG:
+            down = flown
+        else:
+            across = replace(cover, angle_deg=flown[0].angle_deg + 90)
+            flown = [*flown, *cover_region(region, across)[:1]]
+        there = [_survey_track(survey, one) for survey in flown]
+        for k, track in enumerate(there):
+            track = replace(track, pitch_deg=np.where(track.is_line, pitch_deg, np.nan))
+            end = (there[:k] or tracks or [track])[-1].xy[-1]
+            is_nearer = math.dist(track.xy[-1], end) < math.dist(track.xy[0], end)
+            there[k] = track.reversed() if is_nearer else track
+        tracks += there
+        if pitch_deg > NADIR_DEG:
+            tracks += [track.reversed() for track in there]
+    joined = tracks[:1]
+    for before, after in pairwise(tracks):
+        joined += [Track.transit(np.array([before.xy[-1], after.xy[0]])), after]
+    return Track.joined(joined), down
+
+
+def _pass_notes(passes: Sequence[PlanParams]) -> list[str]:
+    """Return notes about the photographs of each gimbal pitch."""
+    notes = []
+    for one in passes:
+        assert one.photos is not None
+        outside_m = max(-one.photos.side_reach_m(one.altitude_m), 0.0)
+        where = f"from four sides, on lines that begin {outside_m:.0f} m outside of regions"
+        where = "straight down" if one.photos.pitch_deg == NADIR_DEG else where
+        notes.append(f"gimbal pitch {one.photos.pitch_deg:g}, {where}: {_photo_notes(one)[0]}")
+    return [*notes, *_photo_notes(passes[0])[1:]]
 
 
 def corridors(parts: Sequence[RegionPart], params: PlanParams) -> Candidates:
@@ -226,6 +279,10 @@ def _line_costs(params: PlanParams) -> Costs:
 
 def _turn_m(params: PlanParams) -> float:
     return params.speed_m_s**2 / BRAKING_M_S2
+
+
+def _survey_track(survey: Survey, params: PlanParams) -> Track:
+    return _lines_track(list(survey.lines), list(survey.outer), survey.legs, params)
 
 
 def _lines_track(

@@ -457,6 +457,10 @@ def plan_missions(
     limits = [_flight_limits(LegCosts(plane, params, wind), params) for wind in winds]
     route = fastest(routes, limits)
     notes = [*home_notes(home), *at_home, *height_notes, *zone_notes, *candidates.notes]
+    if len(params.passes) > 1 and tracks != candidates.tracks:
+        notes.append(
+            "keep-out zones lie in the way: beside them, the ground may not be photographed from all sides"
+        )
     missions = missions_over(route, start, plane, keep_out, params, notes)
     blocks = blocks_of_surveys(candidates.surveys, plane, params)
     return tuple(replace(mission, blocks=blocks) for mission in missions)
@@ -475,7 +479,9 @@ def _reach_m(regions: NDArray[np.object_], params: PlanParams) -> float:
     """Return an upper bound of the distance of a flight from its regions, with the margin of zones."""
     west, south, east, north = shapely.bounds(regions).T
     around = float(np.hypot(east - west, north - south).max()) + params.speed_m_s**2  # circles, and turns
-    lines = 2 * (params.spacing_m or 0) + 2 * params.safety.avoid_margin_m
+    lines = 2 * max(one.spacing_m or 0 for one in params.passes) + 2 * params.safety.avoid_margin_m
+    if params.photos is not None and params.photos.flatter_deg:  # lines begin outside of the regions
+        lines += 2 * max(abs(one.side_reach_m(params.altitude_m)) for one in params.photos.passes)
     margins = 0 if params.how in (None, PARAMS_OF[params.pattern]()) else 2 * MAX_MARGIN_M
     return MIN_REACH_M + around + lines + margins
 
@@ -520,7 +526,7 @@ def blocks_of_surveys(surveys: Iterable[Survey], plane: Plane, params: PlanParam
             angle_deg=flown.angle_deg,
             spacing_m=float(params.spacing_m),
             height_m=float(params.altitude_m),
-            photos=params.photos,
+            photos=params.passes[0].photos,
         )
         for flown in surveys
         if np.array_equal(flown.lines, flown.outer)

@@ -43,7 +43,7 @@ class RegionRoute:
         tracks = [self._transit(self.home, self.pieces[first].xy[0]), *inner, self.pieces[last]]
         if len(back.xy) > 2:
             tracks.append(back)
-        return without_short_legs(Track.joined(tracks).part_from(1), self.space)
+        return with_pitch_points(without_short_legs(Track.joined(tracks).part_from(1), self.space))
 
     def reversed(self) -> "RegionRoute":
         """Return the route from its end to its start."""
@@ -171,6 +171,30 @@ def without_short_legs(track: Track, space: FreeSpace) -> Track:
         else:
             _shorten_line(track, k, space)
             k += 1
+    return track
+
+
+PITCH_POINT_M = 5.0
+
+
+def with_pitch_points(track: Track) -> Track:
+    """Add a corner at which the gimbal turns past the last line of each pitch: no photograph is tilted.
+
+    A MissionError says that there is no leg between the lines on which it could turn.
+    """
+    for last, line in reversed(track.pitch_changes):
+        start, end = track.xy[last + 1], track.xy[last + 1 if line == last + 1 else last + 2]
+        length_m = float(np.hypot(*(end - start)))
+        if length_m < 2 * MIN_LEG_M:
+            raise MissionError(
+                "lines of two gimbal pitches meet, so the gimbal has no time to turn between them; choose "
+                "another --angle or altitude"
+            )
+        place = start + (end - start) * min(PITCH_POINT_M / length_m, 0.5)
+        turn = replace(
+            Track.transit(np.array([start, place, end])), pitch_deg=np.array([np.nan, track.pitch_deg[line]])
+        )
+        track = Track.joined([track.part(0, last + 1), turn, track.part_from(last + 2)])
     return track
 
 
@@ -322,6 +346,7 @@ def items_of(track: Track) -> int:
     triggers = np.count_nonzero(np.diff(track.trigger_m, prepend=0.0, append=0.0))
     turned = np.count_nonzero(np.diff(np.isfinite(track.look_at[:, 0]), prepend=False, append=False))
     hovering = np.count_nonzero(track.shots & (track.hold_s > 0))  # one item each, others have two
+    turned += len(track.pitch_changes)
     return int(len(track.xy) + triggers + 2 * np.count_nonzero(track.shots) - hovering + turned)
 
 
