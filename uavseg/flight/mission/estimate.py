@@ -70,10 +70,9 @@ class FlownPath:
         above = self.xyz_m[:, 2] - self.rise_m
         return np.maximum(above[:-1], above[1:])
 
-    def pitches_deg(self, photos: Photos) -> list[float]:
+    def pitches_deg(self, photos: Photos) -> Floats:
         """Return the gimbal pitch on each leg: that of photographs until an item sets it."""
-        pitches: list[float] = np.where(np.isnan(self.pitch_deg), photos.pitch_deg, self.pitch_deg).tolist()
-        return pitches
+        return np.where(np.isnan(self.pitch_deg), photos.pitch_deg, self.pitch_deg)
 
 
 @dataclass(frozen=True, slots=True)
@@ -317,7 +316,10 @@ def estimate(
     gsd_m = footprint_m = photographed_m2 = energy = None
     if photos and path.photographs.any():
         with suppress(ParameterError):  # of a pitch in a file that no photograph of the ground has
-            gsd_m, footprint_m = _coarsest(path, photos)
+            legs, pitches = np.flatnonzero(path.photographs), path.pitches_deg(photos)
+            slant_m = path.height_m[legs] / np.maximum(np.sin(np.radians(-pitches[legs])), 1e-9)
+            seen = float(path.height_m[legs][slant_m.argmax()]), float(pitches[legs][slant_m.argmax()])
+            gsd_m, footprint_m = photos.camera.gsd_m(*seen), photos.camera.footprint_m(*seen)
             photographed_m2 = _photographed_m2(path, photos)
     if vehicle.hover_w is not None and vehicle.cruise_w is not None:
         hover_s, cruise_s = times["climb"] + waits + landing, times["flight"] + times["return"]
@@ -340,18 +342,9 @@ def estimate(
     )
 
 
-def _coarsest(path: FlownPath, photos: Photos) -> tuple[float, tuple[float, float]]:
-    """Return the coarsest ground sampling distance of the photographs, and their footprint there."""
-    pitches = path.pitches_deg(photos)
-    highest_m: dict[float, float] = {}
-    for leg in np.flatnonzero(path.photographs > 0).tolist():
-        highest_m[pitches[leg]] = max(highest_m.get(pitches[leg], 0.0), float(path.height_m[leg]))
-    return max((photos.camera.gsd_m(m, p), photos.camera.footprint_m(m, p)) for p, m in highest_m.items())
-
-
 def _photographed_m2(path: FlownPath, photos: Photos) -> float:
     """Return the area of the union of the strips that the photographs of each leg show."""
-    strips, pitches = [], path.pitches_deg(photos)
+    strips, pitches = [], path.pitches_deg(photos).tolist()
     for leg in np.flatnonzero(path.photographs > 0):
         start, end = path.xyz_m[leg, :2], path.xyz_m[leg + 1, :2]
         length = float(np.hypot(*(end - start)))
@@ -413,17 +406,15 @@ def footprints(mission: Mission, photos: Photos | None = None) -> Footprints:
         return _none("no footprints: the camera looks at places, not along the flight")
     if count > MAX_FOOTPRINTS:
         return _none(f"no footprints: {count:,} photographs are more than {MAX_FOOTPRINTS:,}")
-    pitches = path.pitches_deg(known)
-    try:
-        corners = {
-            pitches[run.leg]: known.camera.footprint_corners_m(1.0, pitches[run.leg]) for run in path.shots
-        }
-    except ParameterError as error:
-        return _none(f"no footprints: {error}")
+    pitches = path.pitches_deg(known).tolist()
     ground = []
     for run in path.shots:
         shares = np.clip(run.first + run.step * np.arange(run.count), 0, 1)
-        ground.append(_on_ground(path, run.leg, shares, corners[pitches[run.leg]]))
+        try:
+            corners = known.camera.footprint_corners_m(1.0, pitches[run.leg])
+        except ParameterError as error:
+            return _none(f"no footprints: {error}")
+        ground.append(_on_ground(path, run.leg, shares, corners))
     xy = np.concatenate(ground)
     plane = Plane(mission.home.lat, mission.home.lon)
     lon, lat = plane.lonlat_from_xy(xy[..., 0].ravel(), xy[..., 1].ravel())

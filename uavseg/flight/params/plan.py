@@ -382,11 +382,10 @@ class PlanParams:
         """Parameters for each gimbal pitch; `spacing_m` is that of the steepest, others in proportion."""
         if self.photos is None or not self.photos.flatter_deg:
             return (self,)
-        each, spacing_m = self.photos.passes, self.spacing_m or 0.0
-        shares = [one.spacing_m(1.0) / each[0].spacing_m(1.0) for one in each]
+        spacing_m, steepest_m = self.spacing_m or 0.0, self.photos.spacing_m(1.0)
         return tuple(
-            replace(self, photos=one, spacing_m=spacing_m * share)
-            for one, share in zip(each, shares, strict=True)
+            replace(self, photos=one, spacing_m=spacing_m * (one.spacing_m(1.0) / steepest_m))
+            for one in self.photos.passes
         )
 
     def _check_lines(self) -> None:

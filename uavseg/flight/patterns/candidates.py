@@ -111,7 +111,7 @@ def surveys(parts: Sequence[RegionPart], params: PlanParams, home: Floats | None
     For one region they are compared by their times, with the flight from `home` (2,) and the return; for
     several ones by their lengths and turns. With several gimbal pitches each region has one track.
     """
-    how, passes = params.how, params.passes
+    how = params.how
     assert params.spacing_m is not None and isinstance(how, SurveyParams)
     reach_m, min_m = _line_ends(params)
     is_many = len(parts) > 1
@@ -128,16 +128,18 @@ def surveys(parts: Sequence[RegionPart], params: PlanParams, home: Floats | None
         home=None if home is None or is_many or how.crosshatch else tuple(home.tolist()),
     )
     regions = _grown(parts, how.margin_m)
-    notes = _outline_notes(parts, params)
-    if len(passes) > 1:
-        around = [_from_all_sides(region, passes, replace(cover, home=None)) for region in regions]
+    notes = [*_outline_notes(parts, params), *_photo_notes(params)]
+    if len(params.passes) > 1:
+        around = [_from_all_sides(region, params, replace(cover, home=None)) for region in regions]
         tracks, choices = [[track] for track, _ in around], [down for _, down in around]
-        notes += _pass_notes(passes)
     else:
         kept = MAX_CHOICES if cover.home else 2
         choices = [cover_region(region, cover)[:kept] for region in regions]
-        tracks = [[_survey_track(one, params) for one in some] for some in choices]
-        notes += [*_photo_notes(params), *_corridor_note(regions, [some[0] for some in choices], params)]
+        tracks = [
+            [_lines_track(list(one.lines), list(one.outer), one.legs, params) for one in some]
+            for some in choices
+        ]
+        notes += _corridor_note(regions, [some[0] for some in choices], params)
     if how.turnaround_m:
         notes.append(f"each line has {how.turnaround_m:g} m of straight flight outside before and after it")
     return Candidates(
@@ -148,53 +150,33 @@ def surveys(parts: Sequence[RegionPart], params: PlanParams, home: Floats | None
     )
 
 
-def _from_all_sides(
-    region: Any, passes: Sequence[PlanParams], cover: CoverParams
-) -> tuple[Track, list[Survey]]:
+def _from_all_sides(region: Any, params: PlanParams, cover: CoverParams) -> tuple[Track, list[Survey]]:
     """Join the lines of all gimbal pitches; those of a tilted camera in two azimuths, each there and back.
 
-    Return the track, and the survey straight down where there is one.
+    Return the track, and the surveys straight down.
     """
     tracks: list[Track] = []
     down: list[Survey] = []
-    for one in passes:
+    for one in params.passes:
         assert one.photos is not None and one.spacing_m is not None
-        pitch_deg, reach_m = one.photos.pitch_deg, one.photos.side_reach_m(one.altitude_m)
         cover = replace(cover, spacing_m=one.spacing_m)
-        if pitch_deg > NADIR_DEG:
-            cover = replace(cover, reach_m=reach_m, min_m=_line_ends(one)[1], crosshatch=False)
-        flown = cover_region(region, cover)[:1]
-        cover = replace(cover, angle_deg=flown[0].angle_deg)
-        if pitch_deg == NADIR_DEG:
-            down = flown
-        else:
-            across = replace(cover, angle_deg=flown[0].angle_deg + 90)
-            flown = [*flown, *cover_region(region, across)[:1]]
-        there = [_survey_track(survey, one) for survey in flown]
-        for k, track in enumerate(there):
-            track = replace(track, pitch_deg=np.where(track.is_line, pitch_deg, np.nan))
-            end = (there[:k] or tracks or [track])[-1].xy[-1]
-            is_nearer = math.dist(track.xy[-1], end) < math.dist(track.xy[0], end)
-            there[k] = track.reversed() if is_nearer else track
-        tracks += there
-        if pitch_deg > NADIR_DEG:
-            tracks += [track.reversed() for track in there]
+        is_tilted = one.photos.pitch_deg > NADIR_DEG
+        if is_tilted:
+            reach_m, min_m = one.photos.side_reach_m(one.altitude_m), one.photos.min_line_m(one.altitude_m)
+            cover = replace(cover, reach_m=reach_m, min_m=min_m, crosshatch=False)
+        for _ in range(1 + is_tilted):
+            flown = cover_region(region, cover)[0]
+            track = _lines_track(list(flown.lines), list(flown.outer), flown.legs, one)
+            end = tracks[-1].xy[-1] if tracks else track.xy[0]
+            is_turned = math.dist(track.xy[-1], end) < math.dist(track.xy[0], end)
+            tracks.append(track.reversed() if is_turned else track)
+            cover = replace(cover, angle_deg=flown.angle_deg + 90 * is_tilted)
+        down += [] if is_tilted else [flown]
+        tracks += [track.reversed() for track in tracks[-2:]] if is_tilted else []
     joined = tracks[:1]
     for before, after in pairwise(tracks):
         joined += [Track.transit(np.array([before.xy[-1], after.xy[0]])), after]
     return Track.joined(joined), down
-
-
-def _pass_notes(passes: Sequence[PlanParams]) -> list[str]:
-    """Return notes about the photographs of each gimbal pitch."""
-    notes = []
-    for one in passes:
-        assert one.photos is not None
-        outside_m = max(-one.photos.side_reach_m(one.altitude_m), 0.0)
-        where = f"from four sides, on lines that begin {outside_m:.0f} m outside of regions"
-        where = "straight down" if one.photos.pitch_deg == NADIR_DEG else where
-        notes.append(f"gimbal pitch {one.photos.pitch_deg:g}, {where}: {_photo_notes(one)[0]}")
-    return [*notes, *_photo_notes(passes[0])[1:]]
 
 
 def corridors(parts: Sequence[RegionPart], params: PlanParams) -> Candidates:
@@ -281,10 +263,6 @@ def _turn_m(params: PlanParams) -> float:
     return params.speed_m_s**2 / BRAKING_M_S2
 
 
-def _survey_track(survey: Survey, params: PlanParams) -> Track:
-    return _lines_track(list(survey.lines), list(survey.outer), survey.legs, params)
-
-
 def _lines_track(
     lines: Sequence[Floats], outer: Sequence[Floats], legs: Sequence[Floats], params: PlanParams
 ) -> Track:
@@ -298,7 +276,9 @@ def _lines_track(
         tracks.append(Track.of_line(line, params.photos, params.altitude_m))
         if (longer[-1] != line[-1]).any():
             tracks.append(Track.of_path(np.stack([line[-1], longer[-1]])))
-    return Track.joined(tracks)
+    track = Track.joined(tracks)
+    pitch_deg = NADIR_DEG if params.photos is None else params.photos.pitch_deg
+    return replace(track, pitch_deg=np.where(track.is_line, pitch_deg, np.nan))
 
 
 def _started_anywhere(tracks: Sequence[Track]) -> list[list[Track]]:
@@ -388,6 +368,15 @@ def _photo_notes(params: PlanParams, how_often: str = "") -> list[str]:
         f"{photos.camera.name} at {height:.1f} m {ground}: "
         f"{100 * photos.camera.gsd_m(height, photos.pitch_deg):.2f} cm per pixel, {view}{lines}{often}"
     ]
+    if photos.flatter_deg:
+        each = [_photo_notes(one)[0] for one in params.passes]
+        pitches = [one.pitch_deg for one in photos.passes]
+        notes = [f"gimbal pitch {pitch:g}: {note}" for pitch, note in zip(pitches, each, strict=True)]
+        outside_m = max(0.0, *(-one.side_reach_m(height) for one in photos.passes))
+        notes.append(
+            "with the gimbal tilted, each place is photographed from four sides: lines begin and end up to "
+            f"{outside_m:.0f} m outside of the regions"
+        )
     if photos.trigger == "none":
         every = photos.trigger_m(height)
         notes.append(

@@ -183,17 +183,15 @@ def with_pitch_points(track: Track) -> Track:
     A MissionError says that there is no leg between the lines on which it could turn.
     """
     for last, line in reversed(track.pitch_changes):
-        start, end = track.xy[last + 1], track.xy[last + 1 if line == last + 1 else last + 2]
-        length_m = float(np.hypot(*(end - start)))
+        start, end = track.xy[[last + 1, min(last + 2, line)]]
+        length_m = math.dist(start, end)
         if length_m < 2 * MIN_LEG_M:
             raise MissionError(
-                "lines of two gimbal pitches meet, so the gimbal has no time to turn between them; choose "
-                "another --angle or altitude"
+                "lines of two gimbal pitches meet, and the gimbal cannot turn there; choose another --angle"
             )
         place = start + (end - start) * min(PITCH_POINT_M / length_m, 0.5)
-        turn = replace(
-            Track.transit(np.array([start, place, end])), pitch_deg=np.array([np.nan, track.pitch_deg[line]])
-        )
+        turn = Track.transit(np.array([start, place, end]))
+        turn.pitch_deg[1] = track.pitch_deg[line]
         track = Track.joined([track.part(0, last + 1), turn, track.part_from(last + 2)])
     return track
 
