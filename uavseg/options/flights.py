@@ -105,8 +105,7 @@ class PhotoOptions(Options):
         label="Overlap",
     )
     gimbal_pitch: float | Sequence[float] = option(
-        "Where the camera looks: -90 is straight down. A survey with several, such as -90,-60, is flown from "
-        "four sides with each that is tilted.",
+        "Where the camera looks: -90 is down. A survey with several, as -90,-60, sees all from four sides.",
         default=-90.0,
         metavar="DEG[,DEG]",
         parse=texts.numbers("--gimbal-pitch is degrees, or several between commas, such as -90,-60"),

@@ -9,7 +9,6 @@ import csv
 import math
 import os
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -129,17 +128,10 @@ class Camera:
                 f"with a gimbal pitch of {pitch_deg:g} degrees the camera {self.name} sees the horizon; "
                 "give a steeper pitch, -90 is straight down"
             )
-        corners = []
-        for along, across in (
-            (-half_along, -half_across),
-            (-half_along, half_across),
-            (half_along, half_across),
-            (half_along, -half_across),
-        ):
-            down = math.cos(tilt) - along * math.sin(tilt)
-            ahead = math.sin(tilt) + along * math.cos(tilt)
-            corners.append((across / down * height_m, ahead / down * height_m))
-        return np.array(corners)
+        along, across = half_along * np.array([-1, -1, 1, 1]), half_across * np.array([-1, 1, 1, -1])
+        down = math.cos(tilt) - along * math.sin(tilt)
+        ahead = math.sin(tilt) + along * math.cos(tilt)
+        return np.column_stack([across / down * height_m, ahead / down * height_m])
 
     def max_speed_m_s(self, height_m: float, trigger_m: float, shutter_s: float, blur_px: float) -> float:
         """Return the maximum speed for sharp photographs a distance apart (m): v t <= blur_px GSD."""
@@ -285,7 +277,7 @@ class Photos:
         for pitch in pitches:
             check_pitch(pitch)
         if list(pitches) != sorted(set(pitches)):
-            given = ", ".join(f"{pitch:g}" for pitch in pitches)
+            given = ", ".join(map(shown, pitches))
             raise ParameterError(f"each gimbal pitch is given once, the steepest first, not {given}")
         if self.trigger not in TRIGGERS:
             raise ParameterError(f"a trigger is one of {', '.join(TRIGGERS)}, not {self.trigger!r}")
@@ -293,12 +285,6 @@ class Photos:
             raise ParameterError(
                 f"an exposure time is at most a second, such as 1/1000, not {self.shutter_s:g} s"
             )
-
-    @property
-    def passes(self) -> tuple["Photos", ...]:
-        """The photographs of each pitch, from the steepest on."""
-        pitches = (self.pitch_deg, *self.flatter_deg)
-        return tuple(replace(self, pitch_deg=pitch, flatter_deg=()) for pitch in pitches)
 
     def spacing_m(self, height_m: float) -> float:
         """Return the distance between lines at a height above the ground."""
@@ -327,8 +313,8 @@ class Photos:
     def side_reach_m(self, height_m: float) -> float:
         """Return by how much lines may be shorter than the ground that is seen along them from either end.
 
-        Mostly it is negative: a tilted camera sees the near edge of a region from outside only. The lines
-        begin a photograph earlier, for the first may be taken before the vehicle looks along them.
+        Mostly it is negative: a tilted camera sees an edge from outside only. Lines begin a photograph
+        earlier, for the first may be taken before the vehicle looks along them.
         """
         near, _ = self.camera.ground_reach_m(height_m, self.pitch_deg)
         return -near - max(self.trigger_m(height_m), TURNED_M)

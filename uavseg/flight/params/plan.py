@@ -382,11 +382,10 @@ class PlanParams:
         """Parameters for each gimbal pitch; `spacing_m` is that of the steepest, others in proportion."""
         if self.photos is None or not self.photos.flatter_deg:
             return (self,)
-        spacing_m, steepest_m = self.spacing_m or 0.0, self.photos.spacing_m(1.0)
-        return tuple(
-            replace(self, photos=one, spacing_m=spacing_m * (one.spacing_m(1.0) / steepest_m))
-            for one in self.photos.passes
-        )
+        pitches = (self.photos.pitch_deg, *self.photos.flatter_deg)
+        each = [replace(self.photos, pitch_deg=pitch, flatter_deg=()) for pitch in pitches]
+        share = (self.spacing_m or 0.0) / self.photos.spacing_m(1.0)
+        return tuple(replace(self, photos=one, spacing_m=share * one.spacing_m(1.0)) for one in each)
 
     def _check_lines(self) -> None:
         if self.pattern in COVERING and self.spacing_m is None:
@@ -409,6 +408,4 @@ class PlanParams:
         if self.pattern == "orbit" and self.photos.pitch_deg != NADIR_DEG:
             raise ParameterError("in an orbit the camera looks at the region; a gimbal pitch is not for it")
         if self.pattern != "survey" and self.photos.flatter_deg:
-            raise ParameterError(
-                f"several gimbal pitches are for a survey, not for the pattern {self.pattern}; give one"
-            )
+            raise ParameterError(f"several gimbal pitches are for the pattern survey, not {self.pattern}")

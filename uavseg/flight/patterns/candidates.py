@@ -1,7 +1,7 @@
 """Flight patterns of a region: a point, its outline, lines over it, a circle; with notes for the pilot."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -135,19 +135,12 @@ def surveys(parts: Sequence[RegionPart], params: PlanParams, home: Floats | None
     else:
         kept = MAX_CHOICES if cover.home else 2
         choices = [cover_region(region, cover)[:kept] for region in regions]
-        tracks = [
-            [_lines_track(list(one.lines), list(one.outer), one.legs, params) for one in some]
-            for some in choices
-        ]
+        tracks = [[_lines_track(one.lines, one.outer, one.legs, params) for one in some] for some in choices]
         notes += _corridor_note(regions, [some[0] for some in choices], params)
     if how.turnaround_m:
         notes.append(f"each line has {how.turnaround_m:g} m of straight flight outside before and after it")
-    return Candidates(
-        tracks=tracks,
-        places=_places(parts),
-        notes=notes,
-        surveys=[survey for some in choices for survey in some],
-    )
+    flown = [survey for some in choices for survey in some]
+    return Candidates(tracks, _places(parts), notes, surveys=flown)
 
 
 def _from_all_sides(region: Any, params: PlanParams, cover: CoverParams) -> tuple[Track, list[Survey]]:
@@ -166,7 +159,7 @@ def _from_all_sides(region: Any, params: PlanParams, cover: CoverParams) -> tupl
             cover = replace(cover, reach_m=reach_m, min_m=min_m, crosshatch=False)
         for _ in range(1 + is_tilted):
             flown = cover_region(region, cover)[0]
-            track = _lines_track(list(flown.lines), list(flown.outer), flown.legs, one)
+            track = _lines_track(flown.lines, flown.outer, flown.legs, one)
             end = tracks[-1].xy[-1] if tracks else track.xy[0]
             is_turned = math.dist(track.xy[-1], end) < math.dist(track.xy[0], end)
             tracks.append(track.reversed() if is_turned else track)
@@ -182,10 +175,8 @@ def _from_all_sides(region: Any, params: PlanParams, cover: CoverParams) -> tupl
 def corridors(parts: Sequence[RegionPart], params: PlanParams) -> Candidates:
     """Return tracks of lines along the middle of each region."""
     assert params.spacing_m is not None and isinstance(params.how, CorridorParams)
-    flown = [
-        corridor(region, params.spacing_m, *_line_ends(params))
-        for region in _grown(parts, params.how.margin_m)
-    ]
+    regions = _grown(parts, params.how.margin_m)
+    flown = [corridor(region, params.spacing_m, *_line_ends(params)) for region in regions]
     tracks = [[_lines_track(one.lines, one.lines, one.legs, params)] for one in flown]
     notes = [*_outline_notes(parts, params), *_photo_notes(params)]
     return Candidates(tracks, _places(parts), notes)
@@ -264,7 +255,7 @@ def _turn_m(params: PlanParams) -> float:
 
 
 def _lines_track(
-    lines: Sequence[Floats], outer: Sequence[Floats], legs: Sequence[Floats], params: PlanParams
+    lines: Iterable[Floats], outer: Iterable[Floats], legs: Sequence[Floats], params: PlanParams
 ) -> Track:
     """Join lines with photographs to straight legs before and after them, and legs between, without."""
     tracks = []
@@ -369,10 +360,9 @@ def _photo_notes(params: PlanParams, how_often: str = "") -> list[str]:
         f"{100 * photos.camera.gsd_m(height, photos.pitch_deg):.2f} cm per pixel, {view}{lines}{often}"
     ]
     if photos.flatter_deg:
-        each = [_photo_notes(one)[0] for one in params.passes]
-        pitches = [one.pitch_deg for one in photos.passes]
-        notes = [f"gimbal pitch {pitch:g}: {note}" for pitch, note in zip(pitches, each, strict=True)]
-        outside_m = max(0.0, *(-one.side_reach_m(height) for one in photos.passes))
+        each = [(one.photos or photos, _photo_notes(one)[0]) for one in params.passes]
+        notes = [f"gimbal pitch {one.pitch_deg:g}: {note}" for one, note in each]
+        outside_m = max(0.0, *(-one.side_reach_m(height) for one, _ in each))
         notes.append(
             "with the gimbal tilted, each place is photographed from four sides: lines begin and end up to "
             f"{outside_m:.0f} m outside of the regions"
@@ -413,8 +403,7 @@ def orbit(region: Any, margin_m: float, speed_m_s: float) -> Orbit:
     >>> round(circle.radius_m, 6), [round(abs(x), 6) for x in circle.centre]
     (60.0, [0.0, 0.0])
     """
-    x, y = shapely.get_coordinates(shapely.centroid(shapely.minimum_bounding_circle(region)))[0]
-    x, y = float(x), float(y)
+    x, y = shapely.get_coordinates(shapely.centroid(shapely.minimum_bounding_circle(region)))[0].tolist()
     corners = shapely.get_coordinates(region.exterior)
     enclosing = float(np.hypot(*(corners - (x, y)).T).max())
     min_radius = max(MIN_RADIUS_M, speed_m_s**2 / LATERAL_M_S2)

@@ -109,9 +109,8 @@ def _corner_actions(track: Track, params: PlanParams) -> list[list[MissionItem]]
     actions = []
     before, seen = 0.0, nowhere[0]
     turned = {two: float(track.pitch_deg[two]) for _, two in track.pitch_changes}
-    for leg, (trigger, speed, shot, place) in enumerate(
-        zip(triggers, speeds, track.shots.tolist(), places, strict=True)
-    ):
+    corners = zip(triggers, speeds, track.shots.tolist(), places, strict=True)
+    for leg, (trigger, speed, shot, place) in enumerate(corners):
         items = [_gimbal(turned[leg])] if leg in turned else []
         if not np.array_equal(place, seen, equal_nan=True):
             lon, lat = place.tolist()

@@ -480,8 +480,8 @@ def _reach_m(regions: NDArray[np.object_], params: PlanParams) -> float:
     west, south, east, north = shapely.bounds(regions).T
     around = float(np.hypot(east - west, north - south).max()) + params.speed_m_s**2  # circles, and turns
     lines = 2 * max(one.spacing_m or 0 for one in params.passes) + 2 * params.safety.avoid_margin_m
-    if params.photos is not None and params.photos.flatter_deg:  # lines begin outside of the regions
-        lines += 2 * max(abs(one.side_reach_m(params.altitude_m)) for one in params.photos.passes)
+    for one in params.passes[1:]:  # lines begin outside of the regions
+        lines += 2 * abs(one.photos.side_reach_m(one.altitude_m)) if one.photos else 0
     margins = 0 if params.how in (None, PARAMS_OF[params.pattern]()) else 2 * MAX_MARGIN_M
     return MIN_REACH_M + around + lines + margins
 
@@ -526,7 +526,7 @@ def blocks_of_surveys(surveys: Iterable[Survey], plane: Plane, params: PlanParam
             angle_deg=flown.angle_deg,
             spacing_m=float(params.spacing_m),
             height_m=float(params.altitude_m),
-            photos=params.passes[0].photos,
+            photos=params.photos,
         )
         for flown in surveys
         if np.array_equal(flown.lines, flown.outer)

@@ -178,7 +178,7 @@ PITCH_POINT_M = 5.0
 
 
 def with_pitch_points(track: Track) -> Track:
-    """Add a corner at which the gimbal turns past the last line of each pitch: no photograph is tilted.
+    """Add a corner past the last line of each gimbal pitch, where the gimbal turns before the next line.
 
     A MissionError says that there is no leg between the lines on which it could turn.
     """
@@ -360,9 +360,7 @@ def _pieces(route: RegionRoute, limits: FlightLimits) -> Pieces:
     lengths = route.space.lengths_from(route.home, ends.reshape(-1, 2))
     out_s, back_s = (one.reshape(-1, 2) for one in limits.ways(route.home, ends.reshape(-1, 2), lengths))
     held_s = np.array([(piece.hold_s[0], piece.hold_s[-1]) for piece in route.pieces])
-    out_s = out_s + np.column_stack(
-        [held_s[:, 0], np.zeros(len(held_s))]
-    )  # else a part of the transit before
+    out_s = out_s + held_s * (1, 0)  # else a part of the transit before
     length_m = sum(track.length_m for track in tracks)
     per_m = float(items.sum()) / length_m if length_m > 0 else 0.0  # items of ways are estimated by length
     ways_items = per_m * lengths.reshape(-1, 2).T

@@ -157,7 +157,7 @@ def _altitude(altitude: float | None, gsd_cm: float | None, photos: Photos | Non
             raise ParameterError("the height follows from the ground sampling distance; give one of the two")
         if not 0 < gsd_cm <= MAX_GSD_CM:
             raise ParameterError(f"a ground sampling distance is above 0 and at most 100 cm, not {gsd_cm:g}")
-        altitude = photos.camera.height_m(gsd_cm / 100, photos.passes[-1].pitch_deg)
+        altitude = photos.camera.height_m(gsd_cm / 100, (photos.pitch_deg, *photos.flatter_deg)[-1])
     if altitude is None:
         raise ParameterError("a mission needs --altitude, in metres above home, or --camera and --gsd")
     return altitude
