@@ -84,7 +84,7 @@ LINES = tuple(
         f"plan r.geojson -o out.plan {FLIGHT} --avoid 0.2,0.3 --raster x.tif --allow-edge --avoid-margin 0.1",
         f"plan r.geojson -o out.plan {FLIGHT} --spacing 3 --endurance 2.5 --reserve 20 --max-items 60",
         f"plan r.geojson -o out.plan {FLIGHT} --rally 40.6504,15.0004,30 --fence 40 --max-distance 3e3 --max-altitude 90",
-        f"plan r.geojson -o out.csv {FLIGHT[14:]} --camera Altum --gsd 2 --overlap 70,60 --gimbal-pitch -80",
+        f"plan r.geojson -o out.csv {FLIGHT[14:]} --camera Altum --gsd 2 --overlap 70,60 --gimbal-pitch -90,-80",
         f"plan r.geojson -o out.kml {FLIGHT} --pattern corridor --spacing 9 --width 20",
         f"plan r.geojson -o out.geojson {FLIGHT} --pattern visit --hold 3",
         "check a.plan --autopilot px4 --json",
