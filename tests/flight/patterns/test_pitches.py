@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -74,7 +75,7 @@ def points_in(field: shapely.Polygon, step: float = 7.0) -> Any:
     st.sampled_from([0.0, 30.0, 107.0]),
     st.sampled_from([0.0, 15.0]),
 )
-@settings(max_examples=25)
+@settings(max_examples=12)
 def test_every_place_is_seen_from_four_sides(
     field: shapely.Polygon,
     pitches: tuple[float, ...],
@@ -86,21 +87,39 @@ def test_every_place_is_seen_from_four_sides(
 ) -> None:
     more: dict[str, Any] = {"angle_deg": angle, "how": SurveyParams(turnaround_m=turnaround)}
     params = survey(pitches, height, trigger=trigger, overlap=Overlap(*overlap), **more)
-    taken = photographs(planned([degrees(field)], **params), PLANE)
-    assert {one.pitch_deg for one in taken} == set(pitches)
-    places = points_in(field)
-    for one_pass in PlanParams(**params).passes:
+    assert_seen_from_all_sides([field], [planned([degrees(field)], **params)], params)
+
+
+def assert_seen_from_all_sides(
+    fields: list[shapely.Polygon], missions: Sequence[Mission], params: dict[str, Any]
+) -> None:
+    taken = [one for mission in missions for one in photographs(mission, PLANE)]
+    places = np.concatenate([points_in(field) for field in fields])
+    passes = PlanParams(**params).passes
+    assert {one.pitch_deg for one in taken} == {one.photos.pitch_deg for one in passes if one.photos}
+    for one_pass in passes:
         photos = one_pass.photos
         assert photos is not None
         shown: dict[int, list[Any]] = {}
         for one in taken:
             if one.pitch_deg == photos.pitch_deg:
-                which = 0 if photos.pitch_deg == -90 else side(one, angle)
-                shown.setdefault(which, []).append(one.footprint(photos, height))
+                which = 0 if photos.pitch_deg == -90 else side(one, params["angle_deg"])
+                shown.setdefault(which, []).append(one.footprint(photos, params["altitude_m"]))
         assert sorted(shown) == ([0] if photos.pitch_deg == -90 else [0, 1, 2, 3])
         for footprint in shown.values():
             missed = ~shapely.intersects(shapely.union_all(footprint).buffer(1e-3), places)
             assert not missed.any()
+
+
+@pytest.mark.parametrize(
+    "limits", [LimitParams(max_items=65_000), LimitParams(max_items=80), LimitParams(7, 10)]
+)
+def test_several_regions_and_flights_are_seen_from_all_sides(limits: LimitParams) -> None:
+    both = [shapely.box(100, 100, 200, 160), shapely.Point(-80, 150).buffer(40)]
+    params = survey((-90, -65), 40, angle_deg=20.0, limits=limits)
+    found = flights([degrees(one) for one in both], **params)
+    assert (len(found) > 1) == (limits.max_items != 65_000)
+    assert_seen_from_all_sides(both, found, params)
 
 
 def turns(mission: Mission) -> list[tuple[int, float]]:

@@ -37,8 +37,7 @@ LAST_PHOTO_M = 5.0
 The vehicle leaves a line up to 2 m before its end (the radius of waypoints), its first photograph is taken up
 to 2 m after the start, and each one some centimetres late: with less, simulated flights lost the last one.
 """
-TURNED_M = 10.0
-"""A vehicle that turns around at the start of a line looks along it after so many metres at most."""
+TURNED_M = 10.0  # after which a vehicle that turns around at the start of a line is taken to look along it
 ONE_PHOTO_M = 5.0
 """Lines that are no longer have one photograph, at their start."""
 INTERVAL_STEP_S = 0.01

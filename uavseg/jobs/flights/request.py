@@ -230,7 +230,7 @@ def photos_of(options: PhotoOptions, pattern: str | None = None) -> Photos | Non
     pitches = sorted(map(float, np.ravel(options.gimbal_pitch)))
     if not pitches:
         raise ParameterError("a gimbal pitch is a number of degrees, or several, not none")
-    return Photos(camera, both, pitches[0], trigger, shutter, tuple(pitches[1:]))
+    return Photos(camera, both, pitches[0], trigger, shutter, flatter_deg=tuple(pitches[1:]))
 
 
 def _camera(options: PhotoOptions) -> Camera | None:
