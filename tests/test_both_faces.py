@@ -880,6 +880,8 @@ PLANNED: list[tuple[str, Words]] = [
     ("regions.geojson", FLIGHT | {"camera": "phantom 4 rtk"}),
     ("regions.geojson", FLIGHT | {"camera": "rx1r ii", "overlap": (80.0, 60.0), "gimbal_pitch": -80.0}),
     ("regions.geojson", {"camera": "mavic 3 enterprise", "gsd": 1.5, "home": "auto", "speed": 12.0}),
+    ("regions.geojson", {"camera": "rx1r ii", "gsd": 2.0, "home": "auto", "gimbal_pitch": (-90.0, -60.0)}),
+    ("regions.geojson", FLIGHT | {"camera": "rx1r ii", "pattern": "orbit", "gimbal_pitch": (-90.0, -60.0)}),
     ("regions.geojson", FLIGHT | {"camera": "phantom"}),
     ("regions.geojson", FLIGHT | {"vehicle": "weak.json"}),
     ("regions.geojson", FLIGHT | {"vehicle": "missing.json"}),

@@ -90,7 +90,12 @@ OPTIONS = {  # of a command: lines in which # is the number
         *(f"{TAKEN} --overlap {both}" for both in ("#,70", "75,#")),
         *(f"{TAKEN} {one} #" for one in ("--gimbal-pitch", "--min-interval", "--shutter")),
         f"{TAKEN} --shutter 1/#",
-        *("--altitude 60 --gimbal-pitch #", "--altitude 60 --overlap #,70", "--altitude 60 --shutter #"),
+        *(
+            "--altitude 60 --gimbal-pitch #",
+            "--altitude 60 --gimbal-pitch -90,#",
+            "--altitude 60 --overlap #,70",
+            "--altitude 60 --shutter #",
+        ),
         *(f"--altitude 60 {CAMERA.replace(old, '#', 1)}" for old in ("13.2", "5472", "3648")),
         f"--altitude 60 {CAMERA.replace('x8.8', 'x#')}",
         "--altitude 60 --sensor 13.2x8.8 --image 5472x3648 --focal #",

@@ -86,7 +86,7 @@ LINES = tuple(
         f"plan r.geojson -o out.csv {FLIGHT} --spacing 3 --max-waypoints 60 --flights 2",
         f"plan r.geojson -o out.plan {FLIGHT} --spacing 3 --vehicles 2",
         f"plan r.geojson -o out.plan {FLIGHT} --rally 40.6504,15.0004,30 --fence 40 --max-distance 3e3 --max-altitude 90",
-        f"plan r.geojson -o out.csv {FLIGHT[14:]} --camera Altum --gsd 2 --overlap 70,60 --gimbal-pitch -80",
+        f"plan r.geojson -o out.csv {FLIGHT[14:]} --camera Altum --gsd 2 --overlap 70,60 --gimbal-pitch -90,-80",
         f"plan r.geojson -o out.kml {FLIGHT} --pattern corridor --spacing 9 --width 20",
         f"plan r.geojson -o out.geojson {FLIGHT} --pattern visit --hold 3",
         "check a.plan --autopilot px4 --json",

@@ -49,7 +49,7 @@ def plan(
     camera: str | os.PathLike[str] | Camera | None = None,
     gsd: float | None = None,
     overlap: Sequence[float] = (75.0, 70.0),
-    gimbal_pitch: float = -90.0,
+    gimbal_pitch: float | Sequence[float] = -90.0,
     vehicle: str | os.PathLike[str] | Vehicle | None = None,
     sensor: Sequence[float] | None = None,
     image: Sequence[float] | None = None,
@@ -137,8 +137,9 @@ def plan(
         Ground sampling distance in centimetres per pixel.
     overlap : (float, float)
         Of photographs, along the lines and between them, in per cent.
-    gimbal_pitch : float
-        Where the camera looks, in degrees; -90 is straight down.
+    gimbal_pitch : float or sequence of float
+        Where the camera looks, in degrees; -90 is straight down. A survey with several, such as (-90, -60),
+        is flown once for -90, and for each that is tilted from four sides, on lines that begin outside.
     vehicle : path or Vehicle, optional
         What flies, for the estimates of time and energy: a JSON file with parameters of
         `uavseg.flight.mission.vehicle.Vehicle`. By default a multirotor with those of its autopilot.

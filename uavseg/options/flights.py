@@ -104,8 +104,11 @@ class PhotoOptions(Options):
         basic=True,
         label="Overlap",
     )
-    gimbal_pitch: float = option(
-        "Where the camera looks: -90 is straight down.", default=-90.0, metavar="DEG"
+    gimbal_pitch: float | Sequence[float] = option(
+        "Where the camera looks: -90 is down. A survey with several, as -90,-60, sees all from four sides.",
+        default=-90.0,
+        metavar="DEG[,DEG]",
+        parse=texts.numbers("--gimbal-pitch is degrees, or several between commas, such as -90,-60"),
     )
     sensor: Sequence[float] | None = option(
         "In place of --camera: its sensor in millimetres.",

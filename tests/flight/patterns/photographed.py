@@ -7,7 +7,14 @@ import numpy as np
 import shapely
 
 from uavseg.flight.camera.camera import Photos
-from uavseg.flight.mission.items import CAMERA_DISTANCE, IMAGE_START, IMAGE_STOP, WAYPOINT, MissionItem
+from uavseg.flight.mission.items import (
+    CAMERA_DISTANCE,
+    IMAGE_START,
+    IMAGE_STOP,
+    MOUNT_CONTROL,
+    WAYPOINT,
+    MissionItem,
+)
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.track import Plane
 
@@ -19,6 +26,7 @@ class Photograph:
     x: float
     y: float
     ahead: tuple[float, float]
+    pitch_deg: float = -90.0  # that the items set
 
     def footprint(self, photos: Photos, height_m: float) -> shapely.Polygon:
         corners = photos.camera.footprint_corners_m(height_m, photos.pitch_deg)
@@ -35,7 +43,7 @@ def photographs(mission: Mission, plane: Plane, angle_deg: float | None = None) 
     turn = math.radians(angle_deg or 0.0)
     line = None if angle_deg is None else (math.sin(turn), math.cos(turn))
     found: list[Photograph] = []
-    place, every, since = None, 0.0, 0.0
+    place, every, since, pitch = None, 0.0, 0.0, -90.0
     for number, item in enumerate(mission.items):
         if item.command == WAYPOINT:
             there = _xy(item, plane)
@@ -45,15 +53,18 @@ def photographs(mission: Mission, plane: Plane, angle_deg: float | None = None) 
                 while since + 1e-6 >= 0 and every - since <= length + 1e-6:
                     length -= every - since
                     at = np.array(there) - length * np.array(ahead)
-                    found.append(Photograph(float(at[0]), float(at[1]), ahead))
+                    found.append(Photograph(float(at[0]), float(at[1]), ahead, pitch))
                     place, since = (float(at[0]), float(at[1])), 0.0
                 since += length
             place = there
+        elif item.command == MOUNT_CONTROL:
+            pitch = float(item.params[0] or 0)
         elif item.command in {CAMERA_DISTANCE, IMAGE_START, IMAGE_STOP}:
             assert place is not None
             one = item.command == IMAGE_START and item.params[2] == 1
             if one or (item.params[2] == 1 and item.command == CAMERA_DISTANCE) or _starts(item):
-                found.append(Photograph(*place, line if one and line else _onward(mission, number, plane)))
+                looks = line if one and line else _onward(mission, number, plane)
+                found.append(Photograph(*place, looks, pitch))
             if not one:
                 every, since = _every(item, mission), 0.0
     return found

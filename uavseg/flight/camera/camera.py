@@ -37,6 +37,7 @@ LAST_PHOTO_M = 5.0
 The vehicle leaves a line up to 2 m before its end (the radius of waypoints), its first photograph is taken up
 to 2 m after the start, and each one some centimetres late: with less, simulated flights lost the last one.
 """
+TURNED_M = 10.0  # after which a vehicle that turns around at the start of a line is taken to look along it
 ONE_PHOTO_M = 5.0
 """Lines that are no longer have one photograph, at their start."""
 INTERVAL_STEP_S = 0.01
@@ -126,17 +127,10 @@ class Camera:
                 f"with a gimbal pitch of {pitch_deg:g} degrees the camera {self.name} sees the horizon; "
                 "give a steeper pitch, -90 is straight down"
             )
-        corners = []
-        for along, across in (
-            (-half_along, -half_across),
-            (-half_along, half_across),
-            (half_along, half_across),
-            (half_along, -half_across),
-        ):
-            down = math.cos(tilt) - along * math.sin(tilt)
-            ahead = math.sin(tilt) + along * math.cos(tilt)
-            corners.append((across / down * height_m, ahead / down * height_m))
-        return np.array(corners)
+        along, across = half_along * np.array([-1, -1, 1, 1]), half_across * np.array([-1, 1, 1, -1])
+        down = math.cos(tilt) - along * math.sin(tilt)
+        ahead = math.sin(tilt) + along * math.cos(tilt)
+        return np.column_stack([across / down * height_m, ahead / down * height_m])
 
     def max_speed_m_s(self, height_m: float, trigger_m: float, shutter_s: float, blur_px: float) -> float:
         """Return the maximum speed for sharp photographs a distance apart (m): v t <= blur_px GSD."""
@@ -263,7 +257,8 @@ def _plain(name: str) -> str:
 class Photos:
     """Photographs of a flight: camera, overlap, gimbal pitch, trigger, exposure time.
 
-    A ParameterError says that the pitch or the exposure time is out of bounds, or the trigger is not known.
+    A ParameterError says that a pitch or the exposure time is out of bounds, a pitch is given twice, or the
+    trigger is not known.
 
     With `trigger`, photographs are taken by metres, by seconds, in hover at a waypoint for each, or not by
     the mission.
@@ -274,9 +269,15 @@ class Photos:
     pitch_deg: float = NADIR_DEG  # gimbal pitch: -90 is straight down
     trigger: str = "distance"  # "distance", "interval", "hover" or "none"
     shutter_s: float = SHUTTER_S  # exposure time, by which motion blur is estimated
+    flatter_deg: tuple[float, ...] = ()  # further pitches, ascending, each flown over the region again
 
     def __post_init__(self) -> None:
-        check_pitch(self.pitch_deg)
+        pitches = (self.pitch_deg, *self.flatter_deg)
+        for pitch in pitches:
+            check_pitch(pitch)
+        if list(pitches) != sorted(set(pitches)):
+            given = ", ".join(map(shown, pitches))
+            raise ParameterError(f"each gimbal pitch is given once, the steepest first, not {given}")
         if self.trigger not in TRIGGERS:
             raise ParameterError(f"a trigger is one of {', '.join(TRIGGERS)}, not {self.trigger!r}")
         if not SHORTEST_SHUTTER_S <= self.shutter_s <= LONGEST_SHUTTER_S:
@@ -307,6 +308,15 @@ class Photos:
         reach = self.reach_m(height_m)
         before_end = {"hover": 0.0, "distance": LAST_PHOTO_M, "interval": self.trigger_m(height_m)}
         return max(reach - before_end[self.trigger], 0.0)
+
+    def side_reach_m(self, height_m: float) -> float:
+        """Return by how much lines may be shorter than the ground that is seen along them from either end.
+
+        Mostly it is negative: a tilted camera sees an edge from outside only. Lines begin a photograph
+        earlier, for the first may be taken before the vehicle looks along them.
+        """
+        near, _ = self.camera.ground_reach_m(height_m, self.pitch_deg)
+        return -near - max(self.trigger_m(height_m), TURNED_M)
 
     def min_line_m(self, height_m: float) -> float:
         """Return the length of the shortest line whose two photographs are not too close for a fair speed."""

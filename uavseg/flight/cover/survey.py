@@ -167,7 +167,7 @@ class CoverParams:
 
     spacing_m: float  # distance between neighbouring lines
     angle_deg: float | None = None  # azimuth, clockwise from north; by default that of the least cost
-    reach_m: float = 0.0  # ground that photographs show past the end of a line
+    reach_m: float = 0.0  # ground that photographs show past the end of a line; negative: lines are longer
     min_m: float = MIN_LINE_M  # length of the shortest line
     costs: Costs | None = None  # of legs, such as their times; by default their lengths, and turns
     turn_m: float = TURN_M  # metres that take as long as a turn
@@ -227,8 +227,9 @@ def surveys(region: Any, params: CoverParams, obstacles: Sequence[Any] = ()) -> 
     >>> flown.angle_deg, flown.cells, flown.lines.round(6).tolist()
     (0.0, 1, [[[5.0, 0.0], [5.0, 100.0]], [[15.0, 100.0], [15.0, 0.0]]])
     """
-    simple, space = flight_space(region, params.spacing_m, params.lead_m, obstacles)
-    near = flight_space(region, params.spacing_m, 0.0, obstacles)[1] if params.lead_m else space
+    outside_m = max(-params.reach_m, 0.0)
+    simple, space = flight_space(region, params.spacing_m, params.lead_m + outside_m, obstacles)
+    near = flight_space(region, params.spacing_m, outside_m, obstacles)[1] if params.lead_m else space
     found = _found(simple, params, near, space)
     if not params.crosshatch:
         return found
@@ -369,7 +370,7 @@ def _grid(
     turn, spacing = axes(angle_deg), params.spacing_m
 
     def joins(starts: Floats, ends: Floats) -> NDArray[np.bool_]:
-        near = _length(np.stack([starts, ends], axis=1)) <= GAP * spacing
+        near = ends[:, 0] - starts[:, 0] <= GAP * spacing
         return near & space.sees(starts @ turn.T, ends @ turn.T)
 
     cells = grid_lines(_turned(region, turn), spacing, (params.reach_m, params.min_m), joins, start)

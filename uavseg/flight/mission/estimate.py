@@ -1,7 +1,8 @@
 """Estimate of a mission from its path as flown: length, time, photographs and their footprints, energy."""
 
 import math
-from dataclasses import asdict, field, replace
+from contextlib import suppress
+from dataclasses import asdict, field
 from typing import Any
 
 import numpy as np
@@ -55,6 +56,7 @@ class FlownPath:
     landing_s: float
     is_line: NDArray[np.bool_]  # (n - 1,), whether photographs are taken along the leg, by distance or time
     has_shot: NDArray[np.bool_]  # (n,), whether a single photograph is taken
+    pitch_deg: Floats  # (n - 1,), gimbal pitch on each leg; NaN where no item has set it
 
     @property
     def length_m(self) -> Floats:
@@ -67,6 +69,10 @@ class FlownPath:
         """Height of each leg above the ground at its higher end."""
         above = self.xyz_m[:, 2] - self.rise_m
         return np.maximum(above[:-1], above[1:])
+
+    def pitches_deg(self, photos: Photos) -> Floats:
+        """Return the gimbal pitch on each leg: that of photographs until an item sets it."""
+        return np.where(np.isnan(self.pitch_deg), photos.pitch_deg, self.pitch_deg)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +97,8 @@ class _Walk:
     rise: list[float] = field(default_factory=lambda: [0.0])
     hold: list[float] = field(default_factory=lambda: [0.0])
     stop: list[bool] = field(default_factory=lambda: [True])
+    pitch: list[float] = field(default_factory=list)
+    gimbal_deg: float = math.nan
 
     def go(self, place: Place, speed: float, part: str, trigger: tuple[float, float]) -> None:
         self.xyz.append(place)
@@ -101,6 +109,7 @@ class _Walk:
         self.rise.append(0.0)
         self.hold.append(0.0)
         self.stop.append(part != "flight")
+        self.pitch.append(self.gimbal_deg)
 
     def wait(self, seconds: float) -> None:
         self.hold[-1] += seconds
@@ -129,6 +138,8 @@ def flown_path(mission: Mission, vehicle: Vehicle, wind: Wind = CALM) -> FlownPa
             walk.shots[-1:] = [shots + 1 for shots in walk.shots[-1:]]
         elif item.command == IMAGE_STOP:
             trigger = (0.0, 0.0)
+        elif item.command == MOUNT_CONTROL:
+            walk.gimbal_deg = float(item.params[0] or 0.0)
         elif item.command == RETURN:
             _return(walk, vehicle)
             ends = "return"
@@ -205,6 +216,7 @@ def _path(walk: _Walk, vehicle: Vehicle, wind: Wind, ends: str) -> FlownPath:
         landing_s=float(landing_seconds(xyz[-1, 2], vehicle)) + vehicle.stop_s if ends else 0.0,
         is_line=np.array([any(trigger) for trigger in walk.trigger], np.bool_),
         has_shot=np.array([False, *(shots > 0 for shots in walk.shots)], np.bool_),
+        pitch_deg=np.array(walk.pitch, np.float64),
     )
 
 
@@ -303,10 +315,12 @@ def estimate(
     photos = photos or mission.photos
     gsd_m = footprint_m = photographed_m2 = energy = None
     if photos and path.photographs.any():
-        highest_m = float(path.height_m[path.photographs > 0].max())
-        gsd_m = photos.camera.gsd_m(highest_m, photos.pitch_deg)
-        footprint_m = photos.camera.footprint_m(highest_m, photos.pitch_deg)
-        photographed_m2 = _photographed_m2(path, photos)
+        with suppress(ParameterError):  # of a pitch in a file that no photograph of the ground has
+            legs, pitches = np.flatnonzero(path.photographs), path.pitches_deg(photos)
+            slant_m = path.height_m[legs] / np.maximum(np.sin(np.radians(-pitches[legs])), 1e-9)
+            seen = float(path.height_m[legs][slant_m.argmax()]), float(pitches[legs][slant_m.argmax()])
+            gsd_m, footprint_m = photos.camera.gsd_m(*seen), photos.camera.footprint_m(*seen)
+            photographed_m2 = _photographed_m2(path, photos)
     if vehicle.hover_w is not None and vehicle.cruise_w is not None:
         hover_s, cruise_s = times["climb"] + waits + landing, times["flight"] + times["return"]
         energy = (vehicle.cruise_w * cruise_s + vehicle.hover_w * hover_s) / 3600
@@ -330,7 +344,7 @@ def estimate(
 
 def _photographed_m2(path: FlownPath, photos: Photos) -> float:
     """Return the area of the union of the strips that the photographs of each leg show."""
-    strips = []
+    strips, pitches = [], path.pitches_deg(photos).tolist()
     for leg in np.flatnonzero(path.photographs > 0):
         start, end = path.xyz_m[leg, :2], path.xyz_m[leg + 1, :2]
         length = float(np.hypot(*(end - start)))
@@ -339,8 +353,8 @@ def _photographed_m2(path: FlownPath, photos: Photos) -> float:
             continue
         along = (end - start) / length if length else np.array([0.0, 1.0])
         across = np.array([along[1], -along[0]])
-        near, far = photos.camera.ground_reach_m(height, photos.pitch_deg)
-        half = photos.camera.footprint_m(height, photos.pitch_deg)[0] / 2
+        near, far = photos.camera.ground_reach_m(height, pitches[leg])
+        half = photos.camera.footprint_m(height, pitches[leg])[0] / 2
         first, last = start + near * along, end + far * along
         ring = [first - half * across, first + half * across, last + half * across, last - half * across]
         strips.append(shapely.Polygon(ring))
@@ -392,18 +406,14 @@ def footprints(mission: Mission, photos: Photos | None = None) -> Footprints:
         return _none("no footprints: the camera looks at places, not along the flight")
     if count > MAX_FOOTPRINTS:
         return _none(f"no footprints: {count:,} photographs are more than {MAX_FOOTPRINTS:,}")
-    pitches = {item.params[0] for item in mission.items if item.command == MOUNT_CONTROL}
-    if len(pitches) > 1:
-        return _none("no footprints: the gimbal pitch changes during the flight")
-    try:
-        for pitch in pitches:
-            known = replace(known, pitch_deg=float(pitch or 0.0))
-        corners = known.camera.footprint_corners_m(1.0, known.pitch_deg)
-    except ParameterError as error:
-        return _none(f"no footprints: {error}")
+    pitches = path.pitches_deg(known).tolist()
     ground = []
     for run in path.shots:
         shares = np.clip(run.first + run.step * np.arange(run.count), 0, 1)
+        try:
+            corners = known.camera.footprint_corners_m(1.0, pitches[run.leg])
+        except ParameterError as error:
+            return _none(f"no footprints: {error}")
         ground.append(_on_ground(path, run.leg, shares, corners))
     xy = np.concatenate(ground)
     plane = Plane(mission.home.lat, mission.home.lon)

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import field, fields, replace
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -97,6 +98,8 @@ class Track:
     hold_s: Floats = field(default_factory=_NONE.copy)  # (n,), wait at each corner
     shots: Bools = field(default_factory=lambda: _NONE.astype(bool))  # (n,), single photographs
     look_at: Floats = field(default_factory=_NONE.copy)  # (n - 1, 2), target of the camera, or NaN
+    # (n - 1,), gimbal pitch on the leg where there are several; NaN for that of the leg before
+    pitch_deg: Floats = field(default_factory=_NONE.copy)
     # (n,), on the leg to each corner; the first one leads from home. NaN for the mission's speed
     speed_m_s: Floats = field(default_factory=_NONE.copy)
 
@@ -106,6 +109,7 @@ class Track:
             ("hold_s", np.zeros(corners)),
             ("shots", np.zeros(corners, bool)),
             ("look_at", np.full((legs, 2), np.nan)),
+            ("pitch_deg", np.full(legs, np.nan)),
             ("speed_m_s", np.full(corners, np.nan)),
         ):
             if not len(getattr(self, name)):
@@ -159,7 +163,7 @@ class Track:
     def part(self, first: int, last: int) -> "Track":
         """Return the track from one corner to a later one, or the same."""
         corners, legs = slice(first, last + 1), slice(first, last)
-        return Track(**{name: getattr(self, name)[legs if name in _OF_LEGS else corners] for name in _FIELDS})
+        return Track(**{name: getattr(self, name)[legs if name in OF_LEGS else corners] for name in _FIELDS})
 
     def part_from(self, first: int) -> "Track":
         """Return the track from a corner to its end."""
@@ -170,6 +174,12 @@ class Track:
         whole = self.part(number, number + 1)
         same = np.hypot(*(whole.xy - xy).T) <= SAME_PLACE_M
         return replace(whole, xy=xy, hold_s=np.where(same, whole.hold_s, 0.0), shots=whole.shots & same)
+
+    @property
+    def pitch_changes(self) -> list[tuple[int, int]]:
+        """The last leg of each gimbal pitch, and the first one of the next."""
+        known = np.flatnonzero(np.isfinite(self.pitch_deg)).tolist()
+        return [(one, two) for one, two in pairwise(known) if self.pitch_deg[one] != self.pitch_deg[two]]
 
     def line_runs(self) -> list[tuple[int, int]]:
         """Return the first and last corner of each run of lines, or the only corner twice."""
@@ -190,7 +200,7 @@ class Track:
         """Return the track, without speeds, with one corner where several follow at the same place."""
         moved = leg_lengths(self.xy) > SAME_PLACE_M
         corners = {name: getattr(self, name) for name in ("xy", "hold_s", "shots")}
-        legs = {name: getattr(self, name)[moved] for name in _OF_LEGS}
+        legs = {name: getattr(self, name)[moved] for name in OF_LEGS}
         return Track(**_merged(corners, np.r_[0, np.cumsum(moved)]), **legs)
 
     def in_degrees(self, plane: Plane) -> "Track":
@@ -200,13 +210,13 @@ class Track:
 
 
 _FIELDS = tuple(field.name for field in fields(Track))
-_OF_LEGS = ("trigger_m", "is_line", "look_at")
+OF_LEGS = ("trigger_m", "is_line", "look_at", "pitch_deg")
 
 
 def _merged(arrays: dict[str, Any], place: NDArray[np.int64]) -> dict[str, Any]:
     """Return arrays of a track with one corner for each place: its first one, with all holds and shots."""
     first = np.flatnonzero(np.diff(place, prepend=-1))
-    corners = {name: array[first] for name, array in arrays.items() if name not in _OF_LEGS}
+    corners = {name: array[first] for name, array in arrays.items() if name not in OF_LEGS}
     merged = {
         "hold_s": np.maximum.reduceat(arrays["hold_s"], first),
         "shots": np.logical_or.reduceat(arrays["shots"], first),

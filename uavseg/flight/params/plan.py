@@ -6,6 +6,7 @@ They are checked when they are made: a value out of bounds raises ParameterError
 import math
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 
 from uavseg.arguments import checked
 from uavseg.dataclass import dataclass
@@ -376,6 +377,16 @@ class PlanParams:
                     "--terrain) changes its height; leave it out: then the flight leads around the zones"
                 )
 
+    @property
+    def passes(self) -> "tuple[PlanParams, ...]":
+        """Parameters for each gimbal pitch; `spacing_m` is that of the steepest, others in proportion."""
+        if self.photos is None or not self.photos.flatter_deg:
+            return (self,)
+        pitches = (self.photos.pitch_deg, *self.photos.flatter_deg)
+        each = [replace(self.photos, pitch_deg=pitch, flatter_deg=()) for pitch in pitches]
+        share = (self.spacing_m or 0.0) / self.photos.spacing_m(1.0)
+        return tuple(replace(self, photos=one, spacing_m=share * one.spacing_m(1.0)) for one in each)
+
     def _check_lines(self) -> None:
         if self.pattern in COVERING and self.spacing_m is None:
             raise ParameterError(
@@ -396,3 +407,5 @@ class PlanParams:
             )
         if self.pattern == "orbit" and self.photos.pitch_deg != NADIR_DEG:
             raise ParameterError("in an orbit the camera looks at the region; a gimbal pitch is not for it")
+        if self.pattern != "survey" and self.photos.flatter_deg:
+            raise ParameterError(f"several gimbal pitches are for the pattern survey, not {self.pattern}")

@@ -1,8 +1,9 @@
 """Flight patterns of a region: a point, its outline, lines over it, a circle; with notes for the pilot."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from uavseg.arrays import Bools, Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.avoid.enclosing import MANY_CORNERS, enclosing
-from uavseg.flight.camera.camera import Photos
+from uavseg.flight.camera.camera import NADIR_DEG, Photos
 from uavseg.flight.cover.corridor import corridor, is_long_and_thin
 from uavseg.flight.cover.lines import COARSE, MIN_LINE_M
 from uavseg.flight.cover.survey import MIN_TRIES, Costs, CoverParams, Survey
@@ -108,7 +109,7 @@ def surveys(parts: Sequence[RegionPart], params: PlanParams, home: Floats | None
 
     The effort is shared: `SEARCHED` surveys are planned to the end, but `MIN_TRIES` at least for each region.
     For one region they are compared by their times, with the flight from `home` (2,) and the return; for
-    several ones by their lengths and turns.
+    several ones by their lengths and turns. With several gimbal pitches each region has one track.
     """
     how = params.how
     assert params.spacing_m is not None and isinstance(how, SurveyParams)
@@ -127,30 +128,55 @@ def surveys(parts: Sequence[RegionPart], params: PlanParams, home: Floats | None
         home=None if home is None or is_many or how.crosshatch else tuple(home.tolist()),
     )
     regions = _grown(parts, how.margin_m)
-    kept = MAX_CHOICES if cover.home else 2
-    choices = [cover_region(region, cover)[:kept] for region in regions]
-    tracks = [
-        [_lines_track(list(one.lines), list(one.outer), one.legs, params) for one in some] for some in choices
-    ]
     notes = [*_outline_notes(parts, params), *_photo_notes(params)]
+    if len(params.passes) > 1:
+        around = [_from_all_sides(region, params, replace(cover, home=None)) for region in regions]
+        tracks, choices = [[track] for track, _ in around], [down for _, down in around]
+    else:
+        kept = MAX_CHOICES if cover.home else 2
+        choices = [cover_region(region, cover)[:kept] for region in regions]
+        tracks = [[_lines_track(one.lines, one.outer, one.legs, params) for one in some] for some in choices]
+        notes += _corridor_note(regions, [some[0] for some in choices], params)
     if how.turnaround_m:
         notes.append(f"each line has {how.turnaround_m:g} m of straight flight outside before and after it")
-    notes += _corridor_note(regions, [some[0] for some in choices], params)
-    return Candidates(
-        tracks=tracks,
-        places=_places(parts),
-        notes=notes,
-        surveys=[survey for some in choices for survey in some],
-    )
+    flown = [survey for some in choices for survey in some]
+    return Candidates(tracks, _places(parts), notes, surveys=flown)
+
+
+def _from_all_sides(region: Any, params: PlanParams, cover: CoverParams) -> tuple[Track, list[Survey]]:
+    """Join the lines of all gimbal pitches; those of a tilted camera in two azimuths, each there and back.
+
+    Return the track, and the surveys straight down.
+    """
+    tracks: list[Track] = []
+    down: list[Survey] = []
+    for one in params.passes:
+        assert one.photos is not None and one.spacing_m is not None
+        cover = replace(cover, spacing_m=one.spacing_m)
+        is_tilted = one.photos.pitch_deg > NADIR_DEG
+        if is_tilted:
+            reach_m, min_m = one.photos.side_reach_m(one.altitude_m), one.photos.min_line_m(one.altitude_m)
+            cover = replace(cover, reach_m=reach_m, min_m=min_m, crosshatch=False)
+        for _ in range(1 + is_tilted):
+            flown = cover_region(region, cover)[0]
+            track = _lines_track(flown.lines, flown.outer, flown.legs, one)
+            end = tracks[-1].xy[-1] if tracks else track.xy[0]
+            is_turned = math.dist(track.xy[-1], end) < math.dist(track.xy[0], end)
+            tracks.append(track.reversed() if is_turned else track)
+            cover = replace(cover, angle_deg=flown.angle_deg + 90 * is_tilted)
+        down += [] if is_tilted else [flown]
+        tracks += [track.reversed() for track in tracks[-2:]] if is_tilted else []
+    joined = tracks[:1]
+    for before, after in pairwise(tracks):
+        joined += [Track.transit(np.array([before.xy[-1], after.xy[0]])), after]
+    return Track.joined(joined), down
 
 
 def corridors(parts: Sequence[RegionPart], params: PlanParams) -> Candidates:
     """Return tracks of lines along the middle of each region."""
     assert params.spacing_m is not None and isinstance(params.how, CorridorParams)
-    flown = [
-        corridor(region, params.spacing_m, *_line_ends(params))
-        for region in _grown(parts, params.how.margin_m)
-    ]
+    regions = _grown(parts, params.how.margin_m)
+    flown = [corridor(region, params.spacing_m, *_line_ends(params)) for region in regions]
     tracks = [[_lines_track(one.lines, one.lines, one.legs, params)] for one in flown]
     notes = [*_outline_notes(parts, params), *_photo_notes(params)]
     return Candidates(tracks, _places(parts), notes)
@@ -229,7 +255,7 @@ def _turn_m(params: PlanParams) -> float:
 
 
 def _lines_track(
-    lines: Sequence[Floats], outer: Sequence[Floats], legs: Sequence[Floats], params: PlanParams
+    lines: Iterable[Floats], outer: Iterable[Floats], legs: Sequence[Floats], params: PlanParams
 ) -> Track:
     """Join lines with photographs to straight legs before and after them, and legs between, without."""
     tracks = []
@@ -241,7 +267,9 @@ def _lines_track(
         tracks.append(Track.of_line(line, params.photos, params.altitude_m))
         if (longer[-1] != line[-1]).any():
             tracks.append(Track.of_path(np.stack([line[-1], longer[-1]])))
-    return Track.joined(tracks)
+    track = Track.joined(tracks)
+    pitch_deg = NADIR_DEG if params.photos is None else params.photos.pitch_deg
+    return replace(track, pitch_deg=np.where(track.is_line, pitch_deg, np.nan))
 
 
 def _started_anywhere(tracks: Sequence[Track]) -> list[list[Track]]:
@@ -331,6 +359,14 @@ def _photo_notes(params: PlanParams, how_often: str = "") -> list[str]:
         f"{photos.camera.name} at {height:.1f} m {ground}: "
         f"{100 * photos.camera.gsd_m(height, photos.pitch_deg):.2f} cm per pixel, {view}{lines}{often}"
     ]
+    if photos.flatter_deg:
+        each = [(one.photos or photos, _photo_notes(one)[0]) for one in params.passes]
+        notes = [f"gimbal pitch {one.pitch_deg:g}: {note}" for one, note in each]
+        outside_m = max(0.0, *(-one.side_reach_m(height) for one, _ in each))
+        notes.append(
+            "with the gimbal tilted, each place is photographed from four sides: lines begin and end up to "
+            f"{outside_m:.0f} m outside of the regions"
+        )
     if photos.trigger == "none":
         every = photos.trigger_m(height)
         notes.append(
@@ -367,8 +403,7 @@ def orbit(region: Any, margin_m: float, speed_m_s: float) -> Orbit:
     >>> round(circle.radius_m, 6), [round(abs(x), 6) for x in circle.centre]
     (60.0, [0.0, 0.0])
     """
-    x, y = shapely.get_coordinates(shapely.centroid(shapely.minimum_bounding_circle(region)))[0]
-    x, y = float(x), float(y)
+    x, y = shapely.get_coordinates(shapely.centroid(shapely.minimum_bounding_circle(region)))[0].tolist()
     corners = shapely.get_coordinates(region.exterior)
     enclosing = float(np.hypot(*(corners - (x, y)).T).max())
     min_radius = max(MIN_RADIUS_M, speed_m_s**2 / LATERAL_M_S2)

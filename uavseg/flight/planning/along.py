@@ -108,8 +108,10 @@ def _corner_actions(track: Track, params: PlanParams) -> list[list[MissionItem]]
     places = np.round(np.concatenate([track.look_at, nowhere]), DEGREE_DECIMALS)
     actions = []
     before, seen = 0.0, nowhere[0]
-    for trigger, speed, shot, place in zip(triggers, speeds, track.shots.tolist(), places, strict=True):
-        items = []
+    turned = {two: float(track.pitch_deg[two]) for _, two in track.pitch_changes}
+    corners = zip(triggers, speeds, track.shots.tolist(), places, strict=True)
+    for leg, (trigger, speed, shot, place) in enumerate(corners):
+        items = [_gimbal(turned[leg])] if leg in turned else []
         if not np.array_equal(place, seen, equal_nan=True):
             lon, lat = place.tolist()
             ahead = MissionItem(ROI_NONE, FRAME_MISSION)
@@ -126,12 +128,16 @@ def _corner_actions(track: Track, params: PlanParams) -> list[list[MissionItem]]
 
 
 def _gimbal_items(track: Track, params: PlanParams) -> list[MissionItem]:
-    """Turn the gimbal to its pitch once; not where the camera looks at places."""
+    """Turn the gimbal to its first pitch; not where the camera looks at places."""
     if params.photos is None or np.isfinite(track.look_at).any():
         return []
-    pitch = float(params.photos.pitch_deg)
+    pitches = track.pitch_deg[np.isfinite(track.pitch_deg)].tolist()
+    return [_gimbal(float([*pitches, params.photos.pitch_deg][0]))]
+
+
+def _gimbal(pitch: float) -> MissionItem:
     targeting = 2.0  # MAV_MOUNT_MODE_MAVLINK_TARGETING
-    return [MissionItem(MOUNT_CONTROL, FRAME_MISSION, (pitch, 0.0, 0.0, 0.0), altitude_m=targeting)]
+    return MissionItem(MOUNT_CONTROL, FRAME_MISSION, (pitch, 0.0, 0.0, 0.0), altitude_m=targeting)
 
 
 def _one_photo(params: PlanParams) -> list[MissionItem]:

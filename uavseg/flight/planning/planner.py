@@ -179,6 +179,10 @@ def plan_missions(
     limits = [flight_limits(LegCosts(plane, params, wind), params) for wind in winds]
     route = fastest(routes, limits)
     notes = [*home_notes(home), *at_home, *height_notes, *zone_notes, *candidates.notes]
+    if len(params.passes) > 1 and tracks != candidates.tracks:
+        notes.append(
+            "keep-out zones lie in the way: beside them, the ground may not be photographed from all sides"
+        )
     missions = missions_over(route, start, plane, keep_out, params, notes)
     blocks = blocks_of_surveys(candidates.surveys, plane, params)
     return tuple(replace(mission, blocks=blocks) for mission in missions)
@@ -197,7 +201,9 @@ def _reach_m(regions: NDArray[np.object_], params: PlanParams) -> float:
     """Return an upper bound of the distance of a flight from its regions, with the margin of zones."""
     west, south, east, north = shapely.bounds(regions).T
     around = float(np.hypot(east - west, north - south).max()) + params.speed_m_s**2  # circles, and turns
-    lines = 2 * (params.spacing_m or 0) + 2 * params.safety.avoid_margin_m
+    lines = 2 * max(one.spacing_m or 0 for one in params.passes) + 2 * params.safety.avoid_margin_m
+    for one in params.passes[1:]:  # lines begin outside of the regions
+        lines += 2 * abs(one.photos.side_reach_m(one.altitude_m)) if one.photos else 0
     margins = 0 if params.how in (None, PARAMS_OF[params.pattern]()) else 2 * MAX_MARGIN_M
     return MIN_REACH_M + around + lines + margins
 

@@ -44,7 +44,7 @@ class RegionRoute:
         tracks = [self._transit(self.home, self.pieces[first].xy[0]), *inner, self.pieces[last]]
         if len(back.xy) > 2:
             tracks.append(back)
-        return without_short_legs(Track.joined(tracks).part_from(1), self.space)
+        return with_pitch_points(without_short_legs(Track.joined(tracks).part_from(1), self.space))
 
     def reversed(self) -> "RegionRoute":
         """Return the route from its end to its start."""
@@ -172,6 +172,28 @@ def without_short_legs(track: Track, space: FreeSpace) -> Track:
         else:
             _shorten_line(track, k, space)
             k += 1
+    return track
+
+
+PITCH_POINT_M = 5.0
+
+
+def with_pitch_points(track: Track) -> Track:
+    """Add a corner past the last line of each gimbal pitch, where the gimbal turns before the next line.
+
+    A MissionError says that there is no leg between the lines on which it could turn.
+    """
+    for last, line in reversed(track.pitch_changes):
+        start, end = track.xy[[last + 1, min(last + 2, line)]]
+        length_m = math.dist(start, end)
+        if length_m < 2 * MIN_LEG_M:
+            raise MissionError(
+                "lines of two gimbal pitches meet, and the gimbal cannot turn there; choose another --angle"
+            )
+        place = start + (end - start) * min(PITCH_POINT_M / length_m, 0.5)
+        turn = Track.transit(np.array([start, place, end]))
+        turn.pitch_deg[1] = track.pitch_deg[line]
+        track = Track.joined([track.part(0, last + 1), turn, track.part_from(last + 2)])
     return track
 
 
@@ -323,6 +345,7 @@ def items_of(track: Track) -> int:
     triggers = np.count_nonzero(np.diff(track.trigger_m, prepend=0.0, append=0.0))
     turned = np.count_nonzero(np.diff(np.isfinite(track.look_at[:, 0]), prepend=False, append=False))
     hovering = np.count_nonzero(track.shots & (track.hold_s > 0))  # one item each, others have two
+    turned += len(track.pitch_changes)
     return int(len(track.xy) + triggers + 2 * np.count_nonzero(track.shots) - hovering + turned)
 
 
@@ -338,9 +361,7 @@ def _pieces(route: RegionRoute, limits: FlightLimits) -> Pieces:
     lengths = route.space.lengths_from(route.home, ends.reshape(-1, 2))
     out_s, back_s = (one.reshape(-1, 2) for one in limits.ways(route.home, ends.reshape(-1, 2), lengths))
     held_s = np.array([(piece.hold_s[0], piece.hold_s[-1]) for piece in route.pieces])
-    out_s = out_s + np.column_stack(
-        [held_s[:, 0], np.zeros(len(held_s))]
-    )  # else a part of the transit before
+    out_s = out_s + held_s * (1, 0)  # else a part of the transit before
     length_m = sum(track.length_m for track in tracks)
     per_m = float(items.sum()) / length_m if length_m > 0 else 0.0  # items of ways are estimated by length
     ways_items = per_m * lengths.reshape(-1, 2).T

@@ -10,7 +10,7 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.mission.items import FRAME_AMSL, FRAME_RELATIVE, FRAME_TERRAIN, HomePosition
 from uavseg.flight.mission.mission import Ground
-from uavseg.flight.mission.track import Track
+from uavseg.flight.mission.track import OF_LEGS, Track
 from uavseg.flight.mission.vehicle import returning_vehicles
 from uavseg.flight.params.plan import FRAME, RELATIVE, PlanParams, TerrainParams
 from uavseg.flight.terrain.altitude_profile import (
@@ -283,7 +283,8 @@ def _with_added(track: Track, places: Floats, added: NDArray[np.bool_], leg: Int
     whole = Track.joined([Track.transit(track.xy[[0, 0]]), track])
     hold_s, shots = np.zeros(len(places)), np.zeros(len(places), bool)
     hold_s[~added], shots[~added] = track.hold_s, track.shots
-    return Track(places, whole.trigger_m[leg], whole.is_line[leg], hold_s, shots, whole.look_at[leg], speed)
+    legs = {name: getattr(whole, name)[leg] for name in OF_LEGS}
+    return Track(xy=places, hold_s=hold_s, shots=shots, speed_m_s=speed, **legs)
 
 
 def _heights(

@@ -157,7 +157,7 @@ def _altitude(altitude: float | None, gsd_cm: float | None, photos: Photos | Non
             raise ParameterError("the height follows from the ground sampling distance; give one of the two")
         if not 0 < gsd_cm <= MAX_GSD_CM:
             raise ParameterError(f"a ground sampling distance is above 0 and at most 100 cm, not {gsd_cm:g}")
-        altitude = photos.camera.height_m(gsd_cm / 100, photos.pitch_deg)
+        altitude = photos.camera.height_m(gsd_cm / 100, (photos.pitch_deg, *photos.flatter_deg)[-1])
     if altitude is None:
         raise ParameterError("a mission needs --altitude, in metres above home, or --camera and --gsd")
     return altitude
@@ -216,7 +216,7 @@ def photos_of(options: PhotoOptions, pattern: str | None = None) -> Photos | Non
     camera = _camera(options)
     if camera is None:
         for name in ("trigger", "shutter", "gimbal_pitch", "overlap"):
-            if not np.array_equal(getattr(options, name), getattr(PhotoOptions(), name)):
+            if not np.array_equal(np.ravel(getattr(options, name)), np.ravel(getattr(PhotoOptions(), name))):
                 raise ParameterError(
                     f"--{name.replace('_', '-')} needs a camera (--camera, or --sensor, --image and --focal)"
                 )
@@ -227,7 +227,10 @@ def photos_of(options: PhotoOptions, pattern: str | None = None) -> Photos | Non
     trigger = options.trigger or ("hover" if pattern == "visit" else "distance")
     shutter = SHUTTER_S if options.shutter is None else float(options.shutter)
     both = Overlap(float(overlap[0]), float(overlap[1]))
-    return Photos(camera, both, float(options.gimbal_pitch), trigger, shutter)
+    pitches = sorted(map(float, np.ravel(options.gimbal_pitch)))
+    if not pitches:
+        raise ParameterError("a gimbal pitch is a number of degrees, or several, not none")
+    return Photos(camera, both, pitches[0], trigger, shutter, flatter_deg=tuple(pitches[1:]))
 
 
 def _camera(options: PhotoOptions) -> Camera | None:
