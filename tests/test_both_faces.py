@@ -914,7 +914,7 @@ PLANNED: list[tuple[str, Words]] = [
     ("regions.geojson", FLIGHT | {"avoid": "masts.geojson", "zone_width": 0.0}),
     ("regions.geojson", FLIGHT | {"zone_height": 20.0}),
     ("masts.geojson", FLIGHT | {"pattern": "visit"}),
-    ("masts.geojson", FLIGHT | {"pattern": "corridor", "spacing": 15.0}),
+    ("masts.geojson", FLIGHT | {"pattern": "corridor", "spacing": 15}),
     ("masts.geojson", FLIGHT | {"pattern": "corridor", "spacing": 15.0, "width": 40.0}),
     ("masts.geojson", FLIGHT | {"pattern": "orbit"}),
     ("regions.geojson", FLIGHT | {"width": 40.0}),

@@ -12,6 +12,7 @@ from pyproj import Geod
 from uavseg.cli.plan import command
 from uavseg.errors import MissionError, OutputExistsError, ParameterError, RegionError, UavsegError
 from uavseg.flight.formats import files
+from uavseg.flight.mission.estimate import estimate
 from uavseg.flight.mission.items import CAMERA_DISTANCE, WAYPOINT
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.vehicle import read_vehicle
@@ -62,8 +63,11 @@ def test_a_spacing_makes_a_survey_and_the_pattern_decides(regions: Path) -> None
     assert waypoints(flown(regions, "--spacing", 25, "--angle", 90)) == 2 * (6 + 5 + 1)
     survey = ("--pattern", "survey", "--spacing", 25, "--angle")
     assert waypoints(flown(regions, *survey, 0)) == 2 * (13 + 4 + 4)
-    # 5 lines of 76 m are shorter than 4 of 111 m, by more than the two turns cost at 5 m/s
-    assert waypoints(flown(regions, *survey, "auto")) == 2 * (6 + 5 + 1)
+    # the way home decides as well: 4 lines of 111 m over the second region, whose 5 of 76 m are shorter
+    automatic = flown(regions, *survey, "auto")
+    assert waypoints(automatic) == 2 * (6 + 4 + 1)
+    for angle in range(0, 180, 15):
+        assert estimate(automatic).duration_s <= estimate(flown(regions, *survey, angle)).duration_s
     assert waypoints(flown(regions, "--pattern", "perimeter", "--tolerance", 0.5)) == 15
 
 

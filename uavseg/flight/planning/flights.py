@@ -241,7 +241,7 @@ class LegCosts:
         return out * stretch, np.where(is_bent, np.maximum(back * stretch, returned), returned)
 
     def _to_and_fro(self, home: Floats, places: Floats, speed_m_s: float) -> tuple[Floats, Floats]:
-        path = np.full((2 * len(places) + 1, 3), self.params.altitude_m)
+        path = np.full((2 * len(places) + 1, 3), self.params.altitude_m, np.float64)
         path[::2, :2], path[1::2, :2] = home, places
         stops = np.ones(len(path), bool)
         wind = self.wind
@@ -280,7 +280,7 @@ class LegCosts:
     def _points(self, track: Track, speeds: Floats) -> list[LegPoints]:
         terrain = self.params.terrain
         if terrain is None or terrain.dem is None:
-            end, height = np.ones(1), np.full(2, self.params.altitude_m)
+            end, height = np.ones(1), np.full(2, self.params.altitude_m, np.float64)
             return [LegPoints(end, height, np.array([speed])) for speed in speeds.tolist()]
         lon, lat = self.plane.lonlat_from_xy(*track.xy.T)
         places = np.column_stack([lon[:-1], lat[:-1], lon[1:], lat[1:], speeds])
