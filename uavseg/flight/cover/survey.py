@@ -143,11 +143,13 @@ TURN_M = 10.0
 STEP_DEG = 15.0  # azimuths that are tried besides those of edges; whole degrees where many are tried
 MIN_TRIES, MANY_TRIES = 3, 12
 MAX_WORK = 18_000  # tries times corners of a region and its lines
-FINE_DEG, MAX_RISE = 2.0, 1.35  # azimuths of many tries: steps, and lines relative to the fewest
+FINE_DEG = 2.0  # between azimuths of many tries
+MAX_RISE, MAX_RISE_OF_SEVERAL = 1.35, 2.0  # their lines, relative to the fewest; of one of several regions
 LEG_LENGTHS = 48  # between which the costs of legs are interpolated
 QUICK_ROUNDS = 100  # of the search for an order, where azimuths are compared
 SPREAD, REFINED = 16, 6  # azimuths at all ranks that are tried too; azimuths beside those of the best are
 COST_DECIMALS = 6  # so that rounding errors choose nothing
+ALIKE_DEG = 10.0  # azimuths of less difference are alike where surveys of several regions are chosen
 MAX_AZIMUTHS = 40  # of edges
 COMPACT = 0.8  # share of the convex hull: a region that fills more, and is one cell, is not divided otherwise
 MAX_CRITICAL = 400  # corners at which a region is divided into cells
@@ -278,9 +280,21 @@ def _found(region: Any, params: CoverParams, near: FreeSpace, space: FreeSpace) 
         beside = {(lines.angle_deg + step) % 180 for lines in laid[:REFINED] for step in (-2, -1, 1, 2)}
         closer = [_grid(region, azimuth, params, near) for azimuth in sorted(beside - known)]
         laid = ranked([*laid[:tries], *closer, *others(closer)])
+    if home is None:
+        laid = _different(laid)
     flown = [list(_fly(lines, space, order)) for lines in laid[: max(tries // 3, MIN_TRIES)]]
     best_first = np.argsort(_least_costs(flown, params), kind="stable").tolist()
     return [survey for k in best_first for survey in flown[k]]
+
+
+def _different(laid: list[SurveyLines]) -> list[SurveyLines]:
+    """Return lines with those of the first of each group of like azimuths before the others."""
+    turns = np.zeros(len(laid), np.int64)
+    azimuths = np.array([lines.angle_deg for lines in laid])
+    for k in range(1, len(laid)):
+        apart = np.abs((azimuths[:k] - azimuths[k] + 90) % 180 - 90)
+        turns[k] = np.count_nonzero(apart < ALIKE_DEG)
+    return [laid[k] for k in np.argsort(turns, kind="stable")]
 
 
 def _least_costs(flown: list[list[Survey]], params: CoverParams) -> Floats:
@@ -352,7 +366,8 @@ def _azimuths(region: Any, params: CoverParams, tries: int) -> list[float]:
     edges = np.concatenate([np.diff(shapely.get_coordinates(ring), axis=0) for ring in outlines[:-1]])
     rise = [float(np.abs(edges @ axes(azimuth)[:, 1]).sum()) for azimuth in azimuths.tolist()]
     best: list[float] = azimuths[np.argsort(rise, kind="stable")].tolist()
-    count = int((np.array(rise) <= MAX_RISE * min(rise)).sum()) if many else 2 * tries
+    most = min(rise) * (MAX_RISE_OF_SEVERAL if params.home is None else MAX_RISE)
+    count = int((np.array(rise) <= most).sum()) if many else 2 * tries
     return best[:count]
 
 

@@ -33,7 +33,7 @@ from uavseg.flight.params.plan import (
 )
 from uavseg.flight.patterns.perimeter import OffsetRings, default_tolerance_m, offset_rings
 
-SEARCHED = 60  # surveys of all regions that are planned to the end
+SEARCHED = 120  # surveys of all regions that are planned to the end
 MAX_CHOICES = 20  # surveys of one region of which the fastest flight is chosen
 MAX_STARTS = 16  # corners at which a ring may begin
 MAX_CANDIDATES = 4000  # of all regions, so that their distances fit into memory
@@ -120,7 +120,7 @@ def surveys(parts: Sequence[RegionPart], params: PlanParams, home: Floats | None
         angle_deg=params.angle_deg,
         reach_m=reach_m,
         min_m=min_m,
-        costs=None if is_many else _line_costs(params),
+        costs=_line_costs(params),
         turn_m=_turn_m(params),
         lead_m=how.turnaround_m,
         crosshatch=how.crosshatch,
@@ -133,14 +133,27 @@ def surveys(parts: Sequence[RegionPart], params: PlanParams, home: Floats | None
         around = [_from_all_sides(region, params, replace(cover, home=None)) for region in regions]
         tracks, choices = [[track] for track, _ in around], [down for _, down in around]
     else:
-        kept = MAX_CHOICES if cover.home else 2
-        choices = [cover_region(region, cover)[:kept] for region in regions]
+        kept = max(MAX_CHOICES // len(regions), 2)
+        choices = [_distinct(cover_region(region, cover), params.spacing_m)[:kept] for region in regions]
         tracks = [[_lines_track(one.lines, one.outer, one.legs, params) for one in some] for some in choices]
         notes += _corridor_note(regions, [some[0] for some in choices], params)
     if how.turnaround_m:
         notes.append(f"each line has {how.turnaround_m:g} m of straight flight outside before and after it")
     flown = [survey for some in choices for survey in some]
     return Candidates(tracks, _places(parts), notes, surveys=flown)
+
+
+def _distinct(found: Sequence[Survey], apart_m: float) -> list[Survey]:
+    """Return surveys without those that begin and end less than a distance from where a cheaper one does."""
+    kept: list[Survey] = []
+    ends = np.empty((0, 2, 2))
+    for flown in found:
+        own = np.stack([flown.outer[0, 0], flown.outer[-1, 1]])
+        off_m = [np.hypot(*(ends - one).T).max(axis=0) for one in (own, own[::-1])]
+        if not (np.minimum(*off_m) < apart_m).any():
+            kept.append(flown)
+            ends = np.concatenate([ends, own[None]])
+    return kept
 
 
 def _from_all_sides(region: Any, params: PlanParams, cover: CoverParams) -> tuple[Track, list[Survey]]:

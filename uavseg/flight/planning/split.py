@@ -73,12 +73,18 @@ class RegionRoute:
         return Track.transit(self.space.path(start.tolist(), end.tolist()))
 
 
-def short_route(candidates: Sequence[Sequence[Track]], home: Floats, space: FreeSpace) -> RegionRoute:
+def short_route(
+    candidates: Sequence[Sequence[Track]],
+    home: Floats,
+    space: FreeSpace,
+    speed_m_s: float = 1.0,
+    seconds: Callable[[Track], float] = lambda track: track.length_m,
+) -> RegionRoute:
     """Return a short route from home over one track of each region, in either direction, and home again.
 
-    A MissionError says that there are too many regions, or that one cannot be reached.
+    It is short in time: that of a track is `seconds`, transits have the speed. A MissionError says that there are too many regions, or that one cannot be reached.
     """
-    tracks = _ordered(candidates, home, space)
+    tracks = _ordered(candidates, home, space, speed_m_s, seconds)
     runs = [track.line_runs() for track in tracks]
     starts = np.array([track.xy[parts[0][0]] for track, parts in zip(tracks, runs, strict=True)])
     ends = np.array([track.xy[parts[-1][1]] for track, parts in zip(tracks, runs, strict=True)])
@@ -128,7 +134,13 @@ def check_order(count: int) -> None:
         )
 
 
-def _ordered(candidates: Sequence[Sequence[Track]], home: Floats, space: FreeSpace) -> list[Track]:
+def _ordered(
+    candidates: Sequence[Sequence[Track]],
+    home: Floats,
+    space: FreeSpace,
+    speed_m_s: float,
+    seconds: Callable[[Track], float],
+) -> list[Track]:
     """Choose one track for each region, in an order that makes a short tour from home and back."""
     check_order(len(candidates))
     ends = np.concatenate([[track.xy[[0, -1]] for track in tracks] for tracks in candidates])
@@ -140,10 +152,10 @@ def _ordered(candidates: Sequence[Sequence[Track]], home: Floats, space: FreeSpa
         forward = pairs[first : first + len(tracks)]
         first += len(tracks)
         options.append(np.concatenate([forward, forward[:, ::-1]]))
-        costs.append(np.array([track.length_m for track in tracks] * 2))
+        costs.append(np.array([seconds(track) for track in tracks] * 2))
     start = int(index.ravel()[0])
-    lengths = space.paths(points).lengths
-    tour = short_tour(Stops.of(options, costs), lengths, start, start)
+    apart_s = space.paths(points).lengths / speed_m_s
+    tour = short_tour(Stops.of(options, costs), apart_s, start, start)
     chosen = [(candidates[region], option) for region, option in tour]
     return [
         tracks[option] if option < len(tracks) else tracks[option - len(tracks)].reversed()
