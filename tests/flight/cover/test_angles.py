@@ -1,4 +1,4 @@
-"""The best azimuth of a survey over one region: no whole degree is cheaper, and orders are short."""
+"""The best azimuths of surveys: no whole degree is cheaper, over one region or several; orders are short."""
 
 import math
 from importlib.util import find_spec
@@ -8,9 +8,13 @@ import pytest
 import shapely
 
 from benchmarks.flight.angles import SimpleGrid, closed_groups, exact_m
+from tests.flight.small_regions import degrees, inside
 from uavseg.flight.avoid.free_space import FreeSpace
 from uavseg.flight.cover.lines import OrderParams, SurveyLines, fly_lines
 from uavseg.flight.cover.survey import CoverParams, Survey, surveys
+from uavseg.flight.mission.estimate import estimate
+from uavseg.flight.params.plan import PlanParams, SurveyParams
+from uavseg.flight.planning.planner import plan_missions
 
 HOME = (-60.0, -60.0)
 SHAPES = {
@@ -58,3 +62,19 @@ def test_orders_of_lines_are_within_two_per_cent_of_the_shortest(seed: int) -> N
 
 def test_groups_are_connected_nodes() -> None:
     assert sorted(map(sorted, closed_groups(5, [(0, 3), (3, 1), (2, 4)]))) == [[0, 1, 3], [2, 4]]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_several_fields_take_no_longer_than_with_one_azimuth_for_all(seed: int) -> None:
+    draw = np.random.default_rng(seed)
+    count, turn = int(draw.integers(2, 6)), float(draw.uniform(0, 180))
+    corners = draw.uniform(0, 300, (count, 2)) + [[0, 400 * k] for k in range(count)]
+    boxes = shapely.box(*corners.T, *(corners + draw.uniform(40, 300, (count, 2))).T)
+    fields = [degrees(shapely.affinity.rotate(box, turn, (0, 0))) for box in boxes.tolist()]
+
+    def duration_s(angle: float | None) -> float:
+        params = PlanParams(60.0, "survey", 30.0, angle, how=SurveyParams())
+        found = plan_missions(fields, inside(fields), params, (47.0, 8.0, 400.0))
+        return sum(estimate(mission).duration_s for mission in found)
+
+    assert duration_s(None) <= min(duration_s((15 * k + turn) % 180) for k in range(12))

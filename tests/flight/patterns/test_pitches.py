@@ -134,9 +134,10 @@ def turns(mission: Mission) -> list[tuple[int, float]]:
 @pytest.mark.parametrize("trigger", ["distance", "interval", "hover", "none"])
 def test_the_gimbal_turns_past_the_lines(trigger: str) -> None:
     mission = planned([FIELD], **survey((-90, -60, -45), trigger=trigger))
-    (first, down), *later = turns(mission)
-    assert mission.items[first + 1].command == WAYPOINT and down == -90
-    assert [pitch for _, pitch in later] == [-60, -45]
+    (first, _), *later = found = turns(mission)
+    assert mission.items[first + 1].command == WAYPOINT
+    pitches = [pitch for _, pitch in found]
+    assert pitches in ([-90, -60, -45], [-45, -60, -90])  # the flight may be faster from its end
     for k, _ in later:  # at a corner between the lines, where no photographs are taken
         assert mission.items[k - 1].command == mission.items[k + 1].command == WAYPOINT
         cameras = [

@@ -172,7 +172,6 @@ class CoverParams:
     reach_m: float = 0.0  # ground that photographs show past the end of a line; negative: lines are longer
     min_m: float = MIN_LINE_M  # length of the shortest line
     costs: Costs | None = None  # of legs, such as their times; by default their lengths, and turns
-    turn_m: float = TURN_M  # metres that take as long as a turn
     lead_m: float = 0.0  # length of the straight legs before and after each line, without photographs
     crosshatch: bool = False  # whether to cover the region once more, at a right angle
     tries: int = MIN_TRIES  # surveys that are planned to the end
@@ -337,7 +336,7 @@ def _path_costs(paths: list[tuple[Floats, Bools]], params: CoverParams) -> Float
     stops = np.zeros(len(xy), bool)
     stops[first[:-1]] = stops[first[1:] - 1] = stops[first[1:] - 1 - ends] = True
     if params.costs is None:
-        costs = np.append(np.hypot(*np.diff(xy, axis=0).T) + params.turn_m * ~stops[1:], 0.0)
+        costs = np.append(np.hypot(*np.diff(xy, axis=0).T) + TURN_M * ~stops[1:], 0.0)
     else:
         costs = np.append(params.costs(xy, kind[:-1], stops), 0.0)
     costs[first[1:] - 1] = 0.0  # from one path to the next

@@ -33,7 +33,7 @@ from uavseg.flight.params.plan import (
 )
 from uavseg.flight.patterns.perimeter import OffsetRings, default_tolerance_m, offset_rings
 
-SEARCHED = 120  # surveys of all regions that are planned to the end
+SEARCHED, MAX_TRIES = 120, 60  # surveys of all regions that are planned to the end; of one
 MAX_CHOICES = 20  # surveys of one region of which the fastest flight is chosen
 MAX_STARTS = 16  # corners at which a ring may begin
 MAX_CANDIDATES = 4000  # of all regions, so that their distances fit into memory
@@ -108,8 +108,8 @@ def surveys(parts: Sequence[RegionPart], params: PlanParams, home: Floats | None
     """Return tracks of survey lines over each region.
 
     The effort is shared: `SEARCHED` surveys are planned to the end, but `MIN_TRIES` at least for each region.
-    For one region they are compared by their times, with the flight from `home` (2,) and the return; for
-    several ones by their lengths and turns. With several gimbal pitches each region has one track.
+    They are compared by their times; for one region with the flight from `home` (2,) and the return. With
+    several gimbal pitches each region has one track.
     """
     how = params.how
     assert params.spacing_m is not None and isinstance(how, SurveyParams)
@@ -121,10 +121,9 @@ def surveys(parts: Sequence[RegionPart], params: PlanParams, home: Floats | None
         reach_m=reach_m,
         min_m=min_m,
         costs=_line_costs(params),
-        turn_m=_turn_m(params),
         lead_m=how.turnaround_m,
         crosshatch=how.crosshatch,
-        tries=max(SEARCHED // len(parts), MIN_TRIES),
+        tries=min(max(SEARCHED // len(parts), MIN_TRIES), MAX_TRIES),
         home=None if home is None or is_many or how.crosshatch else tuple(home.tolist()),
     )
     regions = _grown(parts, how.margin_m)
