@@ -7,15 +7,12 @@ rises and falls within `jerk_rise_s`, like a raised cosine.
 """
 
 import math
-from collections.abc import Callable
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
 from uavseg._jit import inlined, kernel
 from uavseg.arrays import Bools, Floats
-from uavseg.dataclass import dataclass
 from uavseg.flight.mission.vehicle import Vehicle, Wind
 
 HALVINGS = 30  # of an interval, in a search for a root: to a thousandth of a millionth of it
@@ -30,57 +27,38 @@ TURNING_M_S, TURNING_COSINE = 0.2, 0.98
 AT_REST_M_S = 1e-3
 
 
-@dataclass(frozen=True, slots=True)
-class Ramp:
-    """Limits of a change of speed; the acceleration may be one for each leg, (n,)."""
+@inlined
+def ramp_seconds(change_m_s, acceleration_m_s2, jerk_m_s3, jerk_rise_s):  # type: ignore[no-untyped-def]
+    """Return the time of a change of speed.
 
-    acceleration_m_s2: Floats | float
-    jerk_m_s3: float
-    jerk_rise_s: float
+    With acceleration a, jerk j and jerk rise r it is dv / a + a / j + r where a is reached, which is at
+    dv >= a (a / j + r); else 2 (u + r), with u (u + r) j = dv.
 
-    def seconds(self, change_m_s: Floats) -> Floats:
-        """Return the time of a change of speed.
-
-        With acceleration a, jerk j and jerk rise r it is dv / a + a / j + r where a is reached, which is at
-        dv >= a (a / j + r); else 2 (u + r), with u (u + r) j = dv.
-
-        Examples
-        --------
-        >>> Ramp(2.0, 1.0, 0.0).seconds(np.array([0.0, 1.0, 10.0])).tolist()
-        [0.0, 2.0, 7.0]
-        """
-        a, j, r = self.acceleration_m_s2, self.jerk_m_s3, self.jerk_rise_s
-        rise = (np.sqrt(r * r + 4 * change_m_s / j) - r) / 2
-        short = 2 * (rise + r)
-        long = change_m_s / a + a / j + r
-        return np.where(change_m_s >= a * (a / j + r), long, short) * (change_m_s > 0)
-
-    def start(self, seconds: Floats, speed_m_s: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return distance, speed and acceleration at a time after the start, in the first half of the ramp.
-
-        The acceleration is taken to rise linearly, in the time that the whole ramp needs.
-        """
-        a, j, r = self.acceleration_m_s2, self.jerk_m_s3, self.jerk_rise_s
-        whole = self.seconds(speed_m_s)
-        rise = np.maximum(np.minimum(a / j + r, whole / 2), 1e-9)
-        peak = speed_m_s / np.maximum(whole - rise, 1e-9)
-        early, late = np.minimum(seconds, rise), np.maximum(seconds - rise, 0.0)
-        distance = peak * (early**3 / (6 * rise) + rise / 2 * late + late**2 / 2)
-        speed = peak * (early**2 / (2 * rise) + late)
-        return distance, speed, peak * early / rise
+    Examples
+    --------
+    >>> [ramp_seconds(change, 2.0, 1.0, 0.0) for change in (0.0, 1.0, 10.0)]
+    [0.0, 2.0, 7.0]
+    """
+    if change_m_s <= 0:
+        return 0.0
+    whole = acceleration_m_s2 / jerk_m_s3 + jerk_rise_s
+    if change_m_s >= acceleration_m_s2 * whole:
+        return change_m_s / acceleration_m_s2 + whole
+    return jerk_rise_s + math.sqrt(jerk_rise_s * jerk_rise_s + 4 * change_m_s / jerk_m_s3)
 
 
-def _largest(fits: Callable[[Floats], Bools], low: Floats, high: Floats) -> Floats:
-    """Return the largest values between low and high that fit, by bisection; low where none does."""
-    top = fits(high)
-    if top.all():
-        return np.array(high, float)
-    low, high = np.array(low, float), np.array(high, float)
-    for _ in range(HALVINGS):
-        middle = (low + high) / 2
-        inside = fits(middle)
-        low, high = np.where(inside, middle, low), np.where(inside, high, middle)
-    return np.where(top, high, low)
+@inlined
+def ramp_start(seconds, speed_m_s, acceleration_m_s2, jerk_m_s3, jerk_rise_s):  # type: ignore[no-untyped-def]
+    """Return distance, speed and acceleration at a time after the start, in the first half of the ramp.
+
+    The acceleration is taken to rise linearly, in the time that the whole ramp needs.
+    """
+    whole = ramp_seconds(speed_m_s, acceleration_m_s2, jerk_m_s3, jerk_rise_s)
+    rise = max(min(acceleration_m_s2 / jerk_m_s3 + jerk_rise_s, whole / 2), 1e-9)
+    peak = speed_m_s / max(whole - rise, 1e-9)
+    early, late = min(seconds, rise), max(seconds - rise, 0.0)
+    distance = peak * (early * early * early / (6 * rise) + rise / 2 * late + late * late / 2)
+    return distance, peak * (early * early / (2 * rise) + late), peak * early / rise
 
 
 SHORTEST_M = 1e-3  # a leg that is shorter is not flown
@@ -148,50 +126,86 @@ def _blended(legs: Floats, speeds: Floats, vehicle: Vehicle, stops: Bools) -> Fl
     length = np.linalg.norm(legs, axis=1)
     flat, up = np.hypot(legs[:, 0], legs[:, 1]), legs[:, 2]
     vertical = np.where(up > 0, vehicle.climb_m_s, vehicle.descent_m_s)
-    limit = length * _slower(speeds, flat, vertical, np.abs(up))
-    accelerations = (vehicle.acceleration_m_s2, vehicle.vertical_acceleration_m_s2)
-    level, upward = (np.full(len(legs), one) for one in accelerations)
-    acceleration = length * _slower(level, flat, upward, np.abs(up))
-    ramp = Ramp(acceleration, vehicle.jerk_m_s3, vehicle.jerk_rise_s)
-    speed = _largest(lambda v: v * ramp.seconds(v) <= length, np.full(len(legs), 1e-6), limit)
-    seconds: Floats = ramp.seconds(speed) + length / speed
-    overlap = np.where(stops[1:-1], 0.0, _overlaps(legs / length[:, None], speed, limit, ramp, vehicle))
-    seconds[:-1] -= overlap / 2
-    seconds[1:] -= overlap / 2
+    with np.errstate(divide="ignore"):  # limits along a slope: by its horizontal part, or by its vertical one
+        limit = length * np.minimum(speeds / flat, vertical / np.abs(up))
+        acceleration = length * np.minimum(
+            vehicle.acceleration_m_s2 / flat, vehicle.vertical_acceleration_m_s2 / np.abs(up)
+        )
+    limits = np.array(
+        [vehicle.jerk_m_s3, vehicle.jerk_rise_s, vehicle.radius_m, vehicle.corner_acceleration_m_s2]
+    )
+    speed, seconds = np.zeros(len(legs)), np.zeros(len(legs))
+    stop = np.array(stops, np.bool_)
+    _blend(legs / length[:, None], length, limit, acceleration, stop, limits, speed, seconds)
     return seconds
 
 
-def _slower(along: Floats, flat: Floats, vertical: Floats, height: Floats) -> Floats:
-    """Return a limit along a slope, in slope lengths: by its horizontal part, or by its vertical part."""
-    with np.errstate(divide="ignore"):
-        slower: Floats = np.minimum(along / flat, vertical / height)
-    return slower
+@inlined
+def _fits(before, after, half_s, speeds, accelerations, slowest, limits):  # type: ignore[no-untyped-def]
+    """Return whether two legs may overlap by twice a time: speed, acceleration and place are within limits.
+
+    `before` and `after` are their directions; speeds and accelerations are pairs.
+    """
+    before_m, in_m_s, braking = ramp_start(half_s, speeds[0], accelerations[0], limits[0], limits[1])
+    after_m, out_m_s, rising = ramp_start(half_s, speeds[1], accelerations[1], limits[0], limits[1])
+    off2 = speed2 = turn2 = 0.0
+    for axis in range(3):
+        offset = after_m * after[axis] - before_m * before[axis]
+        velocity = out_m_s * after[axis] + in_m_s * before[axis]
+        turning = rising * after[axis] - braking * before[axis]
+        off2 += offset * offset
+        speed2 += velocity * velocity
+        turn2 += turning * turning * (axis < 2)
+    return (
+        math.sqrt(off2) <= limits[2]
+        and math.sqrt(speed2) <= slowest * (1 + 1e-6)
+        and math.sqrt(turn2) <= limits[3]
+    )
 
 
-def _overlaps(directions: Floats, speed: Floats, limit: Floats, ramp: Ramp, vehicle: Vehicle) -> Floats:
-    """Return the time by which each leg overlaps with the next."""
-    if len(speed) < 2:
-        return np.zeros(0)
-    before, after = directions[:-1], directions[1:]
-    accelerations = np.asarray(ramp.acceleration_m_s2)
-    first = replace(ramp, acceleration_m_s2=accelerations[:-1])
-    second = replace(ramp, acceleration_m_s2=accelerations[1:])
-    slowest = np.minimum(limit[:-1], limit[1:])
+@kernel("void(f8[:,::1], f8[::1], f8[::1], f8[::1], b1[::1], f8[::1], f8[::1], f8[::1])")
+def _blend(unit, length, limit, acceleration, stops, limits, speed, seconds):  # type: ignore[no-untyped-def]
+    """Fill the speed that each leg reaches, and its time; limits are jerk, its rise, radius and acceleration.
 
-    def fits(overlap: Floats) -> Bools:
-        half = overlap / 2
-        before_m, speed_in, braking = first.start(half, speed[:-1])
-        after_m, speed_out, accelerating = second.start(half, speed[1:])
-        offset = after_m[:, None] * after - before_m[:, None] * before
-        velocity = speed_out[:, None] * after + speed_in[:, None] * before
-        turning = (accelerating[:, None] * after - braking[:, None] * before)[:, :2]
-        inside: Bools = np.linalg.norm(offset, axis=1) <= vehicle.radius_m
-        inside &= np.linalg.norm(velocity, axis=1) <= slowest * (1 + 1e-6)
-        inside &= np.linalg.norm(turning, axis=1) <= vehicle.corner_acceleration_m_s2
-        return inside
-
-    longest = np.minimum(first.seconds(speed[:-1]), second.seconds(speed[1:]))
-    return _largest(fits, np.zeros(len(longest)), longest)
+    Roots are found by bisection.
+    """
+    jerk, rise = limits[0], limits[1]
+    for k in range(len(length)):
+        low, high = 1e-6, limit[k]
+        if high * ramp_seconds(high, acceleration[k], jerk, rise) <= length[k]:
+            low = high
+        else:
+            for _ in range(HALVINGS):
+                middle = (low + high) / 2
+                if middle * ramp_seconds(middle, acceleration[k], jerk, rise) <= length[k]:
+                    low = middle
+                else:
+                    high = middle
+        speed[k] = low
+        seconds[k] = ramp_seconds(low, acceleration[k], jerk, rise) + length[k] / low
+    for k in range(len(length) - 1):
+        if stops[k + 1]:
+            continue
+        speeds, accelerations = (speed[k], speed[k + 1]), (acceleration[k], acceleration[k + 1])
+        slowest = min(limit[k], limit[k + 1])
+        low, high = (
+            0.0,
+            min(
+                ramp_seconds(speeds[0], accelerations[0], jerk, rise),
+                ramp_seconds(speeds[1], accelerations[1], jerk, rise),
+            ),
+        )
+        if _fits(unit[k], unit[k + 1], high / 2, speeds, accelerations, slowest, limits):
+            low = high
+        else:
+            for _ in range(HALVINGS):
+                middle = (low + high) / 2
+                if _fits(unit[k], unit[k + 1], middle / 2, speeds, accelerations, slowest, limits):
+                    low = middle
+                else:
+                    high = middle
+        seconds[k] -= low / 2
+        seconds[k + 1] -= low / 2
 
 
 def braked_seconds(xyz_m: Floats, speeds: Floats, vehicle: Vehicle, stops: Bools, hold_s: Floats) -> Floats:

@@ -82,7 +82,8 @@ def short_route(
 ) -> RegionRoute:
     """Return a short route from home over one track of each region, in either direction, and home again.
 
-    It is short in time: that of a track is `seconds`, transits have the speed. A MissionError says that there are too many regions, or that one cannot be reached.
+    It is short in time: that of a track is `seconds`, transits have the speed. A MissionError says that there
+    are too many regions, or that one cannot be reached.
     """
     tracks = _ordered(candidates, home, space, speed_m_s, seconds)
     runs = [track.line_runs() for track in tracks]

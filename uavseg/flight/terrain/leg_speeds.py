@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from uavseg.arrays import Floats
-from uavseg.flight.mission.duration import Ramp
+from uavseg.flight.mission.duration import ramp_seconds
 from uavseg.flight.mission.track import Track, leg_lengths
 from uavseg.flight.mission.vehicle import default_vehicle
 from uavseg.flight.params.plan import PlanParams
@@ -121,12 +121,12 @@ def _fewest_changes(limit: Floats, length: Floats) -> Floats:
 def _slow_down(track: Track, speed: Floats, length: Floats, params: PlanParams) -> list[tuple[int, float]]:
     """Lower the speed before slower legs; return the legs that are slow at their end only, and from where."""
     vehicle = params.vehicle or default_vehicle(params.autopilot)
-    ramp = Ramp(vehicle.acceleration_m_s2, vehicle.jerk_m_s3, vehicle.jerk_rise_s)
+    ramp = vehicle.acceleration_m_s2, vehicle.jerk_m_s3, vehicle.jerk_rise_s
     is_photographed = np.isfinite(_limits_m_s(track, params))
     splits = []
     for slow in (np.flatnonzero(np.diff(speed) < 0) + 1).tolist():
         fast, low = float(speed[slow - 1]), float(speed[slow])
-        left = float(ramp.seconds(np.array([fast - low]))[0]) * (fast + low) / 2 + vehicle.radius_m
+        left = ramp_seconds(fast - low, *ramp) * (fast + low) / 2 + vehicle.radius_m
         leg = slow - 1
         while leg >= 0 and left > 0 and speed[leg] == fast and not is_photographed[leg]:
             if length[leg] - left >= SHORT_M:
