@@ -1,16 +1,16 @@
 """Survey angles: `auto` against each of 180 fixed angles, by the time of the planned mission.
 
-Lengths over the region are compared with simple grids, and with the shortest order of their lines: parallel
-lines a spacing apart, clipped to the region, at the best of 180 angles. A simple grid is flown to and fro,
-row by row, with shortest legs within the region; the shortest order and direction of the same lines is that
-of OR-tools, where it is installed.
+Flights are compared with simple grids: parallel lines a spacing apart, at the best of 180 angles, flown to
+and fro, row by row, with shortest legs within the region. Lines that are clipped to the region are shorter than
+its strips where edges are slanted, and leave ground uncovered there: lengths are compared with those, and
+with the shortest order of the same lines (OR-tools, where it is installed). Times, from home and back, are
+compared with grids whose lines cover their strips.
 """
 
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -21,9 +21,12 @@ from benchmarks.flight.fields import Field, degrees
 from benchmarks.flight.measured import in_metres
 from benchmarks.flight.plans import planned
 from benchmarks.table import rows, with_provenance
-from uavseg.flight.cover.lines import flight_space
+from uavseg.flight.avoid.free_space import FreeSpace
+from uavseg.flight.cover.lines import flight_space, path_length
+from uavseg.flight.mission.duration import leg_seconds
 from uavseg.flight.mission.items import WAYPOINT
 from uavseg.flight.mission.mission import Mission
+from uavseg.flight.mission.vehicle import ARDUCOPTER
 
 Floats = NDArray[np.float64]
 CAMERA, HEIGHT_M, SPEED_M_S, SPACING_M = "DJI Mavic 3 Enterprise", 50.0, 8.0, 20.0
@@ -91,7 +94,7 @@ def planned_survey(region: Any, angle: float | str, camera: str | None) -> Seque
 
 @dataclass(frozen=True, slots=True)
 class SimpleGrid:
-    """Parallel lines clipped to a region, row by row, and shortest legs between any two of their ends."""
+    """Parallel lines over a region, row by row, and shortest legs between any two of their ends."""
 
     lines: Floats  # (n, 2, 2), in metres
     rows: NDArray[np.int64]  # (n,), number of the row of each line
@@ -102,14 +105,17 @@ class SimpleGrid:
         """Return the length of the lines."""
         return float(np.hypot(*(self.lines[:, 1] - self.lines[:, 0]).T).sum())
 
-    @property
-    def boustrophedon_m(self) -> float:
-        """Return the length of lines and legs, flown row by row to and fro."""
+    def boustrophedon(self, space: FreeSpace) -> Floats:
+        """Return the path (n, 2) over the lines, row by row to and fro."""
         order: list[tuple[int, int]] = []
         for number, row in enumerate(np.unique(self.rows).tolist()):
             ends = [(2 * k, 2 * k + 1) for k in np.flatnonzero(self.rows == row).tolist()]
             order += ends if number % 2 == 0 else [(b, a) for a, b in ends[::-1]]
-        return self.lines_m + sum(float(self.lengths[one[1], other[0]]) for one, other in pairwise(order))
+        flown = self.lines.reshape(-1, 2)[np.array(order)]
+        legs = space.each_path(flown[:-1, 1], flown[1:, 0])
+        return np.concatenate(
+            [*(part for pair in zip(flown[:-1], legs, strict=True) for part in pair), flown[-1]]
+        )
 
     @property
     def least_m(self) -> float:
@@ -123,24 +129,35 @@ class SimpleGrid:
         return self.lines_m + float(nearest[:-2].sum()) / 2
 
 
-def simple_grid(region: Any, angle_deg: float, spacing_m: float) -> SimpleGrid:
-    """Return the lines of one angle, evenly spaced over the region and at most a spacing apart."""
+def simple_grid(
+    region: Any, angle_deg: float, spacing_m: float, space: FreeSpace, covers: bool = False
+) -> SimpleGrid:
+    """Return the lines of one angle, evenly spaced over the region and at most a spacing apart.
+
+    They are clipped to the region, or, with `covers`, as long as the region in their strips.
+    """
     azimuth = math.radians(angle_deg)
     turn = np.array([[math.sin(azimuth), math.cos(azimuth)], [math.cos(azimuth), -math.sin(azimuth)]])
     turned = shapely.transform(region, lambda xy: xy @ turn)
     west, south, east, north = shapely.bounds(turned)
     count = max(math.ceil((north - south) / spacing_m - 1e-3), 1)
-    lines, row = [], []
+    height = (north - south) / count
+    lines: list[Floats] = []
+    row: list[int] = []
     for k in range(count):
-        y = south + (k + 0.5) * (north - south) / count
-        met = shapely.intersection(turned, shapely.LineString([(west - 1, y), (east + 1, y)]))
-        parts = [shapely.get_coordinates(part) for part in shapely.get_parts(met) if shapely.length(part) > 0]
-        for part in sorted(parts, key=lambda xy: xy[0, 0]):
-            lines.append(part[[0, -1]] @ turn.T)
-            row.append(k)
-    _, space = flight_space(region, spacing_m)
-    ends = np.concatenate(lines)
-    return SimpleGrid(np.stack(lines), np.array(row), space.paths(ends).lengths)
+        y = south + (k + 0.5) * height
+        strip = shapely.box(west - 1, y - height / 2, east + 1, y + height / 2)
+        met = strip if covers else shapely.LineString([(west - 1, y), (east + 1, y)])
+        parts = shapely.get_parts(shapely.intersection(turned, met))
+        reach = shapely.bounds(parts[shapely.length(parts) > 1e-6])[:, [0, 2]]
+        for begin, end in reach[np.argsort(reach[:, 0])].tolist():
+            if covers and row and row[-1] == k and begin <= lines[-1][1, 0]:
+                lines[-1][1, 0] = max(end, lines[-1][1, 0])
+            else:
+                lines.append(np.array([[begin, y], [end, y]]))
+                row.append(k)
+    placed = np.stack(lines) @ turn.T
+    return SimpleGrid(placed, np.array(row), space.paths(placed.reshape(-1, 2)).lengths)
 
 
 def exact_m(grid: SimpleGrid, best_m: float = math.inf) -> float:
@@ -204,7 +221,10 @@ class AngleRow:
     length_m : float
         Over the region, between the first and the last waypoint.
     area_m, grid_m, exact_m : float
-        Area over spacing; the best simple grid; its lines in the best order, NaN where that is not computed.
+        Area over spacing; the best grid of clipped lines; its lines in the best order, NaN where that is not
+        computed.
+    covering : float
+        Time of the flight over that of the best grid whose lines cover their strips.
     """
 
     name: str
@@ -215,6 +235,7 @@ class AngleRow:
     length_m: float
     area_m: float
     grid_m: float
+    covering: float
     exact_m: float
 
 
@@ -229,27 +250,47 @@ def angle_rows(
         fixed = {
             camera: min(duration_s(region, angle, camera) for angle in angles) for camera in (CAMERA, None)
         }
-        grids = [simple_grid(region, float(angle), SPACING_M) for angle in range(180)]
+        _, space = flight_space(region, SPACING_M)
+        grids, covering = (
+            [simple_grid(region, float(angle), SPACING_M, space, covers) for angle in range(180)]
+            for covers in (False, True)
+        )
+        own = waypoints(region)
         row = AngleRow(
             name=name,
             auto_s=duration_s(region),
             fixed_s=fixed[CAMERA],
             spacing_auto_s=duration_s(region, camera=None),
             spacing_fixed_s=fixed[None],
-            length_m=length_over_m(region),
+            length_m=path_length(own),
             area_m=region.area / SPACING_M,
-            grid_m=min(grid.boustrophedon_m for grid in grids),
+            grid_m=min(path_length(grid.boustrophedon(space)) for grid in grids),
+            covering=flown_s(own) / min(flown_s(grid.boustrophedon(space)) for grid in covering),
             exact_m=shortest_m(grids) if exact else math.nan,
         )
         report(f"angles: {row}")
         yield row
 
 
-def length_over_m(region: Any) -> float:
-    """Return the length of the planned flight between its first and last waypoint."""
+def waypoints(region: Any) -> Floats:
+    """Return the waypoints of the planned flight (n, 2), in metres."""
     mission = planned_survey(region, "auto", None)[0]
     places = [(item.lon, item.lat) for item in mission.items if item.command == WAYPOINT]
-    return float(shapely.length(in_metres([shapely.LineString(places)], Field("", ()))))
+    xy: Floats = shapely.get_coordinates(in_metres([shapely.LineString(places)], Field("", ())))
+    return xy
+
+
+def flown_s(over: Floats) -> float:
+    """Return the time of a level path (n, 2) from home and, after a stop, back; of its faster direction."""
+    speeds = np.full(len(over) + 1, SPEED_M_S)
+    speeds[-1] = ARDUCOPTER.return_speed_m_s
+    stops = np.arange(len(over) + 2) == len(over)
+    each = []
+    for path in (over, over[::-1]):
+        xyz = np.zeros((len(over) + 2, 3))
+        xyz[1:-1, :2] = path
+        each.append(float(leg_seconds(xyz, speeds, ARDUCOPTER, stops).sum()))
+    return min(each)
 
 
 def shortest_m(grids: Sequence[SimpleGrid]) -> float:
@@ -276,7 +317,7 @@ def angles_table(found: Sequence[AngleRow]) -> str:
         "best fixed, s (spacing)",
         "length, m",
     ]
-    heads += ["over area / spacing", "over the best grid", "over the best order"]
+    heads += ["over area / spacing", "over clipped lines", "in the best order", "time over covering lines"]
     cells = [
         [
             one.name,
@@ -285,6 +326,7 @@ def angles_table(found: Sequence[AngleRow]) -> str:
             f"{one.length_m / one.area_m:.3f}",
             f"{one.length_m / one.grid_m:.3f}",
             "" if math.isnan(one.exact_m) else f"{one.length_m / one.exact_m:.3f}",
+            f"{one.covering:.3f}",
         ]
         for one in found
     ]
