@@ -1,10 +1,10 @@
 """Survey angles: `auto` against each of 180 fixed angles, by the time of the planned mission.
 
 Flights are compared with simple grids: parallel lines a spacing apart, at the best of 180 angles, flown to
-and fro, row by row, with shortest legs within the region. Lines that are clipped to the region are shorter than
-its strips where edges are slanted, and leave ground uncovered there: lengths are compared with those, and
-with the shortest order of the same lines (OR-tools, where it is installed). Times, from home and back, are
-compared with grids whose lines cover their strips.
+and fro, row by row, with shortest legs within the region. Lines that are clipped to the region are shorter
+than its strips where edges are slanted, and leave ground uncovered there: lengths are compared with those,
+and with the shortest order of the same lines (OR-tools, where it is installed). Times, from home and back,
+are compared with grids whose lines cover their strips.
 """
 
 import math
