@@ -17,8 +17,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from benchmarks.flight.fields import Field, degrees
-from benchmarks.flight.measured import in_metres
+from benchmarks.flight.fields import Field, degrees, metres
 from benchmarks.flight.plans import planned
 from benchmarks.table import rows, with_provenance
 from uavseg.flight.avoid.free_space import FreeSpace
@@ -276,7 +275,7 @@ def waypoints(region: Any) -> Floats:
     """Return the waypoints of the planned flight (n, 2), in metres."""
     mission = planned_survey(region, "auto", None)[0]
     places = [(item.lon, item.lat) for item in mission.items if item.command == WAYPOINT]
-    xy: Floats = shapely.get_coordinates(in_metres([shapely.LineString(places)], Field("", ())))
+    xy: Floats = shapely.get_coordinates(metres(shapely.LineString(places)))
     return xy
 
 

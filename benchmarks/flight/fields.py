@@ -43,6 +43,11 @@ def degrees(polygon: Any) -> Any:
     return shapely.transform(polygon, lambda xy: np.column_stack(_FLAT(*xy.T, inverse=True)))
 
 
+def metres(geometry: Any) -> Any:
+    """A geometry in degrees, in metres east and north of home."""
+    return shapely.transform(geometry, lambda lonlat: np.column_stack(_FLAT(*lonlat.T)))
+
+
 def drawn() -> list[Field]:
     """Shapes that are hard to cover: concave ones, holes, and several regions."""
     comb = shapely.union_all(
