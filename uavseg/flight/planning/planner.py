@@ -175,12 +175,8 @@ def plan_missions(
     tracks = _reachable(candidates, place, keep_out)
     winds = (params.wind or CALM).directions()
     limits = [flight_limits(LegCosts(plane, params, wind), params) for wind in winds]
-
-    def seconds(track: Track) -> float:
-        return max(float(one.costs(track)[0].sum()) for one in limits)
-
     chosen = [[[track]] for track in tracks[0]] if len(tracks) == 1 else [tracks]
-    routes = [short_route(some, place, keep_out.space, params.speed_m_s, seconds) for some in chosen]
+    routes = [short_route(some, place, keep_out.space, limits, params.speed_m_s) for some in chosen]
     route = fastest(routes, limits)
     notes = [*home_notes(home), *at_home, *height_notes, *zone_notes, *candidates.notes]
     if len(params.passes) > 1 and tracks != candidates.tracks:

@@ -77,15 +77,15 @@ def short_route(
     candidates: Sequence[Sequence[Track]],
     home: Floats,
     space: FreeSpace,
+    limits: "Sequence[FlightLimits]" = (),
     speed_m_s: float = 1.0,
-    seconds: Callable[[Track], float] = lambda track: track.length_m,
 ) -> RegionRoute:
     """Return a short route from home over one track of each region, in either direction, and home again.
 
-    It is short in time: that of a track is `seconds`, transits have the speed. A MissionError says that there
-    are too many regions, or that one cannot be reached.
+    With limits for each direction that the wind may have it is short in time, where transits have the speed.
+    A MissionError says that there are too many regions, or that one cannot be reached.
     """
-    tracks = _ordered(candidates, home, space, speed_m_s, seconds)
+    tracks = _ordered(candidates, home, space, limits, speed_m_s)
     runs = [track.line_runs() for track in tracks]
     starts = np.array([track.xy[parts[0][0]] for track, parts in zip(tracks, runs, strict=True)])
     ends = np.array([track.xy[parts[-1][1]] for track, parts in zip(tracks, runs, strict=True)])
@@ -139,8 +139,8 @@ def _ordered(
     candidates: Sequence[Sequence[Track]],
     home: Floats,
     space: FreeSpace,
+    limits: "Sequence[FlightLimits]",
     speed_m_s: float,
-    seconds: Callable[[Track], float],
 ) -> list[Track]:
     """Choose one track for each region, in an order that makes a short tour from home and back."""
     check_order(len(candidates))
@@ -153,9 +153,14 @@ def _ordered(
         forward = pairs[first : first + len(tracks)]
         first += len(tracks)
         options.append(np.concatenate([forward, forward[:, ::-1]]))
-        costs.append(np.array([seconds(track) for track in tracks] * 2))
+        flown = [[float(one.costs(track)[0].sum()) for one in limits] or [track.length_m] for track in tracks]
+        costs.append(np.max(flown * 2, axis=1))
     start = int(index.ravel()[0])
-    apart_s = space.paths(points).lengths / speed_m_s
+    lengths = space.paths(points).lengths
+    apart_s = lengths / speed_m_s
+    if limits:
+        ways = [np.mean(one.ways(home, points, lengths[start]), axis=0) for one in limits]
+        apart_s[start] = apart_s[:, start] = np.max(ways, axis=0)
     tour = short_tour(Stops.of(options, costs), apart_s, start, start)
     chosen = [(candidates[region], option) for region, option in tour]
     return [
