@@ -1,5 +1,6 @@
 """Simulated flights of planned missions: time, photographs, ground covered, distance to keep-out zones."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,7 +15,9 @@ from benchmarks.flight.arducopter import Rise
 from benchmarks.flight.fields import Field
 from benchmarks.flight.log import Log
 from benchmarks.flight.route import route
+from uavseg.flight.mission.estimate import estimate
 from uavseg.flight.mission.mission import Mission
+from uavseg.flight.mission.vehicle import Wind
 
 Floats = NDArray[np.float64]
 
@@ -59,17 +62,20 @@ def simulate(
     wind: tuple[float, float, float] = (0.0, 0.0, 0.0),
     rise: Rise | None = None,
 ) -> Flown:
-    """Fly the missions over a field one after another, and compare them with their estimates."""
+    """Fly the missions over a field one after another, and compare them with their estimates in the wind."""
     logs = [fly(mission, wind, rise) for mission in missions]
+    east, north, _ = wind
+    blows = Wind(math.hypot(east, north), math.degrees(math.atan2(-east, -north)) % 360)
+    estimates = [estimate(mission, wind=blows) for mission in missions]
     photos = missions[0].photos
     taken = Log(photographs=[photograph for log in logs for photograph in log.photographs])
     zones = in_metres(field.zones, field)
     region = shapely.difference(in_metres(field.polygons, field), shapely.buffer(zones, MARGIN_M))
     above = np.concatenate([heights_m(log, rise) for log in logs])
     return Flown(
-        sum(mission.estimate.duration_s for mission in missions),
+        sum(one.duration_s for one in estimates),
         sum(log.seconds for log in logs),
-        sum(mission.estimate.photographs for mission in missions),
+        sum(one.photographs for one in estimates),
         len(taken.photographs),
         covered(taken, region, photos, rise) if photos else float("nan"),
         min(least_distance_m(log, zones) for log in logs) if field.zones else float("inf"),

@@ -21,7 +21,7 @@ from benchmarks.flight.orders_section import orders_table
 from benchmarks.flight.patterns_section import patterns_table
 from benchmarks.flight.plans import Plan, planned
 from benchmarks.flight.route import Look, Shutter, Stop, route
-from benchmarks.flight.section import Row, flights_table
+from benchmarks.flight.section import WINDS, Row, flights_table
 from uavseg.flight.camera.camera import Camera, Photos
 from uavseg.flight.mission.duration import leg_seconds
 from uavseg.flight.mission.vehicle import PX4
@@ -248,8 +248,11 @@ def test_the_tables_name_what_is_worst() -> None:
     [mission] = missions = planned(field, pattern="visit", camera=None, height_m=50.0, speed=5.0)
     flown = simulate(missions, field)
     flights = {(autopilot, speed): flown for autopilot in ("ardupilot", "px4") for speed in (5.0, 10.0)}
-    text = flights_table([Row("rectangle", "visit", len(mission.items), flights, flights)])
+    windy = {key: [simulate(missions, field, wind) for wind in WINDS] for key in flights}
+    text = flights_table([Row("rectangle", "visit", len(mission.items), flights, windy)])
     assert f"off by {abs(flown.error):.1%}" in text and "| rectangle |" in text
+    for one, wind in zip(windy["px4", 5.0], WINDS, strict=True):
+        assert abs(one.error) < 0.07 and f"{abs(one.error):.1%} at {math.hypot(*wind):.1f} m/s" in text
     plan = Plan("9 regions", "visit", 1, 12, 9, 1234.0, 0.4, 0.5, float("nan"), 7.25)
     text = orders_table([Tour("9 places", "a", 100.0, 0.1), Tour("9 places", "b", 103.0, 0.2)], [plan])
     assert "+3.00%" in text and " 7.2 |" in text
