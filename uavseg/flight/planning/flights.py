@@ -139,7 +139,7 @@ def _vehicle_notes(tracks: Sequence[Track], params: PlanParams) -> list[str]:
     )
     of_each = f"{each} flight{'s' * (each > 1)} each, in turn"
     return [
-        f"{vehicles} vehicles fly at once, {of_each}: at {params.altitude_m:g} m, and each "
+        f"{vehicles} vehicles fly at once, {of_each}: at {params.altitude_m:.1f} m, and each "
         f"{SEPARATION_M:g} m above the one before; over ground they come as near as {near_m:.0f} m to each "
         "other, on the ways from and to home nearer",
         "start them one after another, from places some metres apart, and set the height at which each "
