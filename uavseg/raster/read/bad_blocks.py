@@ -10,6 +10,7 @@ from contextlib import closing, contextmanager
 from contextvars import ContextVar
 from dataclasses import replace
 from functools import partial
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -53,19 +54,12 @@ def bad_block_warnings(found: Iterable[BadBlock]) -> tuple[str, ...]:
 def _joined(blocks: Iterable[BadBlock], axes: tuple[str, str]) -> list[BadBlock]:
     """Join rectangles that agree along the first axis and follow one another along the second."""
     along, across = axes
-    size, length = f"{along}s", f"{across}s"
-    result: list[BadBlock] = []
-    for block in sorted(
-        blocks, key=lambda b: (b.path, getattr(b, along), getattr(b, size), getattr(b, across))
-    ):
-        last = result[-1] if result else None
-        if (
-            last is not None
-            and (last.path, getattr(last, along), getattr(last, size))
-            == (block.path, getattr(block, along), getattr(block, size))
-            and getattr(last, across) + getattr(last, length) == getattr(block, across)
-        ):
-            result[-1] = replace(last, **{length: getattr(last, length) + getattr(block, length)})
+    length, result = attrgetter(f"{across}s"), list[BadBlock]()
+    place = attrgetter("path", along, f"{along}s", across)
+    for block in sorted(blocks, key=place):
+        *line, start = place(result[-1] if result else block)
+        if result and place(block) == (*line, start + length(result[-1])):
+            result[-1] = replace(result[-1], **{f"{across}s": length(result[-1]) + length(block)})
         else:
             result.append(block)
     return result

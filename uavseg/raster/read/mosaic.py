@@ -26,6 +26,8 @@ GRID_TOLERANCE = 1e-3  # pixels: largest offset of a corner from the common grid
 
 Boxes = NDArray[np.int64]
 RasterSource = RasterFile | ArraySource
+Part = tuple[RasterSource, Window, tuple[slice, slice]]
+"""A file, a window of it, and the index of that in an array."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,21 +38,18 @@ class Mosaic:
     boxes: Boxes  # (files, 4): first row, first column, end row and end column, in pixels of `geobox`
     geobox: GeoBox  # the smallest grid that contains all of them
 
-    def parts(self, window: Window) -> Iterator[tuple[RasterSource, Window, tuple[slice, slice]]]:
+    def parts(self, window: Window) -> Iterator[Part]:
         """Yield the files that intersect `window`, the part of each, and its index in an array of that."""
         top, left, bottom, right = self.boxes.T
         end_row, end_col = window.row + window.rows, window.col + window.cols
         touched = (top < end_row) & (bottom > window.row) & (left < end_col) & (right > window.col)
         for index in np.flatnonzero(touched):
-            file_row, file_col = int(top[index]), int(left[index])
-            row, col = max(window.row, file_row), max(window.col, file_col)
-            rows, cols = min(end_row, int(bottom[index])) - row, min(end_col, int(right[index])) - col
-            place = Window(row - window.row, col - window.col, rows, cols).slices
-            yield self.files[index], Window(row - file_row, col - file_col, rows, cols), place
+            file = self.files[index]
+            whole = Window(int(top[index]), int(left[index]), *file.shape)
+            part = window.common(whole)
+            yield file, part.relative_to(whole), part.relative_to(window).slices
 
-    def coarse_parts(
-        self, shape: tuple[int, int]
-    ) -> Iterator[tuple[RasterSource, Window, tuple[slice, slice]]]:
+    def coarse_parts(self, shape: tuple[int, int]) -> Iterator[Part]:
         """Yield every file whole, with its index in an array of the mosaic downsampled to `shape`.
 
         A file smaller than a pixel of that array may be left out.
@@ -203,9 +202,6 @@ def _crs_name(file: RasterSource) -> str:
 
 def _pixel(transform: Affine) -> str:
     return f"{np.hypot(transform.a, transform.d):.9g} x {np.hypot(transform.b, transform.e):.9g}"
-
-
-Part = tuple[RasterSource, Window, tuple[slice, slice]]
 
 
 @dataclass(frozen=True, slots=True)
