@@ -36,6 +36,7 @@ from uavseg.raster.access.opening import (
     unread_tags_are_errors,
 )
 from uavseg.raster.grid.tiling import Window
+from uavseg.raster.tiff.directories import is_by_pixel
 from uavseg.raster.tiff.index import stored_blocks
 
 MAX_BANDS = 4096  # satellite images with most bands have a few hundred
@@ -130,9 +131,12 @@ def check_limits(path: str, source: DatasetReader) -> None:
     size = rows * cols * np.dtype(source.dtypes[0]).itemsize
     if size * source.count <= FREE_BYTES:
         return
-    if source.tags(ns="IMAGE_STRUCTURE").get("INTERLEAVE") == "PIXEL":
+    if is_by_pixel(source):
         size *= source.count
-    if size > max(FREE_BYTES, _capacity(path, source)) and _stores_a_block(path, source):
+    if size <= max(FREE_BYTES, _capacity(path, source)):
+        return
+    stored = stored_blocks(path, source) if source.driver == "GTiff" else None
+    if stored is None or stored.any():  # a sparse file may store no block at all
         raise RasterError(
             f"{path} has blocks of {cols:,} x {rows:,} pixels in {source.count:,} bands, {size / 1e9:.1f} GB "
             "each, which the file is too small to hold; its header is damaged"
@@ -148,14 +152,6 @@ def check_readable_whole(path: str, source: DatasetReader) -> None:
         )
     if rows * cols * source.count > max(FREE_BYTES, _capacity(path, source)):
         raise RasterError(f"{path} claims {cols:,} x {rows:,} pixels, which the file is too small to hold")
-
-
-def _stores_a_block(path: str, source: DatasetReader) -> bool:
-    """Return whether a sparse file stores a block at all; true where that is not known."""
-    if source.driver != "GTiff":
-        return True
-    stored = stored_blocks(path, source)
-    return stored is None or bool(stored.any())
 
 
 def _capacity(path: str, source: DatasetReader) -> int:
@@ -219,8 +215,11 @@ class NamedFiles:
                 nested = True
                 reads += self._check_vrt(target, depth + 1)
             else:
-                self._check_source(target)
                 reads += 1
+                if str(target) not in self.rasters:
+                    self._check_beside(target)
+                    self._check_content(target, f"{self.owner} names {target}, which")
+                    self.rasters[str(target)] = None
             limit = MAX_NESTED_READS if nested else MAX_READS
             if reads > limit:
                 raise RasterError(
@@ -229,12 +228,6 @@ class NamedFiles:
                 )
         self._reads[path] = reads
         return reads
-
-    def _check_source(self, path: Path) -> None:
-        if str(path) not in self.rasters:
-            self._check_beside(path)
-            self._check_content(path, f"{self.owner} names {path}, which")
-            self.rasters[str(path)] = None
 
     def _check_content(self, path: Path, subject: str) -> None:
         """Refuse a description of other files under a name that promises an image."""
@@ -300,9 +293,7 @@ def open_checked(path: str) -> Iterator[DatasetReader]:
         found.check()
         for source_path in (path, *found.rasters):
             if drivers_of(source_path) in _DATABASES and Path(source_path).is_file():
-                from uavseg.raster.access.untrusted import check_database
-
-                check_database(source_path, source_path, RasterReadError)
+                untrusted.check_database(source_path, source_path, RasterReadError)
     elif page := _PAGE.match(path):
         regular_file(path[page.end() :])
     elif drivers_of(path) == ("VRT",):

@@ -46,21 +46,12 @@ from uavseg.raster.tiff.directories import file_of, mask_page, once_for_each_fil
 from uavseg.raster.tiff.index import SparseBlocks, are_cut_off
 
 
-def check_mask_blocks(path: str, source: DatasetReader, bands: Sequence[int], window: Window) -> None:
-    """Check the blocks of the mask of an open TIFF that intersect a window; each only once.
-
-    Nothing is checked of a source that lies in an archive or is remote; of `bands` that, where each has its
-    own mask. Errors are those of `check_blocks`.
-    """
-    found = _open_mask(path, source)
-    if found is not None:
-        name, mask = found
-        check_blocks(name, mask, bands if mask.count >= max(bands) else (1,), window)
-
-
 @once_for_each_file
 def _open_mask(path: str, source: DatasetReader) -> tuple[str, DatasetReader] | None:
-    """Return the mask as a raster, and its name; None if there is none that can be opened by itself."""
+    """Return the mask of an open TIFF as a raster, and its name; None if it cannot be opened by itself.
+
+    That is so of a mask in an archive, and of a remote one.
+    """
     if file_of(path) is None:
         return None
     page = None if path.upper().startswith("GTIFF_DIR:") else mask_page(path)
@@ -224,8 +215,10 @@ class RasterFile:
             return None
         bands = list(choice.bands[:1] if self.masks == "file" else choice.bands)
         mask: Valid = (source.read_masks(bands, **options) != 0).all(axis=0)
-        if self._is_checked(window, options):
-            check_mask_blocks(self.path, source, bands, window)
+        named = _open_mask(self.path, source) if self._is_checked(window, options) else None
+        if named is not None:
+            name, image = named
+            check_blocks(name, image, bands if image.count >= max(bands) else (1,), window)
         return mask
 
     def _is_checked(self, window: Window, options: dict[str, Any]) -> bool:
