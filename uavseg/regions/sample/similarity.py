@@ -3,7 +3,6 @@
 import math
 import threading
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -269,27 +268,23 @@ def _mean_radius(samples: Sequence[SampleMask]) -> float:
 
 def _cells_near(samples: Sequence[SampleMask], shape: tuple[int, ...], gap: float) -> NDArray[np.bool_]:
     """Return the cells within a gap of samples: (m, n) bool."""
+    from scipy.ndimage import binary_dilation
+
     taken = np.zeros(shape, bool)
-    widths = half_widths(gap)
-    reach = len(widths) // 2
+    disc = _disc_cells(half_widths(gap))
+    reach = len(disc) // 2
     for place in samples:
-        near = _dilated(place.cell_counts() > 0, widths)
+        near = binary_dilation(np.pad(place.cell_counts() > 0, reach), disc)
         first = Window(place.window.row // CELL - reach, place.window.col // CELL - reach, *near.shape)
         part = first.clipped((shape[0], shape[1]))
-        inner = replace(part, row=part.row - first.row, col=part.col - first.col)
-        taken[part.slices] |= near[inner.slices]
+        taken[part.slices] |= near[part.relative_to(first).slices]
     return taken
 
 
-def _dilated(cells: NDArray[np.bool_], widths: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Dilate cells by a disc, with a margin of its reach on all sides."""
-    reach = len(widths) // 2
-    padded = np.pad(cells, reach)
-    dilated = np.zeros_like(padded)
-    for row, width in enumerate(widths.tolist(), -reach):
-        for col in range(-width, width + 1):
-            dilated |= np.roll(padded, (row, col), (0, 1))
-    return dilated
+def _disc_cells(widths: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Return the cells that a disc touches, from its half-widths."""
+    side = int(widths.max())
+    return np.asarray(np.abs(np.arange(-side, side + 1)) <= widths[:, None])
 
 
 def _aspect(geobox: GeoBox) -> float:
@@ -359,7 +354,7 @@ def most_uncertain_cells(
     widths = half_widths(radius)
     limit = int(np.ceil(minimum * _CERTAIN * int((2 * widths + 1).sum())))
     scores, cells = np.empty(0, np.int64), np.empty((0, 2), np.int64)
-    for top, strip in _strips(sums, counts, taken, widths):
+    for top, strip in _strips(sums, counts, taken, _disc_cells(widths)):
         places = np.flatnonzero(strip >= limit)
         if len(places) > count:
             at_places = strip.ravel()[places]
@@ -373,32 +368,17 @@ def most_uncertain_cells(
 
 
 def _strips(
-    sums: NDArray[np.uint32], counts: NDArray[np.uint8], taken: NDArray[np.bool_], widths: NDArray[np.int64]
+    sums: NDArray[np.uint32], counts: NDArray[np.uint8], taken: NDArray[np.bool_], disc: NDArray[np.bool_]
 ) -> Iterator[tuple[int, NDArray[np.int64]]]:
     """Yield the first row of each strip, and the score of a disc around each of its cells."""
-    reach, side = len(widths) // 2, int(widths.max())
-    rows, cols = sums.shape
-    step = max(_STRIP // cols, 1)
+    from scipy.ndimage import correlate
+
+    reach, rows, step = len(disc) // 2, len(sums), max(_STRIP // sums.shape[1], 1)
     for top in range(0, rows, step):
-        first, end = max(top - reach, 0), min(top + step + reach, rows)
-        height = min(step, rows - top)
-        around = np.full((height + 2 * reach, cols + 2 * side), _FORBIDDEN, np.int64)
-        part = np.s_[first:end]
-        inner = around[first - top + reach : end - top + reach, side : side + cols]
-        inner[:] = _CERTAIN - np.abs(2 * sums[part].astype(np.int64) - _CERTAIN)
-        inner[(counts[part] != _FULL) | taken[part]] = _FORBIDDEN
-        yield top, _disc_sums(around, widths)
-
-
-def _disc_sums(around: NDArray[np.int64], widths: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Sum over the cells that a disc touches, around each cell that is not in the margin."""
-    reach, side = len(widths) // 2, int(widths.max())
-    rows, cols = around.shape[0] - 2 * reach, around.shape[1] - 2 * side
-    along = np.zeros((around.shape[0], around.shape[1] + 1), np.int64)
-    np.cumsum(around, axis=1, out=along[:, 1:])
-    total = np.zeros((rows, cols), np.int64)
-    for row, width in enumerate(widths.tolist()):
-        line = along[row : row + rows]
-        total += line[:, side + width + 1 : side + width + 1 + cols]
-        total -= line[:, side - width : side - width + cols]
-    return total
+        first = max(top - reach, 0)
+        part = np.s_[first : top + step + reach]
+        around = _CERTAIN - np.abs(2 * sums[part].astype(np.int64) - _CERTAIN)
+        around[(counts[part] != _FULL) | taken[part]] = _FORBIDDEN
+        # In double precision, which holds these sums exactly.
+        scores = correlate(around, disc, np.int64, mode="constant", cval=_FORBIDDEN)
+        yield top, scores[top - first :][:step]
