@@ -21,7 +21,6 @@ from uavseg.plain_text import cause_of
 from uavseg.raster.access.opening import file_exists
 from uavseg.raster.geodesy.globe import MAX_DECIMALS, WGS84, geod_wgs84, unwrap_lon
 from uavseg.regions.formats import vector_files
-from uavseg.regions.formats.parquet import import_pyarrow
 from uavseg.regions.formats.widen import MULTIPOLYGON, POLYGON, Widths, as_areas
 from uavseg.regions.shapes import batch_slices
 from uavseg.regions.table import COLUMNS, VALUE_COLUMNS, Regions
@@ -97,7 +96,7 @@ def _read_frame(source: str | os.PathLike[str] | bytes, name: str, layer: str | 
     vector_files.check_vector(source, name)
     with vector_errors(name):
         if not isinstance(source, bytes) and Path(source).suffix.lower() in {".parquet", ".geoparquet"}:
-            import_pyarrow()
+            vector_files.import_pyarrow()
             frame = geopandas.read_parquet(source)
         else:
             with vector_files.reading_vectors():
@@ -191,11 +190,7 @@ def _to_wgs84(frame: "GeoDataFrame", name: str) -> "GeoDataFrame":
 
 
 def _cut_at_antimeridian(geometries: NDArray[np.object_], name: str) -> NDArray[np.object_]:
-    """Split polygons in degrees that cross the antimeridian into a part on each side of it.
-
-    They cross it where longitudes go on past 180, and where an edge is longer than half a turn: reprojection
-    puts the two sides of a polygon at both ends of the map.
-    """
+    """Split polygons at the antimeridian where longitudes go on past 180, or jump by over half a turn."""
     west, _, east, _ = shapely.bounds(geometries).T
     is_area = np.isin(shapely.get_type_id(geometries), (POLYGON, MULTIPOLYGON))
     crossing = np.flatnonzero(is_area & ((east > 180.001) | (east - west > 180)))
