@@ -109,11 +109,7 @@ def join_partitions(
 
 
 def _assign(regions: Integers, firsts: dict[int, Integers], width: int, side: int) -> list[PartitionJob]:
-    """Assign regions to the partitions of their first pixels.
-
-    `regions` are those of all components that reach borders, `firsts` the first pixels of these by partition,
-    and `width` is that of the raster.
-    """
+    """Assign the regions of components to the partitions of their first pixels."""
     partitions = np.repeat(list(firsts), [len(first) for first in firsts.values()])
     components = np.concatenate([np.empty(0, int), *(np.arange(len(first)) for first in firsts.values())])
     pixels = np.concatenate([np.empty(0, int), *(first @ (width, 1) for first in firsts.values())])
@@ -140,10 +136,7 @@ def _outline_partition(
     folder: str,
     item: tuple[int, Window],
 ) -> tuple[Integers, Borders] | None:
-    """Outline the tiles of a partition one after the other, and keep what was joined of them in a folder.
-
-    Return the first pixels of components that reach a border with another partition, and those borders.
-    """
+    """Outline a partition into a folder; return its borders, and first pixels of what reaches them."""
     number, window = item
     around, windows = window, _tiles_of(window, tile)
     if bin_edges is None:
