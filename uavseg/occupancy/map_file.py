@@ -15,7 +15,6 @@ from uavseg.errors import MapError, OutputError, ParameterError
 from uavseg.occupancy.mapping.grid_io import LOG_ODDS
 from uavseg.occupancy.ros.ros_map import (
     UNKNOWN_GREY,
-    check_ros_map,
     image_path,
     is_ros_map,
     read_picture,
@@ -120,9 +119,7 @@ def write_map(
     if not is_ros_map(path):
         write_geotiff(path, [probabilities], geobox, ["occupancy"], tags, overwrite, creation)
         return
-    mode = mode or "trinary"
-    check_ros_map(path, geobox, overwrite, mode)
-    if mode == "trinary":
+    if mode in (None, "trinary"):
         write_ros_map(path, trinary_states(probabilities), geobox, overwrite)
     else:
         write_ros_probabilities(path, probabilities, geobox, overwrite, mode)

@@ -25,7 +25,6 @@ from uavseg.regions.outline.rings import Rasteriser, Rings
 from uavseg.segmentation.params.segment import IntensityRange
 from uavseg.segmentation.source import GreySource
 from uavseg.units import GREY_MAX
-from uavseg.warning_filters import changing_filters
 
 Cell = tuple[int, int]
 Mask = NDArray[np.bool_]
@@ -292,16 +291,16 @@ def _largest_clearance(distance: NDArray[np.float64], start: Cell, goal: Cell) -
 
 def _connected(mask: Mask) -> NDArray[Any]:
     """Label the 4-connected components, 0 where the mask is false."""
-    with changing_filters():  # which scikit-image does while it is imported
-        from skimage.measure import label
-    return np.asarray(label(mask, connectivity=1))
+    from scipy.ndimage import label
+
+    return np.asarray(label(mask)[0])
 
 
 def _border(mask: Mask) -> NDArray[np.int64]:
     """Find the cells of a mask beside others or at the edge of the map: row and column, (n, 2)."""
-    framed = np.pad(mask, 1)
-    inner = framed[:-2, 1:-1] & framed[2:, 1:-1] & framed[1:-1, :-2] & framed[1:-1, 2:]
-    return np.argwhere(mask & ~inner)
+    from scipy.ndimage import binary_erosion
+
+    return np.argwhere(mask & ~binary_erosion(mask))
 
 
 def _steps(first: int, last: int) -> range:

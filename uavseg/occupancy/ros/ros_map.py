@@ -53,18 +53,14 @@ class CellRules:
             raise MapError(f"thresholds are finite and at most {_MAX_THRESHOLD:g}, not {given}")
         if self.mode != "raw" and max(self.occupied, self.free) > 1:
             given = f"occupied_thresh {self.occupied:g} and free_thresh {self.free:g}"
-            raise MapError(f"thresholds are fractions of at most 1, not {given}{self._as_per_cent()}")
+            if 0 <= self.free <= 100 and self.occupied <= 100:
+                given += f"; as per cent they are {self.occupied / 100:g} and {self.free / 100:g}"
+            raise MapError(f"thresholds are fractions of at most 1, not {given}")
         if self.free >= self.occupied:
             raise MapError(
                 f"free_thresh ({self.free:g}) lies below occupied_thresh ({self.occupied:g}), "
                 "so that no cell is free and occupied at once"
             )
-
-    def _as_per_cent(self) -> str:
-        """Suggest thresholds as fractions, where they may be per cent."""
-        if not (0 <= self.free <= 100 and self.occupied <= 100):
-            return ""
-        return f"; as per cent they are {self.occupied / 100:g} and {self.free / 100:g}"
 
     def cells(self, grey: NDArray[np.uint8], alpha: NDArray[np.uint8] | None = None) -> RosCells:
         """Convert 8-bit grey to cells; pixels that are not opaque are unknown, except in the mode raw."""
