@@ -175,10 +175,7 @@ def _sum_over_rings(
 
 @kernel("void(i4[:,::1], i8[::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[::1])")
 def _measure_edges(vertices, starts, rows, cols, rows_down, cols_down, measures):  # type: ignore[no-untyped-def]
-    """Measure each edge of rings, which runs along a row or a column, with a sign by its direction.
-
-    That is its length, or the area between a vertical edge and the first column.
-    """
+    """Measure edges of rings along rows and columns, signed: length, or area up to the first column."""
     for ring in range(len(starts) - 1):
         first, end = starts[ring], starts[ring + 1]
         for i in range(first, end):

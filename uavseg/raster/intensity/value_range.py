@@ -172,10 +172,7 @@ def next_float32(low: float, high: float) -> tuple[float, float]:
 
 
 def _stored_bound(end: float, is_low: bool, scale: BandScale, dataset: Dataset) -> float:
-    """Return the outermost stored number whose value lies within the end of a range.
-
-    Many 64-bit numbers have one value once a scale and an offset are applied; it is found by bisection.
-    """
+    """Return the outermost stored number whose value lies within the end of a range, by bisection."""
     stored = nearest_of_type(scale.stored(end), dataset)
     if not is_wide(dataset) or (scale.scale, scale.offset) == (1.0, 0.0):
         return stored
@@ -299,10 +296,9 @@ def fit_values(
 def _fit(
     dataset: Dataset, spec: Stretch | StretchSpec, asked: Sequence[Fraction], tile_pass: TilePass
 ) -> tuple[Stretch, Statistics | None]:
-    """Return the stretch as it is without a range, and the intensities at all percentiles that are needed.
+    """Return the stretch without a range, and intensities at its percentiles, those asked for, 0 and 100.
 
-    These are those of the stretch, those that are asked for, and 0 and 100; none where no pixel is read, and
-    None if no pixel is valid.
+    There are none where no pixel is read, and it is None if no pixel is valid.
     """
     resolved = spec if isinstance(spec, Stretch) else resolved_spec(dataset, spec)
     own = () if isinstance(resolved, Stretch) else percents_of(resolved)

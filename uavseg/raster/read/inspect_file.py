@@ -187,10 +187,7 @@ def _palette(source: DatasetReader, layout: BandLayout) -> tuple[tuple[int, int,
 
 
 def _masks(path: str, source: DatasetReader) -> str:
-    """Return the masks of a raster; an error where a local TIFF has one, or directories, that cannot be read.
-
-    GDAL leaves out a mask that it cannot read, also one beside the raster.
-    """
+    """Return the masks of a raster; refuse a local TIFF with one that GDAL cannot read, and leaves out."""
     kind, has_mask = mask_kind(source), False
     if source.driver == "GTiff" and is_local(path):
         if file_exists(f"{path}.msk"):

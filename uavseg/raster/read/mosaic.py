@@ -129,11 +129,7 @@ def _are_same(number: float | None, other: float, dtype: np.dtype[np.generic]) -
 
 
 def _origin(files: Sequence[RasterSource], boxes: Boxes) -> Affine:
-    """Return the transform of the common grid.
-
-    Its coefficients are taken from the files at its edges where possible, so that neither the order of the
-    files nor rounding moves it.
-    """
+    """Return the transform of the common grid, by files at its edges: neither order nor rounding moves it."""
     t = Affine(*min(tuple(file.transform)[:6] for file in files))
     if t.b == 0 == t.d:
         c = min(file.transform.c for file, box in zip(files, boxes, strict=True) if box[1] == 0)

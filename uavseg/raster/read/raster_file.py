@@ -30,7 +30,7 @@ from uavseg.raster.access.opening import (
 )
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.read.array_source import ArraySource
-from uavseg.raster.spectral.band_names import check_same_names, find_band, listed
+from uavseg.raster.spectral.band_names import find_band, listed, names_of
 from uavseg.raster.spectral.bands import (
     BandChoice,
     BandLayout,
@@ -48,10 +48,7 @@ from uavseg.raster.tiff.index import SparseBlocks, are_cut_off
 
 @once_for_each_file
 def _open_mask(path: str, source: DatasetReader) -> tuple[str, DatasetReader] | None:
-    """Return the mask of an open TIFF as a raster, and its name; None if it cannot be opened by itself.
-
-    That is so of a mask in an archive, and of a remote one.
-    """
+    """Return the mask of an open TIFF as a raster, and its name; None in an archive, or if it is remote."""
     if file_of(path) is None:
         return None
     page = None if path.upper().startswith("GTIFF_DIR:") else mask_page(path)
@@ -322,11 +319,11 @@ def check_reflectance(files: Sequence[RasterFile | ArraySource], choice: BandCho
 
 def check_names_agree(files: Sequence[RasterFile | ArraySource], bands: Sequence[int]) -> None:
     """Refuse files that give other names to the bands which are used (MosaicError)."""
-    first = files[0]
+    first = names_of(files[0].layout)
     for file in files[1:]:
-        difference = check_same_names(first.layout, file.layout, bands)
-        if difference:
-            raise MosaicError(
-                f"{file.path} has another name of bands ({difference}) than {first.path}; the rasters of a "
-                "mosaic must agree"
-            )
+        for ours, theirs in zip(first, names_of(file.layout), strict=True):
+            if ours.number in bands and ours.keys and theirs.keys and ours.keys != theirs.keys:
+                raise MosaicError(
+                    f"{file.path} has another name of bands ({theirs.label} for band {theirs.number}, not "
+                    f"{ours.label}) than {files[0].path}; the rasters of a mosaic must agree"
+                )

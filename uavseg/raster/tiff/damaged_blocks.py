@@ -107,10 +107,7 @@ class _Blocks:
     def _left(
         self, source: DatasetReader, bands: Bands, window: Window
     ) -> Iterator[tuple[BlockStream, Bands, int, Window]]:
-        """Yield blocks to check, each with its bands and the index of the first; it is right if this goes on.
-
-        A block is its stream, and its pixels as a window.
-        """
+        """Yield blocks to check: stream, bands, index of the first, window; one is right if this goes on."""
         (rows, cols), here = self._shape, window.blocks(*self._shape)
         planes = [0] if self._all_bands else [band - 1 for band in bands]
         left = np.argwhere(~self._checked[planes, *here])
@@ -209,10 +206,7 @@ class _JpegBlocks(_Blocks):
 
 @dataclass(frozen=True, slots=True)
 class _Header:
-    """What the segments before the pixels of a JPEG say.
-
-    A table is "Q" and the number of one of quantisation, or "H" and class and number of one of Huffman codes.
-    """
+    """What a JPEG says before its pixels; tables are "Q" of quantisation or "H" of Huffman, and a number."""
 
     size: tuple[int, int] | None  # rows and columns; None without a frame header
     defined: frozenset[tuple[str, int]]  # tables that it holds
