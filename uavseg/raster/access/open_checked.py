@@ -36,8 +36,7 @@ from uavseg.raster.access.opening import (
     unread_tags_are_errors,
 )
 from uavseg.raster.grid.tiling import Window
-from uavseg.raster.tiff.directories import is_by_pixel
-from uavseg.raster.tiff.index import stored_blocks
+from uavseg.raster.tiff.directories import is_by_pixel, stored_blocks
 
 MAX_BANDS = 4096  # satellite images with most bands have a few hundred
 MAX_RATIO = 2000  # bytes of pixels for each byte of a compressed file
@@ -296,8 +295,12 @@ def open_checked(path: str) -> Iterator[DatasetReader]:
                 untrusted.check_database(source_path, source_path, RasterReadError)
     elif page := _PAGE.match(path):
         regular_file(path[page.end() :])
-    elif drivers_of(path) == ("VRT",):
-        _check_unread_vrt(path)
+    elif drivers_of(path) == ("VRT",):  # which cannot be read before GDAL opens it
+        if not is_address(path):
+            raise AccessError(
+                f"{path} lies in an archive, so what it names cannot be checked; unpack the archive"
+            )
+        current_policy().check_address(path, "of a file, which cannot be checked before it is read")
     with gdal_env(is_online(path)):
         for source_path in found.rasters if found else ():
             with open_by(source_path, drivers_of(source_path)) as source:
@@ -333,15 +336,6 @@ def is_local(path: str) -> bool:
 def is_online(path: str) -> bool:
     """Return whether a raster that the user named may make requests: by its own name, or if allowed."""
     return current_policy().allow_network or is_address(path) or "://" in path
-
-
-def _check_unread_vrt(path: str) -> None:
-    """Refuse a VRT that cannot be read before GDAL opens it."""
-    if not is_address(path):
-        raise AccessError(
-            f"{path} lies in an archive, so what it names cannot be checked; unpack the archive"
-        )
-    current_policy().check_address(path, "of a file, which cannot be checked before it is read")
 
 
 def _check_rows(owner: str, path: str, source: DatasetReader) -> None:

@@ -42,8 +42,7 @@ from uavseg.raster.spectral.bands import (
 )
 from uavseg.raster.spectral.formula import BandWords, bind_formula
 from uavseg.raster.tiff.damaged_blocks import check_blocks
-from uavseg.raster.tiff.directories import file_of, mask_page, once_for_each_file
-from uavseg.raster.tiff.index import SparseBlocks, are_cut_off
+from uavseg.raster.tiff.directories import SparseBlocks, are_cut_off, file_of, mask_page, once_for_each_file
 
 
 @once_for_each_file
