@@ -14,7 +14,7 @@ from uavseg.errors import SampleError
 from uavseg.execution.executors import LazySequence
 from uavseg.raster.grid.tiling import TilePass, Window, window_cells
 from uavseg.regions.outline.rings import EdgeTable, RegionOutlines, Rings, edge_tables
-from uavseg.regions.sample.model import Sample, bounds_around, symbol_pair
+from uavseg.regions.sample.model import bounds_around, symbol_pair
 from uavseg.regions.sample.place import SampleMask
 from uavseg.regions.tiles.class_tiles import cell_jobs
 from uavseg.segmentation.blocks.block_map import BlockMap
@@ -123,29 +123,6 @@ class Criterion:
     bounds: GreyBounds  # of the mean grey of a window
     limit: int  # the largest score of a window that is like the sample
     colors: tuple[ColorBand, ...] = ()  # further bands whose means are bounded
-
-    @classmethod
-    def of(
-        cls,
-        sample: Sample,
-        bin_edges: NDArray[np.int32],
-        side: int,
-        similarity: float,
-        deviations: float,
-        colors: tuple[ColorBand, ...] = (),
-    ) -> "Criterion":
-        """Make a criterion from a minimum similarity, above 0 and at most 1, and bounds of the mean grey.
-
-        The bounds are `deviations` standard deviations of the sample from its mean; may be infinite.
-        """
-        return cls(
-            model=sample.model,
-            bin_edges=bin_edges,
-            side=side,
-            bounds=sample.bounds(deviations),
-            limit=sample.limit(similarity),
-            colors=colors,
-        )
 
 
 @dataclass(frozen=True)

@@ -93,6 +93,11 @@ class SampledColors:
         """Fit the model of the samples, against the whole raster as background."""
         return SimilarityTable.fit(self.points, self.sample, self.unlike)
 
+    def similarity(self, bands: BlurredBands) -> SimilaritySource:
+        """Return the raster as similarity to the samples, of the bands from which the colours are."""
+        first = bands.bands[0]
+        return SimilaritySource(first.dataset, first.stretch, bands, self.table())
+
 
 def sample_colors(
     bands: Sequence[GreySource],
@@ -125,23 +130,6 @@ def spread_colors(bands: Sequence[GreySource], tile_pass: TilePass) -> NDArray[n
     """Return colours of pixels in small windows that are spread evenly over a raster: (n, bands) uint16."""
     windows = _spread_windows(bands[0].shape)
     return np.concatenate(list(tile_pass.silent.run(partial(_colors, bands), windows)))
-
-
-def fit_similarity(
-    bands: BlurredBands,
-    places: Sequence[SampleMask],
-    tile_pass: TilePass,
-    unlike: Sequence[SampleMask] = (),
-    name: str = "the sample",
-    spread: NDArray[np.uint16] | None = None,
-) -> SimilaritySource:
-    """Fit the similarity to the colours of samples, against the whole raster as background.
-
-    Parameters and errors are those of `sample_colors`.
-    """
-    table = sample_colors(bands.bands, places, tile_pass, unlike, name, spread).table()
-    first = bands.bands[0]
-    return SimilaritySource(first.dataset, first.stretch, bands, table)
 
 
 def _colors_of(
@@ -216,10 +204,12 @@ def next_place(
     if source.table.uncertain < _MIN_SHARE:
         return None
     geobox = source.dataset.geobox
+    long, wide = _pixel_extents(geobox, geobox.shape[0] / 2, geobox.shape[1] / 2)
+    aspect = long / wide if wide > 0 and math.isfinite(long) else math.inf
+    if aspect > _MAX_ASPECT:
+        return None
     for radius in dict.fromkeys((_mean_radius(samples), _MIN_RADIUS)):
-        reach = radius * math.sqrt(_aspect(geobox))
-        if reach > radius * math.sqrt(_MAX_ASPECT):
-            return None
+        reach = radius * math.sqrt(aspect)
         taken = _cells_near(samples, blocks.counts.shape, _GAP * radius)
         cells = most_uncertain_cells(blocks.sums, blocks.counts, taken, reach, _CANDIDATES, _MIN_UNCERTAINTY)
         discs = [_disc(geobox, row, col, reach) for row, col in cells.tolist()]
@@ -285,12 +275,6 @@ def _disc_cells(widths: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Return the cells that a disc touches, from its half-widths."""
     side = int(widths.max())
     return np.asarray(np.abs(np.arange(-side, side + 1)) <= widths[:, None])
-
-
-def _aspect(geobox: GeoBox) -> float:
-    """Return the aspect ratio of a pixel in the middle, on the map or on the ground in degrees."""
-    long, wide = _pixel_extents(geobox, geobox.shape[0] / 2, geobox.shape[1] / 2)
-    return long / wide if wide > 0 and math.isfinite(long) else math.inf
 
 
 def _pixel_extents(geobox: GeoBox, row: float, col: float) -> tuple[float, float]:

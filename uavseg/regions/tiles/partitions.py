@@ -23,8 +23,15 @@ from uavseg.output.renames import recover
 from uavseg.raster.grid.tiling import TilePass, Window, tiles, whole_blocks
 from uavseg.regions.outline.chains import OWNER
 from uavseg.regions.outline.rings import RegionOutlines
-from uavseg.regions.outline.stitch import Borders, Components, Contacts, concatenate_sums, number_regions
-from uavseg.regions.tiles.range_tiles import stitch_tiles, tile_jobs
+from uavseg.regions.outline.stitch import (
+    Borders,
+    Components,
+    Contacts,
+    TileStitcher,
+    concatenate_sums,
+    number_regions,
+)
+from uavseg.regions.tiles.range_tiles import outline_range_tile, tile_jobs
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges
 from uavseg.segmentation.components import union_roots
 from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
@@ -147,7 +154,8 @@ def _outline_partition(
         blocks = measure_block_map_for(source, interval, segment, TilePass(_tiles_of(around, tile)), part)
         cells = cells_to_refine(blocks, interval, segment)
     jobs = tile_jobs(cells, windows, detail=detail, part=around)
-    joined = stitch_tiles(source, interval, segment.refine, TilePass(windows), jobs, detail).join(window)
+    outlined = map(partial(outline_range_tile, source, interval, segment.refine, detail), jobs)
+    joined = TileStitcher(source.shape, windows, outlined).join(window)
     if joined is None:
         return None
     for name, components in (("reaching", joined[1]), ("within", joined[2])):
