@@ -234,7 +234,7 @@ def open_bag(path: str | os.PathLike[str]) -> Iterator[Bag]:
                 stack.callback(reader.close)
                 _check_storage(getattr(reader, "storage", None), os.fspath(file))
             readers.append((os.fspath(file), reader))
-        store = _ros1_types() if is_ros1 else _ros2_types()
+        store = _known_types(is_ros1)
         yield Bag(
             name=name,
             types=_types_of(name, [reader for _, reader in readers]),
@@ -297,16 +297,10 @@ def _errors_of(name: str) -> Iterator[None]:
 
 
 @cache
-def _ros1_types() -> Any:
+def _known_types(is_ros1: bool) -> Any:
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-    store = get_typestore(Stores.ROS1_NOETIC)
-    store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TRANSFORMS))
+    store = get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.ROS2_HUMBLE)
+    if is_ros1:
+        store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TRANSFORMS))
     return store
-
-
-@cache
-def _ros2_types() -> Any:
-    from rosbags.typesys import Stores, get_typestore
-
-    return get_typestore(Stores.ROS2_HUMBLE)

@@ -112,12 +112,14 @@ def read_ros_yaml(path: str | os.PathLike[str]) -> MapDescription:
             occupied=_number("occupied_thresh", content["occupied_thresh"]),
             free=_number("free_thresh", content["free_thresh"]),
         )
-        image = _image(path, content["image"])
+        image = content["image"]
+        if not isinstance(image, str) or not image or not image.isprintable():
+            raise MapError(f"image is the file name of an image, not {shown(image)}")
         resolution = _number("resolution", content["resolution"])
         if not (math.isfinite(resolution) and resolution > 0):
             raise MapError(f"resolution is metres per cell, a number above 0, not {resolution:g}")
         origin = _origin(content["origin"])
-        return MapDescription(image=image, resolution=resolution, origin=origin, rules=rules)
+        return MapDescription(Path(path).parent / image, resolution, origin, rules)
     except MapError as error:
         raise MapError(f"{os.fspath(path)}: {error}") from error
 
@@ -190,12 +192,6 @@ def _origin(value: Any) -> tuple[float, float, float]:
     if not all(math.isfinite(part) for part in (x, y, yaw)):
         raise MapError(f"origin is finite x, y and yaw, not {shown(value)}")
     return x, y, yaw
-
-
-def _image(path: str | os.PathLike[str], name: Any) -> Path:
-    if not isinstance(name, str) or not name or not name.isprintable():
-        raise MapError(f"image is the file name of an image, not {shown(name)}")
-    return Path(path).parent / name
 
 
 _WRITTEN_THRESHOLDS = {"occupied_thresh": 0.65, "free_thresh": 0.196}  # as Nav2 writes trinary maps
