@@ -128,13 +128,6 @@ def type_limits(dataset: Dataset) -> tuple[float, float]:
     return 0.0, math.ldexp(1.0, dataset.bits) - 1
 
 
-def percents_asked(requested: ValueRange, scale: BandScale) -> list[Fraction]:
-    """Return the percentiles of stored intensities that a range asks for."""
-    if not requested.by_rank:
-        return []
-    return [_percent(end, scale) for end in (requested.low, requested.high) if end is not None]
-
-
 def _percent(percent: float, scale: BandScale) -> Fraction:
     """Return a percentile of stored intensities; they fall where values rise if the scale is negative."""
     exact = Fraction(repr(float(percent)))
@@ -276,13 +269,15 @@ def fit_values(
     that the user chose, or that the files have different scales.
     """
     scale = scale_of(dataset)
-    found, statistics = _fit(dataset, spec, percents_asked(requested, scale), tile_pass)
+    asked = [end for end in (requested.low, requested.high) if requested.by_rank and end is not None]
+    found, statistics = _fit(dataset, spec, [_percent(end, scale) for end in asked], tile_pass)
     if statistics is None:
         return found, DetectedRange(IntensityRange(0.0, 1.0), (math.nan, math.nan))
     bounds = stored_range(requested, scale, dataset, statistics)
     check_type(requested, bounds, dataset, scale)
     limits = _limits(dataset, found, statistics)
-    inner = _within(bounds, limits)
+    low, high = bounds.low, bounds.high  # open where nothing lies beyond
+    inner = Bounds(-inf if low <= limits[0] else low, inf if high >= limits[1] else high)
     ends = sorted(set(inner.finite))
     if isinstance(spec, StretchSpec) and spec.form == "auto":
         found = _widened(found, ends, limits)
@@ -322,12 +317,6 @@ def _limits(dataset: Dataset, stretch: Stretch, statistics: Statistics) -> tuple
             first, last = next_float32(first, last)
         low, high = max(low, first), min(high, last)
     return low, high
-
-
-def _within(bounds: Bounds, limits: tuple[float, float]) -> Bounds:
-    """Return the range, open where nothing lies beyond."""
-    low = -inf if bounds.low <= limits[0] else bounds.low
-    return Bounds(low, inf if bounds.high >= limits[1] else bounds.high)
 
 
 def _widened(stretch: Stretch, ends: Sequence[float], limits: tuple[float, float]) -> Stretch:

@@ -53,7 +53,7 @@ def check_blocks(
 
 
 @once_for_each_file
-def _blocks_of(name: str, source: DatasetReader) -> "_Blocks | None":
+def _blocks_of(name: str, source: DatasetReader) -> "_DeflateBlocks | _JpegBlocks | None":
     path = file_of(name) if source.driver == "GTiff" else None
     if path is not None and source.compression == Compression.deflate:
         rows = strip_rows(path, source)
@@ -99,10 +99,6 @@ class _Blocks:
         planes, about = 1 if self._all_bands else source.count, path.stat()
         size = planes, -(-source.height // rows), -(-source.width // cols)
         self._checked = _checked(name, about.st_size, about.st_mtime_ns, size)
-
-    def check(self, source: DatasetReader, bands: Bands, window: Window, values: Values | None) -> None:
-        """Check as `check_blocks`."""
-        raise NotImplementedError
 
     def _left(
         self, source: DatasetReader, bands: Bands, window: Window
