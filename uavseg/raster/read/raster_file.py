@@ -3,6 +3,7 @@
 GDAL reads it as a part of the raster, and does not say where its blocks lie; so it is opened by itself too.
 """
 
+import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields
 from pathlib import Path
@@ -42,7 +43,7 @@ from uavseg.raster.spectral.bands import (
 )
 from uavseg.raster.spectral.formula import BandWords, bind_formula
 from uavseg.raster.tiff.damaged_blocks import check_blocks
-from uavseg.raster.tiff.directories import SparseBlocks, are_cut_off, file_of, mask_page, once_for_each_file
+from uavseg.raster.tiff.directories import SparseBlocks, file_of, is_cut_off, mask_page, once_for_each_file
 
 
 @once_for_each_file
@@ -170,15 +171,17 @@ class RasterFile:
 
         They need not be tried. None where that is not known without trying.
         """
-        if self.driver != "GTiff":
+        rows, cols = self.block
+        if self.driver != "GTiff" or not os.path.isfile(self.path):  # noqa: PTH113 - false for a long name
             return set()
         with gdal_read_errors(self.path, window, self.online):
             source = handles.open(self.path, self.located, self.driver, self.masks)
-            places = [(block.row, block.col) for block in self.blocks_in(window)]
-            rows, cols = self.block
-            numbers = [(row // rows, col // cols) for row, col in places]
-            cut_off = are_cut_off(self.path, source, choice.bands, numbers)
-            return {place for place, beyond in zip(places, cut_off, strict=True) if beyond}
+            size = Path(self.path).stat().st_size
+            return {
+                (block.row, block.col)
+                for block in self.blocks_in(window)
+                if is_cut_off(source, choice.bands, size, block.row // rows, block.col // cols)
+            }
 
     def _read_bands(
         self, source: DatasetReader, choice: BandChoice, window: Window, options: dict[str, Any]

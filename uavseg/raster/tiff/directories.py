@@ -275,22 +275,13 @@ def stored_blocks(path: str, source: DatasetReader) -> Stored | None:
     return stored
 
 
-def are_cut_off(
-    path: str, source: DatasetReader, bands: Sequence[int], blocks: Sequence[tuple[int, int]]
-) -> list[bool]:
-    """Return whether blocks (row, column) of an open TIFF begin beyond its end, in one of some bands.
+def is_cut_off(source: DatasetReader, bands: Sequence[int], size: int, row: int, col: int) -> bool:
+    """Return whether a block of an open TIFF begins beyond its end, at a size in bytes, in one of some bands.
 
-    An interrupted download leaves such a file. All are false for a file in an archive or of a server.
+    An interrupted download leaves such a file.
     """
-    try:
-        size = Path(path).stat().st_size
-    except (OSError, ValueError):
-        return [False] * len(blocks)
-    names = (f"BLOCK_OFFSET_{col}_{row}" for row, col in blocks)
-    return [
-        any(int(source.get_tag_item(name, "TIFF", bidx=band) or 0) >= size for band in bands)
-        for name in names
-    ]
+    name = f"BLOCK_OFFSET_{col}_{row}"
+    return any(int(source.get_tag_item(name, "TIFF", bidx=band) or 0) >= size for band in bands)
 
 
 @dataclass(frozen=True, slots=True)
