@@ -12,13 +12,8 @@ from uavseg.errors import MosaicError
 from uavseg.raster.access.opening import OpenFiles
 from uavseg.raster.grid.geobox import GeoBox, shifted
 from uavseg.raster.grid.tiling import Window
+from uavseg.raster.read import bad_blocks
 from uavseg.raster.read.array_source import ArraySource
-from uavseg.raster.read.bad_blocks import (
-    MissingPart,
-    read_naming_bad_block,
-    read_skipping_bad_blocks,
-    record_bad_block,
-)
 from uavseg.raster.read.raster_file import RasterFile
 from uavseg.raster.spectral.bands import BandChoice, Valid, Values, nodata_in_place, usable_nodata
 
@@ -212,7 +207,7 @@ class PartReader:
         """Return values and validity of a window of a file."""
         values, valid, bad = self._read_part(file, part, (part.rows, part.cols))
         for block, _ in bad:
-            record_bad_block(block)
+            bad_blocks.record_bad_block(block)
         return values, valid
 
     def merge(
@@ -229,7 +224,7 @@ class PartReader:
             pixels, valid, bad = self._read_part(file, part, missing.shape)
             for block, place in bad:
                 if missing[place].any():  # no earlier file has these pixels
-                    record_bad_block(block)
+                    bad_blocks.record_bad_block(block)
             if valid is not None:
                 missing &= valid
             np.copyto(values[:, rows, cols], pixels, where=missing)
@@ -238,15 +233,17 @@ class PartReader:
 
     def _read_part(
         self, file: RasterSource, part: Window, shape: tuple[int, int]
-    ) -> tuple[Values, Valid | None, Sequence[MissingPart]]:
+    ) -> tuple[Values, Valid | None, Sequence[bad_blocks.MissingPart]]:
         """Return values and validity of a part of a file, and which blocks of it cannot be read."""
-        bad: Sequence[MissingPart] = ()
+        bad: Sequence[bad_blocks.MissingPart] = ()
         if not isinstance(file, RasterFile):
             values, valid = file.read(self.handles, self.choice, part, shape)
         elif self.skip_bad_tiles:
-            values, valid, bad = read_skipping_bad_blocks(file, self.handles, self.choice, part, shape)
+            values, valid, bad = bad_blocks.read_skipping_bad_blocks(
+                file, self.handles, self.choice, part, shape
+            )
         else:
-            values, valid = read_naming_bad_block(file, self.handles, self.choice, part, shape)
+            values, valid = bad_blocks.read_naming_bad_block(file, self.handles, self.choice, part, shape)
         return *with_formula(file, self.choice, values, valid), bad
 
 
