@@ -263,11 +263,7 @@ def _check_storage(storage: Any, name: str) -> None:
 
 
 def _bounded_reader(file: Any) -> Any:
-    """Make rosbags' reader of ROS 1 refuse an index that is larger than the file.
-
-    A chunk names the position of its index. A damaged bag may point to one index many times, and every
-    entry would be kept each time.
-    """
+    """Make rosbags' reader of ROS 1 refuse an index larger than the file: chunks may share one, damaged."""
     from rosbags.rosbag1 import Reader
 
     class BoundedReader(Reader):  # type: ignore[misc]

@@ -97,10 +97,9 @@ def _clip_axis(origin, step, length):  # type: ignore[no-untyped-def]
 
 @inlined
 def _traverse(cells, beam, sigma, t_end, stop, state, ends):  # type: ignore[no-untyped-def]
-    """Traverse a beam cell by cell, to its end or until it enters a column or row in `stop`.
+    """Traverse a beam by cells until it enters a column or row in `stop`; return whether it goes on, too.
 
-    `state` is (column, row, distance at which the cell is entered); `ends` are the first and the last updated
-    cell, -1 for none. Returns both, and whether the beam goes on.
+    `state` is column, row and distance at which a cell is entered, `ends` the first and last updated cell.
     """
     odds, pending, rows, cols, u0, v0 = cells
     du, dv, measured, reach = beam

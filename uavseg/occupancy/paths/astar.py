@@ -185,10 +185,7 @@ def _jump_length(rows, cols, row, col, direction, goal_row, goal_col):  # type: 
 
 @inlined
 def _successor_directions(rows, row, col, arrived):  # type: ignore[no-untyped-def]
-    """Return bits of the directions to search from a cell that was reached in the directions `arrived`.
-
-    Straight on; and where a side is open but was not one step before, to that side and between the two.
-    """
+    """Return bits of directions to search from a cell: straight on, and to sides that have just opened."""
     if arrived == _ALL_DIRECTIONS:
         return 255
     directions = 0

@@ -4,7 +4,7 @@ A path cuts no corner, so cells are connected where they share an edge.
 """
 
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from functools import cached_property, partial
 from math import isfinite
 from typing import Any
@@ -94,9 +94,7 @@ class FreeCells:
         free = region > 0 and value is not None and bool(low <= tile.grey[0, 0] <= high)
         return MapPosition(name=name, cell=(here.row, here.col), region=region, value=value, is_free=free)
 
-    def of_regions(
-        self, regions: Collection[int], map: Map = serial
-    ) -> tuple[Window, NDArray[np.bool_], int]:
+    def of_regions(self, regions: Collection[int], map: Map = serial) -> tuple[Window, Mask, int]:
         """Return the free cells of some regions.
 
         These are the smallest window that holds the regions, a mask (rows, cols), and the number of cells of
@@ -108,7 +106,7 @@ class FreeCells:
         window = Window(top, left, bottom - top, right - left)
         mask = np.zeros((window.rows, window.cols), np.bool_)
         walls = 0
-        for stripe, labels, free in self._read_stripes(rings, window, map):
+        for stripe, (labels, free) in self._read_stripes(rings, window, map):
             mask[stripe.row - top : stripe.row - top + stripe.rows] = free
             walls += int((labels > 0).sum() - free.sum())
         return window, mask, walls
@@ -119,7 +117,7 @@ class FreeCells:
         row, col = place.cell
         width, height = ground_steps(self.geobox, row + 0.5, col + 0.5)
         best: tuple[float, int, int, int] | None = None
-        for stripe, labels, free in self._read_stripes(rings, Window(0, 0, *self.geobox.shape), map):
+        for stripe, (labels, free) in self._read_stripes(rings, Window(0, 0, *self.geobox.shape), map):
             rows, cols = np.nonzero(free)
             if len(rows):
                 away = np.hypot((rows + stripe.row - row) * height, (cols + stripe.col - col) * width)
@@ -148,7 +146,7 @@ class FreeCells:
 
     def _read_stripes(
         self, rings: Rings, window: Window, map: Map
-    ) -> Iterator[tuple[Window, NDArray[np.uint32], NDArray[np.bool_]]]:
+    ) -> Iterable[tuple[Window, tuple[NDArray[np.uint32], Mask]]]:
         """Read a window stripe by stripe: labels of some regions, and the free cells among them."""
         count = max(_STRIPE // max(window.cols, 1), 1)
         stripes = [
@@ -156,12 +154,9 @@ class FreeCells:
             for row in range(0, window.rows, count)
         ]
         read = map(partial(self._read_window, Rasteriser(rings)), stripes)
-        for stripe, (labels, free) in zip(stripes, read, strict=True):
-            yield stripe, labels, free
+        return zip(stripes, read, strict=True)
 
-    def _read_window(
-        self, rasteriser: Rasteriser, window: Window
-    ) -> tuple[NDArray[np.uint32], NDArray[np.bool_]]:
+    def _read_window(self, rasteriser: Rasteriser, window: Window) -> tuple[NDArray[np.uint32], Mask]:
         labels = rasteriser(window)
         low, high = self.interval.greys
         if not labels.any():

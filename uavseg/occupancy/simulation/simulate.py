@@ -1,4 +1,4 @@
-"""Simulation of range scans: ray casting in a scene, a sensor and poses to an occupancy grid, with its truth."""
+"""Simulation of range scans: ray casting in a scene, from poses to an occupancy grid, with its truth."""
 
 import math
 from collections.abc import Sequence

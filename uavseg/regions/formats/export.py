@@ -218,9 +218,8 @@ def _write_parquet(regions: Regions, path: Path) -> None:
 def _arrow_array(column: NDArray[Any], kind: Any) -> Any:
     """Return a column as an array of pyarrow; NaN and None are null.
 
-    Not `pyarrow.array`, which imports pandas to see that a column is none of its arrays: 0.16 s. The column,
-    (n,), is int64, float64, or objects that are texts or bytes; `kind` is the type int64, float64, string or
-    binary. An OutputError says that its texts or bytes have more than 2 GB.
+    Not `pyarrow.array`, which imports pandas to see that a column is none of its arrays: 0.16 s. An
+    OutputError says that its texts or bytes have more than 2 GB.
     """
     pyarrow = import_pyarrow()
     buffers: tuple[NDArray[Any] | bytes, ...]

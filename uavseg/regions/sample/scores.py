@@ -153,9 +153,7 @@ def score_cells(source: GreySource, criterion: Criterion, tile_pass: TilePass) -
 def _score_tile(
     source: GreySource, criterion: Criterion, window: Window
 ) -> tuple[NDArray[np.uint16], TextureModel, Integers, Integers] | None:
-    """Return scores of the cells of a tile, the texture model of unlike cells, the count of each symbol,
-    and histograms of unlike cells in further bands; None for an empty tile.
-    """
+    """Return the parts of `CellScores` of a tile; None for an empty one."""
     halo, side = CELL * (criterion.side - 1), criterion.side
     if source.dataset.is_empty(window):
         return None
@@ -206,9 +204,7 @@ def _reject_tile(
     minimum: int,
     job: tuple[Window, NDArray[np.uint8]],
 ) -> tuple[NDArray[np.bool_], TextureModel, Integers]:
-    """Return the mask of the rejected cells of a tile, and histograms of those that touch no kept cell: the
-    others lie on boundaries and have texture of both sides.
-    """
+    """Return the rejected cells of a tile, and histograms of those off boundaries, beside no kept one."""
     window, around = job  # cells of the tile, and one more on every side
     halo = CELL * criterion.side
     tile = source.read(window, halo + COARSE_HALO)
