@@ -38,8 +38,7 @@ from uavseg.occupancy.mapping.live import LiveSegmentation
 from uavseg.occupancy.mapping.pending import GreyMap
 from uavseg.occupancy.mapping.scan import Pose, Scan
 from uavseg.occupancy.several_maps import Evidence, PlacedMap, changed_objects, moved, register
-from uavseg.occupancy.simulation.scene import Scene
-from uavseg.occupancy.simulation.simulate import RangeFinder
+from uavseg.occupancy.simulation.simulate import RangeFinder, Scene
 from uavseg.raster.grid.geobox import local_geobox
 from uavseg.units import FREE, GREY_MAX, OCCUPIED
 

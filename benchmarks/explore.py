@@ -20,8 +20,7 @@ from uavseg.occupancy.explore.frontiers import States, find_frontiers, rays_for,
 from uavseg.occupancy.explore.next_view import Candidates, Cell, ViewPlanner, cover, tour_from
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.mapping.scan import Pose
-from uavseg.occupancy.simulation.scene import CellScene
-from uavseg.occupancy.simulation.simulate import RangeFinder
+from uavseg.occupancy.simulation.simulate import CellScene, RangeFinder
 from uavseg.raster.grid.geobox import local_geobox
 from uavseg.units import FREE, OCCUPIED, UNKNOWN
 

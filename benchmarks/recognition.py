@@ -28,8 +28,7 @@ import uavseg
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.mapping.scan import Pose
 from uavseg.occupancy.simulation.paper_scenes import lens_outline
-from uavseg.occupancy.simulation.scene import Scene
-from uavseg.occupancy.simulation.simulate import RangeFinder, Simulation
+from uavseg.occupancy.simulation.simulate import RangeFinder, Scene, Simulation
 from uavseg.raster.grid.geobox import local_geobox
 
 Floats = NDArray[np.float64]

@@ -59,7 +59,7 @@ def steps() -> list[Step]:
 
 def room() -> Any:
     """A furnished room of 26 x 18 m: from near its centre, walls are 3 to 20 m away."""
-    from uavseg.occupancy.simulation.scene import Scene
+    from uavseg.occupancy.simulation.simulate import Scene
 
     walls = [(36, 41, 37, 61), (63, 41, 64, 61), (37, 41, 63, 42), (37, 60, 63, 61)]
     boxes = [(42, 45, 44, 47), (55, 55, 58, 57)]
@@ -146,7 +146,7 @@ def _whole_map(scene: Any) -> Iterator[Step]:
 
 
 def _measure() -> Iterator[Step]:
-    from uavseg.occupancy.simulation.scene import Scene
+    from uavseg.occupancy.simulation.simulate import Scene
 
     yield _update("update in a room", room(), False, "walls at 3 to 20 m, known map")
     yield _update("update in a room, new map", room(), True, "map reset before each scan")

@@ -13,16 +13,7 @@ from numpy.typing import NDArray
 from uavseg.dataclass import dataclass
 from uavseg.errors import MapError, OutputError, ParameterError
 from uavseg.occupancy.mapping.grid_io import LOG_ODDS
-from uavseg.occupancy.ros.ros_map import (
-    UNKNOWN_GREY,
-    check_ros_map,
-    image_path,
-    is_ros_map,
-    read_picture,
-    read_ros_map,
-    write_ros_map,
-    write_ros_probabilities,
-)
+from uavseg.occupancy.ros import ros_map
 from uavseg.output.atomic import check_target
 from uavseg.raster.formats.creation import DEFAULT, CreationOptions, creation_for
 from uavseg.raster.formats.geotiff import LabelBand, write_geotiff, write_label_geotiff
@@ -92,9 +83,9 @@ def check_map_path(
     suffix = Path(path).suffix.lower()
     if suffix not in (".tif", ".tiff", ".yaml", ".yml"):
         raise OutputError(f"{os.fspath(path)}: a map is written to .yaml for a ROS map, or to .tif")
-    if mode is not None and not is_ros_map(path):
+    if mode is not None and not ros_map.is_ros_map(path):
         raise ParameterError("mode is of a ROS map (.yaml); a .tif holds all levels, so leave mode out")
-    images = [os.fspath(image_path(path, mode or "trinary"))] if is_ros_map(path) else []
+    images = [os.fspath(ros_map.image_path(path, mode or "trinary"))] if ros_map.is_ros_map(path) else []
     files = [os.fspath(path), *images]
     for file in files:
         check_target(file, overwrite)
@@ -117,15 +108,13 @@ def write_map(
     `tags` (metadata items) and `creation` are for a GeoTIFF.
     """
     check_map_path(path, overwrite, mode)
-    if not is_ros_map(path):
+    if not ros_map.is_ros_map(path):
         write_geotiff(path, [probabilities], geobox, ["occupancy"], tags, overwrite, creation)
         return
-    mode = mode or "trinary"
-    check_ros_map(path, geobox, overwrite, mode)
-    if mode == "trinary":
-        write_ros_map(path, trinary_states(probabilities), geobox, overwrite)
+    if mode in (None, "trinary"):
+        ros_map.write_ros_map(path, trinary_states(probabilities), geobox, overwrite)
     else:
-        write_ros_probabilities(path, probabilities, geobox, overwrite, mode)
+        ros_map.write_ros_probabilities(path, probabilities, geobox, overwrite, mode)
 
 
 def trinary_states(probabilities: NDArray[np.float32]) -> NDArray[np.uint8]:
@@ -163,8 +152,8 @@ def write_states(
     cell; a GeoTIFF is written row by row. `mode` ("trinary", "scale" or "raw") is for the ROS map, `creation`
     for the GeoTIFF.
     """
-    if is_ros_map(path):
-        write_ros_map(path, image.read(), geobox, overwrite, mode)
+    if ros_map.is_ros_map(path):
+        ros_map.write_ros_map(path, image.read(), geobox, overwrite, mode)
     else:
         band = LabelBand(np.uint8, STATES)
         write_label_geotiff(path, image.strips(), geobox, overwrite, band=band, creation=creation)
@@ -202,10 +191,10 @@ def open_map(path: str | os.PathLike[str], nodata: float | str | None = None) ->
     Dataset and stretch together make the `GreySource` that the phases read by window. The stretch of floats
     raises `MapError` for a number that is not a probability.
     """
-    if is_ros_map(path):
-        ros_map = read_ros_map(path)
-        dataset = Dataset.of_values(ros_map.probabilities, ros_map.geobox, Path(path).name, local_metres=True)
-        dataset = replace(dataset, warnings=ros_map.warnings)
+    if ros_map.is_ros_map(path):
+        found = ros_map.read_ros_map(path)
+        dataset = Dataset.of_values(found.probabilities, found.geobox, Path(path).name, local_metres=True)
+        dataset = replace(dataset, warnings=found.warnings)
     else:
         dataset = Dataset.open(path, nodata=nodata)
     return dataset, stretch_of(dataset)
@@ -217,9 +206,9 @@ def open_white_picture(path: str | os.PathLike[str]) -> tuple[Dataset, Stretch]:
     205, which the map savers of ROS write for unknown, becomes exactly 0.5, and so do transparent pixels.
     Coordinates are pixels.
     """
-    grey, alpha = read_picture(path)
+    grey, alpha = ros_map.read_picture(path)
     values = (np.float32(255) - grey.astype(np.float32)) / np.float32(255)
-    unknown = grey == UNKNOWN_GREY
+    unknown = grey == ros_map.UNKNOWN_GREY
     values[unknown if alpha is None else unknown | (alpha < 255)] = 0.5
     place = GeoBox(grey.shape, Affine.identity(), None)
     dataset = Dataset.of_values(values, place, Path(path).name)

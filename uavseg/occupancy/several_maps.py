@@ -130,10 +130,7 @@ def _resampled(one: PlacedMap, geobox: GeoBox) -> Float32s:
 def _cells_of(
     inner: GeoBox, outer: GeoBox
 ) -> Iterator[tuple[int, NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]]:
-    """Find the cells of `outer` in which the centres of those of `inner` lie, some rows at a time.
-
-    Yields the first row, the rows and columns for the centres that lie in `outer`, and which these are.
-    """
+    """Yield first rows of `inner`, rows and columns in `outer` of its centres there, and which these are."""
     transform = ~outer.transform * inner.transform
     count, width = inner.shape
     for row in range(0, count, max(_CHUNK // width, 1)):

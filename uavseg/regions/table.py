@@ -191,10 +191,7 @@ def with_values(
 
 
 def _mean_values(columns: dict[str, NDArray[Any]], sums: "Sums", axis: "ValueAxis") -> NDArray[np.float64]:
-    """Return the mean value of each region; NaN where its pixels are known only as a stretch clips them.
-
-    So in a block map, which has no standard deviations either, and outside a stretch of one intensity.
-    """
+    """Return the mean value of each region; NaN where the stretch clips pixels, and more is not known."""
     v = columns["mean"] if sums.excess is None else columns["mean"] + sums.excess / sums.counts / GREY_MAX
     unknown = np.isnan(columns["std"]) if axis.low < axis.high else columns["mean"] != _MIDDLE / GREY_MAX
     return np.where(unknown & axis.clips, np.nan, axis.values(v))

@@ -14,8 +14,7 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from uavseg.occupancy.mapping.scan import Pose, Scan
-from uavseg.occupancy.simulation.scene import Scene
-from uavseg.occupancy.simulation.simulate import RangeFinder
+from uavseg.occupancy.simulation.simulate import RangeFinder, Scene
 
 LASERSCAN, MULTI_ECHO, POINT_CLOUD, ODOMETRY, TRANSFORMS = (
     "sensor_msgs/msg/LaserScan",

@@ -14,8 +14,7 @@ from uavseg.errors import MapError, ParameterError
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.mapping.log_odds import probabilities_and_grey
 from uavseg.occupancy.mapping.scan import Pose, Scan
-from uavseg.occupancy.simulation.scene import Scene
-from uavseg.occupancy.simulation.simulate import RangeFinder
+from uavseg.occupancy.simulation.simulate import RangeFinder, Scene
 from uavseg.raster.formats.geotiff import write_geotiff
 
 SHAPE, CELL_M = (100, 120), 0.05

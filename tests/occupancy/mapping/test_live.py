@@ -16,8 +16,7 @@ from uavseg.errors import ParameterError, SceneError
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.mapping.live import LiveSegmentation
 from uavseg.occupancy.mapping.scan import Pose, Scan
-from uavseg.occupancy.simulation.scene import Scene
-from uavseg.occupancy.simulation.simulate import RangeFinder
+from uavseg.occupancy.simulation.simulate import RangeFinder, Scene
 from uavseg.raster.grid.geobox import local_geobox
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.intensity.grey import to_grey

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from affine import Affine
 
-from uavseg.occupancy.simulation.scene import CellScene, Scene
+from uavseg.occupancy.simulation.simulate import CellScene, Scene
 from uavseg.raster.grid.geobox import GeoBox, local_geobox
 
 

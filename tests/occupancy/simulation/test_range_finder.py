@@ -7,8 +7,7 @@ import pytest
 
 from uavseg.errors import SceneError
 from uavseg.occupancy.mapping.scan import Pose
-from uavseg.occupancy.simulation.scene import Scene
-from uavseg.occupancy.simulation.simulate import RangeFinder
+from uavseg.occupancy.simulation.simulate import RangeFinder, Scene
 
 
 def test_noise_has_its_standard_deviation_and_a_seed() -> None:

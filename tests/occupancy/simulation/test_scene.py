@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavseg.errors import SceneError
-from uavseg.occupancy.simulation.scene import Scene
+from uavseg.occupancy.simulation.simulate import Scene
 
 PLACES = st.integers(-600, 1400).map(lambda n: n / 100 + 0.003)  # never on a corner
 

@@ -15,7 +15,7 @@ from uavseg.errors import RasterError, RasterReadError
 from uavseg.raster.access.opening import quiet_open
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.read.dataset import Dataset
-from uavseg.raster.tiff.index import stored_blocks
+from uavseg.raster.tiff.directories import stored_blocks
 
 
 def write_sparse(path: Path, side: int, stored: list[tuple[int, int]], **how: Any) -> Path:

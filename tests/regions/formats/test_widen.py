@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 from pyproj import Geod
 
 from uavseg.errors import RegionError
-from uavseg.regions.formats.read import read_regions, regions_of_frame
-from uavseg.regions.formats.widen import Widths
+from uavseg.regions.formats.read import Widths, read_regions, regions_of_frame
 from uavseg.regions.table import Regions
 
 GEOD = Geod(ellps="WGS84")

@@ -69,9 +69,13 @@ def test_deviations_widen_the_bounds_of_grey(scene: tuple[GreySource, SampleMask
     assert every.low <= wide.low < narrow.low < sample.mean < narrow.high < wide.high <= every.high
 
 
+def criterion_of(sample: Sample) -> Criterion:
+    return Criterion(sample.model, EDGES, SIDE, sample.bounds(np.inf), sample.limit(0.9))
+
+
 def test_one_texture_matches_and_the_other_does_not(scene: tuple[GreySource, SampleMask, Sample]) -> None:
     source, _, sample = scene
-    criterion = Criterion.of(sample, EDGES, SIDE, 0.9, np.inf)
+    criterion = criterion_of(sample)
     matched = score_cells(source, criterion, TilePass(tiles(source.shape, 64))).best <= criterion.limit
     assert matched[:, :14].all() and not matched[:, 18:32].any()
 
@@ -79,7 +83,7 @@ def test_one_texture_matches_and_the_other_does_not(scene: tuple[GreySource, Sam
 @pytest.mark.parametrize("side", [64, 128])
 def test_tiles_change_no_score(scene: tuple[GreySource, SampleMask, Sample], side: int) -> None:
     source, mask, sample = scene
-    criterion = Criterion.of(sample, EDGES, SIDE, 0.9, np.inf)
+    criterion = criterion_of(sample)
     whole = score_cells(source, criterion, TilePass(tiles(source.shape, 4096)))
     parts = score_cells(source, criterion, TilePass(tiles(source.shape, side)))
     assert same(whole, parts)
@@ -98,7 +102,7 @@ def test_every_matched_cell_is_rejected_where_the_threshold_is_out_of_reach(
     scene: tuple[GreySource, SampleMask, Sample],
 ) -> None:
     source, mask, sample = scene
-    criterion = Criterion.of(sample, EDGES, SIDE, 0.9, np.inf)
+    criterion = criterion_of(sample)
     tile_pass = TilePass(tiles(source.shape, 128))
     scores = score_cells(source, criterion, tile_pass)
     weights = fit_weights(source, EDGES, mask, scores.whole, SIDE, serial).weights

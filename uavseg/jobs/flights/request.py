@@ -29,7 +29,7 @@ from uavseg.flight.params.plan import (
 from uavseg.jobs.flights.plan import Home, PlanRequest
 from uavseg.options.flights import MissionOptions, PatternOptions, PhotoOptions, PlanOptions, SafetyOptions
 from uavseg.plain_text import shown
-from uavseg.regions.formats.widen import Widths
+from uavseg.regions.formats.read import Widths
 from uavseg.regions.table import Regions
 
 if TYPE_CHECKING:

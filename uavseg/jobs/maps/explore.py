@@ -21,9 +21,8 @@ from uavseg.occupancy.paths.find_path import PathParams
 from uavseg.occupancy.paths.path_geojson import feature_collection
 from uavseg.occupancy.ros.ros_map import placement
 from uavseg.occupancy.simulation.paper_scenes import BUILT_IN_SCENES
-from uavseg.occupancy.simulation.scene import CellScene, Scene
 from uavseg.occupancy.simulation.scene_file import load_scene
-from uavseg.occupancy.simulation.simulate import RangeFinder
+from uavseg.occupancy.simulation.simulate import CellScene, RangeFinder, Scene
 from uavseg.options.maps import ExploreOptions
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.segmentation.params.segment import StateLimits

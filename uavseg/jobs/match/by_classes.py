@@ -33,7 +33,7 @@ from uavseg.regions.confidence import OF_CLASSES, Confidence, check_minimum, cla
 from uavseg.regions.edit.small import Area, drop_small_regions
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.sample.place import SampleMask, class_masks
-from uavseg.regions.sample.similarity import BlurredBands, SimilaritySource, fit_similarity, spread_colors
+from uavseg.regions.sample.similarity import BlurredBands, SimilaritySource, sample_colors, spread_colors
 from uavseg.regions.tiles.class_tiles import LIKELY, ClassesByPixel, outline_likely_classes
 from uavseg.segmentation.params.segment import SegmentParams
 from uavseg.segmentation.pipeline import cells_to_refine, measure_block_maps_for
@@ -124,7 +124,8 @@ def learn_classes(
     for name, own in places.items():
         others = [mask for other, masks in places.items() if other != name for mask in masks]
         with phase(f"colors of {name}"):
-            found = fit_similarity(bands, own, tile_pass, others, f"the sample of {name}", spread)
+            colors = sample_colors(bands.bands, own, tile_pass, others, f"the sample of {name}", spread)
+            found = colors.similarity(bands)
         decided(
             "%s: likeness %.3f in its samples, %.3f in the others",
             name,

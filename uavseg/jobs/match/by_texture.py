@@ -110,7 +110,8 @@ def search_texture(
         known = measure_cells(grey, passes[0])
         sample = fit_sample(grey, known.bin_edges, place, side, passes[0].map)
         colors = fit_colors(bands, place, request.intensity)
-    criterion = Criterion.of(sample, known.bin_edges, side, request.similarity, request.intensity, colors)
+    bounds, limit = sample.bounds(request.intensity), sample.limit(request.similarity)
+    criterion = Criterion(sample.model, known.bin_edges, side, bounds, limit, colors)
     with phase("scores"):
         scores = score_cells(grey, criterion, passes[1])
     return TextureSearch(grey, place, request, side, sample, criterion, scores, known.blocks.counts > 0)

@@ -36,7 +36,7 @@ from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.sample.model import fitting_window
 from uavseg.regions.sample.place import Disc, SampleMask, sample_mask
 from uavseg.regions.sample.scores import inner_cells
-from uavseg.regions.sample.similarity import BlurredBands, SimilaritySource, fit_similarity, next_place
+from uavseg.regions.sample.similarity import BlurredBands, SimilaritySource, next_place, sample_colors
 from uavseg.regions.tiles.class_tiles import LIKELY
 from uavseg.regions.tiles.range_tiles import outline_regions, sum_regions
 from uavseg.segmentation.params.segment import SegmentParams
@@ -183,7 +183,7 @@ def learn(
 ) -> SimilaritySource:
     """Return the raster as likeness to samples, and not to others."""
     with phase("colours of the sample"):
-        result = fit_similarity(BlurredBands(bands), places, tile_pass, unlike)
+        result = sample_colors(bands, places, tile_pass, unlike).similarity(BlurredBands(bands))
     decided(
         "likeness %.3f in the sample, %.3f in the raster", result.table.sample_mean, result.table.raster_mean
     )

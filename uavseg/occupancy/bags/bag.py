@@ -234,7 +234,7 @@ def open_bag(path: str | os.PathLike[str]) -> Iterator[Bag]:
                 stack.callback(reader.close)
                 _check_storage(getattr(reader, "storage", None), os.fspath(file))
             readers.append((os.fspath(file), reader))
-        store = _ros1_types() if is_ros1 else _ros2_types()
+        store = _known_types(is_ros1)
         yield Bag(
             name=name,
             types=_types_of(name, [reader for _, reader in readers]),
@@ -263,11 +263,7 @@ def _check_storage(storage: Any, name: str) -> None:
 
 
 def _bounded_reader(file: Any) -> Any:
-    """Make rosbags' reader of ROS 1 refuse an index that is larger than the file.
-
-    A chunk names the position of its index. A damaged bag may point to one index many times, and every
-    entry would be kept each time.
-    """
+    """Make rosbags' reader of ROS 1 refuse an index larger than the file: chunks may share one, damaged."""
     from rosbags.rosbag1 import Reader
 
     class BoundedReader(Reader):  # type: ignore[misc]
@@ -297,16 +293,10 @@ def _errors_of(name: str) -> Iterator[None]:
 
 
 @cache
-def _ros1_types() -> Any:
+def _known_types(is_ros1: bool) -> Any:
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-    store = get_typestore(Stores.ROS1_NOETIC)
-    store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TRANSFORMS))
+    store = get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.ROS2_HUMBLE)
+    if is_ros1:
+        store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TRANSFORMS))
     return store
-
-
-@cache
-def _ros2_types() -> Any:
-    from rosbags.typesys import Stores, get_typestore
-
-    return get_typestore(Stores.ROS2_HUMBLE)

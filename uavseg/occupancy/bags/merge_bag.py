@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import BagError, ParameterError, SceneError
 from uavseg.occupancy.bags.bag import LASERSCAN, MULTI_ECHO, POINT_CLOUD, Bag, open_bag
@@ -115,21 +116,20 @@ class MergedBag:
 class _Extent:
     """Bounding box of the beams of scans, in metres."""
 
-    low: list[float] = field(default_factory=lambda: [math.inf, math.inf])
-    high: list[float] = field(default_factory=lambda: [-math.inf, -math.inf])
+    low: Floats = field(default_factory=lambda: np.full(2, np.inf))
+    high: Floats = field(default_factory=lambda: np.full(2, -np.inf))
 
     def add(self, scan: Scan) -> None:
         """Enlarge the box by the sensor of a scan and the ends of its beams."""
         known = ~np.isnan(scan.ranges)
         ranges = scan.ranges[known]
         reach = np.where(np.isinf(ranges), scan.max_range_m, ranges + REACH_SIGMAS * scan.sigma_m)
-        x, y, angles = scan.beams
-        poses = [scan.pose] if scan.end is None else [scan.pose, scan.end]
-        for axis, (places, along) in enumerate(((x, np.cos), (y, np.sin))):
-            ends = places[known] + reach * along(angles[known])
-            corners = [*ends.tolist(), *((pose.x, pose.y)[axis] for pose in poses)]
-            self.low[axis] = min(self.low[axis], *corners)
-            self.high[axis] = max(self.high[axis], *corners)
+        x, y, angles = (numbers[known] for numbers in scan.beams)
+        poses = [(pose.x, pose.y) for pose in (scan.pose, scan.end) if pose is not None]
+        ends = np.column_stack([x + reach * np.cos(angles), y + reach * np.sin(angles)])
+        corners = np.vstack([ends, poses])
+        self.low = np.minimum(self.low, corners.min(axis=0))
+        self.high = np.maximum(self.high, corners.max(axis=0))
 
     def geobox(self, cell_m: float) -> GeoBox:
         """Return whole cells around the box, at multiples of their side; refuse too many."""

@@ -18,8 +18,7 @@ from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.mapping.scan import Pose, Scan
 from uavseg.occupancy.paths.any_angle import pull_string
 from uavseg.occupancy.paths.astar import shortest_path
-from uavseg.occupancy.simulation.scene import CellScene, Scene
-from uavseg.occupancy.simulation.simulate import RangeFinder
+from uavseg.occupancy.simulation.simulate import CellScene, RangeFinder, Scene
 from uavseg.segmentation.params.segment import StateLimits
 from uavseg.units import FREE, OCCUPIED, UNKNOWN
 

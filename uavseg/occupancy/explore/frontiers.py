@@ -105,14 +105,8 @@ def seen_from(
 
 def visible_cells(solid: Bools, views: Integers, range_cells: float) -> Bools:
     """Return the cells that rays from some views reach, the first solid ones included, (rows, cols)."""
-    marked = np.zeros(solid.shape, np.uint8)
-    _mark(
-        np.ascontiguousarray(solid).view(np.uint8),
-        np.ascontiguousarray(views),
-        range_cells,
-        rays_for(2 * range_cells),
-        marked,
-    )
+    cells, marked = np.ascontiguousarray(solid).view(np.uint8), np.zeros(solid.shape, np.uint8)
+    _mark(cells, np.ascontiguousarray(views), range_cells, rays_for(2 * range_cells), marked)
     return marked > 0
 
 

@@ -130,35 +130,24 @@ class ViewPlanner:
         for times, reach in enumerate(_REACHES):
             wanted = np.maximum(tried, narrow) <= times
             range_cells = max(reach * self.range_m / self.cell_m, 2 + self.clearance_m / self.cell_m)
-            candidates = self._candidates(states, frontiers, wanted, graph, away, range_cells)
+            # The nodes within the range of a frontier, and of each block one of its frontier cells.
+            on = frontiers.cells[wanted]
+            near = self._blocks_near(on, range_cells)
+            is_near = near[tuple(graph.places.T // self.side)] & np.isfinite(away)
+            node = graph.node_of[tuple(on.T)]
+            _, first = np.unique(node, return_index=True)
+            first = first[(node[first] >= 0) & np.isfinite(away[node[first]])]
+            nodes = np.concatenate([np.flatnonzero(is_near), node[first].astype(np.int64)])
+            cells = np.concatenate([graph.places[is_near], on[first]])
+            starts, seen = self._seen(states, frontiers, cells, range_cells)
+            kept = wanted[seen]
+            starts = np.r_[0, np.cumsum(kept)][starts]
+            candidates = Candidates(cells, away[nodes], nodes, starts, seen[kept])
             views = cover(candidates, wanted, _DISCOUNT * self.cell_m / self.range_m)
             if views:
                 depths = self._depths(states, frontiers, candidates, views)
                 return _ordered(candidates, frontiers, graph, int(graph.node_of[at]), views, depths)
         return None
-
-    def _candidates(
-        self,
-        states: States,
-        frontiers: Frontiers,
-        wanted: Bools,
-        graph: BlockGraph,
-        away: Floats,
-        range_cells: float,
-    ) -> Candidates:
-        """Return the nodes within the range of a frontier, and of each block one of its frontier cells."""
-        near = self._blocks_near(frontiers.cells[wanted], range_cells)
-        is_near = near[tuple(graph.places.T // self.side)] & np.isfinite(away)
-        on = frontiers.cells[wanted]
-        node = graph.node_of[tuple(on.T)]
-        _, first = np.unique(node, return_index=True)
-        first = first[(node[first] >= 0) & np.isfinite(away[node[first]])]
-        nodes = np.concatenate([np.flatnonzero(is_near), node[first].astype(np.int64)])
-        cells = np.concatenate([graph.places[is_near], on[first]])
-        starts, seen = self._seen(states, frontiers, cells, range_cells)
-        kept = wanted[seen]
-        starts = np.r_[0, np.cumsum(kept)][starts]
-        return Candidates(cells, away[nodes], nodes, starts, seen[kept])
 
     def _blocks_near(self, cells: Integers, distance: float) -> Bools:
         """Return the blocks with a place that is at most a distance in cells from some cells (n, 2)."""

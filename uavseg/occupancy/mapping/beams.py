@@ -97,10 +97,9 @@ def _clip_axis(origin, step, length):  # type: ignore[no-untyped-def]
 
 @inlined
 def _traverse(cells, beam, sigma, t_end, stop, state, ends):  # type: ignore[no-untyped-def]
-    """Traverse a beam cell by cell, to its end or until it enters a column or row in `stop`.
+    """Traverse a beam by cells until it enters a column or row in `stop`; return whether it goes on, too.
 
-    `state` is (column, row, distance at which the cell is entered); `ends` are the first and the last updated
-    cell, -1 for none. Returns both, and whether the beam goes on.
+    `state` is column, row and distance at which a cell is entered, `ends` the first and last updated cell.
     """
     odds, pending, rows, cols, u0, v0 = cells
     du, dv, measured, reach = beam
@@ -183,10 +182,7 @@ def can_step_by_column(u0, v0, du, dv):  # type: ignore[no-untyped-def]
 
 @inlined
 def _mark_free_columns(cells, beam, steep, t_sure, offsets, state, ends):  # type: ignore[no-untyped-def]
-    """Count free observations along a beam up to `t_sure`, as the traversal from cell to cell does.
-
-    A column is a line of cells across the major axis of the beam: a row of the map if the beam is steep.
-    """
+    """Count free observations as `_traverse` does up to `t_sure`; of a steep beam, columns are rows."""
     odds, pending, _, cols, u0, v0 = cells
     du, dv, _, _ = beam
     col, row, t_in = state
@@ -221,12 +217,10 @@ def _count_whole_columns(u0, du, major, t_sure):  # type: ignore[no-untyped-def]
 
 @inlined
 def _fill_offsets(u0, v0, du, dv, major, minor, count, cols, steep, offsets):  # type: ignore[no-untyped-def]
-    """Fill in the rows in which a beam along the major axis enters each of `count` columns after a cell.
+    """Write offsets of columns along a beam, and of the rows in which it enters them, to `offsets`.
 
-    Writes the offsets of the pending updates: those of columns to the first line of `offsets`, those of rows
-    to the second. The rows are exactly those of the traversal from cell to cell, which has crossed the edges
-    whose t is smaller than the column's. Returns True if the beam passes through the corner of a cell, where
-    that traversal decides.
+    The rows are exactly those of `_traverse`, which has crossed the edges whose t is smaller than the
+    column's. Returns True if the beam passes through the corner of a cell, where `_traverse` decides.
     """
     step_u, step_v = np.int64(1 if du > 0.0 else -1), np.int64(1 if dv > 0.0 else -1)
     per_u, per_v = 1.0 / du, 1.0 / dv

@@ -12,13 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from uavseg.arguments import checked
 from uavseg.dataclass import dataclass
 from uavseg.errors import MapError
+from uavseg.occupancy.mapping import grid_io
 from uavseg.occupancy.mapping.beams import REACH_SIGMAS, merge_beams
-from uavseg.occupancy.mapping.grid_io import (
-    fill_grid_message,
-    read_grid_file,
-    read_grid_message,
-    write_grid_file,
-)
 from uavseg.occupancy.mapping.live import LiveSegmentation
 from uavseg.occupancy.mapping.log_odds import (
     MARGIN,
@@ -174,7 +169,7 @@ class OccupancyGrid:
         MapError
             If a field is missing, cells are not -1 or 0..100, or the origin is tilted.
         """
-        return cls.from_probabilities(*read_grid_message(message))
+        return cls.from_probabilities(*grid_io.read_grid_message(message))
 
     @checked
     def to_message(self, message: Any = None) -> Any:
@@ -192,7 +187,7 @@ class OccupancyGrid:
         MapError
             If the cells of this grid are not square.
         """
-        return fill_grid_message(self.probabilities, self.geobox, message)
+        return grid_io.fill_grid_message(self.probabilities, self.geobox, message)
 
     @checked
     def save(self, path: str | os.PathLike[str], overwrite: bool = False) -> None:
@@ -205,7 +200,7 @@ class OccupancyGrid:
         overwrite : bool
             Whether to replace an existing file, which is an OutputExistsError otherwise.
         """
-        write_grid_file(path, self.log_odds, self.geobox, overwrite, self.fading)
+        grid_io.write_grid_file(path, self.log_odds, self.geobox, overwrite, self.fading)
 
     @classmethod
     @checked
@@ -214,7 +209,7 @@ class OccupancyGrid:
 
         Raises MapError if the file is another raster or damaged, RasterReadError if it cannot be read.
         """
-        log_odds, geobox, fading = read_grid_file(path)
+        log_odds, geobox, fading = grid_io.read_grid_file(path)
         grid = cls(geobox, **asdict(fading))
         grid.log_odds[...] = log_odds
         grid._recompute()

@@ -268,22 +268,15 @@ class LiveSegmentation:
         self._required[rows, cols] = _required_ratios_at(self._blocks, self._query, indices)
         self._blocks.ratios[rows, cols] = 0
         divided = affected & (self._required > 0)
-        self._measure_ratios(divided)
+        for part, valid in self._by_validity(divided):
+            rows, cols = part.T
+            required = self._required[rows, cols]
+            self._blocks.ratios[rows, cols] = selected_ratios(
+                self._grey_map.grey, valid, self.bin_edges, part * BLOCK, required, self.params.threshold
+            )
         indices = _block_indices(changed | divided)
         required = self._required[tuple(indices.T)]
         _classify_leaves(self._blocks, self._query, indices, required, self._leaves, self._intervals)
-
-    def _measure_ratios(self, divided: Mask) -> None:
-        for part, valid in self._by_validity(divided):
-            rows, cols = part.T
-            self._blocks.ratios[rows, cols] = selected_ratios(
-                self._grey_map.grey,
-                valid,
-                self.bin_edges,
-                part * BLOCK,
-                self._required[rows, cols],
-                self.params.threshold,
-            )
 
     def _by_validity(self, blocks: Mask) -> Iterator[tuple[BlockIndices, NDArray[np.uint8] | None]]:
         """Split blocks into those that are valid throughout (with None) and the others (with `valid`)."""
@@ -322,11 +315,7 @@ def _classify_leaves(
     scratch: tuple[NDArray[np.uint8], NDArray[np.float64]],
     intervals: NDArray[np.uint8],
 ) -> None:
-    """Divide some blocks into leaves and write the interval in which the mean of each leaf lies.
-
-    The R are known where `_required_ratios_at` says so. A mean on an edge lies in the interval below it;
-    intervals are counted from 1, 0 where a cell has no valid pixel. `scratch` is side and mean of the leaves.
-    """
+    """Divide some blocks into leaves, and write the interval of each leaf's mean, 0 without a valid pixel."""
     division = (blocks.sums, blocks.counts, blocks.ratios, query.division.threshold, query.division.step)
     edges = np.array(query.edges, np.float64)
     _classify(*division, edges, indices, required, *scratch, intervals)

@@ -147,10 +147,7 @@ def cell_at_offset(i, cols):  # type: ignore[no-untyped-def]
 
 @inlined
 def _pop_row(words, block, row, line):  # type: ignore[no-untyped-def]
-    """Copy the pending updates of one row of a block to `line` and clear them, 8 bytes at a time.
-
-    Returns the bitwise or of all of them.
-    """
+    """Move the pending updates of one row of a block to `line`, by words; return their bitwise or."""
     combined = np.uint64(0)
     start = np.uint64(block) * np.uint64(512) + np.uint64(row // 8 * 64 + row % 8)
     for k in range(np.uint64(8)):
@@ -202,10 +199,9 @@ def _add_free_counts(counts, odds, largest):  # type: ignore[no-untyped-def]
 
 @inlined
 def _count_free_only(odds, counts, free_odds, total, n):  # type: ignore[no-untyped-def]
-    """Count the observations of each of n pixels of a line, at most 3, if all of them are free ones.
+    """Write the observations of each of n pixels to `total`, at most 3; False if some are not free ones.
 
-    The log-odds of such a pixel are one of four numbers, see `log_odds.free_only_values`; the pending counts
-    are added. Writes the numbers to `total`, and returns whether every pixel is one of these.
+    The log-odds of such a pixel are one of four numbers, see `log_odds.free_only_values`.
     """
     others = np.int32(0)
     for c in range(n):
@@ -262,10 +258,7 @@ def _update_probabilities(odds, probabilities, total, free_p, free_only):  # typ
 
 @inlined
 def _affected_blocks(row, first, last):  # type: ignore[no-untyped-def]
-    """Return bits of the 3 x 3 blocks that a change in one row of the middle block affects, see `GreyMap`.
-
-    `first` and `last` say whether the first and the last column of the row have changed.
-    """
+    """Return bits of the 3 x 3 blocks that a change in a row of the middle one affects, or at its ends."""
     across = np.int64(2) | np.int64(first) | np.int64(last) << 2
     affected = across << 3
     if row == 0:

@@ -10,18 +10,7 @@ from uavseg.arguments import checked
 from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import SceneError
-from uavseg.occupancy.mapping.sensor_messages import (
-    MAX_TILT_DEG,
-    Heights,
-    as_quaternion,
-    heading_of,
-    matrix_of_quaternion,
-    nearest_points,
-    read_laserscan,
-    read_points,
-    scan_duration_s,
-    tilt_deg,
-)
+from uavseg.occupancy.mapping import sensor_messages
 from uavseg.plain_text import shown
 
 MAX_METRES = 1e9
@@ -85,13 +74,13 @@ class Pose:
         >>> round(Pose.from_quaternion(1.0, 2.0, (0, 0, 1, 1)).heading_rad, 6)
         1.570796
         """
-        matrix = matrix_of_quaternion(as_quaternion(quaternion))
-        if tilt_deg(matrix) > MAX_TILT_DEG:
+        matrix = sensor_messages.matrix_of_quaternion(sensor_messages.as_quaternion(quaternion))
+        if sensor_messages.tilt_deg(matrix) > sensor_messages.MAX_TILT_DEG:
             raise SceneError(
-                f"the quaternion tilts the sensor by {tilt_deg(matrix):.0f} degrees; the plane of the beams "
-                f"of a scan is tilted by at most {MAX_TILT_DEG:g} degrees"
+                f"the quaternion tilts the sensor by {sensor_messages.tilt_deg(matrix):.0f} degrees; the "
+                f"plane of the beams of a scan is tilted by at most {sensor_messages.MAX_TILT_DEG:g} degrees"
             )
-        return cls(x, y, heading_rad=heading_of(matrix))
+        return cls(x, y, heading_rad=sensor_messages.heading_of(matrix))
 
 
 @checked
@@ -212,11 +201,11 @@ class Scan:
             `range_max` that is not finite while `max_range_m` is not given. If both `end` and `twist` are
             given, or the message does not say how long the scan took.
         """
-        angles, ranges, limit = read_laserscan(message, max_range_m, no_return, beam_order)
+        angles, ranges, limit = sensor_messages.read_laserscan(message, max_range_m, no_return, beam_order)
         if twist is not None:
             if end is not None:
                 raise SceneError("a scan has a pose at its end, or a twist, not both")
-            end = _end_pose(pose, twist, scan_duration_s(message, len(ranges)))
+            end = _end_pose(pose, twist, sensor_messages.scan_duration_s(message, len(ranges)))
         return cls(pose=pose, angles=angles, ranges=ranges, max_range_m=limit, sigma_m=sigma_m, end=end)
 
     @classmethod
@@ -253,20 +242,22 @@ class Scan:
         SceneError
             If the message is not a point cloud, or the lowest height is not below the highest.
         """
-        points = read_points(message)
+        points = sensor_messages.read_points(message)
         cos, sin = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
         points[:, :2] = points[:, :2] @ np.array([[cos, sin], [-sin, cos]])
         return scan_of_points(points, pose, heights, sigma_m, max_range_m)
 
 
-def scan_of_points(points: Floats, pose: Pose, heights: Heights, sigma_m: float, max_range_m: float) -> Scan:
+def scan_of_points(
+    points: Floats, pose: Pose, heights: sensor_messages.Heights, sigma_m: float, max_range_m: float
+) -> Scan:
     """Return the scan that a sensor at a pose would take of points at some heights, see `nearest_points`.
 
     `points` (n, 3) are x and y from the sensor in metres, along the axes of the map, and the height; those
     farther away than `max_range_m` are left out. `heights` are the lowest and the highest, in metres. The
     heading of the pose does not matter.
     """
-    angles, ranges = nearest_points(points, heights, min(max_range_m, MAX_METRES))
+    angles, ranges = sensor_messages.nearest_points(points, heights, min(max_range_m, MAX_METRES))
     limit = max_range_m if math.isfinite(max_range_m) else float(ranges.max(initial=1.0))
     level = Pose(pose.x, pose.y)
     return Scan(pose=level, angles=angles, ranges=ranges, max_range_m=limit, sigma_m=sigma_m)

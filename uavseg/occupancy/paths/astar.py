@@ -16,7 +16,6 @@ nor on the machine.
 """
 
 from math import sqrt
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,8 +32,6 @@ from uavseg.occupancy.paths.bitmap import (
     previous_stop,
     transpose_bitmap,
 )
-
-PoolDtype = TypeVar("PoolDtype", np.int32, np.int64, np.uint8)
 
 MAX_SEARCH_CELLS = (1 << 31) - 1
 STRAIGHT, DIAGONAL = 1311738121, 1855077841  # Pell numbers: their ratio is sqrt 2 to 2e-19
@@ -125,20 +122,16 @@ def _search_turns(
     grid = (rows, cols, node_of_cell)
     while _search(*grid, node_cells, parents, costs, directions, entries, next_entry, heads, state, reserve):
         if state[_NODES] + reserve > len(node_cells):
-            node_cells, parents = _double(node_cells), _double(parents)
-            costs, directions = _double(costs), _double(directions)
+            node_cells, parents = np.tile(node_cells, 2), np.tile(parents, 2)
+            costs, directions = np.tile(costs, 2), np.tile(directions, 2)
         if state[_ENTRIES] + reserve > len(entries):
-            entries, next_entry = _double(entries), _double(next_entry)
+            entries, next_entry = np.tile(entries, 2), np.tile(next_entry, 2)
     chain = [int(node_of_cell[goal[0] * width + goal[1]])]
     if not chain[0]:
         raise PathError("no path leads from the start to the goal")
     while parents[chain[-1]]:
         chain.append(int(parents[chain[-1]]))
     return np.stack(np.divmod(node_cells[chain[::-1]].astype(np.int64), width), axis=1), int(state[_EXPANDED])
-
-
-def _double(pool: NDArray[PoolDtype]) -> NDArray[PoolDtype]:
-    return np.concatenate([pool, pool])
 
 
 def _fill_between(turns: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -192,10 +185,7 @@ def _jump_length(rows, cols, row, col, direction, goal_row, goal_col):  # type: 
 
 @inlined
 def _successor_directions(rows, row, col, arrived):  # type: ignore[no-untyped-def]
-    """Return bits of the directions to search from a cell that was reached in the directions `arrived`.
-
-    Straight on; and where a side is open but was not one step before, to that side and between the two.
-    """
+    """Return bits of directions to search from a cell: straight on, and to sides that have just opened."""
     if arrived == _ALL_DIRECTIONS:
         return 255
     directions = 0

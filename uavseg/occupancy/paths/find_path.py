@@ -4,7 +4,7 @@ A path cuts no corner, so cells are connected where they share an edge.
 """
 
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from functools import cached_property, partial
 from math import isfinite
 from typing import Any
@@ -25,7 +25,6 @@ from uavseg.regions.outline.rings import Rasteriser, Rings
 from uavseg.segmentation.params.segment import IntensityRange
 from uavseg.segmentation.source import GreySource
 from uavseg.units import GREY_MAX
-from uavseg.warning_filters import changing_filters
 
 Cell = tuple[int, int]
 Mask = NDArray[np.bool_]
@@ -95,9 +94,7 @@ class FreeCells:
         free = region > 0 and value is not None and bool(low <= tile.grey[0, 0] <= high)
         return MapPosition(name=name, cell=(here.row, here.col), region=region, value=value, is_free=free)
 
-    def of_regions(
-        self, regions: Collection[int], map: Map = serial
-    ) -> tuple[Window, NDArray[np.bool_], int]:
+    def of_regions(self, regions: Collection[int], map: Map = serial) -> tuple[Window, Mask, int]:
         """Return the free cells of some regions.
 
         These are the smallest window that holds the regions, a mask (rows, cols), and the number of cells of
@@ -109,7 +106,7 @@ class FreeCells:
         window = Window(top, left, bottom - top, right - left)
         mask = np.zeros((window.rows, window.cols), np.bool_)
         walls = 0
-        for stripe, labels, free in self._read_stripes(rings, window, map):
+        for stripe, (labels, free) in self._read_stripes(rings, window, map):
             mask[stripe.row - top : stripe.row - top + stripe.rows] = free
             walls += int((labels > 0).sum() - free.sum())
         return window, mask, walls
@@ -120,7 +117,7 @@ class FreeCells:
         row, col = place.cell
         width, height = ground_steps(self.geobox, row + 0.5, col + 0.5)
         best: tuple[float, int, int, int] | None = None
-        for stripe, labels, free in self._read_stripes(rings, Window(0, 0, *self.geobox.shape), map):
+        for stripe, (labels, free) in self._read_stripes(rings, Window(0, 0, *self.geobox.shape), map):
             rows, cols = np.nonzero(free)
             if len(rows):
                 away = np.hypot((rows + stripe.row - row) * height, (cols + stripe.col - col) * width)
@@ -149,7 +146,7 @@ class FreeCells:
 
     def _read_stripes(
         self, rings: Rings, window: Window, map: Map
-    ) -> Iterator[tuple[Window, NDArray[np.uint32], NDArray[np.bool_]]]:
+    ) -> Iterable[tuple[Window, tuple[NDArray[np.uint32], Mask]]]:
         """Read a window stripe by stripe: labels of some regions, and the free cells among them."""
         count = max(_STRIPE // max(window.cols, 1), 1)
         stripes = [
@@ -157,12 +154,9 @@ class FreeCells:
             for row in range(0, window.rows, count)
         ]
         read = map(partial(self._read_window, Rasteriser(rings)), stripes)
-        for stripe, (labels, free) in zip(stripes, read, strict=True):
-            yield stripe, labels, free
+        return zip(stripes, read, strict=True)
 
-    def _read_window(
-        self, rasteriser: Rasteriser, window: Window
-    ) -> tuple[NDArray[np.uint32], NDArray[np.bool_]]:
+    def _read_window(self, rasteriser: Rasteriser, window: Window) -> tuple[NDArray[np.uint32], Mask]:
         labels = rasteriser(window)
         low, high = self.interval.greys
         if not labels.any():
@@ -292,16 +286,16 @@ def _largest_clearance(distance: NDArray[np.float64], start: Cell, goal: Cell) -
 
 def _connected(mask: Mask) -> NDArray[Any]:
     """Label the 4-connected components, 0 where the mask is false."""
-    with changing_filters():  # which scikit-image does while it is imported
-        from skimage.measure import label
-    return np.asarray(label(mask, connectivity=1))
+    from scipy.ndimage import label
+
+    return np.asarray(label(mask)[0])
 
 
 def _border(mask: Mask) -> NDArray[np.int64]:
     """Find the cells of a mask beside others or at the edge of the map: row and column, (n, 2)."""
-    framed = np.pad(mask, 1)
-    inner = framed[:-2, 1:-1] & framed[2:, 1:-1] & framed[1:-1, :-2] & framed[1:-1, 2:]
-    return np.argwhere(mask & ~inner)
+    from scipy.ndimage import binary_erosion
+
+    return np.argwhere(mask & ~binary_erosion(mask))
 
 
 def _steps(first: int, last: int) -> range:

@@ -53,18 +53,14 @@ class CellRules:
             raise MapError(f"thresholds are finite and at most {_MAX_THRESHOLD:g}, not {given}")
         if self.mode != "raw" and max(self.occupied, self.free) > 1:
             given = f"occupied_thresh {self.occupied:g} and free_thresh {self.free:g}"
-            raise MapError(f"thresholds are fractions of at most 1, not {given}{self._as_per_cent()}")
+            if 0 <= self.free <= 100 and self.occupied <= 100:
+                given += f"; as per cent they are {self.occupied / 100:g} and {self.free / 100:g}"
+            raise MapError(f"thresholds are fractions of at most 1, not {given}")
         if self.free >= self.occupied:
             raise MapError(
                 f"free_thresh ({self.free:g}) lies below occupied_thresh ({self.occupied:g}), "
                 "so that no cell is free and occupied at once"
             )
-
-    def _as_per_cent(self) -> str:
-        """Suggest thresholds as fractions, where they may be per cent."""
-        if not (0 <= self.free <= 100 and self.occupied <= 100):
-            return ""
-        return f"; as per cent they are {self.occupied / 100:g} and {self.free / 100:g}"
 
     def cells(self, grey: NDArray[np.uint8], alpha: NDArray[np.uint8] | None = None) -> RosCells:
         """Convert 8-bit grey to cells; pixels that are not opaque are unknown, except in the mode raw."""
@@ -116,12 +112,14 @@ def read_ros_yaml(path: str | os.PathLike[str]) -> MapDescription:
             occupied=_number("occupied_thresh", content["occupied_thresh"]),
             free=_number("free_thresh", content["free_thresh"]),
         )
-        image = _image(path, content["image"])
+        image = content["image"]
+        if not isinstance(image, str) or not image or not image.isprintable():
+            raise MapError(f"image is the file name of an image, not {shown(image)}")
         resolution = _number("resolution", content["resolution"])
         if not (math.isfinite(resolution) and resolution > 0):
             raise MapError(f"resolution is metres per cell, a number above 0, not {resolution:g}")
         origin = _origin(content["origin"])
-        return MapDescription(image=image, resolution=resolution, origin=origin, rules=rules)
+        return MapDescription(Path(path).parent / image, resolution, origin, rules)
     except MapError as error:
         raise MapError(f"{os.fspath(path)}: {error}") from error
 
@@ -194,12 +192,6 @@ def _origin(value: Any) -> tuple[float, float, float]:
     if not all(math.isfinite(part) for part in (x, y, yaw)):
         raise MapError(f"origin is finite x, y and yaw, not {shown(value)}")
     return x, y, yaw
-
-
-def _image(path: str | os.PathLike[str], name: Any) -> Path:
-    if not isinstance(name, str) or not name or not name.isprintable():
-        raise MapError(f"image is the file name of an image, not {shown(name)}")
-    return Path(path).parent / name
 
 
 _WRITTEN_THRESHOLDS = {"occupied_thresh": 0.65, "free_thresh": 0.196}  # as Nav2 writes trinary maps

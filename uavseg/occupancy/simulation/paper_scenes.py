@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.occupancy.mapping.scan import Pose
-from uavseg.occupancy.simulation.scene import Scene
-from uavseg.occupancy.simulation.simulate import RangeFinder, Simulation
+from uavseg.occupancy.simulation.simulate import RangeFinder, Scene, Simulation
 from uavseg.raster.grid.geobox import local_geobox
 
 _MAP_SHAPE = (320, 320)

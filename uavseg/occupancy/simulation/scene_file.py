@@ -27,8 +27,7 @@ from typing import Any, NoReturn
 from uavseg.errors import RasterError, SceneError
 from uavseg.inputs import parse_json, read_bytes
 from uavseg.occupancy.mapping.scan import Pose
-from uavseg.occupancy.simulation.scene import Scene
-from uavseg.occupancy.simulation.simulate import RangeFinder, Simulation
+from uavseg.occupancy.simulation.simulate import RangeFinder, Scene, Simulation
 from uavseg.plain_text import cause_of, shown
 from uavseg.raster.grid.geobox import GeoBox, local_geobox
 

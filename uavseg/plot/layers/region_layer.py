@@ -23,7 +23,6 @@ from uavseg.plot.page.page import Frame, area_text
 from uavseg.raster.access.opening import file_exists
 from uavseg.raster.geodesy.globe import transform_between
 from uavseg.regions.formats import vector_files
-from uavseg.regions.formats.parquet import import_pyarrow
 from uavseg.regions.formats.read import read_regions, vector_errors
 from uavseg.regions.table import Regions
 
@@ -144,7 +143,7 @@ def _table_of_file(name: str) -> PolygonTable:
 
 
 def _table_of_parquet(name: str) -> PolygonTable:
-    parquet = import_pyarrow().parquet
+    parquet = vector_files.import_pyarrow().parquet
     with vector_errors(name):
         table = parquet.read_table(name)
         if b"geo" not in (table.schema.metadata or {}):

@@ -23,20 +23,9 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import AccessError, RasterError, RasterReadError
 from uavseg.inputs import read_bytes, read_start, regular_file
 from uavseg.plain_text import cause_of
-from uavseg.raster.access import untrusted
-from uavseg.raster.access.opening import (
-    GDAL_ERRORS,
-    as_file_name,
-    drivers_of,
-    gdal_env,
-    is_sequential,
-    names_no_file,
-    quiet_open,
-    read_rows_before,
-    unread_tags_are_errors,
-)
+from uavseg.raster.access import opening, untrusted
 from uavseg.raster.grid.tiling import Window
-from uavseg.raster.tiff.index import stored_blocks
+from uavseg.raster.tiff.directories import is_by_pixel, stored_blocks
 
 MAX_BANDS = 4096  # satellite images with most bands have a few hundred
 MAX_RATIO = 2000  # bytes of pixels for each byte of a compressed file
@@ -130,9 +119,12 @@ def check_limits(path: str, source: DatasetReader) -> None:
     size = rows * cols * np.dtype(source.dtypes[0]).itemsize
     if size * source.count <= FREE_BYTES:
         return
-    if source.tags(ns="IMAGE_STRUCTURE").get("INTERLEAVE") == "PIXEL":
+    if is_by_pixel(source):
         size *= source.count
-    if size > max(FREE_BYTES, _capacity(path, source)) and _stores_a_block(path, source):
+    if size <= max(FREE_BYTES, _capacity(path, source)):
+        return
+    stored = stored_blocks(path, source) if source.driver == "GTiff" else None
+    if stored is None or stored.any():  # a sparse file may store no block at all
         raise RasterError(
             f"{path} has blocks of {cols:,} x {rows:,} pixels in {source.count:,} bands, {size / 1e9:.1f} GB "
             "each, which the file is too small to hold; its header is damaged"
@@ -148,14 +140,6 @@ def check_readable_whole(path: str, source: DatasetReader) -> None:
         )
     if rows * cols * source.count > max(FREE_BYTES, _capacity(path, source)):
         raise RasterError(f"{path} claims {cols:,} x {rows:,} pixels, which the file is too small to hold")
-
-
-def _stores_a_block(path: str, source: DatasetReader) -> bool:
-    """Return whether a sparse file stores a block at all; true where that is not known."""
-    if source.driver != "GTiff":
-        return True
-    stored = stored_blocks(path, source)
-    return stored is None or bool(stored.any())
 
 
 def _capacity(path: str, source: DatasetReader) -> int:
@@ -219,8 +203,11 @@ class NamedFiles:
                 nested = True
                 reads += self._check_vrt(target, depth + 1)
             else:
-                self._check_source(target)
                 reads += 1
+                if str(target) not in self.rasters:
+                    self._check_beside(target)
+                    self._check_content(target, f"{self.owner} names {target}, which")
+                    self.rasters[str(target)] = None
             limit = MAX_NESTED_READS if nested else MAX_READS
             if reads > limit:
                 raise RasterError(
@@ -230,15 +217,9 @@ class NamedFiles:
         self._reads[path] = reads
         return reads
 
-    def _check_source(self, path: Path) -> None:
-        if str(path) not in self.rasters:
-            self._check_beside(path)
-            self._check_content(path, f"{self.owner} names {path}, which")
-            self.rasters[str(path)] = None
-
     def _check_content(self, path: Path, subject: str) -> None:
         """Refuse a description of other files under a name that promises an image."""
-        if drivers_of(str(path)) == ("GTiff",) and read_start(path, 4) in _TIFF:
+        if opening.drivers_of(str(path)) == ("GTiff",) and read_start(path, 4) in _TIFF:
             return
         start = read_start(path)
         if is_vrt(start):
@@ -276,7 +257,7 @@ class NamedFiles:
 
 def check_named_file(owner: str, name: str) -> None:
     """Refuse a file that may not be opened, which GDAL or metadata say a raster consists of (AccessError)."""
-    if names_no_file(name):
+    if opening.names_no_file(name):
         raise AccessError(f"{owner} names {name[:60]!r}, which is not a file")
     target = current_policy().check_name(owner, name, Path())
     if target is not None and is_vrt(read_start(target)):
@@ -294,26 +275,28 @@ def open_checked(path: str) -> Iterator[DatasetReader]:
     what the access policy in effect does not allow, or that its header is beyond the limits, a RasterioError
     that GDAL cannot open it.
     """
-    path, found = as_file_name(path), None
+    path, found = opening.as_file_name(path), None
     if is_local(path):
         found = NamedFiles(path)
         found.check()
         for source_path in (path, *found.rasters):
-            if drivers_of(source_path) in _DATABASES and Path(source_path).is_file():
-                from uavseg.raster.access.untrusted import check_database
-
-                check_database(source_path, source_path, RasterReadError)
+            if opening.drivers_of(source_path) in _DATABASES and Path(source_path).is_file():
+                untrusted.check_database(source_path, source_path, RasterReadError)
     elif page := _PAGE.match(path):
         regular_file(path[page.end() :])
-    elif drivers_of(path) == ("VRT",):
-        _check_unread_vrt(path)
-    with gdal_env(is_online(path)):
+    elif opening.drivers_of(path) == ("VRT",):  # which cannot be read before GDAL opens it
+        if not is_address(path):
+            raise AccessError(
+                f"{path} lies in an archive, so what it names cannot be checked; unpack the archive"
+            )
+        current_policy().check_address(path, "of a file, which cannot be checked before it is read")
+    with opening.gdal_env(is_online(path)):
         for source_path in found.rasters if found else ():
-            with open_by(source_path, drivers_of(source_path)) as source:
+            with open_by(source_path, opening.drivers_of(source_path)) as source:
                 _check_opened(path, source_path, source)
-                if is_sequential(source.driver):  # of which GDAL would look for a later row for ever
+                if opening.is_sequential(source.driver):  # of which GDAL would look for a later row for ever
                     _check_rows(path, source_path, source)
-        with open_by(path, drivers_of(path)) as source:
+        with open_by(path, opening.drivers_of(path)) as source:
             _check_opened(path, path, source)
             yield source
 
@@ -326,8 +309,8 @@ def open_by(path: str, drivers: tuple[str, ...]) -> DatasetReader:
     first: RasterioIOError | None = None
     for driver in drivers or (None,):
         try:
-            with unread_tags_are_errors(path):
-                return quiet_open(path, driver=driver)
+            with opening.unread_tags_are_errors(path):
+                return opening.quiet_open(path, driver=driver)
         except RasterioIOError as error:
             first = first or error
     assert first is not None
@@ -336,7 +319,7 @@ def open_by(path: str, drivers: tuple[str, ...]) -> DatasetReader:
 
 def is_local(path: str) -> bool:
     """Return whether a name is that of a local file, which may not exist."""
-    return not (is_address(path) or path.startswith("/vsi") or "://" in path or names_no_file(path))
+    return not (is_address(path) or path.startswith("/vsi") or "://" in path or opening.names_no_file(path))
 
 
 def is_online(path: str) -> bool:
@@ -344,20 +327,11 @@ def is_online(path: str) -> bool:
     return current_policy().allow_network or is_address(path) or "://" in path
 
 
-def _check_unread_vrt(path: str) -> None:
-    """Refuse a VRT that cannot be read before GDAL opens it."""
-    if not is_address(path):
-        raise AccessError(
-            f"{path} lies in an archive, so what it names cannot be checked; unpack the archive"
-        )
-    current_policy().check_address(path, "of a file, which cannot be checked before it is read")
-
-
 def _check_rows(owner: str, path: str, source: DatasetReader) -> None:
     """Check that each row of a text grid can be read, which a VRT names."""
     try:
-        read_rows_before(source, Window(0, 0, *source.shape))
-    except GDAL_ERRORS as error:
+        opening.read_rows_before(source, Window(0, 0, *source.shape))
+    except opening.GDAL_ERRORS as error:
         raise RasterReadError(
             f"{owner} names {path}, which cannot be read as a whole ({cause_of(error)}); repair it"
         ) from error

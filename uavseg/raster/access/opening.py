@@ -177,10 +177,13 @@ class OpenFiles:
         files: OrderedDict[str, DatasetReader] = self._local.__dict__.setdefault("files", OrderedDict())
         if path not in files:
             try:
-                opener = rasterio.open if located else quiet_open
-                files[path] = _unchanged(path, opener(path, driver=driver), located, masks)
+                source = (rasterio.open if located else quiet_open)(path, driver=driver)
+                if (masks and mask_kind(source) != masks) or (located and source.transform.is_identity):
+                    source.close()
+                    raise RasterReadError(f"{path} changed, or its header cannot be read any more")
             except GDAL_ERRORS as error:
                 raise RasterReadError(open_error_text(path, error)) from error
+            files[path] = source
             if len(files) > MAX_OPEN:
                 files.popitem(last=False)[1].close()
         files.move_to_end(path)
@@ -208,14 +211,6 @@ class OpenFiles:
         files: OrderedDict[str, DatasetReader] = self._local.__dict__.get("files", OrderedDict())
         if path in files:
             files.pop(path).close()
-
-
-def _unchanged(path: str, source: DatasetReader, located: bool, masks: str) -> DatasetReader:
-    """Return the raster; refuse one that had a geotransform or mask when inspected, and has none now."""
-    if (masks and mask_kind(source) != masks) or (located and source.transform.is_identity):
-        source.close()
-        raise RasterReadError(f"{path} changed, or its header cannot be read any more")
-    return source
 
 
 @contextmanager

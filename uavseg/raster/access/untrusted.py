@@ -5,7 +5,7 @@ import re
 import sqlite3
 import struct
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
@@ -194,12 +194,10 @@ def open_database(source: str | os.PathLike[str] | bytes) -> Iterator[sqlite3.Co
     else:
         address = f"{Path(source).resolve().as_uri()}?mode=ro&immutable=1"
         database = sqlite3.connect(address, uri=True)
-    try:
+    with closing(database):
         if isinstance(source, bytes):
             database.deserialize(source)
         yield database
-    finally:
-        database.close()
 
 
 def check_database(

@@ -250,21 +250,13 @@ def _best_line(points: NDArray[np.float64], tolerance: float) -> tuple[NDArray[n
         if counts[peak] > best:
             best, normal, offset = int(counts[peak]), angle, (peak + least + 0.5) * tolerance
     near = np.abs(row * np.cos(normal) + col * np.sin(normal) - offset) <= tolerance
-    on_line = _fitted(points, near, tolerance)
-    along = points[on_line] @ _direction(points[on_line])
-    return on_line, float(along.max() - along.min()) if len(along) else 0.0
-
-
-def _fitted(points: NDArray[np.float64], near: NDArray[np.bool_], tolerance: float) -> NDArray[np.bool_]:
-    """Return points near the line of total least squares through some of them."""
-    for _ in range(2):
-        middle = points[near].mean(axis=0)
+    for _ in range(2):  # the line of total least squares through these points
         along = _direction(points[near])
-        across = (points - middle) @ np.array([-along[1], along[0]])
+        across = (points - points[near].mean(axis=0)) @ np.array([-along[1], along[0]])
         near = np.abs(across) <= tolerance
         if not near.any():
-            break
-    return near
+            return near, 0.0
+    return near, float(np.ptp(points[near] @ _direction(points[near])))
 
 
 def _direction(points: NDArray[np.float64]) -> NDArray[np.float64]:

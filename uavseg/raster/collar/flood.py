@@ -26,15 +26,6 @@ UNREACHED = 255
 
 
 @dataclass(frozen=True, slots=True)
-class Shore:
-    """A tile with what lies flooded around it."""
-
-    window: Window
-    # the rows above and below with their corners, (cols + 2,), and the columns left and right, (rows,)
-    around: Lines = field(repr=False)
-
-
-@dataclass(frozen=True, slots=True)
 class Flooded:
     """What is flooded of a tile."""
 
@@ -57,7 +48,7 @@ def flood_from_edges(dataset: Dataset, value: int | None, tile_pass: TilePass) -
     wave = [place for place, shows in zip(grid.at_edge, shown, strict=True) if shows]
     known: dict[tuple[int, int], Flooded] = {}
     while wave:
-        items = [grid.shore(place, known) for place in wave]
+        items = [(grid.windows[place], grid.shore(place, known)) for place in wave]
         found = tile_pass.silent.run(partial(_flood_tile, dataset, value), items)
         known.update(zip(wave, found, strict=True))
         around = {other for place in wave for other in grid.neighbours(place)}
@@ -104,13 +95,15 @@ def _shows_tile(dataset: Dataset, value: int | None, strips: tuple[Window, ...])
     return any(_opened(dataset, value, strip).any() for strip in strips)
 
 
-def _flood_tile(dataset: Dataset, value: int | None, item: Shore) -> Flooded:
-    opened = _opened(dataset, value, item.window)
-    if opened.all() and any(line.any() for line in item.around):
+def _flood_tile(dataset: Dataset, value: int | None, item: tuple[Window, Lines]) -> Flooded:
+    """Flood a tile from what is flooded around it, see `_Grid.shore`."""
+    window, around = item
+    opened = _opened(dataset, value, window)
+    if opened.all() and any(line.any() for line in around):
         return Flooded(PixelMask.of(opened), _border_lines(opened), _border_lines(~opened))
     passable = np.pad(opened, 1)
     sources = np.zeros(passable.shape, bool)
-    sources[0], sources[-1], sources[1:-1, 0], sources[1:-1, -1] = item.around
+    sources[0], sources[-1], sources[1:-1, 0], sources[1:-1, -1] = around
     inside = flood(sources, passable)[1:-1, 1:-1]
     return Flooded(PixelMask.of(inside), _border_lines(inside), _border_lines(opened & ~inside))
 
@@ -150,23 +143,25 @@ class _Grid:
         rows, cols = self._last
         return [(i, j) for i, j in self.windows if i in (0, rows) or j in (0, cols)]
 
-    def shore(self, place: tuple[int, int], known: dict[tuple[int, int], Flooded]) -> Shore:
-        """Return a tile with the flooded pixels around it; all that lies beyond the raster is flooded."""
-        window, (i, j) = self.windows[place], place
+    def shore(self, place: tuple[int, int], known: dict[tuple[int, int], Flooded]) -> Lines:
+        """Return the flooded pixels around a tile; all that lies beyond the raster is flooded.
+
+        They are the rows above and below with their corners, (cols + 2,), and the columns left and right.
+        """
+        (i, j), rows, cols = place, self.windows[place].rows, self.windows[place].cols
 
         def line(of: tuple[int, int], side: int, length: int) -> Pixels:
             if of not in self.windows:
                 return np.ones(length, bool)
             return known[of].borders[side] if of in known else np.zeros(length, bool)
 
-        rows, cols = window.rows, window.cols
         ends = [
             (line((k, j - 1), side, 1)[-1:], line((k, j + 1), side, 1)[:1])
             for k, side in ((i - 1, 1), (i + 1, 0))
         ]
         above = np.concatenate([ends[0][0], line((i - 1, j), 1, cols), ends[0][1]])
         below = np.concatenate([ends[1][0], line((i + 1, j), 0, cols), ends[1][1]])
-        return Shore(window, (above, below, line((i, j - 1), 3, rows), line((i, j + 1), 2, rows)))
+        return above, below, line((i, j - 1), 3, rows), line((i, j + 1), 2, rows)
 
     def neighbours(self, place: tuple[int, int]) -> list[tuple[int, int]]:
         """Return the tiles beside a tile and at its corners."""
@@ -175,9 +170,9 @@ class _Grid:
 
     def goes_on(self, place: tuple[int, int], known: dict[tuple[int, int], Flooded]) -> bool:
         """Return whether the flood may go on into a tile from those around it."""
-        around = self.shore(place, known).around
+        around = self.shore(place, known)
         if place not in known:
-            outside = self.shore(place, {}).around
+            outside = self.shore(place, {})
             return any((line & ~beyond).any() for line, beyond in zip(around, outside, strict=True))
         above, below, left, right = around
         lines = (

@@ -295,9 +295,8 @@ def _write_tile(folder: str, geobox: GeoBox, creation: CreationOptions, part: La
     if not labels.any():
         return None
     place = Window(0, 0, window.rows, window.cols)
-    path = Path(folder) / _tile_name(window)
-    again = True  # a tile that was sent twice
-    write_label_geotiff(path, [(place, labels)], geobox.window(window), again, creation=creation)
+    path = Path(folder) / _tile_name(window)  # there already if the tile was sent twice
+    write_label_geotiff(path, [(place, labels)], geobox.window(window), overwrite=True, creation=creation)
     return window
 
 

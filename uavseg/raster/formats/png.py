@@ -68,7 +68,8 @@ def _to_16_bits(samples: NDArray[np.generic], maximum: int) -> NDArray[np.int64]
 def _grey(file: DatasetReader) -> tuple[Bytes, Bytes | None]:
     roles = [role.name for role in file.colorinterp]
     planes = file.read()
-    maximum = _maximum(file)
+    bits = file.tags(1, ns="IMAGE_STRUCTURE").get("NBITS", 8 * np.dtype(file.dtypes[0]).itemsize)
+    maximum = (1 << int(bits)) - 1
     if roles[0] == "palette":
         return _apply_palette(planes[0], file.colormap(1))
     alpha = planes[roles.index("alpha")] if "alpha" in roles else None
@@ -79,11 +80,6 @@ def _grey(file: DatasetReader) -> tuple[Bytes, Bytes | None]:
     if alpha is None and file.nodatavals[0] is not None:  # the colour that the file declares transparent
         opaque = np.where(file.dataset_mask(), np.uint8(255), np.uint8(0))
     return (grey // 257).astype(np.uint8), opaque
-
-
-def _maximum(file: DatasetReader) -> int:
-    size = np.dtype(file.dtypes[0]).itemsize * 8
-    return (1 << int(file.tags(1, ns="IMAGE_STRUCTURE").get("NBITS", size))) - 1
 
 
 def _apply_palette(

@@ -52,15 +52,21 @@ def as_length(given: "Length | float | str | None") -> Length | None:
     """
     if given is None or isinstance(given, Length):
         return given
-    number = str(given).strip().lower() if isinstance(given, str) else given
-    in_pixels = isinstance(number, str) and number.endswith("px")
+    return Length(*parse_size(given, "a detail or a width is metres such as 2.5, or pixels such as 8px"))
+
+
+def parse_size(given: float | str, expected: str) -> tuple[float, bool]:
+    """Parse a number, as text too, and whether it is of pixels: text with the suffix px.
+
+    A ParameterError says what is `expected`.
+    """
+    if not isinstance(given, str):
+        return float(given), False
+    number = given.strip().lower()
     try:
-        value = float(number.removesuffix("px") if isinstance(number, str) else number)
+        return float(number.removesuffix("px")), number.endswith("px")
     except ValueError as error:
-        raise ParameterError(
-            f"a detail or a width is metres such as 2.5, or pixels such as 8px, not {given!r}"
-        ) from error
-    return Length(value, in_pixels)
+        raise ParameterError(f"{expected}, not {given!r}") from error
 
 
 @checked

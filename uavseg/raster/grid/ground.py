@@ -9,13 +9,13 @@ table entries. Rows of a geographic raster are integrated between their parallel
 
 from collections.abc import Callable, Sequence
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from uavseg._jit import Kernel, kernel
+from uavseg._jit import kernel
 from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import RasterError
@@ -49,7 +49,7 @@ def ring_areas(geobox: GeoBox, vertices: Integers, starts: Integers) -> Floats:
     >>> ring_areas(box, np.array([[0, 0], [0, 3], [1, 3], [1, 0]]), np.array([0, 4]))
     array([12.])
     """
-    return _sum_over_rings(_edge_areas, [_tables(geobox).area], vertices, starts)
+    return _sum_over_rings((_NOTHING, _tables(geobox).area), vertices, starts)
 
 
 def ring_perimeters(geobox: GeoBox, vertices: Integers, starts: Integers) -> Floats:
@@ -57,8 +57,7 @@ def ring_perimeters(geobox: GeoBox, vertices: Integers, starts: Integers) -> Flo
 
     Parameters and shapes are those of `ring_areas`.
     """
-    tables = _tables(geobox)
-    return _sum_over_rings(_edge_lengths, [tables.length_of_rows, tables.length_of_cols], vertices, starts)
+    return _sum_over_rings(_tables(geobox)[1:], vertices, starts, np.abs)
 
 
 def ground_resolution(geobox: GeoBox) -> tuple[float, float]:
@@ -137,16 +136,11 @@ def line_length(geobox: GeoBox, row: Floats, col: Floats) -> float:
     return float(steps.sum()) * (unit_factor(geobox.wkt) if ellipsoid is None else 1.0)
 
 
-@dataclass(frozen=True, slots=True)
-class _Product:
-    """Sum over k of rows[k, row] * cols[k, col] at pixel corners."""
-
-    rows: Floats
-    cols: Floats
+_Product = tuple[Floats, Floats]
+"""Rows (k, rows + 1) and columns (k, cols + 1): the sum over k of their products at pixel corners."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Tables:
+class _Tables(NamedTuple):
     """Integrals at pixel corners: of the area over rows and columns, of lengths along one of them."""
 
     area: _Product
@@ -154,56 +148,48 @@ class _Tables:
     length_of_cols: _Product
 
 
+_NOTHING = np.empty((0, 1)), np.empty((0, 1))  # the sum of no products: 0 everywhere
+
+
 def _sum_over_rings(
-    measure: Kernel, tables: Sequence[_Product], vertices: Integers, starts: Integers
+    tables: Sequence[_Product],
+    vertices: Integers,
+    starts: Integers,
+    of_edge: Callable[[Floats], Floats] = np.asarray,
 ) -> Floats:
-    """Sum what a kernel measures of each edge over each ring."""
+    """Sum over rings what is measured of each edge by the tables of horizontal and vertical ones."""
     corners = np.ascontiguousarray(vertices, np.int32)
     starts = np.ascontiguousarray(starts, np.int64)
-    factors = [np.ascontiguousarray(table) for product in tables for table in (product.rows, product.cols)]
+    factors = [np.ascontiguousarray(table) for product in tables for table in product]
     sums = np.zeros(len(starts) - 1)
     ring = 0
     while ring < len(sums):
         last = int(np.searchsorted(starts, starts[ring] + _CHUNK, "right")) - 1
         last = max(last, ring + 1)
         edges = np.empty(starts[last] - starts[ring])
-        measure(corners, starts[ring : last + 1], *factors, edges)
-        sums[ring:last] = np.add.reduceat(edges, starts[ring:last] - starts[ring])
+        _measure_edges(corners, starts[ring : last + 1], *factors, edges)
+        sums[ring:last] = np.add.reduceat(of_edge(edges), starts[ring:last] - starts[ring])
         ring = last
     return sums
 
 
-@kernel("void(i4[:,::1], i8[::1], f8[:,::1], f8[:,::1], f8[::1])")
-def _edge_areas(vertices, starts, rows, cols, areas):  # type: ignore[no-untyped-def]
-    """Measure ground area between each edge of rings and the first column; 0 for horizontal edges."""
-    for ring in range(len(starts) - 1):
-        first, end = starts[ring], starts[ring + 1]
-        for i in range(first, end):
-            following = i + 1 if i + 1 < end else first
-            row, below, col = vertices[i, 0], vertices[following, 0], vertices[i, 1]
-            area = 0.0
-            for k in range(rows.shape[0]):
-                area += (rows[k, below] - rows[k, row]) * cols[k, col]
-            areas[i - starts[0]] = area
-
-
 @kernel("void(i4[:,::1], i8[::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[::1])")
-def _edge_lengths(vertices, starts, rows, cols, rows_down, cols_down, lengths):  # type: ignore[no-untyped-def]
-    """Measure ground length of each edge of rings; it runs along a row or a column."""
+def _measure_edges(vertices, starts, rows, cols, rows_down, cols_down, measures):  # type: ignore[no-untyped-def]
+    """Measure edges of rings along rows and columns, signed: length, or area up to the first column."""
     for ring in range(len(starts) - 1):
         first, end = starts[ring], starts[ring + 1]
         for i in range(first, end):
             following = i + 1 if i + 1 < end else first
             row, below = vertices[i, 0], vertices[following, 0]
             col, right = vertices[i, 1], vertices[following, 1]
-            length = 0.0
+            measure = 0.0
             if row == below:
                 for k in range(rows.shape[0]):
-                    length += rows[k, row] * (cols[k, right] - cols[k, col])
+                    measure += rows[k, row] * (cols[k, right] - cols[k, col])
             else:
                 for k in range(rows_down.shape[0]):
-                    length += (rows_down[k, below] - rows_down[k, row]) * cols_down[k, col]
-            lengths[i - starts[0]] = abs(length)
+                    measure += (rows_down[k, below] - rows_down[k, row]) * cols_down[k, col]
+            measures[i - starts[0]] = measure
 
 
 @lru_cache(maxsize=4)
@@ -219,11 +205,8 @@ def _tables(geobox: GeoBox) -> _Tables:
 def _uniform_tables(geobox: GeoBox, per_col: float, per_row: float, area: float) -> _Tables:
     """Make tables for pixels of equal ground size."""
     rows, cols = (np.arange(length + 1.0)[None] for length in geobox.shape)
-    return _Tables(
-        _Product(rows, cols * area),
-        _Product(np.ones_like(rows), cols * per_col),
-        _Product(rows * per_row, np.ones_like(cols)),
-    )
+    ones = np.ones_like
+    return _Tables((rows, cols * area), (ones(rows), cols * per_col), (rows * per_row, ones(cols)))
 
 
 def _geographic_tables(geobox: GeoBox, ellipsoid: Ellipsoid) -> _Tables:
@@ -236,9 +219,9 @@ def _geographic_tables(geobox: GeoBox, ellipsoid: Ellipsoid) -> _Tables:
     meridian, parallel = ellipsoid.radii(lat[:-1, None] + half * (1 + nodes))
     arcs = np.abs(half) * weights * meridian
     return _Tables(
-        _Product(_cumulative_sum((arcs * parallel).sum(axis=1))[None], cols[None]),
-        _Product(ellipsoid.radii(lat)[1][None], cols[None]),
-        _Product(_cumulative_sum(arcs.sum(axis=1))[None], np.ones((1, len(cols)))),
+        (_cumulative_sum((arcs * parallel).sum(axis=1))[None], cols[None]),
+        (ellipsoid.radii(lat)[1][None], cols[None]),
+        (_cumulative_sum(arcs.sum(axis=1))[None], np.ones((1, len(cols)))),
     )
 
 
@@ -249,8 +232,7 @@ def _cumulative_sum(steps: Floats) -> Floats:
 def _fitted_tables(geobox: GeoBox) -> _Tables:
     """Make tables from polynomials for the lengths and the area of pixels over the raster."""
     fitted = _interpolate(geobox)
-    if fitted is None:
-        fitted = _least_squares(geobox)
+    fitted = _least_squares(geobox) if fitted is None else fitted
     if fitted is None:
         return _uniform_tables(geobox, *pixel_on_map(geobox))
     along_rows, along_cols, area = fitted
@@ -306,9 +288,8 @@ def _product(geobox: GeoBox, fitted: Floats, over_rows: bool, over_cols: bool) -
     left, sizes, right = np.linalg.svd(fitted)
     terms = max(1, int((sizes > sizes[0] * 1e-12).sum()))
     in_rows, in_cols = left[:, :terms] * sizes[:terms], right[:terms].T
-    return _Product(
-        _at_corners(in_rows, geobox.shape[0], over_rows), _at_corners(in_cols, geobox.shape[1], over_cols)
-    )
+    rows, cols = geobox.shape
+    return _at_corners(in_rows, rows, over_rows), _at_corners(in_cols, cols, over_cols)
 
 
 def _at_corners(polynomials: Floats, length: int, integrated: bool) -> Floats:
@@ -332,15 +313,13 @@ def ground_grid(geobox: GeoBox) -> GroundGrid:
     latitude, or that it crosses the antimeridian: a map in Web Mercator cannot show it.
     """
     intervals = 4
-    lon, lat = _corners(geobox, 2 * intervals)
-    areas = _pixel_areas(geobox, lon[::2, ::2], lat[::2, ::2])
-    while (intervals < MAX_INTERVALS and _error(lon, lat) > TOLERANCE_DEG) or (
-        intervals < MAX_AREA_INTERVALS and _largest_step(areas) > AREA_TOLERANCE
-    ):
-        intervals *= 2
+    while True:
         lon, lat = _corners(geobox, 2 * intervals)
         areas = _pixel_areas(geobox, lon[::2, ::2], lat[::2, ::2])
-    return GroundGrid(lon[::2, ::2], lat[::2, ::2], areas)
+        is_coarse = intervals < MAX_INTERVALS and _error(lon, lat) > TOLERANCE_DEG
+        if not is_coarse and (intervals >= MAX_AREA_INTERVALS or _largest_step(areas) <= AREA_TOLERANCE):
+            return GroundGrid(lon[::2, ::2], lat[::2, ::2], areas)
+        intervals *= 2
 
 
 def _pixel_areas(geobox: GeoBox, lon: Floats, lat: Floats) -> Floats:

@@ -42,10 +42,7 @@ class Window:
 
     def clipped(self, shape: tuple[int, int]) -> "Window":
         """Return the part of the window inside a raster of `shape` (rows, cols); it may be empty."""
-        row, col = max(self.row, 0), max(self.col, 0)
-        rows = max(min(self.row + self.rows, shape[0]) - row, 0)
-        cols = max(min(self.col + self.cols, shape[1]) - col, 0)
-        return Window(row, col, rows, cols)
+        return self.common(Window(0, 0, *shape))
 
     def relative_to(self, other: "Window") -> "Window":
         """Return the window, counted from the first pixel of another."""
@@ -134,8 +131,7 @@ def cells_around(cells: NDArray[Any], window: Window, reach: int) -> NDArray[Any
     around = np.zeros((rows + 2 * margin, cols + 2 * margin), cells.dtype)
     first = Window(window.row // CELL - margin, window.col // CELL - margin, *around.shape)
     part = first.clipped(cells.shape)
-    inner = Window(part.row - first.row, part.col - first.col, part.rows, part.cols)
-    around[inner.slices] = cells[part.slices]
+    around[part.relative_to(first).slices] = cells[part.slices]
     return around
 
 
@@ -279,12 +275,6 @@ class PixelMask:
         byte = self.bits[index, row % BLOCK, col % BLOCK // 8]
         found[mixed] = (byte >> (7 - col % 8)).astype(np.uint8) & 1
         return found
-
-    def count(self, shape: tuple[int, int]) -> int:
-        """Return number of pixels in the set, of a raster of `shape`."""
-        rows = np.minimum(BLOCK, shape[0] - BLOCK * np.arange(self.codes.shape[0]))
-        cols = np.minimum(BLOCK, shape[1] - BLOCK * np.arange(self.codes.shape[1]))
-        return int(rows @ (self.codes == ALL) @ cols) + int(np.bitwise_count(self.bits).sum())
 
 
 def _padded(pixels: Pixels, value: bool) -> NDArray[Any]:

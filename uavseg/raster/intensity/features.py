@@ -99,10 +99,7 @@ def _uses(layout: BandLayout, words: BandWords, bands: Sequence[int]) -> bool:
 
 
 def _words(layout: BandLayout, bands: Sequence[int]) -> dict[int, str]:
-    """Return what bands are called in expressions: numbers, or a name where another band is called b1.
-
-    A band without such a name is left out.
-    """
+    """Return what bands are called in expressions, where they can be: numbers, or names if b1 is another."""
     names = names_of(layout)
     result = {}
     for band in bands:

@@ -313,12 +313,9 @@ def order_statistics(
         return [float(index + smallest) for index, _ in bins]
     uppers = tuple(sorted({index for index, _ in bins}))
     lowers = reduce(np.add, tile_pass.run(partial(_count_lower, dataset, uppers)))
-    return [_value_of_rank(index, rank, lowers[uppers.index(index)]) for index, rank in bins]
-
-
-def _value_of_rank(upper: int, rank: int, lowers: NDArray[np.int64]) -> float:
-    [(lower, _)] = bins_of_ranks(lowers, [rank])
-    return value_of_key(upper, lower)
+    return [
+        value_of_key(upper, bins_of_ranks(lowers[uppers.index(upper)], [rank])[0][0]) for upper, rank in bins
+    ]
 
 
 def counts_exactly(dataset: Dataset) -> bool:

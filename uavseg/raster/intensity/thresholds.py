@@ -132,17 +132,11 @@ def _optimal_partitions(gains: Floats, max_classes: int) -> list[tuple[tuple[int
         with_one_more = best[:, None] + gains
         begins.append(with_one_more.argmax(axis=0))
         best = with_one_more.max(axis=0)
-        result.append((_backtrack(begins), float(best[-1])))
+        inner = [len(best) - 1]  # traced back from the last bin
+        for begin in reversed(begins):
+            inner.append(int(begin[inner[-1]]))
+        result.append((tuple(inner[:0:-1]), float(best[-1])))
     return result
-
-
-def _backtrack(begins: Sequence[NDArray[np.intp]]) -> tuple[int, ...]:
-    """Return the start of each class but the first, traced back from the last bin."""
-    end, inner = len(begins[0]) - 1, []
-    for begin in reversed(begins):
-        end = int(begin[end])
-        inner.append(end)
-    return tuple(reversed(inner))
 
 
 def least_cross_entropy(counts: ArrayLike) -> tuple[int, int]:

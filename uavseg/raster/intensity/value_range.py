@@ -128,13 +128,6 @@ def type_limits(dataset: Dataset) -> tuple[float, float]:
     return 0.0, math.ldexp(1.0, dataset.bits) - 1
 
 
-def percents_asked(requested: ValueRange, scale: BandScale) -> list[Fraction]:
-    """Return the percentiles of stored intensities that a range asks for."""
-    if not requested.by_rank:
-        return []
-    return [_percent(end, scale) for end in (requested.low, requested.high) if end is not None]
-
-
 def _percent(percent: float, scale: BandScale) -> Fraction:
     """Return a percentile of stored intensities; they fall where values rise if the scale is negative."""
     exact = Fraction(repr(float(percent)))
@@ -172,10 +165,7 @@ def next_float32(low: float, high: float) -> tuple[float, float]:
 
 
 def _stored_bound(end: float, is_low: bool, scale: BandScale, dataset: Dataset) -> float:
-    """Return the outermost stored number whose value lies within the end of a range.
-
-    Many 64-bit numbers have one value once a scale and an offset are applied; it is found by bisection.
-    """
+    """Return the outermost stored number whose value lies within the end of a range, by bisection."""
     stored = nearest_of_type(scale.stored(end), dataset)
     if not is_wide(dataset) or (scale.scale, scale.offset) == (1.0, 0.0):
         return stored
@@ -279,13 +269,15 @@ def fit_values(
     that the user chose, or that the files have different scales.
     """
     scale = scale_of(dataset)
-    found, statistics = _fit(dataset, spec, percents_asked(requested, scale), tile_pass)
+    asked = [end for end in (requested.low, requested.high) if requested.by_rank and end is not None]
+    found, statistics = _fit(dataset, spec, [_percent(end, scale) for end in asked], tile_pass)
     if statistics is None:
         return found, DetectedRange(IntensityRange(0.0, 1.0), (math.nan, math.nan))
     bounds = stored_range(requested, scale, dataset, statistics)
     check_type(requested, bounds, dataset, scale)
     limits = _limits(dataset, found, statistics)
-    inner = _within(bounds, limits)
+    low, high = bounds.low, bounds.high  # open where nothing lies beyond
+    inner = Bounds(-inf if low <= limits[0] else low, inf if high >= limits[1] else high)
     ends = sorted(set(inner.finite))
     if isinstance(spec, StretchSpec) and spec.form == "auto":
         found = _widened(found, ends, limits)
@@ -299,10 +291,9 @@ def fit_values(
 def _fit(
     dataset: Dataset, spec: Stretch | StretchSpec, asked: Sequence[Fraction], tile_pass: TilePass
 ) -> tuple[Stretch, Statistics | None]:
-    """Return the stretch as it is without a range, and the intensities at all percentiles that are needed.
+    """Return the stretch without a range, and intensities at its percentiles, those asked for, 0 and 100.
 
-    These are those of the stretch, those that are asked for, and 0 and 100; none where no pixel is read, and
-    None if no pixel is valid.
+    There are none where no pixel is read, and it is None if no pixel is valid.
     """
     resolved = spec if isinstance(spec, Stretch) else resolved_spec(dataset, spec)
     own = () if isinstance(resolved, Stretch) else percents_of(resolved)
@@ -326,12 +317,6 @@ def _limits(dataset: Dataset, stretch: Stretch, statistics: Statistics) -> tuple
             first, last = next_float32(first, last)
         low, high = max(low, first), min(high, last)
     return low, high
-
-
-def _within(bounds: Bounds, limits: tuple[float, float]) -> Bounds:
-    """Return the range, open where nothing lies beyond."""
-    low = -inf if bounds.low <= limits[0] else bounds.low
-    return Bounds(low, inf if bounds.high >= limits[1] else bounds.high)
 
 
 def _widened(stretch: Stretch, ends: Sequence[float], limits: tuple[float, float]) -> Stretch:

@@ -213,11 +213,7 @@ def from_values(values: Values, geobox: GeoBox, name: str) -> ArraySource:
 
 
 def _bands_are_last(shape: tuple[int, ...]) -> bool:
-    """Return whether the last of three axes is that of the bands.
-
-    The axis of the bands is the first or the last, whichever alone is no longer than 16, else a
-    ParameterError.
-    """
+    """Return whether the last of three axes, and not the first, is short enough for that of the bands."""
     first, last = shape[0] <= MAX_BANDS, shape[2] <= MAX_BANDS
     if first != last:
         return last

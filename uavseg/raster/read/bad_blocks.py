@@ -10,6 +10,7 @@ from contextlib import closing, contextmanager
 from contextvars import ContextVar
 from dataclasses import replace
 from functools import partial
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -53,19 +54,12 @@ def bad_block_warnings(found: Iterable[BadBlock]) -> tuple[str, ...]:
 def _joined(blocks: Iterable[BadBlock], axes: tuple[str, str]) -> list[BadBlock]:
     """Join rectangles that agree along the first axis and follow one another along the second."""
     along, across = axes
-    size, length = f"{along}s", f"{across}s"
-    result: list[BadBlock] = []
-    for block in sorted(
-        blocks, key=lambda b: (b.path, getattr(b, along), getattr(b, size), getattr(b, across))
-    ):
-        last = result[-1] if result else None
-        if (
-            last is not None
-            and (last.path, getattr(last, along), getattr(last, size))
-            == (block.path, getattr(block, along), getattr(block, size))
-            and getattr(last, across) + getattr(last, length) == getattr(block, across)
-        ):
-            result[-1] = replace(last, **{length: getattr(last, length) + getattr(block, length)})
+    length, result = attrgetter(f"{across}s"), list[BadBlock]()
+    place = attrgetter("path", along, f"{along}s", across)
+    for block in sorted(blocks, key=place):
+        *line, start = place(result[-1] if result else block)
+        if result and place(block) == (*line, start + length(result[-1])):
+            result[-1] = replace(result[-1], **{f"{across}s": length(result[-1]) + length(block)})
         else:
             result.append(block)
     return result
@@ -108,7 +102,7 @@ def with_bad_blocks(map: Map, found: set[BadBlock]) -> Map:
     def run(
         function: Callable[[Item], Result], items: Sequence[Item], progress: Progress | None = None
     ) -> Generator[Result, None, None]:
-        with closing(map(_Listening(function), items, progress)) as results:
+        with closing(map(partial(_listen, function), items, progress)) as results:
             for result, blocks in results:
                 found.update(blocks)
                 yield result
@@ -116,17 +110,12 @@ def with_bad_blocks(map: Map, found: set[BadBlock]) -> Map:
     return run
 
 
-@dataclass(frozen=True)
-class _Listening:
-    """A function that returns its result with the bad blocks that it found."""
-
-    function: Callable[[Any], Any]
-
-    def __call__(self, item: Any) -> tuple[Any, tuple[BadBlock, ...]]:
-        found: set[BadBlock] = set()
-        with recording_bad_blocks(found):
-            result = self.function(item)
-        return result, tuple(sorted(found))
+def _listen(function: Callable[[Any], Any], item: Any) -> tuple[Any, tuple[BadBlock, ...]]:
+    """Call a function; return its result with the bad blocks that it found."""
+    found: set[BadBlock] = set()
+    with recording_bad_blocks(found):
+        result = function(item)
+    return result, tuple(sorted(found))
 
 
 def read_naming_bad_block(

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from affine import Affine
-from numpy.typing import NDArray
 from rasterio.crs import CRS
 
 from uavseg.dataclass import dataclass
@@ -278,13 +277,8 @@ def _axis(array: Any, dim: Hashable, name: str) -> _Axis | None:
         )
     rounding = float(np.spacing(np.abs(values).max())) / 2 if values.dtype.kind == "f" else 0.0
     axis = _Axis(float(centres[0]), float(centres[-1]), len(centres), rounding)
-    _check_even(axis, centres, dim, name)
-    return axis
-
-
-def _check_even(axis: _Axis, centres: NDArray[np.float64], dim: Hashable, name: str) -> None:
     if axis.step is None:
-        return
+        return axis
     steps = np.diff(centres)
     if axis.step == 0 or (steps / axis.step <= 0).any():
         raise RasterError(
@@ -297,13 +291,11 @@ def _check_even(axis: _Axis, centres: NDArray[np.float64], dim: Hashable, name: 
             f"{name}: its coordinates {dim} are not evenly spaced: steps are {np.abs(steps).min():.6g} to "
             f"{np.abs(steps).max():.6g}; resample it to a regular grid, for instance with array.interp"
         )
+    return axis
 
 
 def _transform(array: Any, name: str, notes: list[str]) -> tuple[Affine, bool]:
-    """Return the transform by the coordinates, and whether the array has a place.
-
-    The transform that is kept beside them places what has none, and gives the size of a single pixel.
-    """
+    """Return the transform by the coordinates, or that kept beside them, and whether there is a place."""
     y_dim, x_dim = array.dims[-2:]
     x, y = _axis(array, x_dim, name), _axis(array, y_dim, name)
     kept = _kept_transform(array, name)
@@ -402,10 +394,7 @@ def _kept_transform(array: Any, name: str) -> Affine | None:
 
 
 def _without_axes(array: Any, kept: Affine | None, name: str) -> Affine:
-    """Return the transform where rows and columns have no coordinates of their own.
-
-    Rotated rasters of rioxarray have coordinates xc and yc of each pixel.
-    """
+    """Return the transform without coordinates of axes, which rioxarray's xc and yc of pixels may check."""
     coords = getattr(array, "coords", {})
     result = kept or Affine.identity()
     if kept is not None and {"xc", "yc"} <= set(coords):
@@ -425,15 +414,12 @@ def _without_axes(array: Any, kept: Affine | None, name: str) -> Affine:
 def _names(array: Any) -> tuple[str, ...]:
     """Return names of bands: rioxarray's `long_name`, or a coordinate of texts; empty if there are none."""
     count = 1 if array.ndim == 2 else array.shape[0]
-    for names in (getattr(array, "attrs", {}).get("long_name"), _band_coordinate(array)):
+    coords, bands = getattr(array, "coords", {}), array.dims[0]
+    written = coords[bands].values.tolist() if array.ndim == 3 and bands in coords else None
+    for names in (getattr(array, "attrs", {}).get("long_name"), written):
         if isinstance(names, tuple | list) and len(names) == count and all(isinstance(n, str) for n in names):
             return tuple(names)
     return ()
-
-
-def _band_coordinate(array: Any) -> Any:
-    coords = getattr(array, "coords", {})
-    return coords[array.dims[0]].values.tolist() if array.ndim == 3 and array.dims[0] in coords else None
 
 
 def _scales(array: Any, count: int, name: str, notes: list[str]) -> tuple[BandScale, ...]:

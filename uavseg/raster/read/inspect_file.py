@@ -16,15 +16,8 @@ from rasterio.io import DatasetReader
 
 from uavseg.errors import RasterError, RasterReadError
 from uavseg.plain_text import cause_of
+from uavseg.raster.access import opening
 from uavseg.raster.access.open_checked import is_local, is_online, open_checked
-from uavseg.raster.access.opening import (
-    GDAL_ERRORS,
-    as_file_name,
-    file_exists,
-    has_place,
-    mask_kind,
-    open_error_text,
-)
 from uavseg.raster.grid.geobox import check_transform
 from uavseg.raster.read.raster_file import RasterFile
 from uavseg.raster.spectral.bands import BandLayout, BandScale
@@ -51,20 +44,20 @@ def inspect_unless(
     path: str | os.PathLike[str], is_other: Callable[[DatasetReader], bool]
 ) -> RasterFile | None:
     """Return the metadata of a raster file as `inspect_file`; None where the open file is something else."""
-    name = as_file_name(os.fspath(path))
+    name = opening.as_file_name(os.fspath(path))
     try:
         with open_checked(name) as source:
             return None if is_other(source) else _metadata(name, source)
-    except GDAL_ERRORS as error:
-        raise RasterReadError(open_error_text(name, error)) from error
+    except opening.GDAL_ERRORS as error:
+        raise RasterReadError(opening.open_error_text(name, error)) from error
 
 
 def inspect_open(source: DatasetReader) -> RasterFile:
     """Return the metadata of a raster that is open; errors are those of `inspect_file`."""
     try:
         return _metadata(source.name, source)
-    except GDAL_ERRORS as error:
-        raise RasterReadError(open_error_text(source.name, error)) from error
+    except opening.GDAL_ERRORS as error:
+        raise RasterReadError(opening.open_error_text(source.name, error)) from error
 
 
 def _metadata(path: str, source: DatasetReader) -> RasterFile:
@@ -120,7 +113,7 @@ def _retry(query: Callable[[], Answer]) -> Answer:
     """Call a query of GDAL, twice if needed: the first call may report an error left by an earlier one."""
     try:
         return query()
-    except GDAL_ERRORS:
+    except opening.GDAL_ERRORS:
         return query()
 
 
@@ -129,7 +122,7 @@ def _crs(source: DatasetReader, warnings: list[str]) -> CRS | None:
     try:
         crs = source.crs
         source.colorinterp  # noqa: B018 - raises a pending error about the CRS
-    except GDAL_ERRORS as error:
+    except opening.GDAL_ERRORS as error:
         reason = cause_of(error)
         warnings.append(f"its coordinate reference system cannot be read ({reason}): coordinates are local")
         return None
@@ -141,7 +134,7 @@ def _check_proj() -> None:
     """Check PROJ's database: with one of another version, PROJ misreads coordinate reference systems."""
     try:
         CRS.from_epsg(4326)
-    except GDAL_ERRORS as error:
+    except opening.GDAL_ERRORS as error:
         raise RasterError(
             "coordinate reference systems cannot be read: PROJ finds no database, or that of another "
             f"installation ({cause_of(error)}); unset the environment variables PROJ_LIB and PROJ_DATA"
@@ -187,13 +180,10 @@ def _palette(source: DatasetReader, layout: BandLayout) -> tuple[tuple[int, int,
 
 
 def _masks(path: str, source: DatasetReader) -> str:
-    """Return the masks of a raster; an error where a local TIFF has one, or directories, that cannot be read.
-
-    GDAL leaves out a mask that it cannot read, also one beside the raster.
-    """
-    kind, has_mask = mask_kind(source), False
+    """Return the masks of a raster; refuse a local TIFF with one that GDAL cannot read, and leaves out."""
+    kind, has_mask = opening.mask_kind(source), False
     if source.driver == "GTiff" and is_local(path):
-        if file_exists(f"{path}.msk"):
+        if opening.file_exists(f"{path}.msk"):
             mask_page(f"{path}.msk")
         has_mask = mask_page(path) is not None
     if has_mask and not kind and MaskFlags.per_dataset not in source.mask_flag_enums[0]:
@@ -206,7 +196,7 @@ def _masks(path: str, source: DatasetReader) -> str:
 
 def _transform(path: str, source: DatasetReader) -> Affine | None:
     transform = source.transform
-    if has_place(source) and not transform.is_identity and tuple(transform)[:6] != _ZEROS:
+    if opening.has_place(source) and not transform.is_identity and tuple(transform)[:6] != _ZEROS:
         try:
             check_transform(transform, source.shape)
         except RasterError as error:

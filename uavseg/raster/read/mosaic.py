@@ -12,13 +12,8 @@ from uavseg.errors import MosaicError
 from uavseg.raster.access.opening import OpenFiles
 from uavseg.raster.grid.geobox import GeoBox, shifted
 from uavseg.raster.grid.tiling import Window
+from uavseg.raster.read import bad_blocks
 from uavseg.raster.read.array_source import ArraySource
-from uavseg.raster.read.bad_blocks import (
-    MissingPart,
-    read_naming_bad_block,
-    read_skipping_bad_blocks,
-    record_bad_block,
-)
 from uavseg.raster.read.raster_file import RasterFile
 from uavseg.raster.spectral.bands import BandChoice, Valid, Values, nodata_in_place, usable_nodata
 
@@ -26,6 +21,8 @@ GRID_TOLERANCE = 1e-3  # pixels: largest offset of a corner from the common grid
 
 Boxes = NDArray[np.int64]
 RasterSource = RasterFile | ArraySource
+Part = tuple[RasterSource, Window, tuple[slice, slice]]
+"""A file, a window of it, and the index of that in an array."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,21 +33,18 @@ class Mosaic:
     boxes: Boxes  # (files, 4): first row, first column, end row and end column, in pixels of `geobox`
     geobox: GeoBox  # the smallest grid that contains all of them
 
-    def parts(self, window: Window) -> Iterator[tuple[RasterSource, Window, tuple[slice, slice]]]:
+    def parts(self, window: Window) -> Iterator[Part]:
         """Yield the files that intersect `window`, the part of each, and its index in an array of that."""
         top, left, bottom, right = self.boxes.T
         end_row, end_col = window.row + window.rows, window.col + window.cols
         touched = (top < end_row) & (bottom > window.row) & (left < end_col) & (right > window.col)
         for index in np.flatnonzero(touched):
-            file_row, file_col = int(top[index]), int(left[index])
-            row, col = max(window.row, file_row), max(window.col, file_col)
-            rows, cols = min(end_row, int(bottom[index])) - row, min(end_col, int(right[index])) - col
-            place = Window(row - window.row, col - window.col, rows, cols).slices
-            yield self.files[index], Window(row - file_row, col - file_col, rows, cols), place
+            file = self.files[index]
+            whole = Window(int(top[index]), int(left[index]), *file.shape)
+            part = window.common(whole)
+            yield file, part.relative_to(whole), part.relative_to(window).slices
 
-    def coarse_parts(
-        self, shape: tuple[int, int]
-    ) -> Iterator[tuple[RasterSource, Window, tuple[slice, slice]]]:
+    def coarse_parts(self, shape: tuple[int, int]) -> Iterator[Part]:
         """Yield every file whole, with its index in an array of the mosaic downsampled to `shape`.
 
         A file smaller than a pixel of that array may be left out.
@@ -130,11 +124,7 @@ def _are_same(number: float | None, other: float, dtype: np.dtype[np.generic]) -
 
 
 def _origin(files: Sequence[RasterSource], boxes: Boxes) -> Affine:
-    """Return the transform of the common grid.
-
-    Its coefficients are taken from the files at its edges where possible, so that neither the order of the
-    files nor rounding moves it.
-    """
+    """Return the transform of the common grid, by files at its edges: neither order nor rounding moves it."""
     t = Affine(*min(tuple(file.transform)[:6] for file in files))
     if t.b == 0 == t.d:
         c = min(file.transform.c for file, box in zip(files, boxes, strict=True) if box[1] == 0)
@@ -205,9 +195,6 @@ def _pixel(transform: Affine) -> str:
     return f"{np.hypot(transform.a, transform.d):.9g} x {np.hypot(transform.b, transform.e):.9g}"
 
 
-Part = tuple[RasterSource, Window, tuple[slice, slice]]
-
-
 @dataclass(frozen=True, slots=True)
 class PartReader:
     """Reader of the intensity bands of parts of files."""
@@ -220,7 +207,7 @@ class PartReader:
         """Return values and validity of a window of a file."""
         values, valid, bad = self._read_part(file, part, (part.rows, part.cols))
         for block, _ in bad:
-            record_bad_block(block)
+            bad_blocks.record_bad_block(block)
         return values, valid
 
     def merge(
@@ -237,7 +224,7 @@ class PartReader:
             pixels, valid, bad = self._read_part(file, part, missing.shape)
             for block, place in bad:
                 if missing[place].any():  # no earlier file has these pixels
-                    record_bad_block(block)
+                    bad_blocks.record_bad_block(block)
             if valid is not None:
                 missing &= valid
             np.copyto(values[:, rows, cols], pixels, where=missing)
@@ -246,15 +233,17 @@ class PartReader:
 
     def _read_part(
         self, file: RasterSource, part: Window, shape: tuple[int, int]
-    ) -> tuple[Values, Valid | None, Sequence[MissingPart]]:
+    ) -> tuple[Values, Valid | None, Sequence[bad_blocks.MissingPart]]:
         """Return values and validity of a part of a file, and which blocks of it cannot be read."""
-        bad: Sequence[MissingPart] = ()
+        bad: Sequence[bad_blocks.MissingPart] = ()
         if not isinstance(file, RasterFile):
             values, valid = file.read(self.handles, self.choice, part, shape)
         elif self.skip_bad_tiles:
-            values, valid, bad = read_skipping_bad_blocks(file, self.handles, self.choice, part, shape)
+            values, valid, bad = bad_blocks.read_skipping_bad_blocks(
+                file, self.handles, self.choice, part, shape
+            )
         else:
-            values, valid = read_naming_bad_block(file, self.handles, self.choice, part, shape)
+            values, valid = bad_blocks.read_naming_bad_block(file, self.handles, self.choice, part, shape)
         return *with_formula(file, self.choice, values, valid), bad
 
 

@@ -3,6 +3,7 @@
 GDAL reads it as a part of the raster, and does not say where its blocks lie; so it is opened by itself too.
 """
 
+import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields
 from pathlib import Path
@@ -30,7 +31,7 @@ from uavseg.raster.access.opening import (
 )
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.read.array_source import ArraySource
-from uavseg.raster.spectral.band_names import check_same_names, find_band, listed
+from uavseg.raster.spectral.band_names import find_band, listed, names_of
 from uavseg.raster.spectral.bands import (
     BandChoice,
     BandLayout,
@@ -42,25 +43,12 @@ from uavseg.raster.spectral.bands import (
 )
 from uavseg.raster.spectral.formula import BandWords, bind_formula
 from uavseg.raster.tiff.damaged_blocks import check_blocks
-from uavseg.raster.tiff.directories import file_of, mask_page, once_for_each_file
-from uavseg.raster.tiff.index import SparseBlocks, are_cut_off
-
-
-def check_mask_blocks(path: str, source: DatasetReader, bands: Sequence[int], window: Window) -> None:
-    """Check the blocks of the mask of an open TIFF that intersect a window; each only once.
-
-    Nothing is checked of a source that lies in an archive or is remote; of `bands` that, where each has its
-    own mask. Errors are those of `check_blocks`.
-    """
-    found = _open_mask(path, source)
-    if found is not None:
-        name, mask = found
-        check_blocks(name, mask, bands if mask.count >= max(bands) else (1,), window)
+from uavseg.raster.tiff.directories import SparseBlocks, file_of, is_cut_off, mask_page, once_for_each_file
 
 
 @once_for_each_file
 def _open_mask(path: str, source: DatasetReader) -> tuple[str, DatasetReader] | None:
-    """Return the mask as a raster, and its name; None if there is none that can be opened by itself."""
+    """Return the mask of an open TIFF as a raster, and its name; None in an archive, or if it is remote."""
     if file_of(path) is None:
         return None
     page = None if path.upper().startswith("GTIFF_DIR:") else mask_page(path)
@@ -183,15 +171,17 @@ class RasterFile:
 
         They need not be tried. None where that is not known without trying.
         """
-        if self.driver != "GTiff":
+        rows, cols = self.block
+        if self.driver != "GTiff" or not os.path.isfile(self.path):  # noqa: PTH113 - false for a long name
             return set()
         with gdal_read_errors(self.path, window, self.online):
             source = handles.open(self.path, self.located, self.driver, self.masks)
-            places = [(block.row, block.col) for block in self.blocks_in(window)]
-            rows, cols = self.block
-            numbers = [(row // rows, col // cols) for row, col in places]
-            cut_off = are_cut_off(self.path, source, choice.bands, numbers)
-            return {place for place, beyond in zip(places, cut_off, strict=True) if beyond}
+            size = Path(self.path).stat().st_size
+            return {
+                (block.row, block.col)
+                for block in self.blocks_in(window)
+                if is_cut_off(source, choice.bands, size, block.row // rows, block.col // cols)
+            }
 
     def _read_bands(
         self, source: DatasetReader, choice: BandChoice, window: Window, options: dict[str, Any]
@@ -224,8 +214,10 @@ class RasterFile:
             return None
         bands = list(choice.bands[:1] if self.masks == "file" else choice.bands)
         mask: Valid = (source.read_masks(bands, **options) != 0).all(axis=0)
-        if self._is_checked(window, options):
-            check_mask_blocks(self.path, source, bands, window)
+        named = _open_mask(self.path, source) if self._is_checked(window, options) else None
+        if named is not None:
+            name, image = named
+            check_blocks(name, image, bands if image.count >= max(bands) else (1,), window)
         return mask
 
     def _is_checked(self, window: Window, options: dict[str, Any]) -> bool:
@@ -329,11 +321,11 @@ def check_reflectance(files: Sequence[RasterFile | ArraySource], choice: BandCho
 
 def check_names_agree(files: Sequence[RasterFile | ArraySource], bands: Sequence[int]) -> None:
     """Refuse files that give other names to the bands which are used (MosaicError)."""
-    first = files[0]
+    first = names_of(files[0].layout)
     for file in files[1:]:
-        difference = check_same_names(first.layout, file.layout, bands)
-        if difference:
-            raise MosaicError(
-                f"{file.path} has another name of bands ({difference}) than {first.path}; the rasters of a "
-                "mosaic must agree"
-            )
+        for ours, theirs in zip(first, names_of(file.layout), strict=True):
+            if ours.number in bands and ours.keys and theirs.keys and ours.keys != theirs.keys:
+                raise MosaicError(
+                    f"{file.path} has another name of bands ({theirs.label} for band {theirs.number}, not "
+                    f"{ours.label}) than {files[0].path}; the rasters of a mosaic must agree"
+                )

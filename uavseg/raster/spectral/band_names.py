@@ -255,12 +255,3 @@ def _pair(part: str) -> tuple[int, str]:
     if not equals or not (number.isascii() and number.isdigit() and len(number) < 10):
         raise ParameterError(f"names with numbers are given as nir=4,red=1, not {shown(part)}")
     return int(number), name
-
-
-def check_same_names(first: BandLayout, other: BandLayout, bands: Sequence[int]) -> str | None:
-    """Return how the names of bands differ in two files, None if they do not, or one of them has none."""
-    pairs = zip(names_of(first), names_of(other), strict=True)
-    for ours, theirs in pairs:
-        if ours.number in bands and ours.keys and theirs.keys and ours.keys != theirs.keys:
-            return f"{theirs.label} for band {theirs.number}, not {ours.label}"
-    return None

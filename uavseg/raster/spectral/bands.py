@@ -198,13 +198,12 @@ def choose_bands(
     """
     if band is not None and rgb is not None:
         raise ParameterError("give band or rgb, not both")
-    if formula is not None:
-        if band is not None or rgb is not None:
-            raise ParameterError("give band, rgb, index or expr: one of them")
-        return _formula_bands(layout, formula)
-    if palette and band is None and rgb is None:
+    if formula is not None and (band is not None or rgb is not None):
+        raise ParameterError("give band, rgb, index or expr: one of them")
+    if palette and band is None and rgb is None and formula is None:
         return BandChoice((1,), np.dtype(np.uint8), 8, expanded=True)
     named = (band,) if band is not None else tuple(rgb) if rgb is not None else None
+    named = named if formula is None else formula.expression.bands
     if rgb is not None and len(rgb) != 3:
         raise ParameterError(f"rgb takes three bands, for instance 1,2,3, not {len(rgb)}")
     bands, count = named or _default_bands(layout), len(layout.dtypes)
@@ -212,11 +211,6 @@ def choose_bands(
         if not 1 <= number <= count:
             there = "one band" if count == 1 else f"bands 1 to {count}"
             raise ParameterError(f"there is no band {number}: the raster has {there}")
-    return BandChoice(bands, _common_type(layout, bands), max(layout.bits[number - 1] for number in bands))
-
-
-def _formula_bands(layout: BandLayout, formula: "Formula") -> BandChoice:
-    bands = formula.expression.bands
     bits = max(layout.bits[number - 1] for number in bands)
     return BandChoice(bands, _common_type(layout, bands), bits, formula=formula)
 

@@ -13,7 +13,7 @@ that its header names have to be in the block or in those of the file.
 """
 
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
 
@@ -53,7 +53,7 @@ def check_blocks(
 
 
 @once_for_each_file
-def _blocks_of(name: str, source: DatasetReader) -> "_Blocks | None":
+def _blocks_of(name: str, source: DatasetReader) -> "_DeflateBlocks | _JpegBlocks | None":
     path = file_of(name) if source.driver == "GTiff" else None
     if path is not None and source.compression == Compression.deflate:
         rows = strip_rows(path, source)
@@ -100,17 +100,10 @@ class _Blocks:
         size = planes, -(-source.height // rows), -(-source.width // cols)
         self._checked = _checked(name, about.st_size, about.st_mtime_ns, size)
 
-    def check(self, source: DatasetReader, bands: Bands, window: Window, values: Values | None) -> None:
-        """Check as `check_blocks`."""
-        raise NotImplementedError
-
     def _left(
         self, source: DatasetReader, bands: Bands, window: Window
     ) -> Iterator[tuple[BlockStream, Bands, int, Window]]:
-        """Yield blocks to check, each with its bands and the index of the first; it is right if this goes on.
-
-        A block is its stream, and its pixels as a window.
-        """
+        """Yield blocks to check: stream, bands, index of the first, window; one is right if this goes on."""
         (rows, cols), here = self._shape, window.blocks(*self._shape)
         planes = [0] if self._all_bands else [band - 1 for band in bands]
         left = np.argwhere(~self._checked[planes, *here])
@@ -142,10 +135,11 @@ class _DeflateBlocks(_Blocks):
     def check(self, source: DatasetReader, bands: Bands, window: Window, values: Values | None) -> None:
         """Check the checksum of each block, or where its stream ends."""
         for stored, every, k, block in self._left(source, bands, window):
-            own = None if values is None else values[k : k + len(every)]
-            if self._all_bands and bands != every:
-                own = None  # without the other bands of the block
-            if not self._is_right(source, stored, every, block, _part(own, window, block)):
+            own = values
+            if own is not None:
+                is_whole = block.common(window) == block and (bands == every or not self._all_bands)
+                own = own[k : k + len(every), *block.relative_to(window).slices] if is_whole else None
+            if not self._is_right(source, stored, every, block, own):
                 raise RasterBlockError(f"the stream of {self._name(block)} goes on beyond its end")
 
     def _is_right(
@@ -169,13 +163,6 @@ class _DeflateBlocks(_Blocks):
             before, pixels = pixels, pixels.copy()
             pixels[:, 1:] -= before[:, :-1]
         return np.ascontiguousarray(pixels).tobytes()
-
-
-def _part(values: Values | None, window: Window, block: Window) -> Values | None:
-    """Return the values of a block from those of a window; None where it does not hold the whole block."""
-    if values is None or block.common(window) != block:
-        return None
-    return values[:, *block.relative_to(window).slices]
 
 
 def _ends_at(stream: bytes, size: int) -> bool:
@@ -215,10 +202,7 @@ class _JpegBlocks(_Blocks):
 
 @dataclass(frozen=True, slots=True)
 class _Header:
-    """What the segments before the pixels of a JPEG say.
-
-    A table is "Q" and the number of one of quantisation, or "H" and class and number of one of Huffman codes.
-    """
+    """What a JPEG says before its pixels; tables are "Q" of quantisation or "H" of Huffman, and a number."""
 
     size: tuple[int, int] | None  # rows and columns; None without a frame header
     defined: frozenset[tuple[str, int]]  # tables that it holds
@@ -247,10 +231,8 @@ def _parse(stream: bytes) -> _Header:
             size = int.from_bytes(segment[1:3], "big"), int.from_bytes(segment[3:5], "big")
             named |= {("Q", number) for number in segment[8::3]}
             sequential = marker in _SEQUENTIAL
-        elif marker == _QUANTISATION:
-            defined |= {("Q", number) for number in _numbers(segment, _quantisation_bytes)}
-        elif marker == _HUFFMAN:
-            defined |= {("H", number) for number in _numbers(segment, _huffman_bytes)}
+        elif marker in (_QUANTISATION, _HUFFMAN):
+            defined |= set(_tables_in(segment, marker == _HUFFMAN))
         elif marker == _START_OF_SCAN:
             codes = segment[2 : 1 + 2 * segment[0] : 2] if segment else b""
             if sequential:  # the scans of other kinds need one of the two each
@@ -260,18 +242,10 @@ def _parse(stream: bytes) -> _Header:
     return _Header(size, frozenset(defined), frozenset(named), ends, damaged)
 
 
-def _numbers(segment: bytes, length: Callable[[bytes], int]) -> Iterator[int]:
-    """Yield numbers of the tables in a segment, each with what follows it."""
+def _tables_in(segment: bytes, is_huffman: bool) -> Iterator[tuple[str, int]]:
+    """Yield the tables in a segment, as of `_Header`: of Huffman codes, or of quantisation."""
     at = 0
     while at < len(segment):
-        number = segment[at]
-        yield number & 15 if length is _quantisation_bytes else number
-        at += length(segment[at:])
-
-
-def _quantisation_bytes(table: bytes) -> int:
-    return 1 + 64 * (2 if table[0] >> 4 else 1)
-
-
-def _huffman_bytes(table: bytes) -> int:
-    return 17 + sum(table[1:17])
+        head = segment[at]
+        yield ("H", head) if is_huffman else ("Q", head & 15)
+        at += 17 + sum(segment[at + 1 : at + 17]) if is_huffman else 1 + 64 * (2 if head >> 4 else 1)

@@ -39,9 +39,8 @@ def eliminate(
     pixels = np.zeros(len(roots), np.int64)
     np.add.at(pixels, group[outlined.rings.labels - 1], outlined.rings.pixel_areas())
     order = np.lexsort((sums.firsts[:, 1], sums.firsts[:, 0], -pixels))
-    number = np.empty(len(order), np.int64)
-    number[order] = np.arange(1, len(order) + 1)
-    strips = trace_strips(replace(labels, numbers=np.append(0, number[group]).astype(np.uint32)))
+    numbers = np.append(0, np.argsort(order)[group] + 1).astype(np.uint32)
+    strips = trace_strips(replace(labels, numbers=numbers))
     del labels
     return RegionOutlines(link_strips(strips), select_sums(sums, order)), classes[roots][order]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from uavseg.arrays import Integers
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
-from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox, parse_size
 from uavseg.raster.grid.ground import ground_resolution, ring_areas
 from uavseg.regions.outline.rings import RegionOutlines, Rings, renumber_by_size
 from uavseg.regions.shapes import RaggedPolygons
@@ -39,15 +39,7 @@ def as_area(given: float | str | None) -> Area | None:
     """Parse an area: square metres, or pixels as text with the suffix px; None for None."""
     if given is None:
         return None
-    if not isinstance(given, str):
-        return Area(float(given))
-    number = given.strip().lower()
-    try:
-        return Area(float(number.removesuffix("px")), in_pixels=number.endswith("px"))
-    except ValueError as error:
-        raise ParameterError(
-            f"an area is square metres such as 500, or pixels such as 64px, not {given!r}"
-        ) from error
+    return Area(*parse_size(given, "an area is square metres such as 500, or pixels such as 64px"))
 
 
 def fill_small_holes(outlined: RegionOutlines, geobox: GeoBox, min_area: Area) -> RegionOutlines:

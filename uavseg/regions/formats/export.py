@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from uavseg.arrays import Path_
 from uavseg.errors import OutputError, ParameterError
 from uavseg.execution.executors import Map, serial
+from uavseg.inputs import read_start
 from uavseg.output.atomic import atomic_file, check_target
 from uavseg.raster.formats import geotiff
 from uavseg.raster.formats.creation import DEFAULT, CreationOptions
@@ -27,9 +28,8 @@ from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import Window, tiles
 from uavseg.regions.formats import text_writers
 from uavseg.regions.formats.metadata import metadata_items
-from uavseg.regions.formats.parquet import arrow_array, import_pyarrow
-from uavseg.regions.formats.text_writers import COLLECTION, GeoJsonForm, kml_notes, write_kml
-from uavseg.regions.formats.vector_files import gdal_options
+from uavseg.regions.formats.text_writers import COLLECTION, GeoJsonForm
+from uavseg.regions.formats.vector_files import gdal_options, import_pyarrow
 from uavseg.regions.outline.rings import EdgeTable, Rings, edge_tables
 from uavseg.regions.shapes import as_multipolygons, batch_slices, has_multipolygons
 from uavseg.regions.table import Regions
@@ -48,7 +48,7 @@ _BRANCHES = 16  # of one node
 
 def write_regions(
     regions: Regions,
-    path: str | os.PathLike[str] | IO[Any],
+    path: Path_ | IO[Any],
     overwrite: bool = False,
     form: GeoJsonForm = COLLECTION,
 ) -> None:
@@ -67,7 +67,7 @@ def write_regions(
         _WRITERS[target.suffix.lower()](regions, part)
 
 
-def check_region_path(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
+def check_region_path(path: Path_, overwrite: bool = False) -> Path:
     """Return the path, if regions can be written there; call it before computing them.
 
     Errors are those of `write_regions`.
@@ -94,12 +94,12 @@ def check_region_path(path: str | os.PathLike[str], overwrite: bool = False) -> 
     return check_target(path, overwrite)
 
 
-def is_region_folder(path: str | os.PathLike[str]) -> bool:
+def is_region_folder(path: Path_) -> bool:
     """Check whether a name asks for a folder of GeoParquet files: it ends in .parquet/."""
     return os.fspath(path).endswith(("/", os.sep)) and Path(path).suffix.lower() == ".parquet"
 
 
-def check_region_folder(path: str | os.PathLike[str], overwrite: bool = False) -> None:
+def check_region_folder(path: Path_, overwrite: bool = False) -> None:
     """Refuse a folder of GeoParquet files that may not be written, before the work whose result it holds."""
     import_pyarrow()
     folder = Path(path)
@@ -108,11 +108,9 @@ def check_region_folder(path: str | os.PathLike[str], overwrite: bool = False) -
     check_target(folder, overwrite)
 
 
-def format_notes(regions: Regions, path: str | os.PathLike[str]) -> list[str]:
+def format_notes(regions: Regions, path: Path_) -> list[str]:
     """Return warnings about what readers of the format of a file, at this path, cannot show."""
-    if Path(path).suffix.lower() != ".kml":
-        return []
-    return kml_notes(regions)
+    return text_writers.kml_notes(regions) if Path(path).suffix.lower() == ".kml" else []
 
 
 def suffix_for(wkt: str | None) -> str:
@@ -124,7 +122,7 @@ def suffix_for(wkt: str | None) -> str:
     return ".geojson"
 
 
-def check_region_crs(path: str | os.PathLike[str], wkt: str | None, form: GeoJsonForm = COLLECTION) -> None:
+def check_region_crs(path: Path_, wkt: str | None, form: GeoJsonForm = COLLECTION) -> None:
     """Refuse a CRS that is not of the Earth where the format needs one, with an OutputError.
 
     KML needs one, and so does GeoJSON in longitude and latitude, unless there is no CRS. The path of a
@@ -154,14 +152,11 @@ def _write_stream(regions: Regions, stream: IO[Any], form: GeoJsonForm) -> None:
         ) from error
 
 
-def _write_geojson(regions: Regions, path: Path) -> None:
+def _write_text(regions: Regions, path: Path) -> None:
+    is_kml = path.suffix.lower() == ".kml"
+    write = text_writers.write_kml if is_kml else text_writers.write_geojson
     with path.open("wb") as stream:
-        text_writers.write_geojson(regions, stream)
-
-
-def _write_kml(regions: Regions, path: Path) -> None:
-    with path.open("wb") as stream:
-        write_kml(regions, stream)
+        write(regions, stream)
 
 
 def _write_geopackage(regions: Regions, path: Path) -> None:
@@ -216,8 +211,30 @@ def _write_parquet(regions: Regions, path: Path) -> None:
         for part in batch_slices(regions.polygons):
             columns = [column[part] for column in regions.columns.values()]
             columns.append(shapely.to_wkb(regions.polygons[part]))
-            arrays = [arrow_array(values, kind) for values, kind in zip(columns, schema.types, strict=True)]
+            arrays = [_arrow_array(values, kind) for values, kind in zip(columns, schema.types, strict=True)]
             file.write_batch(pyarrow.record_batch(arrays, schema=schema))
+
+
+def _arrow_array(column: NDArray[Any], kind: Any) -> Any:
+    """Return a column as an array of pyarrow; NaN and None are null.
+
+    Not `pyarrow.array`, which imports pandas to see that a column is none of its arrays: 0.16 s. An
+    OutputError says that its texts or bytes have more than 2 GB.
+    """
+    pyarrow = import_pyarrow()
+    buffers: tuple[NDArray[Any] | bytes, ...]
+    if column.dtype != object:
+        there, buffers = column == column, (np.ascontiguousarray(column),)
+    else:
+        values = [text.encode() if isinstance(text, str) else text for text in column]
+        there = np.array([isinstance(value, bytes) for value in values], bool)
+        parts = [value if is_there else b"" for value, is_there in zip(values, there, strict=True)]
+        ends = np.cumsum([0, *map(len, parts)])
+        if ends[-1] > np.iinfo(np.int32).max:
+            raise OutputError("one batch of regions holds more than 2 GB of text or corners; simplify them")
+        buffers = (ends.astype(np.int32), b"".join(parts))
+    mask = None if there.all() else pyarrow.py_buffer(np.packbits(there, bitorder="little"))
+    return pyarrow.Array.from_buffers(kind, len(column), [mask, *map(pyarrow.py_buffer, buffers)])
 
 
 def _geo_metadata(regions: Regions) -> dict[str, Any]:
@@ -233,13 +250,13 @@ def _geo_metadata(regions: Regions) -> dict[str, Any]:
 
 
 _WRITERS: dict[str, Callable[[Regions, Path], None]] = {
-    ".geojson": _write_geojson,
-    ".json": _write_geojson,
+    ".geojson": _write_text,
+    ".json": _write_text,
     ".gpkg": _write_geopackage,
     ".fgb": partial(_write_layer, driver="FlatGeobuf"),
     ".parquet": _write_parquet,
     ".shp": _write_shapefile,
-    ".kml": _write_kml,
+    ".kml": _write_text,
 }
 
 
@@ -278,19 +295,14 @@ def _index_bytes(count: int) -> int:
 def _shapefile(path: Path, count: int) -> bool:
     table, index, crs = (path.with_suffix(end) for end in (".dbf", ".shx", ".prj"))
     for part in (path, index):
-        if 2 * struct.unpack_from(">i", _read_start(part, 28), 24)[0] != part.stat().st_size:
+        if 2 * struct.unpack_from(">i", read_start(part), 24)[0] != part.stat().st_size:
             return False
-    records, header, width = struct.unpack_from("<IHH", _read_start(table, 12), 4)
+    records, header, width = struct.unpack_from("<IHH", read_start(table), 4)
     table_bytes = header + records * width + 1  # an end mark follows the records
     table_complete = table.stat().st_size == table_bytes and records == count
     index_complete = index.stat().st_size == 100 + 8 * count
     wkt = crs.read_text() if crs.exists() else "[]"
     return table_complete and index_complete and wkt.count("[") == wkt.count("]") > 0
-
-
-def _read_start(path: Path, size: int) -> bytes:
-    with path.open("rb") as file:
-        return file.read(size)
 
 
 def check_labels(path: Path_, overwrite: bool = False) -> None:

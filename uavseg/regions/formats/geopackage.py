@@ -269,10 +269,7 @@ def _quoted(name: str) -> str:
 def _geometries(
     polygons: PolygonArray, part: slice, promote: bool, srs: int
 ) -> tuple[list[memoryview], NDArray[np.float64]]:
-    """Return polygons as section 2.1.3 has them, a header with the extent and WKB; and their extents.
-
-    Extents (n, 4) are least and greatest x, least and greatest y.
-    """
+    """Return polygons as section 2.1.3 has them: header and WKB; and extents (n, 4), as of `_pack_index`."""
     headers = np.empty(part.stop - part.start, _HEADER)
     headers["magic"], headers["version"], headers["flags"], headers["srs"] = b"GP", 0, _HAS_EXTENT, srs
     flat = flat_part(polygons, part)

@@ -18,7 +18,6 @@ from uavseg.errors import RegionError
 from uavseg.inputs import parse_json, read_start
 from uavseg.raster.access.opening import file_exists
 from uavseg.regions.formats import vector_files
-from uavseg.regions.formats.parquet import import_pyarrow
 from uavseg.regions.formats.read import KML_FIELDS, vector_errors
 from uavseg.regions.formats.styles import STYLE_TABLE
 
@@ -139,7 +138,7 @@ def _about_layer(path: str | os.PathLike[str], name: str, file_format: str) -> R
 
 
 def _about_parquet(path: str | os.PathLike[str]) -> RegionFile:
-    with import_pyarrow().parquet.ParquetFile(Path(path)) as file:
+    with vector_files.import_pyarrow().parquet.ParquetFile(Path(path)) as file:
         schema, rows = file.schema_arrow, file.metadata.num_rows
     items = {key.decode(): value.decode("utf-8", "replace") for key, value in (schema.metadata or {}).items()}
     geo = parse_metadata(items.get("geo"))

@@ -20,7 +20,8 @@ import shapely
 from numpy.typing import NDArray
 
 from uavseg.access import current_policy
-from uavseg.errors import AccessError, RegionError
+from uavseg.arrays import Path_
+from uavseg.errors import AccessError, MissingLibraryError, RegionError
 from uavseg.inputs import MAX_TEXT, parse_json, read_bytes, read_start, regular_file
 from uavseg.output.staging import default_signals
 from uavseg.plain_text import cause_of
@@ -53,7 +54,7 @@ _DESCRIPTION = re.compile(rb"<\s*(?:OGR\w*DataSource|GDAL_\w+|VRTDataset)|<!ENTI
 _KML = re.compile(rb"<\s*(?:\w+:)?kml[\s>]", re.IGNORECASE)
 
 
-def check_vector(source: str | os.PathLike[str] | bytes, name: str) -> None:
+def check_vector(source: Path_ | bytes, name: str) -> None:
     """Refuse a file that is not of a known format and that of its extension, or that links to others.
 
     The source is a local file, or the content of one; `name` is for messages. A RegionError says that it is
@@ -85,7 +86,22 @@ def check_vector(source: str | os.PathLike[str] | bytes, name: str) -> None:
                 read_start(current_policy().check_file(source, beside), error=RegionError)
 
 
-def vector_format(path: str | os.PathLike[str]) -> str | None:
+def import_pyarrow() -> Any:
+    """Return pyarrow with its Parquet module; raise a MissingLibraryError where it is not installed."""
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] != "pyarrow":
+            raise
+        raise MissingLibraryError(
+            "GeoParquet needs pyarrow, which is not installed; install it with: "
+            'pip install "uavseg[parquet]", or choose another format, such as .gpkg'
+        ) from error
+    return pyarrow
+
+
+def vector_format(path: Path_) -> str | None:
     """Return the format of a vector file by its first bytes; None for an unsupported one."""
     return _format_of(read_start(path, 1 << 16, RegionError))
 
@@ -107,9 +123,9 @@ def _format_of(start: bytes) -> str | None:
     return "KML" if text[:1] == b"<" and _KML.search(text) else None
 
 
-def _check_json(source: str | os.PathLike[str] | bytes, name: str) -> None:
+def _check_json(source: Path_ | bytes, name: str) -> None:
     """Refuse a linked coordinate reference system; most files need no parsing to rule one out."""
-    if current_policy().allow_network or not _may_link(source):
+    if current_policy().allow_network or not any(map(_MAY_LINK.search, _overlapping(source, 64))):
         return
     content = source if isinstance(source, bytes) else read_bytes(source, RegionError, MAX_TEXT)
     try:
@@ -120,16 +136,6 @@ def _check_json(source: str | os.PathLike[str] | bytes, name: str) -> None:
     link = _linked_crs(parsed)
     if link is not None:
         current_policy().check_address(name, f"{link[:100]!r} as its coordinate reference system")
-
-
-def _may_link(source: str | os.PathLike[str] | bytes) -> bool:
-    """Check whether a text may contain a link; it is read in pieces that overlap."""
-    before = b""
-    for piece in _pieces(source):
-        if _MAY_LINK.search(before + piece):
-            return True
-        before = (before + piece)[-64:]
-    return False
 
 
 def _linked_crs(parsed: Any) -> str | None:
@@ -179,7 +185,7 @@ _PIECE = 1 << 24  # bytes of a text that are read at once
 _GEOMETRY = b'"geometry"'
 
 
-def check_feature_count(source: str | os.PathLike[str] | bytes, name: str, layer: str | None = None) -> int:
+def check_feature_count(source: Path_ | bytes, name: str, layer: str | None = None) -> int:
     """Return how many features a layer claims, -1 if that is not known before they are read.
 
     Refuse a layer, by default the first one, that claims more than its file has bytes, and JSON with features
@@ -218,7 +224,7 @@ def check_geometries(geometries: NDArray[np.object_], name: str) -> None:
         )
 
 
-def check_attributes(source: str | os.PathLike[str] | bytes, name: str, count: int) -> None:
+def check_attributes(source: Path_ | bytes, name: str, count: int) -> None:
     """Refuse a Shapefile whose table of attributes was not read, with a RegionError.
 
     `name` is for messages, `count` is how many attributes were read.
@@ -231,19 +237,15 @@ def check_attributes(source: str | os.PathLike[str] | bytes, name: str, count: i
             )
 
 
-def _check_json_count(
-    source: str | os.PathLike[str] | bytes, name: str, features: int, is_sequence: bool
-) -> None:
-    """Refuse JSON with features that GDAL does not count; `features` are those of one layer.
-
-    The text is parsed only if the number of members called geometry differs.
-    """
+def _check_json_count(source: Path_ | bytes, name: str, features: int, is_sequence: bool) -> None:
+    """Refuse JSON with features that GDAL does not count; it is parsed only if members geometry differ."""
     import pyogrio
 
     if any(b"\0" in piece for piece in _pieces(source)):  # GDAL goes on after it somewhere
         raise RegionError(f"{name} cannot be read as regions: it has null bytes, which JSON has not")
     present = _count_records(source) if is_sequence else features
-    if present == features == _count_geometry_members(source):
+    members = sum(piece.count(_GEOMETRY) for piece in _overlapping(source, len(_GEOMETRY) - 1))
+    if present == features == members:
         return
     layers = range(len(pyogrio.list_layers(source)))  # those of bytes have another name each time
     counted = sum(int(pyogrio.read_info(source, layer=layer)["features"]) for layer in layers)
@@ -261,7 +263,7 @@ def _check_json_count(
         raise RegionError(f"{name} has {present:,} features, of which {counted:,} can be read; repair it")
 
 
-def _count_records(source: str | os.PathLike[str] | bytes) -> int:
+def _count_records(source: Path_ | bytes) -> int:
     """Count the records of a sequence of JSON texts."""
     count = 0
     separator = b""
@@ -281,14 +283,6 @@ def _separator(start: bytes) -> bytes:
     return b"\x1e" if start.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"\x1e") else b"\n"
 
 
-def _count_geometry_members(source: str | os.PathLike[str] | bytes) -> int:
-    count, before = 0, b""
-    for piece in _pieces(source):
-        count += (before + piece).count(_GEOMETRY)
-        before = (before + piece)[1 - len(_GEOMETRY) :]
-    return count
-
-
 def _features_of(parsed: Any) -> int:
     """Count the features of GeoJSON, ESRI JSON or TopoJSON; a geometry alone is one."""
     if not isinstance(parsed, dict):
@@ -301,7 +295,15 @@ def _features_of(parsed: Any) -> int:
     return sum(isinstance(one, dict) for one in features) if isinstance(features, list) else 1
 
 
-def _pieces(source: str | os.PathLike[str] | bytes) -> Iterator[bytes]:
+def _overlapping(source: Path_ | bytes, size: int) -> Iterator[bytes]:
+    """Read a file in pieces, each with so many bytes of what comes before it."""
+    before = b""
+    for piece in _pieces(source):
+        yield before + piece
+        before = (before + piece)[-size:]
+
+
+def _pieces(source: Path_ | bytes) -> Iterator[bytes]:
     """Read a file in pieces; bytes are one."""
     if isinstance(source, bytes):
         yield source

@@ -140,9 +140,7 @@ def renumber_by_size(rings: Rings, sums: Sums, kept: NDArray[np.bool_] | None = 
     pixels = np.bincount(rings.labels[kept], rings.pixel_areas()[kept], len(sums.counts) + 1)[left]
     firsts = sums.firsts[left - 1]
     order = np.lexsort((firsts[:, 1], firsts[:, 0], -pixels))
-    number = np.empty(len(order), np.int64)
-    number[order] = np.arange(1, len(order) + 1)
-    labels = number[np.searchsorted(left, rings.labels[kept])]
+    labels = np.argsort(order)[np.searchsorted(left, rings.labels[kept])] + 1
     return RegionOutlines(rings.select(kept, labels), select_sums(sums, left[order] - 1))
 
 

@@ -136,16 +136,13 @@ class TileStitcher:
         self._chains: list[PackedChains] = []
         self._contacts = Contacts(shape, windows[0])
         for window, tile in zip(windows, tiles, strict=True):
-            self._add(window, tile)
-
-    def _add(self, window: Window, tile: TileOutlines | None) -> None:
-        if tile is None:
-            self._contacts.add(window, 0, None)
-            return
-        tile.chains.table[:, OWNER] += self._contacts.count - 1
-        self._sums.append(tile.sums)
-        self._chains.append(pack_chains(tile.chains))
-        self._contacts.add(window, len(tile.sums.counts), tile.borders)
+            if tile is None:
+                self._contacts.add(window, 0, None)
+                continue
+            tile.chains.table[:, OWNER] += self._contacts.count - 1
+            self._sums.append(tile.sums)
+            self._chains.append(pack_chains(tile.chains))
+            self._contacts.add(window, len(tile.sums.counts), tile.borders)
 
     def finish(
         self, leaves: NDArray[Any] | None = None, classes: NDArray[np.uint8] | None = None
@@ -201,12 +198,10 @@ def number_regions(
     names, group = np.unique(groups, return_inverse=True)
     merged = merge_sums(sums, group, len(names))
     order = size_order(merged)
-    labels = np.empty(len(order), np.int64)
-    labels[order] = np.arange(1, len(order) + 1)
+    labels = np.argsort(order) + 1
     _, part = np.unique(parts, return_inverse=True)
     firsts = merge_sums(sums, part, int(part.max(initial=-1)) + 1).firsts
-    raster_rank = np.empty(len(firsts), np.int64)
-    raster_rank[np.lexsort((firsts[:, 1], firsts[:, 0]))] = np.arange(len(firsts))
+    raster_rank = np.argsort(np.lexsort((firsts[:, 1], firsts[:, 0])))
     return RegionOutlines(link_rings(chains, labels[group], raster_rank[part]), select_sums(merged, order))
 
 

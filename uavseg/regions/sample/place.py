@@ -99,8 +99,9 @@ def sample_mask(like: Disc | str, geobox: GeoBox) -> SampleMask:
     the sample lies outside of the raster, or that its bounding box has more than 2^24 pixels, a RegionError
     that the file cannot be read as polygons.
     """
-    polygons = _disc_polygon(like, geobox) if isinstance(like, Disc) else _read_polygons(like, geobox)[1]
-    return _mask(polygons, geobox, "the sample" if isinstance(like, Disc) else f"the sample {like}")
+    if isinstance(like, Disc):
+        return _mask(to_pixels(_disc_polygon(like, geobox), geobox), geobox, "the sample")
+    return _mask(_read_polygons(like, geobox)[1], geobox, f"the sample {like}")
 
 
 def class_masks(name: str, geobox: GeoBox) -> dict[str, list[SampleMask]]:
@@ -139,8 +140,7 @@ def _class_name(value: object) -> str | None:
     return str(value).strip() or None
 
 
-def _mask(polygons: NDArray[np.object_], geobox: GeoBox, name: str) -> SampleMask:
-    on_grid = to_pixels(polygons, geobox)
+def _mask(on_grid: NDArray[np.object_], geobox: GeoBox, name: str) -> SampleMask:
     with changing_filters():  # shapely changes them itself
         bounds = shapely.total_bounds(on_grid)
     if not np.isfinite(bounds).all():
@@ -173,7 +173,7 @@ def _disc_polygon(disc: Disc, geobox: GeoBox) -> NDArray[np.object_]:
 
 
 def _read_polygons(name: str, geobox: GeoBox) -> "tuple[Regions, NDArray[np.object_]]":
-    """Read regions, and their polygons in the coordinates of a raster."""
+    """Read regions, and their polygons in the pixels of a raster."""
     from uavseg.regions.formats.read import read_regions
 
     if geobox.wkt is None:
@@ -182,24 +182,19 @@ def _read_polygons(name: str, geobox: GeoBox) -> "tuple[Regions, NDArray[np.obje
             "give the sample as X,Y,RADIUS"
         )
     regions = read_regions(name)
-    project = transform_between(regions.wkt, geobox.wkt)
-    return regions, shapely.transform(
-        np.asarray(regions.polygons), lambda x, y: project(x, y), interleaved=False
-    )
+    return regions, to_pixels(np.asarray(regions.polygons), geobox, regions.wkt)
 
 
 def to_pixels(polygons: NDArray[np.object_], geobox: GeoBox, wkt: str | None = None) -> NDArray[np.object_]:
     """Return polygons, of the raster's CRS or another, in pixel coordinates (col, row)."""
     if wkt is not None:
-        project = transform_between(wkt, geobox.wkt)
-        polygons = shapely.transform(polygons, lambda x, y: project(x, y), interleaved=False)
+        polygons = shapely.transform(polygons, transform_between(wkt, geobox.wkt), interleaved=False)
     back = ~geobox.transform
-    on_grid: NDArray[Any] = shapely.transform(
-        polygons,
-        lambda x, y: (back.a * x + back.b * y + back.c, back.d * x + back.e * y + back.f),
-        interleaved=False,
-    )
-    return on_grid
+
+    def pixels(x: Any, y: Any) -> tuple[Any, Any]:
+        return back.a * x + back.b * y + back.c, back.d * x + back.e * y + back.f
+
+    return np.asarray(shapely.transform(polygons, pixels, interleaved=False))
 
 
 def bounding_cells(bounds: NDArray[np.float64], shape: tuple[int, int]) -> Window:

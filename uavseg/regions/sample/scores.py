@@ -14,7 +14,7 @@ from uavseg.errors import SampleError
 from uavseg.execution.executors import LazySequence
 from uavseg.raster.grid.tiling import TilePass, Window, window_cells
 from uavseg.regions.outline.rings import EdgeTable, RegionOutlines, Rings, edge_tables
-from uavseg.regions.sample.model import Sample, bounds_around, symbol_pair
+from uavseg.regions.sample.model import bounds_around, symbol_pair
 from uavseg.regions.sample.place import SampleMask
 from uavseg.regions.tiles.class_tiles import cell_jobs
 from uavseg.segmentation.blocks.block_map import BlockMap
@@ -124,29 +124,6 @@ class Criterion:
     limit: int  # the largest score of a window that is like the sample
     colors: tuple[ColorBand, ...] = ()  # further bands whose means are bounded
 
-    @classmethod
-    def of(
-        cls,
-        sample: Sample,
-        bin_edges: NDArray[np.int32],
-        side: int,
-        similarity: float,
-        deviations: float,
-        colors: tuple[ColorBand, ...] = (),
-    ) -> "Criterion":
-        """Make a criterion from a minimum similarity, above 0 and at most 1, and bounds of the mean grey.
-
-        The bounds are `deviations` standard deviations of the sample from its mean; may be infinite.
-        """
-        return cls(
-            model=sample.model,
-            bin_edges=bin_edges,
-            side=side,
-            bounds=sample.bounds(deviations),
-            limit=sample.limit(similarity),
-            colors=colors,
-        )
-
 
 @dataclass(frozen=True)
 class CellScores:
@@ -176,9 +153,7 @@ def score_cells(source: GreySource, criterion: Criterion, tile_pass: TilePass) -
 def _score_tile(
     source: GreySource, criterion: Criterion, window: Window
 ) -> tuple[NDArray[np.uint16], TextureModel, Integers, Integers] | None:
-    """Return scores of the cells of a tile, the texture model of unlike cells, the count of each symbol,
-    and histograms of unlike cells in further bands; None for an empty tile.
-    """
+    """Return the parts of `CellScores` of a tile; None for an empty one."""
     halo, side = CELL * (criterion.side - 1), criterion.side
     if source.dataset.is_empty(window):
         return None
@@ -229,9 +204,7 @@ def _reject_tile(
     minimum: int,
     job: tuple[Window, NDArray[np.uint8]],
 ) -> tuple[NDArray[np.bool_], TextureModel, Integers]:
-    """Return the mask of the rejected cells of a tile, and histograms of those that touch no kept cell: the
-    others lie on boundaries and have texture of both sides.
-    """
+    """Return the rejected cells of a tile, and histograms of those off boundaries, beside no kept one."""
     window, around = job  # cells of the tile, and one more on every side
     halo = CELL * criterion.side
     tile = source.read(window, halo + COARSE_HALO)

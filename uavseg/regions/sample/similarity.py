@@ -3,7 +3,6 @@
 import math
 import threading
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -94,6 +93,11 @@ class SampledColors:
         """Fit the model of the samples, against the whole raster as background."""
         return SimilarityTable.fit(self.points, self.sample, self.unlike)
 
+    def similarity(self, bands: BlurredBands) -> SimilaritySource:
+        """Return the raster as similarity to the samples, of the bands from which the colours are."""
+        first = bands.bands[0]
+        return SimilaritySource(first.dataset, first.stretch, bands, self.table())
+
 
 def sample_colors(
     bands: Sequence[GreySource],
@@ -126,23 +130,6 @@ def spread_colors(bands: Sequence[GreySource], tile_pass: TilePass) -> NDArray[n
     """Return colours of pixels in small windows that are spread evenly over a raster: (n, bands) uint16."""
     windows = _spread_windows(bands[0].shape)
     return np.concatenate(list(tile_pass.silent.run(partial(_colors, bands), windows)))
-
-
-def fit_similarity(
-    bands: BlurredBands,
-    places: Sequence[SampleMask],
-    tile_pass: TilePass,
-    unlike: Sequence[SampleMask] = (),
-    name: str = "the sample",
-    spread: NDArray[np.uint16] | None = None,
-) -> SimilaritySource:
-    """Fit the similarity to the colours of samples, against the whole raster as background.
-
-    Parameters and errors are those of `sample_colors`.
-    """
-    table = sample_colors(bands.bands, places, tile_pass, unlike, name, spread).table()
-    first = bands.bands[0]
-    return SimilaritySource(first.dataset, first.stretch, bands, table)
 
 
 def _colors_of(
@@ -217,10 +204,12 @@ def next_place(
     if source.table.uncertain < _MIN_SHARE:
         return None
     geobox = source.dataset.geobox
+    long, wide = _pixel_extents(geobox, geobox.shape[0] / 2, geobox.shape[1] / 2)
+    aspect = long / wide if wide > 0 and math.isfinite(long) else math.inf
+    if aspect > _MAX_ASPECT:
+        return None
     for radius in dict.fromkeys((_mean_radius(samples), _MIN_RADIUS)):
-        reach = radius * math.sqrt(_aspect(geobox))
-        if reach > radius * math.sqrt(_MAX_ASPECT):
-            return None
+        reach = radius * math.sqrt(aspect)
         taken = _cells_near(samples, blocks.counts.shape, _GAP * radius)
         cells = most_uncertain_cells(blocks.sums, blocks.counts, taken, reach, _CANDIDATES, _MIN_UNCERTAINTY)
         discs = [_disc(geobox, row, col, reach) for row, col in cells.tolist()]
@@ -269,33 +258,23 @@ def _mean_radius(samples: Sequence[SampleMask]) -> float:
 
 def _cells_near(samples: Sequence[SampleMask], shape: tuple[int, ...], gap: float) -> NDArray[np.bool_]:
     """Return the cells within a gap of samples: (m, n) bool."""
+    from scipy.ndimage import binary_dilation
+
     taken = np.zeros(shape, bool)
-    widths = half_widths(gap)
-    reach = len(widths) // 2
+    disc = _disc_cells(half_widths(gap))
+    reach = len(disc) // 2
     for place in samples:
-        near = _dilated(place.cell_counts() > 0, widths)
+        near = binary_dilation(np.pad(place.cell_counts() > 0, reach), disc)
         first = Window(place.window.row // CELL - reach, place.window.col // CELL - reach, *near.shape)
         part = first.clipped((shape[0], shape[1]))
-        inner = replace(part, row=part.row - first.row, col=part.col - first.col)
-        taken[part.slices] |= near[inner.slices]
+        taken[part.slices] |= near[part.relative_to(first).slices]
     return taken
 
 
-def _dilated(cells: NDArray[np.bool_], widths: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Dilate cells by a disc, with a margin of its reach on all sides."""
-    reach = len(widths) // 2
-    padded = np.pad(cells, reach)
-    dilated = np.zeros_like(padded)
-    for row, width in enumerate(widths.tolist(), -reach):
-        for col in range(-width, width + 1):
-            dilated |= np.roll(padded, (row, col), (0, 1))
-    return dilated
-
-
-def _aspect(geobox: GeoBox) -> float:
-    """Return the aspect ratio of a pixel in the middle, on the map or on the ground in degrees."""
-    long, wide = _pixel_extents(geobox, geobox.shape[0] / 2, geobox.shape[1] / 2)
-    return long / wide if wide > 0 and math.isfinite(long) else math.inf
+def _disc_cells(widths: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Return the cells that a disc touches, from its half-widths."""
+    side = int(widths.max())
+    return np.asarray(np.abs(np.arange(-side, side + 1)) <= widths[:, None])
 
 
 def _pixel_extents(geobox: GeoBox, row: float, col: float) -> tuple[float, float]:
@@ -359,7 +338,7 @@ def most_uncertain_cells(
     widths = half_widths(radius)
     limit = int(np.ceil(minimum * _CERTAIN * int((2 * widths + 1).sum())))
     scores, cells = np.empty(0, np.int64), np.empty((0, 2), np.int64)
-    for top, strip in _strips(sums, counts, taken, widths):
+    for top, strip in _strips(sums, counts, taken, _disc_cells(widths)):
         places = np.flatnonzero(strip >= limit)
         if len(places) > count:
             at_places = strip.ravel()[places]
@@ -373,32 +352,17 @@ def most_uncertain_cells(
 
 
 def _strips(
-    sums: NDArray[np.uint32], counts: NDArray[np.uint8], taken: NDArray[np.bool_], widths: NDArray[np.int64]
+    sums: NDArray[np.uint32], counts: NDArray[np.uint8], taken: NDArray[np.bool_], disc: NDArray[np.bool_]
 ) -> Iterator[tuple[int, NDArray[np.int64]]]:
     """Yield the first row of each strip, and the score of a disc around each of its cells."""
-    reach, side = len(widths) // 2, int(widths.max())
-    rows, cols = sums.shape
-    step = max(_STRIP // cols, 1)
+    from scipy.ndimage import correlate
+
+    reach, rows, step = len(disc) // 2, len(sums), max(_STRIP // sums.shape[1], 1)
     for top in range(0, rows, step):
-        first, end = max(top - reach, 0), min(top + step + reach, rows)
-        height = min(step, rows - top)
-        around = np.full((height + 2 * reach, cols + 2 * side), _FORBIDDEN, np.int64)
-        part = np.s_[first:end]
-        inner = around[first - top + reach : end - top + reach, side : side + cols]
-        inner[:] = _CERTAIN - np.abs(2 * sums[part].astype(np.int64) - _CERTAIN)
-        inner[(counts[part] != _FULL) | taken[part]] = _FORBIDDEN
-        yield top, _disc_sums(around, widths)
-
-
-def _disc_sums(around: NDArray[np.int64], widths: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Sum over the cells that a disc touches, around each cell that is not in the margin."""
-    reach, side = len(widths) // 2, int(widths.max())
-    rows, cols = around.shape[0] - 2 * reach, around.shape[1] - 2 * side
-    along = np.zeros((around.shape[0], around.shape[1] + 1), np.int64)
-    np.cumsum(around, axis=1, out=along[:, 1:])
-    total = np.zeros((rows, cols), np.int64)
-    for row, width in enumerate(widths.tolist()):
-        line = along[row : row + rows]
-        total += line[:, side + width + 1 : side + width + 1 + cols]
-        total -= line[:, side - width : side - width + cols]
-    return total
+        first = max(top - reach, 0)
+        part = np.s_[first : top + step + reach]
+        around = _CERTAIN - np.abs(2 * sums[part].astype(np.int64) - _CERTAIN)
+        around[(counts[part] != _FULL) | taken[part]] = _FORBIDDEN
+        # In double precision, which holds these sums exactly.
+        scores = correlate(around, disc, np.int64, mode="constant", cval=_FORBIDDEN)
+        yield top, scores[top - first :][:step]

@@ -21,20 +21,14 @@ from uavseg.execution.checkpoint import DamagedResultError, decode_result, encod
 from uavseg.output.atomic import atomic_file
 from uavseg.output.renames import recover
 from uavseg.raster.grid.tiling import TilePass, Window, tiles, whole_blocks
+from uavseg.regions.outline import stitch
 from uavseg.regions.outline.chains import OWNER
 from uavseg.regions.outline.rings import RegionOutlines
-from uavseg.regions.outline.stitch import Borders, Components, Contacts, concatenate_sums, number_regions
-from uavseg.regions.tiles.range_tiles import stitch_tiles, tile_jobs
+from uavseg.regions.tiles.range_tiles import outline_range_tile, tile_jobs
+from uavseg.segmentation import pipeline
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges
 from uavseg.segmentation.components import union_roots
 from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
-from uavseg.segmentation.pipeline import (
-    Part,
-    cells_to_refine,
-    every_cell,
-    measure_block_map_for,
-    sum_contrasts,
-)
 from uavseg.segmentation.refine.detail import Detail, ThinLines
 from uavseg.segmentation.refine.range_scans import REFINE_HALO
 from uavseg.segmentation.source import GreySource
@@ -65,8 +59,8 @@ class PartitionJob:
         for piece in pieces:
             piece.chains.table[:, OWNER] += offset
             offset += len(piece.sums.counts)
-        sums, group = concatenate_sums([piece.sums for piece in pieces]), np.concatenate(groups)
-        return number_regions(sums, group, group, [piece.chains for piece in pieces])
+        sums, group = stitch.concatenate_sums([piece.sums for piece in pieces]), np.concatenate(groups)
+        return stitch.number_regions(sums, group, group, [piece.chains for piece in pieces])
 
 
 def join_partitions(
@@ -97,7 +91,7 @@ def join_partitions(
     outline = partial(
         _outline_partition, source, interval, segment, edges, detail, tile, str(folder.absolute())
     )
-    contacts, firsts = Contacts(source.shape, windows[0]), dict[int, Integers]()
+    contacts, firsts = stitch.Contacts(source.shape, windows[0]), dict[int, Integers]()
     for number, joined in enumerate(tile_pass.run(outline, list(enumerate(windows)))):
         if joined is not None:
             firsts[number] = joined[0]
@@ -109,11 +103,7 @@ def join_partitions(
 
 
 def _assign(regions: Integers, firsts: dict[int, Integers], width: int, side: int) -> list[PartitionJob]:
-    """Assign regions to the partitions of their first pixels.
-
-    `regions` are those of all components that reach borders, `firsts` the first pixels of these by partition,
-    and `width` is that of the raster.
-    """
+    """Assign the regions of components to the partitions of their first pixels."""
     partitions = np.repeat(list(firsts), [len(first) for first in firsts.values()])
     components = np.concatenate([np.empty(0, int), *(np.arange(len(first)) for first in firsts.values())])
     pixels = np.concatenate([np.empty(0, int), *(first @ (width, 1) for first in firsts.values())])
@@ -139,22 +129,22 @@ def _outline_partition(
     tile: tuple[int, int],
     folder: str,
     item: tuple[int, Window],
-) -> tuple[Integers, Borders] | None:
-    """Outline the tiles of a partition one after the other, and keep what was joined of them in a folder.
-
-    Return the first pixels of components that reach a border with another partition, and those borders.
-    """
+) -> tuple[Integers, stitch.Borders] | None:
+    """Outline a partition into a folder; return its borders, and first pixels of what reaches them."""
     number, window = item
     around, windows = window, _tiles_of(window, tile)
     if bin_edges is None:
-        cells = every_cell((window.rows, window.cols))
+        cells = pipeline.every_cell((window.rows, window.cols))
     else:
         around = window.grown(whole_blocks(REFINE_HALO)).clipped(source.shape)
-        part = Part(around, bin_edges)
-        blocks = measure_block_map_for(source, interval, segment, TilePass(_tiles_of(around, tile)), part)
-        cells = cells_to_refine(blocks, interval, segment)
+        part = pipeline.Part(around, bin_edges)
+        blocks = pipeline.measure_block_map_for(
+            source, interval, segment, TilePass(_tiles_of(around, tile)), part
+        )
+        cells = pipeline.cells_to_refine(blocks, interval, segment)
     jobs = tile_jobs(cells, windows, detail=detail, part=around)
-    joined = stitch_tiles(source, interval, segment.refine, TilePass(windows), jobs, detail).join(window)
+    outlined = map(partial(outline_range_tile, source, interval, segment.refine, detail), jobs)
+    joined = stitch.TileStitcher(source.shape, windows, outlined).join(window)
     if joined is None:
         return None
     for name, components in (("reaching", joined[1]), ("within", joined[2])):
@@ -165,7 +155,7 @@ def _outline_partition(
 
 
 def _sum_contrasts(source: GreySource, tile: tuple[int, int], window: Window) -> NDArray[np.int64]:
-    return sum_contrasts(source, _tiles_of(window, tile))
+    return pipeline.sum_contrasts(source, _tiles_of(window, tile))
 
 
 def _tiles_of(part: Window, tile: tuple[int, int]) -> list[Window]:
@@ -174,10 +164,10 @@ def _tiles_of(part: Window, tile: tuple[int, int]) -> list[Window]:
     return [Window(part.row + one.row, part.col + one.col, one.rows, one.cols) for one in inner]
 
 
-def _read(folder: str, name: str, number: int) -> Components:
+def _read(folder: str, name: str, number: int) -> stitch.Components:
     path = _path(folder, name, number)
     try:
-        components: Components = decode_result(path.read_bytes(), path.name)
+        components: stitch.Components = decode_result(path.read_bytes(), path.name)
     except DamagedResultError as error:
         raise OutputError(f"{path} is damaged: {error}; delete its folder, and start again") from None
     return components

@@ -59,21 +59,9 @@ def outline_regions(
     a `detail` are removed after refinement, or thin lines are added; not with "none".
     """
     jobs = tile_jobs(cells, tile_pass.windows, expected, detail)
-    stitcher = stitch_tiles(source, interval, refine, tile_pass, jobs, detail)
+    tiles = tile_pass.run(partial(outline_range_tile, source, interval, refine, detail), jobs)
+    stitcher = TileStitcher(source.shape, tile_pass.windows, tiles)
     return stitcher.finish(cells if refine == "none" else None)
-
-
-def stitch_tiles(
-    source: GreySource,
-    interval: IntensityRange,
-    refine: Refinement,
-    tile_pass: TilePass,
-    jobs: Sequence["TileJob"],
-    detail: Detail | ThinLines | None = None,
-) -> TileStitcher:
-    """Outline and stitch the tiles of a raster, or of a part of it; parameters as of `outline_regions`."""
-    tiles = tile_pass.run(partial(_outline_tile, source, interval, refine, detail), jobs)
-    return TileStitcher(source.shape, tile_pass.windows, tiles)
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,13 +103,14 @@ def tile_jobs(
     return LazySequence(len(windows), job)
 
 
-def _outline_tile(
+def outline_range_tile(
     source: GreySource,
     interval: IntensityRange,
     refine: Refinement,
     detail: Detail | ThinLines | None,
     job: TileJob,
 ) -> TileOutlines | None:
+    """Refine and outline a tile; parameters as of `outline_regions`."""
     refined = refine_tile(source, job.cells, interval, refine, job.refined)
     if isinstance(detail, ThinLines):
         refined = _with_thin_lines(source, refined, interval, job.window)
