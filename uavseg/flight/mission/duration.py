@@ -26,7 +26,8 @@ TURNING_M_S, TURNING_COSINE = 0.2, 0.98
 """The vehicle turns where it is faster, and its direction and that to the corner differ by more."""
 AT_REST_M_S = 1e-3
 BEHIND_S_PER_M_S = 0.01
-"""The vehicle follows its trajectory late, and at corners that waits: simulated, 0.1 s at 10 m/s."""
+"""The vehicle follows its trajectory late, and at sharp corners that waits: simulated, 0.1 s at 10 m/s."""
+SHARP_COSINE = 0.4  # of the angle by which it turns there
 
 
 @inlined
@@ -121,8 +122,8 @@ def leg_seconds(
             corners = xyz[[0, *(index + 1)]]
             seconds[flown] = braked_seconds(corners, speeds[flown], vehicle, kept, held)
             unit = legs[flown] / np.linalg.norm(legs[flown], axis=1)[:, None]
-            turns = ((unit[:-1] * unit[1:]).sum(axis=1) < TURNING_COSINE) & ~kept[1:-1]
-            seconds[index[:-1]] += BEHIND_S_PER_M_S * speeds[index[:-1]] * turns
+            is_sharp = ((unit[:-1] * unit[1:]).sum(axis=1) < SHARP_COSINE) & ~kept[1:-1]
+            seconds[index[:-1]] += BEHIND_S_PER_M_S * speeds[index[:-1]] * is_sharp
     return seconds
 
 

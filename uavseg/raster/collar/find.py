@@ -66,7 +66,7 @@ def without_collar(dataset: AnyDataset, tile_pass: TilePass) -> AnyDataset:
 def _find_collar(dataset: Dataset, tile_pass: TilePass) -> _Found | None:
     if not _may_have_collar(dataset):
         return None
-    corners = list(tile_pass.silent.run(partial(_corner, dataset), _corner_windows(dataset)))
+    [corners] = tile_pass.silent.run(partial(_corners, dataset), [_corner_windows(dataset)])
     for value in sorted({value for _, value in corners if value is not None}):
         result = _collar(dataset, value, tile_pass, corners)
         if result is not None:
@@ -84,6 +84,10 @@ def _may_have_collar(dataset: Dataset) -> bool:
 def _corner_windows(dataset: Dataset) -> list[Window]:
     rows, cols = dataset.geobox.shape
     return [Window(row, col, CORNER, CORNER) for row in (0, rows - CORNER) for col in (0, cols - CORNER)]
+
+
+def _corners(dataset: Dataset, windows: list[Window]) -> list[Corner]:
+    return [_corner(dataset, window) for window in windows]
 
 
 def _corner(dataset: Dataset, window: Window) -> Corner:

@@ -102,7 +102,7 @@ def with_bad_blocks(map: Map, found: set[BadBlock]) -> Map:
     def run(
         function: Callable[[Item], Result], items: Sequence[Item], progress: Progress | None = None
     ) -> Generator[Result, None, None]:
-        with closing(map(partial(_listen, function), items, progress)) as results:
+        with closing(map(_Listening(function), items, progress)) as results:
             for result, blocks in results:
                 found.update(blocks)
                 yield result
@@ -110,12 +110,17 @@ def with_bad_blocks(map: Map, found: set[BadBlock]) -> Map:
     return run
 
 
-def _listen(function: Callable[[Any], Any], item: Any) -> tuple[Any, tuple[BadBlock, ...]]:
-    """Call a function; return its result with the bad blocks that it found."""
-    found: set[BadBlock] = set()
-    with recording_bad_blocks(found):
-        result = function(item)
-    return result, tuple(sorted(found))
+@dataclass(frozen=True)
+class _Listening:
+    """A function that returns its result with the bad blocks that it found."""
+
+    function: Callable[[Any], Any]
+
+    def __call__(self, item: Any) -> tuple[Any, tuple[BadBlock, ...]]:
+        found: set[BadBlock] = set()
+        with recording_bad_blocks(found):
+            result = self.function(item)
+        return result, tuple(sorted(found))
 
 
 def read_naming_bad_block(

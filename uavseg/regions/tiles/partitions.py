@@ -24,7 +24,7 @@ from uavseg.raster.grid.tiling import TilePass, Window, tiles, whole_blocks
 from uavseg.regions.outline import stitch
 from uavseg.regions.outline.chains import OWNER
 from uavseg.regions.outline.rings import RegionOutlines
-from uavseg.regions.tiles.range_tiles import outline_range_tile, tile_jobs
+from uavseg.regions.tiles.range_tiles import outline, tile_jobs
 from uavseg.segmentation import pipeline
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges
 from uavseg.segmentation.components import union_roots
@@ -88,11 +88,11 @@ def join_partitions(
         for part in counting.run(partial(_sum_contrasts, source, tile), windows):
             contrasts += part
         edges = contrast_bin_edges(contrasts)
-    outline = partial(
+    outline_one = partial(
         _outline_partition, source, interval, segment, edges, detail, tile, str(folder.absolute())
     )
     contacts, firsts = stitch.Contacts(source.shape, windows[0]), dict[int, Integers]()
-    for number, joined in enumerate(tile_pass.run(outline, list(enumerate(windows)))):
+    for number, joined in enumerate(tile_pass.run(outline_one, list(enumerate(windows)))):
         if joined is not None:
             firsts[number] = joined[0]
         contacts.add(windows[number], len(firsts.get(number, ())), None if joined is None else joined[1])
@@ -143,7 +143,7 @@ def _outline_partition(
         )
         cells = pipeline.cells_to_refine(blocks, interval, segment)
     jobs = tile_jobs(cells, windows, detail=detail, part=around)
-    outlined = map(partial(outline_range_tile, source, interval, segment.refine, detail), jobs)
+    outlined = map(partial(outline, source, interval, segment.refine, detail), jobs)
     joined = stitch.TileStitcher(source.shape, windows, outlined).join(window)
     if joined is None:
         return None

@@ -59,7 +59,7 @@ def outline_regions(
     a `detail` are removed after refinement, or thin lines are added; not with "none".
     """
     jobs = tile_jobs(cells, tile_pass.windows, expected, detail)
-    tiles = tile_pass.run(partial(outline_range_tile, source, interval, refine, detail), jobs)
+    tiles = tile_pass.run(partial(outline, source, interval, refine, detail), jobs)
     stitcher = TileStitcher(source.shape, tile_pass.windows, tiles)
     return stitcher.finish(cells if refine == "none" else None)
 
@@ -103,7 +103,7 @@ def tile_jobs(
     return LazySequence(len(windows), job)
 
 
-def outline_range_tile(
+def outline(
     source: GreySource,
     interval: IntensityRange,
     refine: Refinement,
