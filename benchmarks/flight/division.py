@@ -39,7 +39,8 @@ def limits(seconds: float) -> FlightLimits:
 def flights_of(places: Floats, seconds: float) -> list[float]:
     """The time of each of our flights over places (n, 2)."""
     tracks = [[Track.of_path(place[None])] for place in places]
-    found = split_route(short_route(tracks, HOME, FreeSpace()), limits(seconds))
+    allowed = limits(seconds)
+    found = split_route(short_route(tracks, HOME, FreeSpace(), [allowed], SPEED_M_S), allowed)
     assert sum(len(track.xy) for track in found) == len(places)
     return [
         float(leg_lengths(np.concatenate([HOME[None], track.xy, HOME[None]])).sum()) / SPEED_M_S + FIXED_S

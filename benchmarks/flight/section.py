@@ -4,7 +4,6 @@ import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import chain
 
 from benchmarks.flight.fields import Field, drawn, of_sample
 from benchmarks.flight.measured import Flown, simulate
@@ -65,7 +64,7 @@ def flights_table(found: Sequence[Row]) -> str:
             line.append(f"{row.calm[autopilot, SPEEDS[0]].simulated_s / 60:.1f}")
             line += [f"{row.calm[autopilot, speed].error:+.1%}" for speed in SPEEDS]
         one = row.calm["ardupilot", SPEEDS[0]]
-        least = min(each.covered for each in (*row.calm.values(), *chain(*row.windy.values())))
+        least = min(each.covered for each in (*row.calm.values(), *itertools.chain(*row.windy.values())))
         line += [str(one.photographs or ""), str(one.estimated_photographs or "")]
         line.append("" if math.isnan(least) else f"{least:.2%}")
         cells.append(line)
@@ -79,7 +78,7 @@ def flights_table(found: Sequence[Row]) -> str:
     lost = [
         one.estimated_photographs - one.photographs
         for row in found
-        for one in (*row.calm.values(), *chain(*row.windy.values()))
+        for one in (*row.calm.values(), *itertools.chain(*row.windy.values()))
     ]
     summary = (
         f"The worst estimate is off by {max(off):.1%} (mean {sum(off) / len(off):.1%}) without wind, "

@@ -112,6 +112,15 @@ def test_circles_of_short_legs_take_as_long_as_px4_flies_them(circle: tuple[int,
     assert leg_seconds(path, speed, PX4).sum() == pytest.approx(flown_s, rel=0.05, abs=0.5)
 
 
+@pytest.mark.parametrize("speed", [5.0, 10.0, 12.0])
+def test_short_lines_to_and_fro_take_as_long_as_px4_flies_them(speed: float) -> None:
+    east, north = np.repeat(np.arange(12) * 25.0, 2), np.tile([0.0, 40.0, 40.0, 0.0], 6)
+    path = np.column_stack([east, north, np.full(24, 40.0)])
+    log = px4.fly(40.0, [Stop(tuple(place), speed) for place in path[1:].tolist()], False)
+    flown_s = (len(log.track) - log.begin) * EVERY * DT
+    assert leg_seconds(path, speed, PX4).sum() == pytest.approx(flown_s, rel=0.02)
+
+
 @given(length=st.floats(3, 60), hold=st.integers(1, 4), turn=st.floats(0, np.pi), speed=st.floats(2, 12))
 @settings(max_examples=15)
 def test_legs_between_holds_take_as_long_as_px4_flies_them(

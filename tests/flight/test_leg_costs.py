@@ -33,6 +33,15 @@ def test_level_legs_of_one_speed_take_their_time_and_no_items() -> None:
     assert [len(part) for part in LegCosts(PLANE, PlanParams(40)).of(Track.of_path(track.xy[:1]))] == [0, 0]
 
 
+def test_a_height_in_whole_metres_takes_as_long_as_one_with_decimals() -> None:
+    home, places = np.array([0.4, 0.3]), np.array([[18.7, -4.2], [0.9, 30.8]])
+    length = np.hypot(*(places - home).T)
+    whole, exact = (LegCosts(PLANE, PlanParams(height)) for height in (50, 50.0))
+    assert np.array_equal(whole.ways(home, places, length), exact.ways(home, places, length))
+    track = Track.of_path(places)
+    assert np.array_equal(whole.of(track)[0], exact.of(track)[0])
+
+
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 @pytest.mark.parametrize("kind", ["hover", "slow", "hills"])
 def test_a_division_is_right_the_first_time(

@@ -149,7 +149,7 @@ LEG_LENGTHS = 48  # between which the costs of legs are interpolated
 QUICK_ROUNDS = 100  # of the search for an order, where azimuths are compared
 SPREAD, REFINED = 16, 6  # azimuths at all ranks that are tried too; azimuths beside those of the best are
 COST_DECIMALS = 6  # so that rounding errors choose nothing
-ALIKE_DEG = 10.0  # azimuths of less difference are alike where surveys of several regions are chosen
+SIMILAR_DEG = 10.0  # azimuths of less difference are similar where surveys of several regions are chosen
 MAX_AZIMUTHS = 40  # of edges
 COMPACT = 0.8  # share of the convex hull: a region that fills more, and is one cell, is not divided otherwise
 MAX_CRITICAL = 400  # corners at which a region is divided into cells
@@ -287,12 +287,12 @@ def _found(region: Any, params: CoverParams, near: FreeSpace, space: FreeSpace) 
 
 
 def _different(laid: list[SurveyLines]) -> list[SurveyLines]:
-    """Return lines with those of the first of each group of like azimuths before the others."""
+    """Return lines with those of the first of each group of similar azimuths before the others."""
     turns = np.zeros(len(laid), np.int64)
     azimuths = np.array([lines.angle_deg for lines in laid])
     for k in range(1, len(laid)):
         apart = np.abs((azimuths[:k] - azimuths[k] + 90) % 180 - 90)
-        turns[k] = np.count_nonzero(apart < ALIKE_DEG)
+        turns[k] = np.count_nonzero(apart < SIMILAR_DEG)
     return [laid[k] for k in np.argsort(turns, kind="stable")]
 
 

@@ -121,9 +121,6 @@ def leg_seconds(
             held = np.array([hold[first:end].sum() for first, end in groups])
             corners = xyz[[0, *(index + 1)]]
             seconds[flown] = braked_seconds(corners, speeds[flown], vehicle, kept, held)
-            unit = legs[flown] / np.linalg.norm(legs[flown], axis=1)[:, None]
-            is_sharp = ((unit[:-1] * unit[1:]).sum(axis=1) < SHARP_COSINE) & ~kept[1:-1]
-            seconds[index[:-1]] += BEHIND_S_PER_M_S * speeds[index[:-1]] * is_sharp
     return seconds
 
 
@@ -245,6 +242,10 @@ def braked_seconds(xyz_m: Floats, speeds: Floats, vehicle: Vehicle, stops: Bools
     arrays = [np.array(one, np.float64, order="C") for one in (xyz_m, speeds, hold_s)]
     seconds = np.zeros(len(xyz_m) - 1)
     _fly(arrays[0], arrays[1], np.array(stops, np.bool_), arrays[2], limits, seconds)
+    unit = np.diff(arrays[0], axis=0)
+    unit /= np.linalg.norm(unit, axis=1)[:, None]
+    waits = ((unit[:-1] * unit[1:]).sum(axis=1) < SHARP_COSINE) & ~np.asarray(stops)[1:-1]
+    seconds[:-1] += BEHIND_S_PER_M_S * arrays[1][:-1] * waits
     return seconds
 
 

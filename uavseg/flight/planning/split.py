@@ -77,13 +77,14 @@ def short_route(
     candidates: Sequence[Sequence[Track]],
     home: Floats,
     space: FreeSpace,
-    limits: "Sequence[FlightLimits]" = (),
-    speed_m_s: float = 1.0,
+    limits: "Sequence[FlightLimits]",
+    speed_m_s: float,
 ) -> RegionRoute:
-    """Return a short route from home over one track of each region, in either direction, and home again.
+    """Return a route from home over one track of each region, in either direction, and home again.
 
-    With limits for each direction that the wind may have it is short in time, where transits have the speed.
-    A MissionError says that there are too many regions, or that one cannot be reached.
+    It takes a short time, of which that in the worst wind counts: there are limits for each direction that
+    the wind may have. Transits are flown at the speed. A MissionError says that there are too many regions,
+    or that one cannot be reached.
     """
     tracks = _ordered(candidates, home, space, limits, speed_m_s)
     runs = [track.line_runs() for track in tracks]
@@ -153,14 +154,12 @@ def _ordered(
         forward = pairs[first : first + len(tracks)]
         first += len(tracks)
         options.append(np.concatenate([forward, forward[:, ::-1]]))
-        flown = [[float(one.costs(track)[0].sum()) for one in limits] or [track.length_m] for track in tracks]
-        costs.append(np.max(flown * 2, axis=1))
+        costs.append(np.max([[one.costs(track)[0].sum() for one in limits] for track in tracks] * 2, axis=1))
     start = int(index.ravel()[0])
     lengths = space.paths(points).lengths
     apart_s = lengths / speed_m_s
-    if limits:
-        ways = [np.mean(one.ways(home, points, lengths[start]), axis=0) for one in limits]
-        apart_s[start] = apart_s[:, start] = np.max(ways, axis=0)
+    ways_s = [np.mean(one.ways(home, points, lengths[start]), axis=0) for one in limits]
+    apart_s[start] = apart_s[:, start] = np.max(ways_s, axis=0)  # a tour is flown in either direction
     tour = short_tour(Stops.of(options, costs), apart_s, start, start)
     chosen = [(candidates[region], option) for region, option in tour]
     return [

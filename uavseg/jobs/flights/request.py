@@ -97,11 +97,11 @@ def flight_params(options: MissionOptions) -> PlanParams:
     vehicle = flight.vehicle
     limits, terrain = options.limits, options.terrain
     return PlanParams(
-        altitude_m=float(altitude),
+        altitude_m=altitude,
         pattern=pattern,
         spacing_m=spacing,
         angle_deg=_angle(flight.angle),
-        speed_m_s=float(flight.speed),
+        speed_m_s=flight.speed,
         wind=wind_of(flight.wind),
         autopilot=flight.autopilot,
         tolerance_m=flight.tolerance,
