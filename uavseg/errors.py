@@ -92,6 +92,10 @@ class MissionError(UavsegError, ValueError):
     """A mission would be unsafe, or its reader would refuse it."""
 
 
+class PhotographError(UavsegError, ValueError):
+    """A photograph from the air does not say where it was taken, or shows no ground."""
+
+
 class LinkError(UavsegError, OSError):
     """A vehicle cannot be reached, refuses a mission, falls silent, or is not alone on its link."""
 

@@ -1,0 +1,1 @@
+"""Photographs taken from the air: where they were taken, and what ground they show."""

@@ -1,0 +1,165 @@
+"""The ground that photographs show: flat, or an elevation model."""
+
+import math
+from dataclasses import field
+
+import numpy as np
+import shapely
+
+from uavseg.arrays import Floats
+from uavseg.dataclass import dataclass
+from uavseg.errors import PhotographError
+from uavseg.flight.mission.track import Plane
+from uavseg.photographs.photograph import HORIZON_DEG, Photograph
+from uavseg.raster.elevation.dem import Dem, SeaHeights, sea_from_ellipsoid
+
+BORDER_STEPS = 16
+"""Places per side of an image whose ground is computed over an elevation model."""
+_STEPS = 128  # along a ray, down to the height of the ground below the camera
+_FARTHEST = 8  # times that length, after which a ray is taken to reach no ground
+_HALVINGS = 24  # of a step, to where a ray meets the ground
+
+
+@dataclass(frozen=True)
+class Ground:
+    """What cameras look at, and how their heights are told.
+
+    Without `dem` the ground is flat, at the height of the place of takeoff, and heights are above it. With it
+    they are those of the model. `home` is the place of takeoff: latitude and longitude in degrees, and its
+    height above the sea in metres where that is given.
+    """
+
+    dem: Dem | None = None
+    home: tuple[float, ...] | None = None
+    to_sea: SeaHeights | None = field(default_factory=sea_from_ellipsoid, repr=False)
+
+    def camera_height_m(self, photograph: Photograph) -> float:
+        """Return the height of a camera: above the flat ground, or as the elevation model has heights.
+
+        It is the height above takeoff where the height of that place is known, else the altitude. A
+        PhotographError says that neither gives a height, or that the camera is not above the ground.
+        """
+        height = self._height_m(photograph)
+        below = float(self.heights_m(np.array([photograph.lon]), np.array([photograph.lat]))[0])
+        if math.isnan(below):
+            raise PhotographError("the elevation model does not cover the place where it was taken")
+        if height <= below:
+            raise PhotographError(
+                f"its height is {below - height:.1f} m below the ground; is it above the ellipsoid, or the "
+                "place of takeoff another one? Give that with --home LAT,LON,M"
+            )
+        return height
+
+    def _height_m(self, photograph: Photograph) -> float:
+        relative, home = photograph.relative_m, self.home
+        if self.dem is None:
+            if relative is not None:
+                return relative
+            if home is not None and len(home) == 3:
+                return self._altitude_m(photograph) - home[2]
+            raise PhotographError(
+                "it has no height above takeoff: give the height of the ground above the sea with --home "
+                "LAT,LON,M, or an elevation model with --dem"
+            )
+        if relative is not None and home is not None:
+            return relative + (home[2] if len(home) == 3 else self._home_m(home))
+        if photograph.altitude_m is None:
+            raise PhotographError(
+                "it has no height above the sea: over an elevation model, give the place of takeoff with "
+                "--home LAT,LON"
+            )
+        return self._altitude_m(photograph)
+
+    def _home_m(self, home: tuple[float, ...]) -> float:
+        height = float(self.heights_m(np.array([home[1]]), np.array([home[0]]))[0])
+        if math.isnan(height):
+            raise PhotographError("the elevation model does not cover the place of takeoff of --home")
+        return height
+
+    def _altitude_m(self, photograph: Photograph) -> float:
+        altitude = photograph.altitude_m
+        if altitude is None:
+            raise PhotographError("it has neither a height above takeoff nor an altitude")
+        above_sea = self.dem is None or self.dem.is_above_sea
+        if not photograph.is_ellipsoidal or not above_sea:
+            return altitude
+        if self.to_sea is None:
+            raise PhotographError(
+                "its altitude is above the ellipsoid, and PROJ has no geoid here to convert it: give the "
+                "place of takeoff with --home"
+            )
+        lon, lat = np.array([photograph.lon]), np.array([photograph.lat])
+        return float(self.to_sea(lon, lat, np.array([altitude]))[0])
+
+    def heights_m(self, lon: Floats, lat: Floats) -> Floats:
+        """Return heights of the ground at places in degrees, (n,); NaN where the model has none."""
+        return np.zeros(len(lon)) if self.dem is None else self.dem.heights_m(lon, lat)
+
+    def seen(self, photograph: Photograph, pixels: Floats) -> Floats:
+        """Return the ground (n, 3) that places of an image (n, 2) show: metres east, north and up.
+
+        East and north are on the plane around the camera, up is the height of the ground. NaN where a ray
+        meets no ground, or comes near the horizon. A PhotographError as of `camera_height_m`.
+        """
+        height_m = self.camera_height_m(photograph)
+        rays = photograph.rays(pixels)
+        down = -rays[:, 2]
+        steep = down > np.linalg.norm(rays, axis=1) * math.cos(math.radians(HORIZON_DEG))
+        plane = Plane(photograph.lat, photograph.lon)
+        below = float(self.heights_m(np.array([photograph.lon]), np.array([photograph.lat]))[0])
+        level = np.divide(height_m - below, down, out=np.full_like(down, np.nan), where=steep)
+        lengths = level if self.dem is None else self._met(plane, rays, height_m, level)
+        seen: Floats = rays * lengths[:, None]
+        seen[:, 2] += height_m
+        return seen
+
+    def _met(self, plane: Plane, rays: Floats, height_m: float, level: Floats) -> Floats:
+        """Return where rays first meet the elevation model, in lengths of the rays; NaN where nowhere."""
+
+        def above(rays: Floats, lengths: Floats) -> Floats:
+            """Heights of places along rays (n, 3) above the ground, at lengths (n, k)."""
+            places = rays[:, None] * lengths[..., None]
+            lon, lat = plane.lonlat_from_xy(places[..., 0].ravel(), places[..., 1].ravel())
+            clear: Floats = height_m + places[..., 2] - self.heights_m(lon, lat).reshape(lengths.shape)
+            return clear
+
+        met = np.full(len(rays), np.nan)
+        left = np.flatnonzero(np.isfinite(level))
+        for turn in range(_FARTHEST):
+            lengths = level[left, None] * (turn + np.arange(1, _STEPS + 1) / _STEPS)
+            clear = above(rays[left], lengths)
+            known = np.isfinite(clear)
+            stop = ~known | (clear <= 0)
+            first = stop.argmax(axis=1)
+            rows = np.arange(len(left))
+            hit = stop.any(axis=1)
+            ends = hit & known[rows, first]
+            far = lengths[rows, first]
+            near = far - level[left] / _STEPS
+            which = np.flatnonzero(ends)
+            low, high = near[which], far[which]
+            for _ in range(_HALVINGS):
+                middle = (low + high) / 2
+                clear_there = above(rays[left[which]], middle[:, None])[:, 0]
+                low, high = np.where(clear_there > 0, middle, low), np.where(clear_there > 0, high, middle)
+            met[left[which]] = high
+            left = left[~hit]
+            if not len(left):
+                break
+        return met
+
+    def footprint(self, photograph: Photograph) -> shapely.Polygon:
+        """Return the outline of the ground that a photograph shows, in degrees (lon, lat; WGS 84).
+
+        Longitudes go on beyond 180 degrees where it lies across the antimeridian. Over an elevation model
+        the outline has `BORDER_STEPS` corners per side. A PhotographError as of `camera_height_m`, or says
+        that part of the image is near the horizon, or beyond the elevation model.
+        """
+        seen = self.seen(photograph, photograph.border(1 if self.dem is None else BORDER_STEPS))
+        if not np.isfinite(seen).all():
+            where = "" if self.dem is None else ", or beyond the elevation model"
+            raise PhotographError(f"a part of it looks to the horizon{where}")
+        lon, lat = Plane(photograph.lat, photograph.lon).lonlat_from_xy(seen[:, 0], seen[:, 1])
+        lon = photograph.lon + (lon - photograph.lon + 180) % 360 - 180
+        outline = shapely.Polygon(np.column_stack([lon, lat]))
+        return outline if outline.is_valid else shapely.make_valid(outline)
