@@ -70,6 +70,21 @@ class FlownPath:
         above = self.xyz_m[:, 2] - self.rise_m
         return np.maximum(above[:-1], above[1:])
 
+    def places_m(self, leg: int, shares: Floats) -> Floats:
+        """Return places (n, 3) at shares (n,) of a leg."""
+        start, end = self.xyz_m[leg : leg + 2]
+        places: Floats = start + shares[:, None] * (end - start)
+        return places
+
+    def direction(self, leg: int) -> Floats:
+        """Return the unit vector of a leg, east and north; one of no length has that of another one."""
+        steps = np.diff(self.xyz_m[:, :2], axis=0)
+        for step in (*steps[leg::-1], *steps[leg + 1 :]):
+            if length := math.hypot(*step):
+                along: Floats = step / length
+                return along
+        return np.array([0.0, 1.0])
+
     def pitches_deg(self, photos: Photos) -> Floats:
         """Return the gimbal pitch on each leg: that of photographs until an item sets it."""
         return np.where(np.isnan(self.pitch_deg), photos.pitch_deg, self.pitch_deg)
@@ -430,17 +445,10 @@ def _on_ground(path: FlownPath, leg: int, shares: Floats, corners: Floats) -> Fl
 
     Photographs at or below the ground show none of it: their corners coincide.
     """
-    start, end = path.xyz_m[leg], path.xyz_m[leg + 1]
     heights = path.xyz_m[leg : leg + 2, 2] - path.rise_m[leg : leg + 2]
     height = np.maximum(heights[0] + shares * (heights[1] - heights[0]), 0.0)
-    along = np.array([0.0, 1.0])
-    steps = np.diff(path.xyz_m[:, :2], axis=0)
-    for step in (*steps[leg::-1], *steps[leg + 1 :]):  # a leg of no length has the direction of another one
-        if length := math.hypot(*step):
-            along = step / length
-            break
+    along = path.direction(leg)
     across = np.array([along[1], -along[0]])
     offsets = corners[:, :1] * across + corners[:, 1:] * along
-    places = start[:2] + shares[:, None] * (end - start)[:2]
-    ground: Floats = places[:, None] + height[:, None, None] * offsets
+    ground: Floats = path.places_m(leg, shares)[:, None, :2] + height[:, None, None] * offsets
     return ground
