@@ -134,7 +134,7 @@ def coverage(
     plane = Plane(mission.home.lat, mission.home.lon)
     known, outlines, notes = _outlines(photographs, ground, plane)
     if not known:
-        raise PhotographError(f"no photograph shows ground: {notes[0]}")
+        raise PhotographError("; ".join(["no photograph shows ground", *notes]))
     planned = planned_photographs(mission, _lens(camera, known))
     poses, expected, why = _outlines(planned.photographs, ground, plane)
     if len(poses) < len(planned.photographs):
@@ -318,7 +318,7 @@ def _others(taken: Floats, plan: Floats, sizes: Floats) -> Bools:
 
 
 def _matched(plan: Floats, taken: Floats, planned: Planned, sides: Floats) -> Integers:
-    """Return the index (n,) of the photograph that was taken for each planned one, nearest first; -1 for none.
+    """Return the index (n,) of the photograph that was taken for each planned one; -1 for none.
 
     It is at most half of the distance between photographs away along the line, and a quarter of a footprint,
     or that, across it.
@@ -393,13 +393,12 @@ def _beside(planned: Planned, plan: Floats, sizes: Floats) -> Integers:
         turn = np.cos(yaw - yaw[a])
         parallel = (np.abs(turn) if pitch[a] < _STEEP_DEG else turn) > _STRAIGHT
         rows = np.arange(first[a], first[a] + count[a])
-        inside = (
-            (low <= t[rows, None] + 1e-6) & (t[rows, None] <= high + 1e-6) & parallel & (pitch == pitch[a])
-        )
+        outside = np.maximum(low - t[rows, None], t[rows, None] - high)
+        known = (outside < sizes[rows, None]) & parallel & (pitch == pitch[a])
         for side in (-1, 1):
-            away = np.where(inside & (side * offset > RIM * sizes[rows, None]), np.abs(offset), np.inf)
+            away = np.where(known & (side * offset > RIM * sizes[rows, None]), np.abs(offset), np.inf)
             nearest = away.argmin(axis=1)
-            near = away.min(axis=1) < sizes[rows]
+            near = (away.min(axis=1) < sizes[rows]) & (outside[rows - first[a], nearest] <= 1e-6)
             pairs.append(np.column_stack([rows, nearest])[near])
     return np.concatenate(pairs)
 
@@ -446,5 +445,5 @@ def _blurred(
     exposure = np.array([math.nan if p.exposure_s is None else p.exposure_s for p in photographs])
     pixels = np.array([math.prod(p.image_px) for p in photographs])
     moved_px = exposure * speed / np.sqrt(shapely.area(outlines) / pixels)
-    names = tuple(photographs[n].path for n in np.flatnonzero(moved_px > BLUR_PX))
+    names = tuple(photographs[n].path for n in np.flatnonzero(moved_px > BLUR_PX).tolist())
     return names, int(np.isnan(moved_px).sum())
