@@ -8,9 +8,11 @@ import shapely
 
 from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
-from uavseg.errors import PhotographError
+from uavseg.errors import ParameterError, PhotographError
+from uavseg.flight.mission.items import HomePosition
 from uavseg.flight.mission.track import Plane
 from uavseg.photographs.photograph import HORIZON_DEG, Photograph
+from uavseg.plain_text import shown
 from uavseg.raster.elevation.dem import Dem, SeaHeights, sea_from_ellipsoid
 
 BORDER_STEPS = 16
@@ -26,12 +28,19 @@ class Ground:
 
     Without `dem` the ground is flat, at the height of the place of takeoff, and heights are above it. With it
     they are those of the model. `home` is the place of takeoff: latitude and longitude in degrees, and its
-    height above the sea in metres where that is given.
+    height above the sea in metres where that is given: a ParameterError or a MissionError says that it is not
+    on Earth.
     """
 
     dem: Dem | None = None
     home: tuple[float, ...] | None = None
     to_sea: SeaHeights | None = field(default_factory=sea_from_ellipsoid, repr=False)
+
+    def __post_init__(self) -> None:
+        if self.home is not None:
+            if len(self.home) not in (2, 3):
+                raise ParameterError(f"home is (lat, lon) or (lat, lon, altitude_m), not {shown(self.home)}")
+            HomePosition(*self.home)
 
     def camera_height_m(self, photograph: Photograph) -> float:
         """Return the height of a camera: above the flat ground, or as the elevation model has heights.
