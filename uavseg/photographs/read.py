@@ -405,8 +405,8 @@ def _turn(tags: _Tags) -> float:
     orientation = tags.exif.get(0x0112, 1)
     if orientation not in (0, 1, 3):
         raise PhotographError(
-            f"its orientation tag is {shown(orientation)}, neither 1 nor 3: it was turned on its side, and its "
-            "angles may be those before"
+            f"its orientation tag is {shown(orientation)}, neither 1 nor 3: it was turned on its side, and "
+            "its angles may be those before"
         )
     return 180.0 if orientation == 3 else 0.0
 
