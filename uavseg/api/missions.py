@@ -268,6 +268,10 @@ def check(
     max_distance: float | None = None,
     wind: float | Sequence[float] | None = None,
     dem: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | None = None,
+    photos: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | None = None,
+    regions: str | os.PathLike[str] | GeoDataFrame | None = None,
+    camera: str | os.PathLike[str] | Camera | None = None,
+    home: Sequence[float] | None = None,
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> MissionCheck:
@@ -290,20 +294,35 @@ def check(
     wind : float or (float, float), optional
         Wind that the flight is estimated for, as of `plan`; by default the air is calm.
     dem : path or sequence of paths, optional
-        Elevation model: no leg comes nearer to the ground than 5 m. Several files are one mosaic.
+        Elevation model: no leg comes nearer to the ground than 5 m, and photographs show this ground. Several
+        files are one mosaic.
+    photos : path or sequence of paths, optional
+        Photographs that came back from the flight, or folders of them with their subfolders.
+    regions : path or GeoDataFrame, optional
+        Polygons that the photographs should show; by default what the mission plans to show, without a rim of
+        5 % of a photograph, by which positions may be off.
+    camera : str, path or Camera, optional
+        Camera of the photographs that were taken and are planned; by default the focal length in the files.
+    home : (lat, lon) or (lat, lon, altitude_m), optional
+        Place of takeoff in degrees, and its height above the sea; by default home of the mission.
     allow_path, allow_network
         As of `extract`.
 
     Returns
     -------
     found : MissionCheck
-        Its `problems` are why the mission must not be flown, its `verdicts` who takes it; `as_dict()` is what
-        `uavseg check --json` prints. Its `warnings` are warnings too.
+        Its `problems` are why the mission must not be flown, or that photographs show less than 99.9 % of the
+        area, its `verdicts` who takes it; `as_dict()` is what `uavseg check --json` prints. With photographs,
+        `coverage` is what they show, and `gaps` a GeoDataFrame of the rest, which `plan` takes. Its
+        `warnings` are warnings too.
 
     Raises
     ------
     MissionError
-        If the file cannot be read, or holds a mission that would not be safe: which item, and why.
+        If the file cannot be read, or holds a mission that would not be safe: which item, and why; or what it
+        plans to show is not known.
+    PhotographError
+        If photographs cannot be read, none can be placed, or none was taken near the mission.
     UavsegError
         If zones or an elevation model cannot be read, or a parameter is wrong.
 

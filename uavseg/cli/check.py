@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from uavseg.cli.command import job_command
-from uavseg.cli.terminal.say import Reporter, say, show
+from uavseg.cli.terminal.say import Reporter, say, show, showing_phases
+from uavseg.cli.write import keep_inputs
 from uavseg.errors import MissionError
 from uavseg.options.flights import CheckOptions
 
@@ -15,13 +16,25 @@ def command(options: CheckOptions) -> None:
     """Read the mission in FILE (.plan, .waypoints, .kml, .geojson, .kmz or .csv) back, and tell what it
     holds, how long it takes, and which autopilots, programs and aircraft would refuse it.
 
-    Exit code 1: FILE cannot be read, its mission would not be safe, leaves its fence, comes near to a zone of
-    --avoid, exceeds a limit, or the autopilot refuses it.
-    """
-    from uavseg.jobs.flights.check import check, check_request
+    With --photos, tell what the photographs of the flight show, which are missing or blurred, and how they
+    overlap; --gaps writes what they do not show, for the next flight.
 
-    quiet = Reporter(options.messages).quiet
-    found = check(options.file, check_request(options))
+    Exit code 1: FILE cannot be read, its mission would not be safe, leaves its fence, comes near to a zone of
+    --avoid, exceeds a limit, the autopilot refuses it, or the photographs show less than 99.9 %.
+    """
+    from uavseg.jobs.flights.check import check, check_request, gap_regions
+    from uavseg.regions.formats import export
+
+    quiet, gaps = Reporter(options.messages).quiet, options.gaps
+    if gaps is not None:
+        export.check_region_path(gaps, options.files.overwrite)
+        keep_inputs(
+            [gaps], options.file, options.photos, options.regions, options.terrain.dem, options.camera
+        )
+    with showing_phases(quiet):
+        found = check(options.file, check_request(options))
+    if gaps is not None:
+        export.write_regions(gap_regions(found.coverage), gaps, options.files.overwrite)
     if options.as_json:
         import json
 
@@ -55,4 +68,25 @@ def _rows(about: dict[str, Any]) -> dict[str, str]:
         "photographs": f"{about['photographs']:,}",
         "fence": f"{fence['inclusions']} to stay inside, {fence['exclusions']} to keep out of",
         "rally points": f"{about['rally_points']}",
+        **(_coverage_rows(about["coverage"]) if "coverage" in about else {}),
+    }
+
+
+def _coverage_rows(about: dict[str, Any]) -> dict[str, str]:
+    def overlap(side: str) -> str:
+        texts = (
+            "not known" if one is None else f"{one['median']:.0%}, at least {one['least']:.0%}"
+            for one in (about["overlap"][side], about["planned_overlap"][side])
+        )
+        return "; planned ".join(texts)
+
+    near = about["planned"] - len(about["missing"])
+    seen = (f"{100 * about[key]:.2f} %" for key in ("covered", "seen_twice", "seen_three_times"))
+    return {
+        "taken": f"{about['taken']:,}, for {near:,} of {about['planned']:,} that are planned",
+        "covered": "{} of {:,.0f} m2, {} twice, {} three times".format(next(seen), about["area_m2"], *seen),
+        "gaps": f"{about['gaps']:,}, {about['gaps_m2']:,.1f} m2",
+        "overlap along": overlap("along"),
+        "overlap beside": overlap("beside"),
+        "blurred": f"{len(about['blurred']):,}; {about['blur_not_known']:,} not known",
     }

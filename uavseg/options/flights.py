@@ -427,9 +427,42 @@ class CheckOptions(Options):
         *("terrain", "terrain_tolerance", "climb", "descent"),
         dem={
             "basic": True,
-            "help": "Refuse to fly nearer than 5 m to the ground of this elevation model; may be repeated.",
+            "help": "Refuse to fly nearer than 5 m to the ground of this elevation model, also of --photos; "
+            "may be repeated.",
         },
     )
+    photos: Paths = option(
+        "Photographs that came back from the flight: files, or folders with their subfolders; may be "
+        "repeated. What they do not show is found.",
+        metavar="PATH",
+        multiple=True,
+        parse=texts.or_none,
+        basic=True,
+    )
+    gaps: str | None = option(
+        "With --photos: write the gaps as regions, for the next flight with uavseg plan: .geojson, .gpkg, "
+        ".fgb, .parquet, .shp or .kml.",
+        metavar="PATH",
+        python=False,
+        basic=True,
+    )
+    regions: Any = option(
+        "With --photos: what they should show, a file of polygons.  [default: what FILE plans to show, but a "
+        "rim of 5 % of a photograph]",
+        metavar="REGIONS",
+        basic=True,
+    )
+    camera: str | os.PathLike[str] | Camera | None = option(
+        "With --photos: all were, and are planned to be, taken with this camera.  [default: the focal length "
+        "in the files]",
+        metavar="NAME|FILE.json",
+    )
+    home: Sequence[float] | None = option(
+        "With --photos: place of takeoff, and its metres above the sea.  [default: the home of FILE]",
+        metavar="LAT,LON[,M]",
+        parse=texts.numbers("--home is LAT,LON or LAT,LON,M in degrees and metres"),
+    )
+    files: OverwriteOptions = group(OverwriteOptions, overwrite={"help": "Replace gaps that are there."})
     as_json: bool = option("Write JSON, for programs.", "--json", default=False, python=False, basic=True)
     messages: VerbosityOptions = group(VerbosityOptions)
     access: AccessOptions = group(AccessOptions)

@@ -3,6 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,12 +16,14 @@ from uavseg.errors import MissionError, PhotographError
 from uavseg.execution.executors import steps_done
 from uavseg.flight.camera.camera import BLUR_PX, NADIR_DEG, Camera
 from uavseg.flight.mission.estimate import flown_path
-from uavseg.flight.mission.items import ROI_LOCATION
+from uavseg.flight.mission.items import FRAME_AMSL, FRAME_TERRAIN, ROI_LOCATION
+from uavseg.flight.mission.mission import Ground as Below
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.track import Plane
 from uavseg.flight.mission.vehicle import default_vehicle
 from uavseg.photographs.ground import Ground
 from uavseg.photographs.photograph import Photograph
+from uavseg.photographs.read import grouped
 from uavseg.raster.geodesy.globe import wrap_lon
 
 Objects = NDArray[np.object_]
@@ -131,12 +134,16 @@ def coverage(
     photographs. A PhotographError says that none of them shows ground, or lies near the mission; a
     MissionError that it plans no photographs, or what they show is not known.
     """
-    plane = Plane(mission.home.lat, mission.home.lon)
+    home = mission.home
+    plane = Plane(home.lat, home.lon)
     known, outlines, notes = _outlines(photographs, ground, plane)
     if not known:
         raise PhotographError("; ".join(["no photograph shows ground", *notes]))
-    planned = planned_photographs(mission, _lens(camera, known))
-    poses, expected, why = _outlines(planned.photographs, ground, plane)
+    planned = planned_photographs(mission, _lens(camera, known), ground)
+    frames = {item.frame for item in mission.items if item.has_position}
+    level = (home.altitude_m,) if ground.dem is None or FRAME_AMSL in frames else ()
+    below = replace(ground, home=(home.lat, home.lon, *level))
+    poses, expected, why = _outlines(planned.photographs, below, plane)
     if len(poses) < len(planned.photographs):
         raise MissionError(f"what the mission plans to show is not known: {why[0]}")
     plan, taken = _places(poses, plane), _places(known, plane)
@@ -164,6 +171,8 @@ def coverage(
     pairs = pairs[shares > np.median(shares) / 2] if len(pairs) else pairs  # others are of another block
     there = np.flatnonzero(match >= 0)
     blurred, not_judged = _blurred(known, outlines, taken, planned, match)
+    if ground.dem is None and frames & {FRAME_AMSL, FRAME_TERRAIN}:
+        notes.append("the mission follows the ground, which is taken as flat here: give --dem")
     if slivers_m2:
         notes.append(f"gaps smaller than {SLIVER:.0%} of a photograph, {slivers_m2:.3g} m2, are left out")
     return Coverage(
@@ -176,7 +185,7 @@ def coverage(
         ),
         area_m2=float(wanted.area),
         seen=(shown[0].area / wanted.area, shown[1].area / wanted.area, shown[2].area / wanted.area),
-        gaps=tuple(_in_degrees(gaps, plane, mission.home.lon)),
+        gaps=tuple(_in_degrees(gaps, plane)),
         gap_areas_m2=tuple(shapely.area(gaps).tolist()),
         slivers_m2=slivers_m2,
         overlaps=_overlaps(
@@ -200,21 +209,28 @@ class Planned:
     is_hovering: bool  # whether the vehicle stops for each
 
 
-def planned_photographs(mission: Mission, lens: tuple[tuple[int, int], float]) -> Planned:
+def planned_photographs(
+    mission: Mission, lens: tuple[tuple[int, int], float], ground: Ground | None = None
+) -> Planned:
     """Return the photographs of a mission for a lens: columns and rows of the image, focal length in pixels.
 
-    The camera looks along the flight. A MissionError says that it looks at places, or that there are more
-    than `MAX_PLANNED`.
+    The camera looks along the flight. With an elevation model, heights above the terrain are those above it.
+    A MissionError says that the camera looks at places, or that there are more than `MAX_PLANNED`.
     """
+    if ground is not None and ground.dem is not None:
+        known = [(mission.home.lat, mission.home.lon)]
+        known += [(one.lat, one.lon) for one in mission.items if one.has_position]
+        lat, lon = np.array(known).T
+        heights = dict(zip(known, ground.heights_m(lon, lat).tolist(), strict=True))
+        mission = replace(mission, ground=Below(below_m=heights, lowest_m=0.0, highest_m=0.0))
     path = flown_path(mission, mission.vehicle or default_vehicle(mission.autopilot))
     if path.photographs.sum() > MAX_PLANNED:
         raise MissionError(f"the mission takes {path.photographs.sum():,} photographs, above {MAX_PLANNED:,}")
     if path.photographs.any() and any(item.command == ROI_LOCATION for item in mission.items):
         raise MissionError("the camera looks at places, not along the flight: coverage is that of surveys")
-    runs = [run for run in path.shots if path.photographs[run.leg]]
-    places = [
-        path.places_m(run.leg, np.clip(run.first + run.step * np.arange(run.count), 0, 1)) for run in runs
-    ]
+    runs = path.shots
+    shares = [np.clip(run.first + run.step * np.arange(run.count), 0, 1) for run in runs]
+    places = [path.places_m(run.leg, at) for run, at in zip(runs, shares, strict=True)]
     xyz = np.concatenate([np.empty((0, 3)), *places])
     counts = [run.count for run in runs]
     along = np.repeat(np.array([path.direction(run.leg) for run in runs]).reshape(-1, 2), counts, axis=0)
@@ -277,21 +293,22 @@ def _lens(camera: Camera | None, photographs: Sequence[Photograph]) -> tuple[tup
 def _outlines(
     photographs: Sequence[Photograph], ground: Ground, plane: Plane
 ) -> tuple[list[Photograph], Objects, list[str]]:
-    """Return the photographs that show ground, its outlines in metres, and a note on the others."""
-    known, found, left_out = [], [], []
+    """Return the photographs that show ground, its outlines in metres, and notes on the others and doubts."""
+    known: list[Photograph] = []
+    found, left_out, doubts = [], [], []
     for number, one in enumerate(photographs, 1):
         try:
             found.append(ground.footprint(one))
             known.append(one)
+            doubts += [(one.path, note) for note in ground.notes(one)]
         except PhotographError as error:
-            left_out.append(f"{one.path}: {error}")
+            left_out.append((one.path, str(error)))
         steps_done(number, len(photographs))
     metres = shapely.transform(
         np.array([*found, None], object)[:-1],
         lambda lonlat: np.column_stack(plane.xy_from_lonlat(lonlat[:, 0], lonlat[:, 1])),
     )
-    more = f" (and {len(left_out) - 1:,} more)" if len(left_out) > 1 else ""
-    return known, _areas(metres), [f"left out: {left_out[0]}{more}"] if left_out else []
+    return known, _areas(metres), [*grouped("left out, as ", left_out), *grouped("", doubts)]
 
 
 def _areas(shapes: Objects) -> Objects:
@@ -368,10 +385,10 @@ def _gaps(wanted: Any, unseen: Any, outlines: Objects) -> tuple[Objects, float]:
     return parts[~dropped], float(sizes[dropped].sum())
 
 
-def _in_degrees(gaps: Objects, plane: Plane, home_lon: float) -> Objects:
+def _in_degrees(gaps: Objects, plane: Plane) -> Objects:
     def lonlat(xy: Floats) -> Floats:
         lon, lat = plane.lonlat_from_xy(xy[:, 0], xy[:, 1])
-        return np.column_stack([wrap_lon(lon, home_lon), lat])
+        return np.column_stack([wrap_lon(lon, plane.lon), lat])
 
     degrees: Objects = shapely.transform(shapely.segmentize(gaps, _LONGEST_EDGE_M), lonlat)
     return degrees

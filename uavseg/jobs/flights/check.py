@@ -1,16 +1,21 @@
-"""Check of a mission file: what it holds, who would refuse it, and whether the flight is safe."""
+"""Check of a mission: what it holds, who would refuse it, whether it is safe, what its photographs show."""
 
 import math
 import os
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, replace
 from functools import partial
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import shapely
 
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError, ParameterError
-from uavseg.execution.executors import decided, phase
+from uavseg.execution.executors import decided, phase, steps_done
+from uavseg.flight.camera.camera import BLUR_PX, Camera, camera_named
 from uavseg.flight.formats import kmz, litchi, wpml
 from uavseg.flight.formats.files import MAX_BYTES, check_mission_format, read_mission, station_refusals
 from uavseg.flight.formats.wayline import wayline_of
@@ -32,15 +37,25 @@ from uavseg.flight.params.plan import SafetyParams
 from uavseg.flight.safety.check import Clearance, SafetyCheck
 from uavseg.flight.terrain.altitude_profile import climbs_early
 from uavseg.inputs import read_bytes
-from uavseg.jobs.flights.request import safety_params, wind_of, zone_polygons
+from uavseg.jobs.flights.request import in_degrees, open_regions, safety_params, wind_of, zone_polygons
 from uavseg.options.flights import CheckOptions
+from uavseg.photographs.coverage import Coverage, coverage
+from uavseg.photographs.ground import Ground
+from uavseg.photographs.photograph import Photograph
+from uavseg.photographs.read import read_photographs
 from uavseg.plain_text import shown
 from uavseg.raster.elevation.dem import Dem
+from uavseg.raster.geodesy.globe import WGS84, define_crs, wrap_lon_beyond_180
+from uavseg.regions.table import Regions
+
+if TYPE_CHECKING:
+    from geopandas import GeoDataFrame
 
 NAMES = {"ardupilot": "ArduPilot", "px4": "PX4"}
 CLEARANCE_M = 5.0
 """Least height above the ground of a DEM."""
 ANY_HEIGHT = SafetyParams(max_altitude_m=MAX_HEIGHT_M)
+LISTED = 5  # legs and names in a note
 OWN_AUTOPILOT = frozenset({".plan", ".kml", ".geojson"})  # formats that hold it
 
 
@@ -56,7 +71,11 @@ class CheckRequest:
     zones: Sequence[Any] = ()  # keep-out zones: polygons in degrees (lon, lat; WGS 84)
     wind: Wind | None = None  # that the flight is estimated for
     dem: Dem | None = None  # no leg is nearer to it than `CLEARANCE_M`, and heights are those above it
-    notes: tuple[str, ...] = ()  # on the zones
+    photographs: tuple[Photograph, ...] = ()  # that came back from the flight
+    area: tuple[Any, ...] = ()  # what they should show: polygons in degrees; by default what is planned
+    camera: Camera | None = None  # of what is planned; by default that of most photographs
+    home: tuple[float, ...] | None = None  # where the flight took off, by default home of the mission
+    notes: tuple[str, ...] = ()  # on the zones and photographs
 
     def __post_init__(self) -> None:
         if self.autopilot is not None and self.autopilot not in AUTOPILOTS:
@@ -82,13 +101,20 @@ class Verdict:
 class MissionCheck:
     """What a check for an autopilot found: verdicts of autopilots, programs and aircraft, and problems.
 
-    These are why the mission must not be flown with that autopilot; there are none if it may.
+    These are why the mission must not be flown with that autopilot, or that its photographs have gaps; there
+    are none if it may, or is done. With photographs, `coverage` is what they show.
     """
 
     mission: Mission
     autopilot: str
     verdicts: tuple[Verdict, ...]
     problems: tuple[str, ...]
+    coverage: Coverage | None = None
+
+    @property
+    def gaps(self) -> "GeoDataFrame":
+        """What photographs do not show, as regions that `plan` takes; none without photographs."""
+        return gap_regions(self.coverage).frame()
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -103,7 +129,7 @@ class MissionCheck:
             notes.append("the mission has no takeoff: a multirotor has to be in the air before it starts")
         if not {RETURN, *LANDINGS} & set(ends):
             notes.append("the mission has no return and no landing: it ends in the air")
-        return tuple(notes)
+        return (*notes, *(_findings(self.coverage) if self.coverage else ()))
 
     def as_dict(self) -> dict[str, Any]:
         """Return the check as plain values, for JSON."""
@@ -134,7 +160,35 @@ class MissionCheck:
                 {"who": one.who, "accepts": one.accepts, "reason": one.reason} for one in self.verdicts
             ],
             "warnings": list(self.warnings),
+            **({"coverage": self.coverage.as_dict()} if self.coverage else {}),
         }
+
+
+def gap_regions(found: Coverage | None) -> Regions:
+    """Return the gaps of photographs as regions."""
+    gaps = np.array([*(found.gaps if found else ()), None], object)[:-1]
+    lon, lat = shapely.get_coordinates(shapely.point_on_surface(gaps)).T
+    area_m2 = np.array(found.gap_areas_m2 if found else (), float)
+    ids = np.arange(1, len(gaps) + 1)
+    columns = {"id": ids, "area_m2": area_m2, "lon": wrap_lon_beyond_180(lon), "lat": lat}
+    wkt = define_crs(WGS84).wkt2
+    return replace(in_degrees(Regions(columns, gaps, wkt)), wkt=wkt)
+
+
+def _findings(found: Coverage) -> Iterator[str]:
+    """Yield what the person who flew a mission should know of its photographs."""
+    yield from found.notes
+    legs = Counter(one.item for one in found.missing)
+    if legs:
+        listed = ", ".join(f"{count:,} on the leg to item {item}" for item, count in [*legs.items()][:LISTED])
+        more = f" and on {len(legs) - LISTED:,} more legs" if len(legs) > LISTED else ""
+        yield f"{len(found.missing):,} of {found.planned:,} photographs are missing: {listed}{more}"
+    if found.others:
+        yield f"{found.others:,} photographs are not near any that the mission takes"
+    if found.blurred:
+        names = ", ".join(shown(Path(name).name, quoted=False) for name in found.blurred[:LISTED])
+        more = f" and {len(found.blurred) - LISTED:,} more" if len(found.blurred) > LISTED else ""
+        yield f"{names}{more}: blurred by motion, over more than {BLUR_PX:g} pixel"
 
 
 def check(source: str | os.PathLike[str] | Mission, request: CheckRequest) -> MissionCheck:
@@ -169,8 +223,27 @@ def check(source: str | os.PathLike[str] | Mission, request: CheckRequest) -> Mi
         problems += _paper_check(mission, request, requested).problems(mission)
         if mission.fence or request.zones or request.dem or request.safety.max_distance_m:
             problems += _not_followed(mission)
+    found = None
+    if request.photographs:
+        with phase("coverage"):
+            found = coverage(
+                mission, request.photographs, _ground(mission, request), request.camera, request.area
+            )
+        if not found.is_whole:
+            problems.append(
+                f"the photographs show {100 * found.as_dict()['covered']:.2f} % of the area, with "
+                f"{len(found.gaps):,} gap{'s' * (len(found.gaps) != 1)} of {sum(found.gap_areas_m2):,.0f} m2: plan the next flight over "
+                "them (--gaps gaps.geojson, then uavseg plan gaps.geojson)"
+            )
     mission = replace(mission, notes=(*request.notes, *mission.notes))
-    return MissionCheck(mission, requested or mission.autopilot, tuple(verdicts), tuple(problems))
+    return MissionCheck(mission, requested or mission.autopilot, tuple(verdicts), tuple(problems), found)
+
+
+def _ground(mission: Mission, request: CheckRequest) -> Ground:
+    """Return the ground that photographs show; home gives its height, unless the mission does not say it."""
+    home = mission.home
+    level = (home.altitude_m,) if home.altitude_m and request.dem is None else ()
+    return Ground(request.dem, request.home or (home.lat, home.lon, *level))
 
 
 def _not_followed(mission: Mission) -> list[str]:
@@ -186,17 +259,39 @@ def _not_followed(mission: Mission) -> list[str]:
 
 
 def check_request(options: CheckOptions) -> CheckRequest:
-    """Return what a mission is checked for, with keep-out zones and an elevation model opened."""
+    """Return what a mission is checked for: zones, elevation model, photographs and their regions are read.
+
+    A ParameterError says that options go with photographs alone; a PhotographError that none can be placed.
+    """
     limits, dem = options.safety, options.terrain.dem
+    photos, camera = options.photos, options.camera
+    if photos is None:
+        for name in ("gaps", "regions", "camera", "home"):
+            if getattr(options, name) is not None:
+                raise ParameterError(f"--{name} is for photographs of the flight; give them with --photos")
     if limits.max_altitude is None:
         limits = replace(limits, max_altitude=MAX_HEIGHT_M)
+    if camera is not None and not isinstance(camera, Camera):
+        camera = camera_named(camera)
     zones, notes = zone_polygons(limits)
+    area = () if options.regions is None else tuple(open_regions(options.regions).polygons)
+    photographs: tuple[Photograph, ...] = ()
+    if photos is not None:
+        with phase("reading of photographs"):
+            taken = read_photographs(
+                [photos] if isinstance(photos, str | os.PathLike) else photos, steps_done, camera
+            )
+        photographs, notes = taken.photographs, [*notes, *taken.notes]
     return CheckRequest(
         autopilot=options.autopilot,
         safety=safety_params(limits),
         zones=tuple(zones),
         wind=wind_of(options.wind),
         dem=None if dem is None else Dem.open(dem),
+        photographs=photographs,
+        area=area,
+        camera=camera,
+        home=None if options.home is None else tuple(options.home),
         notes=tuple(notes),
     )
 
