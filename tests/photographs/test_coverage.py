@@ -21,6 +21,7 @@ from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.track import Plane
 from uavseg.flight.params.plan import PlanParams, SurveyParams
 from uavseg.flight.planning.planner import plan_missions
+from uavseg.jobs.flights.check import gap_regions
 from uavseg.photographs.coverage import COVERED, LOST, Coverage, Planned, coverage, planned_photographs
 from uavseg.photographs.ground import Ground
 from uavseg.photographs.photograph import Photograph
@@ -212,7 +213,7 @@ def test_the_next_flight_over_the_gaps_makes_the_area_whole(how: dict[str, Any])
     for area in ([], regions):
         first = coverage(mission, taken, ground, area=area)
         assert not first.is_whole
-        second = planned(survey(**how | {"regions": list(first.gaps)}))
+        second = planned(survey(**how | {"regions": list(gap_regions(first).polygons)}))
         whole = coverage(mission, [*taken, *second.photographs], ground, area=area)
         assert whole.seen[0] >= COVERED and whole.is_whole
 

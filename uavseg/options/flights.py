@@ -427,13 +427,12 @@ class CheckOptions(Options):
         *("terrain", "terrain_tolerance", "climb", "descent"),
         dem={
             "basic": True,
-            "help": "Refuse to fly nearer than 5 m to the ground of this elevation model, also of --photos; "
-            "may be repeated.",
+            "help": "Refuse to fly nearer than 5 m to the ground of this elevation model; may be repeated.",
         },
     )
     photos: Paths = option(
-        "Photographs that came back from the flight: files, or folders with their subfolders; may be "
-        "repeated. What they do not show is found.",
+        "Photographs that came back from the flight: files, or folders with their subfolders. What they do not "
+        "show is found, on flat ground or that of --dem. May be repeated.",
         metavar="PATH",
         multiple=True,
         parse=texts.or_none,
