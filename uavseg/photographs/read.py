@@ -153,6 +153,7 @@ class _Tags:
     exif: Mapping[int, Any]
     gps: Mapping[int, Any]
     xmp: Mapping[str, str]
+    is_damaged: bool  # whether some tags are cut short
 
     def number(self, *names: str | int, gps: bool = False, limit: float | None = None) -> float | None:
         """Return the first of these tags that is a finite number, None where there is none.
@@ -184,8 +185,8 @@ def _tags(path: str) -> _Tags:
     from PIL import Image
 
     try:
-        with changing_filters(), _Header(path) as file:
-            warnings.simplefilter("ignore")  # of sizes, which are not decoded, and of tags that are cut short
+        with changing_filters(record=True) as caught, _Header(path) as file:
+            warnings.simplefilter("always")
             with Image.open(file, formats=("JPEG", "TIFF")) as image:
                 exif = image.getexif()
                 shot = {**exif, **exif.get_ifd(0x8769)}
@@ -201,7 +202,8 @@ def _tags(path: str) -> _Tags:
         if not (isinstance(cols, int) and isinstance(rows, int) and min(cols, rows) > 0):
             raise PhotographError("its size is not known: its first image is a preview")
         size = cols, rows
-    return _Tags(size, shot, gps, _xmp(packet.encode() if isinstance(packet, str) else packet))
+    is_damaged = any(one.category is not Image.DecompressionBombWarning for one in caught)
+    return _Tags(size, shot, gps, _xmp(packet.encode() if isinstance(packet, str) else packet), is_damaged)
 
 
 def _xmp(packet: bytes) -> dict[str, str]:
@@ -245,7 +247,7 @@ def _named(tag: str) -> str:
 
 def _read(path: str, camera: Camera | None) -> Photograph:
     tags = _tags(path)
-    notes: list[str] = []
+    notes = ["some tags are cut short, and not read"] if tags.is_damaged else []
     lat, lon = _position(tags, notes)
     altitude, is_ellipsoidal = _altitude(tags)
     yaw, pitch, roll = _pose(tags, notes)
@@ -366,6 +368,8 @@ def _pose(tags: _Tags, notes: list[str]) -> tuple[float, float, float]:
     if pitch is not None:
         roll = (roll or 0.0) * (-1 if tags.text(0x010F).lower() == "sensefly" else 1)
         return _line_of_sight(_yaw(tags, notes) if yaw is None else yaw, pitch, roll)
+    if tags.is_damaged:
+        raise PhotographError("some of its tags are cut short, and it has no angles of the camera")
     notes.append("no angles of the camera: it is taken to look straight down")
     return _yaw(tags, notes) if yaw is None else yaw, -90.0, 0.0
 
@@ -467,6 +471,7 @@ def _catalogue_px(tags: _Tags) -> float | None:
         and abs(shape / (max(one.image_px) / min(one.image_px)) - 1) < 0.02
         and (not focal_mm or abs(focal_mm / one.focal_mm - 1) < 0.03)
     ]
+    fits = [one for one in fits if one.name.lower() == name] or fits
     return fits[0].focal_mm / max(fits[0].sensor_mm) * max(tags.size) if len(fits) == 1 else None
 
 
