@@ -431,7 +431,7 @@ class CheckOptions(Options):
         },
     )
     photos: Paths = option(
-        "Photographs that came back from the flight: files, or folders with their subfolders. What they do not "
+        "Photographs that came back from the flight: files, or folders with subfolders. What they do not "
         "show is found, on flat ground or that of --dem. May be repeated.",
         metavar="PATH",
         multiple=True,

@@ -32,10 +32,12 @@ COVERED = 0.999
 """Share of the area that photographs have to show."""
 RIM = 0.05  # of a footprint, by which what a mission plans to show is larger than what has to be covered
 SLIVER, LOST = 0.01, 0.0005  # smaller gaps are left out (of a footprint), unless they are more (of the area)
+THIN_M = 0.1
 MAX_PLANNED = 50_000
 _STRAIGHT = math.cos(math.radians(15))
 _STEEP_DEG = -85.0  # below, lines flown in opposite directions show the same
 _LONGEST_EDGE_M = 300.0  # which bends by less than a centimetre in degrees
+_LEAST_M2 = 1.0  # of slivers that a note is about
 _NOWHERE = shapely.Polygon()
 
 
@@ -173,7 +175,7 @@ def coverage(
     blurred, not_judged = _blurred(known, outlines, taken, planned, match)
     if ground.dem is None and frames & {FRAME_AMSL, FRAME_TERRAIN}:
         notes.append("the mission follows the ground, which is taken as flat here: give --dem")
-    if slivers_m2:
+    if slivers_m2 > _LEAST_M2:
         notes.append(f"gaps smaller than {SLIVER:.0%} of a photograph, {slivers_m2:.3g} m2, are left out")
     return Coverage(
         planned=len(plan),
@@ -375,14 +377,22 @@ def _seen(outlines: Objects) -> tuple[Any, Any, Any]:
 
 
 def _gaps(wanted: Any, unseen: Any, outlines: Objects) -> tuple[Objects, float]:
-    """Return the parts of what no photograph shows, largest first, and the area of those left out."""
-    parts = shapely.get_parts(_areas(np.array([unseen], object)))
+    """Return the parts of what no photograph shows, largest first, and the area of those left out.
+
+    Parts narrower than `THIN_M` and steps of a centimetre, where footprints almost meet, are smoothed away.
+    """
+    opened = shapely.buffer(
+        shapely.buffer(unseen, -THIN_M / 2, join_style="mitre"), THIN_M / 2, join_style="mitre"
+    )
+    left = LOST * wanted.area - (unseen.area - opened.area)
+    if left < 0:
+        opened, left = unseen, LOST * wanted.area
+    parts = shapely.get_parts(_areas(np.array([shapely.simplify(opened, 0.01)], object)))
     parts = parts[np.argsort(-shapely.area(parts), kind="stable")]
     sizes = shapely.area(parts)
-    dropped = (sizes < SLIVER * np.median(shapely.area(outlines))) & (
-        np.cumsum(sizes[::-1])[::-1] <= LOST * wanted.area
-    )
-    return parts[~dropped], float(sizes[dropped].sum())
+    small = sizes < SLIVER * np.median(shapely.area(outlines))
+    dropped = small & (np.cumsum(sizes[::-1])[::-1] <= left)
+    return parts[~dropped], max(float(unseen.area - sizes[~dropped].sum()), 0.0)
 
 
 def _in_degrees(gaps: Objects, plane: Plane) -> Objects:

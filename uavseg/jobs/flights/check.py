@@ -230,11 +230,11 @@ def check(source: str | os.PathLike[str] | Mission, request: CheckRequest) -> Mi
                 mission, request.photographs, _ground(mission, request), request.camera, request.area
             )
         if not found.is_whole:
-            several = "s" * (len(found.gaps) != 1)
+            count, area_m2 = len(found.gaps), sum(found.gap_areas_m2)
             problems.append(
                 f"the photographs show {100 * found.as_dict()['covered']:.2f} % of the area, with "
-                f"{len(found.gaps):,} gap{several} of {sum(found.gap_areas_m2):,.0f} m2: plan the next flight "
-                "over them (--gaps gaps.geojson, then uavseg plan gaps.geojson)"
+                f"{count:,} gap{'s' * (count != 1)} of {area_m2:,.0f} m2: plan the next flight over them "
+                "(--gaps gaps.geojson, then uavseg plan gaps.geojson)"
             )
     mission = replace(mission, notes=(*request.notes, *mission.notes))
     return MissionCheck(mission, requested or mission.autopilot, tuple(verdicts), tuple(problems), found)
