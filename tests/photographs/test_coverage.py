@@ -99,13 +99,14 @@ def cut(polygon: Any, plane: Plane) -> Any:
 
 
 ACROSS = cut(shapely.box(-90, 30, 160, 190), Plane(-16.8, 179.9995))
+SOUTH = degrees(shapely.box(20, 30, 190, 160), Plane(-33.9, 151.2))
 SURVEYS: list[dict[str, Any]] = [
     {},
     {"trigger": "interval"},
     {"trigger": "hover", "altitude_m": 40.0, "overlap": (60, 60)},
     {"angle_deg": 33.0, "overlap": (80, 40)},
     {"regions": [FIELD, box(450, 100, 90, 130)], "autopilot": "px4"},
-    {"home": (-33.9, 151.2, 12.0), "regions": [degrees(shapely.box(20, 30, 190, 160), Plane(-33.9, 151.2))]},
+    {"home": (-33.9, 151.2, 12.0), "regions": [SOUTH]},
     {"home": (-16.8, 179.9995, 3.0), "regions": [ACROSS]},
 ]
 
