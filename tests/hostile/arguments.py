@@ -174,6 +174,7 @@ BASES: dict[str, Callable[[], dict[str, Any]]] = {
     },
     "plan": lambda: {"regions": "hand.geojson", "altitude": 50, "home": "auto"},
     "check": lambda: {"mission": "fly.plan"},
+    "footprints": lambda: {"photographs": "p.jpg"},
     "upload": lambda: {"mission": "fly.plan", "connect": "tcp:127.0.0.1:9"},
     "download": lambda: {"connect": "tcp:127.0.0.1:9"},
     "warm_up": lambda: {"processes": 1},
@@ -250,6 +251,8 @@ def case(rng: Random) -> Case:
     if chosen(rng, 0.15):
         given[rng.choice(functions()[name])] = rng.choice(list(VALUES))
     files = {"x.tif": seeds.rasters()["deflate.tif"]}
+    if name == "footprints":
+        files["p.jpg"] = seeds.photographs()["p.jpg"]
     if name == "plan":
         files["hand.geojson"] = seeds.vectors()["hand.geojson"]
     if name in {"upload", "check"}:

@@ -92,6 +92,8 @@ LINES = tuple(
         "check a.plan --autopilot px4 --json",
         "check a.waypoints --avoid z.geojson --avoid-margin 3 --zone-width 2 --zone-height 9 --max-altitude 90 --max-distance 2000 --dem g.tif",
         "cameras mavic 3",
+        "footprints p.jpg -o out.gpkg --home 40.6500,15.0000,100 --camera Sequoia",
+        "footprints p.jpg p.tif -o out.geojson --dem g.tif --progress plain",
         "warm-up -q --processes 1",
         "doctor --json",
         "upload a.plan --connect tcp:127.0.0.1:9 --timeout 1",
