@@ -21,10 +21,8 @@ Fields = dict[str, Any]
 
 HEAD = b"\xa3\x95"  # of each message of a binary dataflash log
 _FORMAT, _FORMAT_LENGTH = 128, 89
-_CODES = {
-    **{"a": "64s", "b": "b", "B": "B", "h": "h", "H": "H", "i": "i", "I": "I", "f": "f", "d": "d", "n": "4s"},
-    **{"N": "16s", "Z": "64s", "c": "h", "C": "H", "e": "i", "E": "I", "L": "i", "M": "B", "q": "q", "Q": "Q"},
-}
+_CODES = dict(zip("bBhHiIfdqQcCeELM", "bBhHiIfdqQhHiIiB", strict=True)) | {"n": "4s", "N": "16s"}
+_CODES |= {"Z": "64s", "a": "64s"}  # of fields, as struct has them
 _READ = frozenset({"CAM", "POS", "GPS", "MODE", "MISE", "CMD", "ARM", "MSG"})
 _AUTO_COPTER, _AUTO_PLANE = 3, 10  # numbers of the mode in which a mission is flown
 _MISSION_MODE = 3  # of PX4, NAVIGATION_STATE_AUTO_MISSION
@@ -51,8 +49,8 @@ def end_of_log(path: str | os.PathLike[str]) -> LogEnd:
     name = os.fspath(path)
     if name.lower().endswith(".tlog"):
         raise MissionError(
-            f"{name}: recordings of ground stations (.tlog) are not read; give the log that the vehicle wrote, "
-            "a .bin or .log of ArduPilot or a .ulg of PX4"
+            f"{name}: recordings of ground stations (.tlog) are not read; give the log that the vehicle "
+            "wrote, a .bin or .log of ArduPilot or a .ulg of PX4"
         )
     file = regular_file(path, MissionError)
     start = read_start(file, 4096, MissionError)
@@ -88,10 +86,13 @@ def _binary_messages(path: Path) -> Iterator[tuple[str, Fields]]:
             elif kind in known:
                 name, layout, codes, columns_ = known[kind]
                 values = layout.unpack(data[at + 3 : at + length])
-                yield name, {
-                    column: value / 1e7 if code == "L" else _text(value) if code in "nNZ" else value
-                    for column, code, value in zip(columns_, codes, values, strict=False)
-                }
+                yield (
+                    name,
+                    {
+                        column: value / 1e7 if code == "L" else _text(value) if code in "nNZ" else value
+                        for column, code, value in zip(columns_, codes, values, strict=False)
+                    },
+                )
             at += length
 
 
@@ -132,7 +133,7 @@ def _dataflash_end(messages: Iterator[tuple[str, Fields]], name: str) -> LogEnd:
             if kind == "MSG" and str(fields.get("Message")).startswith(("ArduPlane", "ArduRover", "Rover")):
                 auto = _AUTO_PLANE
             elif kind == "MODE":
-                in_auto = int(fields.get("ModeNum", fields.get("Mode"))) == auto
+                in_auto = int(fields["ModeNum" if "ModeNum" in fields else "Mode"]) == auto
             elif kind == "ARM" and int(fields["ArmState"]) == 1:
                 item, place, photo = None, None, None
             elif in_auto and kind in ("MISE", executed):
@@ -147,7 +148,9 @@ def _dataflash_end(messages: Iterator[tuple[str, Fields]], name: str) -> LogEnd:
         except (KeyError, TypeError, ValueError, OverflowError):
             continue  # a damaged message
     if place is None:
-        raise MissionError(f"{name} shows no flight in mission mode (Auto): name the place or item of the cut")
+        raise MissionError(
+            f"{name} shows no flight in mission mode (Auto): name the place or item of the cut"
+        )
     at, item_there = photo or (place, item)
     return LogEnd(place=at, is_photo=photo is not None, item=item_there, last_item=item)
 

@@ -48,14 +48,19 @@ _SLACK = 1e-6  # of a leg
 # What a command sets until another one sets it again; the last of each is done again before the flight goes
 # on. Servos, relays and grippers are set each by its number.
 _GIMBAL, _LOOK, _TRIGGER, _YAW, _SPEED = "gimbal", "look", "trigger", "yaw", "speed"
+_OTHERS = ("relay", "servo", "gripper", "camera mode", "zoom", "focus")
 _SETS = {
-    **{204: "mount", MOUNT_CONTROL: _GIMBAL, 1000: _GIMBAL, ROI_LOCATION: _LOOK, ROI_NONE: _LOOK, 201: _LOOK},
+    204: "mount",
+    115: _YAW,
+    CHANGE_SPEED: _SPEED,
+    **dict.fromkeys((MOUNT_CONTROL, 1000), _GIMBAL),
+    **dict.fromkeys((ROI_LOCATION, ROI_NONE, 201), _LOOK),
     **dict.fromkeys((CAMERA_DISTANCE, CAMERA_INTERVAL, IMAGE_START, IMAGE_STOP), _TRIGGER),
-    **{530: "camera mode", 531: "zoom", 532: "focus", 2500: "video", 2501: "video", 115: _YAW},
-    **{CHANGE_SPEED: _SPEED, 181: "relay", 183: "servo", 211: "gripper"},
+    **dict.fromkeys((2500, 2501), "video"),
+    **dict(zip((181, 183, 211, 530, 531, 532), _OTHERS, strict=True)),
 }
-_NUMBERED = frozenset({"relay", "servo", "gripper"})
-_EARLY = frozenset({"mount", _GIMBAL, _LOOK, "camera mode", "zoom", "focus"})  # set after takeoff, as by plan
+_NUMBERED = frozenset(_OTHERS[:3])
+_EARLY = frozenset({"mount", _GIMBAL, _LOOK, *_OTHERS[3:]})  # set after takeoff, as by plan
 _ONCE = frozenset({93, 189, 203, 600})  # a wait, marks and a photograph: nothing of them lasts
 
 
@@ -133,7 +138,9 @@ def rest_of(mission: Mission, path: FlownPath, cut: Cut) -> Rest:
 def _photographs(path: FlownPath) -> list[tuple[int, float]]:
     """Return the leg and the share of it of each photograph, in their order."""
     return sorted(
-        (run.leg, min(max(run.first + k * run.step, 0.0), 1.0)) for run in path.shots for k in range(run.count)
+        (run.leg, min(max(run.first + k * run.step, 0.0), 1.0))
+        for run in path.shots
+        for k in range(run.count)
     )
 
 
@@ -172,7 +179,7 @@ def _rest(mission: Mission, path: FlownPath, leg: int, share: float) -> Mission:
     if (1 - share) * length_m < MIN_LEG_M:
         share = 1.0
     first = stops[leg - 1] if share == 0 else stops[leg]  # of the items that are flown as they are
-    before, ahead = items[stops[leg - 1]], items[stops[leg]]
+    ahead = items[stops[leg]]
     flown = [items[k] for k in stops[: leg + 1]]
     if len({item.frame == FRAME_TERRAIN for item in flown if item.command not in TAKEOFFS}) > 1:
         raise MissionError("heights above the terrain and others before the cut cannot be compared")
@@ -189,18 +196,24 @@ def _rest(mission: Mission, path: FlownPath, leg: int, share: float) -> Mission:
         lat, lon = round(lat, DEGREE_DECIMALS), round(lon, DEGREE_DECIMALS)
         return MissionItem(WAYPOINT, ahead.frame, (0.0, 0.0, 0.0, heading), lat, lon, altitude_m)
 
-    def on_leg(part: float) -> MissionItem:
-        xy = path.xyz_m[leg, :2] + part * (path.xyz_m[leg + 1] - path.xyz_m[leg])[:2]
+    def on_leg(k: int, part: float) -> MissionItem:
+        xy = path.xyz_m[k, :2] + part * (path.xyz_m[k + 1] - path.xyz_m[k])[:2]
         lon, lat = plane.lonlat_from_xy(*xy)
-        low, high = height_m(before), height_m(ahead)
+        low, high = height_m(items[stops[k - 1]]), height_m(items[stops[k]])
         return waypoint(float(lat), float(lon), low + part * (high - low))
 
     is_between = 0 < share < 1
     kept = list(items[first:]) if is_between else list(items[first + 1 :])
-    entry = [on_leg(share) if is_between else items[first]]
-    back_m = min(_photo_step_m(path, leg), share * length_m) if path.is_line[leg] else 0.0
-    if back_m >= MIN_LEG_M:  # without photographs, so that the vehicle flies straight when it takes the first
-        entry.insert(0, on_leg(share - back_m / length_m))
+    entry = [on_leg(leg, share) if is_between else items[first]]
+    last, end = (leg, share) if share else (leg - 1, 1.0)
+    back_m = 0.0  # of a way in line with the flight, so that the first photograph looks as it would have
+    if share and path.is_line[leg]:
+        back_m = _photo_step_m(path, leg)
+    elif last and not is_between and path.has_shot[last + 1] and not path.is_line[last + 1 : last + 2].any():
+        back_m = CERTAIN_M
+    back_m = min(back_m, end * float(path.length_m[last]))
+    if back_m >= MIN_LEG_M:
+        entry.insert(0, on_leg(last, end - back_m / float(path.length_m[last])))
     level_m = max(map(height_m, flown))
     if level_m - height_m(entry[0]) > _SAME_HEIGHT_M:
         entry.insert(0, waypoint(entry[0].lat, entry[0].lon, level_m))
@@ -231,7 +244,7 @@ def _rest(mission: Mission, path: FlownPath, leg: int, share: float) -> Mission:
 
 
 def _lasting(items: Sequence[MissionItem]) -> dict[str, MissionItem]:
-    """Return the last item of each setting that lasts, in their order; refuse what may have to be repeated."""
+    """Return the last item of each setting that lasts, in their order; refuse what is not known to last."""
     found: dict[str, MissionItem] = {}
     for number, item in enumerate(items, start=1):
         first, second, third, fourth = (value or 0.0 for value in item.params)
@@ -270,7 +283,8 @@ def _started(trigger: MissionItem | None) -> list[MissionItem]:
 
 def _way_round(mission: Mission, plane: Plane, start: Floats, end: Floats) -> Floats:
     """Return the corners (n, 2) of the shortest way within the fence, in metres, without its ends."""
-    within, without = [], []
+    within: list[shapely.Geometry] = []
+    without: list[shapely.Geometry] = []
     for shape in mission.fence:
         area = area_of(shape, plane)
         edge = shapely.buffer(area, -DETOUR_M if shape.inclusion else DETOUR_M)
@@ -281,6 +295,6 @@ def _way_round(mission: Mission, plane: Plane, start: Floats, end: Floats) -> Fl
         return FreeSpace(inside, obstacles).path(start.tolist(), end.tolist())[1:-1]
     except MissionError as error:
         raise MissionError(
-            "the straight way from home to where the flight goes on leaves the fence or enters a zone to keep "
-            f"out of, and no way round is {DETOUR_M:g} m from them: fly there by hand, or change the fence"
+            "the straight way from home to where the flight goes on leaves the fence or enters a zone to "
+            f"keep out of, and no way round is {DETOUR_M:g} m from them: fly there by hand"
         ) from error

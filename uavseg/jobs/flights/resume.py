@@ -1,7 +1,6 @@
 """The rest of a mission whose flight was cut: the cut by place, by item or from a log, and what is left."""
 
 import math
-import numbers
 import os
 from bisect import bisect_left
 from collections.abc import Iterator, Sequence
@@ -29,7 +28,9 @@ Start = str | os.PathLike[str] | float | Sequence[float]
 FARTHEST_M = 100.0  # of a place from the path
 APART_M = 20.0  # along the path: nearer parts of it are one and the same
 UNSURE_M = 3.0  # of a position by satellite
-CHECK = SafetyCheck(SafetyParams(max_altitude_m=MAX_HEIGHT_M))  # the fence; the heights are those of the mission
+CHECK = SafetyCheck(
+    SafetyParams(max_altitude_m=MAX_HEIGHT_M)
+)  # the fence; the heights are those of the mission
 
 
 def resume(source: str | os.PathLike[str] | Mission, start: Start) -> MissionPlan:
@@ -47,10 +48,12 @@ def resume(source: str | os.PathLike[str] | Mission, start: Start) -> MissionPla
     with phase("cut"):
         if isinstance(start, str | os.PathLike):
             cut, notes = _cut_of_log(mission, path, start)
-        elif isinstance(start, numbers.Real):
-            cut, notes = _cut_at_item(mission, path, float(start)), []
         else:
-            cut, notes = _cut_at_place(mission, path, start)
+            given = np.asarray(start, np.float64)
+            if given.ndim == 0:
+                cut, notes = _cut_at_item(mission, path, given.item()), []
+            else:
+                cut, notes = _cut_at_place(mission, path, given.tolist())
     decided("cut on leg %d, at %.3f of it", cut.leg, cut.share)
     rest = rest_of(mission, path, cut)
     notes = [*mission.notes, *notes, *_notes(mission, path, rest)]
@@ -101,8 +104,8 @@ def _cut_at_item(mission: Mission, path: FlownPath, number: float) -> Cut:
     item = mission.items[whole - _number(mission, 0)]
     if share and not item.has_position:
         raise MissionError(
-            f"item {whole} (command {item.command}) is not flown to, so {number:g} is no share of a leg; give "
-            f"{whole}, or the number of a waypoint"
+            f"item {whole} (command {item.command}) is not flown to, so {number:g} is no share of a leg; "
+            f"give {whole}, or the number of a waypoint"
         )
     return Cut(leg, share)
 
