@@ -129,7 +129,9 @@ def _cut_at_place(mission: Mission, path: FlownPath, place: Sequence[float]) -> 
     if other.any():
         second = int(np.where(other, away, np.inf).argmin())
         stops = stops_of(mission)
-        names = [f"{_number(mission, stops[k]) + min(float(share[k]), 0.99):.2f}" for k in (leg, second)]
+        names = [
+            f"{_number(mission, stops[k]) + min(float(share[k]), 0.99):.2f}" for k in sorted((leg, second))
+        ]
         raise MissionError(
             f"{text}, and {away[second]:.1f} m from another part of it; name the item that was flown to: "
             f"--from {names[0]} or --from {names[1]}"
