@@ -174,14 +174,14 @@ def test_so_it_is_after_a_cut_on_any_leg(survey: Mission) -> None:
 def by_hand(*items: MissionItem, autopilot: str = "ardupilot", **how: Any) -> Mission:
     """Takeoff to 30 m, two lines of 200 m to the north and back, and items after the first place."""
     places = [(47.001, 8.0), (47.0028, 8.0), (47.0028, 8.001), (47.001, 8.001)]
-    wps = [MissionItem(WAYPOINT, FRAME_RELATIVE, (0, 0, 0, None), *place, 40.0) for place in places]
-    up = MissionItem(TAKEOFF, FRAME_RELATIVE, (0, 0, 0, None), 47.0, 8.0, 30.0)
+    wps = [MissionItem(WAYPOINT, FRAME_RELATIVE, (0.0, 0.0, 0.0, None), *place, 40.0) for place in places]
+    up = MissionItem(TAKEOFF, FRAME_RELATIVE, (0.0, 0.0, 0.0, None), 47.0, 8.0, 30.0)
     back = MissionItem(RETURN, FRAME_MISSION)
     return Mission(HomePosition(47.0, 8.0, 400.0), (up, wps[0], *items, *wps[1:], back), autopilot, **how)
 
 
 def setting(command: int, *params: float) -> MissionItem:
-    return MissionItem(command, FRAME_MISSION, (*params, *[0.0] * (4 - len(params))))
+    return MissionItem(command, FRAME_MISSION, (*map(float, params), *[0.0] * (4 - len(params))))
 
 
 def after_cut(*items: MissionItem, leg: int = 3, share: float = 0.5, **how: Any) -> tuple[MissionItem, ...]:
@@ -302,7 +302,7 @@ def test_places_that_are_not_on_one_part_of_the_path_are_refused() -> None:
     with pytest.raises(MissionError, match=r"from another part of it; name .* --from 3.50 or --from 5.50"):
         uavseg.resume(mission, start=(47.0019, 8.0005))
     with pytest.raises(MissionError, match="swapped"):
-        uavseg.resume(mission, start=(8.0, 147.0))
+        uavseg.resume(mission, start=(147.0, 8.0))
     with pytest.raises(ParameterError, match="--from is LAT,LON"):
         uavseg.resume(mission, start=(47.0, 8.0, 3.0))
 

@@ -20,7 +20,6 @@ from uavseg.jobs.flights.link import upload as run_upload
 from uavseg.jobs.flights.plan import MissionPlan
 from uavseg.jobs.flights.plan import plan as run_plan
 from uavseg.jobs.flights.request import open_regions, plan_request, widths_of, zone_polygons
-from uavseg.jobs.flights.resume import Start
 from uavseg.jobs.flights.resume import resume as run_resume
 from uavseg.jobs.source.open_source import open_source
 from uavseg.options.flights import CheckOptions, PlanOptions
@@ -323,7 +322,9 @@ def check(
 
 
 @checked
-def resume(mission: str | os.PathLike[str] | Mission, *, start: Start) -> MissionPlan:
+def resume(
+    mission: str | os.PathLike[str] | Mission, *, start: str | os.PathLike[str] | float | Sequence[float]
+) -> MissionPlan:
     """Plan the rest of a mission whose flight was cut.
 
     The flight takes off as before, flies level to the last photograph, takes it again and goes on with what

@@ -23,8 +23,6 @@ from uavseg.flight.safety.check import SafetyCheck
 from uavseg.jobs.flights.plan import MissionPlan
 from uavseg.plain_text import shown
 
-Start = str | os.PathLike[str] | float | Sequence[float]
-
 FARTHEST_M = 100.0  # of a place from the path
 APART_M = 20.0  # along the path: nearer parts of it are one and the same
 UNSURE_M = 3.0  # of a position by satellite
@@ -33,7 +31,9 @@ CHECK = SafetyCheck(
 )  # the fence; the heights are those of the mission
 
 
-def resume(source: str | os.PathLike[str] | Mission, start: Start) -> MissionPlan:
+def resume(
+    source: str | os.PathLike[str] | Mission, start: str | os.PathLike[str] | float | Sequence[float]
+) -> MissionPlan:
     """Return the rest of a mission whose flight ended at `start`: an item, a place in degrees, or a log.
 
     Its notes say where the flight goes on. A MissionError says that the mission or the log cannot be read,
