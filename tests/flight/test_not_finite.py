@@ -109,6 +109,7 @@ OPTIONS = {  # of a command: lines in which # is the number
         *(f"--avoid regions.geojson {one} #" for one in ("--zone-width", "--zone-height")),
     ],
     "footprints": [f"--home {place}" for place in ("#,8", "47,#", "47,8,#")],
+    "resume": ["--from #", "--from 47,#", "--from #,8"],
     "upload": ["--connect udpout:127.0.0.1:9 --timeout #"],
     "download": ["--connect udpout:127.0.0.1:9 --timeout #"],
 }
@@ -120,6 +121,7 @@ FIXED = {
     "plan": "--overwrite -o out.plan regions.geojson",
     "check": "small.plan",
     "footprints": "-o out.plan.geojson a.jpg",
+    "resume": "small.plan -o out.plan",
     "upload": "small.plan",
     "download": "-o out.plan",
 }
@@ -199,6 +201,7 @@ def test_every_option_that_may_hold_a_number_is_in_the_table(command: str) -> No
         (uavseg.plan, {"regions": "regions.geojson", "home": (47, 8, 400), "altitude": 60}),
         (uavseg.check, {"mission": "small.plan"}),
         (uavseg.footprints, {"photographs": "a.jpg", "home": (47, 8, 400)}),
+        (uavseg.resume, {"mission": "small.plan"}),
         (uavseg.upload, {"mission": "small.plan", "connect": "udpout:127.0.0.1:9"}),
         (uavseg.download, {"connect": "udpout:127.0.0.1:9"}),
     ],

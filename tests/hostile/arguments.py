@@ -175,6 +175,7 @@ BASES: dict[str, Callable[[], dict[str, Any]]] = {
     "plan": lambda: {"regions": "hand.geojson", "altitude": 50, "home": "auto"},
     "check": lambda: {"mission": "fly.plan"},
     "footprints": lambda: {"photographs": "p.jpg"},
+    "resume": lambda: {"mission": "fly.plan", "start": 4.5},
     "upload": lambda: {"mission": "fly.plan", "connect": "tcp:127.0.0.1:9"},
     "download": lambda: {"connect": "tcp:127.0.0.1:9"},
     "warm_up": lambda: {"processes": 1},
@@ -255,7 +256,7 @@ def case(rng: Random) -> Case:
         files["p.jpg"] = seeds.photographs()["p.jpg"]
     if name == "plan":
         files["hand.geojson"] = seeds.vectors()["hand.geojson"]
-    if name in {"upload", "check"}:
+    if name in {"upload", "check", "resume"}:
         files["fly.plan"] = seeds.missions()["a.plan"]
     return Case(files, call=Call(name, given))
 
