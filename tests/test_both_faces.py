@@ -42,6 +42,7 @@ from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.options.option import build
 from uavseg.options.reading import ReadOptions
 from uavseg.options.regions import DivideOptions
+from uavseg.photographs.coverage import planned_photographs
 from uavseg.raster.formats.geotiff import write_geotiff, write_label_geotiff
 from uavseg.raster.grid.geobox import local_geobox
 from uavseg.raster.grid.tiling import Window
@@ -1126,6 +1127,43 @@ def test_rests_of_flights(name: str, start: Any) -> None:
         return written(uavseg.resume(name, start=start).write, "python.plan")
 
     assert_equal(in_python(resumed), expected)
+
+
+SEEN: list[Words] = [
+    {},
+    {"regions": "regions.geojson"},
+    {"regions": "missing.geojson"},
+    {"camera": "phantom 4 pro", "home": (45.151, -76.271, 100.0)},
+    {"camera": "none such"},
+    {"home": (145.0, 8.0)},
+]
+
+
+@pytest.mark.parametrize("words", SEEN)
+@pytest.mark.parametrize("photos", ["photos", "missing", "photos/0.jpg"])
+def test_checks_of_photographs(photos: str, words: Words) -> None:
+    flown = FLIGHT | {"camera": "phantom 4 pro", "largest": 1}
+    on_the_command_line("plan", ["regions.geojson", *options(flown), "-o", "held.plan"], "held.plan")
+    if not Path("photos").exists():
+        Path("photos").mkdir()
+        plan = planned_photographs(files.read_mission("held.plan"), ((120, 80), 80.0))
+        for k, one in enumerate(plan.photographs):
+            draw_photograph(Path("photos", f"{k}.jpg"), replace(one, altitude_m=100 + one.relative_m))
+    words = {"photos": photos, **words}
+    command = main.get_command(click.Context(main), "check")
+    line = ["held.plan", "--json", *options(words), "--gaps", "gaps.geojson", "--overwrite"]
+    result = CliRunner().invoke(command, line)  # type: ignore[arg-type]
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            found = uavseg.check("held.plan", **words)
+        except uavseg.UavsegError as error:
+            assert (type(result.exception), str(result.exception)) == (type(error), str(error))
+            return
+    assert json.loads(result.stdout) == found.as_dict()
+    assert told(result.stderr) == {str(one.message) for one in caught if one.category is UserWarning}
+    assert (result.exception is None) == (not found.problems)
+    assert len(geopandas.read_file("gaps.geojson")) == len(found.gaps)
 
 
 def test_regions_in_memory_are_planned_as_from_their_file() -> None:

@@ -107,6 +107,7 @@ OPTIONS = {  # of a command: lines in which # is the number
     "check": [
         *("--avoid #,1", "--avoid-margin #", "--max-altitude #", "--max-distance #", "--wind #"),
         *(f"--avoid regions.geojson {one} #" for one in ("--zone-width", "--zone-height")),
+        *(f"--photos a.jpg --home {place}" for place in ("#,8", "47,#", "47,8,#")),
     ],
     "footprints": [f"--home {place}" for place in ("#,8", "47,#", "47,8,#")],
     "resume": ["--from #", "--from 47,#", "--from #,8"],
@@ -115,7 +116,7 @@ OPTIONS = {  # of a command: lines in which # is the number
 }
 NO_NUMBERS = {  # options that are texts without numbers in them
     *("output", "camera", "vehicle", "dem", "dji_model", "lens", "ids", "classes", "avoid_classes"),
-    *("raster", "layer", "connect", "mission_classes", "allow_path"),
+    *("raster", "layer", "connect", "mission_classes", "allow_path", "photos", "gaps", "regions"),
 }
 FIXED = {
     "plan": "--overwrite -o out.plan regions.geojson",
@@ -200,6 +201,7 @@ def test_every_option_that_may_hold_a_number_is_in_the_table(command: str) -> No
     [
         (uavseg.plan, {"regions": "regions.geojson", "home": (47, 8, 400), "altitude": 60}),
         (uavseg.check, {"mission": "small.plan"}),
+        (uavseg.check, {"mission": "small.plan", "photos": "a.jpg", "home": (47, 8, 400)}),
         (uavseg.footprints, {"photographs": "a.jpg", "home": (47, 8, 400)}),
         (uavseg.resume, {"mission": "small.plan"}),
         (uavseg.upload, {"mission": "small.plan", "connect": "udpout:127.0.0.1:9"}),

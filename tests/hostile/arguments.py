@@ -252,7 +252,7 @@ def case(rng: Random) -> Case:
     if chosen(rng, 0.15):
         given[rng.choice(functions()[name])] = rng.choice(list(VALUES))
     files = {"x.tif": seeds.rasters()["deflate.tif"]}
-    if name == "footprints":
+    if name in {"footprints", "check"}:
         files["p.jpg"] = seeds.photographs()["p.jpg"]
     if name == "plan":
         files["hand.geojson"] = seeds.vectors()["hand.geojson"]

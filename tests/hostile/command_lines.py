@@ -95,6 +95,8 @@ LINES = tuple(
         "resume a.waypoints --from 40.65,15.0 -o out.kmz --dji-model m30t --lens wide --turn through -q",
         "resume a.plan --from x.tif -o out.plan --overwrite",
         "cameras mavic 3",
+        "check a.plan --photos p.jpg --gaps out.gpkg --regions r.geojson --home 40.6500,15.0000,100 --json",
+        "check a.plan --photos p.jpg --photos p.tif --gaps out.geojson --camera Sequoia --dem g.tif --overwrite",
         "footprints p.jpg -o out.gpkg --home 40.6500,15.0000,100 --camera Sequoia",
         "footprints p.jpg p.tif -o out.geojson --dem g.tif --progress plain",
         "warm-up -q --processes 1",
