@@ -21,7 +21,7 @@ DOUBT = 0.2
 """Share by which two heights above the ground may differ."""
 _STEPS = 128  # along a ray, down to the height of the ground below the camera
 _FARTHEST = 8  # times that length, after which a ray is taken to reach no ground
-_HALVINGS = 24  # of a step, to where a ray meets the ground
+_HALVINGS = 18  # of a step, to where a ray meets the ground
 
 
 @dataclass(frozen=True)
@@ -155,7 +155,7 @@ class Ground:
             clear: Floats = height_m + places[..., 2] - self.heights_m(lon, lat).reshape(lengths.shape)
             return clear
 
-        met = np.full(len(rays), np.nan)
+        far = np.full(len(rays), np.nan)
         left = np.flatnonzero(np.isfinite(level))
         for turn in range(_FARTHEST):
             lengths = level[left, None] * (turn + np.arange(1, _STEPS + 1) / _STEPS)
@@ -166,19 +166,18 @@ class Ground:
             rows = np.arange(len(left))
             hit = stop.any(axis=1)
             ends = hit & known[rows, first]
-            far = lengths[rows, first]
-            near = far - level[left] / _STEPS
-            which = np.flatnonzero(ends)
-            low, high = near[which], far[which]
-            for _ in range(_HALVINGS):
-                middle = (low + high) / 2
-                clear_there = above(rays[left[which]], middle[:, None])[:, 0]
-                low, high = np.where(clear_there > 0, middle, low), np.where(clear_there > 0, high, middle)
-            met[left[which]] = high
+            far[left[ends]] = lengths[rows, first][ends]
             left = left[~hit]
             if not len(left):
                 break
-        return met
+        met = np.isfinite(far)
+        low, high = (far - level / _STEPS)[met], far[met]
+        for _ in range(_HALVINGS if met.any() else 0):
+            middle = (low + high) / 2
+            clear_there = above(rays[met], middle[:, None])[:, 0]
+            low, high = np.where(clear_there > 0, middle, low), np.where(clear_there > 0, high, middle)
+        far[met] = high
+        return far
 
     def footprint(self, photograph: Photograph) -> shapely.Polygon:
         """Return the outline of the ground that a photograph shows, in degrees (lon, lat; WGS 84).
