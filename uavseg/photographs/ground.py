@@ -184,7 +184,7 @@ class Ground:
 
         Longitudes go on beyond 180 degrees where it lies across the antimeridian. Over an elevation model
         the outline has `BORDER_STEPS` corners per side. A PhotographError as of `camera_height_m`, or says
-        that part of the image is near the horizon, or beyond the elevation model.
+        that part of the image is near the horizon, or beyond the elevation model, or that it shows none.
         """
         seen = self.seen(photograph, photograph.border(1 if self.dem is None else BORDER_STEPS))
         if not np.isfinite(seen).all():
@@ -193,8 +193,8 @@ class Ground:
         lon, lat = Plane(photograph.lat, photograph.lon).lonlat_from_xy(seen[:, 0], seen[:, 1])
         lon = photograph.lon + (lon - photograph.lon + 180) % 360 - 180
         outline = shapely.Polygon(np.column_stack([lon, lat]))
-        return (
-            outline
-            if outline.is_valid
-            else shapely.make_valid(outline, method="structure", keep_collapsed=False)
-        )
+        if not outline.is_valid:
+            outline = shapely.make_valid(outline, method="structure", keep_collapsed=False)
+        if outline.is_empty:
+            raise PhotographError("the ground that it shows has no area")
+        return outline
