@@ -260,6 +260,17 @@ def test_tags_of_skydio_in_their_structures(tmp_path: Path) -> None:
     assert not found.is_ellipsoidal
 
 
+@pytest.mark.parametrize(
+    ("space", "known"),
+    [("http://www.dji.com/drone-dji/1.0/", True), ("http://skydio.com/1.0", True), ("http://a.org/", False)],
+)
+def test_tags_count_in_the_namespaces_of_drones_alone(space: str, known: bool, tmp_path: Path) -> None:
+    xmp = f"""<rdf:Description xmlns:x="{space}" x:GimbalPitchDegree="-50" x:GimbalYawDegree="9"/>"""
+    place = {1: "N", 2: (52.0, 30.0, 0.0), 3: "E", 4: (5.0, 30.0, 0.0), 16: "T", 17: IFDRational(70)}
+    found = read(published(tmp_path / "a.jpg", (400, 300), xmp, {0xA405: 24}, place))
+    assert (found.yaw_deg, found.pitch_deg) == ((9, -50) if known else (70, -90))
+
+
 def test_altitudes_of_the_skydio_x10_are_above_the_ellipsoid(tmp_path: Path) -> None:
     """As of support.skydio.com/hc/en-us/articles/32887502774171: GPSAltitudeRef is 0 all the same."""
     xmp = {"Camera:VertCS": None}
@@ -410,6 +421,17 @@ def test_a_turned_image_is_read_as_it_is_stored(tmp_path: Path) -> None:
     for orientation in (2, 4, 5, 6, 7, 8, 9):
         path = draw_photograph(tmp_path / "b.jpg", PHOTO, exif={0x0112: orientation})
         assert f"orientation tag is {orientation}" in refused(path)
+
+
+@pytest.mark.parametrize("size", [(None, None), (480, 320)])
+def test_the_preview_of_a_raw_image_is_not_its_size(size: tuple[Any, Any], tmp_path: Path) -> None:
+    exif = {0x00FE: 1, 0xA002: size[0], 0xA003: size[1]}
+    path = draw_photograph(tmp_path / "a.tif", PHOTO, exif=exif).rename(tmp_path / "a.dng")
+    if size == (None, None):
+        assert "does not say how large its image is" in refused(path)
+    else:
+        found = read(path)
+        assert (found.image_px, found.focal_px) == ((480, 320), 100.0)
 
 
 def test_cameras_of_several_kinds_are_read_side_by_side(tmp_path: Path) -> None:
