@@ -1,6 +1,7 @@
 """Error propagation: how far from its place the ground in a photograph is likely to be drawn."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -43,7 +44,7 @@ def likely_error_m(photograph: Photograph, pixels: Floats, below_m: Floats) -> F
     if stated is not None:
         height_m = np.minimum(height_m, 2 * stated)
 
-    def places(below_m: Floats, **pose: float) -> Floats:
+    def places(below_m: Floats, **pose: Any) -> Floats:
         rays = replace(photograph, **pose).rays(pixels)
         down = np.where(rays[:, 2] < 0, -rays[:, 2], np.nan)
         found: Floats = rays[:, :2] * (below_m / down)[:, None]

@@ -3,7 +3,7 @@
 import math
 import threading
 from collections import OrderedDict
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import field
 from pathlib import Path
 from typing import Any
@@ -48,9 +48,7 @@ class View:
     lean: float  # metres by which a place is off at the edge, for each metre that its height is
     drawn: float  # share of the image that is drawn
     reach_m: float  # how far away the ground is
-    horizon: (
-        Floats | None
-    )  # (azimuths, rings), slope up to the highest line of sight so far; None if all is seen
+    horizon: Floats | None  # (azimuths, rings), steepest slope up to each ring; None if nothing is hidden
 
     @classmethod
     def of(cls, photograph: Photograph, ground: Ground, to_xy: Transform) -> "View":
@@ -117,7 +115,7 @@ def _gsd_m(ahead: Floats, below: Floats, focal_px: float) -> Floats:
 
 
 def _horizon(ground: Ground, plane: Plane, height_m: float, reach_m: float) -> Floats | None:
-    """Return the steepest slope from a camera to ground up to each ring, by azimuth; None if none is hidden."""
+    """Return the steepest slope to the ground up to each ring, by azimuth; None if no ground is hidden."""
     azimuth = np.arange(_AZIMUTHS)[:, None] * (math.tau / _AZIMUTHS)
     far = np.arange(1, _RINGS + 1) * (reach_m / _RINGS)
     lon, lat = plane.lonlat_from_xy((np.sin(azimuth) * far).ravel(), (np.cos(azimuth) * far).ravel())
@@ -243,7 +241,8 @@ def _between(corners: Floats, shape: tuple[int, int]) -> Floats:
     down, across = ((np.arange(length) + 0.5) / length for length in shape)
     left = corners[0] + (corners[2] - corners[0]) * down
     right = corners[1] + (corners[3] - corners[1]) * down
-    return (left[:, None] + (right - left)[:, None] * across).ravel()
+    values: Floats = left[:, None] + (right - left)[:, None] * across
+    return values.ravel()
 
 
 def _bilinear(image: NDArray[Any], col: Floats, row: Floats) -> NDArray[Any]:
@@ -256,7 +255,8 @@ def _bilinear(image: NDArray[Any], col: Floats, row: Floats) -> NDArray[Any]:
     flat, at = image.reshape(-1, bands), top * cols + left
     upper = flat[at] * (1 - across) + flat[at + beside] * across
     lower = flat[at + below] * (1 - across) + flat[at + below + beside] * across
-    return np.rint(upper * (1 - down) + lower * down).astype(image.dtype)
+    values: NDArray[Any] = np.rint(upper * (1 - down) + lower * down)
+    return values.astype(image.dtype)
 
 
 def mosaic_of(photographs: Sequence[Photograph], ground: Ground, pixel_m: float | None = None) -> Mosaic:
@@ -287,8 +287,8 @@ def mosaic_of(photographs: Sequence[Photograph], ground: Ground, pixel_m: float 
     cols, rows = most - least
     if not rows * cols <= MAX_PIXELS:
         raise PhotographError(
-            f"a mosaic of {cols:,.0f} x {rows:,.0f} pixels of {100 * side:g} cm would hold the photographs, and "
-            f"at most {MAX_PIXELS:,} are drawn: do all show one place? Give fewer, or a larger --resolution"
+            f"the photographs would be a mosaic of {cols:,.0f} x {rows:,.0f} pixels of {100 * side:g} cm, "
+            f"and at most {MAX_PIXELS:,} are drawn: do all show one place? Give fewer, or a larger --resolution"
         )
     transform = Affine(side, 0.0, least[0] * side, 0.0, -side, most[1] * side)
     return Mosaic(
@@ -314,9 +314,9 @@ def _pixels_of(views: Sequence[View]) -> tuple[int, np.dtype[Any]]:
         kind = sum(role != "alpha" for role in file.layout.roles), " and ".join(sorted(types))
         if file.shape != photograph.image_px[::-1]:
             raise PhotographError(
-                f"{path} holds {file.shape[1]} x {file.shape[0]} pixels, and its tags are of "
-                f"{photograph.image_px[0]} x {photograph.image_px[1]}: give the photograph as it was taken, or "
-                "a raw one as .tif"
+                f"{path} holds {file.shape[1]} x {file.shape[0]} pixels, and its tags say "
+                f"{photograph.image_px[0]} x {photograph.image_px[1]}: give the photograph as it was taken, "
+                "or a raw one as .tif"
             )
         if file.shape[0] * file.shape[1] > MAX_IMAGE_PIXELS:
             raise PhotographError(f"{path} has more than {MAX_IMAGE_PIXELS:,} pixels, which are not decoded")
@@ -351,13 +351,13 @@ def _notes(views: Sequence[View], ground: Ground) -> list[str]:
     if least.drawn < 1:
         beyond = "" if ground.dem is None else ", or lies beyond the elevation model"
         notes.append(
-            f"up to {100 * (1 - least.drawn):.0f} % of a photograph ({Path(least.photograph.path).name}) is not "
-            f"drawn: it is near the horizon, {COARSEST:g} times as coarse as the middle{beyond}"
+            f"up to {100 * (1 - least.drawn):.0f} % of a photograph ({Path(least.photograph.path).name}) is "
+            f"not drawn: it is near the horizon, {COARSEST:g} times as coarse as the middle{beyond}"
         )
     if ground.dem is None:
         lean = max(view.lean for view in views)
         notes.append(
-            "the ground is taken to be as high as the place of takeoff; what is 1 m higher or lower lies up to "
-            f"{lean:.2g} m off its place: give an elevation model with --dem"
+            "the ground is taken to be as high as the place of takeoff; what is 1 m higher or lower lies up "
+            f"to {lean:.2g} m off its place: give an elevation model with --dem"
         )
     return notes
