@@ -171,6 +171,8 @@ ONLY_IN = {
     "xarray": {"xarray"},
     "apsw": {"occupancy.bags"},
     "lz4": {"occupancy.bags"},
+    "PIL": {"photographs", "plot", "segmentation.blocks.block_map"},
+    "defusedxml": {"photographs"},
 }
 
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from uavseg.api.missions import upload as upload
     from uavseg.api.pages import map_page as map_page
     from uavseg.api.pages import serve as serve
+    from uavseg.api.photographs import footprints as footprints
     from uavseg.api.preview import preview as preview
     from uavseg.api.questions import info as info
     from uavseg.api.questions import match as match
@@ -57,6 +58,7 @@ _NAMES = {
     "api.questions": "info match suggest",
     "api.recognition": "describe recognise",
     "api.missions": "plan check upload download",
+    "api.photographs": "footprints",
     "api.preview": "preview",
     "api.pages": "map_page serve",
     "jobs.install.doctor": "warm_up doctor",

@@ -246,7 +246,7 @@ def _xmp(photograph: Any, maker: str) -> dict[str, str | None]:
         found |= {f"CameraOrientationNED/{name}": f"{angle:.6f}" for name, angle in angles.items()}
         found |= {f"CalibratedFocalLength/{axis}": f"{photograph.focal_px:.4f}" for axis in "XY"}
         return {f"drone-skydio:{name}": text for name, text in found.items()} | (
-            {"Camera:VertCS": "ellipsoidal"} if photograph.is_ellipsoidal else {}
+            {"Camera:VertCS": "ellipsoidal" if photograph.is_ellipsoidal else "EPSG:5773"}
         )
     if maker in ("ardupilot", "geotag"):
         return {}

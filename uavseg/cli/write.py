@@ -16,6 +16,7 @@ from uavseg.errors import OutputError
 if TYPE_CHECKING:
     from uavseg.cli.terminal.say import Reporter
     from uavseg.flight.mission.mission import Mission
+    from uavseg.jobs.flights.footprints import Footprints
     from uavseg.jobs.flights.plan import MissionPlan
     from uavseg.jobs.maps.compare import Comparison
     from uavseg.jobs.requests import RegionJob
@@ -87,7 +88,7 @@ def transaction() -> AbstractContextManager[None]:
 
 
 def write_region_output(
-    found: Extraction | Comparison, target: str, overwrite: bool, form: GeoJsonForm | None = None
+    found: Extraction | Comparison | Footprints, target: str, overwrite: bool, form: GeoJsonForm | None = None
 ) -> None:
     """Write regions to a file, or to stdout where it is called -."""
     from uavseg.output.disk import noted_stream

@@ -8,13 +8,17 @@ import shapely
 
 from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
-from uavseg.errors import PhotographError
+from uavseg.errors import ParameterError, PhotographError
+from uavseg.flight.mission.items import HomePosition
 from uavseg.flight.mission.track import Plane
 from uavseg.photographs.photograph import HORIZON_DEG, Photograph
+from uavseg.plain_text import shown
 from uavseg.raster.elevation.dem import Dem, SeaHeights, sea_from_ellipsoid
 
 BORDER_STEPS = 16
 """Places per side of an image whose ground is computed over an elevation model."""
+DOUBT = 0.2
+"""Share by which two heights above the ground may differ."""
 _STEPS = 128  # along a ray, down to the height of the ground below the camera
 _FARTHEST = 8  # times that length, after which a ray is taken to reach no ground
 _HALVINGS = 24  # of a step, to where a ray meets the ground
@@ -26,12 +30,19 @@ class Ground:
 
     Without `dem` the ground is flat, at the height of the place of takeoff, and heights are above it. With it
     they are those of the model. `home` is the place of takeoff: latitude and longitude in degrees, and its
-    height above the sea in metres where that is given.
+    height above the sea in metres where that is given: a ParameterError or a MissionError says that it is not
+    on Earth.
     """
 
     dem: Dem | None = None
     home: tuple[float, ...] | None = None
     to_sea: SeaHeights | None = field(default_factory=sea_from_ellipsoid, repr=False)
+
+    def __post_init__(self) -> None:
+        if self.home is not None:
+            if len(self.home) not in (2, 3):
+                raise ParameterError(f"home is (lat, lon) or (lat, lon, altitude_m), not {shown(self.home)}")
+            HomePosition(*self.home)
 
     def camera_height_m(self, photograph: Photograph) -> float:
         """Return the height of a camera: above the flat ground, or as the elevation model has heights.
@@ -90,6 +101,27 @@ class Ground:
             )
         lon, lat = np.array([photograph.lon]), np.array([photograph.lat])
         return float(self.to_sea(lon, lat, np.array([altitude]))[0])
+
+    def notes(self, photograph: Photograph) -> tuple[str, ...]:
+        """Return what makes the height of a camera above an elevation model doubtful.
+
+        Height above takeoff and altitude are compared where both are known; without the place of takeoff, as
+        if it were as high as the ground below.
+        """
+        relative = photograph.relative_m
+        if self.dem is None or relative is None or photograph.altitude_m is None:
+            return ()
+        below = float(self.heights_m(np.array([photograph.lon]), np.array([photograph.lat]))[0])
+        above = self.camera_height_m(photograph) - below
+        other = relative if self.home is None else self._altitude_m(photograph) - below
+        if abs(other - above) <= DOUBT * max(above, other):
+            return ()
+        if self.home is not None:
+            return (f"{above:.0f} m above the ground by takeoff, but {other:.0f} m by altitude",)
+        return (
+            f"{above:.0f} m above the ground by altitude, but {relative:.0f} m above takeoff: if takeoff was "
+            "as high as the ground below, give its place with --home",
+        )
 
     def heights_m(self, lon: Floats, lat: Floats) -> Floats:
         """Return heights of the ground at places in degrees, (n,); NaN where the model has none."""

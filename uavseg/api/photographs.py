@@ -1,0 +1,74 @@
+"""Photographs that came back from a flight."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from uavseg.access import Folders, allowing
+from uavseg.api._values import progress_of, warn
+from uavseg.arguments import checked
+from uavseg.execution.executors import Progress
+from uavseg.flight.camera.camera import Camera
+from uavseg.jobs.flights.footprints import footprints as run_footprints
+from uavseg.options.option import build
+from uavseg.options.photographs import FootprintsOptions
+
+if TYPE_CHECKING:
+    from geopandas import GeoDataFrame
+
+
+@checked
+def footprints(
+    photographs: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+    *,
+    dem: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | None = None,
+    home: Sequence[float] | None = None,
+    camera: str | os.PathLike[str] | Camera | None = None,
+    progress: Progress | bool | None = None,
+    allow_path: Folders = (),
+    allow_network: bool = False,
+) -> GeoDataFrame:
+    """Return the ground that each photograph of a flight shows.
+
+    Parameters
+    ----------
+    photographs : path or sequence of paths
+        JPEG or TIFF files with EXIF or XMP tags, or folders of them with their subfolders.
+    dem : path or sequence of paths, optional
+        Elevation model of the ground, several files are one mosaic; by default it is flat, at the height of
+        takeoff.
+    home : (lat, lon) or (lat, lon, altitude_m), optional
+        Place of takeoff in degrees, and its height above the sea in metres. Over an elevation model, heights
+        are then those above takeoff, not altitudes.
+    camera : str, path or Camera, optional
+        Camera of all photographs, by its name in the catalogue or a JSON file; by default the focal length is
+        that in the files.
+    progress : callable or bool, optional
+        Called with (done, total); True for a bar.
+    allow_path, allow_network
+        As of `extract`.
+
+    Returns
+    -------
+    footprints : GeoDataFrame
+        Polygons in WGS 84 in the order of time, then of name, with `id`, `area_m2`, `photo` (name of the
+        file), `camera_lon`, `camera_lat`, `height_m` (above the ground below), `yaw` and `pitch` of the line
+        of sight in degrees, `gsd_cm` (ground sampling distance in the middle of the image), `taken` (time of
+        the camera's clock as ISO 8601 text) and `lon`, `lat` of a point inside. What was assumed, and which
+        photographs are left out and why, are warnings.
+
+    Raises
+    ------
+    PhotographError
+        If a file or a folder cannot be read, or no photograph can be placed.
+    UavsegError
+        If the elevation model cannot be read, or a parameter is wrong.
+    """
+    options = build(FootprintsOptions, locals())
+    sources = [photographs] if isinstance(photographs, str | os.PathLike) else list(photographs)
+    with allowing(allow_path, allow_network):
+        found = run_footprints(sources, options, progress_of(progress))
+    warn(found.warnings)
+    return found.frame()

@@ -1,0 +1,119 @@
+"""The ground that each photograph of a flight shows, as regions."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import shapely
+
+from uavseg.arrays import Path_
+from uavseg.dataclass import dataclass
+from uavseg.errors import PhotographError
+from uavseg.execution.executors import Progress
+from uavseg.flight.camera.camera import Camera, camera_named
+from uavseg.options.photographs import FootprintsOptions
+from uavseg.photographs.ground import Ground
+from uavseg.photographs.photograph import Photograph
+from uavseg.photographs.read import grouped, read_photographs
+from uavseg.plain_text import one_line
+from uavseg.raster.elevation.dem import Dem
+from uavseg.raster.geodesy.globe import WGS84, define_crs
+from uavseg.regions.formats.read import regions_of_frame
+from uavseg.regions.table import Regions
+from uavseg.regions.wgs84.to_wgs84 import cut_at_antimeridian
+
+if TYPE_CHECKING:
+    from geopandas import GeoDataFrame
+
+
+@dataclass(frozen=True)
+class Footprints:
+    """Regions that photographs show, one for each in the order of their times, and what was assumed."""
+
+    regions: Regions
+    warnings: tuple[str, ...]
+
+    def frame(self) -> "GeoDataFrame":
+        """Return the footprints as a GeoDataFrame."""
+        return self.regions.frame()
+
+
+def footprints(
+    photographs: Sequence[Path_], options: FootprintsOptions, progress: Progress | None = None
+) -> Footprints:
+    """Return the footprints of photographs, which are files or folders.
+
+    A PhotographError says that none can be placed, and why; a ParameterError or MissionError that the camera
+    is not known, or the place of takeoff not on Earth.
+    """
+    camera = options.camera
+    if camera is not None and not isinstance(camera, Camera):
+        camera = camera_named(camera)
+    dem = None if options.poses.dem is None else Dem.open(options.poses.dem)
+    home = None if options.poses.home is None else tuple(options.poses.home)
+    ground = Ground(dem, home)
+    taken = read_photographs(
+        photographs, progress and (lambda done, total: progress(done, 2 * total)), camera
+    )
+    rows: list[dict[str, Any]] = []
+    left: list[tuple[str, str]] = []
+    doubts: list[tuple[str, str]] = []
+    for done, one in enumerate(taken.photographs, start=len(taken.photographs) + 1):
+        try:
+            rows.append(_row(one, ground))
+            doubts += [(one.path, note) for note in ground.notes(one)]
+        except PhotographError as error:
+            left.append((one.path, str(error)))
+        if progress is not None:
+            progress(done, 2 * len(taken.photographs))
+    left_out = grouped("left out, as ", left)
+    if not rows:
+        raise PhotographError(one_line("; ".join(["no photograph shows ground that is known", *left_out])))
+    notes = [*taken.notes, *left_out, *grouped("", doubts), *([] if dem is None else dem.notes())]
+    from geopandas import GeoDataFrame
+
+    table = [{"id": number, **row} for number, row in enumerate(rows, start=1)]
+    regions = regions_of_frame(GeoDataFrame(table, crs=WGS84))
+    return Footprints(replace(regions, wkt=define_crs(WGS84).wkt2), tuple(notes))
+
+
+def _row(photograph: Photograph, ground: Ground) -> dict[str, Any]:
+    """Return the attributes of a footprint, and its outline."""
+    outline = ground.footprint(photograph)
+    height_m = ground.camera_height_m(photograph)
+    lon, lat = np.array([photograph.lon]), np.array([photograph.lat])
+    [middle] = ground.seen(photograph, np.array([photograph.image_px]) / 2)
+    slant_m = math.hypot(middle[0], middle[1], middle[2] - height_m)
+    taken_s = photograph.taken_s
+    clock = None if taken_s is None else datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=taken_s)
+    return {
+        "photo": Path(photograph.path).name,
+        "camera_lon": photograph.lon,
+        "camera_lat": photograph.lat,
+        "height_m": height_m - float(ground.heights_m(lon, lat)[0]),
+        "yaw": photograph.yaw_deg % 360,
+        "pitch": photograph.pitch_deg,
+        "gsd_cm": 100 * slant_m / photograph.focal_px,
+        "taken": "" if clock is None else clock.replace(tzinfo=None).isoformat(timespec="milliseconds"),
+        "geometry": _within_180(outline),
+    }
+
+
+def _within_180(outline: Any) -> Any:
+    """Return an outline cut where its longitudes go on beyond 180 degrees."""
+    west, _, east, _ = outline.bounds
+    if west >= -180 and east <= 180:
+        return outline
+    parts = [one for one in shapely.get_parts(outline) if one.geom_type == "Polygon"]
+    cut = [
+        cut_at_antimeridian(
+            [shapely.get_coordinates(ring) for ring in shapely.get_rings(shapely.orient_polygons(part))],
+            False,
+        )
+        for part in parts
+    ]
+    return shapely.union_all(cut)

@@ -1,0 +1,517 @@
+"""Photographs read from files: position, height, pose and focal length of EXIF and XMP tags.
+
+Only headers are read. The tags are those of DJI, Autel, Parrot and Skydio; of Pix4D's namespace "Camera",
+which senseFly, MicaSense, Parrot and older cameras of Autel use; and of EXIF alone, as the geotags of
+ArduPilot are. "Camera" has yaw, pitch and roll of the top of the image (a pitch of 0 is straight down), the
+others those of the line of sight.
+"""
+
+import io
+import math
+import os
+import re
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from uavseg.arrays import Path_
+from uavseg.dataclass import dataclass
+from uavseg.errors import PhotographError
+from uavseg.execution.executors import Progress
+from uavseg.flight.camera.camera import Camera, cameras
+from uavseg.inputs import regular_file
+from uavseg.photographs.photograph import Photograph
+from uavseg.plain_text import cause_of, one_line, shown
+from uavseg.warning_filters import changing_filters
+
+SUFFIXES = (".jpg", ".jpeg", ".tif", ".tiff", ".dng")
+_FIRST = 3  # names of a note
+_MAX_BYTES = 32 << 20  # of a header; those of thermal images hold temperatures
+_LEAST_READ = 256  # bytes that each call counts for
+_MAX_XMP = 1 << 18
+_HIGHEST_M = 20_000.0  # altitudes, above and below the sea
+_FAR_M = 100.0  # by which two positions of one photograph may differ
+_NEAR_M = 1.0  # to the next photograph, whose direction is that of a track
+_FILM_MM = 43.27  # diagonal of 36 x 24 mm
+_FOCAL = (0.1, 300.0)  # focal lengths in diagonals of the image
+_UNITS_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}  # of FocalPlaneResolutionUnit
+_SPEEDS = {"K": 1 / 3.6, "M": 0.44704, "N": 1852 / 3600}
+_RDF = "{http://www.w3.org/1999/02/22-rdf-syntax-ns#}"
+_SPACES = ("drone-dji", "drone-autel", "drone-parrot", "drone-skydio", "/camera/")  # parts of namespaces
+# Prefixes of yaw, pitch and roll of the line of sight, and what follows.
+_POSES = (
+    ("drone-dji:Gimbal", "Degree"),
+    ("drone-autel:Gimbal", "Degree"),
+    ("drone-parrot:Camera", "Degree"),
+    ("drone-skydio:CameraOrientationNED/", ""),
+)
+
+
+@dataclass(frozen=True)
+class Taken:
+    """Photographs in the order of their times, and what was assumed or left out."""
+
+    photographs: tuple[Photograph, ...]
+    notes: tuple[str, ...] = ()
+
+
+def read_photographs(
+    sources: Sequence[Path_], progress: Progress | None = None, camera: Camera | None = None
+) -> Taken:
+    """Read the poses of photographs from files, and from folders and their subfolders.
+
+    They are ordered by time, then by name. Those that cannot be placed are left out and named in the notes.
+    `camera` is that of all photographs, instead of the focal length of the tags. A PhotographError says that
+    a file or a folder cannot be read, there is none, or none can be placed.
+    """
+    paths, ignored = _files(sources)
+    notes = [f"{ignored} other files in folders are not photographs"] if ignored else []
+    found: list[Photograph] = []
+    left: list[tuple[str, str]] = []
+    for done, path in enumerate(paths, start=1):
+        try:
+            found.append(_read(path, camera))
+        except PhotographError as error:
+            left.append((path, str(error)))
+        if progress is not None:
+            progress(done, len(paths))
+    found.sort(key=lambda one: (one.taken_s is None, one.taken_s or 0.0, one.path))
+    found = _along_track(found)
+    left += [(one.path, "nothing says where its top is") for one in found if math.isnan(one.yaw_deg)]
+    found = [one for one in found if not math.isnan(one.yaw_deg)]
+    left_out = grouped("left out, as ", left)
+    if not found:
+        raise PhotographError(one_line("; ".join(["no photograph can be placed", *left_out])))
+    assumed = [(one.path, note) for one in found for note in one.notes]
+    return Taken(tuple(found), (*notes, *left_out, *grouped("", assumed)))
+
+
+def grouped(start: str, reasons: Iterable[tuple[str, str]]) -> list[str]:
+    """Return a line for each reason, with the first names of the files that have it."""
+    groups: dict[str, list[tuple[str, str]]] = {}
+    for path, reason in reasons:
+        groups.setdefault(re.sub(r"\d+(\.\d+)?", "0", reason), []).append((Path(path).name, reason))
+    lines = []
+    for group in groups.values():
+        names = ", ".join(shown(name, quoted=False) for name, _ in group[:_FIRST])
+        more = f" and {len(group) - _FIRST} more" if len(group) > _FIRST else ""
+        lines.append(f"{names}{more}: {start}{group[0][1]}")
+    return lines
+
+
+def _files(sources: Sequence[Path_]) -> tuple[list[str], int]:
+    """Return the names of files, each once, and how many files of folders are no photographs."""
+    names: dict[str, None] = {}
+    ignored = 0
+
+    def refuse(error: OSError) -> None:
+        raise PhotographError(f"{error.filename} cannot be listed ({cause_of(error)})") from error
+
+    for source in sources:
+        if not os.path.isdir(source):  # noqa: PTH112 - false for a name that is too long
+            names[os.fspath(regular_file(source, PhotographError))] = None
+            continue
+        before = len(names)
+        for folder, folders, files in os.walk(source, onerror=refuse):
+            folders[:] = sorted(name for name in folders if not name.startswith("."))
+            for name in sorted(files):
+                path = Path(folder, name)
+                if path.suffix.lower() in SUFFIXES and not name.startswith(".") and path.is_file():
+                    names[os.fspath(path)] = None
+                else:
+                    ignored += 1
+        if len(names) == before:
+            raise PhotographError(f"{os.fspath(source)} has no photographs ({', '.join(SUFFIXES)})")
+    if not names:
+        raise PhotographError("there are no photographs to read; name files or folders")
+    return list(names), ignored
+
+
+class _Header(io.FileIO):
+    """A file of which a limited number of bytes is read."""
+
+    left = _MAX_BYTES
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        self.left -= max(size if size is not None and size >= 0 else _MAX_BYTES, _LEAST_READ)
+        if self.left < 0:
+            raise PhotographError("its header is longer than that of any camera")
+        return super().read(size) or b""
+
+
+@dataclass(frozen=True, slots=True)
+class _Tags:
+    """Tags of a photograph: EXIF by number (those of the image, of the exposure and of GPS), XMP by name."""
+
+    size: tuple[int, int]
+    exif: Mapping[int, Any]
+    gps: Mapping[int, Any]
+    xmp: Mapping[str, str]
+
+    def number(self, *names: str | int, gps: bool = False, limit: float | None = None) -> float | None:
+        """Return the first of these tags that is a finite number, None where there is none.
+
+        With a limit of its magnitude, a tag that is none or beyond it is a PhotographError.
+        """
+        for name in names:
+            value = (
+                self.xmp.get(name) if isinstance(name, str) else (self.gps if gps else self.exif).get(name)
+            )
+            if value is None:
+                continue
+            number = math.nan
+            with suppress(ValueError, TypeError, ZeroDivisionError, OverflowError):
+                above, slash, below = value.partition("/") if isinstance(value, str) else (value, "", "")
+                number = float(above) / float(below) if slash else float(above)
+            if limit is not None and not abs(number) <= limit:
+                raise PhotographError(f"its tag {name} is {shown(value)}")
+            if math.isfinite(number):
+                return number
+        return None
+
+    def text(self, name: int, gps: bool = False) -> str:
+        value = (self.gps if gps else self.exif).get(name, "")
+        return one_line(value.strip(" \0\n"), 80) if isinstance(value, str) else ""
+
+
+def _tags(path: str) -> _Tags:
+    from PIL import Image
+
+    try:
+        with changing_filters(), _Header(path) as file:
+            warnings.simplefilter("ignore")  # of sizes, which are not decoded, and of tags that are cut short
+            with Image.open(file, formats=("JPEG", "TIFF")) as image:
+                exif = image.getexif()
+                shot = {**exif, **exif.get_ifd(0x8769)}
+                gps = dict(exif.get_ifd(0x8825))
+                size, packet = image.size, image.info.get("xmp") or b""
+    except PhotographError:
+        raise
+    except Exception as error:  # Pillow raises errors of many types where a file is damaged
+        cause = f" ({cause_of(error)})" if isinstance(error, OSError) and error.errno else ""
+        raise PhotographError(f"it cannot be read as a JPEG or TIFF image{cause}") from error
+    if shot.get(0x00FE) == 1:  # the first image of a .dng is a preview
+        cols, rows = shot.get(0xA002), shot.get(0xA003)
+        if not (isinstance(cols, int) and isinstance(rows, int) and min(cols, rows) > 0):
+            raise PhotographError("its size is not known: its first image is a preview")
+        size = cols, rows
+    return _Tags(size, shot, gps, _xmp(packet.encode() if isinstance(packet, str) else packet))
+
+
+def _xmp(packet: bytes) -> dict[str, str]:
+    """Return tags as "namespace:Name", those in a structure as "namespace:Structure/Name"."""
+    from defusedxml.ElementTree import fromstring
+
+    found: dict[str, str] = {}
+    if not packet.strip(b" \0\r\n\t"):
+        return found
+    try:
+        if len(packet) > _MAX_XMP:
+            raise ValueError
+        root = fromstring(packet.strip(b" \0\r\n\t"), forbid_dtd=True)
+    except Exception as error:  # expat's, of encodings, and of what is forbidden
+        raise PhotographError("its XMP tags cannot be read") from error
+    for description in root.iterfind(f".//{_RDF}RDF/{_RDF}Description"):
+        _add(found, description.attrib)
+        for child in description:
+            owner = _named(child.tag)
+            for part in child.iter():
+                if part is not child and not part.tag.startswith(_RDF):
+                    _add(found, {part.tag: part.text}, f"{owner}/")
+                _add(found, part.attrib, f"{owner}/")
+            _add(found, {child.tag: child.text})
+    return found
+
+
+def _add(found: dict[str, str], tags: Mapping[str, str | None], owner: str = "") -> None:
+    for tag, text in tags.items():
+        if text and text.strip():
+            name = _named(tag)
+            found.setdefault(owner + name.partition(":")[2] if owner else name, text.strip())
+
+
+def _named(tag: str) -> str:
+    """Return the name of a tag after that of its namespace, where that is one of those with poses."""
+    space, _, name = tag.rpartition("}")
+    known = next((one.strip("/") for one in _SPACES if one in f"{space.lower()}/"), "")
+    return f"{known}:{name}"
+
+
+def _read(path: str, camera: Camera | None) -> Photograph:
+    tags = _tags(path)
+    notes: list[str] = []
+    lat, lon = _position(tags, notes)
+    altitude, is_ellipsoidal = _altitude(tags)
+    yaw, pitch, roll = _pose(tags, notes)
+    return Photograph(
+        path=path,
+        lon=lon,
+        lat=lat,
+        relative_m=_relative(tags, notes),
+        altitude_m=altitude,
+        is_ellipsoidal=is_ellipsoidal,
+        yaw_deg=yaw,
+        pitch_deg=pitch,
+        roll_deg=roll + _turn(tags),
+        image_px=tags.size,
+        focal_px=_focal_px(tags, camera),
+        camera=_camera_name(tags),
+        taken_s=_taken_s(tags),
+        exposure_s=tags.number(0x829A),
+        speed_m_s=_speed(tags),
+        position_error_m=_error_m(tags),
+        notes=tuple(notes),
+    )
+
+
+def _position(tags: _Tags, notes: list[str]) -> tuple[float, float]:
+    """Return latitude and longitude: those of XMP, which are finer, else those of EXIF."""
+    places = [place for place in (_xmp_position(tags), _exif_position(tags)) if place and any(place)]
+    if not places:
+        raise PhotographError("it has no position")
+    (lat, lon), others = places[0], places[1:]
+    for other in others:
+        if _distance_m((lat, lon), other) <= _FAR_M:
+            continue
+        if _distance_m((abs(lat), abs(lon)), (abs(other[0]), abs(other[1]))) <= _FAR_M:
+            raise PhotographError(
+                "its positions in XMP and EXIF are on different hemispheres; correct the signs or references"
+            )
+        notes.append("positions in XMP and EXIF are more than 100 m apart; that of XMP is taken")
+    return lat, lon
+
+
+def _distance_m(place: tuple[float, float], other: tuple[float, float]) -> float:
+    east = math.remainder(place[1] - other[1], 360) * math.cos(math.radians(place[0]))
+    return math.hypot(east, place[0] - other[0]) * 111_195
+
+
+def _xmp_position(tags: _Tags) -> tuple[float, float] | None:
+    for space in ("drone-dji", "drone-autel", "drone-skydio"):
+        for name in ("Gps{}", "GPS{}", "{}"):
+            lat = tags.number(f"{space}:{name.format('Latitude')}", limit=90)
+            for longitude in ("Longitude", "Longtitude"):  # as DJI and Autel spelled it
+                lon = tags.number(f"{space}:{name.format(longitude)}", limit=180)
+                if lat is not None and lon is not None:
+                    return lat, lon
+    return None
+
+
+def _exif_position(tags: _Tags) -> tuple[float, float] | None:
+    found = []
+    for tag, signs, limit in ((2, "NS", 90), (4, "EW", 180)):
+        parts = tags.gps.get(tag)
+        if parts is None:
+            return None
+        ref = tags.text(tag - 1, gps=True).upper()[:1]
+        try:
+            degrees = sum(float(part) / 60**power for power, part in enumerate(parts))
+        except (TypeError, ValueError, ZeroDivisionError, OverflowError):
+            degrees = math.nan
+        if not 0 <= degrees <= limit:
+            raise PhotographError("its position in EXIF is not one on Earth")
+        if not ref or ref not in signs:
+            if _xmp_position(tags):
+                return None
+            raise PhotographError("its position in EXIF lacks the references: north or south, east or west")
+        found.append(-degrees if ref == signs[1] else degrees)
+    return found[0], found[1]
+
+
+def _altitude(tags: _Tags) -> tuple[float | None, bool]:
+    """Return the altitude, and whether it is above the ellipsoid."""
+    reference = tags.gps.get(5, b"\0")
+    ref = reference[0] if isinstance(reference, bytes) and reference else reference
+    spaces = ("drone-dji", "drone-autel", "drone-skydio")
+    altitude = tags.number(*(f"{space}:AbsoluteAltitude" for space in spaces), limit=_HIGHEST_M)
+    if altitude is None:
+        altitude = tags.number(6, gps=True, limit=_HIGHEST_M)
+        altitude = -altitude if altitude is not None and ref in (1, 3) else altitude
+    zero = tags.xmp.get("camera:VertCS", "").lower()
+    kind = tags.xmp.get("drone-dji:AltitudeType", "").lower()
+    flag = tags.number("drone-dji:RtkFlag")
+    fixed = not kind and flag in (34, 50)  # with corrections: a float, a fixed solution
+    skydio = not zero and re.match(r"skydio (vt|v)\d{3}", _camera_name(tags).lower()) is not None
+    return altitude, "ellips" in zero or "4979" in zero or kind == "rtkalt" or fixed or ref in (
+        2,
+        3,
+    ) or skydio
+
+
+def _relative(tags: _Tags, notes: list[str]) -> float | None:
+    spaces = ("drone-dji", "drone-autel", "drone-skydio")
+    relative = tags.number(*(f"{space}:RelativeAltitude" for space in spaces), limit=_HIGHEST_M)
+    if relative is None:
+        relative = tags.number("camera:AboveGroundAltitude", limit=_HIGHEST_M)
+        if relative is not None:
+            notes.append("heights above the ground are taken for heights above takeoff")
+    return relative
+
+
+def _pose(tags: _Tags, notes: list[str]) -> tuple[float, float, float]:
+    """Return yaw, pitch and roll of the line of sight; yaw is NaN where nothing says it."""
+    for prefix, end in _POSES:
+        yaw, pitch, roll = (
+            tags.number(f"{prefix}{name}{end}", limit=360) for name in ("Yaw", "Pitch", "Roll")
+        )
+        if pitch is not None:
+            return _yaw(tags, notes) if yaw is None else yaw, pitch, roll or 0.0
+    yaw, pitch, roll = (tags.number(f"camera:{name}", limit=360) for name in ("Yaw", "Pitch", "Roll"))
+    if pitch is not None:
+        roll = (roll or 0.0) * (-1 if tags.text(0x010F).lower() == "sensefly" else 1)
+        return _line_of_sight(_yaw(tags, notes) if yaw is None else yaw, pitch, roll)
+    notes.append("no angles of the camera: it is taken to look straight down")
+    return _yaw(tags, notes) if yaw is None else yaw, -90.0, 0.0
+
+
+def _yaw(tags: _Tags, notes: list[str]) -> float:
+    direction = tags.number("drone-dji:FlightYawDegree", limit=360)
+    if direction is not None:
+        notes.append("no yaw of the camera: that of the vehicle is taken")
+        return direction
+    direction = tags.number(17, gps=True, limit=360)
+    if direction is None:
+        return math.nan
+    magnetic = tags.text(16, gps=True) == "M"
+    notes.append(f"yaw is {'the magnetic' if magnetic else 'that of the'} direction of the image in EXIF")
+    return direction
+
+
+def _line_of_sight(yaw_deg: float, pitch_deg: float, roll_deg: float) -> tuple[float, float, float]:
+    """Return the angles of the line of sight from those of the top of the image."""
+    yaw, pitch, roll = np.radians([yaw_deg, pitch_deg, roll_deg])
+    (sy, sp, sr), (cy, cp, cr) = np.sin([yaw, pitch, roll]), np.cos([yaw, pitch, roll])
+    right = np.array([cy * sp * sr - sy * cr, sy * sp * sr + cy * cr, cp * sr])  # north, east, down
+    sight = np.array([cy * sp * cr + sy * sr, sy * sp * cr - cy * sr, cp * cr])
+    level = math.hypot(sight[0], sight[1])
+    if level < 1e-9:  # straight down: yaw is that of the top of the image
+        return math.degrees(math.atan2(-right[0], right[1])), -90.0 if sight[2] > 0 else 90.0, 0.0
+    down = np.cross(sight, right)
+    return (
+        math.degrees(math.atan2(sight[1], sight[0])),
+        math.degrees(math.atan2(-sight[2], level)),
+        math.degrees(math.atan2(right[2], down[2])),
+    )
+
+
+def _turn(tags: _Tags) -> float:
+    """Return by how many degrees the stored image is turned against the upright one."""
+    orientation = tags.exif.get(0x0112, 1)
+    if orientation not in (0, 1, 3):
+        raise PhotographError(
+            f"its orientation tag is {shown(orientation)}, neither 1 nor 3: it was turned on its side, and "
+            "its angles may be those before"
+        )
+    return 180.0 if orientation == 3 else 0.0
+
+
+def _camera_name(tags: _Tags) -> str:
+    make, model = tags.text(0x010F), tags.text(0x0110)
+    return model if model.lower().startswith(make.lower()) else f"{make} {model}".strip()
+
+
+def _focal_px(tags: _Tags, camera: Camera | None) -> float:
+    """Return the focal length in pixels, of the first source that is plausible."""
+    cols, rows = tags.size
+    diagonal = math.hypot(cols, rows)
+    if camera is not None:
+        if abs(max(tags.size) / min(tags.size) / (max(camera.image_px) / min(camera.image_px)) - 1) > 0.02:
+            raise PhotographError(
+                f"its image of {cols} x {rows} pixels has another shape than the {camera.image_px[0]} x "
+                f"{camera.image_px[1]} of the camera {camera.name}"
+            )
+        return camera.focal_mm / max(camera.sensor_mm) * max(tags.size)
+    full = tags.number(0xA002)
+    scale = max(tags.size) / max(full, tags.number(0xA003) or 0) if full and full > 0 else 1.0
+    found = [_calibrated_px(tags, scale), _catalogue_px(tags)]
+    focal_mm, film_mm, unit = (
+        tags.number(0x920A),
+        tags.number(0xA405),
+        _UNITS_MM.get(tags.exif.get(0xA210, 2)),
+    )
+    per_unit = tags.number(0xA20E)
+    if focal_mm and per_unit and unit:
+        found.append(focal_mm * per_unit / unit * scale)
+    if film_mm:
+        found.append(film_mm * diagonal / _FILM_MM)
+    zoom = tags.number(0xA404) or 1.0
+    for focal_px in found:
+        if focal_px is not None and _FOCAL[0] * diagonal <= focal_px * zoom <= _FOCAL[1] * diagonal:
+            return focal_px * zoom
+    raise PhotographError(
+        "it has no focal length from which that in pixels follows: name its camera with --camera"
+    )
+
+
+def _calibrated_px(tags: _Tags, scale: float) -> float | None:
+    names = (f"{space}:CalibratedFocalLength" for space in ("drone-dji", "drone-autel"))
+    focal_px = tags.number(*names, "drone-skydio:CalibratedFocalLength/X")
+    return None if focal_px is None else focal_px * scale
+
+
+def _catalogue_px(tags: _Tags) -> float | None:
+    """Return the focal length of the one camera of the catalogue with this name, shape of image and lens."""
+    name, focal_mm = _camera_name(tags).lower(), tags.number(0x920A)
+    shape = max(tags.size) / min(tags.size)
+    fits = [
+        one
+        for one in cameras()
+        if name
+        and f"{one.name.lower()} ".startswith(f"{name} ")
+        and abs(shape / (max(one.image_px) / min(one.image_px)) - 1) < 0.02
+        and (not focal_mm or abs(focal_mm / one.focal_mm - 1) < 0.03)
+    ]
+    return fits[0].focal_mm / max(fits[0].sensor_mm) * max(tags.size) if len(fits) == 1 else None
+
+
+def _taken_s(tags: _Tags) -> float | None:
+    """Return the time of the camera's clock, in seconds since 1970."""
+    for tag, fraction in ((0x9003, 0x9291), (0x9004, 0x9292), (0x0132, 0x9290)):
+        with suppress(ValueError, OverflowError):
+            taken = datetime.strptime(tags.text(tag), "%Y:%m:%d %H:%M:%S").replace(tzinfo=UTC)
+            digits = tags.text(fraction)
+            return taken.timestamp() + (float(f"0.{digits}") if re.fullmatch(r"[0-9]{1,9}", digits) else 0.0)
+    return None
+
+
+def _speed(tags: _Tags) -> float | None:
+    east, north, up = (tags.number(f"drone-dji:Flight{axis}Speed") for axis in "YXZ")
+    if east is not None and north is not None:
+        return math.hypot(east, north, up or 0.0)
+    speed, unit = tags.number(13, gps=True), _SPEEDS.get(tags.text(12, gps=True) or "K")
+    return None if speed is None or unit is None else speed * unit
+
+
+def _error_m(tags: _Tags) -> float | None:
+    """Return the standard deviation of the horizontal position."""
+    lon, lat = tags.number("drone-dji:RtkStdLon"), tags.number("drone-dji:RtkStdLat")
+    if lon is not None and lat is not None:
+        return math.hypot(lon, lat)
+    accuracy = tags.number("camera:GPSXYAccuracy", "drone-skydio:GpsHorizontalAccuracy")
+    return accuracy if accuracy is not None else tags.number(31, gps=True)
+
+
+def _along_track(found: list[Photograph]) -> list[Photograph]:
+    """Return photographs with the direction to the next one as yaw where that is not known.
+
+    Of the last ones it is the direction before. It stays NaN where all were taken at one place.
+    """
+    yaws = [math.nan] * len(found)
+    for index in range(len(found) - 2, -1, -1):
+        one, then = found[index : index + 2]
+        east = math.remainder(then.lon - one.lon, 360) * math.cos(math.radians(one.lat))
+        near = _distance_m((one.lat, one.lon), (then.lat, then.lon)) < _NEAR_M
+        yaws[index] = yaws[index + 1] if near else math.degrees(math.atan2(east, then.lat - one.lat))
+    for index in range(1, len(found)):
+        yaws[index] = yaws[index - 1] if math.isnan(yaws[index]) else yaws[index]
+    note = "no yaw: the direction to the next photograph is taken"
+    return [
+        replace(one, yaw_deg=yaw, notes=(*one.notes, note)) if math.isnan(one.yaw_deg) else one
+        for one, yaw in zip(found, yaws, strict=True)
+    ]
