@@ -28,6 +28,7 @@ _COMMANDS = {
     "plan": "Plan a mission over regions.",
     "check": "Tell what a mission file holds, and who would refuse it.",
     "footprints": "Draw the ground that photographs from the air show.",
+    "georeference": "Make a map of photographs from the air, by their pose.",
     "cameras": "List the cameras that a survey can be planned for.",
     "upload": "Send a mission to a vehicle, and verify it.",
     "download": "Read the mission of a vehicle.",

@@ -3,7 +3,7 @@
 import math
 import threading
 from collections import OrderedDict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import field
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from uavseg.flight.mission.track import Plane
 from uavseg.photographs.ground import Ground
 from uavseg.photographs.likely_error import likely_error_m
 from uavseg.photographs.photograph import HORIZON_DEG, Photograph
+from uavseg.photographs.read import grouped
 from uavseg.raster.geodesy.globe import WGS84, Transform, transform_between, utm_crs, wrap_lon
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import Window
@@ -42,7 +43,8 @@ class View:
     photograph: Photograph
     plane: Plane
     height_m: float  # of the camera, as the heights of the ground
-    gsd_m: float  # side of a pixel on the ground, in the middle of the image
+    gsd_m: float  # ground sampling distance across the line of sight, in the middle of the image
+    coarsest_m: float  # side of a pixel on the ground, beyond which nothing is drawn
     bounds: Floats  # (4,), left, bottom, right and top on the map
     errors_m: tuple[float, float]  # likely error in the middle of the image, and where it is largest
     lean: float  # metres by which a place is off at the edge, for each metre that its height is
@@ -59,15 +61,15 @@ class View:
         seen = ground.seen(photograph, pixels)
         offsets = seen - (0, 0, height_m)
         with np.errstate(invalid="ignore"):
-            gsd_m = _gsd_m(offsets @ photograph.axes[0], -offsets[:, 2], photograph.focal_px)
-            middle = len(gsd_m) // 2
-            drawn = gsd_m <= COARSEST * gsd_m[middle]
+            sides_m = _sides_m(offsets @ photograph.axes[0], -offsets[:, 2], photograph.focal_px)
+            middle = len(sides_m) // 2
+            drawn = sides_m <= COARSEST * sides_m[middle]
         if not drawn[middle]:
             where = "" if ground.dem is None else ", or beyond the elevation model"
             raise PhotographError(f"its middle looks to the horizon{where}")
         square = np.pad(drawn.reshape(_NODES, _NODES), 1)  # with neighbours, between which the edge lies
         near = np.lib.stride_tricks.sliding_window_view(square, (3, 3)).any(axis=(2, 3)).ravel()
-        around = seen[near & np.isfinite(gsd_m)]
+        around = seen[near & np.isfinite(sides_m)]
         x, y = to_xy(*plane.lonlat_from_xy(around[:, 0], around[:, 1]))
         # Between the nodes, the outline of an image over hills may bulge.
         margin = 0.0 if ground.dem is None else max(np.ptp(x), np.ptp(y)) / (_NODES - 1)
@@ -78,7 +80,8 @@ class View:
             photograph=photograph,
             plane=plane,
             height_m=height_m,
-            gsd_m=float(gsd_m[middle]),
+            gsd_m=float(np.linalg.norm(offsets[middle]) / photograph.focal_px),
+            coarsest_m=float(COARSEST * sides_m[middle]),
             bounds=np.array([x.min() - margin, y.min() - margin, x.max() + margin, y.max() + margin]),
             errors_m=(float(errors[drawn[:middle].sum()]), float(np.nanmax(errors))),
             lean=float((flat[drawn] / -offsets[drawn, 2]).max()),
@@ -98,7 +101,7 @@ class View:
                 (ahead > 0) & (col >= 0) & (col <= one.image_px[0]) & (row >= 0) & (row <= one.image_px[1])
             )
             drawn &= -up > math.cos(math.radians(HORIZON_DEG)) * np.sqrt(east**2 + north**2 + up**2)
-            drawn &= _gsd_m(ahead, -up, one.focal_px) <= COARSEST * self.gsd_m
+            drawn &= _sides_m(ahead, -up, one.focal_px) <= self.coarsest_m
         if self.horizon is not None:
             far = np.hypot(east, north)
             azimuth = np.rint(np.arctan2(east, north) * (_AZIMUTHS / math.tau)).astype(np.int64) % _AZIMUTHS
@@ -109,7 +112,7 @@ class View:
         return col, row, drawn
 
 
-def _gsd_m(ahead: Floats, below: Floats, focal_px: float) -> Floats:
+def _sides_m(ahead: Floats, below: Floats, focal_px: float) -> Floats:
     """Return the root of the area of a pixel on level ground, so far along the line of sight and below."""
     return np.sqrt(ahead**3 / below) / focal_px
 
@@ -259,7 +262,12 @@ def _bilinear(image: NDArray[Any], col: Floats, row: Floats) -> NDArray[Any]:
     return values.astype(image.dtype)
 
 
-def mosaic_of(photographs: Sequence[Photograph], ground: Ground, pixel_m: float | None = None) -> Mosaic:
+def mosaic_of(
+    photographs: Sequence[Photograph],
+    ground: Ground,
+    pixel_m: float | None = None,
+    progress: Progress | None = None,
+) -> Mosaic:
     """Lay photographs on the ground, and a grid over them: in the UTM zone of their middle, north up.
 
     Pixels are squares of `pixel_m` metres, by default as large as those in the middle of the photographs (the
@@ -272,14 +280,17 @@ def mosaic_of(photographs: Sequence[Photograph], ground: Ground, pixel_m: float 
     lons, lats = (np.array([getattr(one, name) for one in photographs]) for name in ("lon", "lat"))
     crs = utm_crs(float(lats.mean()), float(lons[0] + wrap_lon(lons - lons[0]).mean()))
     to_xy = transform_between(WGS84, crs.to_wkt())
-    views, left_out = [], []
-    for photograph in photographs:
+    views, left = [], []
+    for done, photograph in enumerate(photographs, start=1):
         try:
             views.append(View.of(photograph, ground, to_xy))
         except PhotographError as error:
-            left_out.append((f"left out: {error}", photograph))
+            left.append((photograph.path, str(error)))
+        if progress is not None:
+            progress(done, len(photographs))
+    left_out = grouped("left out, as ", left)
     if not views:
-        raise PhotographError(f"no photograph can be put on the ground; {_grouped(left_out)[0]}")
+        raise PhotographError("; ".join(["no photograph shows ground that is known", *left_out]))
     bands, dtype = _pixels_of(views)
     side = pixel_m or float(f"{np.median([view.gsd_m for view in views]):.3g}")
     bounds = np.array([view.bounds for view in views])
@@ -288,7 +299,8 @@ def mosaic_of(photographs: Sequence[Photograph], ground: Ground, pixel_m: float 
     if not rows * cols <= MAX_PIXELS:
         raise PhotographError(
             f"the photographs would be a mosaic of {cols:,.0f} x {rows:,.0f} pixels of {100 * side:g} cm, "
-            f"and at most {MAX_PIXELS:,} are drawn: do all show one place? Give fewer, or a larger --resolution"
+            f"and at most {MAX_PIXELS:,} are drawn: do all show one place? Give fewer, or a larger "
+            "--resolution"
         )
     transform = Affine(side, 0.0, least[0] * side, 0.0, -side, most[1] * side)
     return Mosaic(
@@ -297,7 +309,7 @@ def mosaic_of(photographs: Sequence[Photograph], ground: Ground, pixel_m: float 
         geobox=GeoBox((int(rows), int(cols)), transform, crs),
         bands=bands,
         dtype=dtype,
-        warnings=(*_grouped(left_out), *_notes(views, ground)),
+        warnings=(*left_out, *_notes(views, ground)),
         _to_lonlat=transform_between(crs.to_wkt(), WGS84),
     )
 
@@ -333,20 +345,10 @@ def _pixels_of(views: Sequence[View]) -> tuple[int, np.dtype[Any]]:
     return count, np.dtype(name)
 
 
-def _grouped(notes: Iterable[tuple[str, Photograph]]) -> list[str]:
-    """Return notes with the names of their photographs, those of one text together."""
-    names: dict[str, list[str]] = {}
-    for text, photograph in notes:
-        names.setdefault(text, []).append(Path(photograph.path).name)
-    return [
-        f"{some[0]}{f' and {len(some) - 1} more' if len(some) > 1 else ''}: {text}"
-        for text, some in names.items()
-    ]
-
-
 def _notes(views: Sequence[View], ground: Ground) -> list[str]:
-    """Return what was assumed, what is not drawn, and how far off the mosaic is likely to be."""
-    notes = _grouped((text, view.photograph) for view in views for text in view.photograph.notes)
+    """Return which heights are doubtful, what is not drawn, and how far off places may be."""
+    doubts = [(one.path, note) for one in (view.photograph for view in views) for note in ground.notes(one)]
+    notes = grouped("", doubts)
     least = min(views, key=lambda view: view.drawn)
     if least.drawn < 1:
         beyond = "" if ground.dem is None else ", or lies beyond the elevation model"
