@@ -27,7 +27,7 @@ def command(options: GeoreferenceOptions) -> None:
             "photographs": f"{len(found.photographs):,}",
             "map": f"{cols:,} x {rows:,} pixels of {100 * found.geobox.transform.a:g} cm "
             f"-> {shown(str(found.path))}",
-            "likely error": f"{found.error_m:.1f} m, up to {found.edge_error_m:.1f} m at edges",
+            "error": f"likely {found.error_m:.1f} m, up to {found.edge_error_m:.1f} m at edges",
             "seconds": f"{reporter.seconds:.2f}",
         }
     )

@@ -1,7 +1,6 @@
 """Error propagation: how far from its place the ground in a photograph is likely to be drawn."""
 
-from dataclasses import replace
-from typing import Any
+import math
 
 import numpy as np
 
@@ -10,16 +9,17 @@ from uavseg.photographs.photograph import Photograph
 
 POSITION_M = 3.0  # horizontal, of a satellite receiver without corrections
 HEIGHT_M, HEIGHT_SHARE = 2.0, 0.02  # of a height above the ground, whichever is more
-YAW_DEG, TILT_DEG = 1.5, 0.5  # of gimbals; tilt is pitch and roll
+YAW_DEG, TILT_DEG = 1.5, 0.5  # of gimbals: about the vertical, and about each of two level axes
 
 
 def likely_error_m(photograph: Photograph, pixels: Floats, below_m: Floats) -> Floats:
     """Return the standard deviation of where places of an image are put on the ground, in metres.
 
-    The variances that the position, the height, yaw, pitch and roll contribute add up, as those of
-    independent errors do. What each contributes is half the distance between the places that follow from the
-    pose with one standard deviation less and more. The ground is level around each place, the lens without
-    distortion. A position of which the file says the error also has a height of twice that error.
+    The variances that the position, the height and three turns of the camera contribute add up, as those of
+    independent errors do: about the vertical (yaw), and about the level axes to the right and ahead (pitch
+    and roll). What each contributes is half the distance between the places that follow from one standard
+    deviation less and more. The ground is level around each place, the lens without distortion. Where the
+    file says the error of the position, that of the height is at most twice as much.
 
     Parameters
     ----------
@@ -44,16 +44,19 @@ def likely_error_m(photograph: Photograph, pixels: Floats, below_m: Floats) -> F
     if stated is not None:
         height_m = np.minimum(height_m, 2 * stated)
 
-    def places(below_m: Floats, **pose: Any) -> Floats:
-        rays = replace(photograph, **pose).rays(pixels)
+    rays = photograph.rays(pixels)
+    yaw = math.radians(photograph.yaw_deg)
+    up, right, ahead = (0, 0, 1), (math.cos(yaw), -math.sin(yaw), 0), (math.sin(yaw), math.cos(yaw), 0)
+
+    def places(rays: Floats, below_m: Floats) -> Floats:
         down = np.where(rays[:, 2] < 0, -rays[:, 2], np.nan)
         found: Floats = rays[:, :2] * (below_m / down)[:, None]
         return found
 
-    pairs = [(places(below_m - height_m), places(below_m + height_m))]
-    for name, error in (("yaw_deg", YAW_DEG), ("pitch_deg", TILT_DEG), ("roll_deg", TILT_DEG)):
-        angle = getattr(photograph, name)
-        pairs.append((places(below_m, **{name: angle - error}), places(below_m, **{name: angle + error})))
+    pairs = [(places(rays, below_m - height_m), places(rays, below_m + height_m))]
+    for axis, error_deg in ((up, YAW_DEG), (right, TILT_DEG), (ahead, TILT_DEG)):
+        turn = math.radians(error_deg) * np.cross(axis, rays)
+        pairs.append((places(rays - turn, below_m), places(rays + turn, below_m)))
     variance = sum(((more - less) ** 2).sum(axis=1) / 4 for less, more in pairs)
     errors: Floats = np.sqrt((POSITION_M if stated is None else stated) ** 2 + variance)
     return errors

@@ -56,9 +56,7 @@ def georeference(
     keep_inputs([output], [list(photographs), read, options.poses.dem, options.camera])
     mosaic = mosaic_of(taken.photographs, ground, None if resolution is None else resolution / 100, laying)
     names = tuple(Path(view.photograph.path).name for view in mosaic.views)
-    decided(
-        "%d photographs, %d x %d pixels of %g m", len(names), *mosaic.geobox.shape, mosaic.geobox.transform.a
-    )
+    decided("%d x %d pixels of %g m", *mosaic.geobox.shape, mosaic.geobox.transform.a)
     error_m, edge_error_m = mosaic.errors_m
     tags = {
         "likely_error_m": f"{error_m:.2f}",
