@@ -69,8 +69,8 @@ def georeference(
         write_image_geotiff(output, strips, mosaic.geobox, mosaic.bands + 1, mosaic.dtype, overwrite, tags)
     error = (
         f"places are likely off by {error_m:.1f} m in the middle of a photograph, and by up to "
-        f"{edge_error_m:.1f} m elsewhere, as position, height and angles are; the lens is taken to be without "
-        "distortion"
+        f"{edge_error_m:.1f} m elsewhere, from the errors of position, height and angles; the lens is taken "
+        "to be without distortion"
     )
     warnings = (*taken.notes, *mosaic.warnings, *(() if dem is None else dem.notes()), error)
     return Georeferenced(
