@@ -5,7 +5,7 @@ import shutil
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import chdir
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -25,6 +25,8 @@ from tests.flight.link.served import udp_vehicle
 from tests.flight.link.vehicles import ArduPilot, FakeVehicle, Generic, Px4
 from tests.jobs.test_next_sample import fields
 from tests.occupancy.bags.write_bags import POINT_CLOUD, Drive, Recorded, write_ros1, write_ros2
+from tests.photographs.make import draw_photograph
+from tests.photographs.test_read import PHOTO
 from uavseg.cli import main
 from uavseg.flight.formats import files
 from uavseg.flight.link import link
@@ -774,6 +776,69 @@ def test_descriptions_and_names(source: str, words: Words) -> None:
             return written(lambda path: export.write_regions(found.regions, path), "python.gpkg")
 
         assert_equal(in_python(recognise), expected)
+
+
+@pytest.mark.parametrize(
+    ("sources", "words"),
+    [
+        (["photos"], {}),
+        (["photos/a.jpg", "photos/b.jpg"], {"camera": "DJI Phantom 4 Pro"}),
+        (["photos"], {"home": (45.15, -76.27, 350.0)}),
+        (["photos"], {"dem": "ground.tif"}),
+        (["photos"], {"dem": "ground.tif", "home": (45.1505, -76.2705)}),
+        (["photos"], {"home": (95.0, 8.0)}),
+        (["photos"], {"camera": "no such camera"}),
+        (["photos/nothing.jpg"], {}),
+        (["tile.tif"], {}),
+    ],
+)
+def test_footprints_of_photographs(sources: list[str], words: Words) -> None:
+    Path("photos").mkdir(exist_ok=True)
+    for number, (name, maker) in enumerate((("a.jpg", "dji"), ("b.jpg", "geotag"), ("c.tif", "parrot"))):
+        place = {
+            "lat": 45.1505 + number * 1e-4,
+            "lon": -76.2705,
+            "altitude_m": 480.0,
+            "taken_s": 1e9 + number,
+        }
+        draw_photograph(Path("photos", name), replace(PHOTO, **place), maker=maker)
+    Path("photos/notes.txt").touch()
+    arguments = [*sources, *options(words), "-o", "out.gpkg"]
+    expected = on_the_command_line("footprints", arguments, "out.gpkg")
+
+    def footprints() -> bytes:
+        frame = uavseg.footprints(sources, **words)
+        return written(lambda path: export.write_regions(regions_of(frame), path), "python.gpkg")
+
+    assert_equal(in_python(footprints), expected)
+
+
+@pytest.mark.parametrize(
+    ("sources", "words"),
+    [
+        (["views"], {}),
+        (["views/b.jpg", "views/a.jpg"], {"resolution": 80.0}),
+        (["views"], {"dem": "ground.tif"}),
+        (["views/a.jpg"], {"home": (45.15, -76.27, 350.0)}),
+        (["views"], {"resolution": -1.0}),
+        (["views"], {"camera": "no such camera"}),
+        (["views/nothing.jpg"], {}),
+        (["tile.tif"], {}),
+    ],
+)
+def test_maps_of_photographs(sources: list[str], words: Words) -> None:
+    Path("views").mkdir(exist_ok=True)
+    for number, name in enumerate(("a.jpg", "b.jpg")):
+        place = {"lat": 45.1505 + number * 2e-4, "lon": -76.2705, "altitude_m": 480.0, "taken_s": 1e9 + number}
+        draw_photograph(Path("views", name), replace(PHOTO, **place))
+    expected = on_the_command_line("georeference", [*sources, *options(words), "-o", "out.tif"], "out.tif")
+
+    def mapped() -> bytes:
+        Path("python.tif").unlink(missing_ok=True)
+        found = uavseg.georeference(sources, "python.tif", **words)
+        return found.path.read_bytes()
+
+    assert_equal(in_python(mapped), expected)
 
 
 ENDS = {"range": (0, 0.45), "start": (1.05, 12.05), "goal": (15.05, 1.05)}

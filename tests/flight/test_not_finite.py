@@ -25,6 +25,8 @@ from rasterio.transform import from_origin
 
 import uavseg
 from tests.flight.link.link_missions import FENCE, RALLY, survey
+from tests.photographs.make import draw_photograph
+from tests.photographs.test_read import PHOTO
 from uavseg.cli import main
 from uavseg.errors import MissionError, UavsegError
 from uavseg.flight.camera.camera import Camera, Overlap, Photos
@@ -106,6 +108,8 @@ OPTIONS = {  # of a command: lines in which # is the number
         *("--avoid #,1", "--avoid-margin #", "--max-altitude #", "--max-distance #", "--wind #"),
         *(f"--avoid regions.geojson {one} #" for one in ("--zone-width", "--zone-height")),
     ],
+    "footprints": [f"--home {place}" for place in ("#,8", "47,#", "47,8,#")],
+    "georeference": ["--resolution #", *(f"--home {place}" for place in ("#,8", "47,#", "47,8,#"))],
     "upload": ["--connect udpout:127.0.0.1:9 --timeout #"],
     "download": ["--connect udpout:127.0.0.1:9 --timeout #"],
 }
@@ -116,6 +120,8 @@ NO_NUMBERS = {  # options that are texts without numbers in them
 FIXED = {
     "plan": "--overwrite -o out.plan regions.geojson",
     "check": "small.plan",
+    "footprints": "-o out.plan.geojson a.jpg",
+    "georeference": "-o out.plan.tif a.jpg",
     "upload": "small.plan",
     "download": "-o out.plan",
 }
@@ -126,6 +132,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     Path("regions.geojson").write_text(json.dumps(regions()))
     Path("small.plan").write_bytes(FORMATS[".plan"].write(small("px4"), FileOptions()))
+    draw_photograph("a.jpg", PHOTO)
     write_dem(np.full((200, 200), 400.0))
     return tmp_path
 
@@ -193,6 +200,11 @@ def test_every_option_that_may_hold_a_number_is_in_the_table(command: str) -> No
     [
         (uavseg.plan, {"regions": "regions.geojson", "home": (47, 8, 400), "altitude": 60}),
         (uavseg.check, {"mission": "small.plan"}),
+        (uavseg.footprints, {"photographs": "a.jpg", "home": (47, 8, 400)}),
+        (
+            uavseg.georeference,
+            {"photographs": "a.jpg", "output": "out.plan.tif", "resolution": 20.0, "home": (47, 8, 400)},
+        ),
         (uavseg.upload, {"mission": "small.plan", "connect": "udpout:127.0.0.1:9"}),
         (uavseg.download, {"connect": "udpout:127.0.0.1:9"}),
     ],

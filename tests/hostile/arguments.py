@@ -174,6 +174,8 @@ BASES: dict[str, Callable[[], dict[str, Any]]] = {
     },
     "plan": lambda: {"regions": "hand.geojson", "altitude": 50, "home": "auto"},
     "check": lambda: {"mission": "fly.plan"},
+    "footprints": lambda: {"photographs": "p.jpg"},
+    "georeference": lambda: {"photographs": "p.jpg", "output": "out.tif"},
     "upload": lambda: {"mission": "fly.plan", "connect": "tcp:127.0.0.1:9"},
     "download": lambda: {"connect": "tcp:127.0.0.1:9"},
     "warm_up": lambda: {"processes": 1},
@@ -250,6 +252,8 @@ def case(rng: Random) -> Case:
     if chosen(rng, 0.15):
         given[rng.choice(functions()[name])] = rng.choice(list(VALUES))
     files = {"x.tif": seeds.rasters()["deflate.tif"]}
+    if name in {"footprints", "georeference"}:
+        files["p.jpg"] = seeds.photographs()["p.jpg"]
     if name == "plan":
         files["hand.geojson"] = seeds.vectors()["hand.geojson"]
     if name in {"upload", "check"}:

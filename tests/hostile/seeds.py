@@ -38,7 +38,7 @@ def everything() -> dict[str, Files]:
     """All seeds, for `use` in other processes."""
     from tests.hostile.format_seeds import formats
 
-    for draw in (rasters, formats, vectors, block_map, missions, ros_maps, bags, kept_results):
+    for draw in (rasters, formats, vectors, block_map, missions, ros_maps, bags, photographs, kept_results):
         draw()
     return _drawn
 
@@ -206,6 +206,25 @@ def missions() -> Files:
             f"{plan} -o e.plan {lines} --editable",
             "path x.tif --range 0,0.9 --start 500005,4499920 --goal 500030,4499930 -o p.geojson",
         )
+        return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+
+
+@once
+def photographs() -> Files:
+    """Photographs of several makers, at the place of the rasters."""
+    from tests.photographs.make import MAKERS, draw_photograph
+    from uavseg.photographs.photograph import Photograph
+
+    taken = Photograph(
+        path="", lon=15.0008, lat=40.6502, relative_m=50, altitude_m=200, yaw_deg=20, pitch_deg=-80,
+        image_px=(48, 36), focal_px=40.0, taken_s=1.7e9,
+    )  # fmt: skip
+    with TemporaryDirectory() as made:
+        folder = Path(made)
+        draw_photograph(folder / "p.jpg", taken)
+        draw_photograph(folder / "p.tif", taken, maker="pix4d")
+        for number, maker in enumerate(MAKERS):
+            draw_photograph(folder / f"{number}.jpg", taken, maker=maker)
         return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
 
 

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 
 import uavseg
 from uavseg.cli import main
-from uavseg.options import flights, maps, pages, regions
+from uavseg.options import flights, maps, pages, photographs, regions
 from uavseg.options.option import arguments_of, build, group, option, options_of
 
 JOBS: dict[str, type] = {
@@ -30,6 +30,8 @@ JOBS: dict[str, type] = {
     "check": flights.CheckOptions,
     "upload": flights.UploadOptions,
     "download": flights.DownloadOptions,
+    "footprints": photographs.FootprintsOptions,
+    "georeference": photographs.GeoreferenceOptions,
     "classify": maps.ClassifyOptions,
     "path": maps.PathOptions,
     "describe": maps.DescribeOptions,
@@ -53,6 +55,8 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "next-view": uavseg.next_views,
     "explore": uavseg.explore,
     "build-map": uavseg.build_map,
+    "footprints": uavseg.footprints,
+    "georeference": uavseg.georeference,
     "describe": uavseg.describe,
     "recognise": uavseg.recognise,
     "merge-maps": uavseg.merge_maps,
@@ -67,6 +71,7 @@ OF_PYTHON = {
     "scene",
     "progress",
     "regions",
+    "photographs",
     "mission",
     "bag",
     "maps",

@@ -159,10 +159,14 @@ def draw_photograph(
         image.save(path, tiffinfo=directory)
         return path
     image.save(path, "JPEG", quality=95, exif=tags)
-    if packet:
-        content, start = path.read_bytes(), b"http://ns.adobe.com/xap/1.0/\0"
-        size = (len(start) + len(packet) + 2).to_bytes(2, "big")
-        path.write_bytes(content[:2] + b"\xff\xe1" + size + start + packet + content[2:])
+    return insert_xmp(path, packet) if packet else path
+
+
+def insert_xmp(path: Path, packet: bytes) -> Path:
+    """Insert a segment of XMP into a JPEG."""
+    content, start = path.read_bytes(), b"http://ns.adobe.com/xap/1.0/\0"
+    size = (len(start) + len(packet) + 2).to_bytes(2, "big")
+    path.write_bytes(content[:2] + b"\xff\xe1" + size + start + packet + content[2:])
     return path
 
 

@@ -73,7 +73,7 @@ def footprints(
     with allowing(allow_path, allow_network):
         found = run_footprints(sources, options, progress_of(progress))
     warn(found.warnings)
-    return found.frame()
+    return found.regions.frame()
 
 
 @checked

@@ -194,4 +194,8 @@ class Ground:
         lon, lat = Plane(photograph.lat, photograph.lon).lonlat_from_xy(seen[:, 0], seen[:, 1])
         lon = photograph.lon + (lon - photograph.lon + 180) % 360 - 180
         outline = shapely.Polygon(np.column_stack([lon, lat]))
-        return outline if outline.is_valid else shapely.make_valid(outline)
+        return (
+            outline
+            if outline.is_valid
+            else shapely.make_valid(outline, method="structure", keep_collapsed=False)
+        )

@@ -40,17 +40,12 @@ _FAR_M = 100.0  # by which two positions of one photograph may differ
 _NEAR_M = 1.0  # to the next photograph, whose direction is that of a track
 _FILM_MM = 43.27  # diagonal of 36 x 24 mm
 _FOCAL = (0.1, 300.0)  # focal lengths in diagonals of the image
-_UNITS_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}  # of FocalPlaneResolutionUnit
+_UNITS_MM: dict[float, float] = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}  # of FocalPlaneResolutionUnit
 _SPEEDS = {"K": 1 / 3.6, "M": 0.44704, "N": 1852 / 3600}
 _RDF = "{http://www.w3.org/1999/02/22-rdf-syntax-ns#}"
-_SPACES = ("drone-dji", "drone-autel", "drone-parrot", "drone-skydio", "/camera/")  # parts of namespaces
-# Prefixes of yaw, pitch and roll of the line of sight, and what follows.
-_POSES = (
-    ("drone-dji:Gimbal", "Degree"),
-    ("drone-autel:Gimbal", "Degree"),
-    ("drone-parrot:Camera", "Degree"),
-    ("drone-skydio:CameraOrientationNED/", ""),
-)
+# Names of yaw, pitch and roll of the line of sight: of DJI and Autel, of Parrot, of Skydio.
+_POSES = ("drone:Gimbal{}Degree", "drone:Camera{}Degree", "drone:CameraOrientationNED/{}")
+_POSITIONS = ("drone:Gps{}", "drone:GPS{}", "drone:{}")
 
 
 @dataclass(frozen=True)
@@ -153,6 +148,7 @@ class _Tags:
     exif: Mapping[int, Any]
     gps: Mapping[int, Any]
     xmp: Mapping[str, str]
+    is_damaged: bool  # whether some tags are cut short
 
     def number(self, *names: str | int, gps: bool = False, limit: float | None = None) -> float | None:
         """Return the first of these tags that is a finite number, None where there is none.
@@ -160,9 +156,8 @@ class _Tags:
         With a limit of its magnitude, a tag that is none or beyond it is a PhotographError.
         """
         for name in names:
-            value = (
-                self.xmp.get(name) if isinstance(name, str) else (self.gps if gps else self.exif).get(name)
-            )
+            tags: Mapping[Any, Any] = self.xmp if isinstance(name, str) else self.gps if gps else self.exif
+            value = tags.get(name)
             if value is None:
                 continue
             number = math.nan
@@ -170,7 +165,7 @@ class _Tags:
                 above, slash, below = value.partition("/") if isinstance(value, str) else (value, "", "")
                 number = float(above) / float(below) if slash else float(above)
             if limit is not None and not abs(number) <= limit:
-                raise PhotographError(f"its tag {name} is {shown(value)}")
+                raise PhotographError(f"its {'GPS ' * gps}tag {name} is {shown(value)}")
             if math.isfinite(number):
                 return number
         return None
@@ -184,24 +179,25 @@ def _tags(path: str) -> _Tags:
     from PIL import Image
 
     try:
-        with changing_filters(), _Header(path) as file:
-            warnings.simplefilter("ignore")  # of sizes, which are not decoded, and of tags that are cut short
+        with changing_filters(record=True) as caught, _Header(path) as file:
+            warnings.simplefilter("always")
             with Image.open(file, formats=("JPEG", "TIFF")) as image:
                 exif = image.getexif()
                 shot = {**exif, **exif.get_ifd(0x8769)}
                 gps = dict(exif.get_ifd(0x8825))
-                size, packet = image.size, image.info.get("xmp") or b""
+                size: Any = image.size
+                packet = image.info.get("xmp") or b""
     except PhotographError:
         raise
     except Exception as error:  # Pillow raises errors of many types where a file is damaged
         cause = f" ({cause_of(error)})" if isinstance(error, OSError) and error.errno else ""
         raise PhotographError(f"it cannot be read as a JPEG or TIFF image{cause}") from error
     if shot.get(0x00FE) == 1:  # the first image of a .dng is a preview
-        cols, rows = shot.get(0xA002), shot.get(0xA003)
-        if not (isinstance(cols, int) and isinstance(rows, int) and min(cols, rows) > 0):
-            raise PhotographError("its size is not known: its first image is a preview")
-        size = cols, rows
-    return _Tags(size, shot, gps, _xmp(packet.encode() if isinstance(packet, str) else packet))
+        size = shot.get(0xA002), shot.get(0xA003)
+    if not all(isinstance(side, int) and side > 0 for side in size):
+        raise PhotographError("it does not say how large its image is")
+    is_damaged = any(one.category is not Image.DecompressionBombWarning for one in caught)
+    return _Tags(size, shot, gps, _xmp(packet.encode() if isinstance(packet, str) else packet), is_damaged)
 
 
 def _xmp(packet: bytes) -> dict[str, str]:
@@ -237,15 +233,15 @@ def _add(found: dict[str, str], tags: Mapping[str, str | None], owner: str = "")
 
 
 def _named(tag: str) -> str:
-    """Return the name of a tag after that of its namespace, where that is one of those with poses."""
+    """Return the name of a tag after "drone:" or "camera:", by its namespace; after ":" in all others."""
     space, _, name = tag.rpartition("}")
-    known = next((one.strip("/") for one in _SPACES if one in f"{space.lower()}/"), "")
-    return f"{known}:{name}"
+    families = {"drone-": "drone", "/camera/": "camera"}
+    return f"{next((one for part, one in families.items() if part in f'{space.lower()}/'), '')}:{name}"
 
 
 def _read(path: str, camera: Camera | None) -> Photograph:
     tags = _tags(path)
-    notes: list[str] = []
+    notes = ["some tags are cut short, and not read"] if tags.is_damaged else []
     lat, lon = _position(tags, notes)
     altitude, is_ellipsoidal = _altitude(tags)
     yaw, pitch, roll = _pose(tags, notes)
@@ -293,13 +289,12 @@ def _distance_m(place: tuple[float, float], other: tuple[float, float]) -> float
 
 
 def _xmp_position(tags: _Tags) -> tuple[float, float] | None:
-    for space in ("drone-dji", "drone-autel", "drone-skydio"):
-        for name in ("Gps{}", "GPS{}", "{}"):
-            lat = tags.number(f"{space}:{name.format('Latitude')}", limit=90)
-            for longitude in ("Longitude", "Longtitude"):  # as DJI and Autel spelled it
-                lon = tags.number(f"{space}:{name.format(longitude)}", limit=180)
-                if lat is not None and lon is not None:
-                    return lat, lon
+    for name in _POSITIONS:
+        lat = tags.number(name.format("Latitude"), limit=90)
+        # The second spelling is that of DJI and Autel.
+        lon = tags.number(name.format("Longitude"), name.format("Longtitude"), limit=180)
+        if lat is not None and lon is not None:
+            return lat, lon
     return None
 
 
@@ -328,25 +323,21 @@ def _altitude(tags: _Tags) -> tuple[float | None, bool]:
     """Return the altitude, and whether it is above the ellipsoid."""
     reference = tags.gps.get(5, b"\0")
     ref = reference[0] if isinstance(reference, bytes) and reference else reference
-    spaces = ("drone-dji", "drone-autel", "drone-skydio")
-    altitude = tags.number(*(f"{space}:AbsoluteAltitude" for space in spaces), limit=_HIGHEST_M)
+    altitude = tags.number("drone:AbsoluteAltitude", limit=_HIGHEST_M)
     if altitude is None:
         altitude = tags.number(6, gps=True, limit=_HIGHEST_M)
         altitude = -altitude if altitude is not None and ref in (1, 3) else altitude
     zero = tags.xmp.get("camera:VertCS", "").lower()
-    kind = tags.xmp.get("drone-dji:AltitudeType", "").lower()
-    flag = tags.number("drone-dji:RtkFlag")
-    fixed = not kind and flag in (34, 50)  # with corrections: a float, a fixed solution
-    skydio = not zero and re.match(r"skydio (vt|v)\d{3}", _camera_name(tags).lower()) is not None
-    return altitude, "ellips" in zero or "4979" in zero or kind == "rtkalt" or fixed or ref in (
-        2,
-        3,
-    ) or skydio
+    kind = tags.xmp.get("drone:AltitudeType", "").lower()
+    if zero:
+        return altitude, "ellips" in zero or "4979" in zero
+    corrected = kind == "rtkalt" or (not kind and tags.number("drone:RtkFlag") in (34, 50))  # float, fixed
+    is_x10 = re.match(r"skydio vt?\d{3}", _camera_name(tags).lower()) is not None
+    return altitude, corrected or is_x10 or ref in (2, 3)
 
 
 def _relative(tags: _Tags, notes: list[str]) -> float | None:
-    spaces = ("drone-dji", "drone-autel", "drone-skydio")
-    relative = tags.number(*(f"{space}:RelativeAltitude" for space in spaces), limit=_HIGHEST_M)
+    relative = tags.number("drone:RelativeAltitude", limit=_HIGHEST_M)
     if relative is None:
         relative = tags.number("camera:AboveGroundAltitude", limit=_HIGHEST_M)
         if relative is not None:
@@ -356,22 +347,22 @@ def _relative(tags: _Tags, notes: list[str]) -> float | None:
 
 def _pose(tags: _Tags, notes: list[str]) -> tuple[float, float, float]:
     """Return yaw, pitch and roll of the line of sight; yaw is NaN where nothing says it."""
-    for prefix, end in _POSES:
-        yaw, pitch, roll = (
-            tags.number(f"{prefix}{name}{end}", limit=360) for name in ("Yaw", "Pitch", "Roll")
-        )
+    for pose in _POSES:
+        yaw, pitch, roll = (tags.number(pose.format(name), limit=360) for name in ("Yaw", "Pitch", "Roll"))
         if pitch is not None:
             return _yaw(tags, notes) if yaw is None else yaw, pitch, roll or 0.0
     yaw, pitch, roll = (tags.number(f"camera:{name}", limit=360) for name in ("Yaw", "Pitch", "Roll"))
     if pitch is not None:
         roll = (roll or 0.0) * (-1 if tags.text(0x010F).lower() == "sensefly" else 1)
         return _line_of_sight(_yaw(tags, notes) if yaw is None else yaw, pitch, roll)
+    if tags.is_damaged:
+        raise PhotographError("some of its tags are cut short, and it has no angles of the camera")
     notes.append("no angles of the camera: it is taken to look straight down")
     return _yaw(tags, notes) if yaw is None else yaw, -90.0, 0.0
 
 
 def _yaw(tags: _Tags, notes: list[str]) -> float:
-    direction = tags.number("drone-dji:FlightYawDegree", limit=360)
+    direction = tags.number("drone:FlightYawDegree", limit=360)
     if direction is not None:
         notes.append("no yaw of the camera: that of the vehicle is taken")
         return direction
@@ -405,7 +396,7 @@ def _turn(tags: _Tags) -> float:
     orientation = tags.exif.get(0x0112, 1)
     if orientation not in (0, 1, 3):
         raise PhotographError(
-            f"its orientation tag is {shown(orientation)}, neither 1 nor 3: it was turned on its side, and "
+            f"its orientation tag is {shown(orientation)}, neither 1 nor 3: it was turned or mirrored, and "
             "its angles may be those before"
         )
     return 180.0 if orientation == 3 else 0.0
@@ -418,56 +409,40 @@ def _camera_name(tags: _Tags) -> str:
 
 def _focal_px(tags: _Tags, camera: Camera | None) -> float:
     """Return the focal length in pixels, of the first source that is plausible."""
-    cols, rows = tags.size
-    diagonal = math.hypot(cols, rows)
-    if camera is not None:
-        if abs(max(tags.size) / min(tags.size) / (max(camera.image_px) / min(camera.image_px)) - 1) > 0.02:
-            raise PhotographError(
-                f"its image of {cols} x {rows} pixels has another shape than the {camera.image_px[0]} x "
-                f"{camera.image_px[1]} of the camera {camera.name}"
-            )
-        return camera.focal_mm / max(camera.sensor_mm) * max(tags.size)
-    full = tags.number(0xA002)
-    scale = max(tags.size) / max(full, tags.number(0xA003) or 0) if full and full > 0 else 1.0
-    found = [_calibrated_px(tags, scale), _catalogue_px(tags)]
-    focal_mm, film_mm, unit = (
-        tags.number(0x920A),
-        tags.number(0xA405),
-        _UNITS_MM.get(tags.exif.get(0xA210, 2)),
-    )
-    per_unit = tags.number(0xA20E)
-    if focal_mm and per_unit and unit:
-        found.append(focal_mm * per_unit / unit * scale)
-    if film_mm:
-        found.append(film_mm * diagonal / _FILM_MM)
+    side, diagonal = max(tags.size), math.hypot(*tags.size)
+    full = max(tags.number(0xA002) or 0.0, tags.number(0xA003) or 0.0)  # before the image was reduced
+    scale = side / full if full > 0 else 1.0
+    calibrated = tags.number("drone:CalibratedFocalLength", "drone:CalibratedFocalLength/X") or 0.0
+    per_mm = (tags.number(0xA20E) or 0.0) / _UNITS_MM.get(tags.number(0xA210) or 2, math.inf)
+    focal_mm, film_mm = (tags.number(tag) or 0.0 for tag in (0x920A, 0xA405))
+    known = camera or _camera_of(tags, focal_mm)
+    if known is not None and not _fits(known, tags):
+        raise PhotographError(
+            f"its image of {tags.size[0]} x {tags.size[1]} pixels has another shape than the "
+            f"{known.image_px[0]} x {known.image_px[1]} of the camera {known.name}"
+        )
+    known_px = 0.0 if known is None else known.focal_mm / max(known.sensor_mm) * side
+    sources = (calibrated * scale, known_px, focal_mm * per_mm * scale, film_mm * diagonal / _FILM_MM)
     zoom = tags.number(0xA404) or 1.0
-    for focal_px in found:
-        if focal_px is not None and _FOCAL[0] * diagonal <= focal_px * zoom <= _FOCAL[1] * diagonal:
+    for focal_px in sources if camera is None else (known_px,):
+        if _FOCAL[0] * diagonal <= focal_px * zoom <= _FOCAL[1] * diagonal:
             return focal_px * zoom
-    raise PhotographError(
-        "it has no focal length from which that in pixels follows: name its camera with --camera"
-    )
+    raise PhotographError("no focal length in pixels follows from its tags: name its camera with --camera")
 
 
-def _calibrated_px(tags: _Tags, scale: float) -> float | None:
-    names = (f"{space}:CalibratedFocalLength" for space in ("drone-dji", "drone-autel"))
-    focal_px = tags.number(*names, "drone-skydio:CalibratedFocalLength/X")
-    return None if focal_px is None else focal_px * scale
+def _fits(camera: Camera, tags: _Tags) -> bool:
+    shapes = [max(size) / min(size) for size in (camera.image_px, tags.size)]
+    return abs(shapes[0] / shapes[1] - 1) < 0.02
 
 
-def _catalogue_px(tags: _Tags) -> float | None:
-    """Return the focal length of the one camera of the catalogue with this name, shape of image and lens."""
-    name, focal_mm = _camera_name(tags).lower(), tags.number(0x920A)
-    shape = max(tags.size) / min(tags.size)
-    fits = [
-        one
-        for one in cameras()
-        if name
-        and f"{one.name.lower()} ".startswith(f"{name} ")
-        and abs(shape / (max(one.image_px) / min(one.image_px)) - 1) < 0.02
-        and (not focal_mm or abs(focal_mm / one.focal_mm - 1) < 0.03)
-    ]
-    return fits[0].focal_mm / max(fits[0].sensor_mm) * max(tags.size) if len(fits) == 1 else None
+def _camera_of(tags: _Tags, focal_mm: float) -> Camera | None:
+    """Return the one camera of the catalogue with the name, the shape of image and the lens of the tags."""
+    name = _camera_name(tags).lower()
+    named = [one for one in cameras() if name and f"{one.name.lower()} ".startswith(f"{name} ")]
+    lens = [one for one in named if not focal_mm or abs(focal_mm / one.focal_mm - 1) < 0.03]
+    fits = [one for one in lens if _fits(one, tags)]
+    fits = [one for one in fits if one.name.lower() == name] or fits
+    return fits[0] if len(fits) == 1 else None
 
 
 def _taken_s(tags: _Tags) -> float | None:
@@ -481,7 +456,7 @@ def _taken_s(tags: _Tags) -> float | None:
 
 
 def _speed(tags: _Tags) -> float | None:
-    east, north, up = (tags.number(f"drone-dji:Flight{axis}Speed") for axis in "YXZ")
+    east, north, up = (tags.number(f"drone:Flight{axis}Speed") for axis in "YXZ")
     if east is not None and north is not None:
         return math.hypot(east, north, up or 0.0)
     speed, unit = tags.number(13, gps=True), _SPEEDS.get(tags.text(12, gps=True) or "K")
@@ -490,10 +465,10 @@ def _speed(tags: _Tags) -> float | None:
 
 def _error_m(tags: _Tags) -> float | None:
     """Return the standard deviation of the horizontal position."""
-    lon, lat = tags.number("drone-dji:RtkStdLon"), tags.number("drone-dji:RtkStdLat")
+    lon, lat = tags.number("drone:RtkStdLon"), tags.number("drone:RtkStdLat")
     if lon is not None and lat is not None:
         return math.hypot(lon, lat)
-    accuracy = tags.number("camera:GPSXYAccuracy", "drone-skydio:GpsHorizontalAccuracy")
+    accuracy = tags.number("camera:GPSXYAccuracy", "drone:GpsHorizontalAccuracy")
     return accuracy if accuracy is not None else tags.number(31, gps=True)
 
 

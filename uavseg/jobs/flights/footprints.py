@@ -5,10 +5,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import shapely
+from shapely.affinity import translate
 
 from uavseg.arrays import Path_
 from uavseg.dataclass import dataclass
@@ -24,10 +25,6 @@ from uavseg.raster.elevation.dem import Dem
 from uavseg.raster.geodesy.globe import WGS84, define_crs
 from uavseg.regions.formats.read import regions_of_frame
 from uavseg.regions.table import Regions
-from uavseg.regions.wgs84.to_wgs84 import cut_at_antimeridian
-
-if TYPE_CHECKING:
-    from geopandas import GeoDataFrame
 
 
 @dataclass(frozen=True)
@@ -36,10 +33,6 @@ class Footprints:
 
     regions: Regions
     warnings: tuple[str, ...]
-
-    def frame(self) -> "GeoDataFrame":
-        """Return the footprints as a GeoDataFrame."""
-        return self.regions.frame()
 
 
 def footprints(
@@ -105,15 +98,8 @@ def _row(photograph: Photograph, ground: Ground) -> dict[str, Any]:
 
 def _within_180(outline: Any) -> Any:
     """Return an outline cut where its longitudes go on beyond 180 degrees."""
-    west, _, east, _ = outline.bounds
-    if west >= -180 and east <= 180:
+    earth = shapely.box(-180, -90, 180, 90)
+    if earth.covers(outline):
         return outline
-    parts = [one for one in shapely.get_parts(outline) if one.geom_type == "Polygon"]
-    cut = [
-        cut_at_antimeridian(
-            [shapely.get_coordinates(ring) for ring in shapely.get_rings(shapely.orient_polygons(part))],
-            False,
-        )
-        for part in parts
-    ]
-    return shapely.union_all(cut)
+    parts = (shapely.intersection(translate(outline, turn), earth) for turn in (-360, 0, 360))
+    return shapely.union_all([part for part in parts if part.area > 0])
