@@ -829,7 +829,12 @@ def test_footprints_of_photographs(sources: list[str], words: Words) -> None:
 def test_maps_of_photographs(sources: list[str], words: Words) -> None:
     Path("views").mkdir(exist_ok=True)
     for number, name in enumerate(("a.jpg", "b.jpg")):
-        place = {"lat": 45.1505 + number * 2e-4, "lon": -76.2705, "altitude_m": 480.0, "taken_s": 1e9 + number}
+        place = {
+            "lat": 45.1505 + number * 2e-4,
+            "lon": -76.2705,
+            "altitude_m": 480.0,
+            "taken_s": 1e9 + number,
+        }
         draw_photograph(Path("views", name), replace(PHOTO, **place))
     expected = on_the_command_line("georeference", [*sources, *options(words), "-o", "out.tif"], "out.tif")
 

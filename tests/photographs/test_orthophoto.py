@@ -77,7 +77,7 @@ def photograph(path: Path, **pose: Any) -> Photograph:
 
 
 def draw(one: Photograph, scene: Path, dtype: Any = None, dem: Path | None = None) -> None:
-    """Draw a photograph from a raster; its ground is marched to at every twentieth pixel, and smooth between."""
+    """Draw a photograph from a raster; marched to the ground at every twentieth pixel."""
     cols, rows = one.image_px
     across, down = np.linspace(0, cols, cols // 20 + 1), np.linspace(0, rows, rows // 20 + 1)
     nodes = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
