@@ -778,14 +778,17 @@ def test_descriptions_and_names(source: str, words: Words) -> None:
         assert_equal(in_python(recognise), expected)
 
 
+PLACE = {"lat": 45.14516, "lon": -76.26984, "altitude_m": 530.0}  # over ground.tif
+
+
 @pytest.mark.parametrize(
     ("sources", "words"),
     [
         (["photos"], {}),
         (["photos/a.jpg", "photos/b.jpg"], {"camera": "DJI Phantom 4 Pro"}),
-        (["photos"], {"home": (45.15, -76.27, 350.0)}),
+        (["photos"], {"home": (45.1452, -76.2698, 350.0)}),
         (["photos"], {"dem": "ground.tif"}),
-        (["photos"], {"dem": "ground.tif", "home": (45.1505, -76.2705)}),
+        (["photos"], {"dem": "ground.tif", "home": (45.1450, -76.2698)}),
         (["photos"], {"home": (95.0, 8.0)}),
         (["photos"], {"camera": "no such camera"}),
         (["photos/nothing.jpg"], {}),
@@ -795,12 +798,7 @@ def test_descriptions_and_names(source: str, words: Words) -> None:
 def test_footprints_of_photographs(sources: list[str], words: Words) -> None:
     Path("photos").mkdir(exist_ok=True)
     for number, (name, maker) in enumerate((("a.jpg", "dji"), ("b.jpg", "geotag"), ("c.tif", "parrot"))):
-        place = {
-            "lat": 45.1505 + number * 1e-4,
-            "lon": -76.2705,
-            "altitude_m": 480.0,
-            "taken_s": 1e9 + number,
-        }
+        place = PLACE | {"lat": PLACE["lat"] + number * 1e-4, "taken_s": 1e9 + number}
         draw_photograph(Path("photos", name), replace(PHOTO, **place), maker=maker)
     Path("photos/notes.txt").touch()
     arguments = [*sources, *options(words), "-o", "out.gpkg"]

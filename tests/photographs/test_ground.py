@@ -134,6 +134,7 @@ def test_heights_above_the_ellipsoid_are_brought_to_the_sea(level: Dem) -> None:
         ({"relative_m": None, "altitude_m": None}, "no height above the sea"),
         ({"altitude_m": 490}, "10.0 m below the ground"),
         ({"altitude_m": 500}, "0.0 m below the ground"),
+        ({"altitude_m": 500 + 1e-12}, "has no area"),
         ({"lat": LAT + 1}, "does not cover the place where"),
         ({"pitch_deg": -10}, "looks to the horizon"),
         ({"pitch_deg": 20}, "looks to the horizon"),

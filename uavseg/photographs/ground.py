@@ -21,7 +21,7 @@ DOUBT = 0.2
 """Share by which two heights above the ground may differ."""
 _STEPS = 128  # along a ray, down to the height of the ground below the camera
 _FARTHEST = 8  # times that length, after which a ray is taken to reach no ground
-_HALVINGS = 24  # of a step, to where a ray meets the ground
+_HALVINGS = 18  # of a step, to where a ray meets the ground
 
 
 @dataclass(frozen=True)
@@ -155,7 +155,7 @@ class Ground:
             clear: Floats = height_m + places[..., 2] - self.heights_m(lon, lat).reshape(lengths.shape)
             return clear
 
-        met = np.full(len(rays), np.nan)
+        far = np.full(len(rays), np.nan)
         left = np.flatnonzero(np.isfinite(level))
         for turn in range(_FARTHEST):
             lengths = level[left, None] * (turn + np.arange(1, _STEPS + 1) / _STEPS)
@@ -166,26 +166,25 @@ class Ground:
             rows = np.arange(len(left))
             hit = stop.any(axis=1)
             ends = hit & known[rows, first]
-            far = lengths[rows, first]
-            near = far - level[left] / _STEPS
-            which = np.flatnonzero(ends)
-            low, high = near[which], far[which]
-            for _ in range(_HALVINGS):
-                middle = (low + high) / 2
-                clear_there = above(rays[left[which]], middle[:, None])[:, 0]
-                low, high = np.where(clear_there > 0, middle, low), np.where(clear_there > 0, high, middle)
-            met[left[which]] = high
+            far[left[ends]] = lengths[rows, first][ends]
             left = left[~hit]
             if not len(left):
                 break
-        return met
+        met = np.isfinite(far)
+        low, high = (far - level / _STEPS)[met], far[met]
+        for _ in range(_HALVINGS if met.any() else 0):
+            middle = (low + high) / 2
+            clear_there = above(rays[met], middle[:, None])[:, 0]
+            low, high = np.where(clear_there > 0, middle, low), np.where(clear_there > 0, high, middle)
+        far[met] = high
+        return far
 
     def footprint(self, photograph: Photograph) -> shapely.Polygon:
         """Return the outline of the ground that a photograph shows, in degrees (lon, lat; WGS 84).
 
         Longitudes go on beyond 180 degrees where it lies across the antimeridian. Over an elevation model
         the outline has `BORDER_STEPS` corners per side. A PhotographError as of `camera_height_m`, or says
-        that part of the image is near the horizon, or beyond the elevation model.
+        that part of the image is near the horizon, or beyond the elevation model, or that it shows none.
         """
         seen = self.seen(photograph, photograph.border(1 if self.dem is None else BORDER_STEPS))
         if not np.isfinite(seen).all():
@@ -194,8 +193,8 @@ class Ground:
         lon, lat = Plane(photograph.lat, photograph.lon).lonlat_from_xy(seen[:, 0], seen[:, 1])
         lon = photograph.lon + (lon - photograph.lon + 180) % 360 - 180
         outline = shapely.Polygon(np.column_stack([lon, lat]))
-        return (
-            outline
-            if outline.is_valid
-            else shapely.make_valid(outline, method="structure", keep_collapsed=False)
-        )
+        if not outline.is_valid:
+            outline = shapely.make_valid(outline, method="structure", keep_collapsed=False)
+        if outline.is_empty:
+            raise PhotographError("the ground that it shows has no area")
+        return outline

@@ -197,7 +197,9 @@ def _tags(path: str) -> _Tags:
     if not all(isinstance(side, int) and side > 0 for side in size):
         raise PhotographError("it does not say how large its image is")
     is_damaged = any(one.category is not Image.DecompressionBombWarning for one in caught)
-    return _Tags(size, shot, gps, _xmp(packet.encode() if isinstance(packet, str) else packet), is_damaged)
+    return _Tags(
+        size, shot, gps, _xmp(packet if isinstance(packet, bytes) else str(packet).encode()), is_damaged
+    )
 
 
 def _xmp(packet: bytes) -> dict[str, str]:

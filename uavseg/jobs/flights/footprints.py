@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -22,8 +21,7 @@ from uavseg.photographs.photograph import Photograph
 from uavseg.photographs.read import grouped, read_photographs
 from uavseg.plain_text import one_line
 from uavseg.raster.elevation.dem import Dem
-from uavseg.raster.geodesy.globe import WGS84, define_crs
-from uavseg.regions.formats.read import regions_of_frame
+from uavseg.raster.geodesy.globe import WGS84, define_crs, geod_wgs84
 from uavseg.regions.table import Regions
 
 
@@ -67,11 +65,20 @@ def footprints(
     if not rows:
         raise PhotographError(one_line("; ".join(["no photograph shows ground that is known", *left_out])))
     notes = [*taken.notes, *left_out, *grouped("", doubts), *([] if dem is None else dem.notes())]
-    from geopandas import GeoDataFrame
+    return Footprints(_regions(rows), tuple(notes))
 
-    table = [{"id": number, **row} for number, row in enumerate(rows, start=1)]
-    regions = regions_of_frame(GeoDataFrame(table, crs=WGS84))
-    return Footprints(replace(regions, wkt=define_crs(WGS84).wkt2), tuple(notes))
+
+def _regions(rows: list[dict[str, Any]]) -> Regions:
+    outlines = shapely.orient_polygons([row.pop("geometry") for row in rows])
+    inside, geod = shapely.get_coordinates(shapely.point_on_surface(outlines)), geod_wgs84()
+    columns: dict[str, Any] = {
+        "id": np.arange(1, len(rows) + 1),
+        "area_m2": np.array([abs(geod.geometry_area_perimeter(one)[0]) for one in outlines]),
+    }
+    for name, first in rows[0].items():
+        columns[name] = np.array([row[name] for row in rows], object if isinstance(first, str) else float)
+    columns |= {"lon": inside[:, 0], "lat": inside[:, 1]}
+    return Regions(columns, outlines, define_crs(WGS84).wkt2)
 
 
 def _row(photograph: Photograph, ground: Ground) -> dict[str, Any]:
