@@ -53,6 +53,9 @@ def pix4d_angles(photograph: Any) -> tuple[float, float, float]:
     """Yaw, pitch and roll as of Pix4D: those of the top of the image, so pitch 0 is straight down."""
     sight, right, down = turns(photograph).T
     body = np.column_stack([-down, right, sight])
+    if math.hypot(body[0, 0], body[1, 0]) < 1e-7:  # to the horizon, only yaw and roll together are known
+        turned = math.degrees(math.atan2(-body[0, 1], body[1, 1]))
+        return turned, math.copysign(90.0, -body[2, 0]), 0.0
     yaw = math.degrees(math.atan2(body[1, 0], body[0, 0]))
     return (
         yaw,

@@ -178,6 +178,13 @@ def test_heights_that_differ_are_told(level: Dem) -> None:
     assert note == "60 m above the ground by takeoff, but 90 m by altitude"
 
 
+def test_heights_that_cannot_be_compared_are_not(level: Dem) -> None:
+    photograph = replace(PHOTO, altitude_m=900, is_ellipsoidal=True)
+    ground = Ground(level, (LAT, LON), to_sea=None)
+    assert ground.camera_height_m(photograph) == pytest.approx(560)
+    assert ground.notes(photograph) == ()
+
+
 @pytest.mark.parametrize("lon", [180.0, -180.0, 179.9999, -179.9999])
 def test_outlines_go_on_over_the_antimeridian(lon: float) -> None:
     here, there = Ground().footprint(PHOTO), Ground().footprint(replace(PHOTO, lon=lon))

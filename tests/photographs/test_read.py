@@ -412,6 +412,17 @@ def test_a_turned_image_is_read_as_it_is_stored(tmp_path: Path) -> None:
         assert f"orientation tag is {orientation}" in refused(path)
 
 
+@pytest.mark.parametrize("size", [(None, None), (480, 320)])
+def test_the_preview_of_a_raw_image_is_not_its_size(size: tuple[Any, Any], tmp_path: Path) -> None:
+    exif = {0x00FE: 1, 0xA002: size[0], 0xA003: size[1]}
+    path = draw_photograph(tmp_path / "a.tif", PHOTO, exif=exif).rename(tmp_path / "a.dng")
+    if size == (None, None):
+        assert "does not say how large its image is" in refused(path)
+    else:
+        found = read(path)
+        assert (found.image_px, found.focal_px) == ((480, 320), 100.0)
+
+
 def test_cameras_of_several_kinds_are_read_side_by_side(tmp_path: Path) -> None:
     first = draw_photograph(tmp_path / "a.jpg", PHOTO)
     second = draw_photograph(

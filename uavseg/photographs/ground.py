@@ -113,7 +113,10 @@ class Ground:
             return ()
         below = float(self.heights_m(np.array([photograph.lon]), np.array([photograph.lat]))[0])
         above = self.camera_height_m(photograph) - below
-        other = relative if self.home is None else self._altitude_m(photograph) - below
+        try:
+            other = relative if self.home is None else self._altitude_m(photograph) - below
+        except PhotographError:  # above the ellipsoid, and there is no geoid
+            return ()
         if abs(other - above) <= DOUBT * max(above, other):
             return ()
         if self.home is not None:
@@ -184,7 +187,7 @@ class Ground:
 
         Longitudes go on beyond 180 degrees where it lies across the antimeridian. Over an elevation model
         the outline has `BORDER_STEPS` corners per side. A PhotographError as of `camera_height_m`, or says
-        that part of the image is near the horizon, or beyond the elevation model, or that it shows none.
+        that part of the image is near the horizon, beyond the elevation model, or that there is none.
         """
         seen = self.seen(photograph, photograph.border(1 if self.dem is None else BORDER_STEPS))
         if not np.isfinite(seen).all():
