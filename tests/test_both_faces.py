@@ -812,6 +812,39 @@ def test_footprints_of_photographs(sources: list[str], words: Words) -> None:
     assert_equal(in_python(footprints), expected)
 
 
+@pytest.mark.parametrize(
+    ("sources", "words"),
+    [
+        (["views"], {}),
+        (["views/b.jpg", "views/a.jpg"], {"resolution": 80.0}),
+        (["views"], {"dem": "ground.tif"}),
+        (["views/a.jpg"], {"home": (45.15, -76.27, 350.0)}),
+        (["views"], {"resolution": -1.0}),
+        (["views"], {"camera": "no such camera"}),
+        (["views/nothing.jpg"], {}),
+        (["tile.tif"], {}),
+    ],
+)
+def test_maps_of_photographs(sources: list[str], words: Words) -> None:
+    Path("views").mkdir(exist_ok=True)
+    for number, name in enumerate(("a.jpg", "b.jpg")):
+        place = {
+            "lat": 45.1505 + number * 2e-4,
+            "lon": -76.2705,
+            "altitude_m": 480.0,
+            "taken_s": 1e9 + number,
+        }
+        draw_photograph(Path("views", name), replace(PHOTO, **place))
+    expected = on_the_command_line("georeference", [*sources, *options(words), "-o", "out.tif"], "out.tif")
+
+    def mapped() -> bytes:
+        Path("python.tif").unlink(missing_ok=True)
+        found = uavseg.georeference(sources, "python.tif", **words)
+        return found.path.read_bytes()
+
+    assert_equal(in_python(mapped), expected)
+
+
 ENDS = {"range": (0, 0.45), "start": (1.05, 12.05), "goal": (15.05, 1.05)}
 ON_UTM = {"range": (0, 0.45), "start": (4e5 + 21, 5e6 - 21), "goal": (4e5 + 301, 5e6 - 251)}
 

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from uavseg.api.pages import map_page as map_page
     from uavseg.api.pages import serve as serve
     from uavseg.api.photographs import footprints as footprints
+    from uavseg.api.photographs import georeference as georeference
     from uavseg.api.preview import preview as preview
     from uavseg.api.questions import info as info
     from uavseg.api.questions import match as match
@@ -59,7 +60,7 @@ _NAMES = {
     "api.questions": "info match suggest",
     "api.recognition": "describe recognise",
     "api.missions": "plan check resume upload download",
-    "api.photographs": "footprints",
+    "api.photographs": "footprints georeference",
     "api.preview": "preview",
     "api.pages": "map_page serve",
     "jobs.install.doctor": "warm_up doctor",

@@ -111,6 +111,7 @@ OPTIONS = {  # of a command: lines in which # is the number
     ],
     "footprints": [f"--home {place}" for place in ("#,8", "47,#", "47,8,#")],
     "resume": ["--from #", "--from 47,#", "--from #,8"],
+    "georeference": ["--resolution #", *(f"--home {place}" for place in ("#,8", "47,#", "47,8,#"))],
     "upload": ["--connect udpout:127.0.0.1:9 --timeout #"],
     "download": ["--connect udpout:127.0.0.1:9 --timeout #"],
 }
@@ -123,6 +124,7 @@ FIXED = {
     "check": "small.plan",
     "footprints": "-o out.plan.geojson a.jpg",
     "resume": "small.plan -o out.plan",
+    "georeference": "-o out.plan.tif a.jpg",
     "upload": "small.plan",
     "download": "-o out.plan",
 }
@@ -204,6 +206,10 @@ def test_every_option_that_may_hold_a_number_is_in_the_table(command: str) -> No
         (uavseg.check, {"mission": "small.plan", "photos": "a.jpg", "home": (47, 8, 400)}),
         (uavseg.footprints, {"photographs": "a.jpg", "home": (47, 8, 400)}),
         (uavseg.resume, {"mission": "small.plan"}),
+        (
+            uavseg.georeference,
+            {"photographs": "a.jpg", "output": "out.plan.tif", "resolution": 20.0, "home": (47, 8, 400)},
+        ),
         (uavseg.upload, {"mission": "small.plan", "connect": "udpout:127.0.0.1:9"}),
         (uavseg.download, {"connect": "udpout:127.0.0.1:9"}),
     ],

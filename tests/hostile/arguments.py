@@ -176,6 +176,7 @@ BASES: dict[str, Callable[[], dict[str, Any]]] = {
     "check": lambda: {"mission": "fly.plan"},
     "footprints": lambda: {"photographs": "p.jpg"},
     "resume": lambda: {"mission": "fly.plan", "start": 4.5},
+    "georeference": lambda: {"photographs": "p.jpg", "output": "out.tif"},
     "upload": lambda: {"mission": "fly.plan", "connect": "tcp:127.0.0.1:9"},
     "download": lambda: {"connect": "tcp:127.0.0.1:9"},
     "warm_up": lambda: {"processes": 1},
@@ -252,7 +253,7 @@ def case(rng: Random) -> Case:
     if chosen(rng, 0.15):
         given[rng.choice(functions()[name])] = rng.choice(list(VALUES))
     files = {"x.tif": seeds.rasters()["deflate.tif"]}
-    if name in {"footprints", "check"}:
+    if name in {"footprints", "georeference", "check"}:
         files["p.jpg"] = seeds.photographs()["p.jpg"]
     if name == "plan":
         files["hand.geojson"] = seeds.vectors()["hand.geojson"]

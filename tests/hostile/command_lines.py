@@ -99,6 +99,8 @@ LINES = tuple(
         "check a.plan --photos p.jpg --photos p.tif --gaps out.geojson --camera Sequoia --dem g.tif --overwrite",
         "footprints p.jpg -o out.gpkg --home 40.6500,15.0000,100 --camera Sequoia",
         "footprints p.jpg p.tif -o out.geojson --dem g.tif --progress plain",
+        "georeference p.jpg 0.jpg -o out.tif --resolution 200 --home 40.6500,15.0000,100 --overwrite",
+        "georeference p.jpg -o out.tif --dem g.tif --camera Sequoia --progress plain",
         "warm-up -q --processes 1",
         "doctor --json",
         "upload a.plan --connect tcp:127.0.0.1:9 --timeout 1",

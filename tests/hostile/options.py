@@ -52,5 +52,5 @@ def _files() -> dict[str, bytes]:
     names = ("r.geojson", "lv.geojson", "cl.geojson", "r.gpkg", "r.kml", "r.parquet", "r.fgb")
     regions = {name: seeds.vectors()[name] for name in names}
     vehicle = {"v.json": b'{"hover_w": 200, "cruise_w": 180, "battery_wh": 80}'}
-    others |= seeds.bags() | {name: seeds.photographs()[name] for name in ("p.jpg", "p.tif")}
+    others |= seeds.bags() | {name: seeds.photographs()[name] for name in ("p.jpg", "p.tif", "0.jpg")}
     return drawn | others | regions | vehicle | CLASSES | {"z.geojson": ZONE}

@@ -28,4 +28,6 @@ def case(rng: Random) -> Case:
     )
     output = rng.choice(("out.gpkg", "out.geojson", "out.kml", "-"))
     sources = (".",) if chosen(rng, 0.2) else tuple(sorted(files))
+    if chosen(rng, 0.4):
+        return Case(files | others, (("georeference", *sources, "-o", "out.tif", *ground),))
     return Case(files | others, (("footprints", *sources, "-o", output, *ground),))

@@ -12,8 +12,10 @@ from uavseg.arguments import checked
 from uavseg.execution.executors import Progress
 from uavseg.flight.camera.camera import Camera
 from uavseg.jobs.flights.footprints import footprints as run_footprints
+from uavseg.jobs.flights.georeference import Georeferenced
+from uavseg.jobs.flights.georeference import georeference as run_georeference
 from uavseg.options.option import build
-from uavseg.options.photographs import FootprintsOptions
+from uavseg.options.photographs import FootprintsOptions, GeoreferenceOptions
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
@@ -72,3 +74,61 @@ def footprints(
         found = run_footprints(sources, options, progress_of(progress))
     warn(found.warnings)
     return found.regions.frame()
+
+
+@checked
+def georeference(
+    photographs: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+    output: str | os.PathLike[str],
+    *,
+    resolution: float | None = None,
+    dem: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | None = None,
+    home: Sequence[float] | None = None,
+    camera: str | os.PathLike[str] | Camera | None = None,
+    overwrite: bool = False,
+    progress: Progress | bool | None = None,
+    allow_path: Folders = (),
+    allow_network: bool = False,
+) -> Georeferenced:
+    """Make a map of photographs by their pose alone, without photogrammetry.
+
+    Each pixel of the map is of the photograph whose camera is nearest, interpolated between four of its
+    pixels; nothing is blended. Ground behind other ground of the elevation model is left empty, and so is
+    ground near the horizon, where it is seen 4 times as coarse as in the middle of the photograph. Lenses are
+    taken to be without distortion.
+
+    Parameters
+    ----------
+    photographs, dem, home, camera, progress, allow_path, allow_network
+        As of `footprints`. The photographs have the same bands, of 8 or 16 bits.
+    output : path
+        The map, .tif: their bands and an alpha band, in the UTM zone of the place, north up. The likely error
+        is among its tags.
+    resolution : float, optional
+        Side of a pixel in centimetres; by default the median of the ground sampling distance in the middle of
+        the photographs.
+    overwrite : bool
+        Whether a map that is there may be replaced.
+
+    Returns
+    -------
+    map : Georeferenced
+        `path`, `geobox`, names of the `photographs` that are drawn, and the likely error in metres: in the
+        middle of a photograph (`error_m`, the median), and where it is largest (`edge_error_m`). These are
+        standard deviations of horizontal places, which follow from those of position, height and angles; what
+        hills do to flat ground is not in them. What was assumed and left out are warnings.
+
+    Raises
+    ------
+    PhotographError
+        If a file cannot be read, no photograph can be placed, they differ in bands or type, or the map would
+        be too large.
+    UavsegError
+        If the elevation model cannot be read, a parameter is wrong, or the map may not be written.
+    """
+    options = build(GeoreferenceOptions, locals())
+    sources = [photographs] if isinstance(photographs, str | os.PathLike) else list(photographs)
+    with allowing(allow_path, allow_network):
+        found = run_georeference(sources, options, progress_of(progress))
+    warn(found.warnings)
+    return found

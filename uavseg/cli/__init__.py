@@ -29,6 +29,7 @@ _COMMANDS = {
     "check": "Tell what a mission file holds, and who would refuse it.",
     "footprints": "Draw the ground that photographs from the air show.",
     "resume": "Plan the rest of a mission whose flight was cut.",
+    "georeference": "Make a map of photographs from the air, by their pose.",
     "cameras": "List the cameras that a survey can be planned for.",
     "upload": "Send a mission to a vehicle, and verify it.",
     "download": "Read the mission of a vehicle.",

@@ -54,3 +54,32 @@ class FootprintsOptions(Options):
     messages: VerbosityOptions = group(VerbosityOptions)
     progress: ProgressOptions = group(ProgressOptions)
     access: AccessOptions = group(AccessOptions)
+
+
+class GeoreferenceOptions(Options):
+    """Map."""
+
+    photographs: tuple[str, ...] = argument("PHOTO", multiple=True, required=True)
+    output: str | os.PathLike[str] = option(
+        "The map: a GeoTIFF in the UTM zone of the place, with an alpha band.",
+        *("-o", "--output"),
+        required=True,
+        metavar="PATH.tif",
+        basic=True,
+    )
+    resolution: float | None = option(
+        "Side of a pixel in centimetres.  [default: that of the photographs in their middle]",
+        metavar="CM",
+        basic=True,
+    )
+    poses: PoseOptions = group(PoseOptions)
+    camera: str | os.PathLike[str] | Camera | None = option(
+        "All were taken with this camera. uavseg cameras lists them.  [default: the focal length in the "
+        "files]",
+        metavar="NAME|FILE.json",
+        basic=True,
+    )
+    files: OverwriteOptions = group(OverwriteOptions, overwrite={"python": True})
+    messages: VerbosityOptions = group(VerbosityOptions)
+    progress: ProgressOptions = group(ProgressOptions)
+    access: AccessOptions = group(AccessOptions)

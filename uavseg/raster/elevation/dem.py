@@ -275,8 +275,12 @@ class Dem:
         is damaged there.
         """
         lons, lats = np.asarray(lon, np.float64), np.asarray(lat, np.float64)
+        return self.heights_at(*self.pixels(lons, lats), lons, lats)
+
+    def heights_at(self, row: Floats, col: Floats, lon: Floats, lat: Floats) -> Floats:
+        """Return heights as `heights_m` at places of which `pixels` is known already, (n,) each."""
         try:
-            numbers = self.sampler.sample(*self.pixels(lons, lats))
+            numbers = self.sampler.sample(row, col)
         except RasterReadError as error:
             raise RasterReadError(
                 f"{self.name} cannot be read where heights of the ground are needed "
@@ -284,7 +288,7 @@ class Dem:
             ) from error
         result = self.heights.offset_m + self.heights.scale_m * numbers
         if self.to_sea is not None:
-            result = self.to_sea(lons, lats, result)
+            result = self.to_sea(lon, lat, result)
         result[~((result >= LOWEST_M) & (result <= HIGHEST_M))] = np.nan
         return result
 

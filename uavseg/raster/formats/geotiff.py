@@ -15,7 +15,7 @@ from rasterio.windows import Window as FileWindow
 from uavseg.arrays import Path_
 from uavseg.dataclass import dataclass
 from uavseg.errors import OutputError, RasterReadError
-from uavseg.execution.executors import Map, serial, threads_of_gdal
+from uavseg.execution.executors import Map, serial, threads_of_gdal, usable_cores
 from uavseg.inputs import regular_file
 from uavseg.output.atomic import atomic_file, check_target
 from uavseg.output.renames import recover
@@ -95,6 +95,36 @@ def _stripes(
 def _split_rows(rows: NDArray[Any], top: int) -> Iterator[tuple[int, NDArray[Any]]]:
     for start in range(0, len(rows), STRIPE):
         yield top + start, rows[start : start + STRIPE]
+
+
+def write_image_geotiff(
+    path: Path_,
+    strips: Iterable[tuple[int, NDArray[Any]]],
+    geobox: GeoBox,
+    bands: int,
+    dtype: np.dtype[Any],
+    overwrite: bool = False,
+    tags: Mapping[str, str] | None = None,
+) -> None:
+    """Write an image whose last band is alpha as a tiled, compressed GeoTIFF; three bands are colours.
+
+    `strips` are first rows, and pixels (bands, rows, cols) with the alpha band counted in `bands`: from the
+    top, each but the last a multiple of 256 rows. Errors are those of `write_geotiff`.
+    """
+    with atomic_file(path, overwrite) as target, _write_errors(path):
+        options = _profile(geobox, bands, dtype, CreationOptions(predictor=2, threads=usable_cores()))
+        # Blocks of all bands together: those that leave GDAL's cache early are in the order of the others.
+        options |= {
+            "interleave": "pixel",
+            "photometric": "rgb" if bands == 4 else "minisblack",
+            "alpha": "yes",
+        }
+        with quiet_open(target, "w", **options) as file:
+            file.update_tags(**(tags or {}))
+            for top, strip in strips:
+                for row, rows in ((k, strip[:, k : k + STRIPE]) for k in range(0, strip.shape[1], STRIPE)):
+                    file.write(rows, window=FileWindow(0, top + row, rows.shape[2], rows.shape[1]))
+        _check_complete(target)
 
 
 @dataclass(frozen=True, slots=True)

@@ -137,6 +137,12 @@ def _utm_zone(wkt: str) -> CRS | None:
     return zone if CRS.from_wkt(wkt) == zone else None
 
 
+def utm_crs(lat: float, lon: float) -> CRS:
+    """Return the CRS of the UTM zone (WGS 84) of a place in degrees."""
+    zone = int(wrap_lon(lon) + 180) // 6 + 1
+    return CRS.from_epsg((32600 if lat >= 0 else 32700) + zone)
+
+
 def define_crs(wkt: str) -> CrsDefinition:
     """Return the definition of a CRS; if it has no number, with that of a registered one that is the same."""
     with Env():  # in which messages of GDAL are not printed

@@ -5,7 +5,7 @@ GDAL reads it as a part of the raster, and does not say where its blocks lie; so
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -151,6 +151,12 @@ class RasterFile:
         nodatas = [self.nodatas[band - 1] for band in choice.bands]
         valid = valid_pixels(values, nodatas, alpha, mask, choice.formula is not None, self.added_nodata)
         return self._brightness(values, valid, choice)
+
+    def read_whole(self) -> Values:
+        """Return the stored numbers of all bands but alpha, (bands, rows, cols); they have one type."""
+        bands = tuple(band for band, role in enumerate(self.layout.roles, start=1) if role != "alpha")
+        choice = choose_bands(self.layout, bands[0])
+        return self.read(OpenFiles(), replace(choice, bands=bands), Window(0, 0, *self.shape))[0]
 
     def is_empty(self, handles: OpenFiles, choice: BandChoice, window: Window) -> bool:
         """Return whether a sparse file stores no block inside `window`, so that every pixel is invalid.
