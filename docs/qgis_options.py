@@ -16,6 +16,7 @@ from uavseg.jobs.match.request import WINDOWS
 from uavseg.options.flights import CheckOptions, MissionOptions, PlanOptions
 from uavseg.options.maps import ClassifyOptions, PathOptions
 from uavseg.options.option import Option, options_of
+from uavseg.options.photographs import FootprintsOptions, GeoreferenceOptions
 from uavseg.options.regions import ExtractOptions, LevelsOptions, MatchOptions, SuggestOptions
 from uavseg.raster.spectral.formula import INDICES
 
@@ -29,6 +30,8 @@ JOBS = {
     "path": PathOptions,
     "plan": PlanOptions,
     "check": CheckOptions,
+    "footprints": FootprintsOptions,
+    "georeference": GeoreferenceOptions,
 }
 NAMES = {  # of parameters, where they differ
     ("extract", "classes"): "CLASSES_FILE",

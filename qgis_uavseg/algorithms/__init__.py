@@ -1,4 +1,4 @@
-"""Algorithms of the provider, one a file."""
+"""Algorithms of the provider."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from .extract import ExtractRegions
 from .levels import SegmentByLevels
 from .match import RegionsLikeSample
 from .path import FindPath
+from .photographs import Footprints, Gaps, Georeference
 from .plan import PlanMission
 from .suggest import SuggestRanges
 from .suggest_like import SuggestForSample
@@ -20,6 +21,9 @@ ALGORITHMS = (
     SuggestForSample,
     PlanMission,
     CheckMission,
+    Footprints,
+    Gaps,
+    Georeference,
     ClassifyMap,
     FindPath,
 )

@@ -455,6 +455,7 @@ class CheckOptions(Options):
         "With --photos: all were, and are planned to be, taken with this camera.  [default: the focal length "
         "in the files]",
         metavar="NAME|FILE.json",
+        label="Camera",
     )
     home: Sequence[float] | None = option(
         "With --photos: place of takeoff, and its metres above the sea.  [default: the home of FILE]",

@@ -26,6 +26,7 @@ class PoseOptions(Options):
         multiple=True,
         parse=texts.or_none,
         basic=True,
+        label="Elevation model",
     )
     home: Sequence[float] | None = option(
         "Place of takeoff, and its metres above the sea: over an elevation model, heights are then those "
@@ -49,6 +50,7 @@ class FootprintsOptions(Options):
         "files]",
         metavar="NAME|FILE.json",
         basic=True,
+        label="Camera",
     )
     files: OverwriteOptions = group(OverwriteOptions)
     messages: VerbosityOptions = group(VerbosityOptions)
@@ -71,6 +73,7 @@ class GeoreferenceOptions(Options):
         "Side of a pixel in centimetres.  [default: that of the photographs in their middle]",
         metavar="CM",
         basic=True,
+        label="Side of a pixel in cm",
     )
     poses: PoseOptions = group(PoseOptions)
     camera: str | os.PathLike[str] | Camera | None = option(
@@ -78,6 +81,7 @@ class GeoreferenceOptions(Options):
         "files]",
         metavar="NAME|FILE.json",
         basic=True,
+        label="Camera",
     )
     files: OverwriteOptions = group(OverwriteOptions, overwrite={"python": True})
     messages: VerbosityOptions = group(VerbosityOptions)
