@@ -55,11 +55,14 @@ class RegionsDock(QgsDockWidget):
         self._iface, self._canvas = iface, iface.mapCanvas()
         self._shown_ids: dict[str, str] = {}
         self._seen: MissionRequest | None = None
+        self._saved_as: Path | None = None
         self.range, self.ticks = RangePanel(self._canvas), TickList()
         self.mission, self.planner = MissionPanel(self._canvas), MissionPlanner(self)
         self.tick_tool = PlaceTool(self._canvas)
         self.all_button, self.none_button = QPushButton("Tick all"), QPushButton("Tick none")
         self.tick_button, self.keep_button = QPushButton("Tick on the map"), QPushButton("Save regions...")
+        self.gaps_button = QPushButton("Gaps of photographs...")
+        self.gaps_button.setToolTip("After a flight: what its photographs missed, as regions to fly over")
         self.count = QLabel()
         self._lay_out()
         self._connect()
@@ -76,6 +79,7 @@ class RegionsDock(QgsDockWidget):
         layout.addWidget(self.count)
         layout.addWidget(self.ticks, 1)
         layout.addLayout(buttons)
+        layout.addWidget(self.gaps_button)
         layout.addWidget(self.mission)
         area = QScrollArea()
         area.setWidgetResizable(True)
@@ -94,6 +98,7 @@ class RegionsDock(QgsDockWidget):
         self.tick_tool.chosen.connect(self.tick_at)
         self.tick_tool.deactivated.connect(lambda: self.tick_button.setChecked(False))
         self.keep_button.clicked.connect(self.keep_regions)
+        self.gaps_button.clicked.connect(self.ask_for_gaps)
         self.mission.on_change(self.forget_mission)
         self.mission.preview_button.clicked.connect(self.preview)
         self.mission.save_button.clicked.connect(self.ask_and_save)
@@ -113,12 +118,29 @@ class RegionsDock(QgsDockWidget):
         """Show regions in place of those before."""
         self.forget_mission()
         raster = self.range.finder.raster
-        title = f"Regions of {raster.stem}, {found.title}" if raster else "Regions"
+        title = f"Regions of {raster.stem}, {found.title}" if raster else f"Regions, {found.title}"
         layer = QgsVectorLayer(f"{found.path}|layername={found.path.stem}", title, "ogr")
         if not layer.isValid():
             layer = QgsVectorLayer(str(found.path), title, "ogr")
         self._show("regions", layer)
         self.ticks.show_regions(layer)
+
+    def ask_for_gaps(self) -> None:
+        """Compare photographs with a mission in the dialog of Processing, and show their gaps as regions."""
+        import processing
+
+        given = {"INPUT": str(self._saved_as)} if self._saved_as else {}
+        results = processing.execAlgorithmDialog("uavseg:gaps", given)
+        if results and results.get("OUTPUT"):
+            self.show_gaps(Path(results["OUTPUT"]))
+
+    def show_gaps(self, path: Path) -> None:
+        """Show the gaps of a survey in place of the regions before; a layer of them in the project goes."""
+        project = QgsProject.instance()
+        for layer in list(project.mapLayers().values()):
+            if _file_of(layer) == path:
+                project.removeMapLayer(layer)
+        self.show_regions(Found(path, "gaps of the photographs", ()))
 
     def preview(self) -> None:
         """Plan a mission over the ticked regions, to look at."""
@@ -260,6 +282,7 @@ class RegionsDock(QgsDockWidget):
         self._say(planned, not_shown(flights))
 
     def _saved(self, planned: Planned) -> None:
+        self._saved_as = planned.files[0]
         self._say(planned, f"<b>saved:</b> {escaped(', '.join(map(str, planned.files)))}<br>")
 
     def _say(self, planned: Planned, first: str) -> None:

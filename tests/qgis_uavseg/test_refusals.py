@@ -117,7 +117,10 @@ def test_the_program_sees_nothing_of_the_libraries_of_qgis(qgis: Any, tmp_path: 
         *("extract", "plan"),
         *(
             pytest.param(name, marks=pytest.mark.thorough)
-            for name in ("levels", "match", "suggest", "suggestlike", "check", "classify", "path")
+            for name in (
+                *("levels", "match", "suggest", "suggestlike", "check", "classify", "path"),
+                *("footprints", "gaps", "georeference"),
+            )
         ),
     ],
 )

@@ -281,3 +281,33 @@ def test_a_report_is_that_of_the_command_line(qgis: Any, regions: Path, tmp_path
     assert answer.code == 0, answer.log
     assert (tmp_path / "r.json").read_text() == qgis.typed("check", mission, "--autopilot", "px4", "--json")
     assert answer.results["OK"] is True
+
+
+@pytest.mark.slow
+def test_gaps_footprints_and_a_map_of_photographs_are_those_of_the_command_line(
+    qgis: Any, regions: Path, tmp_path: Path
+) -> None:
+    from tests.photographs.flown import fly
+
+    mission, photographs = tmp_path / "m.plan", tmp_path / "photographs"
+    words = ["--altitude", "60", "--home", "auto", "--camera", "DJI Mavic 3 Enterprise"]
+    qgis.typed("plan", regions, "-o", mission, *words)
+    fly(mission, photographs, without=(20, 21, 22))
+    answer = qgis.run(
+        "gaps",
+        INPUT=mission,
+        PHOTOGRAPHS=photographs,
+        OUTPUT=tmp_path / "g.geojson",
+        FOOTPRINTS=tmp_path / "f.geojson",
+    )
+    assert answer.code == 0, answer.log
+    typed = ("check", mission, "--photos", photographs, "--gaps", tmp_path / "gaps.geojson", "--json")
+    coverage = json.loads(qgis.typed(*typed, code=1))["coverage"]
+    assert (tmp_path / "g.geojson").read_bytes() == (tmp_path / "gaps.geojson").read_bytes()
+    assert answer.results["GAPS"] == coverage["gaps"] > 0 and answer.results["MISSING"] == 3
+    qgis.typed("footprints", photographs, "-o", tmp_path / "footprints.geojson")
+    assert (tmp_path / "f.geojson").read_bytes() == (tmp_path / "footprints.geojson").read_bytes()
+    answer = qgis.run("georeference", PHOTOGRAPHS=photographs, RESOLUTION=200, OUTPUT=tmp_path / "map.tif")
+    assert answer.code == 0, answer.log
+    qgis.typed("georeference", photographs, "--resolution", "200", "-o", tmp_path / "typed.tif")
+    assert (tmp_path / "map.tif").read_bytes() == (tmp_path / "typed.tif").read_bytes()

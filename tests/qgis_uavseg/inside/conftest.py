@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import subprocess
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -22,6 +23,15 @@ def wait_until(done: Callable[[], bool], seconds: float = 60) -> None:
         QCoreApplication.sendPostedEvents()
         assert time.monotonic() < end, f"it did not happen within {seconds} s"
         time.sleep(0.005)
+
+
+def photograph(regions: Path, mission: Path, folder: Path) -> None:
+    """Plan a survey over regions, and write its photographs but for some in the middle."""
+    program = Path(os.environ["UAVSEG_PROGRAM"])
+    words = ["--altitude", "60", "--home", "auto", "--camera", "DJI Mavic 3 Enterprise", "-o", mission]
+    subprocess.run([program, "plan", regions, *words], check=True, capture_output=True)
+    make = [program.with_name("python"), "-m", "tests.photographs.flown", mission, folder]
+    subprocess.run([*make, "--without", "20,21,22"], check=True, cwd=SAMPLES.parent)
 
 
 def show_map(canvas: Any, layer: Any) -> None:

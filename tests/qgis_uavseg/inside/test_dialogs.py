@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("qgis.core")
 pytest.importorskip("pytest_qgis")
 
-from conftest import SAMPLES, wait_until
+from conftest import SAMPLES, photograph, wait_until
 from qgis.core import (
     QgsApplication,
     QgsProcessingContext,
@@ -29,7 +29,10 @@ from qgis.core import (
     QgsVectorLayer,
 )
 
-NAMES = ("extract", "levels", "match", "suggest", "suggestlike", "plan", "check", "classify", "path")
+NAMES = (
+    *("extract", "levels", "match", "suggest", "suggestlike", "plan", "check", "classify", "path"),
+    *("footprints", "gaps", "georeference"),
+)
 # The parameters of a run; texts in angle brackets are files that the fixture `inputs` made, or results.
 RUNS: dict[str, dict[str, Any]] = {
     "extract": {"INPUT": "<quarry>", "RANGE": "0.55,1", "OUTPUT": "<out>/o.gpkg"},
@@ -46,6 +49,9 @@ RUNS: dict[str, dict[str, Any]] = {
     "plan": {"REGIONS": "<regions>", "OUTPUT": "<out>/o.plan"},
     "check": {"INPUT": "<mission>", "REPORT": "<out>/o.json"},
     "classify": {"INPUT": "<map>", "STRETCH": "none", "OUTPUT": "<out>/o.tif"},
+    "footprints": {"PHOTOGRAPHS": "<photographs>", "OUTPUT": "<out>/o.gpkg"},
+    "gaps": {"INPUT": "<survey>", "PHOTOGRAPHS": "<photographs>", "OUTPUT": "<out>/o.gpkg"},
+    "georeference": {"PHOTOGRAPHS": "<photographs>", "RESOLUTION": 200, "OUTPUT": "<out>/o.tif"},
     "path": {"INPUT": "<map>", "START": "0.715,1.595", "GOAL": "2.135,0.305", "OUTPUT": "<out>/o.geojson"},
 }
 
@@ -57,6 +63,7 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
         pytest.skip("UAVSEG_PROGRAM names no program")
     folder = tmp_path_factory.mktemp("inputs")
     made = {"regions": "r.gpkg", "mission": "m.plan", "map": "map.tif"}
+    made |= {"survey": "s.plan", "photographs": "photographs"}
     paths = {name: str(folder / file) for name, file in made.items()}
     samples = {"quarry": str(SAMPLES / "quarry.tif"), "fields": str(SAMPLES / "fields_rgb.tif")}
     for words in (
@@ -65,6 +72,7 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
         ["simulate", "circles", "-o", paths["map"]],
     ):
         subprocess.run([os.environ["UAVSEG_PROGRAM"], *words], check=True, capture_output=True)
+    photograph(Path(paths["regions"]), Path(paths["survey"]), Path(paths["photographs"]))
     return {**samples, **paths}
 
 

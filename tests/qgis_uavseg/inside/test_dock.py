@@ -14,7 +14,7 @@ pytest.importorskip("qgis.core")
 pytest.importorskip("pytest_qgis")
 
 import numpy as np
-from conftest import SAMPLES, show_map, wait_until
+from conftest import SAMPLES, photograph, show_map, wait_until
 from qgis.core import (
     QgsCoordinateReferenceSystem,
     QgsGeometry,
@@ -352,6 +352,31 @@ def test_a_mission_is_seen_and_what_is_saved_is_that(quarry_dock: Any, tmp_path:
     first = next(footprints.getFeatures()).geometry()
     meters = first.area() * 111_200 * 111_200 * np.cos(np.radians(49.458))
     assert meters == pytest.approx(across * along, rel=0.01)
+
+
+def test_gaps_of_photographs_are_regions_for_the_next_flight(quarry_dock: Any, tmp_path: Path) -> None:
+    dock = quarry_dock
+    mission, photographs, gaps = tmp_path / "m.plan", tmp_path / "photographs", tmp_path / "gaps.gpkg"
+    photograph(_file(_with_regions(dock)), mission, photographs)
+    done = subprocess.run(
+        [os.environ["UAVSEG_PROGRAM"], "check", mission, "--photos", photographs, "--gaps", gaps],
+        capture_output=True,
+    )
+    assert done.returncode == 1 and gaps.exists()
+    loaded = QgsProject.instance().addMapLayer(QgsVectorLayer(str(gaps), "Gaps", "ogr")).id()
+    dock.show_gaps(gaps)
+    assert QgsProject.instance().mapLayer(loaded) is None
+    layer = dock.layer()
+    assert _file(layer) == gaps and "gaps" in layer.name()
+    assert layer.featureCount() == len(dock.ticks.ids()) > 0
+    dock.mission.camera.setText("DJI Mavic 3 Enterprise")
+    _plan(dock)
+    assert dock.mission.save_button.isEnabled(), dock.mission.estimate.text()
+    assert dock.layer("footprints").featureCount() > 0
+
+
+def _file(layer: QgsVectorLayer) -> Path:
+    return Path(layer.source().split("|")[0])
 
 
 def test_footprints_cover_what_is_flown_over(quarry_dock: Any) -> None:

@@ -100,7 +100,8 @@ def test_a_program_that_does_not_start_is_an_error(qgis_app: Any, tmp_path: Path
 
 def test_every_parameter_has_a_label_and_help_and_ids_are_unique(provider: Any) -> None:
     algorithms = provider.algorithms()
-    names = ["check", "classify", "extract", "levels", "match", "path", "plan", "suggest", "suggestlike"]
+    names = ["check", "classify", "extract", "footprints", "gaps", "georeference", "levels", "match", "path"]
+    names += ["plan", "suggest", "suggestlike"]
     assert sorted(algorithm.name() for algorithm in algorithms) == names
     for algorithm in algorithms:
         assert algorithm.shortHelpString() and not algorithm.icon().isNull(), algorithm.id()
