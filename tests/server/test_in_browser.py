@@ -14,6 +14,7 @@ from click.testing import CliRunner
 
 import uavseg
 from tests.plot.web.test_in_browser import CHROMIUM, NODE, REQUIRED, has_playwright
+from tests.server.asking import surveyed
 from uavseg.cli import main
 from uavseg.jobs.web_map.tiles import has_map_tiles
 
@@ -33,13 +34,17 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def seen(folder: Path) -> dict[str, Any]:
+    return drive("drive_server.js", folder)
+
+
+def drive(program: str, folder: Path, **options: Any) -> dict[str, Any]:
+    """Serve the sample, use its page, and return what was seen."""
     assert has_playwright(), "chromium, node and playwright-core (through NODE_PATH) are not there"
     with warnings.catch_warnings(action="ignore"):  # without rio-tiler there are no tiles
-        server = uavseg.serve(SAMPLE)
+        server = uavseg.serve(SAMPLE, **options)
     with server:
-        program = Path(__file__).with_name("drive_server.js")
         found = subprocess.run(
-            [str(NODE), str(program), server.url, str(folder), str(CHROMIUM)],
+            [str(NODE), str(Path(__file__).with_name(program)), server.url, str(folder), str(CHROMIUM)],
             capture_output=True,
             text=True,
             timeout=200,
@@ -80,3 +85,12 @@ def test_the_mission_that_is_downloaded_is_accepted(seen: dict[str, Any], folder
 
 def test_regions_like_a_sample_are_found(seen: dict[str, Any]) -> None:
     assert re.search(r"[1-9]\d* of [1-9]\d* chosen", seen["like"][1])
+
+
+def test_gaps_of_photographs_are_flown_over_next(folder: Path, tmp_path: Path) -> None:
+    mission, photographs = surveyed(tmp_path)
+    seen = drive("drive_gaps.js", folder, photos=photographs, mission=mission)
+    assert seen["errors"] == [] and not seen["status"]
+    assert f"{len(list(photographs.iterdir()))} photographs" in seen["footprints"]
+    result = CliRunner().invoke(main, ["check", str(folder / "next.plan")])
+    assert result.exit_code == 0, result.output

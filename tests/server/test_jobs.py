@@ -21,7 +21,7 @@ from rasterio.vrt import WarpedVRT
 from rasterio.warp import transform_bounds
 
 import uavseg
-from tests.server.asking import fetch, run_job
+from tests.server.asking import fetch, run_job, surveyed
 from uavseg.api.pages import MapServer
 from uavseg.cli import main
 from uavseg.errors import ParameterError
@@ -110,6 +110,39 @@ def test_missions_are_those_of_plan(home: Any, server: MapServer, tmp_path: Path
     assert places_of(ours) == pytest.approx(places_of(theirs), abs=2e-7)  # degrees: regions are rounded first
     assert len(ours["mission"]["items"]) == len(theirs["mission"]["items"])
     assert report["answer"]["missions"][0]["footprints"]
+
+
+def test_gaps_of_photographs_are_those_of_check(tmp_path: Path) -> None:
+    mission, photographs = surveyed(tmp_path)
+    gaps = tmp_path / "gaps.geojson"
+    words = ["check", mission, "--photos", photographs, "--gaps", gaps, "-q"]
+    assert CliRunner().invoke(main, list(map(str, words))).exit_code == 1
+    with warnings.catch_warnings(action="ignore"):
+        server = uavseg.serve(SAMPLE, size=300, photos=photographs, mission=mission)
+    with server:
+        assert fetch(f"{server.url}jobs/gaps", {"low": 1})[0] == 400
+        report = run_job(server.url, "gaps", {})
+        (tmp_path / "regions.gpkg").write_bytes(saved(server, report, "regions.gpkg"))
+        question = {"job": report["job"], "home": "auto", "altitude": 60, "pattern": "survey"}
+        planned = run_job(server.url, "plan", {**question, "camera": "DJI Mavic 3", "allow_edge": True})
+        assert planned["state"] == "done", planned
+    found, expected = (geopandas.read_file(tmp_path / name) for name in ("regions.gpkg", "gaps.geojson"))
+    assert len(found) == len(expected) > 0
+    assert found.area_m2.to_numpy() == pytest.approx(expected.area_m2.to_numpy())
+
+
+def test_photographs_without_a_mission_have_footprints_and_no_gaps(tmp_path: Path) -> None:
+    _, photographs = surveyed(tmp_path)
+    with warnings.catch_warnings(action="ignore"):
+        server = uavseg.serve(SAMPLE, size=300, photos=photographs)
+    with server:
+        page = fetch(server.url)[1].decode()
+        assert fetch(f"{server.url}jobs/gaps", {})[0] == 404
+    data = json.loads(page.split('id="data">')[1].split("</script>")[0])
+    shown = data["server"]["footprints"]
+    assert len(shown) == len(list(photographs.iterdir())) and data["server"]["gaps"] is False
+    with pytest.raises(uavseg.UavsegError, match="--photos"):
+        uavseg.serve(SAMPLE, mission=tmp_path / "survey.plan")
 
 
 def places_of(plan: Any) -> Any:

@@ -23,11 +23,12 @@ from uavseg.jobs.source.source import Source
 from uavseg.jobs.source.work import Work
 from uavseg.jobs.web_map.content import FieldMapRequest, field_map
 from uavseg.jobs.web_map.tiles import CellTiles, has_map_tiles
+from uavseg.options.flights import Paths
 from uavseg.options.option import build
 from uavseg.options.pages import MapOptions, ServeOptions
 from uavseg.plot.web.field_map import PageFile, page_of
 from uavseg.server.local_server import Answer, LocalServer, Tasks
-from uavseg.server.site import Site
+from uavseg.server.site import Flown, Site
 
 NO_TILES = (
     "without tiles the picture is all there is when the map is zoomed: they need rio-tiler "
@@ -38,21 +39,35 @@ NO_TILES = (
 class MapServer:
     """A local server of maps, that answers until it is closed; port 0 is any that is free."""
 
-    def __init__(self, source: Source, request: FieldMapRequest, work: Work, port: int = 0) -> None:
+    def __init__(
+        self,
+        source: Source,
+        request: FieldMapRequest,
+        work: Work,
+        port: int = 0,
+        photos: Paths = None,
+        mission: Any = None,
+    ) -> None:
+        flown = None if photos is None and mission is None else Flown.of(photos, mission)
         raster = raster_of(source, "a block map holds no picture; name the raster that it was made from")
         found = field_map(raster, replace(request, all_cells=True), work)
         cells = None if found.fits_page else CellTiles.of(found)
         cleaned = raster.cleaned(work.over(raster).silent)  # found already
         tiles = cleaned if has_map_tiles(cleaned) else None
         self.warnings = found.warnings if tiles else (*found.warnings, NO_TILES)
+        if flown is not None:
+            self.warnings = (*self.warnings, *flown.warnings)
         names = [one.name for one in cameras()]
         areas = None if cells is None else [float(f"{area:.10g}") for area in cells.areas]  # by their codes
         offered = {"tiles": tiles is not None, "cameras": names, "areas": areas}
-        page = page_of(found, None, [], offered)
+        if flown is not None:
+            offered |= {"footprints": flown.footprints, "gaps": flown.gaps is not None}
+        page = page_of(found, None, flown.missions if flown else [], offered)
         self._folder = tempfile.TemporaryDirectory(prefix="uavseg-serve-", ignore_cleanup_errors=True)
         self._tasks = Tasks(Path(self._folder.name))
         found = replace(found, cells=None)  # in the page, or in tiles
-        site = Site(raster, request, found, page, self._tasks, tiles, cells)
+        gaps = flown.gaps if flown else None
+        site = Site(raster, request, found, page, self._tasks, tiles, cells, gaps)
         try:
             self._server = LocalServer(partial(_within, copy_context(), site), port)
         except (OSError, OverflowError) as error:
@@ -98,6 +113,8 @@ def serve(
     source: Any,
     *,
     port: int = 0,
+    photos: Paths = None,
+    mission: Any = None,
     size: int = 2048,
     band: int | str | None = None,
     rgb: tuple[int | str, int | str, int | str] | None = None,
@@ -124,6 +141,10 @@ def serve(
         As of `map_page`.
     port : int
         Of 127.0.0.1; 0 is any that is free.
+    photos : path or sequence of paths, optional
+        Photographs that came back from a flight, files or folders: the page shows their footprints.
+    mission : path or Mission, optional
+        With `photos`, the mission that was flown: the page shows what they missed, as regions.
     band, ..., allow_network
         As of `extract`.
 
@@ -135,7 +156,8 @@ def serve(
     Raises
     ------
     UavsegError
-        If the raster cannot be read or has no place on a map in Web Mercator, or the port is not free.
+        If the raster or the photographs cannot be read, the raster has no place on a map in Web Mercator, or
+        the port is not free.
 
     Examples
     --------
@@ -148,7 +170,8 @@ def serve(
     request = FieldMapRequest(options.division.segment_params(), size)
     run = thread_pool(threads)
     with allowing(allow_path, allow_network):
-        server = MapServer(open_source(source, options.read), request, Work(tile, run, run), port)
+        raster = open_source(source, options.read)
+        server = MapServer(raster, request, Work(tile, run, run), port, photos, mission)
     warn(server.warnings)
     return server
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from uavseg.options import texts
+from uavseg.options.flights import Paths
 from uavseg.options.option import Options, argument, group, option
 from uavseg.options.reading import ONLY_MAPS, RASTER_STRETCH, AccessOptions, RasterArguments, ReadOptions
 from uavseg.options.regions import DivisionOptions
@@ -97,6 +98,19 @@ class ServeOptions(Options):
 
     source: RasterArguments = group(RasterArguments)
     port: int = option("Port of 127.0.0.1; 0 is any that is free.", default=0, metavar="N", basic=True)
+    photos: Paths = option(
+        "Photographs that came back from a flight, files or folders: the page shows their footprints. May be "
+        "repeated.",
+        metavar="PATH",
+        multiple=True,
+        parse=texts.or_none,
+        basic=True,
+    )
+    mission: Any = option(
+        "With --photos: the mission that was flown. The page shows what they missed, as regions.",
+        metavar="PATH",
+        basic=True,
+    )
     size: PictureOptions = group(PictureOptions)
     read: ReadOptions = group(ReadOptions, *ONLY_MAPS, "flatten", **RASTER_STRETCH)
     division: DivisionOptions = group(DivisionOptions)

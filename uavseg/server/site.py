@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import re
 import warnings
 from collections.abc import Iterator, Sequence
@@ -19,17 +20,19 @@ from uavseg.execution.executors import Progress, threads
 from uavseg.flight.camera.camera import cameras
 from uavseg.inputs import parse_json
 from uavseg.jobs.extract import ExtractRequest, extract
+from uavseg.jobs.flights.check import check, check_request, gap_regions
+from uavseg.jobs.flights.footprints import footprints
 from uavseg.jobs.flights.plan import Home, PlanRequest, plan
 from uavseg.jobs.flights.request import open_regions, plan_request
 from uavseg.jobs.match.match import match
 from uavseg.jobs.match.request import MatchRequest
-from uavseg.jobs.result.result import Extraction
 from uavseg.jobs.source.source import Raster
 from uavseg.jobs.source.work import Work
 from uavseg.jobs.web_map.content import FieldMap, FieldMapRequest, colored, webp_of
 from uavseg.jobs.web_map.tiles import CellTiles, read_map_tile
-from uavseg.options.flights import PlanOptions
+from uavseg.options.flights import CheckOptions, Paths, PlanOptions
 from uavseg.options.option import Option, build, options_of
+from uavseg.options.photographs import FootprintsOptions
 from uavseg.plain_text import printable
 from uavseg.plot.web.field_map import read_collection, read_flights
 from uavseg.raster.geodesy.globe import WGS84, geod_wgs84, transform_between
@@ -38,6 +41,7 @@ from uavseg.raster.read.dataset import Dataset
 from uavseg.regions.edit.small import Area
 from uavseg.regions.formats.export import write_regions
 from uavseg.regions.sample.place import Disc
+from uavseg.regions.table import Regions
 from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
 from uavseg.server.local_server import Answer, BusyError, Job, Tasks, json_answer, refusal
 from uavseg.warning_filters import changing_filters
@@ -223,6 +227,34 @@ def _place(value: Any, what: str) -> tuple[float, float]:
 
 
 @dataclass(frozen=True)
+class Flown:
+    """What came back from a flight: outlines of footprints (lon, lat), the missions, and their gaps."""
+
+    footprints: list[Any]
+    missions: list[dict[str, Any]]
+    gaps: Regions | None
+    warnings: tuple[str, ...]
+
+    @classmethod
+    def of(cls, photos: Paths, mission: Any = None) -> "Flown":
+        """Read photographs, and compare them with a mission.
+
+        A ParameterError says that there is a mission without photographs; a PhotographError or MissionError
+        that they cannot be read, or are of another flight.
+        """
+        if photos is None:
+            raise ParameterError("--mission is that of photographs; give them with --photos")
+        paths = [photos] if isinstance(photos, str | os.PathLike) else photos
+        found = footprints(paths, FootprintsOptions())
+        rings = [shapely.get_coordinates(one).round(7).tolist() for one in found.regions.polygons]
+        if mission is None:
+            return cls(rings, [], None, found.warnings)
+        checked = check(mission, check_request(CheckOptions(photos=paths)))
+        notes = dict.fromkeys((*found.warnings, *checked.warnings))
+        return cls(rings, read_flights(mission), gap_regions(checked.coverage), tuple(notes))
+
+
+@dataclass(frozen=True)
 class Site:
     """Page and data from which a local server answers."""
 
@@ -233,6 +265,7 @@ class Site:
     tasks: Tasks
     tiles: Dataset | None  # the raster without its collar, if tiles can be read
     cells: CellTiles | None = None  # for the slider, where the page does not hold them
+    gaps: Regions | None = None  # of the photographs of a flight
 
     def answer(self, method: str, path: str, body: bytes) -> Answer:
         """Answer a request that is allowed; UavsegError if it is wrong."""
@@ -286,6 +319,9 @@ class Site:
             job = partial(self._extract, extract_request(body, self.request.segment))
         elif command == "match":
             job = partial(self._match, match_request(body, self.raster.geobox))
+        elif command == "gaps" and self.gaps is not None:
+            Words.of(body, ())
+            job = partial(_gaps, self.gaps)
         elif command == "plan":
             question = plan_question(body)
             regions = self.tasks.find(question.job)
@@ -300,10 +336,12 @@ class Site:
             return refusal(409, str(error))
 
     def _extract(self, request: ExtractRequest, folder: Path, progress: Progress) -> _Result:
-        return _regions(extract(self.raster, request, _work(progress)), folder)
+        found = extract(self.raster, request, _work(progress))
+        return _regions(found.regions, found.warnings, folder)
 
     def _match(self, request: MatchRequest, folder: Path, progress: Progress) -> _Result:
-        answer, files = _regions(match(self.raster, request, _work(progress)).found, folder)
+        found = match(self.raster, request, _work(progress)).found
+        answer, files = _regions(found.regions, found.warnings, folder)
         assert isinstance(request.like, Disc)
         return answer | {"like": [request.like.x, request.like.y, request.like.radius]}, files
 
@@ -338,9 +376,14 @@ def _work(progress: Progress) -> Work:
     return Work(None, run, run, progress=progress)
 
 
-def _regions(extraction: Extraction, folder: Path) -> tuple[dict[str, Any], dict[str, Path]]:
+def _gaps(gaps: Regions, folder: Path, progress: Progress) -> _Result:
+    if not len(gaps):
+        raise UavsegError("the photographs show all of it: there are no gaps")
+    return _regions(gaps, (), folder)
+
+
+def _regions(regions: Regions, notes: Sequence[str], folder: Path) -> _Result:
     path = folder / _REGIONS
-    write_regions(extraction.regions, path)
-    notes = [printable(_with_fields(note)) for note in extraction.warnings]
-    answer = {"regions": read_collection(path), "warnings": notes}
-    return answer, {path.name: path}
+    write_regions(regions, path)
+    said = [printable(_with_fields(note)) for note in notes]
+    return {"regions": read_collection(path), "warnings": said}, {path.name: path}

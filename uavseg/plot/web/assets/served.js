@@ -28,8 +28,14 @@ function addServed(page) {
     find("match", {center: [center.lat, center.lng], edge: [edge.lat, edge.lng]});
   });
 
+  if (data.server.footprints) {
+    const box = footprints(map, {footprints: data.server.footprints}), gaps = button("Gaps of the photographs", "gaps");
+    gaps.onclick = () => find("gaps", {});
+    panel.append(make("section", {}, make("h2", {textContent: "After the flight"}), ...box, ...(data.server.gaps ? [gaps] : [])));
+  }
+
   async function find(kind, body) {
-    const report = await run(kind, {...body, min_area: area.value() || null});
+    const report = await run(kind, kind === "gaps" ? body : {...body, min_area: area.value() || null});
     if (!report) return;
     own.job = report.job;
     list.show(report.answer.regions);
