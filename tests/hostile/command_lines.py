@@ -119,6 +119,7 @@ LINES = tuple(
         f"map x.tif -o out.html --size 64 --allow-path . --progress none --quiet {RUN}",
         f"serve x.tif --size 64 --port 0 --band 1 --stretch dtype {DIVISION} {RUN}",
         f"serve rgb.tif --size 100 --expr b1-b2 --collar keep --nodata 3 --resume done {RUN}",
+        "serve x.tif --size 64 --photos p.jpg --photos p.tif --mission a.plan --threads 1",
         "preview x.tif -o out.png --width 300 --states b.tif --labels b.tif",
         "preview a.plan a.waypoints -o out.png --width 300 --dem g.tif",
         "preview x.tif -o out.png --width 300 --leaves b.tif --levels lv.geojson --path p.geojson",
