@@ -283,8 +283,8 @@ def check_request(options: CheckOptions) -> CheckRequest:
         for one in sources:
             if Path(one).suffix.lower() in LOGS:
                 raise ParameterError(
-                    f"{os.fspath(one)} is a flight log, and photographs are read from images alone: give those, "
-                    "with their positions in EXIF"
+                    f"{os.fspath(one)} is a flight log, and photographs are read from images alone: give "
+                    "those, with their positions in EXIF"
                 )
         with phase("reading of photographs"):
             taken = read_photographs(sources, steps_done, camera)
