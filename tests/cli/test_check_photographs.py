@@ -206,6 +206,8 @@ def test_bad_input_is_one_line_and_writes_nothing(flown: Path, tmp_path: Path) -
         ([survey_plan, "--photos", flown / "all", "--camera", "nothing"], "there is no camera"),
         ([survey_plan, "--photos", flown / "all", "--home", "147,8"], "147"),
         ([away, "--photos", flown / "all"], "another flight"),
+        ([survey_plan, "--photos", flown / "all", "--photos", tmp_path / "a.BIN"], "a.BIN is a flight log"),
+        ([survey_plan, "--photos", tmp_path / "a.ulg"], "a.ulg is a flight log"),
     ):
         result = check(*words, "--gaps", gaps, "-q")
         assert result.exit_code == 1, result.output

@@ -32,7 +32,7 @@ COVERED = 0.999
 """Share of the area that photographs have to show."""
 RIM = 0.05  # of a footprint, by which what a mission plans to show is larger than what has to be covered
 SLIVER, LOST = 0.01, 0.0005  # smaller gaps are left out (of a footprint), unless they are more (of the area)
-THIN_M = 0.1
+THIN_M = 0.1  # narrower parts of gaps are left out in the same way
 MAX_PLANNED = 50_000
 _STRAIGHT = math.cos(math.radians(15))
 _STEEP_DEG = -85.0  # below, lines flown in opposite directions show the same
@@ -463,7 +463,7 @@ def _blurred(
     speed = np.array(unknown, float)
     for one in () if planned.is_hovering else np.unique(planned.line).tolist():
         which = match[(planned.line == one) & (match >= 0)]
-        seconds = np.abs(np.diff([photographs[n].taken_s or math.nan for n in which]))
+        seconds = np.abs(np.diff(np.array([photographs[n].taken_s for n in which], float)))
         metres = np.hypot(*np.diff(taken[which], axis=0).T)
         flown = (seconds > 0) & (seconds <= 5 * np.nanmedian(seconds)) if np.isfinite(seconds).any() else []
         if np.any(flown):

@@ -55,6 +55,7 @@ NAMES = {"ardupilot": "ArduPilot", "px4": "PX4"}
 CLEARANCE_M = 5.0
 """Least height above the ground of a DEM."""
 ANY_HEIGHT = SafetyParams(max_altitude_m=MAX_HEIGHT_M)
+LOGS = (".bin", ".log", ".ulg", ".tlog")
 LISTED = 5  # legs and names in a note
 OWN_AUTOPILOT = frozenset({".plan", ".kml", ".geojson"})  # formats that hold it
 
@@ -278,10 +279,15 @@ def check_request(options: CheckOptions) -> CheckRequest:
     area = () if options.regions is None else tuple(open_regions(options.regions).polygons)
     photographs: tuple[Photograph, ...] = ()
     if photos is not None:
+        sources = [photos] if isinstance(photos, str | os.PathLike) else photos
+        for one in sources:
+            if Path(one).suffix.lower() in LOGS:
+                raise ParameterError(
+                    f"{os.fspath(one)} is a flight log, and photographs are read from images alone: give "
+                    "those, with their positions in EXIF"
+                )
         with phase("reading of photographs"):
-            taken = read_photographs(
-                [photos] if isinstance(photos, str | os.PathLike) else photos, steps_done, camera
-            )
+            taken = read_photographs(sources, steps_done, camera)
         photographs, notes = taken.photographs, [*notes, *taken.notes]
     return CheckRequest(
         autopilot=options.autopilot,
