@@ -260,6 +260,17 @@ def test_tags_of_skydio_in_their_structures(tmp_path: Path) -> None:
     assert not found.is_ellipsoidal
 
 
+@pytest.mark.parametrize(
+    ("space", "known"),
+    [("http://www.dji.com/drone-dji/1.0/", True), ("http://skydio.com/1.0", True), ("http://a.org/", False)],
+)
+def test_tags_count_in_the_namespaces_of_drones_alone(space: str, known: bool, tmp_path: Path) -> None:
+    xmp = f"""<rdf:Description xmlns:x="{space}" x:GimbalPitchDegree="-50" x:GimbalYawDegree="9"/>"""
+    place = {1: "N", 2: (52.0, 30.0, 0.0), 3: "E", 4: (5.0, 30.0, 0.0), 16: "T", 17: IFDRational(70)}
+    found = read(published(tmp_path / "a.jpg", (400, 300), xmp, {0xA405: 24}, place))
+    assert (found.yaw_deg, found.pitch_deg) == ((9, -50) if known else (70, -90))
+
+
 def test_altitudes_of_the_skydio_x10_are_above_the_ellipsoid(tmp_path: Path) -> None:
     """As of support.skydio.com/hc/en-us/articles/32887502774171: GPSAltitudeRef is 0 all the same."""
     xmp = {"Camera:VertCS": None}

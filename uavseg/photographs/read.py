@@ -237,8 +237,9 @@ def _add(found: dict[str, str], tags: Mapping[str, str | None], owner: str = "")
 def _named(tag: str) -> str:
     """Return the name of a tag after "drone:" or "camera:", by its namespace; after ":" in all others."""
     space, _, name = tag.rpartition("}")
-    families = {"drone-": "drone", "/camera/": "camera"}
-    return f"{next((one for part, one in families.items() if part in f'{space.lower()}/'), '')}:{name}"
+    space = f"{space.lower()}/"
+    is_drone = re.search("drone|dji|autel|parrot|skydio", space) is not None
+    return f"{'camera' if '/camera/' in space else 'drone' * is_drone}:{name}"
 
 
 def _read(path: str, camera: Camera | None) -> Photograph:
