@@ -258,6 +258,37 @@ def mosaic_tile(mosaic: Mosaic, k: int, row: int, col: int) -> Array:
     return alone.tile(tile)[:, row - tile.row, col - tile.col]
 
 
+def test_over_hills_each_pixel_is_of_the_nearest_camera(slope: Path, tmp_path: Path) -> None:
+    photographs = []
+    for k, (north, height) in enumerate([(0, 560), (15, 600), (40, 545), (-30, 570), (5, 590)]):
+        one = photograph(
+            tmp_path / f"{k}.tif",
+            lat=PLACE[0] + north / 111_200,
+            relative_m=None,
+            altitude_m=float(height),
+            pitch_deg=-90.0 + 8 * k,
+        )
+        profile = {"count": 1, "height": IMAGE[1], "width": IMAGE[0], "dtype": "uint8"}
+        with warnings.catch_warnings(action="ignore"), rasterio.open(one.path, "w", **profile) as file:
+            file.write(np.full((1, *IMAGE[::-1]), 10 + k, np.uint8))
+        photographs.append(one)
+    ground = Ground(Dem.open(slope))
+    mosaic = mosaic_of(photographs, ground, 0.25)
+    pixels = drawn(mosaic)
+    rng = np.random.default_rng(8)
+    row, col = (rng.integers(0, length, 4000) for length in mosaic.geobox.shape)
+    lon, lat = mosaic.geobox.lonlat_from_xy(*mosaic.geobox.xy_from_pixel(row + 0.5, col + 0.5))
+    heights = ground.heights_m(lon, lat)
+    distances = np.full((len(photographs), len(row)), np.inf)
+    for distance, view in zip(distances, mosaic.views, strict=True):
+        offsets = *view.plane.xy_from_lonlat(lon, lat), heights - view.height_m
+        seen = view.places(*offsets)[2]
+        distance[seen] = np.linalg.norm(offsets, axis=0)[seen]
+    nearest = np.where(np.isfinite(distances.min(axis=0)), 10 + distances.argmin(axis=0), 0)
+    assert len(np.unique(nearest)) == 6
+    assert (nearest == pixels[0, row, col]).mean() > 0.998
+
+
 def test_order_and_threads_and_strips_change_nothing(
     scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -24,7 +24,7 @@ def command(options: GeoreferenceOptions) -> None:
     rows, cols = found.geobox.shape
     reporter.table(
         {
-            "photographs": f"{len(found.photographs):,}",
+            "photos": f"{len(found.photographs):,}",
             "map": f"{cols:,} x {rows:,} pixels of {100 * found.geobox.transform.a:g} cm "
             f"-> {shown(str(found.path))}",
             "error": f"likely {found.error_m:.1f} m, up to {found.edge_error_m:.1f} m at edges",

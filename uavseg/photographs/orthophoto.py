@@ -50,9 +50,8 @@ class View:
     lean: float  # metres by which a place is off at the edge, for each metre that its height is
     drawn: float  # share of the image that is drawn
     reach_m: float  # how far away the ground is
-    horizon: (
-        NDArray[np.float32] | None
-    )  # (azimuths, rings), steepest slope up to each ring; None if nothing is hidden
+    # (azimuths, rings), steepest slope to the ground up to each ring; None if nothing is hidden
+    horizon: NDArray[np.float32] | None
 
     @classmethod
     def of(cls, photograph: Photograph, ground: Ground, to_xy: Transform) -> "View":
