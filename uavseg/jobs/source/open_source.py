@@ -72,7 +72,11 @@ def open_probability_map(source: Any, options: ReadOptions = ReadOptions()) -> P
     if options.free_is_white is not None and not picture:
         raise ParameterError("--free-is-white and --free-is-black are for a picture without its YAML file")
     if picture and options.free_is_white:
-        return _white_picture(source, options)
+        from uavseg.occupancy.map_file import open_white_picture
+
+        if options.chooses_pixels or options.stretches("auto", "none"):
+            raise ParameterError("a picture in which free is white has no bands, nodata or stretch to choose")
+        return ProbabilityMap(*open_white_picture(source))
     opened = open_source(source, options)
     if not isinstance(opened, Raster):
         return opened
@@ -175,14 +179,6 @@ def _ros_map(parts: Sequence[Any], options: ReadOptions) -> ProbabilityMap:
         raise ParameterError("a ROS map holds probabilities, which are not stretched; leave stretch out")
     _refuse_flatten(options, "a ROS map holds probabilities, which have no light")
     return ProbabilityMap(*open_map(parts[0]), ros_map=os.fspath(parts[0]))
-
-
-def _white_picture(source: Any, options: ReadOptions) -> ProbabilityMap:
-    from uavseg.occupancy.map_file import open_white_picture
-
-    if options.chooses_pixels or options.stretches("auto", "none"):
-        raise ParameterError("a picture in which free is white has no bands, nodata or stretch to choose")
-    return ProbabilityMap(*open_white_picture(source))
 
 
 def _unknown_polarity(picture: Path) -> str:
