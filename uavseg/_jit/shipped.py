@@ -85,10 +85,7 @@ def symbol_of(kernel: LoopNest) -> str:
 
 
 def _describe(function: Callable[..., Any], parts: list[str]) -> None:
-    """Append the source of a function and of what it calls, and the constants that it reads.
-
-    Byte code would be simpler, but each version of Python has its own.
-    """
+    """Append the source of a function and its helpers (byte code depends on Python), and their constants."""
     parts.append(_source(function))
     for name in sorted(set(function.__code__.co_names)):
         value = function.__globals__.get(name)

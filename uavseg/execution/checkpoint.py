@@ -69,10 +69,7 @@ def encode_result(value: Any, key: str) -> bytes:
 
 
 def decode_result(data: bytes, key: str) -> Any:
-    """Read a result that `encode_result` serialised for the item of a key.
-
-    A DamagedResultError says that the bytes are damaged, of another key, or not from `encode_result` at all.
-    """
+    """Read a result of `encode_result` for a key; DamagedResultError if damaged, or of another key."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             tree = json.loads(archive.read(_TREE))

@@ -52,10 +52,7 @@ def draw_suggestions(
     dataset: Dataset | None = None,
     overwrite: bool = False,
 ) -> Path:
-    """Draw the ranges in colour over the raster in grey, beside the histogram with their bounds, as PNG.
-
-    Without a dataset, the cells of the block map are drawn in place of the raster.
-    """
+    """Draw the ranges over the raster, or without it the cells, and their histogram with bounds, as PNG."""
     target = check_png_target(out, overwrite)
     keep_inputs([target], dataset.paths if dataset is not None else ())
     figure = _figure(suggestions, dataset)

@@ -93,10 +93,7 @@ def pixels_of(source: Source, refusal: str = "") -> Raster | ProbabilityMap:
 
 
 def raster_of(source: Source, refusal: str = "") -> Raster:
-    """Return the source, which has to be a raster; a block map is refused as by `pixels_of`.
-
-    RasterReadError is raised if it is a map of probabilities that is no raster.
-    """
+    """Return the source, a raster; a block map is refused as by `pixels_of`, others by RasterReadError."""
     pixels = pixels_of(source, refusal)
     if isinstance(pixels, Raster):
         return pixels

@@ -210,10 +210,7 @@ def straight_share(points: NDArray[np.float64], tolerance: float, length: float,
 
 
 def outline_points(mask: PixelMask, shape: tuple[int, int]) -> NDArray[np.float64]:
-    """Return pixels of a set with a neighbour beside them that is not in it, evenly thinned to 20 000.
-
-    They are (n, 2) rows and columns, in raster order of blocks.
-    """
+    """Return (n, 2) rows and columns of a set's outline, by blocks, evenly thinned to 20 000."""
     whole = np.pad(mask.codes == ALL, 1, mode="edge")
     inner = whole[:-2, 1:-1] & whole[2:, 1:-1] & whole[1:-1, :-2] & whole[1:-1, 2:]
     rows, cols = np.nonzero((mask.codes != 0) & ~inner)  # mixed blocks, and whole ones beside others
