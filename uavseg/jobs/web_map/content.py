@@ -41,10 +41,7 @@ QUALITY = 80
 
 @dataclass(frozen=True)
 class MercatorImage:
-    """A picture that is north-up in Web Mercator: its WebP file, with transparency, and its rows and columns.
-
-    `bounds` are west, south, east and north of its outer edges, in degrees.
-    """
+    """A north-up WebP file in Web Mercator, its rows and columns, its outer edges W, S, E, N in degrees."""
 
     webp: bytes
     shape: tuple[int, int]
@@ -144,10 +141,7 @@ class FieldMap:
 
 
 def field_map(source: Source, request: FieldMapRequest = FieldMapRequest(), work: Work = SERIAL) -> FieldMap:
-    """Compute the picture and the block means of a raster.
-
-    RasterError is raised if it has no place on Earth, or one that a map in Web Mercator cannot show.
-    """
+    """Compute the picture and block means of a raster; RasterError if Web Mercator cannot show it."""
     work = work.begun()
     raster = raster_of(source, "a block map holds no picture; name the raster that it was made from")
     if raster.geobox.crs is None or not is_on_earth(raster.geobox.wkt):
@@ -183,10 +177,7 @@ def _cells(blocks: BlockMap, segment: SegmentParams) -> CellCodes:
 def colored(
     values: NDArray[Any], valid: NDArray[np.bool_] | None, stretch: Stretch, source: Dataset
 ) -> NDArray[np.uint8]:
-    """Return red, green, blue and alpha: bytes as they are in three bands, else grey through the stretch.
-
-    The values of the source are (1 or 3, rows, cols).
-    """
+    """Return RGBA of values, (1 or 3, rows, cols): three bands of bytes as they are, else grey by stretch."""
     image = np.full((4, *values.shape[1:]), 255, np.uint8)
     if len(values) == 3 and values.dtype == np.uint8 and source.choice.formula is None:
         image[:3] = values

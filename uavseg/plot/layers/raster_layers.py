@@ -96,10 +96,7 @@ def _sum_of_four(image: NDArray[np.uint16]) -> NDArray[np.uint16]:
 
 
 def draw_image(ax: Any, picture: NDArray[np.uint8], transform: Affine, zorder: float) -> None:
-    """Draw an RGBA image, (rows, cols, 4), that an affine transform places.
-
-    It is from pixel corners (col, row) to plot coordinates.
-    """
+    """Draw an RGBA image, (rows, cols, 4); the transform is from pixel corners (col, row) to the plot."""
     t = transform
     image = ax.imshow(
         picture,
@@ -182,10 +179,7 @@ def _read_band(dataset: Dataset, frame: Frame, max_side: int) -> tuple[NDArray[A
 
 
 def contours_of(labels: NDArray[np.uint32], plot_from_pixel: Affine) -> Contours:
-    """Trace closed lines, (n, 2), around the segments of a label image.
-
-    The transform is from pixel corners (col, row) to plot coordinates.
-    """
+    """Trace closed lines, (n, 2), around labels; the transform is from pixel corners (col, row)."""
     rings = trace(labels)
     x, y = plot_from_pixel * rings.vertices[:, ::-1].T.astype(np.float64)
     parts = np.split(np.stack([x, y], axis=1), rings.starts[1:-1])

@@ -144,10 +144,7 @@ def save_figure(figure: Any, path: Path) -> None:
 
 
 def fit_axes(ax: Any, view: View, width: float, height: float) -> float:
-    """Fit axes of a size in inches to a view, with equal units in x and y.
-
-    Returns the length of one point (1/72 inch) in plot coordinates.
-    """
+    """Fit axes, in inches, to a view with equal units; return a point (1/72 inch) in plot coordinates."""
     left, right, bottom, top = view
     point = max((right - left) / width, (top - bottom) / height) / _POINTS
     x, y = (left + right) / 2, (bottom + top) / 2
@@ -267,10 +264,7 @@ def write_text(figure: Any, x: float, title: str, subtitle: str, caption: str, c
 
 
 def raster_caption(box: GeoBox, band_names: str, grey_name: str, local_metres: bool = False) -> str:
-    """Describe a raster in one line: size, CRS, resolution, bands that are used, and the stretch of the grey.
-
-    `local_metres` tells whether coordinates without a CRS are metres.
-    """
+    """Describe a raster in one line; `local_metres` tells whether coordinates without a CRS are metres."""
     rows, cols = box.shape
     parts = [f"{cols} x {rows} pixels"]
     if box.crs is None:
