@@ -68,20 +68,16 @@ class LazyPolygons:
         begin, end = int(of_region[0]), int(of_region[-1])
         starts = self.rings.starts[begin : end + 1]
         exteriors = np.flatnonzero(self.rings.exteriors_of(begin, end))
-        return RaggedPolygons(
-            self._map_coordinates(starts),
-            starts - starts[0] + np.arange(len(starts)),
-            np.append(exteriors, end - begin),
-            np.searchsorted(exteriors, of_region - begin),
-        )
-
-    def _map_coordinates(self, starts: Integers) -> NDArray[np.float64]:
-        """Return closed rings in map coordinates."""
         coordinates = np.empty((int(starts[-1] - starts[0]) + len(starts) - 1, 2))
         affine = np.array(self.transform[:6])
         reverse = self.transform.determinant < 0
         _close_rings(self.rings.vertices, starts, reverse, affine, coordinates)
-        return coordinates
+        return RaggedPolygons(
+            coordinates,
+            starts - starts[0] + np.arange(len(starts)),
+            np.append(exteriors, end - begin),
+            np.searchsorted(exteriors, of_region - begin),
+        )
 
 
 PolygonArray = Objects | LazyPolygons

@@ -280,20 +280,15 @@ def _found(region: Any, params: CoverParams, near: FreeSpace, space: FreeSpace) 
         closer = [_grid(region, azimuth, params, near) for azimuth in sorted(beside - known)]
         laid = ranked([*laid[:tries], *closer, *others(closer)])
     if home is None:
-        laid = _different(laid)
+        turns = np.zeros(len(laid), np.int64)  # the first of each group of similar azimuths comes first
+        azimuths = np.array([lines.angle_deg for lines in laid])
+        for k in range(1, len(laid)):
+            apart = np.abs((azimuths[:k] - azimuths[k] + 90) % 180 - 90)
+            turns[k] = np.count_nonzero(apart < SIMILAR_DEG)
+        laid = [laid[k] for k in np.argsort(turns, kind="stable")]
     flown = [list(_fly(lines, space, order)) for lines in laid[: max(tries // 3, MIN_TRIES)]]
     best_first = np.argsort(_least_costs(flown, params), kind="stable").tolist()
     return [survey for k in best_first for survey in flown[k]]
-
-
-def _different(laid: list[SurveyLines]) -> list[SurveyLines]:
-    """Return lines with those of the first of each group of similar azimuths before the others."""
-    turns = np.zeros(len(laid), np.int64)
-    azimuths = np.array([lines.angle_deg for lines in laid])
-    for k in range(1, len(laid)):
-        apart = np.abs((azimuths[:k] - azimuths[k] + 90) % 180 - 90)
-        turns[k] = np.count_nonzero(apart < SIMILAR_DEG)
-    return [laid[k] for k in np.argsort(turns, kind="stable")]
 
 
 def _least_costs(flown: list[list[Survey]], params: CoverParams) -> Floats:

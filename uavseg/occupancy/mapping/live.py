@@ -166,7 +166,11 @@ class LiveSegmentation:
         self._all_ratios = self._blocks.ratios.copy()
         self._tracks: dict[int, SegmentTracks] = {}
         self._stale = np.ones(self._blocks.blocks, bool)
-        self._is_inner = _inner_blocks(grey_map.shape)
+        # blocks in which every pixel has eight neighbours in the map
+        rows, cols = (np.arange(0, length, BLOCK) for length in grey_map.shape)
+        inner_rows = (rows > 0) & (rows + BLOCK < grey_map.shape[0])
+        inner_cols = (cols > 0) & (cols + BLOCK < grey_map.shape[1])
+        self._is_inner = np.asarray(inner_rows[:, np.newaxis] & inner_cols)
         self.refit()
 
     @property
@@ -276,7 +280,10 @@ class LiveSegmentation:
             )
         indices = _block_indices(changed | divided)
         required = self._required[tuple(indices.T)]
-        _classify_leaves(self._blocks, self._query, indices, required, self._leaves, self._intervals)
+        blocks, division = self._blocks, self._query.division
+        measured = blocks.sums, blocks.counts, blocks.ratios, division.threshold, division.step
+        edges = np.array(self._query.edges, np.float64)
+        _classify(*measured, edges, indices, required, *self._leaves, self._intervals)
 
     def _by_validity(self, blocks: Mask) -> Iterator[tuple[BlockIndices, NDArray[np.uint8] | None]]:
         """Split blocks into those that are valid throughout (with None) and the others (with `valid`)."""
@@ -291,34 +298,12 @@ def _block_indices(blocks: Mask) -> BlockIndices:
     return np.ascontiguousarray(np.argwhere(blocks))
 
 
-def _inner_blocks(shape: tuple[int, int]) -> Mask:
-    """Find the blocks in which every pixel has eight neighbours in the map."""
-    rows, cols = (np.arange(0, length, BLOCK) for length in shape)
-    inner_rows = (rows > 0) & (rows + BLOCK < shape[0])
-    inner_cols = (cols > 0) & (cols + BLOCK < shape[1])
-    return np.asarray(inner_rows[:, np.newaxis] & inner_cols)
-
-
 def _required_ratios_at(blocks: BlockMap, query: LeafQuery, indices: BlockIndices) -> NDArray[np.uint32]:
     """Find the R of some blocks that must be known to answer a query, one bit each, see `block_map`."""
     chosen, shape = (indices[:, 0], slice(None), indices[:, 1]), (-1, CELLS, blocks.blocks[1], CELLS)
     sums = blocks.sums.reshape(shape)[chosen].reshape(-1, CELLS)  # one block below the other
     counts = blocks.counts.reshape(shape)[chosen].reshape(-1, CELLS)
     return query.required_ratios(sums, counts)[:, 0]
-
-
-def _classify_leaves(
-    blocks: BlockMap,
-    query: LeafQuery,
-    indices: BlockIndices,
-    required: NDArray[np.uint32],
-    scratch: tuple[NDArray[np.uint8], NDArray[np.float64]],
-    intervals: NDArray[np.uint8],
-) -> None:
-    """Divide some blocks into leaves, and write the interval of each leaf's mean, 0 without a valid pixel."""
-    division = (blocks.sums, blocks.counts, blocks.ratios, query.division.threshold, query.division.step)
-    edges = np.array(query.edges, np.float64)
-    _classify(*division, edges, indices, required, *scratch, intervals)
 
 
 @inlined

@@ -37,19 +37,15 @@ def pull_string(mask: NDArray[np.bool_], cells: Cells) -> Cells:
     corners = corners[: _skip_visible(open_, corners)]
     for _ in range(_MAX_ROUNDS):
         moved = _move_corners(open_, corners)
-        corners = _shortest_subsequence(open_, corners)
+        before, lengths = np.zeros(len(corners), np.int64), np.zeros(len(corners))
+        _shortest_over(open_, corners, _MAX_SKIPPED, lengths, before)
+        chain = [len(corners) - 1]
+        while chain[-1]:
+            chain.append(int(before[chain[-1]]))
+        corners = corners[chain[::-1]]
         if not moved:
             break
     return corners
-
-
-def _shortest_subsequence(mask: NDArray[np.uint8], corners: Cells) -> Cells:
-    before, lengths = np.zeros(len(corners), np.int64), np.zeros(len(corners))
-    _shortest_over(mask, corners, _MAX_SKIPPED, lengths, before)
-    chain = [len(corners) - 1]
-    while chain[-1]:
-        chain.append(int(before[chain[-1]]))
-    return corners[chain[::-1]]
 
 
 @inlined

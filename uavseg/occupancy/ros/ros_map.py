@@ -106,9 +106,14 @@ def read_ros_yaml(path: str | os.PathLike[str]) -> MapDescription:
     """Read and check the YAML file of a ROS map."""
     content = _read_yaml(path)
     try:
+        value = content["negate"]
+        if isinstance(value, str) and value.strip().lstrip("+-").isdigit():
+            value = int(value)
+        if not isinstance(value, int):
+            raise MapError(f"negate is 0 or 1, not {shown(value)}")
         rules = CellRules(
             mode=str(content.get("mode", "trinary")).lower(),
-            negate=_flag(content["negate"]),
+            negate=bool(value),
             occupied=_number("occupied_thresh", content["occupied_thresh"]),
             free=_number("free_thresh", content["free_thresh"]),
         )
@@ -175,14 +180,6 @@ def _number(name: str, value: Any) -> float:
         return float(value)
     except (ValueError, OverflowError) as error:
         raise MapError(f"{name} is a number, not {shown(value)}") from error
-
-
-def _flag(value: Any) -> bool:
-    if isinstance(value, str) and value.strip().lstrip("+-").isdigit():
-        value = int(value)
-    if not isinstance(value, int):
-        raise MapError(f"negate is 0 or 1, not {shown(value)}")
-    return bool(value)
 
 
 def _origin(value: Any) -> tuple[float, float, float]:

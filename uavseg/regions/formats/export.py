@@ -278,18 +278,15 @@ def _flatgeobuf(path: Path, count: int) -> bool:
     import mmap
 
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        position = 12 + struct.unpack_from("<I", data, 8)[0] + _index_bytes(count)
+        nodes, level = count, count
+        while level > 1:
+            level = -(-level // _BRANCHES)
+            nodes += level
+        nodes += count == 1  # a single feature has a root above it
+        position = 12 + struct.unpack_from("<I", data, 8)[0] + nodes * _NODE_BYTES
         for _ in range(count):
             position += 4 + struct.unpack_from("<I", data, position)[0]
         return bool(position == len(data))
-
-
-def _index_bytes(count: int) -> int:
-    nodes, level = count, count
-    while level > 1:
-        level = -(-level // _BRANCHES)
-        nodes += level
-    return (nodes + (count == 1)) * _NODE_BYTES  # a single feature has a root above it
 
 
 def _shapefile(path: Path, count: int) -> bool:

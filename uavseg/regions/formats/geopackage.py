@@ -165,18 +165,15 @@ def _add_srs(base: sqlite3.Connection, wkt: str | None) -> int:
     row = (crs.name, number, crs.authority or "NONE", number, crs.wkt1 or "undefined", None)
     base.execute(f"INSERT OR IGNORE INTO gpkg_spatial_ref_sys VALUES ({_marks(row)})", row)
     if crs.wkt1 is None:
-        _add_wkt2(base, number, crs.wkt2)
+        column = "definition_12_063"
+        base.execute(
+            f"ALTER TABLE gpkg_spatial_ref_sys ADD COLUMN {column} TEXT NOT NULL DEFAULT 'undefined'"
+        )
+        update = f"UPDATE gpkg_spatial_ref_sys SET {column} = ? WHERE srs_id = ?"
+        base.execute(update, (define_crs(WGS84).wkt2, 4326))
+        base.execute(update, (crs.wkt2, number))
+        _add_extension(base, "gpkg_spatial_ref_sys", column, "gpkg_crs_wkt", "crs_wkt", "read-write")
     return number
-
-
-def _add_wkt2(base: sqlite3.Connection, srs: int, definition: str) -> None:
-    """Add the extension of CRS that WKT 1 cannot define: section F.10."""
-    column = "definition_12_063"
-    base.execute(f"ALTER TABLE gpkg_spatial_ref_sys ADD COLUMN {column} TEXT NOT NULL DEFAULT 'undefined'")
-    update = f"UPDATE gpkg_spatial_ref_sys SET {column} = ? WHERE srs_id = ?"
-    base.execute(update, (define_crs(WGS84).wkt2, 4326))
-    base.execute(update, (definition, srs))
-    _add_extension(base, "gpkg_spatial_ref_sys", column, "gpkg_crs_wkt", "crs_wkt", "read-write")
 
 
 def _add_extension(

@@ -208,7 +208,9 @@ def next_place(
     aspect = long / wide if wide > 0 and math.isfinite(long) else math.inf
     if aspect > _MAX_ASPECT:
         return None
-    for radius in dict.fromkeys((_mean_radius(samples), _MIN_RADIUS)):
+    pixels = np.mean([np.count_nonzero(place.mask) for place in samples])
+    mean_radius = float(min(max(round(math.sqrt(pixels / math.pi)), _MIN_RADIUS), _MAX_RADIUS))
+    for radius in dict.fromkeys((mean_radius, _MIN_RADIUS)):
         reach = radius * math.sqrt(aspect)
         taken = _cells_near(samples, blocks.counts.shape, _GAP * radius)
         cells = most_uncertain_cells(blocks.sums, blocks.counts, taken, reach, _CANDIDATES, _MIN_UNCERTAINTY)
@@ -248,12 +250,6 @@ def _mask_apart(disc: Disc, geobox: GeoBox, samples: Sequence[SampleMask]) -> Sa
         return None
     too_small = np.count_nonzero(place.mask) < MIN_PIXELS
     return None if too_small or any(map(place.meets, samples)) else place
-
-
-def _mean_radius(samples: Sequence[SampleMask]) -> float:
-    """Return the radius in pixels of a disc that is as large as samples are on average, within bounds."""
-    pixels = np.mean([np.count_nonzero(place.mask) for place in samples])
-    return float(min(max(round(math.sqrt(pixels / math.pi)), _MIN_RADIUS), _MAX_RADIUS))
 
 
 def _cells_near(samples: Sequence[SampleMask], shape: tuple[int, ...], gap: float) -> NDArray[np.bool_]:

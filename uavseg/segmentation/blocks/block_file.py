@@ -326,7 +326,9 @@ def read_block_map(path: str | os.PathLike[str]) -> SavedBlocks:
         header = checked_header(json.loads(tags[_TAG]))
         shape = (header["rows"], header["cols"])
         geobox = GeoBox(shape, scaled(cells.transform, 1 / CELL, 1 / CELL), cells.crs)
-        blocks = _read_blocks(path, shape, _checked_cells(shape, cells.shape))
+        if min(shape) < 1 or cells.shape != tuple(-(-length // CELL) for length in shape):
+            raise ValueError(f"{cells.shape} cells do not cover {shape} pixels")
+        blocks = _read_blocks(path, shape, cells.shape)
         illumination = _read_illumination(path, shape, header.get("flatten"))
     except (KeyError, ValueError, RecursionError, RasterReadError) as error:
         raise RasterError(
@@ -370,10 +372,3 @@ def _read_page(
     if content.dtype != dtype:
         raise ValueError(f"page {page} is of {content.dtype}, not of {np.dtype(dtype)}")
     return content
-
-
-def _checked_cells(shape: tuple[int, int], cells: tuple[int, int]) -> tuple[int, int]:
-    """Return the rows and columns of cells if they cover a raster of `shape`; raise ValueError if not."""
-    if min(shape) < 1 or cells != tuple(-(-length // CELL) for length in shape):
-        raise ValueError(f"{cells} cells do not cover {shape} pixels")
-    return cells

@@ -106,7 +106,16 @@ class _Decision:
             middle = max(0.5, (float(np.quantile(of_points, _OTHERS)) + mean) / 2)
         else:
             middle = min(max((float(vote.similarity(unlike).mean()) + mean) / 2, 0.01), 0.99)
-        return cls(vote, middle, _best_limit(_moved(of_points, middle), _moved(of_sample, middle)))
+        # The limit has the largest expected intersection over union of the likeliest pixels with the class, that
+        # of the sums of probabilities (S. Nowozin, Optimal Decisions from Probabilistic Models: the
+        # Intersection-over-Union Case, CVPR 2014), and lies at least a quarter of the way to the sample.
+        similarity = _moved(of_points, middle)
+        falling = np.sort(similarity)[::-1]
+        result = np.cumsum(falling)
+        overlap = result / np.maximum(result[-1] + np.arange(1, len(result) + 1) - result, 1e-9)
+        rest = float(np.quantile(similarity, _OTHERS))
+        minimum = rest + _MIN_LIMIT * (float(_moved(of_sample, middle).mean()) - rest)
+        return cls(vote, middle, float(min(max(falling[int(overlap.argmax())], minimum, 1e-3), 0.5)))
 
     def similarity(self, points: Points) -> Points:
         """Compute the similarity of points; those of one half and more are of the class."""
@@ -143,22 +152,6 @@ def blurred(grey: NDArray[np.uint16], valid: NDArray[np.uint8]) -> NDArray[np.ui
 def _moved(similarity: Points, middle: float) -> Points:
     """Stretch similarity so that `middle` becomes one half."""
     return np.interp(similarity, [0, middle, 1], [0, 0.5, 1])
-
-
-def _best_limit(similarity: Points, sample: Points) -> float:
-    """Return the limit, at most one half, with the largest expected intersection over union with the class.
-
-    It lies at least a quarter of the way from the least similar twentieth of the raster to the sample.
-
-    The expected intersection over union of the k likeliest pixels is that of the sums of probabilities:
-    S. Nowozin, Optimal Decisions from Probabilistic Models: the Intersection-over-Union Case, CVPR 2014.
-    """
-    falling = np.sort(similarity)[::-1]
-    result = np.cumsum(falling)
-    overlap = result / np.maximum(result[-1] + np.arange(1, len(result) + 1) - result, 1e-9)
-    rest = float(np.quantile(similarity, _OTHERS))
-    minimum = rest + _MIN_LIMIT * (float(sample.mean()) - rest)
-    return float(min(max(falling[int(overlap.argmax())], minimum, 1e-3), 0.5))
 
 
 def _axes(points: Points, sample: Points) -> Points:
