@@ -112,11 +112,9 @@ def _leaf_labels(grey: NDArray[np.uint16], mask: NDArray[np.bool_], threshold: f
 def _classify_boundaries(
     labels: Labels, symbols: NDArray[np.uint16], models: NDArray[np.uint32], params: LbpcParams
 ) -> None:
-    """Assign each boundary pixel to the adjacent region with the most similar model, in place.
-
-    Models stay as merging left them, and a sweep reads the labels of the sweep before, so the result does not
-    depend on the order of pixels. After the first sweep, only pixels near a change are active.
-    """
+    """Assign each boundary pixel to the adjacent region with the most similar model, in place."""
+    # Models stay as merging left them, and a sweep reads the labels of the sweep before, so the result does
+    # not depend on the order of pixels. After the first sweep, only pixels near a change are active.
     offsets = np.arange(-params.radius, params.radius + 1)
     half_widths = np.sqrt(params.radius**2 - offsets**2).astype(np.int64)  # of the rows of the disc
     totals = models.sum(axis=1, dtype=np.int64)

@@ -55,7 +55,19 @@ def monotone_cells(polygon: Any, step_m: float = np.inf, detail_m: float = 0.0) 
     critical = _all_critical(polygon, step_m, detail_m)
     if not len(critical):
         return [polygon]
-    faces = shapely.polygonize(_noded(polygon, critical))
+    west, _, east, _ = shapely.bounds(polygon)
+    dividing = []
+    for x, y in critical.tolist():
+        across = shapely.LineString([(west - 1, y), (east + 1, y)])
+        chords = shapely.get_parts(shapely.line_merge(shapely.intersection(polygon, across)))
+        reach = shapely.Point(x, y)
+        for chord in chords:
+            if chord.geom_type == "LineString" and shapely.distance(chord, reach) < OVERLAP_M:
+                (first, _), (last, _) = chord.coords[0], chord.coords[-1]
+                low, high = min(first, last), max(first, last)
+                dividing.append(shapely.LineString([(low - OVERLAP_M, y), (high + OVERLAP_M, y)]))
+    lines = shapely.union_all([shapely.boundary(polygon), *dividing])
+    faces = shapely.polygonize(list(shapely.get_parts(lines)))
     inner = [face for face in faces.geoms if shapely.contains_xy(polygon, *_inside(face))]
     return sorted(inner, key=lambda face: (face.bounds[1], face.bounds[0]))
 
@@ -98,10 +110,8 @@ def _all_critical(polygon: Any, step_m: float, detail_m: float) -> Floats:
 
 
 def _critical(ring: Floats, step_m: float) -> Floats:
-    """Return the corners that turn right, with both neighbours on one side of the sweep line through them.
-
-    An edge along the sweep line counts as one corner.
-    """
+    """Return the corners that turn right, with both neighbours on one side of the sweep line through them."""
+    # An edge along the sweep line counts as one corner.
     into, out = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
     turns_right = into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0] < 0
     first = into[:, 1] != 0  # of each run of equal heights
@@ -111,23 +121,6 @@ def _critical(ring: Floats, step_m: float) -> Floats:
     is_step = (np.abs(out[:, 0]) >= step_m) & (np.abs(out[:, 1]) <= step_m / 4)
     inner = (into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0] < 0) & (is_step | np.roll(is_step, 1))
     return np.concatenate([corners[turns_right & (below == above)], ring[inner]])
-
-
-def _noded(polygon: Any, critical: Floats) -> list[Any]:
-    """Node the outlines with the dividing lines: they meet at common vertices only."""
-    west, _, east, _ = shapely.bounds(polygon)
-    dividing = []
-    for x, y in critical.tolist():
-        across = shapely.LineString([(west - 1, y), (east + 1, y)])
-        chords = shapely.get_parts(shapely.line_merge(shapely.intersection(polygon, across)))
-        reach = shapely.Point(x, y)
-        for chord in chords:
-            if chord.geom_type == "LineString" and shapely.distance(chord, reach) < OVERLAP_M:
-                (first, _), (last, _) = chord.coords[0], chord.coords[-1]
-                low, high = min(first, last), max(first, last)
-                dividing.append(shapely.LineString([(low - OVERLAP_M, y), (high + OVERLAP_M, y)]))
-    lines = shapely.union_all([shapely.boundary(polygon), *dividing])
-    return list(shapely.get_parts(lines))
 
 
 def _inside(face: Any) -> tuple[float, float]:
@@ -316,10 +309,8 @@ def _affordable(region: Any, params: CoverParams) -> int:
 
 
 def _path_costs(paths: list[tuple[Floats, Bools]], params: CoverParams) -> Floats:
-    """Return the cost of each path, all at once; from home and, after a stop, back, where that is given.
-
-    Of both directions that of less cost counts.
-    """
+    """Return the cost of each path, all at once; from home and, after a stop, back, where that is given."""
+    # Of both directions that of less cost counts.
     turned = [] if params.home is None else [(xy[::-1], is_line[::-1]) for xy, is_line in paths]
     both = [*paths, *turned]
     home = np.empty((0, 2)) if params.home is None else np.array([params.home])
@@ -340,10 +331,8 @@ def _path_costs(paths: list[tuple[Floats, Bools]], params: CoverParams) -> Float
 
 
 def _azimuths(region: Any, params: CoverParams, tries: int) -> list[float]:
-    """Return the requested azimuth, or those along edges and in steps that need the fewest lines.
-
-    The number of lines is about half of the rise and fall of the outline across them, in spacings.
-    """
+    """Return the requested azimuth, or those along edges and in steps that need the fewest lines."""
+    # The number of lines is about half of the rise and fall of the outline across them, in spacings.
     if params.angle_deg is not None:
         if not math.isfinite(params.angle_deg):
             raise ParameterError(
@@ -398,10 +387,8 @@ def _shifted(region: Any, angle_deg: float, params: CoverParams, space: FreeSpac
 
 
 def _cells(region: Any, angle_deg: float, params: CoverParams) -> list[SurveyLines]:
-    """Return the lines of one azimuth in strips cell by cell; divided at steps of the outline or not.
-
-    Nothing where there would be too many cells.
-    """
+    """Return the lines of one azimuth in strips cell by cell; divided at steps of the outline or not."""
+    # Nothing where there would be too many cells.
     turn, spacing, min_m = axes(angle_deg), params.spacing_m, MIN_HEIGHT * params.spacing_m
     turned = _turned(region, turn)
     divisions = []

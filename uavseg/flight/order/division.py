@@ -260,11 +260,9 @@ def _search(  # type: ignore[no-untyped-def]
     best,
     flights,
 ):
-    """Anneal an order until so many flights fit.
-
-    `orders` has the order and which regions are turned round, and the same of a trial; `state` the limits,
-    the rounds, and by what the result exceeds the limits.
-    """
+    """Anneal an order until so many flights fit."""
+    # `orders` has the order and which regions are turned round, and the same of a trial; `state` the limits,
+    # the rounds, and by what the result exceeds the limits.
     tables = (seconds, items, transit_s, transit_items, ways_s, ways_items, between_s)
     order, turned, trial, trial_turned = orders[0], orders[1], orders[2], orders[3]
     rounds = np.int64(state[2])

@@ -365,12 +365,7 @@ def _fill(distances, stop_of, enters, leaves, costs, start, best, before):  # ty
 
 
 def local_search_tour(
-    stops: Stops,
-    distances: Floats,
-    start: int,
-    end: int,
-    rounds: int = ROUNDS,
-    first: Integers | None = None,
+    stops: Stops, distances: Floats, start: int, end: int, rounds: int = ROUNDS, first: Integers | None = None
 ) -> Integers:
     """Return the options of a short tour, in order (iterated local search); parameters as of `short_tour`."""
     stops, options_left = stops.distinct()

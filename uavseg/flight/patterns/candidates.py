@@ -147,10 +147,8 @@ def _distinct(found: Sequence[Survey], apart_m: float) -> list[Survey]:
 
 
 def _from_all_sides(region: Any, params: plan.PlanParams, cover: CoverParams) -> tuple[Track, list[Survey]]:
-    """Join the lines of all gimbal pitches; those of a tilted camera in two azimuths, each there and back.
-
-    Return the track, and the surveys straight down.
-    """
+    """Join the lines of all gimbal pitches; those of a tilted camera in two azimuths, each there and back."""
+    # Return the track, and the surveys straight down.
     tracks: list[Track] = []
     down: list[Survey] = []
     for one in params.passes:

@@ -65,12 +65,7 @@ def missions_over(
 
 
 def _split(
-    route: RegionRoute,
-    home: HomePosition,
-    plane: Plane,
-    keep_out: KeepOut,
-    params: PlanParams,
-    wind: Wind,
+    route: RegionRoute, home: HomePosition, plane: Plane, keep_out: KeepOut, params: PlanParams, wind: Wind
 ) -> tuple[list[Track], list[Mission]]:
     """Return the tracks and missions of flights, those of one vehicle after those of another."""
     limits, vehicles = params.limits, params.limits.vehicles

@@ -20,11 +20,7 @@ from uavseg.flight.patterns import candidates as patterns
 from uavseg.flight.patterns.candidates import RegionPart
 from uavseg.flight.planning.along import home_notes
 from uavseg.flight.planning.flights import LegCosts, flight_limits, missions_over
-from uavseg.flight.planning.split import (
-    check_order,
-    fastest,
-    short_route,
-)
+from uavseg.flight.planning.split import check_order, fastest, short_route
 from uavseg.flight.safety.keep_out import KeepOut, keep_out_of, near_zones
 from uavseg.flight.terrain.follow import home_on_ground
 

@@ -151,22 +151,6 @@ def fence_around(
     """
     hull = shapely.convex_hull(shapely.multipoints(path))
     outer = shapely.simplify(shapely.buffer(hull, 1.2 * margin_m, quad_segs=2), margin_m / 20)
-    zones = _few_corners(keep_out, outer, margin_m)
-    fence = [_polygon(outer, plane, True), *(_polygon(zone, plane, False) for zone in zones)]
-    notes = []
-    count = sum(len(shape.vertices) for shape in fence)
-    if count > MAX_VERTICES:
-        notes.append(
-            f"the fence has {count} vertices, and many boards store {MAX_VERTICES}; where the vehicle "
-            "refuses it, give fewer or simpler zones, or --fence none"
-        )
-    if any(shapely.get_num_interior_rings(zone) for zone in zones):
-        notes.append("holes of keep-out zones are closed in the fence")
-    return tuple(fence), notes
-
-
-def _few_corners(keep_out: KeepOut, outer: Any, margin_m: float) -> list[Any]:
-    """Return the zones that meet a hull, by the first method with few enough vertices, or the fewest."""
     reach = shapely.buffer(outer, margin_m)
     candidates = [
         keep_out.fence_zones,
@@ -181,7 +165,18 @@ def _few_corners(keep_out: KeepOut, outer: Any, margin_m: float) -> list[Any]:
     maximum = MAX_VERTICES - shapely.get_num_coordinates(outer)
     counts = [int(shapely.get_num_coordinates(zones).sum()) for zones in near]
     enough = [k for k, count in enumerate(counts) if count <= maximum]
-    return near[enough[0] if enough else int(np.argmin(counts))]
+    zones = near[enough[0] if enough else int(np.argmin(counts))]
+    fence = [_polygon(outer, plane, True), *(_polygon(zone, plane, False) for zone in zones)]
+    notes = []
+    count = sum(len(shape.vertices) for shape in fence)
+    if count > MAX_VERTICES:
+        notes.append(
+            f"the fence has {count} vertices, and many boards store {MAX_VERTICES}; where the vehicle "
+            "refuses it, give fewer or simpler zones, or --fence none"
+        )
+    if any(shapely.get_num_interior_rings(zone) for zone in zones):
+        notes.append("holes of keep-out zones are closed in the fence")
+    return tuple(fence), notes
 
 
 def _polygon(ring: Any, plane: Plane, inclusion: bool) -> FencePolygon:

@@ -274,11 +274,9 @@ def follow_ground(track: Track, home: HomePosition, params: PlanParams) -> Groun
 
 
 def _with_added(track: Track, places: Floats, added: NDArray[np.bool_], leg: Integers) -> Track:
-    """Add points to the legs of a track; what is done on a leg continues there.
-
-    `places` (n, 2) are those of all corners, in degrees; `added` (n,) says which of them are not corners of
-    the track. `leg` (n,) is the leg to each corner: 0 leads from home, and 1 is the track's first.
-    """
+    """Add points to the legs of a track; what is done on a leg continues there."""
+    # `places` (n, 2) are those of all corners, in degrees; `added` (n,) says which of them are not corners of
+    # the track. `leg` (n,) is the leg to each corner: 0 leads from home, and 1 is the track's first.
     speed, leg = track.speed_m_s[leg], leg[1:]
     whole = Track.joined([Track.transit(track.xy[[0, 0]]), track])
     hold_s, shots = np.zeros(len(places)), np.zeros(len(places), bool)

@@ -48,23 +48,6 @@ def bag_files(path: str | os.PathLike[str]) -> list[Path]:
 
 
 def _files_of_folder(folder: Path) -> list[Path]:
-    metadata = _read_metadata(folder)
-    names = metadata.get("relative_file_paths")
-    if not isinstance(names, list) or not names or not all(isinstance(name, str) and name for name in names):
-        raise BagError(f"{folder / _METADATA} names no files of a bag; ros2 bag reindex writes it anew")
-    mode = str(metadata.get("compression_mode") or "none").lower()
-    if mode != "none":
-        raise BagError(
-            f"{folder} is compressed by {shown(mode)}; ros2 bag convert writes it without compression, or "
-            "with that of its storage (mcap), which is read"
-        )
-    files = [folder / Path(name).name for name in names]  # earlier versions wrote the folder as well
-    for file in files:
-        current_policy().check_file(folder / _METADATA, file)
-    return files
-
-
-def _read_metadata(folder: Path) -> dict[str, Any]:
     import yaml
 
     path = folder / _METADATA
@@ -82,7 +65,19 @@ def _read_metadata(folder: Path) -> dict[str, Any]:
         raise BagError(f"{path} is not the metadata of a bag ({cause_of(error)})") from error
     if not isinstance(metadata, dict):
         raise BagError(f"{path} is not the metadata of a bag")
-    return metadata
+    names = metadata.get("relative_file_paths")
+    if not isinstance(names, list) or not names or not all(isinstance(name, str) and name for name in names):
+        raise BagError(f"{folder / _METADATA} names no files of a bag; ros2 bag reindex writes it anew")
+    mode = str(metadata.get("compression_mode") or "none").lower()
+    if mode != "none":
+        raise BagError(
+            f"{folder} is compressed by {shown(mode)}; ros2 bag convert writes it without compression, or "
+            "with that of its storage (mcap), which is read"
+        )
+    files = [folder / Path(name).name for name in names]  # earlier versions wrote the folder as well
+    for file in files:
+        current_policy().check_file(folder / _METADATA, file)
+    return files
 
 
 def _check_database(file: Path) -> None:

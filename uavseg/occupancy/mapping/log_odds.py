@@ -54,11 +54,9 @@ def add_one_free(odds):  # type: ignore[no-untyped-def]
 
 @inlined
 def logistic(odds):  # type: ignore[no-untyped-def]
-    """Compute 1 / (1 + exp(-odds)) for odds in -6..6, the same on every machine.
-
-    exp(-odds / 16) is a Taylor polynomial whose next term is below 1e-16, then squared four times. There is
-    no call, so the compiler vectorises a loop of it.
-    """
+    """Compute 1 / (1 + exp(-odds)) for odds in -6..6, the same on every machine."""
+    # exp(-odds / 16) is a Taylor polynomial whose next term is below 1e-16, then squared four times. There is
+    # no call, so the compiler vectorises a loop of it.
     x = odds * -0.0625
     e = 1.0 + x / 13.0
     for k in (12.0, 11.0, 10.0, 9.0, 8.0, 7.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0):

@@ -73,11 +73,9 @@ def _highest_bit(word):  # type: ignore[no-untyped-def]
 
 @inlined
 def next_stop(bits, line, at):  # type: ignore[no-untyped-def]
-    """Find the first position after `at` where a jump along a line stops.
-
-    That is an impassable cell (returned negative), or a cell beside which the line above or below opens:
-    passable there, impassable one position before.
-    """
+    """Find the first position after `at` where a jump along a line stops."""
+    # That is an impassable cell (returned negative), or a cell beside which the line above or below opens:
+    # passable there, impassable one position before.
     word = (at + 1) >> 6
     selected = ~np.uint64(0) << np.uint64((at + 1) & 63)
     before = word - 1 if word > 0 else 0  # bit 0 of a line is frame, so what comes before it does not count

@@ -51,15 +51,7 @@ def fill_small_holes(outlined: RegionOutlines, geobox: GeoBox, min_area: Area) -
     small = ~rings.exteriors & (-_areas(rings, geobox, min_area) < min_area.value)
     if not small.any():
         return outlined
-    # polygons inside of small holes go with them
-    corners = rings.vertices[rings.starts[:-1][rings.exteriors]]
-    centres = shapely.points(corners[:, ::-1] + 0.5)  # a region's uppermost, then leftmost pixel
-    filled = [
-        shapely.Polygon(rings.vertices[rings.starts[k] : rings.starts[k + 1], ::-1])
-        for k in np.flatnonzero(small)
-    ]
-    _, within = shapely.STRtree(centres).query(filled, predicate="contains")
-    kept = ~small & ~np.isin(rings.parts, np.unique(rings.parts[rings.exteriors][within]))
+    kept = ~small & ~np.isin(rings.parts, _parts_inside(rings, small))
     return renumber_by_size(rings, outlined.sums, kept)
 
 
@@ -92,6 +84,18 @@ def _areas(rings: Rings, geobox: GeoBox, unit: Area) -> NDArray[np.float64]:
             f"such as {unit.value:g}px"
         )
     return ring_areas(geobox, rings.vertices, rings.starts)
+
+
+def _parts_inside(rings: Rings, holes: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return the numbers of the polygons that lie inside some of the holes."""
+    corners = rings.vertices[rings.starts[:-1][rings.exteriors]]
+    centres = shapely.points(corners[:, ::-1] + 0.5)  # a region's uppermost, then leftmost pixel
+    filled = [
+        shapely.Polygon(rings.vertices[rings.starts[k] : rings.starts[k + 1], ::-1])
+        for k in np.flatnonzero(holes)
+    ]
+    _, within = shapely.STRtree(centres).query(filled, predicate="contains")
+    return np.unique(rings.parts[rings.exteriors][within])
 
 
 def simplify(regions: Regions, metres: float, geobox: GeoBox) -> Regions:

@@ -175,12 +175,10 @@ def steps_within(row, col, direction, shape):  # type: ignore[no-untyped-def]
 
 @inlined
 def follow_boundary(tile, written, row, col, direction):  # type: ignore[no-untyped-def]
-    """Write the chain that begins with an edge; past the end of the output arrays, count only.
-
-    In `tile`, `flat` is the image and `steps` holds the offset of one step in each direction. `ahead` holds,
-    for each direction, the offset from the pixel at the lower right of a corner to the pixel ahead on the
-    right-hand side; the pixel ahead on the left-hand side is that of the previous direction.
-    """
+    """Write the chain that begins with an edge; past the end of the output arrays, count only."""
+    # In `tile`, `flat` is the image and `steps` holds the offset of one step in each direction. `ahead`
+    # holds, for each direction, the offset from the pixel at the lower right of a corner to the pixel ahead
+    # on the right-hand side; the pixel ahead on the left-hand side is that of the previous direction.
     flat, ahead, steps, labels, margin, top, left, width = tile
     seen, vertices, pinched, table, sizes = written
     shape = labels.shape

@@ -207,10 +207,8 @@ def portal_offsets(base_x, base_y, n, x, y, offsets):  # type: ignore[no-untyped
 
 @inlined
 def place_points(base_x, base_y, n, cyclic, offsets, px, py, steps):  # type: ignore[no-untyped-def]
-    """Round the points on the portals to steps; returns the index of the last point.
-
-    An open arc begins and ends with its two corners; the last point of a cyclic one equals its first.
-    """
+    """Round the points on the portals to steps; returns the index of the last point."""
+    # An open arc begins and ends with its two corners; the last point of a cyclic one equals its first.
     lead = 0 if cyclic else 1
     for e in range(n):
         step = min(max(int((offsets[e] + MAX_OFFSET) + 0.5) - MAX_OFFSET, -MAX_OFFSET), MAX_OFFSET)
@@ -239,11 +237,9 @@ def cross_product(ax, ay, bx, by):  # type: ignore[no-untyped-def]
 
 @inlined
 def straighten(base_x, base_y, cyclic, px, py, steps, last, kept):  # type: ignore[no-untyped-def]
-    """Fit a sleeve greedily: from each point a segment to the furthest point that it reaches.
-
-    A segment passes through all portals between, within SLEEVE_WIDTH of the point on each. Returns the number
-    of points that are kept; their indices are written to `kept`, 0 and the last among them.
-    """
+    """Fit a sleeve greedily: from each point a segment to the furthest point that it reaches."""
+    # A segment passes through all portals between, within SLEEVE_WIDTH of the point on each. Returns the
+    # number of points that are kept; their indices are written to `kept`, 0 and the last among them.
     lead = 0 if cyclic else 1
     kept[0] = 0
     count = 1

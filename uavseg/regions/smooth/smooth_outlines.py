@@ -48,11 +48,9 @@ _STEPS = 8  # of each round; even, as they are done in pairs
 
 @inlined
 def relax(base_x, base_y, n, cyclic, x, y, other_x, other_y):  # type: ignore[no-untyped-def]
-    """Relax an arc of n unit edges from its corners `base_x`, `base_y`; the result is written to `x`, `y`.
-
-    All arrays are of floats and have at least n + 1 items. The ends of an open arc are fixed; those of a
-    cyclic one are the same corner, which moves.
-    """
+    """Relax an arc of n unit edges from its corners `base_x`, `base_y`; the result is written to `x`, `y`."""
+    # All arrays are of floats and have at least n + 1 items. The ends of an open arc are fixed; those of a
+    # cyclic one are the same corner, which moves.
     for i in range(n + 1):
         x[i] = base_x[i]
         y[i] = base_y[i]
@@ -95,11 +93,9 @@ def doubled_area(x, y, n):  # type: ignore[no-untyped-def]
 
 @inlined
 def restore_area(x, y, base_x, base_y, n, cyclic, missing, along_x, along_y):  # type: ignore[no-untyped-def]
-    """Move the corners along the gradient of the area, so that twice the area grows by `missing`.
-
-    The gradient at each corner is the vector between its neighbours, rotated by a right angle. Corners stay
-    within MAX_SHIFT, so the area may grow by less.
-    """
+    """Move the corners along the gradient of the area, so that twice the area grows by `missing`."""
+    # The gradient at each corner is the vector between its neighbours, rotated by a right angle. Corners stay
+    # within MAX_SHIFT, so the area may grow by less.
     squares = 0.0
     for i in range(0 if cyclic else 1, n):
         before = i - 1 if i > 0 else n - 1

@@ -215,11 +215,9 @@ def _invalid(flat: RaggedPolygons) -> Flags:
 
 
 def _rounding_is_safe(flat: RaggedPolygons, units: Floats, pixel: float) -> bool:
-    """Return whether polygons follow the edges of pixels so large that rounding cannot make them invalid.
-
-    Then validity need not be tested for each polygon, which takes longer than writing it. A pixel is at least
-    as wide as its area divided by the shortest edge along its height, and vice versa.
-    """
+    """Return whether polygons follow the edges of pixels so large that rounding cannot make them invalid."""
+    # Then validity need not be tested for each polygon, which takes longer than writing it. A pixel is at
+    # least as wide as its area divided by the shortest edge along its height, and vice versa.
     across, down = np.abs(np.diff(flat.vertices, axis=0)).T
     across[flat.rings[1:-1] - 1] = down[flat.rings[1:-1] - 1] = 0
     if (across * down).any():

@@ -328,7 +328,16 @@ def read_block_map(path: str | os.PathLike[str]) -> SavedBlocks:
         geobox = GeoBox(shape, scaled(cells.transform, 1 / CELL, 1 / CELL), cells.crs)
         if min(shape) < 1 or cells.shape != tuple(-(-length // CELL) for length in shape):
             raise ValueError(f"{cells.shape} cells do not cover {shape} pixels")
-        blocks = _read_blocks(path, shape, cells.shape)
+        in_blocks = (-(-shape[0] // BLOCK), -(-shape[1] // BLOCK))
+        sums = _read_page(path, _SUMS, cells.shape, 1, np.uint32)[0]
+        counts = _read_page(path, _COUNTS, cells.shape, 1, np.uint8)[0]
+        ratios = _read_page(path, _RATIOS, in_blocks, len(_RATIO_NAMES), np.float64)
+        if (counts > CELL * CELL).any() or (sums > counts.astype(np.uint32) * GREY_MAX).any():
+            raise ValueError("its cells hold more than pixels can")
+        blocks = BlockMap.empty(shape)
+        blocks.sums[: cells.shape[0], : cells.shape[1]] = sums
+        blocks.counts[: cells.shape[0], : cells.shape[1]] = counts
+        blocks.ratios[:] = ratios.transpose(1, 2, 0)
         illumination = _read_illumination(path, shape, header.get("flatten"))
     except (KeyError, ValueError, RecursionError, RasterReadError) as error:
         raise RasterError(
@@ -338,21 +347,6 @@ def read_block_map(path: str | os.PathLike[str]) -> SavedBlocks:
     stretch = Stretch(header["low"], header["high"], header["stretch"])
     origin, axis = origin_of_header(header), axis_of_header(header, stretch)
     return SavedBlocks(blocks, geobox, stretch, header["bands"], origin, axis, illumination)
-
-
-def _read_blocks(path: str | os.PathLike[str], shape: tuple[int, int], cells: tuple[int, int]) -> BlockMap:
-    """Read the pages of a block map, each of the shape and type that a raster of `shape` has."""
-    in_blocks = (-(-shape[0] // BLOCK), -(-shape[1] // BLOCK))
-    sums = _read_page(path, _SUMS, cells, 1, np.uint32)[0]
-    counts = _read_page(path, _COUNTS, cells, 1, np.uint8)[0]
-    ratios = _read_page(path, _RATIOS, in_blocks, len(_RATIO_NAMES), np.float64)
-    if (counts > CELL * CELL).any() or (sums > counts.astype(np.uint32) * GREY_MAX).any():
-        raise ValueError("its cells hold more than pixels can")
-    blocks = BlockMap.empty(shape)
-    blocks.sums[: cells[0], : cells[1]] = sums
-    blocks.counts[: cells[0], : cells[1]] = counts
-    blocks.ratios[:] = ratios.transpose(1, 2, 0)
-    return blocks
 
 
 def _read_illumination(

@@ -135,11 +135,10 @@ def ratio_of_children(packed, present, n_present, width, n_ln_n):  # type: ignor
 
 @inlined
 def ratios_of_block(symbols, n_ln_n, scratch, ratios, b):  # type: ignore[no-untyped-def]
-    """Fill ratios[b] from the 4096 symbols of a block, from the smallest blocks up.
-
-    Three tables hold four packed counts for each symbol (8 bits each for the cells of a block of 16, 16 bits
-    for its parents). Three lists hold the symbols present in each table, so that only these are visited.
-    """
+    """Fill ratios[b] from the 4096 symbols of a block, from the smallest blocks up."""
+    # Three tables hold four packed counts for each symbol (8 bits each for the cells of a block of 16, 16
+    # bits for its parents). Three lists hold the symbols present in each table, so that only these are
+    # visited.
     cells, cells_present, sixteens, sixteens_present, halves, halves_present = 0, 1, 2, 3, 4, 5
     eight = np.uint64(8)
     sixteen = np.uint64(16)

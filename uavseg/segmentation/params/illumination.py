@@ -73,10 +73,8 @@ def fit_illumination(
 
 
 def _moments(array: NDArray[np.int64], rows: slice, reach: tuple[int, int], order: int) -> Moments:
-    """Compute the triangle-weighted moments around each element of some rows, up to an order.
-
-    Key (i, j) is the sum of weight · (row offset)^i · (column offset)^j · element.
-    """
+    """Compute the triangle-weighted moments around each element of some rows, up to an order."""
+    # Key (i, j) is the sum of weight · (row offset)^i · (column offset)^j · element.
     above = min(reach[0] - 1, rows.start)
     below = min(reach[0] - 1, array.shape[0] - rows.stop)
     part = array[rows.start - above : rows.stop + below].astype(np.float64)

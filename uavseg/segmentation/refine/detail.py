@@ -133,15 +133,19 @@ def apply_detail(classes: Image, valid: Image, detail: Detail) -> Image:
     if len(present) == 0 or present.min() == present.max():
         return classes
     for disc in detail.discs:
-        covered = opening_mask(classes, valid, disc)
-        up, down = np.empty_like(classes), np.empty_like(classes)
-        nearest = classes.copy()
-        _measure_columns(covered, np.int64(disc.rows), up, down)
-        _take(classes, covered, valid, up, down, np.array([disc.rows, disc.cols], np.int64), nearest)
-        classes = nearest
+        classes = _take_nearest(classes, opening_mask(classes, valid, disc), valid, disc)
     if not detail.cover:
         classes = classes * opening_mask(classes, valid, PixelDisc(detail.rows, detail.cols))
     return classes
+
+
+def _take_nearest(classes: Image, covered: Image, valid: Image, disc: PixelDisc) -> Image:
+    """Take the class of the nearest covered pixel within the disc's width; keep the class without one."""
+    up, down = np.empty_like(classes), np.empty_like(classes)
+    nearest = classes.copy()
+    _measure_columns(covered, np.int64(disc.rows), up, down)
+    _take(classes, covered, valid, up, down, np.array([disc.rows, disc.cols], np.int64), nearest)
+    return nearest
 
 
 @kernel("void(u1[:,::1], i8, u1[:,::1], u1[:,::1])")
@@ -305,10 +309,8 @@ def find_thin_lines(
 
 
 def _spread(values: NDArray[np.int32], sums: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Estimate the standard deviation of twice the sum of a line less that of a side, for each square.
-
-    It follows from the median over 3 x 3 squares of the mean |difference|, which few lines do not change.
-    """
+    """Estimate the standard deviation of twice the sum of a line less that of a side, for each square."""
+    # It follows from the median over 3 x 3 squares of the mean |difference|, which few lines do not change.
     shape = values.shape[0] // NOISE_SIDE, values.shape[1] // NOISE_SIDE
     totals, counts = np.zeros(shape, np.int64), np.zeros(shape, np.int64)
     for k in _MEASURED:

@@ -85,11 +85,9 @@ def _log_ratio(sample: NDArray[np.int64], background: NDArray[np.int64]) -> NDAr
 
 
 def _sample_window_means(sample: SymbolPair, background: NDArray[np.int64], side: int) -> NDArray[np.float64]:
-    """Average the weights of windows of a sample, each by the rest of the sample (leave one out).
-
-    Windows have at least seven eighths of their pixels counted; in a large sample about 1024 are evenly
-    spaced.
-    """
+    """Average the weights of windows of a sample, each by the rest of the sample (leave one out)."""
+    # Windows have at least seven eighths of their pixels counted; in a large sample about 1024 are evenly
+    # spaced.
     rows, cols = (max(length // CELL - side + 1, 0) for length in sample[0].shape)
     step = max(math.isqrt(rows * cols // _MAX_WINDOWS), 1)
     total, means = symbol_counts(sample), []

@@ -106,9 +106,9 @@ class _Decision:
             middle = max(0.5, (float(np.quantile(of_points, _OTHERS)) + mean) / 2)
         else:
             middle = min(max((float(vote.similarity(unlike).mean()) + mean) / 2, 0.01), 0.99)
-        # The limit has the largest expected intersection over union of the likeliest pixels with the class, that
-        # of the sums of probabilities (S. Nowozin, Optimal Decisions from Probabilistic Models: the
-        # Intersection-over-Union Case, CVPR 2014), and lies at least a quarter of the way to the sample.
+        # The limit with the largest expected intersection over union of the likeliest pixels and the class:
+        # that of the sums of probabilities (S. Nowozin, Optimal Decisions from Probabilistic Models: the
+        # Intersection-over-Union Case, CVPR 2014). It is at least a quarter of the way to the sample.
         similarity = _moved(of_points, middle)
         falling = np.sort(similarity)[::-1]
         result = np.cumsum(falling)
@@ -123,10 +123,8 @@ class _Decision:
 
 
 def _decide(points: Points, sample: Points, unlike: Points | None) -> _Decision:
-    """Return the usual vote, or the one with seeded components if the two differ much.
-
-    The usual one is better at the rim, where pixels of two classes are mixed.
-    """
+    """Return the usual vote, or the one with seeded components if the two differ much."""
+    # The usual one is better at the rim, where pixels of two classes are mixed.
     usual, *seeded = (
         _Decision.of(vote, points, sample, unlike) for vote in sample_votes(points, sample, unlike)
     )
@@ -155,11 +153,9 @@ def _moved(similarity: Points, middle: float) -> Points:
 
 
 def _axes(points: Points, sample: Points) -> Points:
-    """Return weights of bands: the bands themselves, or of more than three a projection to three axes.
-
-    The first axis is Fisher's discriminant of sample and raster, with the scatter of the sample; the others
-    are the principal components of the rest.
-    """
+    """Return weights of bands: the bands themselves, or of more than three a projection to three axes."""
+    # The first axis is Fisher's discriminant of sample and raster, with the scatter of the sample; the others
+    # are the principal components of the rest.
     bands = points.shape[1]
     if bands <= _AXES:
         return np.eye(bands)

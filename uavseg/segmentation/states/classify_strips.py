@@ -223,11 +223,9 @@ class _EncodedTile:
 
 
 def _encode_tile(source: GreySource, limits: StateLimits, restore: bool, job: _Job) -> _EncodedTile | None:
-    """Encode a tile; None where no pixel is valid.
-
-    With `restore`, free pixels of unknown leaves that mix free and occupied ones are free; their occupied
-    ones are thin obstacles.
-    """
+    """Encode a tile; None where no pixel is valid."""
+    # With `restore`, free pixels of unknown leaves that mix free and occupied ones are free; their occupied
+    # ones are thin obstacles.
     window, cells = job
     if not cells.any():
         return None

@@ -52,11 +52,9 @@ def compact_pixel(code, previous):  # type: ignore[no-untyped-def]
 
 @inlined
 def resolve_pixel(code, after, second, previous):  # type: ignore[no-untyped-def]
-    """Resolve a code from the next two codes and the state of the previous pixel.
-
-    The next pixels are as before the scan: those that change together with this one change in their turn, for
-    the same reason.
-    """
+    """Resolve a code from the next two codes and the state of the previous pixel."""
+    # The next pixels are as before the scan: those that change together with this one change in their turn,
+    # for the same reason.
     two = np.uint8(2)
     three = np.uint8(3)
     state = code & three
