@@ -136,8 +136,7 @@ def _close_rings(vertices, starts, reverse, affine, coordinates):  # type: ignor
             v = begin
             if k > 0 and k < count:
                 v = begin + (count - k if reverse else k)
-            row = np.float64(vertices[v, 0])
-            col = np.float64(vertices[v, 1])
+            row, col = np.float64(vertices[v, 0]), np.float64(vertices[v, 1])
             coordinates[used, 0] = affine[0] * col + affine[1] * row + affine[2]
             coordinates[used, 1] = affine[3] * col + affine[4] * row + affine[5]
             used += 1

@@ -178,8 +178,7 @@ def _sweep(  # type: ignore[no-untyped-def]
                 if n_present and label != 0 and label != here:
                     g = g_of_region(models, totals, label, counts, present, n_present, table)
                     if g < smallest_g or (g == smallest_g and best != here and label < best):
-                        smallest_g = g
-                        best = label
+                        smallest_g, best = g, label
             for k in range(n_present):
                 counts[present[k]] = 0
             if best != here:

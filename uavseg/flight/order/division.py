@@ -123,8 +123,7 @@ def _cut(seconds, items, spent, carried, ways_s, ways_items, limits, best, start
                 continue
             total = best[first] + flight_s + limits[2]
             if total < best[last + 1]:
-                best[last + 1] = total
-                start[last + 1] = first
+                best[last + 1], start[last + 1] = total, first
 
 
 def order_of_regions(

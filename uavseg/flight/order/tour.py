@@ -360,8 +360,7 @@ def _fill(distances, stop_of, enters, leaves, costs, start, best, before):  # ty
                     continue
                 total = so_far + distances[leaves[option], enters[after]] + costs[after]
                 if total < best[visited | bit, after]:
-                    best[visited | bit, after] = total
-                    before[visited | bit, after] = option
+                    best[visited | bit, after], before[visited | bit, after] = total, option
 
 
 def local_search_tour(

@@ -80,8 +80,7 @@ def _along_rows(squeeze, heights, vertices, bounds, steps):  # type: ignore[no-u
                     break
                 rightmost -= 1
             rightmost += 1
-            vertices[rightmost] = k
-            bounds[rightmost] = crossing
+            vertices[rightmost], bounds[rightmost] = k, crossing
         current = 0
         for c in range(cols):
             x = 2.0 * c + 1.0

@@ -105,14 +105,12 @@ def _cast(x, y, rays, edges, discs, distances):  # type: ignore[no-untyped-def]
             det = dx * ey - dy * ex
             if det == 0.0:
                 continue  # parallel to the edge: the neighbouring edges are hit instead
-            t = (ax * ey - ay * ex) / det
-            s = (ax * dy - ay * dx) / det
+            t, s = (ax * ey - ay * ex) / det, (ax * dy - ay * dx) / det
             if 0.0 <= t < nearest and -1e-12 <= s <= 1.0 + 1e-12:  # the tolerance closes the corners
                 nearest = t
         for k in range(discs.shape[0]):
             cx, cy = discs[k, 0] - x, discs[k, 1] - y
-            along = cx * dx + cy * dy
-            aside = cx * dy - cy * dx
+            along, aside = cx * dx + cy * dy, cx * dy - cy * dx
             rest = discs[k, 2] * discs[k, 2] - aside * aside
             if rest < 0.0:
                 continue

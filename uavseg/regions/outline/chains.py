@@ -183,11 +183,9 @@ def follow_boundary(tile, written, row, col, direction):  # type: ignore[no-unty
     seen, vertices, pinched, table, sizes = written
     shape = labels.shape
     place = (row + margin) * steps[1] + col + margin
-    first = direction
-    first_place = place
+    first, first_place = direction, place
     label = flat[place + ahead[direction]]
-    chain = sizes[1]
-    used = sizes[0]
+    chain, used = sizes[1], sizes[0]
     if chain < table.shape[0]:
         at_first = place + ahead[(direction + 3) & 3]
         node = flat[at_first] != flat[at_first - steps[direction]]
@@ -220,8 +218,7 @@ def follow_boundary(tile, written, row, col, direction):  # type: ignore[no-unty
         row += count * step_row(direction)
         col += count * step_col(direction)
         before = direction
-        pinch = False
-        exits = False
+        pinch, exits = False, False
         if flat[place + right] != label:
             direction = (direction + 1) & 3
             pinch = same
@@ -315,8 +312,7 @@ def _unpack(steps, corners, counts, table, which, vertices, pinched):  # type: i
     used = 0
     for chain in which:
         at = table[chain, START]
-        row = np.int64(corners[chain, 0])
-        col = np.int64(corners[chain, 1])
+        row, col = np.int64(corners[chain, 0]), np.int64(corners[chain, 1])
         for k in range(counts[chain]):
             step = np.int64(steps[at])
             at += 1
@@ -329,7 +325,6 @@ def _unpack(steps, corners, counts, table, which, vertices, pinched):  # type: i
                 direction = (step >> 5) & 3
                 row += length * step_row(direction)
                 col += length * step_col(direction)
-            vertices[used, 0] = row
-            vertices[used, 1] = col
+            vertices[used, 0], vertices[used, 1] = row, col
             pinched[used] = step >> 7
             used += 1

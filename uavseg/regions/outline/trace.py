@@ -242,8 +242,7 @@ _JOIN = "i8(i4[:,::1], u1[::1], i8[:,::1], i8[::1], i8[::1], u1[::1], i4[:,::1],
 
 @kernel(_JOIN)
 def _join(vertices, pinched, table, ends, after, done, joined, joined_pinched, starts, owners):  # type: ignore[no-untyped-def]
-    used = 0
-    rings = 0
+    used, rings = 0, 0
     for chain in range(table.shape[0]):
         if done[chain]:
             continue
@@ -320,8 +319,7 @@ def _split(vertices, starts, owners, partners, stack, place, simple, simple_star
                 top = bottom
             else:
                 top += 1
-                stack[top] = k
-                place[k] = top
+                stack[top], place[k] = k, top
         write_ring(vertices, begin, stack, 0, top, owners[ring], rings, written)
         rings += 1
     return rings

@@ -100,10 +100,7 @@ def ratio_of_children(packed, present, n_present, width, n_ln_n):  # type: ignor
         n1 += b
         n2 += c
         n3 += d
-        la = n_ln_n[a]
-        lb = n_ln_n[b]
-        lc = n_ln_n[c]
-        ld = n_ln_n[d]
+        la, lb, lc, ld = n_ln_n[a], n_ln_n[b], n_ln_n[c], n_ln_n[d]
         j01 += n_ln_n[a + b] - la - lb
         j02 += n_ln_n[a + c] - la - lc
         j03 += n_ln_n[a + d] - la - ld
@@ -140,8 +137,7 @@ def ratios_of_block(symbols, n_ln_n, scratch, ratios, b):  # type: ignore[no-unt
     # bits for its parents). Three lists hold the symbols present in each table, so that only these are
     # visited.
     cells, cells_present, sixteens, sixteens_present, halves, halves_present = 0, 1, 2, 3, 4, 5
-    eight = np.uint64(8)
-    sixteen = np.uint64(16)
+    eight, sixteen = np.uint64(8), np.uint64(16)
     n_halves = 0
     for half in range(4):
         n_sixteens = 0

@@ -95,9 +95,7 @@ def contrast(grey, r, c):  # type: ignore[no-untyped-def]
     # exact in float32, and the quotient rounds to an integer only where it is one, so the floor is exact. The
     # numerator is 0 for an empty group.
     g = np.int32(grey[r, c])
-    n = np.int32(0)
-    total = np.int32(0)
-    high = np.int32(0)
+    n, total, high = np.int32(0), np.int32(0), np.int32(0)
     for k in range(9):
         q = np.int32(grey[r - 1 + k // 3, c - 1 + k % 3])
         above = np.int32(q >= g)

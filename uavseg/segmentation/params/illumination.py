@@ -121,8 +121,7 @@ def _subtract(grey, valid, nodes, row, col, power, target):  # type: ignore[no-u
     side = 1 << power
     shift = power + 1  # places are in half pixels, between centres that are 2 side apart
     half = 1 << (2 * shift - 1)
-    last_row = max(nodes.shape[0] - 2, 0)
-    last_col = max(nodes.shape[1] - 2, 0)
+    last_row, last_col = max(nodes.shape[0] - 2, 0), max(nodes.shape[1] - 2, 0)
     for r in range(grey.shape[0]):
         y = 2 * (row + r) + 1 - side
         above = min(max(y >> shift, 0), last_row)

@@ -184,9 +184,7 @@ def _slide_window(  # type: ignore[no-untyped-def]
     # Row by row of windows, from left to right: one column of cells enters, another leaves.
     rows, cols = scores.shape
     for row in range(rows):
-        shared = np.int64(0)
-        count = np.int64(0)
-        grey_sum = np.int64(0)
+        shared, count, grey_sum = np.int64(0), np.int64(0), np.int64(0)
         for entering in range(cols + 2 * side - 1):
             for r in range(8 * row, 8 * (row + side)):
                 if entering < cols + side - 1:

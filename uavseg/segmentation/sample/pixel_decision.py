@@ -129,8 +129,7 @@ def window_sums(sums: NDArray[np.int64], side: int) -> NDArray[np.int64]:
 def _sum_weights(fine, coarse, weights, sums, counts):  # type: ignore[no-untyped-def]
     for r in range(8 * sums.shape[0]):
         for cell in range(sums.shape[1]):
-            total = np.int64(0)
-            count = np.int64(0)
+            total, count = np.int64(0), np.int64(0)
             for c in range(8 * cell, 8 * cell + 8):
                 if fine[r, c] != UNCOUNTED:
                     total += weights[0, fine[r, c]]
@@ -215,8 +214,7 @@ def pixel_weight(symbols, coarse_symbols, grey, valid, r, c, texture, greys, coa
     """Return the weight of a pixel; 0 where it is not valid."""
     if valid[r, c] == 0:
         return np.int64(0)
-    symbol = symbols[r - 1, c - 1]
-    coarse_symbol = coarse_symbols[r - 1, c - 1]
+    symbol, coarse_symbol = symbols[r - 1, c - 1], coarse_symbols[r - 1, c - 1]
     weight = greys[grey[r, c] >> 10] + (texture[symbol] if symbol != UNCOUNTED else np.int64(0))
     return weight + (coarse[coarse_symbol] if coarse_symbol != UNCOUNTED else np.int64(0))
 

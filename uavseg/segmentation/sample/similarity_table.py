@@ -180,15 +180,13 @@ def _blur(grey, valid, sums, counts, means):  # type: ignore[no-untyped-def]
     rows, cols = means.shape
     for r in range(rows):
         for c in range(cols + 4):
-            total = np.int64(0)
-            count = np.int64(0)
+            total, count = np.int64(0), np.int64(0)
             for k in range(5):
                 weight = np.int64(6 if k == 2 else (4 if k == 1 or k == 3 else 1))
                 if valid[r + k, c]:
                     total += weight * np.int64(grey[r + k, c])
                     count += weight
-            sums[c] = total
-            counts[c] = count
+            sums[c], counts[c] = total, count
         for c in range(cols):
             total = sums[c] + sums[c + 4] + 4 * (sums[c + 1] + sums[c + 3]) + 6 * sums[c + 2]
             count = counts[c] + counts[c + 4] + 4 * (counts[c + 1] + counts[c + 3]) + 6 * counts[c + 2]
