@@ -242,7 +242,10 @@ def _found(region: Any, params: CoverParams, near: FreeSpace, space: FreeSpace) 
     order = OrderParams(home) if params.costs is None else OrderParams(home, _leg_costs(region, params.costs))
     quick = replace(order, rounds=QUICK_ROUNDS)
     is_compact = region.area > COMPACT * shapely.convex_hull(region).area
-    tries = _affordable(region, params)
+    # fewer tries where they take long
+    count = region.area / params.spacing_m**2 / max(math.sqrt(region.area) / params.spacing_m, 1.0)
+    size = int(shapely.get_num_coordinates(region)) + 2 * count
+    tries = min(params.tries, max(int(MAX_WORK / size), MIN_TRIES))
     is_thorough = tries >= MANY_TRIES
 
     def ranked(laid: list[SurveyLines]) -> list[SurveyLines]:
@@ -299,13 +302,6 @@ def _leg_costs(region: Any, costs_of: Costs) -> Callable[[Floats], Floats]:
     path = np.stack([ends, np.zeros(len(ends))], axis=1)
     costs = costs_of(path, np.full(len(path) - 1, WAY), np.ones(len(path), bool))[::2]
     return lambda some: np.interp(some, lengths, costs)
-
-
-def _affordable(region: Any, params: CoverParams) -> int:
-    """Return the number of tries: fewer where they take long."""
-    lines = region.area / params.spacing_m**2 / max(math.sqrt(region.area) / params.spacing_m, 1.0)
-    size = int(shapely.get_num_coordinates(region)) + 2 * lines
-    return min(params.tries, max(int(MAX_WORK / size), MIN_TRIES))
 
 
 def _path_costs(paths: list[tuple[Floats, Bools]], params: CoverParams) -> Floats:

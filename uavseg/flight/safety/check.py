@@ -67,7 +67,12 @@ class Clearance:
         """
         try:
             yield from self._legs(mission, maximum_m)
-            yield from self._rally(mission, maximum_m)
+            minimum_m = min(self.minimum_m, RALLY_M)
+            for number, point in enumerate(mission.rally, start=1):
+                home_m = self._ground_m(mission.home.lat, mission.home.lon)
+                above_m = home_m + point.altitude_m - self._ground_m(point.lat, point.lon)
+                place = f"rally point {number} at {point.lat:.6f},{point.lon:.6f}"
+                yield from self._outside(above_m, minimum_m, maximum_m, place)
         except MissionError as error:  # the ground is not known
             yield str(error)
 
@@ -97,14 +102,6 @@ class Clearance:
             for k in (int(above.argmin()), int(above.argmax())):
                 place = f"the position {profile.lat[k]:.6f},{profile.lon[k]:.6f}"
                 yield from self._outside(float(above[k]), self.minimum_m, maximum_m, place)
-
-    def _rally(self, mission: Mission, maximum_m: float) -> Iterator[str]:
-        minimum_m = min(self.minimum_m, RALLY_M)
-        for number, point in enumerate(mission.rally, start=1):
-            home_m = self._ground_m(mission.home.lat, mission.home.lon)
-            above_m = home_m + point.altitude_m - self._ground_m(point.lat, point.lon)
-            place = f"rally point {number} at {point.lat:.6f},{point.lon:.6f}"
-            yield from self._outside(above_m, minimum_m, maximum_m, place)
 
     def _ground_m(self, lat: float, lon: float) -> float:
         lons, lats = np.array([lon]), np.array([lat])

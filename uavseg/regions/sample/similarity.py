@@ -215,21 +215,13 @@ def next_place(
         taken = _cells_near(samples, blocks.counts.shape, _GAP * radius)
         cells = most_uncertain_cells(blocks.sums, blocks.counts, taken, reach, _CANDIDATES, _MIN_UNCERTAINTY)
         discs = [_disc(geobox, row, col, reach) for row, col in cells.tolist()]
-        best = _most_uncertain(source, discs, samples, tile_pass)
-        if best is not None:
-            return best
+        masks = [_mask_apart(disc, source.dataset.geobox, samples) for disc in discs]
+        candidates = [(disc, mask) for disc, mask in zip(discs, masks, strict=True) if mask is not None]
+        values = list(tile_pass.silent.run(partial(_uncertainty, source), [mask for _, mask in candidates]))
+        first = max(range(len(values)), key=values.__getitem__, default=None)
+        if first is not None and values[first] >= _MIN_UNCERTAINTY:
+            return candidates[first][0]
     return None
-
-
-def _most_uncertain(
-    source: SimilaritySource, discs: Sequence[Disc], samples: Sequence[SampleMask], tile_pass: TilePass
-) -> Disc | None:
-    """Return the disc whose pixels are the least certain on average, if they are uncertain."""
-    masks = [_mask_apart(disc, source.dataset.geobox, samples) for disc in discs]
-    candidates = [(disc, mask) for disc, mask in zip(discs, masks, strict=True) if mask is not None]
-    values = list(tile_pass.silent.run(partial(_uncertainty, source), [mask for _, mask in candidates]))
-    best = max(range(len(values)), key=values.__getitem__, default=None)
-    return None if best is None or values[best] < _MIN_UNCERTAINTY else candidates[best][0]
 
 
 def _uncertainty(source: SimilaritySource, place: SampleMask) -> float:
