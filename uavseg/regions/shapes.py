@@ -58,9 +58,7 @@ class LazyPolygons:
         return np.searchsorted(self.rings.labels, np.arange(first + 1, last + 2))
 
     def _build(self, first: int, last: int) -> Objects:
-        if last <= first:
-            return np.empty(0, object)
-        return self.flat(first, last).to_geometries()
+        return np.empty(0, object) if last <= first else self.flat(first, last).to_geometries()
 
     def flat(self, first: int, last: int) -> "RaggedPolygons":
         """Return the regions from `first` to before `last`, counted from 0, in flat arrays; at least one."""
@@ -133,9 +131,7 @@ def _close_rings(vertices, starts, reverse, affine, coordinates):  # type: ignor
         begin = starts[ring]
         count = starts[ring + 1] - begin
         for k in range(count + 1):
-            v = begin
-            if k > 0 and k < count:
-                v = begin + (count - k if reverse else k)
+            v = begin + (count - k if reverse else k) if k > 0 and k < count else begin
             row, col = np.float64(vertices[v, 0]), np.float64(vertices[v, 1])
             coordinates[used, 0] = affine[0] * col + affine[1] * row + affine[2]
             coordinates[used, 1] = affine[3] * col + affine[4] * row + affine[5]

@@ -24,8 +24,7 @@ from uavseg.flight.avoid.enclosing import MANY_CORNERS, enclosing, without_small
 from uavseg.flight.avoid.free_space import FreeSpace
 from uavseg.flight.order.tour import Stops, short_tour
 
-LEEWAY = 0.6
-"""Spacings by which lines, and legs between them, may leave the region."""
+LEEWAY = 0.6  # spacings by which lines, and legs between them, may leave the region
 COARSE = 0.3  # spacings by which an outline of many corners is simplified
 SLACK = 0.04  # spacings by which outlines are simplified
 MAX_VERTICES = 40  # outlines with more are simplified

@@ -72,11 +72,6 @@ def monotone_cells(polygon: Any, step_m: float = np.inf, detail_m: float = 0.0) 
     return sorted(inner, key=lambda face: (face.bounds[1], face.bounds[0]))
 
 
-def critical_count(polygon: Any, step_m: float = np.inf, detail_m: float = 0.0) -> int:
-    """Return the number of corners at which `monotone_cells` divides a polygon; parameters as there."""
-    return len(_all_critical(polygon, step_m, detail_m))
-
-
 def merge_flat_cells(cells: list[Any], min_m: float) -> list[Any]:
     """Merge cells of one polygon less high than a minimum with the neighbour of the longest common edge.
 
@@ -131,8 +126,7 @@ def _inside(face: Any) -> tuple[float, float]:
 STEP = 2.0  # spacings: cells may be cut at steps of the outline that are longer
 MIN_HEIGHT = 0.5  # spacings: cells that are less high are merged
 GAP = 3.0  # spacings: longest gap over which a line continues
-TURN_M = 10.0
-"""A turn costs the time of so many metres: at 5 m/s, braking and accelerating at 2.5 m/s2."""
+TURN_M = 10.0  # a turn costs the time of so many metres: at 5 m/s, braking and accelerating at 2.5 m/s2
 STEP_DEG = 15.0  # azimuths that are tried besides those of edges; whole degrees where many are tried
 MIN_TRIES, MANY_TRIES = 3, 12
 MAX_WORK = 18_000  # tries times corners of a region and its lines
@@ -388,7 +382,7 @@ def _cells(region: Any, angle_deg: float, params: CoverParams) -> list[SurveyLin
     turn, spacing, min_m = axes(angle_deg), params.spacing_m, MIN_HEIGHT * params.spacing_m
     turned = _turned(region, turn)
     divisions = []
-    counts = {step: critical_count(turned, step, min_m / 2) for step in (math.inf, STEP * spacing)}
+    counts = {step: len(_all_critical(turned, step, min_m / 2)) for step in (math.inf, STEP * spacing)}
     for step, count in counts.items():
         if count <= MAX_CRITICAL and (step == math.inf or count > counts[math.inf]):
             cells = merge_flat_cells(monotone_cells(turned, step, min_m / 2), min_m)

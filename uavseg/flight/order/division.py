@@ -179,9 +179,7 @@ def _lay_out(tables, first, order, turned, line):  # type: ignore[no-untyped-def
             line[4, at] = ways_s[2 * turned[region], piece]
             line[5, at] = ways_s[3 - 2 * turned[region], piece]
             line[6, at] = ways_items[2 * turned[region], piece] + ways_items[3 - 2 * turned[region], piece]
-            transit = piece
-            if turned[region]:
-                transit = piece - 1
+            transit = piece - 1 if turned[region] else piece
             if m < high - low - 1:
                 spent, carried = spent + transit_s[transit], carried + transit_items[transit]
             at += 1

@@ -26,9 +26,7 @@ GROUP = 8  # stops whose distance from a point is bounded together
 
 @inlined
 def leg(distances, here, there):  # type: ignore[no-untyped-def]
-    if here < 0 or there < 0:
-        return 0.0
-    return distances[here, there]
+    return 0.0 if here < 0 or there < 0 else distances[here, there]
 
 
 @inlined
@@ -345,9 +343,7 @@ def exact_tour(stops: Stops, distances: Floats, start: int, end: int) -> Integer
 def _fill(distances, stop_of, enters, leaves, costs, start, best, before):  # type: ignore[no-untyped-def]
     options = enters.shape[0]
     for option in range(options):
-        reach = 0.0
-        if start >= 0:
-            reach = distances[start, enters[option]]
+        reach = distances[start, enters[option]] if start >= 0 else 0.0
         best[1 << stop_of[option], option] = reach + costs[option]
     for visited in range(1, best.shape[0]):  # bit masks of stops
         for option in range(options):

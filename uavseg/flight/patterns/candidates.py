@@ -29,8 +29,7 @@ MAX_CHOICES = 20  # surveys of one region of which the fastest flight is chosen
 MAX_STARTS = 16  # corners at which a ring may begin
 MAX_CANDIDATES = 4000  # of all regions, so that their distances fit into memory
 BRAKING_M_S2 = 2.5
-MIN_LEG_S = 1.0
-"""By default no leg of a perimeter is shorter than what the vehicle flies in this time."""
+MIN_LEG_S = 1.0  # by default no leg of a perimeter is shorter than what the vehicle flies in this time
 WORTHWHILE = 0.85  # of the cost of a survey: a corridor that costs less is suggested
 
 MIN_RADIUS_M = 5.0
@@ -38,8 +37,7 @@ LATERAL_M_S2 = 2.5
 """Acceleration across the direction of flight: at 5 m/s a circle has a radius of 10 m at least."""
 SAGITTA, MAX_SAGITTA_M = 0.02, 3.0  # share of the radius by which corners may lie outside of the circle
 MAX_CORNERS = 72
-LARGEST_STEP_DEG = 15.0
-"""Between directions of photographs; with more, matching of photographs fails."""
+LARGEST_STEP_DEG = 15.0  # between directions of photographs; with more, matching of photographs fails
 
 
 @dataclass(frozen=True, slots=True)

@@ -117,8 +117,7 @@ def clear_parts(parts: list[RegionPart], keep_out: KeepOut) -> tuple[list[Region
     return cleared, [f"{note}, and are not flown over"]
 
 
-MAX_WAYPOINTS = 20_000
-"""Of all flights together: 30 full boards."""
+MAX_WAYPOINTS = 20_000  # of all flights together: 30 full boards
 MIN_REACH_M = 100.0
 _PATTERN_FUNCTIONS = {
     "visit": patterns.visits,

@@ -168,8 +168,7 @@ def _ordered(
     ]
 
 
-MIN_LEG_M = 0.7
-"""A little more than the shortest leg that Litchi flies, 0.6 m."""
+MIN_LEG_M = 0.7  # a little more than the shortest leg that Litchi flies, 0.6 m
 
 
 def without_short_legs(track: Track, space: FreeSpace) -> Track:

@@ -15,8 +15,7 @@ from uavseg.errors import OutputError
 from uavseg.output.atomic import atomic_file, check_target
 from uavseg.regions.table import Regions
 
-Class = tuple[str, str]
-"""Name of a class and its colour, such as ("water", "#1f78b4")."""
+Class = tuple[str, str]  # name of a class and its colour, such as ("water", "#1f78b4")
 
 COLOR = "#ffa500"
 _ALPHA = 0.35  # of the fill

@@ -112,8 +112,7 @@ class GeoJsonForm:
     rs: bool = False  # the character RS (0x1E) before each feature of a sequence (RFC 8142)
 
 
-COLLECTION = GeoJsonForm()
-"""A collection in longitude and latitude."""
+COLLECTION = GeoJsonForm()  # a collection in longitude and latitude
 
 
 def write_geojson(regions: Regions, stream: IO[bytes], form: GeoJsonForm = COLLECTION) -> None:

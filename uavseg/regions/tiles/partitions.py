@@ -34,8 +34,7 @@ from uavseg.segmentation.refine.range_scans import REFINE_HALO
 from uavseg.segmentation.source import GreySource
 from uavseg.units import GREY_LEVELS
 
-PARTITION = 8192
-"""Side of a partition in pixels; independent of the tiles of the processing, as results are."""
+PARTITION = 8192  # side of a partition in pixels; independent of the tiles of the processing, as results are
 
 
 @dataclass(frozen=True, slots=True)

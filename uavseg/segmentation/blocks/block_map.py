@@ -146,9 +146,7 @@ def mean_v(sums, counts, row, col, size):  # type: ignore[no-untyped-def]
         for c in range(col, col + size):
             total += np.int64(sums[r, c])
             number += np.int64(counts[r, c])
-    if number == 0:
-        return -1.0
-    return total / (65535.0 * number)
+    return -1.0 if number == 0 else total / (65535.0 * number)
 
 
 @inlined

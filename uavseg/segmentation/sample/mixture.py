@@ -23,8 +23,7 @@ from numpy.typing import NDArray
 from uavseg._jit import kernel
 from uavseg.dataclass import dataclass
 
-SIZES = (2, 3, 4, 5, 6, 8)
-"""Numbers of components of the mixtures that vote."""
+SIZES = (2, 3, 4, 5, 6, 8)  # numbers of components of the mixtures that vote
 
 _SWEEPS = 30
 _SEED_SWEEPS = 15  # of a mixture with one component more
