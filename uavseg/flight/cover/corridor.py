@@ -240,13 +240,7 @@ def corridor(
     return Corridor(tuple(flown), tuple(between))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Section:
-    """Part of an axis along which the region needs the same number of lines."""
-
-    axis: Any  # LineString
-    count: int
-    spacing_m: float
+_Section = tuple[Any, int, float]  # part of an axis (LineString), with the number of lines and their spacing
 
 
 def _sections(branch: Branch, region: Any, spacing_m: float) -> list[_Section]:
@@ -263,14 +257,14 @@ def _sections(branch: Branch, region: Any, spacing_m: float) -> list[_Section]:
     around = sliding_window_view(np.pad(radius, RUN, mode="edge"), 2 * RUN + 1)
     count = np.maximum(np.ceil(2 * around.max(axis=1) / spacing_m), 1).astype(int)
     bounds = [0, *(np.flatnonzero(np.diff(count)) + 1).tolist(), len(xy) - 1]
-    sections = []
+    sections: list[_Section] = []
     for first, last in pairwise(bounds):
         if last > first:
             outer = (first == 0 and branch.ends_free[0], last == len(xy) - 1 and branch.ends_free[1])
             axis = _lengthened(xy[first : last + 1], outer, 2 * float(radius.max()))
             number, width = int(count[first]), 2 * float(radius[first : last + 1].max())
             line = shapely.simplify(shapely.LineString(axis), SMOOTH * spacing_m)
-            sections.append(_Section(line, number, max(width / number, spacing_m / 2)))
+            sections.append((line, number, max(width / number, spacing_m / 2)))
     return sections
 
 
@@ -290,13 +284,14 @@ def _lengthened(xy: Floats, free: tuple[bool, bool], by_m: float) -> Floats:
 
 def _section_lines(section: _Section, region: Any, ends: tuple[float, float]) -> list[Floats]:
     """Return the lines parallel to a section of the axis, each as long as the region in its strip."""
+    axis, count, spacing_m = section
     lines = []
-    for k in range(section.count):
-        aside = (k - (section.count - 1) / 2) * section.spacing_m
-        curve = shapely.offset_curve(section.axis, aside, join_style="mitre", mitre_limit=2)
-        for line in shapely.get_parts(curve if aside else section.axis):
+    for k in range(count):
+        aside = (k - (count - 1) / 2) * spacing_m
+        curve = shapely.offset_curve(axis, aside, join_style="mitre", mitre_limit=2)
+        for line in shapely.get_parts(curve if aside else axis):
             if line.geom_type == "LineString" and line.length > 0:
-                strip = shapely.buffer(line, section.spacing_m / 2 + 1e-6, cap_style="flat")
+                strip = shapely.buffer(line, spacing_m / 2 + 1e-6, cap_style="flat")
                 parts = shapely.get_parts(shapely.intersection(strip, region))
                 lines += [_trimmed(line, part, *ends) for part in parts if part.area > 0]
     return lines

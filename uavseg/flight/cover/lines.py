@@ -195,7 +195,10 @@ def flight_space(
     The region is in metres. Straight legs of `lead_m` lead out of it, and no leg may cross `obstacles`.
     """
     slack = SLACK * spacing_m
-    simple = region = _of_few_corners(region, spacing_m)
+    if shapely.get_num_coordinates(region) > MANY_CORNERS:  # without holes that lie between two lines
+        around = enclosing(without_small_holes(region, spacing_m**2), COARSE * spacing_m)
+        region = without_small_holes(around, spacing_m**2)
+    simple = region
     if shapely.get_num_coordinates(region) > MAX_VERTICES:
         fewer = shapely.simplify(region, slack / 2)
         grown = shapely.buffer(fewer, slack / 2, join_style="mitre", mitre_limit=1.5)
@@ -203,14 +206,6 @@ def flight_space(
     reach = LEEWAY * spacing_m + lead_m - 1.8 * slack
     allowed = shapely.simplify(shapely.buffer(simple, reach, quad_segs=16), slack / 2)
     return simple, FreeSpace(allowed, obstacles)
-
-
-def _of_few_corners(region: Any, spacing_m: float) -> Any:
-    """Simplify a region of many corners, and fill holes that lie between two lines."""
-    if shapely.get_num_coordinates(region) <= MANY_CORNERS:
-        return region
-    around = enclosing(without_small_holes(region, spacing_m**2), COARSE * spacing_m)
-    return without_small_holes(around, spacing_m**2)
 
 
 FEW_LINES = 150  # are also ordered one by one

@@ -149,15 +149,11 @@ def fence_around(
     hull = shapely.convex_hull(shapely.multipoints(path))
     outer = shapely.simplify(shapely.buffer(hull, 1.2 * margin_m, quad_segs=2), margin_m / 20)
     reach = shapely.buffer(outer, margin_m)
-    candidates = [
-        keep_out.fence_zones,
-        *(
-            shapely.get_parts(shapely.intersection(zones, reach))
-            for zones in (keep_out.fence_zones, keep_out.simpler_fence_zones)
-        ),
-    ]
+    whole, simpler = keep_out.fence_zones, keep_out.simpler_fence_zones
+    clipped = [shapely.get_parts(shapely.intersection(zones, reach)) for zones in (whole, simpler)]
     near = [
-        [zone for zone in zones if zone.area > 0 and shapely.intersects(outer, zone)] for zones in candidates
+        [zone for zone in zones if zone.area > 0 and shapely.intersects(outer, zone)]
+        for zones in (whole, *clipped)
     ]
     maximum = MAX_VERTICES - shapely.get_num_coordinates(outer)
     counts = [int(shapely.get_num_coordinates(zones).sum()) for zones in near]
@@ -217,10 +213,7 @@ def rally_of_flights(missions: Sequence[Mission]) -> list[Mission]:
     A rally point that lies in no fence at all stays, for `fence_problems`.
     """
     inside = np.array(
-        [
-            [not fence_problems(replace(mission, rally=(point,))) for point in mission.rally]
-            for mission in missions
-        ]
+        [[not fence_problems(replace(one, rally=(point,))) for point in one.rally] for one in missions]
     )
     flights = []
     for mission, here in zip(missions, inside, strict=True):

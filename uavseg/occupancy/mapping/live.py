@@ -280,10 +280,7 @@ class LiveSegmentation:
             )
         indices = _block_indices(changed | divided)
         required = self._required[tuple(indices.T)]
-        blocks, division = self._blocks, self._query.division
-        measured = blocks.sums, blocks.counts, blocks.ratios, division.threshold, division.step
-        edges = np.array(self._query.edges, np.float64)
-        _classify(*measured, edges, indices, required, *self._leaves, self._intervals)
+        _classify_leaves(self._blocks, self._query, indices, required, self._leaves, self._intervals)
 
     def _by_validity(self, blocks: Mask) -> Iterator[tuple[BlockIndices, NDArray[np.uint8] | None]]:
         """Split blocks into those that are valid throughout (with None) and the others (with `valid`)."""
@@ -304,6 +301,20 @@ def _required_ratios_at(blocks: BlockMap, query: LeafQuery, indices: BlockIndice
     sums = blocks.sums.reshape(shape)[chosen].reshape(-1, CELLS)  # one block below the other
     counts = blocks.counts.reshape(shape)[chosen].reshape(-1, CELLS)
     return query.required_ratios(sums, counts)[:, 0]
+
+
+def _classify_leaves(
+    blocks: BlockMap,
+    query: LeafQuery,
+    indices: BlockIndices,
+    required: NDArray[np.uint32],
+    scratch: tuple[NDArray[np.uint8], NDArray[np.float64]],
+    intervals: NDArray[np.uint8],
+) -> None:
+    """Divide some blocks into leaves, and write the interval of each leaf's mean, 0 without a valid pixel."""
+    division = (blocks.sums, blocks.counts, blocks.ratios, query.division.threshold, query.division.step)
+    edges = np.array(query.edges, np.float64)
+    _classify(*division, edges, indices, required, *scratch, intervals)
 
 
 @inlined

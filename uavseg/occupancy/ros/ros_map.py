@@ -148,7 +148,11 @@ def _read_yaml(path: str | os.PathLike[str]) -> Mapping[str, Any]:
         if any(isinstance(token, yaml.AliasToken) for token in tokens):
             raise MapError(f"{name} holds YAML aliases (*name), which the file of a ROS map does not need")
         node = yaml.compose(content, Loader=yaml.SafeLoader)
-        _check_unique_keys(node, name)
+        pairs = node.value if node is not None and node.id == "mapping" else []
+        keys = [key.value for key, _ in pairs if key.id == "scalar"]
+        twice = next((key for key in keys if keys.count(key) > 1), None)
+        if twice is not None:  # readers differ in which one counts
+            raise MapError(f"{name} gives {shown(twice)} {keys.count(twice)} times; leave one of them")
         described = yaml.safe_load(content)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         if isinstance(error, MapError):
@@ -160,16 +164,6 @@ def _read_yaml(path: str | os.PathLike[str]) -> Mapping[str, Any]:
     if missing:
         raise MapError(f"{name}: a ROS map needs {', '.join(_REQUIRED)}; missing here: {', '.join(missing)}")
     return described
-
-
-def _check_unique_keys(node: Any, name: str) -> None:
-    """Refuse duplicate keys: readers differ in which one counts."""
-    if node is None or node.id != "mapping":
-        return
-    keys = [key.value for key, _ in node.value if key.id == "scalar"]
-    twice = next((key for key in keys if keys.count(key) > 1), None)
-    if twice is not None:
-        raise MapError(f"{name} gives {shown(twice)} {keys.count(twice)} times; leave one of them")
 
 
 def _number(name: str, value: Any) -> float:

@@ -235,13 +235,10 @@ def absorb(segments, borders, one, into):  # type: ignore[no-untyped-def]
     ends[0, one] = ends[1, one] = -1
 
 
-_MERGE = (
+@kernel(
     "void(f8[::1], i8[::1], i8[::1], i8[::1], i8[::1], f8, i4[::1], i8[::1], i4[::1], i4[:,::1], i4[:,::1], "
     "i8[::1], i4[::1], i4[::1], i4[::1])"
 )
-
-
-@kernel(_MERGE)
 def _merge(  # type: ignore[no-untyped-def]
     areas, firsts, counts, greys, levels, limit, near, shared, table, ends, links, parents, adjacent,
     heap, place,

@@ -120,9 +120,8 @@ class CellScores:
     """Best scores of the cells of a raster, and texture models of unlike cells and of all cells."""
 
     best: NDArray[np.uint16]  # (8 B, 8 C): see `g_scores.best_scores`
-    rest: (
-        g_scores.TextureModel
-    )  # of the cells with a score that is too large; not of all that `reject_unlike` rejects
+    # Of the cells with a score that is too large; not of all that `reject_unlike` rejects.
+    rest: g_scores.TextureModel
     whole: Integers  # (2, 2048) int64: count of each symbol in the raster, at both scales
     rest_colors: Integers  # (bands, 64) int64: histograms of the cells of `rest` in further bands
 

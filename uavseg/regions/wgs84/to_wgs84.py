@@ -158,11 +158,10 @@ def _batch(polygons: Objects, pixel: float, decimals: int, reprojection: _Reproj
         for polygon in range(source.regions[i], source.regions[i + 1]):
             ends = source.rings[source.polygons[polygon] : source.polygons[polygon + 1] + 1]
             rings = [source.vertices[start:end].astype(np.float64) for start, end in pairwise(ends)]
-            pieces.append(
-                cut_at_antimeridian(rings, jumping, degree)
-                if crossing[i]
-                else shapely.Polygon(rings[0], rings[1:])
-            )
+            if crossing[i]:
+                pieces.append(cut_at_antimeridian(rings, jumping, degree))
+            else:
+                pieces.append(shapely.Polygon(rings[0], rings[1:]))
         geometry = _round(shapely.union_all(pieces) if len(pieces) > 1 else pieces[0])
         others[i] = shapely.transform(geometry, lambda lonlat: lonlat / degree)
     return Wgs84Batch(polygons=kept.without(broken), decimals=decimals, others=others)

@@ -292,27 +292,16 @@ def write_block_map(
     blocks, cells = saved.blocks, saved.geobox.coarsen(CELL)
     side, mean = find_leaves(blocks, division)
     bands = [np.where(mean < 0, np.nan, mean).astype(np.float32), side.astype(np.float32)]
-    write_geotiff_pages(
-        path,
-        [
-            Page([_crop(band, cells) for band in bands], cells, _BAND_NAMES, nodata=float("nan")),
-            Page([_crop(blocks.sums, cells)], cells, ["sum of grey"]),
-            Page([_crop(blocks.counts, cells)], cells, ["valid pixels"]),
-            Page(list(blocks.ratios.transpose(2, 0, 1)), saved.geobox.coarsen(CELL * CELLS), _RATIO_NAMES),
-            *_illumination_pages(saved),
-        ],
-        {_TAG: header_text(saved)},
-        overwrite,
-        creation,
-    )
-
-
-def _illumination_pages(saved: SavedBlocks) -> list[Page]:
-    """Return the page of the illumination that was subtracted, if any, with a pixel for each square."""
-    flat = saved.illumination
-    if flat is None:
-        return []
-    return [Page([flat.nodes], saved.geobox.coarsen(flat.step), ["light that was taken away, in grey"])]
+    pages = [
+        Page([_crop(band, cells) for band in bands], cells, _BAND_NAMES, nodata=float("nan")),
+        Page([_crop(blocks.sums, cells)], cells, ["sum of grey"]),
+        Page([_crop(blocks.counts, cells)], cells, ["valid pixels"]),
+        Page(list(blocks.ratios.transpose(2, 0, 1)), saved.geobox.coarsen(CELL * CELLS), _RATIO_NAMES),
+    ]
+    if (flat := saved.illumination) is not None:
+        light = ["light that was taken away, in grey"]
+        pages.append(Page([flat.nodes], saved.geobox.coarsen(flat.step), light))
+    write_geotiff_pages(path, pages, {_TAG: header_text(saved)}, overwrite, creation)
 
 
 def _crop(band: NDArray[Any], cells: GeoBox) -> NDArray[Any]:
@@ -338,7 +327,11 @@ def read_block_map(path: str | os.PathLike[str]) -> SavedBlocks:
         blocks.sums[: cells.shape[0], : cells.shape[1]] = sums
         blocks.counts[: cells.shape[0], : cells.shape[1]] = counts
         blocks.ratios[:] = ratios.transpose(1, 2, 0)
-        illumination = _read_illumination(path, shape, header.get("flatten"))
+        illumination, flat = None, header.get("flatten")
+        if flat is not None:
+            squares = (-(-shape[0] // flat["step"]), -(-shape[1] // flat["step"]))
+            nodes = _read_page(path, _ILLUMINATION, squares, 1, np.uint16)[0]
+            illumination = Illumination(nodes, flat["step"], flat["target"])
     except (KeyError, ValueError, RecursionError, RasterReadError) as error:
         raise RasterError(
             f"{path} is not a block map that this version reads ({cause_of(error)}); make it again with "
@@ -347,16 +340,6 @@ def read_block_map(path: str | os.PathLike[str]) -> SavedBlocks:
     stretch = Stretch(header["low"], header["high"], header["stretch"])
     origin, axis = origin_of_header(header), axis_of_header(header, stretch)
     return SavedBlocks(blocks, geobox, stretch, header["bands"], origin, axis, illumination)
-
-
-def _read_illumination(
-    path: str | os.PathLike[str], shape: tuple[int, int], header: dict[str, Any] | None
-) -> Illumination | None:
-    if header is None:
-        return None
-    step = header["step"]
-    squares = (-(-shape[0] // step), -(-shape[1] // step))
-    return Illumination(_read_page(path, _ILLUMINATION, squares, 1, np.uint16)[0], step, header["target"])
 
 
 def _read_page(

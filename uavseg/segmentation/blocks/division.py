@@ -229,13 +229,10 @@ def fill_symbols(grey, valid, all_valid, bin_edges, top, left, symbols):  # type
                     symbols[r * BLOCK + c] = UNCOUNTED
 
 
-_SELECTED_RATIOS_SIGNATURE = (
+@kernel(
     "void(u2[:,::1], u1[:,::1], b1, i4[::1], i8[:,::1], u4[::1], f8, f8[::1], u8[::1], u8[::1], u2[::1], "
     "f8[:,::1])"
 )
-
-
-@kernel(_SELECTED_RATIOS_SIGNATURE)
 def _selected_ratios(  # type: ignore[no-untyped-def]
     grey, valid, all_valid, bin_edges, corners, selected, threshold, n_ln_n, table, present, symbols, ratios
 ):

@@ -131,15 +131,8 @@ def _drop_specks(sides, active, lines, stack, seen, contacts, inside):  # type: 
         if row > rows:
             around[row % 3] = 1
         elif row > 0:
-            changes_around(
-                sides[row - 1],
-                sides[row],
-                sides[row + 1],
-                across[(row - 1) % 3],
-                across[row % 3],
-                across[(row + 1) % 3],
-                around[row % 3],
-            )
+            above, here, below = across[(row - 1) % 3], across[row % 3], across[(row + 1) % 3]
+            changes_around(sides[row - 1], sides[row], sides[row + 1], above, here, below, around[row % 3])
         row = step - 2
         if row < 1 or row > rows:
             continue
