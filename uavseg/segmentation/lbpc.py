@@ -236,11 +236,6 @@ class _Regions:
         scaled: list[float] = (g * np.minimum(self.totals[others], self.totals[region])).tolist()
         return scaled
 
-    def join(self, one: int, other: int) -> None:
-        """Add a region's histogram to another's."""
-        self.histograms[one] += self.histograms[other]
-        self.totals[one] += self.totals[other]
-
 
 def _merge(regions: _Regions, pairs: NDArray[np.int64], stop: float, untested: float) -> NDArray[np.int64]:
     """Return the region that each region was merged into."""
@@ -260,7 +255,15 @@ def _merge(regions: _Regions, pairs: NDArray[np.int64], stop: float, untested: f
         if merges >= untested and smallest > stop * largest:
             break
         largest, merges = max(largest, smallest), merges + 1
-        _merge_pair(regions, one, other, neighbours, versions)
+        regions.histograms[one] += regions.histograms[other]
+        regions.totals[one] += regions.totals[other]
+        for third in neighbours[other]:
+            neighbours[third].discard(other)
+            if third != one:
+                neighbours[third].add(one)
+                neighbours[one].add(third)
+        neighbours[other].clear()
+        versions[one], versions[other] = versions[one] + 1, -1  # queue entries of either are out of date
         parents[other] = one
         for entry in _entries(regions, one, neighbours, versions):
             heapq.heappush(queue, entry)
@@ -279,21 +282,6 @@ def _entries(
         one, two = min(region, other), max(region, other)
         entries.append((value, one, two, versions[one], versions[two]))
     return entries
-
-
-def _merge_pair(
-    regions: _Regions, one: int, other: int, neighbours: list[set[int]], versions: list[int]
-) -> None:
-    """Merge region `other` into `one`; queue entries of either become out of date."""
-    regions.join(one, other)
-    for third in neighbours[other]:
-        neighbours[third].discard(other)
-        if third != one:
-            neighbours[third].add(one)
-            neighbours[one].add(third)
-    neighbours[other].clear()
-    versions[one] += 1
-    versions[other] = -1
 
 
 @kernel("void(u4[:,::1], i8[::1], i8[::1], i8[::1], i8[::1], f8[::1], f8[::1])")

@@ -119,12 +119,9 @@ def classify_states(
     next(results, None)  # lets the executor finish and report it
     if refine == "scan":
         codes = _scan(image, [(strip[0].row, whole_blocks(strip[0].rows)) for strip in strips])
+    thin = ThinObstacles({FREE: 0, UNKNOWN: 0}, 0)
     states = ClassifiedStates(
-        image=image,
-        codes=codes,
-        thin=ThinObstacles({FREE: 0, UNKNOWN: 0}, 0),
-        noise=statistics.noise,
-        trinary=statistics.trinary,
+        image=image, codes=codes, thin=thin, noise=statistics.noise, trinary=statistics.trinary
     )
     return _with_thin_obstacles(source, states, limits, restore, finding)
 
