@@ -66,7 +66,7 @@ def monotone_cells(polygon: Any, step_m: float = np.inf, detail_m: float = 0.0) 
                 (first, _), (last, _) = chord.coords[0], chord.coords[-1]
                 low, high = min(first, last), max(first, last)
                 dividing.append(shapely.LineString([(low - OVERLAP_M, y), (high + OVERLAP_M, y)]))
-    lines = shapely.union_all([shapely.boundary(polygon), *dividing])
+    lines = shapely.union_all([shapely.boundary(polygon), *dividing])  # noded: they meet at vertices only
     faces = shapely.polygonize(list(shapely.get_parts(lines)))
     inner = [face for face in faces.geoms if shapely.contains_xy(polygon, *_inside(face))]
     return sorted(inner, key=lambda face: (face.bounds[1], face.bounds[0]))

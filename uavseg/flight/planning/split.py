@@ -332,6 +332,7 @@ def _in_another_order(
     )
     away_m = np.hypot(*(np.array([piece.xy[0] for piece in route.pieces]) - route.home).T)
     per_m = float(pieces.ways_s[0].sum()) / max(float(away_m.sum()), 1.0)
+    # Between starts (even) and ends (odd) of regions, at the mean speed of ways from home.
     between_s: Floats = route.space.paths(ends.reshape(-1, 2)).lengths * per_m
     found = order_of_regions(pieces, route.region, between_s, count, longest_s, limits.flown_items)
     if found is None:

@@ -155,6 +155,7 @@ def fence_around(
         [zone for zone in zones if zone.area > 0 and shapely.intersects(outer, zone)]
         for zones in (whole, *clipped)
     ]
+    # Zones by the first method with few enough vertices, or the fewest.
     maximum = MAX_VERTICES - shapely.get_num_coordinates(outer)
     counts = [int(shapely.get_num_coordinates(zones).sum()) for zones in near]
     enough = [k for k, count in enumerate(counts) if count <= maximum]

@@ -164,7 +164,7 @@ def _add_srs(base: sqlite3.Connection, wkt: str | None) -> int:
     number = crs.number or _CUSTOM_SRS
     row = (crs.name, number, crs.authority or "NONE", number, crs.wkt1 or "undefined", None)
     base.execute(f"INSERT OR IGNORE INTO gpkg_spatial_ref_sys VALUES ({_marks(row)})", row)
-    if crs.wkt1 is None:
+    if crs.wkt1 is None:  # the extension of section F.10
         column = "definition_12_063"
         base.execute(
             f"ALTER TABLE gpkg_spatial_ref_sys ADD COLUMN {column} TEXT NOT NULL DEFAULT 'undefined'"
