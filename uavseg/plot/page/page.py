@@ -266,8 +266,8 @@ def write_text(figure: Any, x: float, title: str, subtitle: str, caption: str, c
     figure.text(x, caption_in / page, caption, size=7.5, color=CAPTION_COLOR, va="bottom")
 
 
-def raster_caption(box: GeoBox, band_names: str, grey_name: str, local_metres: bool = False) -> str:
-    """Describe a raster in one line: size, CRS, resolution, bands that are used, and the stretch of the grey.
+def raster_caption(box: GeoBox, band_names: str, drawn: str, local_metres: bool = False) -> str:
+    """Describe a raster in one line: size, CRS, resolution, bands that are used, and how they are drawn.
 
     `local_metres` tells whether coordinates without a CRS are metres.
     """
@@ -281,4 +281,4 @@ def raster_caption(box: GeoBox, band_names: str, grey_name: str, local_metres: b
     if box.crs is not None or local_metres:
         across, _ = ground_resolution(box)
         parts.append(f"{length_text(float(f'{across:.3g}'), 'm')}/pixel")
-    return printable(" · ".join([*parts, band_names, f"grey: {grey_name}"]))
+    return printable(" · ".join([*parts, band_names, drawn]))
