@@ -80,7 +80,7 @@ def _figure(suggestions: Suggestions, dataset: Dataset | None) -> Any:
     _write_legend(figure, left / _WIDTH_IN, suggestions)
     x = _MARGIN_IN / _WIDTH_IN
     figure.text(x, 1 - 0.12 / page, source.name, size=12, weight="bold", color=TEXT_COLOR, va="top")
-    caption = raster_caption(source.geobox, source.band_names, source.stretch.name)
+    caption = raster_caption(source.geobox, source.band_names, f"grey: {source.stretch.name}")
     figure.text(x, 0.12 / page, caption, size=7.5, color=CAPTION_COLOR, va="bottom")
     return figure
 
@@ -97,7 +97,7 @@ def _view(frame: Frame, min_height: float) -> tuple[View, float]:
 def _draw_map(ax: Any, point: float, frame: Frame, suggestions: Suggestions, dataset: Dataset | None) -> None:
     counts = suggestions.blocks.counts
     if dataset is not None:
-        draw_raster(ax, dataset, frame, suggestions.source.stretch)
+        draw_raster(ax, dataset, frame, suggestions.source.stretch, in_color=False)
     else:
         greys = (suggestions.blocks.sums // np.maximum(counts, 1) >> 8).astype(np.uint8)
         grey, plot_from_pixel = upsample_cells(greys, frame, _MAX_PIXELS)

@@ -263,8 +263,8 @@ def write_text(figure: Any, x: float, title: str, subtitle: str, caption: str, c
     figure.text(x, caption_in / page, caption, size=7.5, color=CAPTION_COLOR, va="bottom")
 
 
-def raster_caption(box: GeoBox, band_names: str, grey_name: str, local_metres: bool = False) -> str:
-    """Describe a raster in one line; `local_metres` tells whether coordinates without a CRS are metres."""
+def raster_caption(box: GeoBox, band_names: str, drawn: str, local_metres: bool = False) -> str:
+    """Describe a raster and how it is drawn; `local_metres` tells if coordinates without a CRS are metres."""
     rows, cols = box.shape
     parts = [f"{cols} x {rows} pixels"]
     if box.crs is None:
@@ -275,4 +275,4 @@ def raster_caption(box: GeoBox, band_names: str, grey_name: str, local_metres: b
     if box.crs is not None or local_metres:
         across, _ = ground_resolution(box)
         parts.append(f"{length_text(float(f'{across:.3g}'), 'm')}/pixel")
-    return printable(" · ".join([*parts, band_names, f"grey: {grey_name}"]))
+    return printable(" · ".join([*parts, band_names, drawn]))

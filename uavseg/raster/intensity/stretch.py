@@ -178,6 +178,15 @@ class Stretch:
             grey *= valid
         return grey
 
+    def colored(self, values: Values, valid: Valid | None = None) -> NDArray[np.uint8]:
+        """Return red, green, blue and alpha, (4, rows, cols): three bands each stretched, or one as grey."""
+        picture = np.full((4, *values.shape[1:]), 255, np.uint8)
+        for band, plane in enumerate(np.broadcast_to(values, (3, *values.shape[1:]))):
+            picture[band] = to_grey(plane[None], self.low, self.high) >> 8
+        if valid is not None:
+            picture *= valid
+        return picture
+
 
 def _decide_borders(grey: Grey, values: Values, borders: Sequence[Border]) -> None:
     """Move pixels by a grey where their grey and their intensity lie on different sides of a bound."""
