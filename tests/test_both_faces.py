@@ -1065,6 +1065,32 @@ def test_checks(name: str, words: Words) -> None:
     assert_equal(in_python(checked), expected)
 
 
+RESUMES: list[Any] = [
+    12,
+    12.4,
+    1,
+    400,
+    (45.1511, -76.2708),
+    (45.0, -76.0),
+    (91.0, 0.0),
+    "tile.tif",
+    "missing.bin",
+]
+
+
+@pytest.mark.parametrize("start", RESUMES)
+@pytest.mark.parametrize("name", ["held.plan", "missing.plan", "held.txt"])
+def test_rests_of_flights(name: str, start: Any) -> None:
+    on_the_command_line("plan", ["regions.geojson", *options(FLIGHT), "-o", "held.plan"], "held.plan")
+    text = ",".join(map(repr, start)) if isinstance(start, tuple) else str(start)
+    expected = on_the_command_line("resume", [name, "--from", text, "-o", "rest.plan"], "rest.plan")
+
+    def resumed() -> bytes:
+        return written(uavseg.resume(name, start=start).write, "python.plan")
+
+    assert_equal(in_python(resumed), expected)
+
+
 def test_regions_in_memory_are_planned_as_from_their_file() -> None:
     frame = geopandas.read_file("regions.gpkg")
     content = Path("regions.geojson").read_bytes()

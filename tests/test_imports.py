@@ -161,6 +161,7 @@ ONLY_IN = {
     "pandas": {"regions"},
     "pymavlink": {"flight.link"},
     "serial": {"flight.link.transport"},
+    "pyulog": {"flight.link.logs"},
     "dask": {"execution.cluster"},
     "distributed": {"execution.cluster"},
     "click": {"cli"},

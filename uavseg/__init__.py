@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from uavseg.api.missions import check as check
     from uavseg.api.missions import download as download
     from uavseg.api.missions import plan as plan
+    from uavseg.api.missions import resume as resume
     from uavseg.api.missions import upload as upload
     from uavseg.api.pages import map_page as map_page
     from uavseg.api.pages import serve as serve
@@ -56,7 +57,7 @@ _NAMES = {
     "api.widget": "RangeWidget",
     "api.questions": "info match suggest",
     "api.recognition": "describe recognise",
-    "api.missions": "plan check upload download",
+    "api.missions": "plan check resume upload download",
     "api.preview": "preview",
     "api.pages": "map_page serve",
     "jobs.install.doctor": "warm_up doctor",

@@ -106,6 +106,7 @@ OPTIONS = {  # of a command: lines in which # is the number
         *("--avoid #,1", "--avoid-margin #", "--max-altitude #", "--max-distance #", "--wind #"),
         *(f"--avoid regions.geojson {one} #" for one in ("--zone-width", "--zone-height")),
     ],
+    "resume": ["--from #", "--from 47,#", "--from #,8"],
     "upload": ["--connect udpout:127.0.0.1:9 --timeout #"],
     "download": ["--connect udpout:127.0.0.1:9 --timeout #"],
 }
@@ -116,6 +117,7 @@ NO_NUMBERS = {  # options that are texts without numbers in them
 FIXED = {
     "plan": "--overwrite -o out.plan regions.geojson",
     "check": "small.plan",
+    "resume": "small.plan -o out.plan",
     "upload": "small.plan",
     "download": "-o out.plan",
 }
@@ -193,6 +195,7 @@ def test_every_option_that_may_hold_a_number_is_in_the_table(command: str) -> No
     [
         (uavseg.plan, {"regions": "regions.geojson", "home": (47, 8, 400), "altitude": 60}),
         (uavseg.check, {"mission": "small.plan"}),
+        (uavseg.resume, {"mission": "small.plan"}),
         (uavseg.upload, {"mission": "small.plan", "connect": "udpout:127.0.0.1:9"}),
         (uavseg.download, {"connect": "udpout:127.0.0.1:9"}),
     ],

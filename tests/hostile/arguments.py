@@ -174,6 +174,7 @@ BASES: dict[str, Callable[[], dict[str, Any]]] = {
     },
     "plan": lambda: {"regions": "hand.geojson", "altitude": 50, "home": "auto"},
     "check": lambda: {"mission": "fly.plan"},
+    "resume": lambda: {"mission": "fly.plan", "start": 4.5},
     "upload": lambda: {"mission": "fly.plan", "connect": "tcp:127.0.0.1:9"},
     "download": lambda: {"connect": "tcp:127.0.0.1:9"},
     "warm_up": lambda: {"processes": 1},
@@ -252,7 +253,7 @@ def case(rng: Random) -> Case:
     files = {"x.tif": seeds.rasters()["deflate.tif"]}
     if name == "plan":
         files["hand.geojson"] = seeds.vectors()["hand.geojson"]
-    if name in {"upload", "check"}:
+    if name in {"upload", "check", "resume"}:
         files["fly.plan"] = seeds.missions()["a.plan"]
     return Case(files, call=Call(name, given))
 

@@ -28,6 +28,7 @@ JOBS: dict[str, type] = {
     "info": regions.InfoOptions,
     "plan": flights.PlanOptions,
     "check": flights.CheckOptions,
+    "resume": flights.ResumeOptions,
     "upload": flights.UploadOptions,
     "download": flights.DownloadOptions,
     "classify": maps.ClassifyOptions,
@@ -48,7 +49,8 @@ JOBS: dict[str, type] = {
 }
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     **{name: getattr(uavseg, name) for name in ("extract", "levels", "match", "suggest", "divide", "info")},
-    **{name: getattr(uavseg, name) for name in ("plan", "check", "upload", "download", "classify", "path")},
+    **{name: getattr(uavseg, name) for name in ("plan", "check", "resume", "upload", "download")},
+    **{name: getattr(uavseg, name) for name in ("classify", "path")},
     "compare": uavseg.compare,
     "next-view": uavseg.next_views,
     "explore": uavseg.explore,

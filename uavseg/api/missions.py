@@ -20,6 +20,7 @@ from uavseg.jobs.flights.link import upload as run_upload
 from uavseg.jobs.flights.plan import MissionPlan
 from uavseg.jobs.flights.plan import plan as run_plan
 from uavseg.jobs.flights.request import open_regions, plan_request, widths_of, zone_polygons
+from uavseg.jobs.flights.resume import resume as run_resume
 from uavseg.jobs.source.open_source import open_source
 from uavseg.options.flights import CheckOptions, PlanOptions
 from uavseg.options.option import build
@@ -318,6 +319,50 @@ def check(
         result = run_check(mission, check_request(options))
     warn(result.warnings)
     return result
+
+
+@checked
+def resume(
+    mission: str | os.PathLike[str] | Mission, *, start: str | os.PathLike[str] | float | Sequence[float]
+) -> MissionPlan:
+    """Plan the rest of a mission whose flight was cut.
+
+    The flight takes off as before, flies level to the last photograph, takes it again and goes on with what
+    is left. Speed, camera, gimbal and servos are set as they were at the cut; fence and rally points stay.
+
+    Parameters
+    ----------
+    mission : path or Mission
+        A .plan, .waypoints, .kml, .geojson, .kmz or .csv file, or one of those that `plan` gives.
+    start : (lat, lon), float or path
+        Where the flight was cut: a place in degrees, at most 100 m from the path; or the number of the item
+        that it flew to, as the vehicle counts it (home is 0 and takeoff 1; with PX4, takeoff is 0), such as
+        12, or 12.4 where 40 % of the leg to item 12 were flown; or the log of the flight, a .bin or .log of
+        ArduPilot or a .ulg of PX4, which tells the last photograph.
+
+    Returns
+    -------
+    plan : MissionPlan
+        With one mission; `plan.write("rest.plan")` writes it. Its `warnings` are warnings too.
+
+    Raises
+    ------
+    MissionError
+        If the mission or the log cannot be read, the place is not on the path or on several parts of it, the
+        log is of another mission, nothing is left, or the rest would not be safe.
+    MissingLibraryError
+        If pyulog is not installed, for a .ulg.
+    ParameterError
+        If `start` is none of these.
+
+    Examples
+    --------
+    >>> import uavseg
+    >>> uavseg.resume("survey.plan", start=12.4).write("rest.plan")  # doctest: +SKIP
+    """
+    planned = run_resume(mission, start)
+    warn(planned.warnings)
+    return planned
 
 
 @checked

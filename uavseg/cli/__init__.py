@@ -27,6 +27,7 @@ _COMMANDS = {
     "divide": "Save a raster's block map, from which any range is answered.",
     "plan": "Plan a mission over regions.",
     "check": "Tell what a mission file holds, and who would refuse it.",
+    "resume": "Plan the rest of a mission whose flight was cut.",
     "cameras": "List the cameras that a survey can be planned for.",
     "upload": "Send a mission to a vehicle, and verify it.",
     "download": "Read the mission of a vehicle.",

@@ -21,7 +21,7 @@ def report(
 
     flights = [(Path(path).stem, mission.estimate) for mission, path in zip(missions, paths, strict=True)]
     for mission, path, (_, found) in zip(missions, paths, flights, strict=True):
-        over = f"{regions} region{'s' * (regions != 1)}, " if len(paths) == 1 else ""
+        over = f"{regions} region{'s' * (regions != 1)}, " if regions and len(paths) == 1 else ""
         estimate = estimate_text(found.distance_m, found.duration_s)
         say(f"{path}: {over}{len(mission.items)} items, {estimate}")
     for line in flight_table(flights):

@@ -435,6 +435,26 @@ class CheckOptions(Options):
     access: AccessOptions = group(AccessOptions)
 
 
+class ResumeOptions(Options):
+    """Resume."""
+
+    file: str = argument("MISSION", required=True)
+    start: Any = option(
+        "Where the flight was cut: LAT,LON; or ITEM that it flew to, by its number on the vehicle (home is 0 "
+        "and takeoff 1; with PX4, takeoff is 0), 12.4 where 40 % of the leg to 12 were flown; or LOG of the "
+        "flight, a .bin or .log of ArduPilot or a .ulg of PX4.",
+        "--from",
+        required=True,
+        metavar="LAT,LON|ITEM|LOG",
+        parse=texts.place_item_or_file,
+        basic=True,
+    )
+    output: str = output_option("The rest: .plan or another mission file as of uavseg plan.", "FILE")
+    mission_files: MissionFileOptions = group(MissionFileOptions, "editable")
+    files: OverwriteOptions = group(OverwriteOptions, overwrite={"help": "Replace a mission that is there."})
+    messages: VerbosityOptions = group(VerbosityOptions)
+
+
 class LinkOptions(Options):
     """Vehicle."""
 

@@ -158,6 +158,17 @@ def _zone(text: str) -> str | tuple[float, float]:
         return text
 
 
+def place_item_or_file(text: str) -> str | float | tuple[float, ...]:
+    """Return a number, numbers between commas, or the name of a file; one that there is comes first."""
+    if Path(text).is_file():
+        return text
+    try:
+        first, *more = map(float, text.split(","))
+    except ValueError:
+        return text
+    return (first, *more) if more else first
+
+
 def each(parse: Callable[[str], Any]) -> Callable[[tuple[str, ...]], tuple[Any, ...]]:
     """Return a parser of all texts of an option that may be repeated."""
     return lambda texts: tuple(map(parse, texts))

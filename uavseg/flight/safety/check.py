@@ -194,7 +194,7 @@ def fence_problems(mission: Mission) -> list[str]:
     flown = shapely.linestrings(np.column_stack(plane.xy_from_lonlat(lon, lat)))
     problems = []
     for number, shape in enumerate(mission.fence, start=1):
-        area = _area(shape, plane)
+        area = area_of(shape, plane)
         wrong = flown.difference(area) if shape.inclusion else flown.intersection(area)
         if wrong.length > 0 or (not shape.inclusion and not wrong.is_empty):
             at_x, at_y = shapely.get_coordinates(wrong)[0]
@@ -238,7 +238,7 @@ def _rally_problems(
             yield f"rally point {rally} at {point.lat:.6f},{point.lon:.6f} lies {where} (shape {number})"
 
 
-def _area(shape: Fence, plane: Plane) -> shapely.Geometry:
+def area_of(shape: Fence, plane: Plane) -> shapely.Geometry:
     """Return the area of a shape; inclusions grow by a tolerance, exclusions hold all of their circle."""
     slack = TOLERANCE_M if shape.inclusion else 0.0
     if isinstance(shape, FenceCircle):

@@ -25,7 +25,7 @@ _NEEDED = (
     *("numpy", "rasterio", "pyogrio", "pyproj", "shapely", "geopandas", "pandas", "matplotlib"),
     *("pymavlink", "click", "yaml", "skimage"),
 )
-_EXTRA = ("numba", "llvmlite", "serial", "pyarrow", "rosbags", "distributed", "folium")
+_EXTRA = ("numba", "llvmlite", "serial", "pyarrow", "rosbags", "pyulog", "distributed", "folium")
 _DISTRIBUTIONS = {"yaml": "PyYAML", "serial": "pyserial", "skimage": "scikit-image"}
 _NAMED = (
     *("PROJ_LIB", "PROJ_DATA", "GDAL_DATA", "GDAL_DRIVER_PATH"),
