@@ -19,7 +19,20 @@ from uavseg.options.texts import OptionTextError
 
 T = TypeVar("T")
 _HELP_ALL = "--help-all"
-_FILES = {"RASTER", "PATH", "FILE", "DEM", "SAMPLE", "MAP", "REGIONS", "BAG", "LABELS", "SCENE"}
+_FILES = {
+    "RASTER",
+    "PATH",
+    "FILE",
+    "DEM",
+    "SAMPLE",
+    "MAP",
+    "REGIONS",
+    "BAG",
+    "LABELS",
+    "SCENE",
+    "MISSION",
+    "LOG",
+}
 
 
 def job_command(name: str, job: type[T]) -> Callable[[Callable[[T], None]], click.Command]:
