@@ -2,6 +2,7 @@
 FROM python:3.13-slim AS build
 WORKDIR /source
 COPY pyproject.toml README.md CHANGELOG.md CITATION.cff LICENSE MANIFEST.in build_backend.py ./
+COPY build_kernels build_kernels
 COPY uavseg uavseg
 # The image may run on another processor than this one.
 ENV UAVSEG_BUILD_KERNELS=all

@@ -1,4 +1,4 @@
-"""Build backend: setuptools, after the kernels are compiled into `uavseg/_jit/libraries`.
+"""Build backend: setuptools, after the kernels are compiled into `uavseg/_jit/libraries` by `build_kernels`.
 
 On Linux with an x86-64 processor a wheel and an editable installation get the library of kernels for this
 processor, which takes half a minute. ``UAVSEG_BUILD_KERNELS=all`` makes those for all levels of processors,
@@ -81,7 +81,7 @@ def _compile_kernels() -> None:
     choice = _choice()
     if choice == "none":
         return
-    command = [sys.executable, "-m", "uavseg._jit.build", *(["all"] if choice == "all" else [])]
+    command = [sys.executable, "-m", "build_kernels.libraries", *(["all"] if choice == "all" else [])]
     done = subprocess.run(command, cwd=Path(__file__).parent, check=False)
     if done.returncode == 0:
         return

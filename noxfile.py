@@ -99,7 +99,7 @@ def bench(session: nox.Session) -> None:
 def kernels(session: nox.Session) -> None:
     """Compile the kernels of the package where they changed; `-- all` for all levels, `-- --again` again."""
     session.install("-e", ".[compile]", env={"UAVSEG_BUILD_KERNELS": "none"})
-    session.run("python", "-m", "uavseg._jit.build", *session.posargs)
+    session.run("python", "-m", "build_kernels.libraries", *session.posargs)
 
 
 @nox.session
@@ -141,9 +141,11 @@ def distributions(session: nox.Session) -> None:
             wheel: archive.namelist(),
             sdist: [member.name.partition("/")[2] for member in source.getmembers() if member.isfile()],
         }
+    building = {name for name in tracked if name.startswith("build_kernels/")}  # in the sdist alone
     for file, names in inside.items():
-        held = expected | libraries if file == wheel else expected
-        different = sorted({name for name in names if name.startswith("uavseg/")} ^ held)
+        held = expected | (libraries if file == wheel else building)
+        folders = ("uavseg/", "build_kernels/")
+        different = sorted({name for name in names if name.startswith(folders)} ^ held)
         if different:
             session.error(f"{file.name} and the folder differ in: {', '.join(different)}")
     found = {file.name: installed_job(session, file) for file in (wheel, sdist)}

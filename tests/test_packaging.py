@@ -66,3 +66,12 @@ def test_the_container_installs_an_extra_that_the_project_has() -> None:
 @pytest.mark.parametrize("named", [PROJECT["readme"], *PROJECT["license-files"][:1]])
 def test_files_that_a_build_needs_are_copied_into_the_container(named: str) -> None:
     assert f"!{named}" in (ROOT / ".dockerignore").read_text().splitlines()
+
+
+def test_what_builds_the_kernels_is_in_the_sdist_and_the_container_but_not_in_the_wheel() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    assert project["tool"]["setuptools"]["packages"]["find"]["include"] == ["uavseg*"]
+    assert "recursive-include build_kernels *.py" in (ROOT / "MANIFEST.in").read_text().splitlines()
+    assert "!build_kernels" in (ROOT / ".dockerignore").read_text().splitlines()
+    [module] = re.findall(r'"-m", "([\w.]+)"', (ROOT / "build_backend.py").read_text())
+    assert (ROOT / module.replace(".", "/")).with_suffix(".py").exists()

@@ -67,6 +67,8 @@ def test_commands_options_and_choices_are_completed(environment: dict[str, str])
         ("plan", "reg"),
         ("plan", "regions.gpkg", "--avoid", "zo"),
         ("check", "fly"),
+        ("resume", "fly"),
+        ("resume", "fly.plan", "--from", "fl"),
         ("build-map", "dri"),
     ],
 )

@@ -372,3 +372,20 @@ def shots_places(mission: Mission) -> tuple[list[tuple[int, float]], None, list[
     path = path_of(mission)
     places = [(run.leg, run.first + n * run.step) for run in path.shots for n in range(run.count)]
     return places, None, places
+
+
+def test_a_takeoff_at_the_vehicle_begins_at_home() -> None:
+    mission = by_hand()
+    up = replace(mission.items[0], lat=0.0, lon=0.0)
+    ring = FencePolygon(((46.999, 7.995), (46.999, 8.006), (47.004, 8.006), (47.004, 7.995)))
+    zone = FencePolygon(((47.0004, 7.9994), (47.0004, 8.0003), (47.0006, 8.0003), (47.0006, 7.9994)), False)
+    given = replace(mission, items=(up, *mission.items[1:]), fence=(ring, zone))
+    rest = uavseg.resume(given, start=4.5).missions[0]
+    assert not fence_problems(rest) and rest.items[0] == up
+    climb = next(item for item in rest.items if item.command == WAYPOINT)
+    assert (climb.lat, climb.lon, climb.altitude_m) == (47.0, 8.0, 40.0)
+
+
+def test_limited_series_of_photographs_are_refused() -> None:
+    with pytest.raises(MissionError, match=r"command 2000\) comes before the cut"):
+        after_cut(setting(IMAGE_START, 0, 2, 12), leg=2)

@@ -16,7 +16,9 @@ import numpy as np
 import pytest
 
 import uavseg
-from uavseg._jit import build, compiling, elf, shipped, warming
+from build_kernels import elf
+from build_kernels import libraries as build
+from uavseg._jit import compiling, shipped, warming
 from uavseg._jit.kernels import Kernel
 
 Load = Callable[[str], ModuleType]
@@ -35,7 +37,7 @@ def library(request: pytest.FixtureRequest) -> Path:
     """The library of a level that was made; UAVSEG_BUILD_KERNELS=all asks for all."""
     path = shipped.library_path(request.param)
     if not path.exists() and os.environ.get("UAVSEG_BUILD_KERNELS") != "all":
-        pytest.skip(f"not made: python -m uavseg._jit.build {request.param}")
+        pytest.skip(f"not made: python -m build_kernels.libraries {request.param}")
     return path
 
 
@@ -82,13 +84,13 @@ def ship(kernel: Kernel, folder: Path, level: str = shipped.BASELINE) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     symbol = shipped.symbol_of(kernel)
     library = elf.shared_library({symbol: object_file(kernel, level)}, compiling.ENTRY)
-    build._write(path, shipped.sealed(path.name, [symbol], library))
+    build._write(path, build.sealed(path.name, [symbol], library))
     return path
 
 
 @here
 def test_the_library_of_this_processor_is_made() -> None:
-    """Where this fails: `nox -s kernels`, or `python -m uavseg._jit.build`."""
+    """Where this fails: `nox -s kernels`, or `python -m build_kernels.libraries`."""
     assert shipped.library_path(shipped.levels_here()[0]).exists()
 
 
@@ -96,19 +98,19 @@ def test_the_library_of_this_processor_is_made() -> None:
 def test_every_kernel_is_shipped_as_it_is_now(library: Path) -> None:
     symbols = {shipped.symbol_of(kernel) for kernel in warming.all_kernels().values()}
     assert len(symbols) == len(warming.all_kernels()) > 80
-    assert shipped.is_current(library, build.made_of(symbols))
+    assert build.is_current(library, build.made_of(symbols))
     loaded = ctypes.CDLL(str(library))
     assert all(loaded[symbol] for symbol in symbols)
 
 
 def test_a_library_with_other_kernels_is_not_current(tmp_path: Path) -> None:
     path = tmp_path / "x86-64.so"
-    assert not shipped.is_current(path, ["a", "b"])
-    path.write_bytes(shipped.sealed(path.name, ["a", "b"], b"code"))
-    assert shipped.is_current(path, ["b", "a"])
-    assert not shipped.is_current(path, ["a"]) and not shipped.is_current(path, ["a", "b", "c"])
+    assert not build.is_current(path, ["a", "b"])
+    path.write_bytes(build.sealed(path.name, ["a", "b"], b"code"))
+    assert build.is_current(path, ["b", "a"])
+    assert not build.is_current(path, ["a"]) and not build.is_current(path, ["a", "b", "c"])
     path.write_bytes(path.read_bytes().replace(b"code", b"coda"))
-    assert not shipped.is_current(path, ["a", "b"])
+    assert not build.is_current(path, ["a", "b"])
 
 
 @here
@@ -203,9 +205,9 @@ def test_a_damaged_library_is_not_loaded(
         path.unlink()
         path.mkdir()
     elif damage == "renamed":  # the whole library of another level
-        path.write_bytes(shipped.sealed("x86-64-v3.so", [], content[:-128]))
+        path.write_bytes(build.sealed("x86-64-v3.so", [], content[:-128]))
     elif damage == "no function":
-        path.write_bytes(shipped.sealed(path.name, [], content[:-128].replace(b".twice-", b".twigs-")))
+        path.write_bytes(build.sealed(path.name, [], content[:-128].replace(b".twice-", b".twigs-")))
     else:
         middle = len(content) // 2
         flipped = content[:middle] + bytes([content[middle] ^ 1]) + content[middle + 1 :]

@@ -51,12 +51,12 @@ def test_a_picture_is_a_new_png(tmp_path: Path) -> None:
 def test_a_caption_has_size_crs_resolution_bands_and_grey() -> None:
     box = GeoBox((50, 60), Affine(2, 0, 4e5, 0, -2, 5e6), UTM)
     assert (
-        raster_caption(box, "band 1", "dtype")
+        raster_caption(box, "band 1", "grey: dtype")
         == "60 x 50 pixels · EPSG:32618 · 2 m/pixel · band 1 · grey: dtype"
     )
     local = GeoBox((50, 60), Affine(2, 0, 0, 0, -2, 0), None)
-    assert "no coordinate reference system" in raster_caption(local, "band 1", "dtype")
-    assert raster_caption(local, "band 1", "\ud800").endswith("grey: \\ud800")
+    assert "no coordinate reference system" in raster_caption(local, "band 1", "grey: dtype")
+    assert raster_caption(local, "band 1", "grey: \ud800").endswith("grey: \\ud800")
 
 
 def test_settings_of_the_caller_change_no_layout(tmp_path: Path) -> None:

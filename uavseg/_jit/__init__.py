@@ -4,8 +4,8 @@ A kernel is a plain loop nest: it takes C-contiguous arrays and scalars, allocat
 then its code needs no Python, and calling it releases the interpreter's lock. Importing numba and letting it
 set up costs half a second of processor time, as much as a small tile costs altogether, and compiling all
 kernels takes a minute. So for x86-64 Linux the package has a shared library of each kernel (`shipped`), for
-processors of level x86-64-v4 (AVX-512), of level x86-64-v3 (AVX2) and for all others; `build` makes them.
-LBP takes a third of the time at v4 that it takes at v3.
+processors of level x86-64-v4 (AVX-512), of level x86-64-v3 (AVX2) and for all others; `build_kernels`
+makes them. LBP takes a third of the time at v4 that it takes at v3.
 
 Where there is none (another platform, a kernel that was changed), a kernel is compiled to an object file the
 first time that it is called on a machine, and later runs load it with llvmlite alone. `compiling` uses

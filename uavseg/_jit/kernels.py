@@ -49,23 +49,20 @@ class Kernel(LoopNest):
         self._dispatcher: Any = None  # numba's, where the kernel runs through the fallback
 
     def __call__(self, *values: Any) -> Any:
+        pairs = zip(self.arguments, values, strict=True)
         if self._native is None:
             if self._dispatcher is None:
                 self.load()
             if self._dispatcher is not None:
-                return self._call_through_numba(values)
+                return self._dispatcher(*[argument.for_numba(value) for argument, value in pairs])
         flat: list[Any] = []
-        for argument, value in zip(self.arguments, values, strict=True):
+        for argument, value in pairs:
             argument.flatten(value, flat)
         returned = C_TYPES.get(self.result, ctypes.c_int64)()
         raised = ctypes.c_void_p()
         status = self._native(ctypes.addressof(returned), ctypes.addressof(raised), *flat)
         assert status in (0, -2), f"kernel {self.__name__} ended with status {status}"  # -2: it returned None
         return None if self.result == "void" else returned.value
-
-    def _call_through_numba(self, values: tuple[Any, ...]) -> Any:
-        given = [argument.for_numba(value) for argument, value in zip(self.arguments, values, strict=True)]
-        return self._dispatcher(*given)
 
     def load(self) -> None:
         """Get the machine code: what came with the package, or else what is compiled on this machine."""

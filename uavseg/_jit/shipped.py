@@ -2,7 +2,7 @@
 
 A library has a function for each kernel, named for it with a hash of the kernel's source text, so one that
 was made of another text is not found. It ends with a checksum. Who may change it may change the Python files
-beside it, so its owner and mode are not looked at. `build` makes the libraries when the package is built.
+beside it, so its owner and mode are not looked at. `build_kernels` makes them when the package is built.
 """
 
 import contextlib
@@ -11,7 +11,7 @@ import hashlib
 import linecache
 import platform
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from functools import cache
 from itertools import takewhile
 from pathlib import Path
@@ -25,6 +25,8 @@ BASELINE = "x86-64"
 LEVELS = ("x86-64-v4", "x86-64-v3", BASELINE)
 """The best level first; names of processors in LLVM and of libraries."""
 _FORMAT = "uavseg shipped kernel, version 2"
+SEAL = len(checksum("", b""))
+"""Bytes of the checksum at the end of a library."""
 _CPUINFO = Path("/proc/cpuinfo")
 # fmt: off
 _V3 = frozenset({
@@ -66,7 +68,7 @@ def library_path(level: str) -> Path:
 def _library(path: Path) -> ctypes.CDLL | None:
     """Load a library once in a process; None where there is none, or it is damaged or of another platform."""
     try:
-        return ctypes.CDLL(str(path)) if _intact(path.name, path.read_bytes()) else None
+        return ctypes.CDLL(str(path)) if is_intact(path.name, path.read_bytes()) else None
     except OSError:
         return None
 
@@ -83,10 +85,7 @@ def symbol_of(kernel: LoopNest) -> str:
 
 
 def _describe(function: Callable[..., Any], parts: list[str]) -> None:
-    """Append the source of a function and of what it calls, and the constants that it reads.
-
-    Byte code would be simpler, but each version of Python has its own.
-    """
+    """Append the source of a function and its helpers (byte code depends on Python), and their constants."""
     parts.append(_source(function))
     for name in sorted(set(function.__code__.co_names)):
         value = function.__globals__.get(name)
@@ -109,30 +108,9 @@ def _source(function: Callable[..., Any]) -> str:
     return "\n".join(line for line in said if line)
 
 
-def is_current(path: Path, made_of: Iterable[str]) -> bool:
-    """Return whether a library is whole and made of these parts and no others."""
-    try:
-        content = path.read_bytes()
-    except OSError:
-        return False
-    return _intact(path.name, content) and content[-2 * _SEAL : -_SEAL] == _checksum_of(made_of)
-
-
-def _intact(name: str, content: bytes) -> bool:
-    return content[-_SEAL:] == checksum(name, content[:-_SEAL])
-
-
-def sealed(name: str, made_of: Iterable[str], library: bytes) -> bytes:
-    """Append to a library the checksums of what it is made of and of all, where loaders do not look."""
-    content = library + _checksum_of(made_of)
-    return content + checksum(name, content)
-
-
-def _checksum_of(parts: Iterable[str]) -> bytes:
-    return checksum("parts", "\n".join(sorted(parts)).encode())
-
-
-_SEAL = len(checksum("", b""))
+def is_intact(name: str, content: bytes) -> bool:
+    """Return whether a library ends with the checksum of its name and content."""
+    return content[-SEAL:] == checksum(name, content[:-SEAL])
 
 
 @cache

@@ -66,18 +66,11 @@ def states(kernels: dict[str, Kernel]) -> Counter[str]:
     """How many kernels are "shipped" with the package, "kept" in the cache or "missing"; none is compiled."""
     result = Counter({"shipped": 0, "kept": 0, "missing": 0})
     for kernel in kernels.values():
-        if kernel.load_shipped():
-            result["shipped"] += 1
-        else:
-            result["kept" if _is_cached(kernel) else "missing"] += 1
+        state = "shipped" if kernel.load_shipped() else "missing"
+        with contextlib.suppress(ImportError):  # without llvmlite nothing that is cached can be loaded
+            state = "kept" if state == "missing" and compiling.is_cached(kernel) else state
+        result[state] += 1
     return result
-
-
-def _is_cached(kernel: Kernel) -> bool:
-    try:
-        return compiling.is_cached(kernel)
-    except ImportError:  # without llvmlite nothing that is cached can be loaded
-        return False
 
 
 def prepare(names: Sequence[str]) -> None:

@@ -20,6 +20,7 @@ from uavseg.options.texts import OptionTextError
 T = TypeVar("T")
 _HELP_ALL = "--help-all"
 _FILES = {"RASTER", "PATH", "FILE", "DEM", "SAMPLE", "MAP", "REGIONS", "BAG", "LABELS", "SCENE"}
+_FILES |= {"MISSION", "LOG"}
 
 
 def job_command(name: str, job: type[T]) -> Callable[[Callable[[T], None]], click.Command]:

@@ -18,11 +18,11 @@ _READING = ("band", "rgb", "index", "expr", "band_names", "nodata", "skip_bad_ti
 
 @job_command("preview", PreviewOptions)
 def command(options: PreviewOptions) -> None:
-    """Draw RASTER (many are one mosaic, a YAML file is a ROS map) in grey as a PNG picture, with a scale bar
-    and what is named: the outlines and ids of regions, the legs of missions in their order with their fence,
-    the states or the levels of segments, the contours of labels, the leaves of the quadtree, a path. The
-    surer a region is, the stronger it is filled; lines are dashed below a confidence of 0.8 and dotted below
-    0.5.
+    """Draw RASTER (many are one mosaic, a YAML file is a ROS map) as a PNG picture, three bands in their
+    colours and one in grey, with a scale bar and what is named: the outlines and ids of regions, the legs of
+    missions in their order with their fence, the states or the levels of segments, the contours of labels,
+    the leaves of the quadtree, a path. The surer a region is, the stronger it is filled; lines are dashed
+    below a confidence of 0.8 and dotted below 0.5.
 
     Without RASTER, missions are drawn on a blank map, with a profile of their heights below; then FILE.plan
     may be given in place of --mission FILE.plan.

@@ -69,10 +69,7 @@ def encode_result(value: Any, key: str) -> bytes:
 
 
 def decode_result(data: bytes, key: str) -> Any:
-    """Read a result that `encode_result` serialised for the item of a key.
-
-    A DamagedResultError says that the bytes are damaged, of another key, or not from `encode_result` at all.
-    """
+    """Read a result of `encode_result` for a key; DamagedResultError if damaged, or of another key."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             tree = json.loads(archive.read(_TREE))
@@ -117,15 +114,11 @@ def _from_tree(tree: Any, archive: zipfile.ZipFile) -> Any:
         raise ValueError(f"unknown type of value: {name}")
     module, class_name, parts_by_name = content
     values = {field: _from_tree(part, archive) for field, part in parts_by_name.items()}
-    return _dataclass(module, class_name)(**values)
-
-
-def _dataclass(module: str, name: str) -> Any:
-    """Return a dataclass of the project; its module is loaded with the function that returned the result."""
-    cls = getattr(sys.modules[module], name) if module.startswith("uavseg.") else None
+    # Its module is loaded with the function that returned the result.
+    cls = getattr(sys.modules[module], class_name) if module.startswith("uavseg.") else None
     if not (isinstance(cls, type) and is_dataclass(cls)):
-        raise ValueError(f"{module}.{name} is not a dataclass of the project")
-    return cls
+        raise ValueError(f"{module}.{class_name} is not a dataclass of the project")
+    return cls(**values)
 
 
 UNSAVED = ("corners", "is_filled_white", "write_partition")
@@ -261,7 +254,10 @@ def _feed(feed: _Feed, value: Any) -> None:
     if isinstance(value, _PLAIN):
         _mark(feed, repr(value))
     elif isinstance(value, np.ndarray):
-        _feed_array(feed, value)
+        if value.dtype.hasobject:
+            raise TypeError("an array of objects has no bytes to hash")
+        _mark(feed, f"{value.dtype.str}{value.shape}")
+        feed(value.tobytes())
     elif isinstance(value, tuple | list):
         _mark(feed, str(len(value)))
         for part in value:
@@ -276,13 +272,6 @@ def _feed(feed: _Feed, value: Any) -> None:
 def _mark(feed: _Feed, text: str) -> None:
     """Feed a text with its length in front, so that no two sequences of texts give the same bytes."""
     feed(f"{len(text)}:{text}".encode())
-
-
-def _feed_array(feed: _Feed, array: np.ndarray[Any, Any]) -> None:
-    if array.dtype.hasobject:
-        raise TypeError("an array of objects has no bytes to hash")
-    _mark(feed, f"{array.dtype.str}{array.shape}")
-    feed(array.tobytes())
 
 
 def _name(function: FunctionType) -> str:

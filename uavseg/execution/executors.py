@@ -85,10 +85,7 @@ Progress = Callable[[int, int], None]
 
 
 class Map(Protocol):
-    """An executor: applies a function to each item, and yields the results in the order of the items.
-
-    Closing the generator stops the work.
-    """
+    """An executor: results of a function for each item, in order; closing the generator stops the work."""
 
     def __call__(
         self, function: Callable[[Item], Result], items: Sequence[Item], progress: Progress | None = None

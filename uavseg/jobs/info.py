@@ -81,14 +81,11 @@ def extract_line(sources: Sequence[str], options: ReadOptions, interval: str, ki
     >>> extract_line(["my tile.tif"], ReadOptions(band=2, stretch="0,2047"), "0.5,1")
     "uavseg extract 'my tile.tif' --band 2 --stretch 0,2047 --range 0.5,1"
     """
-    words = [*source_words(sources), *option_words(options), *_access_words(), kind, interval]
-    return shlex.join(["uavseg", "extract", *words])
-
-
-def _access_words() -> list[str]:
     policy = current_policy()
-    words = [word for folder in policy.allow_paths for word in ("--allow-path", folder)]
-    return [*words, "--allow-network"] if policy.allow_network else words
+    access = [word for folder in policy.allow_paths for word in ("--allow-path", folder)]
+    access += ["--allow-network"] if policy.allow_network else []
+    words = [*source_words(sources), *option_words(options), *access, kind, interval]
+    return shlex.join(["uavseg", "extract", *words])
 
 
 def source_words(sources: Sequence[str]) -> list[str]:

@@ -24,10 +24,7 @@ class OriginalSegments:
 
 
 def original(source: Source, request: LbpcParams = DEFAULTS, work: Work = SERIAL) -> OriginalSegments:
-    """Return segments of a raster by texture alone, as Ojala and Pietikäinen found them in 1999.
-
-    RasterError is raised if it has more than 4096 x 4096 pixels.
-    """
+    """Return segments by texture alone (Ojala, Pietikäinen, 1999); RasterError above 4096 x 4096 pixels."""
     work = work.begun()
     pixels = pixels_of(source, "a block map is divided already; name the raster itself")
     rows, cols = pixels.geobox.shape

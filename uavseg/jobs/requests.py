@@ -154,10 +154,7 @@ def suggest_like_request(options: SuggestOptions) -> SuggestLikeRequest:
 
 
 def samples_of(given: Any) -> tuple[Disc | str, ...]:
-    """Return one sample or several, as the requests of jobs have them.
-
-    A sample is a file of polygons, X,Y,RADIUS as text, or a disc.
-    """
+    """Return one sample or several for requests: files of polygons, X,Y,RADIUS as text, or discs."""
     from uavseg.regions.sample.place import Disc, parse_like
 
     if isinstance(given, str | os.PathLike):

@@ -105,10 +105,7 @@ def _checked(path: str | os.PathLike[str], overwrite: bool) -> Target:
 
 @contextmanager
 def transaction() -> Iterator[None]:
-    """Keep back the files of this thread's `atomic_file`, to appear together at the end.
-
-    After an error none of them appears. A transaction inside another one belongs to it.
-    """
+    """Keep back the files of this thread's `atomic_file`, to appear together or not at all; may be nested."""
     if _current.get() is not None:
         yield
         return

@@ -146,10 +146,7 @@ def _sync(descriptor: int, excused: set[int]) -> None:
 
 
 def try_lock(descriptor: int) -> bool | None:
-    """Lock an open file for this process; returns False if another has the lock, None if there are no locks.
-
-    Advisory locks end with the process that holds them, however it ends.
-    """
+    """Lock an open file until this process ends; False if another has the lock, None without locks."""
     try:
         _lock(descriptor)
     except BlockingIOError:

@@ -157,10 +157,7 @@ _ends_by_signals = False
 
 @contextmanager
 def interrupts_held() -> Iterator[None]:
-    """Delay Ctrl-C, SIGTERM and SIGHUP; the first that came takes effect at the end.
-
-    Only the main thread gets signals; in others only the end of the program waits.
-    """
+    """Delay Ctrl-C, SIGTERM, SIGHUP (the main thread gets them); the first takes effect at the end."""
     with holding:
         if threading.current_thread() is not threading.main_thread():
             yield

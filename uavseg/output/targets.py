@@ -38,10 +38,7 @@ _PLACEHOLDERS = "{stem}, {name}, {suffix}, {parent} or {number}"
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """A file to be made, as it was named (`given`), with the files that a reader takes as parts of it.
-
-    `path` is the file itself: where the name is a symbolic link, the file to which it points.
-    """
+    """A file to be made with its sidecars, as `given`; `path` is where symbolic links lead."""
 
     given: Path
     path: Path

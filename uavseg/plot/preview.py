@@ -1,4 +1,4 @@
-"""Preview: a raster in grey with the results drawn over it as layers, written as PNG."""
+"""Preview: a raster with the results drawn over it as layers, written as PNG."""
 
 import os
 from collections.abc import Callable, Sequence
@@ -49,7 +49,7 @@ def preview(
     width_px: int = 1400,
     overwrite: bool = False,
 ) -> Path:
-    """Draw a raster in grey with results over it, and write the picture as PNG.
+    """Draw a raster with results over it, and write the picture as PNG.
 
     However large the raster is, no more of it is read than the picture can show, and the stretch is
     fitted on that. In a map of probabilities free cells are black and occupied cells white.
@@ -161,8 +161,8 @@ def _figure(
     figure = page.new_figure(_WIDTH_IN, page_in, dpi)
     ax = figure.add_axes((_MARGIN_IN / _WIDTH_IN, _FOOT_IN / page_in, width / _WIDTH_IN, height / page_in))
     point = page.fit_axes(ax, view, width, height)
-    grey_name = draw_raster(ax, dataset, frame, stretch, collar)
-    decided("%s, %s", dataset.band_names, grey_name)
+    drawn = draw_raster(ax, dataset, frame, stretch, collar)
+    decided("%s, %s", dataset.band_names, drawn)
     for layer in layers:
         layer.draw(ax, point)
     page.draw_furniture(ax, frame, point)
@@ -170,7 +170,7 @@ def _figure(
     others = len(dataset.paths) - 1
     title = printable(dataset.source + (f" and {others} more" if others else ""))
     subtitle = " · ".join(_title_parts(layers, dataset.in_metres))
-    caption = page.raster_caption(dataset.geobox, dataset.band_names, grey_name, dataset.local_metres)
+    caption = page.raster_caption(dataset.geobox, dataset.band_names, drawn, dataset.local_metres)
     page.write_text(figure, _MARGIN_IN / _WIDTH_IN, title, subtitle, caption, 0.12)
     return figure
 

@@ -5,7 +5,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.collections import LineCollection
@@ -27,10 +27,6 @@ from uavseg.plot.layers.mission_layer import FenceLayer, mission_layers, mission
 from uavseg.plot.page import page
 from uavseg.raster.elevation.dem import Dem
 from uavseg.raster.grid.geobox import azimuthal_geobox
-
-if TYPE_CHECKING:
-    from uavseg.flight.mission.mission import Mission
-    from uavseg.raster.elevation.dem import Dem
 
 GAP_M = 1.0  # between the bounds of the ground that is drawn
 _GROUND_COLOR, _GROUND_EDGE = "#d8cbb5", "#7a6648"

@@ -52,10 +52,7 @@ def draw_suggestions(
     dataset: Dataset | None = None,
     overwrite: bool = False,
 ) -> Path:
-    """Draw the ranges in colour over the raster in grey, beside the histogram with their bounds, as PNG.
-
-    Without a dataset, the cells of the block map are drawn in place of the raster.
-    """
+    """Draw the ranges over the raster, or without it the cells, and their histogram with bounds, as PNG."""
     target = check_png_target(out, overwrite)
     keep_inputs([target], dataset.paths if dataset is not None else ())
     figure = _figure(suggestions, dataset)
@@ -83,7 +80,7 @@ def _figure(suggestions: Suggestions, dataset: Dataset | None) -> Any:
     _write_legend(figure, left / _WIDTH_IN, suggestions)
     x = _MARGIN_IN / _WIDTH_IN
     figure.text(x, 1 - 0.12 / page, source.name, size=12, weight="bold", color=TEXT_COLOR, va="top")
-    caption = raster_caption(source.geobox, source.band_names, source.stretch.name)
+    caption = raster_caption(source.geobox, source.band_names, f"grey: {source.stretch.name}")
     figure.text(x, 0.12 / page, caption, size=7.5, color=CAPTION_COLOR, va="bottom")
     return figure
 
@@ -100,10 +97,12 @@ def _view(frame: Frame, min_height: float) -> tuple[View, float]:
 def _draw_map(ax: Any, point: float, frame: Frame, suggestions: Suggestions, dataset: Dataset | None) -> None:
     counts = suggestions.blocks.counts
     if dataset is not None:
-        draw_raster(ax, dataset, frame, suggestions.source.stretch)
+        draw_raster(ax, dataset, frame, suggestions.source.stretch, in_color=False)
     else:
         greys = (suggestions.blocks.sums // np.maximum(counts, 1) >> 8).astype(np.uint8)
-        _draw_cells(ax, greys, counts > 0, frame)
+        grey, plot_from_pixel = upsample_cells(greys, frame, _MAX_PIXELS)
+        alpha, _ = upsample_cells(np.where(counts > 0, np.uint8(255), np.uint8(0)), frame, _MAX_PIXELS)
+        draw_image(ax, np.stack([grey, grey, grey, alpha], axis=-1), plot_from_pixel, zorder=2)
     if suggestions.ranges and suggestions.by_pixel and dataset is not None:
         coarse = DatasetOverview.of(dataset, _MAX_PIXELS)
         intervals = _ranges_of_pixels(coarse, suggestions)
@@ -112,12 +111,6 @@ def _draw_map(ax: Any, point: float, frame: Frame, suggestions: Suggestions, dat
         intervals = suggestions.intervals * (counts > 0)  # a leaf may extend into nodata
         _draw_ranges(ax, *upsample_cells(intervals, frame, _MAX_PIXELS), _colors(suggestions))
     draw_furniture(ax, frame, point)
-
-
-def _draw_cells(ax: Any, greys: NDArray[np.uint8], valid: NDArray[np.bool_], frame: Frame) -> None:
-    grey, plot_from_pixel = upsample_cells(greys, frame, _MAX_PIXELS)
-    alpha, _ = upsample_cells(np.where(valid, np.uint8(255), np.uint8(0)), frame, _MAX_PIXELS)
-    draw_image(ax, np.stack([grey, grey, grey, alpha], axis=-1), plot_from_pixel, zorder=2)
 
 
 def upsample_cells(cells: NDArray[np.uint8], frame: Frame, max_side: int) -> tuple[NDArray[np.uint8], Affine]:

@@ -58,9 +58,7 @@ class LazyPolygons:
         return np.searchsorted(self.rings.labels, np.arange(first + 1, last + 2))
 
     def _build(self, first: int, last: int) -> Objects:
-        if last <= first:
-            return np.empty(0, object)
-        return self.flat(first, last).to_geometries()
+        return np.empty(0, object) if last <= first else self.flat(first, last).to_geometries()
 
     def flat(self, first: int, last: int) -> "RaggedPolygons":
         """Return the regions from `first` to before `last`, counted from 0, in flat arrays; at least one."""
@@ -68,20 +66,16 @@ class LazyPolygons:
         begin, end = int(of_region[0]), int(of_region[-1])
         starts = self.rings.starts[begin : end + 1]
         exteriors = np.flatnonzero(self.rings.exteriors_of(begin, end))
-        return RaggedPolygons(
-            self._map_coordinates(starts),
-            starts - starts[0] + np.arange(len(starts)),
-            np.append(exteriors, end - begin),
-            np.searchsorted(exteriors, of_region - begin),
-        )
-
-    def _map_coordinates(self, starts: Integers) -> NDArray[np.float64]:
-        """Return closed rings in map coordinates."""
         coordinates = np.empty((int(starts[-1] - starts[0]) + len(starts) - 1, 2))
         affine = np.array(self.transform[:6])
         reverse = self.transform.determinant < 0
         _close_rings(self.rings.vertices, starts, reverse, affine, coordinates)
-        return coordinates
+        return RaggedPolygons(
+            coordinates,
+            starts - starts[0] + np.arange(len(starts)),
+            np.append(exteriors, end - begin),
+            np.searchsorted(exteriors, of_region - begin),
+        )
 
 
 PolygonArray = Objects | LazyPolygons
@@ -137,11 +131,8 @@ def _close_rings(vertices, starts, reverse, affine, coordinates):  # type: ignor
         begin = starts[ring]
         count = starts[ring + 1] - begin
         for k in range(count + 1):
-            v = begin
-            if k > 0 and k < count:
-                v = begin + (count - k if reverse else k)
-            row = np.float64(vertices[v, 0])
-            col = np.float64(vertices[v, 1])
+            v = begin + (count - k if reverse else k) if k > 0 and k < count else begin
+            row, col = np.float64(vertices[v, 0]), np.float64(vertices[v, 1])
             coordinates[used, 0] = affine[0] * col + affine[1] * row + affine[2]
             coordinates[used, 1] = affine[3] * col + affine[4] * row + affine[5]
             used += 1

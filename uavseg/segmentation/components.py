@@ -145,8 +145,7 @@ def _label(image, words, margin, reach, labels, parents):  # type: ignore[no-unt
             value = image[r + margin, c + margin]
             end = end_of_run(image, words, margin, r, c, value)
             if value != 0:
-                label = np.uint32(0)
-                previous = np.uint32(0)
+                label, previous = np.uint32(0), np.uint32(0)
                 for k in range(max(c - reach, 0), min(end + reach, cols) if r > 0 else 0):
                     above = labels[r - 1, k]
                     if above != previous:
@@ -194,8 +193,7 @@ def _component_values(image, labels, values):  # type: ignore[no-untyped-def]
 @kernel("void(i8[:,::1], i8[::1])")
 def _union(pairs, parents):  # type: ignore[no-untyped-def]
     for k in range(pairs.shape[0]):
-        first = root_of(parents, pairs[k, 0])
-        second = root_of(parents, pairs[k, 1])
+        first, second = root_of(parents, pairs[k, 0]), root_of(parents, pairs[k, 1])
         parents[max(first, second)] = min(first, second)
     for k in range(parents.shape[0]):
         parents[k] = parents[parents[k]]
@@ -230,8 +228,7 @@ def with_excess(sums: Sums, labels: NDArray[np.uint32], excess: NDArray[np.int32
 def component_sums(labels: NDArray[np.uint32], count: int, grey: NDArray[np.uint16], margin: int = 0) -> Sums:
     """Sum over the components 1..count of an (M, N) label image; `grey` has a border of `margin` pixels."""
     counts = np.zeros(count, np.int64)
-    greys = np.zeros(count, np.uint64)
-    squares = np.zeros(count, np.uint64)
+    greys, squares = np.zeros(count, np.uint64), np.zeros(count, np.uint64)
     firsts = np.full((count, 2), -1, np.int64)
     _sum_up(labels, grey, margin, counts, greys, squares, firsts)
     return Sums(counts=counts, greys=greys, squares=squares, firsts=firsts)
@@ -262,15 +259,13 @@ def _sum_up(labels, grey, margin, counts, greys, squares, firsts):  # type: igno
                 c += 1
             if label == 0:
                 continue
-            total = np.uint64(0)
-            square = np.uint64(0)
+            total, square = np.uint64(0), np.uint64(0)
             for k in range(start, c):
                 g = np.uint64(grey[r + margin, k + margin])
                 total += g
                 square += g * g
             if counts[label - 1] == 0:
-                firsts[label - 1, 0] = r
-                firsts[label - 1, 1] = start
+                firsts[label - 1, 0], firsts[label - 1, 1] = r, start
             counts[label - 1] += c - start
             greys[label - 1] += total
             squares[label - 1] += square
@@ -343,8 +338,7 @@ def border_steps(
 @inlined
 def _add_step(steps, labels, margin, step, row, col):  # type: ignore[no-untyped-def]
     """Add a difference to the component of a pixel, if it lies in the tile."""
-    r = row - margin
-    c = col - margin
+    r, c = row - margin, col - margin
     if 0 <= r < labels.shape[0] and 0 <= c < labels.shape[1]:
         owner = np.int64(labels[r, c]) - 1
         steps[owner, 0] += step
@@ -356,8 +350,7 @@ def _add_edge(image, grey, valid, labels, margin, steps, row, col, down):  # typ
     """Add the difference of a pixel to the one above it, or to its left, across a border."""
     row_before = row - down
     col_before = col - (1 - down)
-    value = image[row, col]
-    before = image[row_before, col_before]
+    value, before = image[row, col], image[row_before, col_before]
     if value != before and valid[row, col] != 0 and valid[row_before, col_before] != 0:
         step = abs(np.int64(grey[row, col]) - np.int64(grey[row_before, col_before]))
         if value != 0:

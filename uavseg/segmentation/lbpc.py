@@ -112,11 +112,9 @@ def _leaf_labels(grey: NDArray[np.uint16], mask: NDArray[np.bool_], threshold: f
 def _classify_boundaries(
     labels: Labels, symbols: NDArray[np.uint16], models: NDArray[np.uint32], params: LbpcParams
 ) -> None:
-    """Assign each boundary pixel to the adjacent region with the most similar model, in place.
-
-    Models stay as merging left them, and a sweep reads the labels of the sweep before, so the result does not
-    depend on the order of pixels. After the first sweep, only pixels near a change are active.
-    """
+    """Assign each boundary pixel to the adjacent region with the most similar model, in place."""
+    # Models stay as merging left them, and a sweep reads the labels of the sweep before, so the result does
+    # not depend on the order of pixels. After the first sweep, only pixels near a change are active.
     offsets = np.arange(-params.radius, params.radius + 1)
     half_widths = np.sqrt(params.radius**2 - offsets**2).astype(np.int64)  # of the rows of the disc
     totals = models.sum(axis=1, dtype=np.int64)
@@ -180,8 +178,7 @@ def _sweep(  # type: ignore[no-untyped-def]
                 if n_present and label != 0 and label != here:
                     g = g_of_region(models, totals, label, counts, present, n_present, table)
                     if g < smallest_g or (g == smallest_g and best != here and label < best):
-                        smallest_g = g
-                        best = label
+                        smallest_g, best = g, label
             for k in range(n_present):
                 counts[present[k]] = 0
             if best != here:
@@ -239,11 +236,6 @@ class _Regions:
         scaled: list[float] = (g * np.minimum(self.totals[others], self.totals[region])).tolist()
         return scaled
 
-    def join(self, one: int, other: int) -> None:
-        """Add a region's histogram to another's."""
-        self.histograms[one] += self.histograms[other]
-        self.totals[one] += self.totals[other]
-
 
 def _merge(regions: _Regions, pairs: NDArray[np.int64], stop: float, untested: float) -> NDArray[np.int64]:
     """Return the region that each region was merged into."""
@@ -263,7 +255,15 @@ def _merge(regions: _Regions, pairs: NDArray[np.int64], stop: float, untested: f
         if merges >= untested and smallest > stop * largest:
             break
         largest, merges = max(largest, smallest), merges + 1
-        _merge_pair(regions, one, other, neighbours, versions)
+        regions.histograms[one] += regions.histograms[other]
+        regions.totals[one] += regions.totals[other]
+        for third in neighbours[other]:
+            neighbours[third].discard(other)
+            if third != one:
+                neighbours[third].add(one)
+                neighbours[one].add(third)
+        neighbours[other].clear()
+        versions[one], versions[other] = versions[one] + 1, -1  # queue entries of either are out of date
         parents[other] = one
         for entry in _entries(regions, one, neighbours, versions):
             heapq.heappush(queue, entry)
@@ -282,21 +282,6 @@ def _entries(
         one, two = min(region, other), max(region, other)
         entries.append((value, one, two, versions[one], versions[two]))
     return entries
-
-
-def _merge_pair(
-    regions: _Regions, one: int, other: int, neighbours: list[set[int]], versions: list[int]
-) -> None:
-    """Merge region `other` into `one`; queue entries of either become out of date."""
-    regions.join(one, other)
-    for third in neighbours[other]:
-        neighbours[third].discard(other)
-        if third != one:
-            neighbours[third].add(one)
-            neighbours[one].add(third)
-    neighbours[other].clear()
-    versions[one] += 1
-    versions[other] = -1
 
 
 @kernel("void(u4[:,::1], i8[::1], i8[::1], i8[::1], i8[::1], f8[::1], f8[::1])")

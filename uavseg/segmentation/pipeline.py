@@ -311,7 +311,9 @@ def _divide_tile(
         grey, valid = cached
         corners = np.stack([np.arange(len(corners)) * CACHED_SIDE, np.zeros(len(corners), np.int64)], axis=1)
     else:
-        part = _bounding_window(window, corners)
+        row, col = (int(first) for first in corners.min(axis=0))
+        end_row, end_col = (int(last) + BLOCK for last in corners.max(axis=0))
+        part = Window(window.row + row, window.col + col, end_row - row, end_col - col)
         tile = source.read(part, 1)
         grey, valid = tile.grey, tile.mask
         corners = corners - (part.row - window.row, part.col - window.col)
@@ -323,10 +325,3 @@ def _divide_tile(
 def _block_corners(bits: NDArray[np.uint32]) -> NDArray[np.int64]:
     """Return the first pixels of the blocks with any bit set, (k, 2)."""
     return np.stack(np.nonzero(bits), axis=1) * BLOCK
-
-
-def _bounding_window(window: Window, corners: NDArray[np.int64]) -> Window:
-    """Return the smallest part of a window that covers the blocks that begin at `corners`."""
-    row, col = (int(first) for first in corners.min(axis=0))
-    end_row, end_col = (int(last) + BLOCK for last in corners.max(axis=0))
-    return Window(window.row + row, window.col + col, end_row - row, end_col - col)

@@ -137,10 +137,8 @@ def _edges(histogram: NDArray[np.int64], gaps: Sequence[tuple[int, int]], width:
 
 
 def _edge(below: NDArray[np.int64], under: int, gap: tuple[int, int], end: int, width: int) -> float:
-    """Return the number with the fewest digits that lies in a gap, or within half a bin of its middle.
-
-    There are pixels on both sides of it: more than `under` pixels below, and others up to the grey `end`.
-    """
+    """Return the number with the fewest digits that lies in a gap, or within half a bin of its middle."""
+    # There are pixels on both sides of it: more than `under` pixels below, and others up to the grey `end`.
     middle = sum(gap) / 2 / GREY_MAX
     for decimals in _DECIMALS:
         edge = round(middle, decimals)
@@ -274,7 +272,17 @@ def _parts(
 ) -> list[tuple[float, float, bool]]:
     """Choose the part of the darkest class and that of the brightest with the best border."""
     parts: list[tuple[float, float, bool]] = []
-    bounds = _contrasting_bounds(pairs)
+    contrasts, crossing = pairs.contrasts()
+    contrasts = np.where(crossing >= _MIN_PAIRS, contrasts, 0.0)
+    minimum = max(_MIN_SHARE * contrasts.max(), np.finfo(float).tiny)
+    tops = 1 + np.flatnonzero((contrasts[1:-1] >= contrasts[:-2]) & (contrasts[1:-1] >= contrasts[2:]))
+    bounds: list[int] = []
+    for top in tops[np.argsort(-contrasts[tops], kind="stable")].tolist():
+        if contrasts[top] < minimum:
+            break
+        between = [contrasts[min(top, one) : max(top, one) + 1].min() for one in bounds]
+        if all(_PROMINENCE * lowest <= contrasts[top] for lowest in between):
+            bounds.append(top)
     for outer, inner in ((0.0, edges[0]), (1.0, edges[-1])):
         (low, high), scores = sorted((outer, inner)), []
         for bound in bounds:
@@ -290,22 +298,6 @@ def _parts(
         if scores:
             parts.append((*max(scores)[2], True))
     return parts
-
-
-def _contrasting_bounds(pairs: CellPairs) -> list[int]:
-    """List the bounds between bins where the average contrast has a prominent maximum, the highest first."""
-    contrasts, crossing = pairs.contrasts()
-    contrasts = np.where(crossing >= _MIN_PAIRS, contrasts, 0.0)
-    minimum = max(_MIN_SHARE * contrasts.max(), np.finfo(float).tiny)
-    tops = 1 + np.flatnonzero((contrasts[1:-1] >= contrasts[:-2]) & (contrasts[1:-1] >= contrasts[2:]))
-    bounds: list[int] = []
-    for top in tops[np.argsort(-contrasts[tops], kind="stable")].tolist():
-        if contrasts[top] < minimum:
-            break
-        between = [contrasts[min(top, one) : max(top, one) + 1].min() for one in bounds]
-        if all(_PROMINENCE * lowest <= contrasts[top] for lowest in between):
-            bounds.append(top)
-    return bounds
 
 
 def _border(pairs: CellPairs | None, low: float, high: float) -> RangeBorder | None:

@@ -306,15 +306,8 @@ class Task:
 
     def report(self) -> dict[str, Any]:
         """Return state, progress and result as values of JSON."""
-        return {
-            "job": self.number,
-            "state": self.state,
-            "done": self.done,
-            "total": self.total,
-            "error": self.error,
-            "answer": self.answer,
-            "files": sorted(self.files),
-        }
+        same = {name: getattr(self, name) for name in ("state", "done", "total", "error", "answer")}
+        return {"job": self.number, **same, "files": sorted(self.files)}
 
 
 Job = Callable[[Path, Progress], tuple[Any, dict[str, Path]]]

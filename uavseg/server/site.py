@@ -28,7 +28,7 @@ from uavseg.jobs.match.match import match
 from uavseg.jobs.match.request import MatchRequest
 from uavseg.jobs.source.source import Raster
 from uavseg.jobs.source.work import Work
-from uavseg.jobs.web_map.content import FieldMap, FieldMapRequest, colored, webp_of
+from uavseg.jobs.web_map.content import FieldMap, FieldMapRequest, webp_of
 from uavseg.jobs.web_map.tiles import CellTiles, read_map_tile
 from uavseg.options.flights import CheckOptions, Paths, PlanOptions
 from uavseg.options.option import Option, build, options_of
@@ -298,7 +298,7 @@ class Site:
         tile = read_map_tile(self.tiles, place)
         if tile is None:
             return Answer(b"", "image/webp", 204)
-        picture = colored(*tile, self.field_map.info.stretch, self.tiles)
+        picture = self.field_map.info.stretch.colored(*tile)
         return Answer(webp_of(picture), "image/webp")
 
     def _job(self, method: str, number: str, stop: str | None, name: str | None) -> Answer:

@@ -67,15 +67,48 @@ def test_memory_follows_the_picture_and_not_the_raster(tmp_path: Path) -> None:
 @pytest.mark.parametrize("shape", [(6, 8), (5, 7), (1, 1)])
 def test_four_pixels_become_the_mean_of_those_that_are_there(shape: tuple[int, int]) -> None:
     rng = np.random.default_rng(1)
-    grey, there = rng.integers(0, 256, shape).astype(np.uint8), rng.random(shape) < 0.5
-    mean, opaque = mean_of_four(grey, np.where(there, np.uint8(255), np.uint8(0)))
-    assert opaque is not None and mean.shape == opaque.shape == (-(-shape[0] // 2), -(-shape[1] // 2))
-    for row, col in np.ndindex(mean.shape):
+    picture, there = rng.integers(0, 256, (*shape, 4)).astype(np.uint8), rng.random(shape) < 0.5
+    picture[..., 3] = np.where(there, 255, 0)
+    mean = mean_of_four(picture)
+    assert mean.shape == (-(-shape[0] // 2), -(-shape[1] // 2), 4)
+    for row, col in np.ndindex(mean.shape[:2]):
         four = np.s_[2 * row : 2 * row + 2, 2 * col : 2 * col + 2]
-        assert opaque[row, col] == 255 * there[four].sum() // 4
-        assert not there[four].any() or mean[row, col] == grey[four][there[four]].mean() // 1
-    whole, all_there = mean_of_four(grey, None)
-    assert all_there is None and whole[0, 0] == grey[:2, :2].mean() // 1
+        assert mean[row, col, 3] == 255 * there[four].sum() // 4
+        for band in range(3):
+            here = picture[four][there[four], band]
+            assert not there[four].any() or mean[row, col, band] == here.mean() // 1
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+def test_three_bands_are_drawn_in_their_colours(tmp_path: Path, dtype: type) -> None:
+    colours = np.array([[230, 20, 40], [30, 210, 60], [10, 40, 220], [128, 128, 128]], np.uint8)
+    planes = np.repeat(np.repeat(colours.T.reshape(3, 2, 2), 40, axis=1), 40, axis=2)
+    scaled = {
+        np.uint8: planes,
+        np.uint16: planes.astype(np.uint16) * 257,
+        np.float32: planes / np.float32(255),
+    }
+    raster = write(tmp_path / "a.tif", scaled[dtype].astype(dtype))
+    stretch = {np.uint8: "auto", np.uint16: "dtype", np.float32: "0,1"}[dtype]
+    drawn = np.asarray(
+        Image.open(preview(raster, tmp_path / "a.png", width_px=400, stretch=stretch)).convert("RGB")
+    )
+    for colour in colours:
+        alike = (np.abs(drawn.astype(int) - colour) <= 1).all(axis=-1).mean()
+        assert 0.02 < alike < 0.6
+
+
+def test_one_band_and_a_formula_are_drawn_in_grey(tmp_path: Path) -> None:
+    ramp = np.linspace(0, 255, 80).astype(np.uint8)
+    colours = write(
+        tmp_path / "a.tif",
+        np.stack([np.tile(ramp, (80, 1)), np.tile(ramp[:, None], (1, 80)), np.full((80, 80), 9, np.uint8)]),
+    )
+    drawn = np.asarray(
+        Image.open(preview(Dataset.open(colours, band=1), tmp_path / "a.png", width_px=400)).convert("RGB")
+    )
+    inner = drawn[120:200, 150:250].astype(int)
+    assert np.ptp(inner, axis=-1).max() <= 2 and np.ptp(inner) > 20
 
 
 def test_the_ground_lies_in_its_place_however_fine_the_raster_is(tmp_path: Path) -> None:

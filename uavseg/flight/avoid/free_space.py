@@ -19,8 +19,7 @@ from uavseg.arrays import Floats, Integers
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 
-TOUCH_M = 1e-4
-"""Legs may run along the edge of free space: that close to it, they are in it."""
+TOUCH_M = 1e-4  # legs may run along the edge of free space: that close to it, they are in it
 MAX_POINTS = 8001  # both ends of as many regions as are ordered, and home; paths of more take gigabytes
 MAX_PAIRS = 20_000  # of points, between which legs are checked together
 AT_ONCE = 16  # paths that are computed together

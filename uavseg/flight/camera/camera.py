@@ -26,11 +26,9 @@ HIGHEST_PITCH_DEG = -30.0
 """The flattest gimbal pitch: above it the upper edge of most images comes near the horizon."""
 _MAXIMUM = 1e7  # of any size, so that no product of them overflows
 TRIGGERS = ("distance", "interval", "hover", "none")
-SHUTTER_S = 1 / 1000
-"""Exposure time in daylight, by which motion blur is estimated."""
+SHUTTER_S = 1 / 1000  # exposure time in daylight, by which motion blur is estimated
 LONGEST_SHUTTER_S, SHORTEST_SHUTTER_S = 1.0, 1e-6
-BLUR_PX = 1.0
-"""Pixels by which the ground may move during the exposure."""
+BLUR_PX = 1.0  # pixels by which the ground may move during the exposure
 LAST_PHOTO_M = 5.0
 """The last photograph of a line is planned so far before its end.
 
@@ -38,8 +36,7 @@ The vehicle leaves a line up to 2 m before its end (the radius of waypoints), it
 to 2 m after the start, and each one some centimetres late: with less, simulated flights lost the last one.
 """
 TURNED_M = 10.0  # after which a vehicle that turns around at the start of a line is taken to look along it
-ONE_PHOTO_M = 5.0
-"""Lines that are no longer have one photograph, at their start."""
+ONE_PHOTO_M = 5.0  # lines that are no longer have one photograph, at their start
 INTERVAL_STEP_S = 0.01
 
 

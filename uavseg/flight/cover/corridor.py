@@ -58,7 +58,15 @@ def medial_axis(polygon: Any, detail_m: float) -> list[Branch]:
     >>> branch.xy.min(axis=0).round().tolist(), branch.xy.max(axis=0).round().tolist()
     ([5.0, 5.0], [95.0, 5.0])
     """
-    graph = _Graph.of_edges(_inner_edges(polygon, detail_m))
+    # the Voronoi edges inside the polygon, (m, 2, 2)
+    step = max(detail_m / STEPS, float(shapely.length(polygon)) / MAX_POINTS)
+    dense = shapely.get_coordinates(shapely.segmentize(shapely.boundary(polygon), step))
+    edges = shapely.voronoi_polygons(shapely.MultiPoint(np.unique(dense, axis=0)), only_edges=True)
+    xy, line = shapely.get_coordinates(shapely.get_parts(edges), return_index=True)
+    segments = np.stack([xy[:-1], xy[1:]], axis=1)[line[:-1] == line[1:]]
+    shapely.prepare(polygon)
+    inner: Floats = segments[shapely.contains_properly(polygon, shapely.linestrings(segments))]
+    graph = _Graph.of_edges(inner)
     radius = shapely.distance(shapely.boundary(polygon), shapely.points(graph.places))
     while True:
         bumps = [
@@ -73,18 +81,6 @@ def medial_axis(polygon: Any, detail_m: float) -> list[Branch]:
         Branch(graph.places[path], radius[path], (graph.degree(path[0]) == 1, graph.degree(path[-1]) == 1))
         for path in graph.paths()
     ]
-
-
-def _inner_edges(polygon: Any, detail_m: float) -> Floats:
-    """Return the Voronoi edges inside the polygon, (m, 2, 2)."""
-    step = max(detail_m / STEPS, float(shapely.length(polygon)) / MAX_POINTS)
-    dense = shapely.get_coordinates(shapely.segmentize(shapely.boundary(polygon), step))
-    edges = shapely.voronoi_polygons(shapely.MultiPoint(np.unique(dense, axis=0)), only_edges=True)
-    xy, line = shapely.get_coordinates(shapely.get_parts(edges), return_index=True)
-    segments = np.stack([xy[:-1], xy[1:]], axis=1)[line[:-1] == line[1:]]
-    shapely.prepare(polygon)
-    inner: Floats = segments[shapely.contains_properly(polygon, shapely.linestrings(segments))]
-    return inner
 
 
 class _Graph:
@@ -244,43 +240,32 @@ def corridor(
     return Corridor(tuple(flown), tuple(between))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Section:
-    """Part of an axis along which the region needs the same number of lines."""
-
-    axis: Any  # LineString
-    count: int
-    spacing_m: float
+_Section = tuple[Any, int, float]  # part of an axis (LineString), with the number of lines and their spacing
 
 
 def _sections(branch: Branch, region: Any, spacing_m: float) -> list[_Section]:
     """Divide a branch where the number of lines changes; lengthen its free ends past the region."""
-    xy = _evenly(
-        branch.xy, spacing_m * STEP, spacing_m if np.array_equal(branch.xy[0], branch.xy[-1]) else 0.0
-    )
+    over_m = spacing_m if np.array_equal(branch.xy[0], branch.xy[-1]) else 0.0
+    # even steps; a loop continues past its start
+    at = np.r_[0.0, np.cumsum(np.hypot(*np.diff(branch.xy, axis=0).T))]
+    places = np.linspace(0, at[-1] + over_m, max(math.ceil((at[-1] + over_m) / (spacing_m * STEP)), 1) + 1)
+    places = np.where(places > at[-1], places - at[-1], places)
+    xy = np.column_stack([np.interp(places, at, branch.xy[:, k]) for k in (0, 1)])
     inside = shapely.contains_xy(region, *xy.T)
     distance = shapely.distance(shapely.boundary(region), shapely.points(xy))
     radius = np.where(inside, distance, 0.0) + SMOOTH * spacing_m
     around = sliding_window_view(np.pad(radius, RUN, mode="edge"), 2 * RUN + 1)
     count = np.maximum(np.ceil(2 * around.max(axis=1) / spacing_m), 1).astype(int)
     bounds = [0, *(np.flatnonzero(np.diff(count)) + 1).tolist(), len(xy) - 1]
-    sections = []
+    sections: list[_Section] = []
     for first, last in pairwise(bounds):
         if last > first:
             outer = (first == 0 and branch.ends_free[0], last == len(xy) - 1 and branch.ends_free[1])
             axis = _lengthened(xy[first : last + 1], outer, 2 * float(radius.max()))
             number, width = int(count[first]), 2 * float(radius[first : last + 1].max())
             line = shapely.simplify(shapely.LineString(axis), SMOOTH * spacing_m)
-            sections.append(_Section(line, number, max(width / number, spacing_m / 2)))
+            sections.append((line, number, max(width / number, spacing_m / 2)))
     return sections
-
-
-def _evenly(xy: Floats, step_m: float, over_m: float) -> Floats:
-    """Resample a path at even steps; a loop continues past its start."""
-    at = np.r_[0.0, np.cumsum(np.hypot(*np.diff(xy, axis=0).T))]
-    places = np.linspace(0, at[-1] + over_m, max(math.ceil((at[-1] + over_m) / step_m), 1) + 1)
-    places = np.where(places > at[-1], places - at[-1], places)
-    return np.column_stack([np.interp(places, at, xy[:, k]) for k in (0, 1)])
 
 
 def _lengthened(xy: Floats, free: tuple[bool, bool], by_m: float) -> Floats:
@@ -299,13 +284,14 @@ def _lengthened(xy: Floats, free: tuple[bool, bool], by_m: float) -> Floats:
 
 def _section_lines(section: _Section, region: Any, ends: tuple[float, float]) -> list[Floats]:
     """Return the lines parallel to a section of the axis, each as long as the region in its strip."""
+    axis, count, spacing_m = section
     lines = []
-    for k in range(section.count):
-        aside = (k - (section.count - 1) / 2) * section.spacing_m
-        curve = shapely.offset_curve(section.axis, aside, join_style="mitre", mitre_limit=2)
-        for line in shapely.get_parts(curve if aside else section.axis):
+    for k in range(count):
+        aside = (k - (count - 1) / 2) * spacing_m
+        curve = shapely.offset_curve(axis, aside, join_style="mitre", mitre_limit=2)
+        for line in shapely.get_parts(curve if aside else axis):
             if line.geom_type == "LineString" and line.length > 0:
-                strip = shapely.buffer(line, section.spacing_m / 2 + 1e-6, cap_style="flat")
+                strip = shapely.buffer(line, spacing_m / 2 + 1e-6, cap_style="flat")
                 parts = shapely.get_parts(shapely.intersection(strip, region))
                 lines += [_trimmed(line, part, *ends) for part in parts if part.area > 0]
     return lines
@@ -348,16 +334,11 @@ def _rest_lines(rest: Any, missed_m2: float, spacing_m: float, ends: tuple[float
     areas = np.cumsum([part.area for part in parts])
     lines: list[Floats] = []
     for part in parts[int(np.searchsorted(areas, missed_m2)) :]:
-        turn = axes(_azimuth(part))
+        corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(part))
+        sides = np.diff(corners, axis=0)
+        east, north = sides[np.argmax(np.hypot(*sides.T))]
+        turn = axes(math.degrees(math.atan2(east, north)))
         turned = shapely.transform(part, lambda xy, turn=turn: xy @ turn)
         for cell in grid_lines(turned, spacing_m, ends, lambda starts, _: np.zeros(len(starts), bool)):
             lines += list(cell @ turn.T)
     return lines
-
-
-def _azimuth(part: Any) -> float:
-    """Return the azimuth of the long side of the smallest rectangle around a polygon."""
-    corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(part))
-    sides = np.diff(corners, axis=0)
-    east, north = sides[np.argmax(np.hypot(*sides.T))]
-    return math.degrees(math.atan2(east, north))

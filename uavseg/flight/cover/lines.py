@@ -24,8 +24,7 @@ from uavseg.flight.avoid.enclosing import MANY_CORNERS, enclosing, without_small
 from uavseg.flight.avoid.free_space import FreeSpace
 from uavseg.flight.order.tour import Stops, short_tour
 
-LEEWAY = 0.6
-"""Spacings by which lines, and legs between them, may leave the region."""
+LEEWAY = 0.6  # spacings by which lines, and legs between them, may leave the region
 COARSE = 0.3  # spacings by which an outline of many corners is simplified
 SLACK = 0.04  # spacings by which outlines are simplified
 MAX_VERTICES = 40  # outlines with more are simplified
@@ -86,10 +85,8 @@ def _touched(parts: NDArray[np.object_], height: Floats, first: Integers) -> Flo
 
 
 def _chains(lines: Floats, row: Integers, below: Floats, above: Floats) -> list[Floats]:
-    """Join lines of neighbouring strips to one cell, as long as each has one neighbour only.
-
-    `below` and `above` (n, 2) are extents of what each line covers along the edges of its strip.
-    """
+    """Join lines of neighbouring strips to one cell, as long as each has one neighbour only."""
+    # `below` and `above` (n, 2) are extents of what each line covers along the edges of its strip.
     after = [np.flatnonzero(row == k) for k in range(int(row[-1]) + 2)]
     cells: list[list[int]] = []
     cell_of: dict[int, list[int]] = {}
@@ -137,10 +134,9 @@ def strip_lines(cell: Any, spacing_m: float, reach_m: float = 0.0, min_m: float 
 def _lines_in_strips(
     pieces: NDArray[np.object_], y: Floats, reach_m: float, min_m: float = MIN_LINE_M
 ) -> Floats:
-    """Return the lines along x at heights that cover pieces of strips: (n, 2, 2), west end and east end.
-
-    They are no shorter than `min_m` where the strip is as long, but 5 m where one photograph shows all of it.
-    """
+    """Return the lines along x at heights that cover pieces of strips: (n, 2, 2), west end and east end."""
+    # They are no shorter than `min_m` where the strip is as long, but 5 m where one photograph shows all of
+    # it.
     low, _, high, _ = shapely.bounds(pieces).T
     across = np.stack([low - 1, y, high + 1, y], axis=1).reshape(-1, 2, 2)
     met = shapely.intersection(pieces, shapely.linestrings(across))
@@ -156,10 +152,9 @@ def _lines_in_strips(
 
 
 def _line_count(width_m: float, spacing_m: float, slack: float = WIDTH_SLACK) -> int:
-    """Return the number of lines over a width.
-
-    Refuse a spacing that is not positive (ParameterError) and more lines than a mission holds (MissionError).
-    """
+    """Return the number of lines over a width."""
+    # Refuse a spacing that is not positive (ParameterError) and more lines than a mission holds
+    # (MissionError).
     if not (math.isfinite(spacing_m) and spacing_m > 0):
         raise ParameterError(f"the spacing of survey lines is a positive number of metres, not {spacing_m}")
     count = max(math.ceil(width_m / spacing_m * (1 - slack)), 1)
@@ -172,10 +167,8 @@ def _line_count(width_m: float, spacing_m: float, slack: float = WIDTH_SLACK) ->
 
 
 def _strips_between(cell: Any, edges: Floats) -> NDArray[np.object_]:
-    """Return the parts of a cell between lines along x.
-
-    GEOS clips to rectangles fast, but does not promise that all is well where corners lie on their edges.
-    """
+    """Return the parts of a cell between lines along x."""
+    # GEOS clips to rectangles fast, but does not promise that all is well where corners lie on their edges.
     west, south, east, north = shapely.bounds(cell)
     bounds = [south - 1, *edges[1:-1].tolist(), north + 1]
     try:
@@ -202,7 +195,10 @@ def flight_space(
     The region is in metres. Straight legs of `lead_m` lead out of it, and no leg may cross `obstacles`.
     """
     slack = SLACK * spacing_m
-    simple = region = _of_few_corners(region, spacing_m)
+    if shapely.get_num_coordinates(region) > MANY_CORNERS:  # without holes that lie between two lines
+        around = enclosing(without_small_holes(region, spacing_m**2), COARSE * spacing_m)
+        region = without_small_holes(around, spacing_m**2)
+    simple = region
     if shapely.get_num_coordinates(region) > MAX_VERTICES:
         fewer = shapely.simplify(region, slack / 2)
         grown = shapely.buffer(fewer, slack / 2, join_style="mitre", mitre_limit=1.5)
@@ -210,14 +206,6 @@ def flight_space(
     reach = LEEWAY * spacing_m + lead_m - 1.8 * slack
     allowed = shapely.simplify(shapely.buffer(simple, reach, quad_segs=16), slack / 2)
     return simple, FreeSpace(allowed, obstacles)
-
-
-def _of_few_corners(region: Any, spacing_m: float) -> Any:
-    """Simplify a region of many corners, and fill holes that lie between two lines."""
-    if shapely.get_num_coordinates(region) <= MANY_CORNERS:
-        return region
-    around = enclosing(without_small_holes(region, spacing_m**2), COARSE * spacing_m)
-    return without_small_holes(around, spacing_m**2)
 
 
 FEW_LINES = 150  # are also ordered one by one

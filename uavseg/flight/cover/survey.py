@@ -55,14 +55,21 @@ def monotone_cells(polygon: Any, step_m: float = np.inf, detail_m: float = 0.0) 
     critical = _all_critical(polygon, step_m, detail_m)
     if not len(critical):
         return [polygon]
-    faces = shapely.polygonize(_noded(polygon, critical))
+    west, _, east, _ = shapely.bounds(polygon)
+    dividing = []
+    for x, y in critical.tolist():
+        across = shapely.LineString([(west - 1, y), (east + 1, y)])
+        chords = shapely.get_parts(shapely.line_merge(shapely.intersection(polygon, across)))
+        reach = shapely.Point(x, y)
+        for chord in chords:
+            if chord.geom_type == "LineString" and shapely.distance(chord, reach) < OVERLAP_M:
+                (first, _), (last, _) = chord.coords[0], chord.coords[-1]
+                low, high = min(first, last), max(first, last)
+                dividing.append(shapely.LineString([(low - OVERLAP_M, y), (high + OVERLAP_M, y)]))
+    lines = shapely.union_all([shapely.boundary(polygon), *dividing])  # noded: they meet at vertices only
+    faces = shapely.polygonize(list(shapely.get_parts(lines)))
     inner = [face for face in faces.geoms if shapely.contains_xy(polygon, *_inside(face))]
     return sorted(inner, key=lambda face: (face.bounds[1], face.bounds[0]))
-
-
-def critical_count(polygon: Any, step_m: float = np.inf, detail_m: float = 0.0) -> int:
-    """Return the number of corners at which `monotone_cells` divides a polygon; parameters as there."""
-    return len(_all_critical(polygon, step_m, detail_m))
 
 
 def merge_flat_cells(cells: list[Any], min_m: float) -> list[Any]:
@@ -98,10 +105,8 @@ def _all_critical(polygon: Any, step_m: float, detail_m: float) -> Floats:
 
 
 def _critical(ring: Floats, step_m: float) -> Floats:
-    """Return the corners that turn right, with both neighbours on one side of the sweep line through them.
-
-    An edge along the sweep line counts as one corner.
-    """
+    """Return the corners that turn right, with both neighbours on one side of the sweep line through them."""
+    # An edge along the sweep line counts as one corner.
     into, out = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
     turns_right = into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0] < 0
     first = into[:, 1] != 0  # of each run of equal heights
@@ -113,23 +118,6 @@ def _critical(ring: Floats, step_m: float) -> Floats:
     return np.concatenate([corners[turns_right & (below == above)], ring[inner]])
 
 
-def _noded(polygon: Any, critical: Floats) -> list[Any]:
-    """Node the outlines with the dividing lines: they meet at common vertices only."""
-    west, _, east, _ = shapely.bounds(polygon)
-    dividing = []
-    for x, y in critical.tolist():
-        across = shapely.LineString([(west - 1, y), (east + 1, y)])
-        chords = shapely.get_parts(shapely.line_merge(shapely.intersection(polygon, across)))
-        reach = shapely.Point(x, y)
-        for chord in chords:
-            if chord.geom_type == "LineString" and shapely.distance(chord, reach) < OVERLAP_M:
-                (first, _), (last, _) = chord.coords[0], chord.coords[-1]
-                low, high = min(first, last), max(first, last)
-                dividing.append(shapely.LineString([(low - OVERLAP_M, y), (high + OVERLAP_M, y)]))
-    lines = shapely.union_all([shapely.boundary(polygon), *dividing])
-    return list(shapely.get_parts(lines))
-
-
 def _inside(face: Any) -> tuple[float, float]:
     x, y = shapely.get_coordinates(shapely.point_on_surface(face))[0]
     return float(x), float(y)
@@ -138,8 +126,7 @@ def _inside(face: Any) -> tuple[float, float]:
 STEP = 2.0  # spacings: cells may be cut at steps of the outline that are longer
 MIN_HEIGHT = 0.5  # spacings: cells that are less high are merged
 GAP = 3.0  # spacings: longest gap over which a line continues
-TURN_M = 10.0
-"""A turn costs the time of so many metres: at 5 m/s, braking and accelerating at 2.5 m/s2."""
+TURN_M = 10.0  # a turn costs the time of so many metres: at 5 m/s, braking and accelerating at 2.5 m/s2
 STEP_DEG = 15.0  # azimuths that are tried besides those of edges; whole degrees where many are tried
 MIN_TRIES, MANY_TRIES = 3, 12
 MAX_WORK = 18_000  # tries times corners of a region and its lines
@@ -249,7 +236,10 @@ def _found(region: Any, params: CoverParams, near: FreeSpace, space: FreeSpace) 
     order = OrderParams(home) if params.costs is None else OrderParams(home, _leg_costs(region, params.costs))
     quick = replace(order, rounds=QUICK_ROUNDS)
     is_compact = region.area > COMPACT * shapely.convex_hull(region).area
-    tries = _affordable(region, params)
+    # fewer tries where they take long
+    count = region.area / params.spacing_m**2 / max(math.sqrt(region.area) / params.spacing_m, 1.0)
+    size = int(shapely.get_num_coordinates(region)) + 2 * count
+    tries = min(params.tries, max(int(MAX_WORK / size), MIN_TRIES))
     is_thorough = tries >= MANY_TRIES
 
     def ranked(laid: list[SurveyLines]) -> list[SurveyLines]:
@@ -280,20 +270,15 @@ def _found(region: Any, params: CoverParams, near: FreeSpace, space: FreeSpace) 
         closer = [_grid(region, azimuth, params, near) for azimuth in sorted(beside - known)]
         laid = ranked([*laid[:tries], *closer, *others(closer)])
     if home is None:
-        laid = _different(laid)
+        turns = np.zeros(len(laid), np.int64)  # the first of each group of similar azimuths comes first
+        azimuths = np.array([lines.angle_deg for lines in laid])
+        for k in range(1, len(laid)):
+            apart = np.abs((azimuths[:k] - azimuths[k] + 90) % 180 - 90)
+            turns[k] = np.count_nonzero(apart < SIMILAR_DEG)
+        laid = [laid[k] for k in np.argsort(turns, kind="stable")]
     flown = [list(_fly(lines, space, order)) for lines in laid[: max(tries // 3, MIN_TRIES)]]
     best_first = np.argsort(_least_costs(flown, params), kind="stable").tolist()
     return [survey for k in best_first for survey in flown[k]]
-
-
-def _different(laid: list[SurveyLines]) -> list[SurveyLines]:
-    """Return lines with those of the first of each group of similar azimuths before the others."""
-    turns = np.zeros(len(laid), np.int64)
-    azimuths = np.array([lines.angle_deg for lines in laid])
-    for k in range(1, len(laid)):
-        apart = np.abs((azimuths[:k] - azimuths[k] + 90) % 180 - 90)
-        turns[k] = np.count_nonzero(apart < SIMILAR_DEG)
-    return [laid[k] for k in np.argsort(turns, kind="stable")]
 
 
 def _least_costs(flown: list[list[Survey]], params: CoverParams) -> Floats:
@@ -313,18 +298,9 @@ def _leg_costs(region: Any, costs_of: Costs) -> Callable[[Floats], Floats]:
     return lambda some: np.interp(some, lengths, costs)
 
 
-def _affordable(region: Any, params: CoverParams) -> int:
-    """Return the number of tries: fewer where they take long."""
-    lines = region.area / params.spacing_m**2 / max(math.sqrt(region.area) / params.spacing_m, 1.0)
-    size = int(shapely.get_num_coordinates(region)) + 2 * lines
-    return min(params.tries, max(int(MAX_WORK / size), MIN_TRIES))
-
-
 def _path_costs(paths: list[tuple[Floats, Bools]], params: CoverParams) -> Floats:
-    """Return the cost of each path, all at once; from home and, after a stop, back, where that is given.
-
-    Of both directions that of less cost counts.
-    """
+    """Return the cost of each path, all at once; from home and, after a stop, back, where that is given."""
+    # Of both directions that of less cost counts.
     turned = [] if params.home is None else [(xy[::-1], is_line[::-1]) for xy, is_line in paths]
     both = [*paths, *turned]
     home = np.empty((0, 2)) if params.home is None else np.array([params.home])
@@ -345,10 +321,8 @@ def _path_costs(paths: list[tuple[Floats, Bools]], params: CoverParams) -> Float
 
 
 def _azimuths(region: Any, params: CoverParams, tries: int) -> list[float]:
-    """Return the requested azimuth, or those along edges and in steps that need the fewest lines.
-
-    The number of lines is about half of the rise and fall of the outline across them, in spacings.
-    """
+    """Return the requested azimuth, or those along edges and in steps that need the fewest lines."""
+    # The number of lines is about half of the rise and fall of the outline across them, in spacings.
     if params.angle_deg is not None:
         if not math.isfinite(params.angle_deg):
             raise ParameterError(
@@ -403,14 +377,12 @@ def _shifted(region: Any, angle_deg: float, params: CoverParams, space: FreeSpac
 
 
 def _cells(region: Any, angle_deg: float, params: CoverParams) -> list[SurveyLines]:
-    """Return the lines of one azimuth in strips cell by cell; divided at steps of the outline or not.
-
-    Nothing where there would be too many cells.
-    """
+    """Return the lines of one azimuth in strips cell by cell; divided at steps of the outline or not."""
+    # Nothing where there would be too many cells.
     turn, spacing, min_m = axes(angle_deg), params.spacing_m, MIN_HEIGHT * params.spacing_m
     turned = _turned(region, turn)
     divisions = []
-    counts = {step: critical_count(turned, step, min_m / 2) for step in (math.inf, STEP * spacing)}
+    counts = {step: len(_all_critical(turned, step, min_m / 2)) for step in (math.inf, STEP * spacing)}
     for step, count in counts.items():
         if count <= MAX_CRITICAL and (step == math.inf or count > counts[math.inf]):
             cells = merge_flat_cells(monotone_cells(turned, step, min_m / 2), min_m)

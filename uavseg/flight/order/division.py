@@ -83,10 +83,8 @@ class Pieces:
 
         There are fewer where there are fewer pieces. `longest_s`, perhaps infinite, is within reach.
         """
-        low, high = (
-            0.0,
-            min(longest_s, float(self.seconds.sum() + self.transit_s.sum() + self.ways_s.max() * 2)),
-        )
+        whole_s = float(self.seconds.sum() + self.transit_s.sum() + self.ways_s.max() * 2)
+        low, high = 0.0, min(longest_s, whole_s)
         for _ in range(HALVINGS):
             middle = (low + high) / 2
             fits = 0 < self.fewest(middle, most_items) <= count
@@ -123,8 +121,7 @@ def _cut(seconds, items, spent, carried, ways_s, ways_items, limits, best, start
                 continue
             total = best[first] + flight_s + limits[2]
             if total < best[last + 1]:
-                best[last + 1] = total
-                start[last + 1] = first
+                best[last + 1], start[last + 1] = total, first
 
 
 def order_of_regions(
@@ -171,18 +168,14 @@ def _lay_out(tables, first, order, turned, line):  # type: ignore[no-untyped-def
             before = order[k - 1]
             spent += between_s[2 * before + 1 - turned[before], 2 * region + turned[region]]
         for m in range(high - low):
-            piece = low + m
-            if turned[region]:
-                piece = high - 1 - m
+            piece = high - 1 - m if turned[region] else low + m
             line[0, at], line[1, at] = spent, carried
             spent, carried = spent + seconds[piece], carried + items[piece]
             line[2, at], line[3, at] = spent, carried
             line[4, at] = ways_s[2 * turned[region], piece]
             line[5, at] = ways_s[3 - 2 * turned[region], piece]
             line[6, at] = ways_items[2 * turned[region], piece] + ways_items[3 - 2 * turned[region], piece]
-            transit = piece
-            if turned[region]:
-                transit = piece - 1
+            transit = piece - 1 if turned[region] else piece
             if m < high - low - 1:
                 spent, carried = spent + transit_s[transit], carried + transit_items[transit]
             at += 1
@@ -231,9 +224,7 @@ def _change(order, turned, turn):  # type: ignore[no-untyped-def]
     elif kind == 1:
         order[here], order[there] = order[there], order[here]
     else:
-        region, step = order[here], 1
-        if there < here:
-            step = -1
+        region, step = order[here], -1 if there < here else 1
         for k in range(here, there, step):
             order[k] = order[k + step]
         order[there] = region
@@ -246,25 +237,12 @@ def _change(order, turned, turn):  # type: ignore[no-untyped-def]
     " f8[:,::1], f8[:,::1], i8)"
 )
 def _search(  # type: ignore[no-untyped-def]
-    seconds,
-    items,
-    transit_s,
-    transit_items,
-    ways_s,
-    ways_items,
-    between_s,
-    first,
-    orders,
-    state,
-    line,
-    best,
-    flights,
-):
-    """Anneal an order until so many flights fit.
-
-    `orders` has the order and which regions are turned round, and the same of a trial; `state` the limits,
-    the rounds, and by what the result exceeds the limits.
-    """
+    seconds, items, transit_s, transit_items, ways_s, ways_items, between_s, first, orders, state, line,
+    best, flights,
+):  # fmt: skip
+    """Anneal an order until so many flights fit."""
+    # `orders` has the order and which regions are turned round, and the same of a trial; `state` the limits,
+    # the rounds, and by what the result exceeds the limits.
     tables = (seconds, items, transit_s, transit_items, ways_s, ways_items, between_s)
     order, turned, trial, trial_turned = orders[0], orders[1], orders[2], orders[3]
     rounds = np.int64(state[2])

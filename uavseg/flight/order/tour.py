@@ -26,9 +26,7 @@ GROUP = 8  # stops whose distance from a point is bounded together
 
 @inlined
 def leg(distances, here, there):  # type: ignore[no-untyped-def]
-    if here < 0 or there < 0:
-        return 0.0
-    return distances[here, there]
+    return 0.0 if here < 0 or there < 0 else distances[here, there]
 
 
 @inlined
@@ -345,9 +343,7 @@ def exact_tour(stops: Stops, distances: Floats, start: int, end: int) -> Integer
 def _fill(distances, stop_of, enters, leaves, costs, start, best, before):  # type: ignore[no-untyped-def]
     options = enters.shape[0]
     for option in range(options):
-        reach = 0.0
-        if start >= 0:
-            reach = distances[start, enters[option]]
+        reach = distances[start, enters[option]] if start >= 0 else 0.0
         best[1 << stop_of[option], option] = reach + costs[option]
     for visited in range(1, best.shape[0]):  # bit masks of stops
         for option in range(options):
@@ -360,17 +356,11 @@ def _fill(distances, stop_of, enters, leaves, costs, start, best, before):  # ty
                     continue
                 total = so_far + distances[leaves[option], enters[after]] + costs[after]
                 if total < best[visited | bit, after]:
-                    best[visited | bit, after] = total
-                    before[visited | bit, after] = option
+                    best[visited | bit, after], before[visited | bit, after] = total, option
 
 
 def local_search_tour(
-    stops: Stops,
-    distances: Floats,
-    start: int,
-    end: int,
-    rounds: int = ROUNDS,
-    first: Integers | None = None,
+    stops: Stops, distances: Floats, start: int, end: int, rounds: int = ROUNDS, first: Integers | None = None
 ) -> Integers:
     """Return the options of a short tour, in order (iterated local search); parameters as of `short_tour`."""
     stops, options_left = stops.distinct()

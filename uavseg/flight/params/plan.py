@@ -361,7 +361,14 @@ class PlanParams:
             object.__setattr__(self, "how", PARAMS_OF[self.pattern]())
         if not isinstance(self.how, PARAMS_OF[self.pattern]):
             raise ParameterError(f"{type(self.how).__name__} is not for the pattern {self.pattern}")
-        self._check_lines()
+        if self.pattern in COVERING and self.spacing_m is None:
+            raise ParameterError(
+                f"a {self.pattern} needs the spacing of its lines in metres (--spacing or --camera)"
+            )
+        if self.pattern not in COVERING and self.spacing_m is not None:
+            raise ParameterError(f"a spacing is for a survey or corridor, not for the pattern {self.pattern}")
+        if self.pattern != "survey" and self.angle_deg is not None:
+            raise ParameterError(f"an angle is for a survey, not for the pattern {self.pattern}")
         self._check_photos()
         if self.spacing_m is not None:
             _check("spacing", self.spacing_m, MIN_NUMBER, MAX_DISTANCE_M, "m")
@@ -386,16 +393,6 @@ class PlanParams:
         each = [replace(self.photos, pitch_deg=pitch, flatter_deg=()) for pitch in pitches]
         share = (self.spacing_m or 0.0) / self.photos.spacing_m(1.0)
         return tuple(replace(self, photos=one, spacing_m=share * one.spacing_m(1.0)) for one in each)
-
-    def _check_lines(self) -> None:
-        if self.pattern in COVERING and self.spacing_m is None:
-            raise ParameterError(
-                f"a {self.pattern} needs the spacing of its lines in metres (--spacing or --camera)"
-            )
-        if self.pattern not in COVERING and self.spacing_m is not None:
-            raise ParameterError(f"a spacing is for a survey or corridor, not for the pattern {self.pattern}")
-        if self.pattern != "survey" and self.angle_deg is not None:
-            raise ParameterError(f"an angle is for a survey, not for the pattern {self.pattern}")
 
     def _check_photos(self) -> None:
         if self.photos is None:

@@ -21,16 +21,7 @@ from uavseg.flight.cover.survey import surveys as cover_region
 from uavseg.flight.mission.duration import CALM, leg_seconds
 from uavseg.flight.mission.track import HOVER_S, Track
 from uavseg.flight.mission.vehicle import default_vehicle
-from uavseg.flight.params.plan import (
-    COVERING,
-    MIN_MARGIN_M,
-    CorridorParams,
-    OrbitParams,
-    PerimeterParams,
-    PlanParams,
-    SurveyParams,
-    VisitParams,
-)
+from uavseg.flight.params import plan
 from uavseg.flight.patterns.perimeter import OffsetRings, default_tolerance_m, offset_rings
 
 SEARCHED, MAX_TRIES = 120, 60  # surveys of all regions that are planned to the end; of one
@@ -38,8 +29,7 @@ MAX_CHOICES = 20  # surveys of one region of which the fastest flight is chosen
 MAX_STARTS = 16  # corners at which a ring may begin
 MAX_CANDIDATES = 4000  # of all regions, so that their distances fit into memory
 BRAKING_M_S2 = 2.5
-MIN_LEG_S = 1.0
-"""By default no leg of a perimeter is shorter than what the vehicle flies in this time."""
+MIN_LEG_S = 1.0  # by default no leg of a perimeter is shorter than what the vehicle flies in this time
 WORTHWHILE = 0.85  # of the cost of a survey: a corridor that costs less is suggested
 
 MIN_RADIUS_M = 5.0
@@ -47,8 +37,7 @@ LATERAL_M_S2 = 2.5
 """Acceleration across the direction of flight: at 5 m/s a circle has a radius of 10 m at least."""
 SAGITTA, MAX_SAGITTA_M = 0.02, 3.0  # share of the radius by which corners may lie outside of the circle
 MAX_CORNERS = 72
-LARGEST_STEP_DEG = 15.0
-"""Between directions of photographs; with more, matching of photographs fails."""
+LARGEST_STEP_DEG = 15.0  # between directions of photographs; with more, matching of photographs fails
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,9 +59,9 @@ class Candidates:
     surveys: Sequence[Survey] = ()  # of the tracks
 
 
-def visits(parts: Sequence[RegionPart], params: PlanParams) -> Candidates:
+def visits(parts: Sequence[RegionPart], params: plan.PlanParams) -> Candidates:
     """Return tracks to the point inside each region."""
-    assert isinstance(params.how, VisitParams)
+    assert isinstance(params.how, plan.VisitParams)
     shot = params.photos is not None and params.photos.trigger == "hover"
     hold = np.array([max(params.how.hold_s, HOVER_S * shot)])
     none = Track.of_path(np.zeros((1, 2)))
@@ -82,9 +71,9 @@ def visits(parts: Sequence[RegionPart], params: PlanParams) -> Candidates:
     return Candidates(tracks, _places(parts), _photo_notes(params, "one photograph over each region"))
 
 
-def perimeters(parts: Sequence[RegionPart], params: PlanParams) -> Candidates:
+def perimeters(parts: Sequence[RegionPart], params: plan.PlanParams) -> Candidates:
     """Return tracks along the outline of each region, with several corners as candidates for the start."""
-    assert isinstance(params.how, PerimeterParams)
+    assert isinstance(params.how, plan.PerimeterParams)
     min_leg_m = params.how.min_leg_m
     min_leg_m = MIN_LEG_S * params.speed_m_s if min_leg_m is None else min_leg_m
     tolerances = [params.tolerance_m or default_tolerance_m(part.polygon) for part in parts]
@@ -104,7 +93,7 @@ def perimeters(parts: Sequence[RegionPart], params: PlanParams) -> Candidates:
     return Candidates(_started_anywhere(tracks), [place for _, place in rings], notes)
 
 
-def surveys(parts: Sequence[RegionPart], params: PlanParams, home: Floats | None = None) -> Candidates:
+def surveys(parts: Sequence[RegionPart], params: plan.PlanParams, home: Floats | None = None) -> Candidates:
     """Return tracks of survey lines over each region.
 
     The effort is shared: `SEARCHED` surveys are planned to the end, but `MIN_TRIES` at least for each region.
@@ -112,7 +101,7 @@ def surveys(parts: Sequence[RegionPart], params: PlanParams, home: Floats | None
     several gimbal pitches each region has one track.
     """
     how = params.how
-    assert params.spacing_m is not None and isinstance(how, SurveyParams)
+    assert params.spacing_m is not None and isinstance(how, plan.SurveyParams)
     reach_m, min_m = _line_ends(params)
     is_many = len(parts) > 1
     cover = CoverParams(
@@ -155,11 +144,9 @@ def _distinct(found: Sequence[Survey], apart_m: float) -> list[Survey]:
     return kept
 
 
-def _from_all_sides(region: Any, params: PlanParams, cover: CoverParams) -> tuple[Track, list[Survey]]:
-    """Join the lines of all gimbal pitches; those of a tilted camera in two azimuths, each there and back.
-
-    Return the track, and the surveys straight down.
-    """
+def _from_all_sides(region: Any, params: plan.PlanParams, cover: CoverParams) -> tuple[Track, list[Survey]]:
+    """Join the lines of all gimbal pitches; those of a tilted camera in two azimuths, each there and back."""
+    # Return the track, and the surveys straight down.
     tracks: list[Track] = []
     down: list[Survey] = []
     for one in params.passes:
@@ -184,9 +171,9 @@ def _from_all_sides(region: Any, params: PlanParams, cover: CoverParams) -> tupl
     return Track.joined(joined), down
 
 
-def corridors(parts: Sequence[RegionPart], params: PlanParams) -> Candidates:
+def corridors(parts: Sequence[RegionPart], params: plan.PlanParams) -> Candidates:
     """Return tracks of lines along the middle of each region."""
-    assert params.spacing_m is not None and isinstance(params.how, CorridorParams)
+    assert params.spacing_m is not None and isinstance(params.how, plan.CorridorParams)
     regions = _grown(parts, params.how.margin_m)
     flown = [corridor(region, params.spacing_m, *_line_ends(params)) for region in regions]
     tracks = [[_lines_track(one.lines, one.lines, one.legs, params)] for one in flown]
@@ -194,9 +181,9 @@ def corridors(parts: Sequence[RegionPart], params: PlanParams) -> Candidates:
     return Candidates(tracks, _places(parts), notes)
 
 
-def orbits(parts: Sequence[RegionPart], params: PlanParams) -> Candidates:
+def orbits(parts: Sequence[RegionPart], params: plan.PlanParams) -> Candidates:
     """Return tracks of a circle around each region, with the camera towards its middle."""
-    assert isinstance(params.how, OrbitParams)
+    assert isinstance(params.how, plan.OrbitParams)
     circles = [orbit(part.polygon, params.how.margin_m, params.speed_m_s) for part in parts]
     tracks, triggers = [], []
     for one, part in zip(circles, parts, strict=True):
@@ -222,7 +209,7 @@ def _places(parts: Sequence[RegionPart]) -> list[str]:
 
 
 def _grown(parts: Sequence[RegionPart], margin_m: float) -> list[Any]:
-    if margin_m < MIN_MARGIN_M:
+    if margin_m < plan.MIN_MARGIN_M:
         return [part.polygon for part in parts]
     reach_m = _outline_reach_m(margin_m)
     return [shapely.buffer(enclosing(part.polygon, reach_m), margin_m) for part in parts]
@@ -233,13 +220,13 @@ def _outline_reach_m(margin_m: float) -> float:
     return max(margin_m / 8, 1.0)
 
 
-def _line_ends(params: PlanParams) -> tuple[float, float]:
+def _line_ends(params: plan.PlanParams) -> tuple[float, float]:
     """Return the ground that photographs show past the ends of lines, and the length of the shortest line."""
     photos, height = params.photos, params.altitude_m
     return (0.0, MIN_LINE_M) if photos is None else (photos.line_reach_m(height), photos.min_line_m(height))
 
 
-def _line_costs(params: PlanParams) -> Costs:
+def _line_costs(params: plan.PlanParams) -> Costs:
     """Return the function that estimates the time of legs, for `CoverParams`."""
     vehicle, photos = params.vehicle or default_vehicle(params.autopilot), params.photos
     height, speed = params.altitude_m, params.speed_m_s
@@ -262,12 +249,12 @@ def _line_costs(params: PlanParams) -> Costs:
     return lambda xy, kind, stops: seconds(xy, speeds[kind], stops)
 
 
-def _turn_m(params: PlanParams) -> float:
+def _turn_m(params: plan.PlanParams) -> float:
     return params.speed_m_s**2 / BRAKING_M_S2
 
 
 def _lines_track(
-    lines: Iterable[Floats], outer: Iterable[Floats], legs: Sequence[Floats], params: PlanParams
+    lines: Iterable[Floats], outer: Iterable[Floats], legs: Sequence[Floats], params: plan.PlanParams
 ) -> Track:
     """Join lines with photographs to straight legs before and after them, and legs between, without."""
     tracks = []
@@ -312,14 +299,14 @@ def _ring_notes(offsets: Sequence[OffsetRings], min_leg_m: float) -> list[str]:
     return notes
 
 
-def _outline_notes(parts: Sequence[RegionPart], params: PlanParams) -> list[str]:
+def _outline_notes(parts: Sequence[RegionPart], params: plan.PlanParams) -> list[str]:
     """Return a note where `_grown` and `flight_space` take outlines of fewer corners."""
-    assert params.spacing_m is not None and isinstance(params.how, SurveyParams | CorridorParams)
+    assert params.spacing_m is not None and isinstance(params.how, plan.SurveyParams | plan.CorridorParams)
     many = sum(shapely.get_num_coordinates(part.polygon) > MANY_CORNERS for part in parts)
     if not many:
         return []
     margin_m = params.how.margin_m
-    reach_m = COARSE * params.spacing_m + (_outline_reach_m(margin_m) if margin_m >= MIN_MARGIN_M else 0)
+    reach_m = COARSE * params.spacing_m + (_outline_reach_m(margin_m) if margin_m >= plan.MIN_MARGIN_M else 0)
     return [
         f"{many} of {len(parts)} regions have outlines of more than {MANY_CORNERS} corners: they are "
         f"simplified and reach up to {reach_m:.3g} m farther, and holes of less than "
@@ -327,10 +314,10 @@ def _outline_notes(parts: Sequence[RegionPart], params: PlanParams) -> list[str]
     ]
 
 
-def _corridor_note(regions: Sequence[Any], flown: Sequence[Survey], params: PlanParams) -> list[str]:
+def _corridor_note(regions: Sequence[Any], flown: Sequence[Survey], params: plan.PlanParams) -> list[str]:
     """Return a note where corridors would take clearly less time."""
     assert params.spacing_m is not None
-    if params.angle_deg is not None or params.how != SurveyParams():
+    if params.angle_deg is not None or params.how != plan.SurveyParams():
         return []
     bent = [
         k
@@ -353,11 +340,11 @@ def _corridor_note(regions: Sequence[Any], flown: Sequence[Survey], params: Plan
 NO_PHOTOS = "no photographs are taken; give a camera (--camera) for that"
 
 
-def _photo_notes(params: PlanParams, how_often: str = "") -> list[str]:
+def _photo_notes(params: plan.PlanParams, how_often: str = "") -> list[str]:
     """Return notes about the photographs of a mission; by default they are taken along lines."""
     photos, height = params.photos, params.altitude_m
     if photos is None:
-        return [NO_PHOTOS] if params.pattern in COVERING else []
+        return [NO_PHOTOS] if params.pattern in plan.COVERING else []
     across, along = photos.camera.footprint_m(height, photos.pitch_deg)
     lines = f"lines {params.spacing_m:.1f} m apart, " if params.spacing_m is not None else ""
     ground = "over flat ground" if params.terrain is None else "above the ground"

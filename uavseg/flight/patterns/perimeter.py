@@ -106,10 +106,8 @@ def _simplified(region: Any, tolerance_m: float) -> Any:
 
 
 def _offset_holes(parts: Sequence[Any], region: Any, offset_m: float) -> list[Any]:
-    """Return the holes of an offset, but for tiny ones that GEOS leaves in the middle of some buffers.
-
-    Those have no corner at the offset.
-    """
+    """Return the holes of an offset, but for tiny ones that GEOS leaves in the middle of some buffers."""
+    # Those have no corner at the offset.
     holes = [hole for part in parts for hole in part.interiors]
     if abs(offset_m) < MIN_MARGIN_M or not holes:
         return holes

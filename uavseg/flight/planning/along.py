@@ -61,14 +61,10 @@ def items_along(
     """
     heights = constant_height(track, params) if heights is None else heights
     places = np.round(track.xy, DEGREE_DECIMALS).tolist()
-    corners = zip(
-        places,
-        heights.height_m.tolist(),
-        heights.speed_m_s.tolist(),
-        track.hold_s.tolist(),
-        _corner_actions(track, params),
-        strict=True,
+    height_m, speed_m_s, hold_s = (
+        one.tolist() for one in (heights.height_m, heights.speed_m_s, track.hold_s)
     )
+    corners = zip(places, height_m, speed_m_s, hold_s, _corner_actions(track, params), strict=True)
     flight = []
     speed = begin = float(speeds_of(track, params)[0])
     for (lon, lat), height, leg_speed, hold, actions in corners:

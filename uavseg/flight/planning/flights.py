@@ -27,10 +27,8 @@ from uavseg.flight.terrain.leg_speeds import fewest_changes, speed_notes, with_s
 
 FIXED_ITEMS = 5  # takeoff, speed, gimbal, return, and one in reserve
 ATTEMPTS = 8
-SEPARATION_M = 5.0
-"""Between the heights of vehicles that are in the air at once."""
-USUAL_WIND_M_S = 5.0
-"""Where no wind is given, the reserve holds in this one, from any direction."""
+SEPARATION_M = 5.0  # between the heights of vehicles that are in the air at once
+USUAL_WIND_M_S = 5.0  # where no wind is given, the reserve holds in this one, from any direction
 
 
 def missions_over(
@@ -65,12 +63,7 @@ def missions_over(
 
 
 def _split(
-    route: RegionRoute,
-    home: HomePosition,
-    plane: Plane,
-    keep_out: KeepOut,
-    params: PlanParams,
-    wind: Wind,
+    route: RegionRoute, home: HomePosition, plane: Plane, keep_out: KeepOut, params: PlanParams, wind: Wind
 ) -> tuple[list[Track], list[Mission]]:
     """Return the tracks and missions of flights, those of one vehicle after those of another."""
     limits, vehicles = params.limits, params.limits.vehicles

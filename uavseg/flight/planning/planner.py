@@ -11,15 +11,8 @@ from numpy.typing import NDArray
 from uavseg.arrays import Floats
 from uavseg.errors import MissionError
 from uavseg.flight.cover.survey import Survey
+from uavseg.flight.mission import items
 from uavseg.flight.mission.duration import CALM
-from uavseg.flight.mission.items import (
-    DEGREE_DECIMALS,
-    MAX_DISTANCE_M,
-    HomePosition,
-    check_near,
-    check_position,
-    distance_m,
-)
 from uavseg.flight.mission.mission import NEARLY_CONVEX, Mission, Position, SurveyBlock
 from uavseg.flight.mission.track import Plane, Track, plane_around
 from uavseg.flight.params.plan import MAX_MARGIN_M, PARAMS_OF, PerimeterParams, PlanParams
@@ -27,11 +20,7 @@ from uavseg.flight.patterns import candidates as patterns
 from uavseg.flight.patterns.candidates import RegionPart
 from uavseg.flight.planning.along import home_notes
 from uavseg.flight.planning.flights import LegCosts, flight_limits, missions_over
-from uavseg.flight.planning.split import (
-    check_order,
-    fastest,
-    short_route,
-)
+from uavseg.flight.planning.split import check_order, fastest, short_route
 from uavseg.flight.safety.keep_out import KeepOut, keep_out_of, near_zones
 from uavseg.flight.terrain.follow import home_on_ground
 
@@ -41,25 +30,27 @@ SLACK = 0.1  # spacings by which outlines are simplified
 NEIGHBOURS = 1.05  # spacings between lines of one block, at most
 
 
-def plane_of(polygons: Sequence[Any], points: Sequence[tuple[float, float]], home: HomePosition) -> Plane:
+def plane_of(
+    polygons: Sequence[Any], points: Sequence[tuple[float, float]], home: items.HomePosition
+) -> Plane:
     """Return the local plane of regions; refuse regions that are not on Earth, or not near home.
 
     The polygons are in degrees (lon, lat); `points` are one inside each.
     """
     bounds = shapely.bounds(shapely.get_parts(np.array(polygons, dtype=object)))
     (west, south), (east, north) = bounds[:, :2].min(axis=0), bounds[:, 2:].max(axis=0)
-    check_position(south, west, "a region")
-    check_position(north, east, "a region")
-    lon, lat = min(points, key=lambda point: distance_m(home.lat, home.lon, point[1], point[0]))
-    check_near(home, lat, lon)
+    items.check_position(south, west, "a region")
+    items.check_position(north, east, "a region")
+    lon, lat = min(points, key=lambda point: items.distance_m(home.lat, home.lon, point[1], point[0]))
+    items.check_near(home, lat, lon)
     plane = plane_around(bounds, home.lon)
     x, y = plane.xy_from_lonlat(bounds[:, [0, 2, 0, 2]], bounds[:, [1, 1, 3, 3]])
     home_x, home_y = plane.xy_from_lonlat(home.lon, home.lat)
     farthest = float(np.hypot(x - home_x, y - home_y).max())
-    if not farthest <= MAX_DISTANCE_M:
+    if not farthest <= items.MAX_DISTANCE_M:
         raise MissionError(
             f"the regions reach {farthest / 1000:.0f} km from home; "
-            f"at most {MAX_DISTANCE_M / 1000:.0f} km are allowed: choose regions that are nearer"
+            f"at most {items.MAX_DISTANCE_M / 1000:.0f} km are allowed: choose regions that are nearer"
         )
     return plane
 
@@ -126,8 +117,7 @@ def clear_parts(parts: list[RegionPart], keep_out: KeepOut) -> tuple[list[Region
     return cleared, [f"{note}, and are not flown over"]
 
 
-MAX_WAYPOINTS = 20_000
-"""Of all flights together: 30 full boards."""
+MAX_WAYPOINTS = 20_000  # of all flights together: 30 full boards
 MIN_REACH_M = 100.0
 _PATTERN_FUNCTIONS = {
     "visit": patterns.visits,
@@ -158,7 +148,7 @@ def plan_missions(
         raise MissionError("there is no region to fly to; choose at least one")
     check_regions(len(polygons), params)
     home, at_home = home_on_ground(home, params)
-    start = HomePosition(*home)
+    start = items.HomePosition(*home)
     plane = plane_of(polygons, points, start)
     place = np.column_stack(plane.xy_from_lonlat([start.lon], [start.lat]))[0]
     regions = plane.project_polygons(polygons)
@@ -298,4 +288,4 @@ def _outline(lines: Floats) -> Floats:
 
 def _positions(xy: Floats, plane: Plane) -> tuple[Position, ...]:
     lon, lat = plane.lonlat_from_xy(*xy.T)
-    return tuple(map(tuple, np.round(np.column_stack([lat, lon]), DEGREE_DECIMALS).tolist()))
+    return tuple(map(tuple, np.round(np.column_stack([lat, lon]), items.DEGREE_DECIMALS).tolist()))

@@ -10,29 +10,9 @@ from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.avoid.free_space import FreeSpace
+from uavseg.flight.mission import items as mav
 from uavseg.flight.mission.estimate import FlownPath, flown_path
-from uavseg.flight.mission.items import (
-    CAMERA_DISTANCE,
-    CAMERA_INTERVAL,
-    CHANGE_SPEED,
-    DEGREE_DECIMALS,
-    ELSEWHERE,
-    FRAME_AMSL,
-    FRAME_TERRAIN,
-    IMAGE_START,
-    IMAGE_STOP,
-    KNOWN,
-    LANDINGS,
-    LAST_NAV,
-    LOITER,
-    MOUNT_CONTROL,
-    RETURN,
-    ROI_LOCATION,
-    ROI_NONE,
-    TAKEOFFS,
-    WAYPOINT,
-    MissionItem,
-)
+from uavseg.flight.mission.items import MissionItem
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.track import Plane
 from uavseg.flight.mission.vehicle import default_vehicle
@@ -52,10 +32,10 @@ _OTHERS = ("relay", "servo", "gripper", "camera mode", "zoom", "focus")
 _SETS = {
     204: "mount",
     115: _YAW,
-    CHANGE_SPEED: _SPEED,
-    **dict.fromkeys((MOUNT_CONTROL, 1000), _GIMBAL),
-    **dict.fromkeys((ROI_LOCATION, ROI_NONE, 201), _LOOK),
-    **dict.fromkeys((CAMERA_DISTANCE, CAMERA_INTERVAL, IMAGE_START, IMAGE_STOP), _TRIGGER),
+    mav.CHANGE_SPEED: _SPEED,
+    **dict.fromkeys((mav.MOUNT_CONTROL, 1000), _GIMBAL),
+    **dict.fromkeys((mav.ROI_LOCATION, mav.ROI_NONE, 201), _LOOK),
+    **dict.fromkeys((mav.CAMERA_DISTANCE, mav.CAMERA_INTERVAL, mav.IMAGE_START, mav.IMAGE_STOP), _TRIGGER),
     **dict.fromkeys((2500, 2501), "video"),
     **dict(zip((181, 183, 211, 530, 531, 532), _OTHERS, strict=True)),
 }
@@ -91,9 +71,9 @@ def path_of(mission: Mission) -> FlownPath:
     ended = flown = False
     for number, item in enumerate(mission.items, start=1):
         reason = ""
-        if item.command in ELSEWHERE or (item.command < LAST_NAV and item.command not in KNOWN):
+        if item.command in mav.ELSEWHERE or (item.command < mav.LAST_NAV and item.command not in mav.KNOWN):
             reason = "where the vehicle flies there is not known here"
-        elif item.command in TAKEOFFS and flown:
+        elif item.command in mav.TAKEOFFS and flown:
             reason = "it takes off once more"
         elif item.has_position and ended:
             reason = "it flies on after a return, a landing or a wait without end"
@@ -103,7 +83,7 @@ def path_of(mission: Mission) -> FlownPath:
                 "edit the mission in its ground station"
             )
         flown = flown or item.has_position
-        ended = ended or item.command in {RETURN, LOITER, *LANDINGS}
+        ended = ended or item.command in {mav.RETURN, mav.LOITER, *mav.LANDINGS}
     return flown_path(mission, mission.vehicle or default_vehicle(mission.autopilot))
 
 
@@ -124,13 +104,13 @@ def rest_of(mission: Mission, path: FlownPath, cut: Cut) -> Rest:
     slack_m = _photo_step_m(path, cut.leg) / 2 if cut.is_photo else 0.0
     taken = [shot for shot in shots if shot <= (cut.leg, cut.share + _SLACK)]
     stops = stops_of(mission)
-    is_left = cut.leg < len(stops) and mission.items[stops[cut.leg]].command not in LANDINGS
+    is_left = cut.leg < len(stops) and mission.items[stops[cut.leg]].command not in mav.LANDINGS
     if shots:
         is_left &= any(_along(path, *shot) > at + slack_m for shot in shots[len(taken) :])
     if not is_left:
         raise MissionError("nothing is left of the mission: what it photographs or flies to was done")
     leg, share = _resume_place(path, cut, taken)
-    if not leg or mission.items[stops[leg - 1]].command in TAKEOFFS:  # on the way to the first waypoint
+    if not leg or mission.items[stops[leg - 1]].command in mav.TAKEOFFS:  # on the way to the first waypoint
         return Rest(mission, leg, share, len(taken))
     return Rest(_rest(mission, path, leg, share), leg, share, len(taken))
 
@@ -181,20 +161,20 @@ def _rest(mission: Mission, path: FlownPath, leg: int, share: float) -> Mission:
     first = stops[leg - 1] if share == 0 else stops[leg]  # of the items that are flown as they are
     ahead = items[stops[leg]]
     flown = [items[k] for k in stops[: leg + 1]]
-    if len({item.frame == FRAME_TERRAIN for item in flown if item.command not in TAKEOFFS}) > 1:
+    if len({item.frame == mav.FRAME_TERRAIN for item in flown if item.command not in mav.TAKEOFFS}) > 1:
         raise MissionError("heights above the terrain and others before the cut cannot be compared")
 
     def zero_m(item: MissionItem) -> float:
-        return mission.home.altitude_m if item.frame == FRAME_AMSL else 0.0
+        return mission.home.altitude_m if item.frame == mav.FRAME_AMSL else 0.0
 
     def height_m(item: MissionItem) -> float:
         return item.altitude_m - zero_m(item)
 
     def waypoint(lat: float, lon: float, above_m: float) -> MissionItem:
         altitude_m = round(above_m + zero_m(ahead), 3)
-        heading = ahead.params[3] if ahead.command == WAYPOINT else None
-        lat, lon = round(lat, DEGREE_DECIMALS), round(lon, DEGREE_DECIMALS)
-        return MissionItem(WAYPOINT, ahead.frame, (0.0, 0.0, 0.0, heading), lat, lon, altitude_m)
+        heading = ahead.params[3] if ahead.command == mav.WAYPOINT else None
+        lat, lon = round(lat, mav.DEGREE_DECIMALS), round(lon, mav.DEGREE_DECIMALS)
+        return MissionItem(mav.WAYPOINT, ahead.frame, (0.0, 0.0, 0.0, heading), lat, lon, altitude_m)
 
     def on_leg(k: int, part: float) -> MissionItem:
         xy = path.xyz_m[k, :2] + part * (path.xyz_m[k + 1] - path.xyz_m[k])[:2]
@@ -217,15 +197,13 @@ def _rest(mission: Mission, path: FlownPath, leg: int, share: float) -> Mission:
     level_m = max(map(height_m, flown))
     if level_m - height_m(entry[0]) > _SAME_HEIGHT_M:
         entry.insert(0, waypoint(entry[0].lat, entry[0].lon, level_m))
-    head = [item for item in items[:first] if item.command in TAKEOFFS]
-    up = []
-    for takeoff in head:
-        if level_m - height_m(takeoff) > _SAME_HEIGHT_M:
-            start = mission.home if takeoff.is_at_vehicle else takeoff
-            up = [waypoint(start.lat, start.lon, level_m)]
+    head = [item for item in items[:first] if item.command in mav.TAKEOFFS]
+    start = next((item for item in head if not item.is_at_vehicle), mission.home)
+    is_low = any(level_m - height_m(item) > _SAME_HEIGHT_M for item in head)
+    up = [waypoint(start.lat, start.lon, level_m)] * is_low
     lasting = _lasting(items[:first])
     begin = _lasting(items[: stops[len(head)]]).get(_SPEED)
-    early = [item for key, item in lasting.items() if key in _EARLY and item.command != ROI_NONE]
+    early = [item for key, item in lasting.items() if key in _EARLY and item.command != mav.ROI_NONE]
     there = [item for key, item in lasting.items() if key not in {*_EARLY, _TRIGGER} and item != begin]
     trigger = _started(lasting.get(_TRIGGER))
     head += [*([] if begin is None else [begin]), *early, *up]
@@ -236,10 +214,8 @@ def _rest(mission: Mission, path: FlownPath, leg: int, share: float) -> Mission:
     straight = with_way(())
     if not fence_problems(straight):
         return straight
-    start_xy = plane.xy_from_lonlat(*((up or head)[0].lon, (up or head)[0].lat)) if head else (0.0, 0.0)
-    end_xy = plane.xy_from_lonlat(entry[0].lon, entry[0].lat)
-    corners = _way_round(mission, plane, np.array(start_xy, float), np.array(end_xy, float))
-    lon, lat = plane.lonlat_from_xy(*corners.T)
+    ends = np.column_stack(plane.xy_from_lonlat([start.lon, entry[0].lon], [start.lat, entry[0].lat]))
+    lon, lat = plane.lonlat_from_xy(*_way_round(mission, plane, ends).T)
     return with_way([waypoint(*place, level_m) for place in zip(lat.tolist(), lon.tolist(), strict=True)])
 
 
@@ -253,12 +229,16 @@ def _lasting(items: Sequence[MissionItem]) -> dict[str, MissionItem]:
             found.pop(_YAW, None)  # it holds up to the next waypoint
         elif setting is None and item.command in _ONCE:
             continue
-        elif setting is None or (setting == _YAW and fourth == 1):
+        elif (
+            setting is None
+            or (setting, fourth) == (_YAW, 1)
+            or (item.command == mav.IMAGE_START and third > 1)
+        ):
             raise MissionError(
                 f"item {number} (command {item.command}) comes before the cut, and whether it has to be done "
                 "again is not known here; edit the mission in its ground station"
             )
-        elif (setting == _SPEED and second <= 0) or (item.command == IMAGE_START and third == 1):
+        elif (setting == _SPEED and second <= 0) or (item.command == mav.IMAGE_START and third == 1):
             continue
         else:
             if setting in _NUMBERED or (setting == _SPEED and first > 1):
@@ -270,29 +250,26 @@ def _lasting(items: Sequence[MissionItem]) -> dict[str, MissionItem]:
 
 def _started(trigger: MissionItem | None) -> list[MissionItem]:
     """Return the item that starts photographs again, with one at once; nothing where they were stopped."""
-    if trigger is None or trigger.command == IMAGE_STOP:
+    if trigger is None or trigger.command == mav.IMAGE_STOP:
         return []
-    if trigger.command == IMAGE_START:
+    if trigger.command == mav.IMAGE_START:
         return [trigger]
     every, shutter, _, last = trigger.params
     if (every or 0.0) <= 0:
         return []
-    at_once = 1.0 if trigger.command == CAMERA_DISTANCE else trigger.params[2]
+    at_once = 1.0 if trigger.command == mav.CAMERA_DISTANCE else trigger.params[2]
     return [replace(trigger, params=(every, shutter, at_once, last))]
 
 
-def _way_round(mission: Mission, plane: Plane, start: Floats, end: Floats) -> Floats:
+def _way_round(mission: Mission, plane: Plane, ends: Floats) -> Floats:
     """Return the corners (n, 2) of the shortest way within the fence, in metres, without its ends."""
-    within: list[shapely.Geometry] = []
-    without: list[shapely.Geometry] = []
-    for shape in mission.fence:
-        area = area_of(shape, plane)
-        edge = shapely.buffer(area, -DETOUR_M if shape.inclusion else DETOUR_M)
-        (within if shape.inclusion else without).append(edge)
+    areas = [(one.inclusion, area_of(one, plane)) for one in mission.fence]
+    within = [shapely.buffer(area, -DETOUR_M) for inclusion, area in areas if inclusion]
+    without = [shapely.buffer(area, DETOUR_M) for inclusion, area in areas if not inclusion]
     inside = shapely.intersection_all(within) if within else None
     try:
         obstacles = list(shapely.get_parts(shapely.union_all(without)))
-        return FreeSpace(inside, obstacles).path(start.tolist(), end.tolist())[1:-1]
+        return FreeSpace(inside, obstacles).path(*ends.tolist())[1:-1]
     except MissionError as error:
         raise MissionError(
             "the straight way from home to where the flight goes on leaves the fence or enters a zone to "

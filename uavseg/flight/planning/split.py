@@ -168,8 +168,7 @@ def _ordered(
     ]
 
 
-MIN_LEG_M = 0.7
-"""A little more than the shortest leg that Litchi flies, 0.6 m."""
+MIN_LEG_M = 0.7  # a little more than the shortest leg that Litchi flies, 0.6 m
 
 
 def without_short_legs(track: Track, space: FreeSpace) -> Track:
@@ -326,18 +325,6 @@ def _in_another_order(
     """Return a route over the regions in an order that so many flights fly within a time, if one is found."""
     if not 0 < route.region[-1] < MAX_REORDERED:
         return None
-    between_s = _between_s(route, pieces)
-    found = order_of_regions(pieces, route.region, between_s, count, longest_s, limits.flown_items)
-    if found is None:
-        return None
-    other = route.reordered(*found)
-    other_pieces = _pieces(other, limits)
-    fits = 0 < other_pieces.fewest(longest_s, limits.flown_items) <= count
-    return (other, other_pieces) if fits else None
-
-
-def _between_s(route: RegionRoute, pieces: Pieces) -> Floats:
-    """Return times between starts (even) and ends (odd) of regions, at the mean speed of ways from home."""
     first = np.flatnonzero(np.diff(route.region, prepend=-1))
     last = np.append(first[1:], len(route.region)) - 1
     ends = np.array(
@@ -345,8 +332,15 @@ def _between_s(route: RegionRoute, pieces: Pieces) -> Floats:
     )
     away_m = np.hypot(*(np.array([piece.xy[0] for piece in route.pieces]) - route.home).T)
     per_m = float(pieces.ways_s[0].sum()) / max(float(away_m.sum()), 1.0)
+    # Between starts (even) and ends (odd) of regions, at the mean speed of ways from home.
     between_s: Floats = route.space.paths(ends.reshape(-1, 2)).lengths * per_m
-    return between_s
+    found = order_of_regions(pieces, route.region, between_s, count, longest_s, limits.flown_items)
+    if found is None:
+        return None
+    other = route.reordered(*found)
+    other_pieces = _pieces(other, limits)
+    fits = 0 < other_pieces.fewest(longest_s, limits.flown_items) <= count
+    return (other, other_pieces) if fits else None
 
 
 def _fits(route: RegionRoute, flight: Track, limits: FlightLimits) -> bool:

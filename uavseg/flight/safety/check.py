@@ -67,7 +67,12 @@ class Clearance:
         """
         try:
             yield from self._legs(mission, maximum_m)
-            yield from self._rally(mission, maximum_m)
+            minimum_m = min(self.minimum_m, RALLY_M)
+            for number, point in enumerate(mission.rally, start=1):
+                home_m = self._ground_m(mission.home.lat, mission.home.lon)
+                above_m = home_m + point.altitude_m - self._ground_m(point.lat, point.lon)
+                place = f"rally point {number} at {point.lat:.6f},{point.lon:.6f}"
+                yield from self._outside(above_m, minimum_m, maximum_m, place)
         except MissionError as error:  # the ground is not known
             yield str(error)
 
@@ -97,14 +102,6 @@ class Clearance:
             for k in (int(above.argmin()), int(above.argmax())):
                 place = f"the position {profile.lat[k]:.6f},{profile.lon[k]:.6f}"
                 yield from self._outside(float(above[k]), self.minimum_m, maximum_m, place)
-
-    def _rally(self, mission: Mission, maximum_m: float) -> Iterator[str]:
-        minimum_m = min(self.minimum_m, RALLY_M)
-        for number, point in enumerate(mission.rally, start=1):
-            home_m = self._ground_m(mission.home.lat, mission.home.lon)
-            above_m = home_m + point.altitude_m - self._ground_m(point.lat, point.lon)
-            place = f"rally point {number} at {point.lat:.6f},{point.lon:.6f}"
-            yield from self._outside(above_m, minimum_m, maximum_m, place)
 
     def _ground_m(self, lat: float, lon: float) -> float:
         lons, lats = np.array([lon]), np.array([lat])
@@ -151,7 +148,18 @@ def fence_around(
     """
     hull = shapely.convex_hull(shapely.multipoints(path))
     outer = shapely.simplify(shapely.buffer(hull, 1.2 * margin_m, quad_segs=2), margin_m / 20)
-    zones = _few_corners(keep_out, outer, margin_m)
+    reach = shapely.buffer(outer, margin_m)
+    whole, simpler = keep_out.fence_zones, keep_out.simpler_fence_zones
+    clipped = [shapely.get_parts(shapely.intersection(zones, reach)) for zones in (whole, simpler)]
+    near = [
+        [zone for zone in zones if zone.area > 0 and shapely.intersects(outer, zone)]
+        for zones in (whole, *clipped)
+    ]
+    # Zones by the first method with few enough vertices, or the fewest.
+    maximum = MAX_VERTICES - shapely.get_num_coordinates(outer)
+    counts = [int(shapely.get_num_coordinates(zones).sum()) for zones in near]
+    enough = [k for k, count in enumerate(counts) if count <= maximum]
+    zones = near[enough[0] if enough else int(np.argmin(counts))]
     fence = [_polygon(outer, plane, True), *(_polygon(zone, plane, False) for zone in zones)]
     notes = []
     count = sum(len(shape.vertices) for shape in fence)
@@ -163,25 +171,6 @@ def fence_around(
     if any(shapely.get_num_interior_rings(zone) for zone in zones):
         notes.append("holes of keep-out zones are closed in the fence")
     return tuple(fence), notes
-
-
-def _few_corners(keep_out: KeepOut, outer: Any, margin_m: float) -> list[Any]:
-    """Return the zones that meet a hull, by the first method with few enough vertices, or the fewest."""
-    reach = shapely.buffer(outer, margin_m)
-    candidates = [
-        keep_out.fence_zones,
-        *(
-            shapely.get_parts(shapely.intersection(zones, reach))
-            for zones in (keep_out.fence_zones, keep_out.simpler_fence_zones)
-        ),
-    ]
-    near = [
-        [zone for zone in zones if zone.area > 0 and shapely.intersects(outer, zone)] for zones in candidates
-    ]
-    maximum = MAX_VERTICES - shapely.get_num_coordinates(outer)
-    counts = [int(shapely.get_num_coordinates(zones).sum()) for zones in near]
-    enough = [k for k, count in enumerate(counts) if count <= maximum]
-    return near[enough[0] if enough else int(np.argmin(counts))]
 
 
 def _polygon(ring: Any, plane: Plane, inclusion: bool) -> FencePolygon:
@@ -225,10 +214,7 @@ def rally_of_flights(missions: Sequence[Mission]) -> list[Mission]:
     A rally point that lies in no fence at all stays, for `fence_problems`.
     """
     inside = np.array(
-        [
-            [not fence_problems(replace(mission, rally=(point,))) for point in mission.rally]
-            for mission in missions
-        ]
+        [[not fence_problems(replace(one, rally=(point,))) for point in one.rally] for one in missions]
     )
     flights = []
     for mission, here in zip(missions, inside, strict=True):

@@ -284,7 +284,9 @@ def return_notes(path: Floats, keep_out: KeepOut, plane: Plane, params: PlanPara
         )
     if not keep_out.zones:
         return
-    starts = _places_along(path)
+    length = np.concatenate([[0.0], np.cumsum(leg_lengths(path))])
+    at = np.linspace(0, length[-1], min(int(length[-1] / STEP_M) + 2, STARTS))
+    starts = np.column_stack([np.interp(at, length, path[:, 0]), np.interp(at, length, path[:, 1])])
     returns = shapely.linestrings(np.stack([np.broadcast_to(path[0], starts.shape), starts], axis=1))
     crosses = shapely.intersects(keep_out.grown, returns)
     if crosses.any():
@@ -302,12 +304,6 @@ def _return_height_m(path: Floats, params: PlanParams) -> float:
     vehicles = returning_vehicles(params.vehicle, params.autopilot)
     away_m = float(np.hypot(*(path - path[0]).T).max())
     return max(min(vehicle.return_height_m, vehicle.return_slope * away_m) for vehicle in vehicles)
-
-
-def _places_along(path: Floats) -> Floats:
-    length = np.concatenate([[0.0], np.cumsum(leg_lengths(path))])
-    at = np.linspace(0, length[-1], min(int(length[-1] / STEP_M) + 2, STARTS))
-    return np.column_stack([np.interp(at, length, path[:, 0]), np.interp(at, length, path[:, 1])])
 
 
 def home_outside(
@@ -329,7 +325,15 @@ def home_outside(
     regions = np.array([*polygons, None], object)[:-1]
     plane = plane_around(shapely.bounds(shapely.get_parts(regions)), points[0][0])
     keep_out = KeepOut(list(plane.project_polygons(zones)), avoid_margin_m)
-    outlines = shapely.get_exterior_ring(shapely.get_parts(_around(regions, plane, keep_out.grown)))
+    west, south, east, north = shapely.bounds(regions).T
+    bounds = np.column_stack([*plane.xy_from_lonlat(west, south), *plane.xy_from_lonlat(east, north)])
+    groups = neighbour_groups(regions, bounds)  # a hole that several regions enclose lies within their group
+    areas = []
+    for k, group in enumerate(groups):
+        steps_done(k, len(groups))
+        metres = shapely.make_valid(plane.project_polygons(regions[group]))
+        areas.append(_cleared(metres if k else np.append(metres, keep_out.grown)))
+    outlines = shapely.get_exterior_ring(shapely.get_parts(merged(areas, fill=True)))
     places = shapely.get_coordinates(shapely.segmentize(outlines, HOME_STEP_M))
     middle = np.mean(np.column_stack(plane.xy_from_lonlat(*np.array(points).T)), axis=0)
     nearest = places[np.argsort(np.hypot(*(places - middle).T), kind="stable")[:MAX_TRIES]]
@@ -339,22 +343,6 @@ def home_outside(
     raise MissionError(
         "no place for home was found near the regions on valid pixels of the raster; give --home LAT,LON"
     )
-
-
-def _around(regions: NDArray[np.object_], plane: Plane, zones: Any) -> Any:
-    """Merge regions (degrees) and zones (metres), with the clearance around them and without holes.
-
-    Groups of neighbours are filled one by one: a hole that several of them enclose lies within their group.
-    """
-    west, south, east, north = shapely.bounds(regions).T
-    bounds = np.column_stack([*plane.xy_from_lonlat(west, south), *plane.xy_from_lonlat(east, north)])
-    groups = neighbour_groups(regions, bounds)
-    areas = []
-    for k, group in enumerate(groups):
-        steps_done(k, len(groups))
-        metres = shapely.make_valid(plane.project_polygons(regions[group]))
-        areas.append(_cleared(metres if k else np.append(metres, zones)))
-    return merged(areas, fill=True)
 
 
 def _cleared(areas: NDArray[np.object_]) -> Any:

@@ -179,11 +179,8 @@ def fly_over(dem: Dem, lon: Floats, lat: Floats, params: PlanParams, speeds: Flo
         rates = Rates(climb, descent, speed)
         part = slice(start, end + 1)
         at, height = ground.along_m[part], target[part]
-        points = (
-            points_climbed_early(at, height, (1 - GAP) * tolerance_m, rates)
-            if early
-            else points_within(at, height, (1 - GAP) * tolerance_m)
-        )
+        off_m = (1 - GAP) * tolerance_m
+        points = points_climbed_early(at, height, off_m, rates) if early else points_within(at, height, off_m)
         chosen.append(start + np.array(points[1:], np.int64))
         speed_m_s.append(rates.speeds(np.diff(at[points]), np.diff(height[points])))
     return AltitudeProfile(

@@ -265,26 +265,19 @@ def follow_ground(track: Track, home: HomePosition, params: PlanParams) -> Groun
     places = np.column_stack(
         [np.round(flight.ground.lon[kept], DECIMALS), np.round(flight.ground.lat[kept], DECIMALS)]
     )
-    track = _with_added(track, places, heights.added, leg)
+    # `places` (n, 2) are those of all corners, in degrees; `added` (n,) says which of them are not corners of
+    # the track. `leg` (n,) is the leg to each corner: 0 leads from home, and 1 is the track's first.
+    speed, leg = track.speed_m_s[leg], leg[1:]
+    whole = Track.joined([Track.transit(track.xy[[0, 0]]), track])
+    hold_s, shots = np.zeros(len(places)), np.zeros(len(places), bool)
+    hold_s[~heights.added], shots[~heights.added] = track.hold_s, track.shots
+    legs = {name: getattr(whole, name)[leg] for name in OF_LEGS}
+    track = Track(xy=places, hold_s=hold_s, shots=shots, speed_m_s=speed, **legs)
     notes = terrain_notes(
         flight, int(heights.added.sum()), heights.speed_m_s, speeds_of(track, params), params, leads_home
     )
     ground = _ground(terrain.dem, home, places, flight, over_back, params)
     return GroundPath(track=track, heights=heights, ground=ground, notes=tuple(notes))
-
-
-def _with_added(track: Track, places: Floats, added: NDArray[np.bool_], leg: Integers) -> Track:
-    """Add points to the legs of a track; what is done on a leg continues there.
-
-    `places` (n, 2) are those of all corners, in degrees; `added` (n,) says which of them are not corners of
-    the track. `leg` (n,) is the leg to each corner: 0 leads from home, and 1 is the track's first.
-    """
-    speed, leg = track.speed_m_s[leg], leg[1:]
-    whole = Track.joined([Track.transit(track.xy[[0, 0]]), track])
-    hold_s, shots = np.zeros(len(places)), np.zeros(len(places), bool)
-    hold_s[~added], shots[~added] = track.hold_s, track.shots
-    legs = {name: getattr(whole, name)[leg] for name in OF_LEGS}
-    return Track(xy=places, hold_s=hold_s, shots=shots, speed_m_s=speed, **legs)
 
 
 def _heights(

@@ -6,7 +6,7 @@ tiles side by side. Which of the two makes no difference to a result.
 
 import csv
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from contextlib import closing, suppress
 from contextvars import copy_context
 from dataclasses import replace
@@ -55,19 +55,6 @@ class Outcome:
         """The error as one clause that names the source."""
         text = self.error or ""
         return text if text.startswith(f"{self.source} ") else f"{self.source} failed: {text}"
-
-
-def check_report(path: str, outputs: Iterable[str], overwrite: bool = False) -> None:
-    """Check that a report may be written, before the work.
-
-    `outputs` are the other files of the run. An OutputError says that it is not a .csv, exists and may not be
-    replaced, or has the name of an output.
-    """
-    if Path(path).suffix.lower() != ".csv":
-        raise OutputError(f"{path}: a report is written to .csv")
-    check_target(path, overwrite)
-    if os.path.realpath(path) in {os.path.realpath(name) for name in outputs}:
-        raise OutputError(f"{path} is an output and the report; give each a name of its own")
 
 
 def write_report(outcomes: Sequence[Outcome], path: str, overwrite: bool = False) -> None:
@@ -135,7 +122,11 @@ def plan_tasks(sources: Sequence[Path_], names: OutputNames) -> tuple[list[Sourc
     check_distinct_outputs(rasters, own)
     outputs = [name for task in tasks for name in task.outputs]
     if names.report is not None:
-        check_report(names.report, outputs, names.overwrite)
+        if Path(names.report).suffix.lower() != ".csv":
+            raise OutputError(f"{names.report}: a report is written to .csv")
+        check_target(names.report, names.overwrite)
+        if os.path.realpath(names.report) in map(os.path.realpath, outputs):
+            raise OutputError(f"{names.report} is an output and the report; give each a name of its own")
     keep_inputs([*outputs, names.report], rasters)
     return tasks, len(rasters) - len(tasks)
 

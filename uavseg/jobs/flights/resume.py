@@ -26,9 +26,7 @@ from uavseg.plain_text import shown
 FARTHEST_M = 100.0  # of a place from the path
 APART_M = 20.0  # along the path: nearer parts of it are one and the same
 UNSURE_M = 3.0  # of a position by satellite
-CHECK = SafetyCheck(
-    SafetyParams(max_altitude_m=MAX_HEIGHT_M)
-)  # the fence; the heights are those of the mission
+CHECK = SafetyCheck(SafetyParams(max_altitude_m=MAX_HEIGHT_M))  # of the fence
 
 
 def resume(
@@ -161,7 +159,8 @@ def _cut_of_log(mission: Mission, path: FlownPath, log: str | os.PathLike[str]) 
         if end.item is None:
             cut, more = _cut_at_place(mission, path, end.place)
             return replace(cut, is_photo=end.is_photo), notes + more
-        leg, last = _leg_to(mission, end.item), _leg_to(mission, end.last_item or end.item)
+        leg = _leg_to(mission, end.item)
+        last = leg if end.last_item is None else _leg_to(mission, end.last_item)
         check_position(*end.place, "the end of the flight")
     except MissionError as error:
         raise MissionError(f"{name}: {error}") from error

@@ -77,10 +77,7 @@ class ClassifyRequest:
 
 
 def classify_request(options: ClassifyOptions, with_objects: bool | None = None) -> ClassifyRequest:
-    """Return the states of which a map is classified.
-
-    Objects are outlined by default where a file of them is written.
-    """
+    """Return the states of which a map is classified; objects are outlined by default for a file of them."""
     named = options.objects is not None or options.labels is not None
     return ClassifyRequest(
         StateLimits(options.free_below, options.occupied_above),

@@ -302,10 +302,7 @@ def _classes_at(side: Side, geobox: GeoBox, window: Window, invalid: int) -> NDA
 
 
 def _places(geobox: GeoBox, other: GeoBox, window: Window) -> list[Integers]:
-    """Return row and column of another raster in which the centre of each pixel of a window lies; or -1.
-
-    They are to be broadcast: rows do not depend on columns where both grids run along the same axes.
-    """
+    """Return row and column of another raster at each pixel's centre, to be broadcast; -1 outside of it."""
     row = np.arange(window.row, window.row + window.rows)[:, None]
     col = np.arange(window.col, window.col + window.cols)[None]
     if geobox == other:

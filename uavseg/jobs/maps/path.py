@@ -28,23 +28,20 @@ class PathRequest:
     segment: SegmentParams = SegmentParams(refine="pixels")
 
 
-def path_params(segment: SegmentParams, refine: str | None) -> SegmentParams:
-    """Set the refinement of a path's regions: "pixels" by default, and "scan" with the paper's method."""
+def path_request(options: PathOptions) -> PathRequest:
+    """Return the two places of a path, and over what it leads."""
+    interval, params = requested_range(options.ranges), PathParams(options.clearance, options.smooth)
+    segment, refine = options.division.segment_params(), options.refine
     if refine is None:
         refine = "scan" if segment.method == "paper" else "pixels"
     if refine not in ("pixels", "scan"):
         raise ParameterError(f"regions of a path are refined by pixels or scan, not {refine}")
-    return SegmentParams.from_options(segment.method, segment.threshold, segment.intensity_step, refine)
-
-
-def path_request(options: PathOptions) -> PathRequest:
-    """Return the two places of a path, and over what it leads."""
     return PathRequest(
-        requested_range(options.ranges),
+        interval,
         start=options.start,
         goal=options.goal,
-        params=PathParams(options.clearance, options.smooth),
-        segment=path_params(options.division.segment_params(), options.refine),
+        params=params,
+        segment=SegmentParams.from_options(segment.method, segment.threshold, segment.intensity_step, refine),
     )
 
 

@@ -196,10 +196,7 @@ def outlines_by_color(
     samples: Sequence[SampleMask],
     passes: Sequence[TilePass],
 ) -> tuple[RegionOutlines, Disc | None]:
-    """Return outlines where the likeness is one half and more, and where the next sample would help most.
-
-    Samples are all that were given. There are two passes.
-    """
+    """Return outlines where likeness is one half and more, and the best next sample; in two passes."""
     params = SegmentParams(refine="none") if request.refine == "none" else SegmentParams()
     with phase("division"):
         blocks = measure_block_map_for(similarity, LIKELY, params, passes[0])
@@ -239,9 +236,6 @@ def regions_by_color(
 
 
 def similarity_of(outlined: RegionOutlines, own: float) -> NDArray[np.float64]:
-    """Return mean likeness of regions as a share of that of the sample, at most 1: (n,) float64.
-
-    The outlines have the sums of likeness; `own` is the mean likeness of the sample.
-    """
+    """Return the mean likeness of regions as a share of the sample's, `own`, at most 1: (n,) float64."""
     means = outlined.sums.greys / np.maximum(outlined.sums.counts, 1) / GREY_MAX
     return np.asarray(np.minimum(means / max(own, 1e-9), 1))

@@ -136,10 +136,7 @@ def _scatter(away: Floats, shares: Floats) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class SuggestLikeRequest:
-    """Samples of what is wanted, at least one, and of what is not; the bands to use, all if there are none.
-
-    ParameterError is raised if there is no sample of what is wanted.
-    """
+    """Samples of what is wanted (none: ParameterError) and of what is not; the bands to use, all if none."""
 
     like: tuple[Disc | str, ...]
     unlike: tuple[Disc | str, ...] = ()
@@ -208,10 +205,7 @@ class SampleRanges:
 
 
 def open_all_bands(source: Any, options: ReadOptions) -> Raster:
-    """Return a raster of which no band has to be chosen, however many it has; see `open_source`.
-
-    ParameterError is raised if slow light is to be taken away: ranges that part a sample are of values.
-    """
+    """Return a raster with all bands, as `open_source`; ParameterError if slow light is to be taken away."""
     if options.flatten is not None:
         raise ParameterError(
             "a sample is parted by ranges of values, which do not fit without slow light; leave flatten out"

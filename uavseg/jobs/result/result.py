@@ -114,10 +114,7 @@ _MAX_METRES = 1e8  # more than twice around the Earth
 
 @dataclass(frozen=True, slots=True)
 class Drawing:
-    """How outlines are smoothed and simplified; attributes stay those of the pixels.
-
-    A ParameterError says that one of them is negative or not finite.
-    """
+    """How outlines, not attributes, are smoothed and simplified; ParameterError if negative or not finite."""
 
     smooth_m: float | None = None  # from the pixel edges at most, and half a pixel at most; comes first
     simplify_m: float | None = None  # tolerance, see `simplify`
@@ -188,10 +185,7 @@ def _kept(ends: ArrayLike, kept: NDArray[np.bool_]) -> ArrayLike:
 
 
 def with_metadata(found: Extraction, source: Source, job: str, how: Mapping[str, Any]) -> Extraction:
-    """Return a result whose regions say what they were made from, and how.
-
-    `how` are the parameters of the job, as JSON has them; None is left out.
-    """
+    """Return a result whose regions say what they were made from, and `how` (as JSON has it; no None)."""
     stretch = found.stretch
     facts = {
         "software": f"uavseg {__version__}",

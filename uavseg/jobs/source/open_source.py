@@ -72,7 +72,11 @@ def open_probability_map(source: Any, options: ReadOptions = ReadOptions()) -> P
     if options.free_is_white is not None and not picture:
         raise ParameterError("--free-is-white and --free-is-black are for a picture without its YAML file")
     if picture and options.free_is_white:
-        return _white_picture(source, options)
+        from uavseg.occupancy.map_file import open_white_picture
+
+        if options.chooses_pixels or options.stretches("auto", "none"):
+            raise ParameterError("a picture in which free is white has no bands, nodata or stretch to choose")
+        return ProbabilityMap(*open_white_picture(source))
     opened = open_source(source, options)
     if not isinstance(opened, Raster):
         return opened
@@ -89,10 +93,7 @@ def pixels_of(source: Source, refusal: str = "") -> Raster | ProbabilityMap:
 
 
 def raster_of(source: Source, refusal: str = "") -> Raster:
-    """Return the source, which has to be a raster; a block map is refused as by `pixels_of`.
-
-    RasterReadError is raised if it is a map of probabilities that is no raster.
-    """
+    """Return the source, a raster; a block map is refused as by `pixels_of`, others by RasterReadError."""
     pixels = pixels_of(source, refusal)
     if isinstance(pixels, Raster):
         return pixels
@@ -175,14 +176,6 @@ def _ros_map(parts: Sequence[Any], options: ReadOptions) -> ProbabilityMap:
         raise ParameterError("a ROS map holds probabilities, which are not stretched; leave stretch out")
     _refuse_flatten(options, "a ROS map holds probabilities, which have no light")
     return ProbabilityMap(*open_map(parts[0]), ros_map=os.fspath(parts[0]))
-
-
-def _white_picture(source: Any, options: ReadOptions) -> ProbabilityMap:
-    from uavseg.occupancy.map_file import open_white_picture
-
-    if options.chooses_pixels or options.stretches("auto", "none"):
-        raise ParameterError("a picture in which free is white has no bands, nodata or stretch to choose")
-    return ProbabilityMap(*open_white_picture(source))
 
 
 def _unknown_polarity(picture: Path) -> str:

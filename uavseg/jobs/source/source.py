@@ -57,10 +57,7 @@ def detail_of(length: Length | None, geobox: GeoBox, refine: str, cover: bool = 
 
 
 def refuse_without_pixels(length: Length | None, refine: str) -> None:
-    """Refuse what needs pixels where a block map is all there is, with ParameterError.
-
-    That is a detail, or a refinement that takes every pixel by its own value.
-    """
+    """Refuse a detail, or a refinement by the values of pixels, where there is a block map alone."""
     if refine == "pixels":
         raise ParameterError(
             "--refine pixels takes every pixel by its own value, and the raster of this block map is not "
@@ -74,10 +71,7 @@ def refuse_without_pixels(length: Length | None, refine: str) -> None:
 
 
 def in_pixels(length: Length, geobox: GeoBox) -> tuple[int, int]:
-    """Return the nearest whole numbers of rows and columns, at least 1.
-
-    ParameterError is raised if metres are given and there is no CRS.
-    """
+    """Return the nearest whole rows and columns, at least 1; ParameterError for metres without a CRS."""
     if length.in_pixels:
         along_row = along_col = 1.0
     elif geobox.crs is None:
@@ -136,10 +130,7 @@ AUTO = StretchSpec("auto")
 
 @dataclass(frozen=True)
 class Pixels:
-    """A source whose pixels are read: a raster or a map of probabilities.
-
-    `stretch` is how values become v: fitted already, or to be fitted to the pixels.
-    """
+    """A raster or map of probabilities, whose pixels are read; its `stretch` is fitted, or to be fitted."""
 
     dataset: Dataset
     stretch: Stretch | StretchSpec = AUTO

@@ -1,7 +1,6 @@
 """Content of a web map of a raster: a picture in Web Mercator, and block means for ranges."""
 
 import warnings
-from typing import Any
 
 import numpy as np
 from affine import Affine
@@ -24,8 +23,7 @@ from uavseg.raster.geodesy.globe import WGS84, is_on_earth, transform_between
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.ground import GroundGrid, ground_grid
 from uavseg.raster.grid.tiling import Window
-from uavseg.raster.intensity.stretch import Stretch
-from uavseg.raster.read.dataset import Dataset, DatasetOverview
+from uavseg.raster.read.dataset import DatasetOverview
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaves import STEPS as STEPS
 from uavseg.segmentation.blocks.leaves import leaf_codes
@@ -41,10 +39,7 @@ QUALITY = 80
 
 @dataclass(frozen=True)
 class MercatorImage:
-    """A picture that is north-up in Web Mercator: its WebP file, with transparency, and its rows and columns.
-
-    `bounds` are west, south, east and north of its outer edges, in degrees.
-    """
+    """A north-up WebP file in Web Mercator, its rows and columns, its outer edges W, S, E, N in degrees."""
 
     webp: bytes
     shape: tuple[int, int]
@@ -144,10 +139,7 @@ class FieldMap:
 
 
 def field_map(source: Source, request: FieldMapRequest = FieldMapRequest(), work: Work = SERIAL) -> FieldMap:
-    """Compute the picture and the block means of a raster.
-
-    RasterError is raised if it has no place on Earth, or one that a map in Web Mercator cannot show.
-    """
+    """Compute the picture and block means of a raster; RasterError if Web Mercator cannot show it."""
     work = work.begun()
     raster = raster_of(source, "a block map holds no picture; name the raster that it was made from")
     if raster.geobox.crs is None or not is_on_earth(raster.geobox.wkt):
@@ -160,7 +152,7 @@ def field_map(source: Source, request: FieldMapRequest = FieldMapRequest(), work
     saved, info = block_map_of(raster, tile_pass)
     with phase("picture"), work.reading_here():
         coarse = DatasetOverview.of(raster.cleaned(tile_pass.silent), request.size)
-        picture = colored(*coarse.read(Window(0, 0, *coarse.geobox.shape)), saved.stretch, coarse)
+        picture = saved.stretch.colored(*coarse.read(Window(0, 0, *coarse.geobox.shape)))
         image = to_mercator(picture, coarse.geobox, ground, request.size)
     cells, notes = None, info.warnings
     rows, cols = raster.geobox.shape
@@ -178,20 +170,3 @@ def _cells(blocks: BlockMap, segment: SegmentParams) -> CellCodes:
     return CellCodes(
         shape=blocks.shape, codes=np.ascontiguousarray(codes), counts=np.ascontiguousarray(counts)
     )
-
-
-def colored(
-    values: NDArray[Any], valid: NDArray[np.bool_] | None, stretch: Stretch, source: Dataset
-) -> NDArray[np.uint8]:
-    """Return red, green, blue and alpha: bytes as they are in three bands, else grey through the stretch.
-
-    The values of the source are (1 or 3, rows, cols).
-    """
-    image = np.full((4, *values.shape[1:]), 255, np.uint8)
-    if len(values) == 3 and values.dtype == np.uint8 and source.choice.formula is None:
-        image[:3] = values
-    else:
-        image[:3] = (stretch.apply(values, valid) >> 8).astype(np.uint8)
-    if valid is not None:
-        image[3] = np.where(valid, 255, 0)
-    return image

@@ -235,10 +235,7 @@ def _bilinear(values: Floats, first: NDArray[np.int64], share: Floats) -> Floats
 
 
 def _is_even(values: Floats) -> bool:
-    """Return whether interpolation between all nodes errs by less than the tolerance.
-
-    With half of the intervals it errs four times as much, which the nodes in between show.
-    """
+    """Return whether interpolation errs below the tolerance: four times as much with half of the nodes."""
     if not np.isfinite(values).all():
         return False
     errors = (

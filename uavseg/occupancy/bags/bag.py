@@ -10,7 +10,7 @@ Each is a regular file in its place. rosbags itself decompresses a chunk to what
 import bz2
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import cache
 from pathlib import Path
@@ -48,23 +48,6 @@ def bag_files(path: str | os.PathLike[str]) -> list[Path]:
 
 
 def _files_of_folder(folder: Path) -> list[Path]:
-    metadata = _read_metadata(folder)
-    names = metadata.get("relative_file_paths")
-    if not isinstance(names, list) or not names or not all(isinstance(name, str) and name for name in names):
-        raise BagError(f"{folder / _METADATA} names no files of a bag; ros2 bag reindex writes it anew")
-    mode = str(metadata.get("compression_mode") or "none").lower()
-    if mode != "none":
-        raise BagError(
-            f"{folder} is compressed by {shown(mode)}; ros2 bag convert writes it without compression, or "
-            "with that of its storage (mcap), which is read"
-        )
-    files = [folder / Path(name).name for name in names]  # earlier versions wrote the folder as well
-    for file in files:
-        current_policy().check_file(folder / _METADATA, file)
-    return files
-
-
-def _read_metadata(folder: Path) -> dict[str, Any]:
     import yaml
 
     path = folder / _METADATA
@@ -82,7 +65,19 @@ def _read_metadata(folder: Path) -> dict[str, Any]:
         raise BagError(f"{path} is not the metadata of a bag ({cause_of(error)})") from error
     if not isinstance(metadata, dict):
         raise BagError(f"{path} is not the metadata of a bag")
-    return metadata
+    names = metadata.get("relative_file_paths")
+    if not isinstance(names, list) or not names or not all(isinstance(name, str) and name for name in names):
+        raise BagError(f"{folder / _METADATA} names no files of a bag; ros2 bag reindex writes it anew")
+    mode = str(metadata.get("compression_mode") or "none").lower()
+    if mode != "none":
+        raise BagError(
+            f"{folder} is compressed by {shown(mode)}; ros2 bag convert writes it without compression, or "
+            "with that of its storage (mcap), which is read"
+        )
+    files = [folder / Path(name).name for name in names]  # earlier versions wrote the folder as well
+    for file in files:
+        current_policy().check_file(folder / _METADATA, file)
+    return files
 
 
 def _check_database(file: Path) -> None:
@@ -232,34 +227,26 @@ def open_bag(path: str | os.PathLike[str]) -> Iterator[Bag]:
                 reader = _bounded_reader(file) if file.suffix in ROS1 else Reader(file)
                 reader.open()
                 stack.callback(reader.close)
-                _check_storage(getattr(reader, "storage", None), os.fspath(file))
+                storage: Any = getattr(reader, "storage", None)
+                check_overlap(getattr(storage, "chunks", []), os.fspath(file))
+                if hasattr(storage, "dbconn"):
+                    import apsw
+
+                    storage.dbconn.limit(apsw.SQLITE_LIMIT_LENGTH, MAX_MESSAGE)
             readers.append((os.fspath(file), reader))
         store = _known_types(is_ros1)
+        types: dict[str, str] = {}
+        for one in (connection for _, reader in readers for connection in reader.connections):
+            held = _RENAMED.get(one.msgtype, one.msgtype)
+            if types.setdefault(one.topic, held) != held:
+                raise BagError(f"{shown(one.topic, False)} of {name} holds messages of several types")
         yield Bag(
             name=name,
-            types=_types_of(name, [reader for _, reader in readers]),
+            types=types,
             _readers=readers,
             _decode=store.deserialize_ros1 if is_ros1 else store.deserialize_cdr,
             _hash=(lambda name: store.generate_msgdef(name)[1]) if is_ros1 else store.hash_rihs01,
         )
-
-
-def _types_of(name: str, readers: Iterable[Any]) -> dict[str, str]:
-    types: dict[str, str] = {}
-    for one in (connection for reader in readers for connection in reader.connections):
-        held = _RENAMED.get(one.msgtype, one.msgtype)
-        if types.setdefault(one.topic, held) != held:
-            raise BagError(f"{shown(one.topic, False)} of {name} holds messages of several types")
-    return types
-
-
-def _check_storage(storage: Any, name: str) -> None:
-    """Bound an open file of ROS 2: chunks at one time of an MCAP, bytes of one value of a database."""
-    check_overlap(getattr(storage, "chunks", []), name)
-    if hasattr(storage, "dbconn"):
-        import apsw
-
-        storage.dbconn.limit(apsw.SQLITE_LIMIT_LENGTH, MAX_MESSAGE)
 
 
 def _bounded_reader(file: Any) -> Any:

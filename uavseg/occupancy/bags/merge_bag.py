@@ -194,7 +194,11 @@ def _scans(
             end = tree.at(stamp_ns(message.header) + round(1e9 * seconds), moving) if known else None
             try:
                 if is_cloud:
-                    scan = _scan_of_cloud(message, place, params)
+                    points = read_points(message) @ place.matrix.T
+                    points[:, 2] += place.shift[2]
+                    limit = math.inf if params.max_range_m is None else params.max_range_m
+                    assert params.heights is not None, "checked when the bag is opened"
+                    scan = scan_of_points(points, _pose_of(place), params.heights, params.sigma_m, limit)
                 else:
                     scan = _scan_at(message, place, end, params)
             except SceneError as error:
@@ -223,14 +227,6 @@ def _scan_at(message: Any, place: Transform, end: Transform | None, params: Merg
         beam_order=params.beam_order,
     )
     return replace(scan, angles=-scan.angles) if place.matrix[2, 2] < 0 else scan
-
-
-def _scan_of_cloud(message: Any, place: Transform, params: MergeParams) -> Scan:
-    points = read_points(message) @ place.matrix.T
-    points[:, 2] += place.shift[2]
-    limit = math.inf if params.max_range_m is None else params.max_range_m
-    assert params.heights is not None, "checked when the bag is opened"
-    return scan_of_points(points, _pose_of(place), params.heights, params.sigma_m, limit)
 
 
 def _pose_of(place: Transform) -> Pose:

@@ -86,7 +86,10 @@ class Explorer:
             raise SceneError(
                 f"the start ({start.x:g}, {start.y:g}) stands inside something solid; move it out"
             )
-        self.place = np.array(self._pixel(start.x, start.y))
+        col, row = ~self.grid.geobox.transform * (start.x, start.y)
+        if not (0 <= row < self.states.shape[0] and 0 <= col < self.states.shape[1]):
+            raise SceneError(f"the start ({start.x:g}, {start.y:g}) lies outside of the map")
+        self.place = np.array([float(row), float(col)])
         self.planner.driven[self.at] = True
         turns = math.ceil(360 / self.sensor.fov_deg)  # it looks around first
         for k in range(turns):
@@ -107,12 +110,6 @@ class Explorer:
     def at(self) -> Cell:
         """Return the cell in which the robot stands."""
         return int(self.place[0]), int(self.place[1])
-
-    def _pixel(self, x: float, y: float) -> tuple[float, float]:
-        col, row = ~self.grid.geobox.transform * (x, y)
-        if not (0 <= row < self.states.shape[0] and 0 <= col < self.states.shape[1]):
-            raise SceneError(f"the start ({x:g}, {y:g}) lies outside of the map")
-        return float(row), float(col)
 
     def _scan(self, metres: float, heading: float) -> None:
         x, y = self.grid.geobox.xy_from_pixel(*self.place)

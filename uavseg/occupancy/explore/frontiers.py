@@ -159,8 +159,7 @@ def _see(states, index, views, range_cells, rays, last_view, starts, seen):  # t
                 y, x = r + (side == 0) - (side == 1), c + (side == 2) - (side == 3)
                 cell = index[y, x] if 0 <= y < rows and 0 <= x < cols else -1
                 if cell >= 0 and last_view[cell] != k:
-                    last_view[cell] = k
-                    seen[used] = cell
+                    last_view[cell], seen[used] = k, cell
                     used += 1
         starts[k + 1] = used
     return True

@@ -97,10 +97,8 @@ def _clip_axis(origin, step, length):  # type: ignore[no-untyped-def]
 
 @inlined
 def _traverse(cells, beam, sigma, t_end, stop, state, ends):  # type: ignore[no-untyped-def]
-    """Traverse a beam by cells until it enters a column or row in `stop`; return whether it goes on, too.
-
-    `state` is column, row and distance at which a cell is entered, `ends` the first and last updated cell.
-    """
+    """Traverse a beam by cells until it enters a column or row in `stop`; return whether it goes on, too."""
+    # `state` is column, row and distance at which a cell is entered, `ends` the first and last updated cell.
     odds, pending, rows, cols, u0, v0 = cells
     du, dv, measured, reach = beam
     col, row, t_in = state
@@ -217,11 +215,9 @@ def _count_whole_columns(u0, du, major, t_sure):  # type: ignore[no-untyped-def]
 
 @inlined
 def _fill_offsets(u0, v0, du, dv, major, minor, count, cols, steep, offsets):  # type: ignore[no-untyped-def]
-    """Write offsets of columns along a beam, and of the rows in which it enters them, to `offsets`.
-
-    The rows are exactly those of `_traverse`, which has crossed the edges whose t is smaller than the
-    column's. Returns True if the beam passes through the corner of a cell, where `_traverse` decides.
-    """
+    """Write offsets of columns along a beam, and of the rows in which it enters them, to `offsets`."""
+    # The rows are exactly those of `_traverse`, which has crossed the edges whose t is smaller than the
+    # column's. Returns True if the beam passes through the corner of a cell, where `_traverse` decides.
     step_u, step_v = np.int64(1 if du > 0.0 else -1), np.int64(1 if dv > 0.0 else -1)
     per_u, per_v = 1.0 / du, 1.0 / dv
     ahead = np.int64(dv > 0.0)

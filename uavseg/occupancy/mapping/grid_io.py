@@ -90,7 +90,22 @@ def read_grid_message(message: Any) -> tuple[Float32s, GeoBox]:
     check_cells(shape, "this OccupancyGrid message")
     if not (math.isfinite(resolution) and resolution > 0):
         raise MapError(f"info.resolution is metres per cell, a number above 0, not {resolution:g}")
-    cells = _cells(message, shape)
+    value = _field(message, "data")
+    try:
+        cells = np.asarray(value)
+    except (TypeError, ValueError) as error:
+        raise MapError(f"data of an OccupancyGrid message are whole numbers, not {shown(value)}") from error
+    if cells.ndim != 1 or (cells.dtype.kind not in "iu" and cells.size):
+        raise MapError(f"data of an OccupancyGrid message are one row of whole numbers, not {shown(value)}")
+    if cells.size != shape[0] * shape[1]:
+        raise MapError(
+            f"an OccupancyGrid message of {shape[1]:,} x {shape[0]:,} cells holds as many values; this one "
+            f"holds {cells.size:,}"
+        )
+    if cells.min() < -1 or cells.max() > 100:
+        wrong = cells[(cells < -1) | (cells > 100)][0]
+        raise MapError(f"cells of an OccupancyGrid message are -1 or 0 to 100, not {wrong}")
+    cells = np.ascontiguousarray(cells.reshape(shape)[::-1].astype(np.int8))
     try:
         geobox = GeoBox(shape, transform_of(_origin(message), resolution, shape[0]), None)
     except RasterError as error:
@@ -162,22 +177,3 @@ def _origin(message: Any) -> tuple[float, float, float]:
             "expected a rotation around z"
         )
     return x, y, heading_of(matrix)
-
-
-def _cells(message: Any, shape: tuple[int, int]) -> NDArray[np.int8]:
-    value = _field(message, "data")
-    try:
-        cells = np.asarray(value)
-    except (TypeError, ValueError) as error:
-        raise MapError(f"data of an OccupancyGrid message are whole numbers, not {shown(value)}") from error
-    if cells.ndim != 1 or (cells.dtype.kind not in "iu" and cells.size):
-        raise MapError(f"data of an OccupancyGrid message are one row of whole numbers, not {shown(value)}")
-    if cells.size != shape[0] * shape[1]:
-        raise MapError(
-            f"an OccupancyGrid message of {shape[1]:,} x {shape[0]:,} cells holds as many values; this one "
-            f"holds {cells.size:,}"
-        )
-    if cells.min() < -1 or cells.max() > 100:
-        wrong = cells[(cells < -1) | (cells > 100)][0]
-        raise MapError(f"cells of an OccupancyGrid message are -1 or 0 to 100, not {wrong}")
-    return np.ascontiguousarray(cells.reshape(shape)[::-1].astype(np.int8))

@@ -166,7 +166,11 @@ class LiveSegmentation:
         self._all_ratios = self._blocks.ratios.copy()
         self._tracks: dict[int, SegmentTracks] = {}
         self._stale = np.ones(self._blocks.blocks, bool)
-        self._is_inner = _inner_blocks(grey_map.shape)
+        # blocks in which every pixel has eight neighbours in the map
+        rows, cols = (np.arange(0, length, BLOCK) for length in grey_map.shape)
+        inner_rows = (rows > 0) & (rows + BLOCK < grey_map.shape[0])
+        inner_cols = (cols > 0) & (cols + BLOCK < grey_map.shape[1])
+        self._is_inner = np.asarray(inner_rows[:, np.newaxis] & inner_cols)
         self.refit()
 
     @property
@@ -289,14 +293,6 @@ class LiveSegmentation:
 
 def _block_indices(blocks: Mask) -> BlockIndices:
     return np.ascontiguousarray(np.argwhere(blocks))
-
-
-def _inner_blocks(shape: tuple[int, int]) -> Mask:
-    """Find the blocks in which every pixel has eight neighbours in the map."""
-    rows, cols = (np.arange(0, length, BLOCK) for length in shape)
-    inner_rows = (rows > 0) & (rows + BLOCK < shape[0])
-    inner_cols = (cols > 0) & (cols + BLOCK < shape[1])
-    return np.asarray(inner_rows[:, np.newaxis] & inner_cols)
 
 
 def _required_ratios_at(blocks: BlockMap, query: LeafQuery, indices: BlockIndices) -> NDArray[np.uint32]:

@@ -54,11 +54,9 @@ def add_one_free(odds):  # type: ignore[no-untyped-def]
 
 @inlined
 def logistic(odds):  # type: ignore[no-untyped-def]
-    """Compute 1 / (1 + exp(-odds)) for odds in -6..6, the same on every machine.
-
-    exp(-odds / 16) is a Taylor polynomial whose next term is below 1e-16, then squared four times. There is
-    no call, so the compiler vectorises a loop of it.
-    """
+    """Compute 1 / (1 + exp(-odds)) for odds in -6..6, the same on every machine."""
+    # exp(-odds / 16) is a Taylor polynomial whose next term is below 1e-16, then squared four times. There is
+    # no call, so the compiler vectorises a loop of it.
     x = odds * -0.0625
     e = 1.0 + x / 13.0
     for k in (12.0, 11.0, 10.0, 9.0, 8.0, 7.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0):
@@ -93,11 +91,8 @@ class Fading:
     forget_after: float | None = None
 
     def __post_init__(self) -> None:
-        limits = {
-            "clamp": (1e-3, MAX_LOG_ODDS),
-            "half_life": (1, _MAX_SCANS),
-            "forget_after": (1, _MAX_SCANS),
-        }
+        scans = (1, _MAX_SCANS)
+        limits = {"clamp": (1e-3, MAX_LOG_ODDS), "half_life": scans, "forget_after": scans}
         for name, (low, high) in limits.items():
             if (number := getattr(self, name)) is not None and not low <= number <= high:
                 raise ParameterError(f"{name} is {low:g} to {high:g}, not {number:g}")
@@ -129,11 +124,8 @@ class Contradictions:
         due = counts >= self._forget_after
         stands = ndimage.binary_dilation((occupied & ~due) | (after == 0), _SQUARE, _EDGE)
         groups, number = ndimage.label(due, _SQUARE)
-        gone = (
-            due
-            & (odds < 0)
-            & (np.bincount(groups[due & through & ~stands], minlength=number + 1) > 0)[groups]
-        )
+        beyond = np.bincount(groups[due & through & ~stands], minlength=number + 1) > 0
+        gone = due & (odds < 0) & beyond[groups]
         revised = np.where(occupied & (odds < 0), before, after)
         revised[gone] = np.maximum(held[gone], -MAX_LOG_ODDS)
         counts[gone], held[gone] = 0, 0

@@ -199,10 +199,8 @@ def _add_free_counts(counts, odds, largest):  # type: ignore[no-untyped-def]
 
 @inlined
 def _count_free_only(odds, counts, free_odds, total, n):  # type: ignore[no-untyped-def]
-    """Write the observations of each of n pixels to `total`, at most 3; False if some are not free ones.
-
-    The log-odds of such a pixel are one of four numbers, see `log_odds.free_only_values`.
-    """
+    """Write the observations of each of n pixels to `total`, at most 3; False if some are not free ones."""
+    # The log-odds of such a pixel are one of four numbers, see `log_odds.free_only_values`.
     others = np.int32(0)
     for c in range(n):
         one, two, three = odds[c] == free_odds[1], odds[c] == free_odds[2], odds[c] == free_odds[3]

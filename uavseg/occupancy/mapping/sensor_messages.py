@@ -48,7 +48,18 @@ def read_laserscan(
     low, high = numbers["range_min"], numbers["range_max"]
     if not (math.isfinite(low) and 0 <= low < high):
         raise SceneError(f"a LaserScan has 0 <= range_min < range_max, not {low:g} and {high:g}")
-    ranges = _ranges(message, low, high)
+    value = _field(message, "ranges")
+    try:
+        with np.errstate(invalid="ignore", over="ignore"):
+            if _has_echoes(value):
+                value = [_nearest_echo(np.asarray(one.echoes, np.float32), low, high) for one in value]
+            ranges = np.asarray(value, np.float32)
+    except (AttributeError, TypeError, ValueError, OverflowError) as error:
+        raise SceneError(f"ranges of a LaserScan are numbers, not {shown(value)}") from error
+    if ranges.ndim != 1 or len(ranges) > MAX_BEAMS:
+        raise SceneError(
+            f"ranges of a LaserScan are one row of at most {MAX_BEAMS:,} numbers, not of shape {ranges.shape}"
+        )
     limit = high if max_range_m is None else min(high, max_range_m)
     if not math.isfinite(limit):
         raise SceneError(
@@ -87,23 +98,6 @@ def _field(message: Any, name: str) -> Any:
         raise SceneError(
             f"message is a LaserScan with {required}; this one, {held}, has no {name}"
         ) from error
-
-
-def _ranges(message: Any, low: float, high: float) -> NDArray[np.float32]:
-    """Read the ranges in the precision of the message; of several echoes the nearest valid one."""
-    value = _field(message, "ranges")
-    try:
-        with np.errstate(invalid="ignore", over="ignore"):
-            if _has_echoes(value):
-                value = [_nearest_echo(np.asarray(one.echoes, np.float32), low, high) for one in value]
-            ranges = np.asarray(value, np.float32)
-    except (AttributeError, TypeError, ValueError, OverflowError) as error:
-        raise SceneError(f"ranges of a LaserScan are numbers, not {shown(value)}") from error
-    if ranges.ndim != 1 or len(ranges) > MAX_BEAMS:
-        raise SceneError(
-            f"ranges of a LaserScan are one row of at most {MAX_BEAMS:,} numbers, not of shape {ranges.shape}"
-        )
-    return ranges
 
 
 def _has_echoes(ranges: Any) -> bool:

@@ -37,26 +37,21 @@ def pull_string(mask: NDArray[np.bool_], cells: Cells) -> Cells:
     corners = corners[: _skip_visible(open_, corners)]
     for _ in range(_MAX_ROUNDS):
         moved = _move_corners(open_, corners)
-        corners = _shortest_subsequence(open_, corners)
+        before, lengths = np.zeros(len(corners), np.int64), np.zeros(len(corners))
+        _shortest_over(open_, corners, _MAX_SKIPPED, lengths, before)
+        chain = [len(corners) - 1]
+        while chain[-1]:
+            chain.append(int(before[chain[-1]]))
+        corners = corners[chain[::-1]]
         if not moved:
             break
     return corners
 
 
-def _shortest_subsequence(mask: NDArray[np.uint8], corners: Cells) -> Cells:
-    before, lengths = np.zeros(len(corners), np.int64), np.zeros(len(corners))
-    _shortest_over(mask, corners, _MAX_SKIPPED, lengths, before)
-    chain = [len(corners) - 1]
-    while chain[-1]:
-        chain.append(int(before[chain[-1]]))
-    return corners[chain[::-1]]
-
-
 @inlined
 def has_line_of_sight(mask, row, col, to_row, to_col):  # type: ignore[no-untyped-def]
     """Walk along a leg from cell to cell; True if all of them are passable."""
-    rows = abs(to_row - row)
-    cols = abs(to_col - col)
+    rows, cols = abs(to_row - row), abs(to_col - col)
     down = 1 if to_row > row else -1
     right = 1 if to_col > col else -1
     # Twice the area between the leg and the next corner; its sign says which edge is crossed first.
@@ -81,8 +76,7 @@ def has_line_of_sight(mask, row, col, to_row, to_col):  # type: ignore[no-untype
 
 @inlined
 def _leg(row, col, to_row, to_col):  # type: ignore[no-untyped-def]
-    rows = np.float64(to_row - row)
-    cols = np.float64(to_col - col)
+    rows, cols = np.float64(to_row - row), np.float64(to_col - col)
     return np.sqrt(rows * rows + cols * cols)
 
 
@@ -90,8 +84,7 @@ def _leg(row, col, to_row, to_col):  # type: ignore[no-untyped-def]
 def _skip_visible(mask, corners):  # type: ignore[no-untyped-def]
     # Skip from each corner to the last visible one, in place; returns the number of corners left.
     total = corners.shape[0]
-    kept = 0
-    k = 0
+    kept, k = 0, 0
     while k < total - 1:
         farthest = k + 1
         for j in range(k + 2, total):
@@ -119,8 +112,7 @@ def _shortest_over(mask, corners, max_skipped, lengths, before):  # type: ignore
                 j == k - 1
                 or has_line_of_sight(mask, corners[j, 0], corners[j, 1], corners[k, 0], corners[k, 1])
             ):
-                lengths[k] = length
-                before[k] = j
+                lengths[k], before[k] = length, j
 
 
 @kernel("i8(u1[:,::1], i8[:,::1])")
@@ -148,6 +140,5 @@ def _move_corners(mask, corners):  # type: ignore[no-untyped-def]
                 break
             row, col = best_row, best_col
             moved += 1
-        corners[k, 0] = row
-        corners[k, 1] = col
+        corners[k, 0], corners[k, 1] = row, col
     return moved

@@ -147,8 +147,7 @@ def _fill_between(turns: NDArray[np.int64]) -> NDArray[np.int64]:
 @inlined
 def octile_cost(row, col, goal_row, goal_col):  # type: ignore[no-untyped-def]
     """Return the octile distance: the cost of the shortest path to the goal without obstacles."""
-    rows = abs(row - goal_row)
-    cols = abs(col - goal_col)
+    rows, cols = abs(row - goal_row), abs(col - goal_col)
     return STRAIGHT * max(rows, cols) + (DIAGONAL - STRAIGHT) * min(rows, cols)
 
 
@@ -195,8 +194,7 @@ def _successor_directions(rows, row, col, arrived):  # type: ignore[no-untyped-d
             down = _down(direction)
             right = _right(direction)
             for turn in (1, -1):  # clockwise: (down, right) becomes (right, -down)
-                side_row = row + turn * right
-                side_col = col - turn * down
+                side_row, side_col = row + turn * right, col - turn * down
                 if is_open(rows, side_row, side_col) and not is_open(rows, side_row - down, side_col - right):
                     side = (direction + turn) & 3
                     directions |= 1 << side | 16 << (direction if turn == 1 else side)
@@ -215,8 +213,7 @@ def _relax_node(nodes, queue, state, parent, row, col, cost, arrived):  # type: 
     if node == 0:
         node = state[_NODES]
         state[_NODES] += 1
-        node_of_cell[cell] = node
-        node_cells[node] = cell
+        node_of_cell[cell], node_cells[node] = node, cell
     elif costs[node] == cost:  # from another direction, which may lead on to other cells
         if (directions[node] | directions[node] >> 4) & arrived == 0:
             directions[node] |= arrived
@@ -224,9 +221,7 @@ def _relax_node(nodes, queue, state, parent, row, col, cost, arrived):  # type: 
         return
     elif costs[node] < cost:
         return
-    costs[node] = cost
-    parents[node] = parent
-    directions[node] = arrived
+    costs[node], parents[node], directions[node] = cost, parent, arrived
     if row == state[_GOAL_ROW] and col == state[_GOAL_COL]:
         state[_BEST] = cost
     else:

@@ -73,20 +73,16 @@ def _highest_bit(word):  # type: ignore[no-untyped-def]
 
 @inlined
 def next_stop(bits, line, at):  # type: ignore[no-untyped-def]
-    """Find the first position after `at` where a jump along a line stops.
-
-    That is an impassable cell (returned negative), or a cell beside which the line above or below opens:
-    passable there, impassable one position before.
-    """
+    """Find the first position after `at` where a jump along a line stops."""
+    # That is an impassable cell (returned negative), or a cell beside which the line above or below opens:
+    # passable there, impassable one position before.
     word = (at + 1) >> 6
     selected = ~np.uint64(0) << np.uint64((at + 1) & 63)
     before = word - 1 if word > 0 else 0  # bit 0 of a line is frame, so what comes before it does not count
-    above_before = bits[line - 1, before]
-    below_before = bits[line + 1, before]
+    above_before, below_before = bits[line - 1, before], bits[line + 1, before]
     while True:
         own = bits[line, word]
-        above = bits[line - 1, word]
-        below = bits[line + 1, word]
+        above, below = bits[line - 1, word], bits[line + 1, word]
         opens = above & ~(above << np.uint64(1) | above_before >> np.uint64(63))
         opens |= below & ~(below << np.uint64(1) | below_before >> np.uint64(63))
         stops = (opens | ~own) & selected
@@ -94,8 +90,7 @@ def next_stop(bits, line, at):  # type: ignore[no-untyped-def]
             bit = _lowest_bit(stops)
             position = (word << 6) + bit
             return position if (own >> np.uint64(bit)) & np.uint64(1) else -position
-        above_before = above
-        below_before = below
+        above_before, below_before = above, below
         selected = ~np.uint64(0)
         word += 1
 
@@ -110,8 +105,7 @@ def previous_stop(bits, line, at):  # type: ignore[no-untyped-def]
     below_after = bits[line + 1, after] if after > word else np.uint64(0)
     while True:
         own = bits[line, word]
-        above = bits[line - 1, word]
-        below = bits[line + 1, word]
+        above, below = bits[line - 1, word], bits[line + 1, word]
         opens = above & ~(above >> np.uint64(1) | above_after << np.uint64(63))
         opens |= below & ~(below >> np.uint64(1) | below_after << np.uint64(63))
         stops = (opens | ~own) & selected
@@ -119,8 +113,7 @@ def previous_stop(bits, line, at):  # type: ignore[no-untyped-def]
             bit = _highest_bit(stops)
             position = (word << 6) + bit
             return position if (own >> np.uint64(bit)) & np.uint64(1) else -position
-        above_after = above
-        below_after = below
+        above_after, below_after = above, below
         selected = ~np.uint64(0)
         word -= 1
 
@@ -131,10 +124,8 @@ def _fill_dead_end(bits, row, col, start_row, start_col, goal_row, goal_col):  #
     while is_open(bits, row, col):
         if (row == start_row and col == start_col) or (row == goal_row and col == goal_col):
             return
-        north = np.int64(is_open(bits, row - 1, col))
-        south = np.int64(is_open(bits, row + 1, col))
-        east = np.int64(is_open(bits, row, col + 1))
-        west = np.int64(is_open(bits, row, col - 1))
+        north, south = np.int64(is_open(bits, row - 1, col)), np.int64(is_open(bits, row + 1, col))
+        east, west = np.int64(is_open(bits, row, col + 1)), np.int64(is_open(bits, row, col - 1))
         if north + south + east + west > 1:
             return
         bits[row, col >> 6] &= ~(np.uint64(1) << np.uint64(col & 63))
@@ -150,8 +141,7 @@ def _fill_dead_ends(bits, start_row, start_col, goal_row, goal_col):  # type: ig
             own = bits[row, word]
             if own == np.uint64(0):
                 continue
-            north = bits[row - 1, word]
-            south = bits[row + 1, word]
+            north, south = bits[row - 1, word], bits[row + 1, word]
             east = own >> np.uint64(1)
             west = own << np.uint64(1)
             if word + 1 < words:

@@ -65,9 +65,7 @@ def _along_rows(squeeze, heights, vertices, bounds, steps):  # type: ignore[no-u
     rows, cols = steps.shape
     for r in range(rows):
         for k in range(cols + 1):
-            nearer = 0.0
-            if 0 < k < cols:
-                nearer = min(steps[r, k - 1], steps[r, k])
+            nearer = min(steps[r, k - 1], steps[r, k]) if 0 < k < cols else 0.0
             heights[k] = nearer * nearer * squeeze
         rightmost = 0
         vertices[0] = 0
@@ -80,8 +78,7 @@ def _along_rows(squeeze, heights, vertices, bounds, steps):  # type: ignore[no-u
                     break
                 rightmost -= 1
             rightmost += 1
-            vertices[rightmost] = k
-            bounds[rightmost] = crossing
+            vertices[rightmost], bounds[rightmost] = k, crossing
         current = 0
         for c in range(cols):
             x = 2.0 * c + 1.0

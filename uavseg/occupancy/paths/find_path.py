@@ -50,14 +50,8 @@ class MapPosition:
         return f"region {self.region}" + ("" if self.is_free else f", on a cell out of the range ({value})")
 
 
-@dataclass(frozen=True, slots=True)
-class NearestCell:
-    """A free cell: its distance in metres from a position, its region, and its centre on the map."""
-
-    metres: float
-    region: int
-    x: float
-    y: float
+NearestCell = tuple[float, int, float, float]
+"""A free cell: its distance in metres from a position, its region, and its centre (x, y) on the map."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +122,7 @@ class FreeCells:
         if best is None:
             return None
         x, y = self.geobox.xy_from_pixel(best[1] + 0.5, best[2] + 0.5)
-        return NearestCell(metres=best[0], region=best[3], x=float(x), y=float(y))
+        return best[0], best[3], float(x), float(y)
 
     def grey_span(self, cells: NDArray[np.int64]) -> tuple[int, int] | None:
         """Return the lowest and the highest grey of (n, 2) cells; None if one is invalid."""
@@ -188,10 +182,11 @@ def why_apart(free: FreeCells, start: MapPosition, goal: MapPosition, map: Map) 
         near = free.nearest(place, region, map)
         if near is None:
             return f"{positions}; no cell of the map is free"
+        metres, its_region, x, y = near
         nearest.append(
-            f"the nearest free cell{'' if region is None else f' of region {region}'} is {near.metres:.4g} m "
-            f"from the {place.name}, at {near.x:.12g},{near.y:.12g}"
-            + (f" in region {near.region}" if region is None else "")
+            f"the nearest free cell{'' if region is None else f' of region {region}'} is {metres:.4g} m "
+            f"from the {place.name}, at {_pair(x, y)}"
+            + (f" in region {its_region}" if region is None else "")
         )
     return "; ".join([positions, *nearest])
 
@@ -254,9 +249,11 @@ def _narrowest_gap(
     ((0, 1), (0, 4), [[0, 2], [0, 3]])
     """
     import shapely
+    from scipy.ndimage import binary_erosion
 
     labels = _connected(mask)
-    ours, theirs = (_border(labels == labels[cell]) for cell in (start, goal))
+    parts = (labels == labels[cell] for cell in (start, goal))
+    ours, theirs = (np.argwhere(part & ~binary_erosion(part)) for part in parts)  # cells beside others
     tree = shapely.STRtree(shapely.points(ours * (height, width)))
     (at, nearest), away = tree.query_nearest(
         shapely.points(theirs * (height, width)), return_distance=True, all_matches=False
@@ -289,13 +286,6 @@ def _connected(mask: Mask) -> NDArray[Any]:
     from scipy.ndimage import label
 
     return np.asarray(label(mask)[0])
-
-
-def _border(mask: Mask) -> NDArray[np.int64]:
-    """Find the cells of a mask beside others or at the edge of the map: row and column, (n, 2)."""
-    from scipy.ndimage import binary_erosion
-
-    return np.argwhere(mask & ~binary_erosion(mask))
 
 
 def _steps(first: int, last: int) -> range:

@@ -106,9 +106,14 @@ def read_ros_yaml(path: str | os.PathLike[str]) -> MapDescription:
     """Read and check the YAML file of a ROS map."""
     content = _read_yaml(path)
     try:
+        value = content["negate"]
+        if isinstance(value, str) and value.strip().lstrip("+-").isdigit():
+            value = int(value)
+        if not isinstance(value, int):
+            raise MapError(f"negate is 0 or 1, not {shown(value)}")
         rules = CellRules(
             mode=str(content.get("mode", "trinary")).lower(),
-            negate=_flag(content["negate"]),
+            negate=bool(value),
             occupied=_number("occupied_thresh", content["occupied_thresh"]),
             free=_number("free_thresh", content["free_thresh"]),
         )
@@ -143,7 +148,11 @@ def _read_yaml(path: str | os.PathLike[str]) -> Mapping[str, Any]:
         if any(isinstance(token, yaml.AliasToken) for token in tokens):
             raise MapError(f"{name} holds YAML aliases (*name), which the file of a ROS map does not need")
         node = yaml.compose(content, Loader=yaml.SafeLoader)
-        _check_unique_keys(node, name)
+        pairs = node.value if node is not None and node.id == "mapping" else []
+        keys = [key.value for key, _ in pairs if key.id == "scalar"]
+        twice = next((key for key in keys if keys.count(key) > 1), None)
+        if twice is not None:  # readers differ in which one counts
+            raise MapError(f"{name} gives {shown(twice)} {keys.count(twice)} times; leave one of them")
         described = yaml.safe_load(content)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         if isinstance(error, MapError):
@@ -157,16 +166,6 @@ def _read_yaml(path: str | os.PathLike[str]) -> Mapping[str, Any]:
     return described
 
 
-def _check_unique_keys(node: Any, name: str) -> None:
-    """Refuse duplicate keys: readers differ in which one counts."""
-    if node is None or node.id != "mapping":
-        return
-    keys = [key.value for key, _ in node.value if key.id == "scalar"]
-    twice = next((key for key in keys if keys.count(key) > 1), None)
-    if twice is not None:
-        raise MapError(f"{name} gives {shown(twice)} {keys.count(twice)} times; leave one of them")
-
-
 def _number(name: str, value: Any) -> float:
     """Convert a number as yaml-cpp does: quoted or not, and 5e-2 without a decimal point too."""
     try:
@@ -175,14 +174,6 @@ def _number(name: str, value: Any) -> float:
         return float(value)
     except (ValueError, OverflowError) as error:
         raise MapError(f"{name} is a number, not {shown(value)}") from error
-
-
-def _flag(value: Any) -> bool:
-    if isinstance(value, str) and value.strip().lstrip("+-").isdigit():
-        value = int(value)
-    if not isinstance(value, int):
-        raise MapError(f"negate is 0 or 1, not {shown(value)}")
-    return bool(value)
 
 
 def _origin(value: Any) -> tuple[float, float, float]:

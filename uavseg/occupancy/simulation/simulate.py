@@ -43,7 +43,12 @@ class Scene:
     def __post_init__(self) -> None:
         rings = [_checked_ring(ring, number) for number, ring in enumerate(self.polygons, start=1)]
         for number, circle in enumerate(self.circles, start=1):
-            _check_circle(circle, number)
+            if len(circle) != 3 or not np.isfinite(circle).all():
+                raise SceneError(f"circle {number} needs finite x, y and radius, not {list(circle)}")
+            if not circle[2] > 0:
+                raise SceneError(f"circle {number} has a radius of {circle[2]:g}; expected more than 0")
+            check_place(f"circle {number}", *circle[:2])
+            check_distance(f"the radius of circle {number}", circle[2])
         edges = [np.hstack([ring, np.roll(ring, -1, axis=0)]) for ring in rings]
         object.__setattr__(self, "_edges", np.concatenate([np.zeros((0, 4)), *edges]))
         object.__setattr__(self, "_discs", np.array(self.circles, np.float64).reshape(-1, 3))
@@ -89,15 +94,6 @@ def _checked_ring(corners: ArrayLike, number: int) -> Floats:
     return ring
 
 
-def _check_circle(circle: Sequence[float], number: int) -> None:
-    if len(circle) != 3 or not np.isfinite(circle).all():
-        raise SceneError(f"circle {number} needs finite x, y and radius, not {list(circle)}")
-    if not circle[2] > 0:
-        raise SceneError(f"circle {number} has a radius of {circle[2]:g}; expected more than 0")
-    check_place(f"circle {number}", *circle[:2])
-    check_distance(f"the radius of circle {number}", circle[2])
-
-
 @kernel("void(f8, f8, f8[:,::1], f8[:,::1], f8[:,::1], f8[::1])")
 def _cast(x, y, rays, edges, discs, distances):  # type: ignore[no-untyped-def]
     for i in range(rays.shape[0]):
@@ -109,14 +105,12 @@ def _cast(x, y, rays, edges, discs, distances):  # type: ignore[no-untyped-def]
             det = dx * ey - dy * ex
             if det == 0.0:
                 continue  # parallel to the edge: the neighbouring edges are hit instead
-            t = (ax * ey - ay * ex) / det
-            s = (ax * dy - ay * dx) / det
+            t, s = (ax * ey - ay * ex) / det, (ax * dy - ay * dx) / det
             if 0.0 <= t < nearest and -1e-12 <= s <= 1.0 + 1e-12:  # the tolerance closes the corners
                 nearest = t
         for k in range(discs.shape[0]):
             cx, cy = discs[k, 0] - x, discs[k, 1] - y
-            along = cx * dx + cy * dy
-            aside = cx * dy - cy * dx
+            along, aside = cx * dx + cy * dy, cx * dy - cy * dx
             rest = discs[k, 2] * discs[k, 2] - aside * aside
             if rest < 0.0:
                 continue

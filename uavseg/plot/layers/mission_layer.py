@@ -172,10 +172,7 @@ def mission_title(layers: Sequence[MissionLayer]) -> list[str]:
 
 
 def arrow_heads(path: Floats, min_leg: float, size: float) -> Floats:
-    """Compute arrow heads, (n, 3, 2), tip first: triangles in the middle of legs longer than `min_leg`.
-
-    All lengths are in plot coordinates.
-    """
+    """Compute arrow heads, (n, 3, 2), tip first, amid legs longer than `min_leg`, in plot coordinates."""
     legs = np.diff(path, axis=0)
     lengths = np.hypot(*legs.T)
     long = lengths > min_leg

@@ -24,7 +24,7 @@ from uavseg.raster.grid.tiling import TilePass, Window
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch
 from uavseg.raster.read.dataset import Dataset, DatasetOverview
 from uavseg.regions.outline.trace import trace
-from uavseg.units import CELL, FREE, OCCUPIED, UNKNOWN
+from uavseg.units import CELL, FREE, GREY_MAX, OCCUPIED, UNKNOWN
 
 _STATE_COLORS = {
     FREE: ("free", "#2f9e44"),
@@ -42,11 +42,17 @@ _MAX_OVERSAMPLING = 1.5  # pixels of a raster beside one of the picture; with mo
 
 
 def draw_raster(
-    ax: Any, dataset: Dataset, frame: Frame, stretch: Stretch | StretchSpec | str, collar: str = "keep"
+    ax: Any,
+    dataset: Dataset,
+    frame: Frame,
+    stretch: Stretch | StretchSpec | str,
+    collar: str = "keep",
+    in_color: bool = True,
 ) -> str:
-    """Draw a raster in grey, hatched where it is invalid, and return the name of the stretch.
+    """Draw a raster, hatched where it is invalid, and return what of it is drawn and the name of the stretch.
 
-    With `collar` "auto", the raster's collar is searched for in what is drawn and left out, with a warning.
+    Three bands are drawn in their colours, or with `in_color` False as the grey that ranges are of. With
+    `collar` "auto", the raster's collar is searched for in what is drawn and left out, with a warning.
     """
     coarse = DatasetOverview.of(dataset, _max_side(ax))
     window = Window(0, 0, *coarse.geobox.shape)
@@ -57,49 +63,43 @@ def draw_raster(
         coarse = cleaned
     fitted = fit_stretch(coarse, stretch, TilePass([window]))
     values, valid = coarse.read(window)
-    grey, step = (fitted.apply(values, valid) >> 8).astype(np.uint8), 1
-    opaque = None if valid is None else np.where(valid, np.uint8(255), np.uint8(0))
-    if max(grey.shape) > _MAX_OVERSAMPLING * _max_side(ax) / 2:
-        (grey, opaque), step = mean_of_four(grey, opaque), 2
-    picture = np.full((*grey.shape, 4), 255, np.uint8)
-    picture[..., :3] = grey[..., None]
-    if opaque is not None:
-        picture[..., 3] = opaque
+    is_colored = in_color and len(values) == 3
+    shown = values if is_colored else fitted.apply(values, valid)[None]
+    as_bytes = fitted if is_colored else Stretch(0, GREY_MAX, fitted.name)
+    picture, step = as_bytes.colored(shown, valid).transpose(1, 2, 0), 1
+    if max(picture.shape) > _MAX_OVERSAMPLING * _max_side(ax) / 2:
+        picture, step = mean_of_four(picture), 2
+    if valid is not None:
         ax.add_patch(Polygon(frame.corners, fc="#f4f4f4", ec="#cfcfcf", hatch="////", lw=0, zorder=1))
     draw_image(ax, picture, frame.plot_from_map * coarse.geobox.transform * Affine.scale(step), zorder=2)
-    return fitted.name
+    return f"{'colours' if is_colored else 'grey'}: {fitted.name}"
 
 
-def mean_of_four(
-    grey: NDArray[np.uint8], opaque: NDArray[np.uint8] | None
-) -> tuple[NDArray[np.uint8], NDArray[np.uint8] | None]:
+def mean_of_four(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Downsample a picture by two: matplotlib takes 90 bytes for each pixel that it is given.
 
-    Both arrays are (rows, cols): `opaque` is 255 where a pixel is valid, and 0 elsewhere; None where all are.
-    Those that are returned are half as large, rounded up: the mean of the valid pixels, and their share.
+    It is (rows, cols, 4), with an alpha of 255 where a pixel is valid, and 0 elsewhere. The result is half as
+    large, rounded up: the mean of the valid pixels, and their share as alpha.
 
     Examples
     --------
-    >>> mean_of_four(np.array([[2, 4, 9]], np.uint8), np.array([[255, 255, 0]], np.uint8))
-    (array([[3, 0]], dtype=uint8), array([[127,   0]], dtype=uint8))
+    >>> grey = np.array([[2, 4, 9]], np.uint8)
+    >>> mean_of_four(np.stack([grey, grey, grey, np.array([[255, 255, 0]], np.uint8)], axis=-1)).tolist()
+    [[[3, 3, 3, 127], [0, 0, 0, 0]]]
     """
-    is_valid = np.ones(grey.shape, np.uint16) if opaque is None else (opaque > 0).astype(np.uint16)
-    total, count = _sum_of_four(grey * is_valid), _sum_of_four(is_valid)
-    mean = (total // np.maximum(count, 1)).astype(np.uint8)
-    return mean, None if opaque is None else (count * 255 // 4).astype(np.uint8)
+    is_valid = (picture[..., 3:] > 0).astype(np.uint16)
+    total, count = _sum_of_four(picture[..., :3] * is_valid), _sum_of_four(is_valid)
+    return np.concatenate([total // np.maximum(count, 1), count * 255 // 4], axis=-1).astype(np.uint8)
 
 
 def _sum_of_four(image: NDArray[np.uint16]) -> NDArray[np.uint16]:
-    rows, cols = image.shape
-    even = np.pad(image, ((0, rows % 2), (0, cols % 2)))
+    rows, cols = image.shape[:2]
+    even = np.pad(image, ((0, rows % 2), (0, cols % 2), (0, 0)))
     return even[::2, ::2] + even[1::2, ::2] + even[::2, 1::2] + even[1::2, 1::2]
 
 
 def draw_image(ax: Any, picture: NDArray[np.uint8], transform: Affine, zorder: float) -> None:
-    """Draw an RGBA image, (rows, cols, 4), that an affine transform places.
-
-    It is from pixel corners (col, row) to plot coordinates.
-    """
+    """Draw an RGBA image, (rows, cols, 4); the transform is from pixel corners (col, row) to the plot."""
     t = transform
     image = ax.imshow(
         picture,
@@ -182,10 +182,7 @@ def _read_band(dataset: Dataset, frame: Frame, max_side: int) -> tuple[NDArray[A
 
 
 def contours_of(labels: NDArray[np.uint32], plot_from_pixel: Affine) -> Contours:
-    """Trace closed lines, (n, 2), around the segments of a label image.
-
-    The transform is from pixel corners (col, row) to plot coordinates.
-    """
+    """Trace closed lines, (n, 2), around labels; the transform is from pixel corners (col, row)."""
     rings = trace(labels)
     x, y = plot_from_pixel * rings.vertices[:, ::-1].T.astype(np.float64)
     parts = np.split(np.stack([x, y], axis=1), rings.starts[1:-1])

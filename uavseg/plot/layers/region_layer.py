@@ -184,10 +184,7 @@ _STYLES = (  # the higher the confidence, the stronger the fill and the more sol
 
 @dataclass(frozen=True)
 class RegionLayer:
-    """Regions in plot coordinates; translucent, with ids on the largest.
-
-    The columns `class` and `color` give the colours, `confidence` the styles.
-    """
+    """Translucent regions in plot coordinates, ids on the largest; styled by class, color and confidence."""
 
     ids: NDArray[Any]
     polygons: PolygonArray
@@ -280,10 +277,7 @@ def styles_by_confidence(columns: Columns, count: int) -> list[tuple[Style, NDAr
 
 
 def assign_colors(shapes: PolygonArray, reach: float, count: int) -> NDArray[np.intp]:
-    """Colour a graph greedily: each shape gets an index below `count`, unlike its neighbours' if possible.
-
-    Shapes are neighbours where their bounding boxes are at a distance of up to `reach`.
-    """
+    """Colour greedily: indices below `count`, unlike those of boxes within `reach` if possible."""
     left, bottom, right, top = shapely.bounds(shapes).T
     around = shapely.box(left - reach, bottom - reach, right + reach, top + reach)
     first, second = shapely.STRtree(shapes).query(around)

@@ -144,10 +144,7 @@ def save_figure(figure: Any, path: Path) -> None:
 
 
 def fit_axes(ax: Any, view: View, width: float, height: float) -> float:
-    """Fit axes of a size in inches to a view, with equal units in x and y.
-
-    Returns the length of one point (1/72 inch) in plot coordinates.
-    """
+    """Fit axes, in inches, to a view with equal units; return a point (1/72 inch) in plot coordinates."""
     left, right, bottom, top = view
     point = max((right - left) / width, (top - bottom) / height) / _POINTS
     x, y = (left + right) / 2, (bottom + top) / 2
@@ -266,11 +263,8 @@ def write_text(figure: Any, x: float, title: str, subtitle: str, caption: str, c
     figure.text(x, caption_in / page, caption, size=7.5, color=CAPTION_COLOR, va="bottom")
 
 
-def raster_caption(box: GeoBox, band_names: str, grey_name: str, local_metres: bool = False) -> str:
-    """Describe a raster in one line: size, CRS, resolution, bands that are used, and the stretch of the grey.
-
-    `local_metres` tells whether coordinates without a CRS are metres.
-    """
+def raster_caption(box: GeoBox, band_names: str, drawn: str, local_metres: bool = False) -> str:
+    """Describe a raster and how it is drawn; `local_metres` tells if coordinates without a CRS are metres."""
     rows, cols = box.shape
     parts = [f"{cols} x {rows} pixels"]
     if box.crs is None:
@@ -281,4 +275,4 @@ def raster_caption(box: GeoBox, band_names: str, grey_name: str, local_metres: b
     if box.crs is not None or local_metres:
         across, _ = ground_resolution(box)
         parts.append(f"{length_text(float(f'{across:.3g}'), 'm')}/pixel")
-    return printable(" · ".join([*parts, band_names, f"grey: {grey_name}"]))
+    return printable(" · ".join([*parts, band_names, drawn]))

@@ -121,10 +121,7 @@ def page_of(
     missions: Sequence[dict[str, Any]],
     server: dict[str, Any] | None = None,
 ) -> bytes:
-    """Render a map as HTML, with a collection of `read_collection` and missions of `read_flights`.
-
-    `server` is what a server offers, for a page that sends requests to one.
-    """
+    """Render a map as HTML, with regions and missions as read here; `server` is what a server offers."""
     data = data_of(field_map, regions, missions) | {"server": server}
     return render_page(title_of(field_map), data, served=server is not None)
 
@@ -162,10 +159,7 @@ def size_notes(content: bytes) -> list[str]:
 
 
 def read_flights(missions: Any, camera: Any = None) -> list[dict[str, Any]]:
-    """Convert missions or mission files to values of JSON: features, path, numbers, estimates, warnings.
-
-    The camera is for footprints; by default it is that of the missions, which files do not hold.
-    """
+    """Convert missions or their files to values of JSON; the camera of footprints is by default their own."""
     photos = photos_of(PhotoOptions(camera=camera))
     return [_flight(printable(name), mission, photos) for name, mission in read_missions(missions)]
 
@@ -225,10 +219,7 @@ def _packed(values: NDArray[Any]) -> str:
 
 
 def read_collection(regions: Any) -> dict[str, Any]:
-    """Convert regions of a file or a GeoDataFrame to a GeoJSON FeatureCollection in WGS 84.
-
-    It has the metadata of the regions, where they have some, as in a GeoJSON file.
-    """
+    """Convert regions of a file or GeoDataFrame to GeoJSON features in WGS 84, with their metadata."""
     table = open_regions(regions)
     columns = {name: _values(column) for name, column in table.columns.items()}
     rounded = shapely.transform(
@@ -261,10 +252,7 @@ def other_intensity(collection: dict[str, Any] | None, info: SourceInfo) -> str 
 
 
 def first_range(collection: dict[str, Any] | None, info: SourceInfo) -> tuple[int, int]:
-    """Return the range with which the slider begins, in steps: that of all regions, if of the same intensity.
-
-    The collection is one of `read_collection`, `info` that of the raster that is shown.
-    """
+    """Return the slider's first range in steps: that of all regions, if of the intensity that is shown."""
     if other_intensity(collection, info):
         return DEFAULT_RANGE
     features = [] if collection is None else collection["features"]

@@ -302,10 +302,7 @@ def open_checked(path: str) -> Iterator[DatasetReader]:
 
 
 def open_by(path: str, drivers: tuple[str, ...]) -> DatasetReader:
-    """Return a raster, opened by the first of these drivers that can; by any if there are none.
-
-    The RasterioIOError of the first driver is raised, if none can.
-    """
+    """Return a raster, opened by the first of these drivers that can, or any; else the first one's error."""
     first: RasterioIOError | None = None
     for driver in drivers or (None,):
         try:

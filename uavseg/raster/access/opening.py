@@ -305,10 +305,7 @@ def mask_kind(source: DatasetReader) -> str:
 
 @contextmanager
 def unread_tags_are_errors(path: str) -> Iterator[None]:
-    """Enter a context to open a TIFF in: a tag that matters, and cannot be read, is a RasterReadError.
-
-    GDAL ignores such tags with a message, and so a raster without its CRS or nodata value.
-    """
+    """Raise RasterReadError if a tag that matters of a TIFF opened here cannot be read: GDAL ignores it."""
     found: list[str] = []
     thread = threading.get_ident()
 

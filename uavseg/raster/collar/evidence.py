@@ -210,11 +210,10 @@ def straight_share(points: NDArray[np.float64], tolerance: float, length: float,
 
 
 def outline_points(mask: PixelMask, shape: tuple[int, int]) -> NDArray[np.float64]:
-    """Return pixels of a set with a neighbour beside them that is not in it, evenly thinned to 20 000.
-
-    They are (n, 2) rows and columns, in raster order of blocks.
-    """
-    rows, cols = np.nonzero(_blocks_at_outline(mask))
+    """Return (n, 2) rows and columns of a set's outline, by blocks, evenly thinned to 20 000."""
+    whole = np.pad(mask.codes == ALL, 1, mode="edge")
+    inner = whole[:-2, 1:-1] & whole[2:, 1:-1] & whole[1:-1, :-2] & whole[1:-1, 2:]
+    rows, cols = np.nonzero((mask.codes != 0) & ~inner)  # mixed blocks, and whole ones beside others
     found = [np.zeros((0, 2), np.int64)]
     for row, col in zip(rows.tolist(), cols.tolist(), strict=True):
         block = Window(row * BLOCK, col * BLOCK, BLOCK, BLOCK).clipped(shape)
@@ -227,14 +226,6 @@ def outline_points(mask: PixelMask, shape: tuple[int, int]) -> NDArray[np.float6
     points = np.concatenate(found)
     step = -(-len(points) // MAX_POINTS) if len(points) else 1
     return points[::step].astype(np.float64)
-
-
-def _blocks_at_outline(mask: PixelMask) -> NDArray[np.bool_]:
-    """Return blocks that may hold pixels at the outline: mixed ones, and whole ones beside others."""
-    whole = np.pad(mask.codes == ALL, 1, mode="edge")
-    inner = whole[:-2, 1:-1] & whole[2:, 1:-1] & whole[1:-1, :-2] & whole[1:-1, 2:]
-    result: NDArray[np.bool_] = (mask.codes != 0) & ~inner
-    return result
 
 
 def _best_line(points: NDArray[np.float64], tolerance: float) -> tuple[NDArray[np.bool_], float]:

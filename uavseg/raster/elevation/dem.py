@@ -53,10 +53,7 @@ UNITS_M = {
 
 @dataclass(frozen=True, slots=True)
 class VerticalReference:
-    """What heights are measured from.
-
-    That is a geoid or the level of a tide gauge, or the ellipsoid, as satellite positioning has it at first.
-    """
+    """What heights are measured from: a geoid, the level of a tide gauge, or the ellipsoid of satellites."""
 
     zero: Literal["sea", "ellipsoid", "unknown"] = "unknown"
     name: str = ""  # the name of the vertical CRS, such as "EGM96 height"; empty where there is none

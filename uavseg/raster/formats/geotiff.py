@@ -168,10 +168,7 @@ def write_geotiff_pages(
     overwrite: bool = False,
     creation: CreationOptions = DEFAULT,
 ) -> None:
-    """Write several images to one GeoTIFF; GDAL calls all but the first its subdatasets.
-
-    Tags belong to the first. Other parameters, and errors, are those of `write_geotiff`.
-    """
+    """Write several images (subdatasets) to one GeoTIFF, tags to the first; else as `write_geotiff`."""
     with atomic_file(path, overwrite) as target, _write_errors(path):
         for number, page in enumerate(pages, start=1):
             options = _profile(page.geobox, len(page.bands), page.dtype, creation)

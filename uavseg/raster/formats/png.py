@@ -71,7 +71,11 @@ def _grey(file: DatasetReader) -> tuple[Bytes, Bytes | None]:
     bits = file.tags(1, ns="IMAGE_STRUCTURE").get("NBITS", 8 * np.dtype(file.dtypes[0]).itemsize)
     maximum = (1 << int(bits)) - 1
     if roles[0] == "palette":
-        return _apply_palette(planes[0], file.colormap(1))
+        colormap = file.colormap(1)
+        table = np.array([colormap.get(index, (0, 0, 0, 0)) for index in range(256)], np.int64)
+        shades = (_luminance([table[:, band] * 257 for band in range(3)]) // 257).astype(np.uint8)
+        alpha = table[:, 3].astype(np.uint8)[planes[0]]
+        return shades[planes[0]], None if (alpha == 255).all() else alpha
     alpha = planes[roles.index("alpha")] if "alpha" in roles else None
     colors = [plane for plane, role in zip(planes, roles, strict=True) if role != "alpha"]
     quanta = [_to_16_bits(plane, maximum) for plane in colors]
@@ -80,15 +84,6 @@ def _grey(file: DatasetReader) -> tuple[Bytes, Bytes | None]:
     if alpha is None and file.nodatavals[0] is not None:  # the colour that the file declares transparent
         opaque = np.where(file.dataset_mask(), np.uint8(255), np.uint8(0))
     return (grey // 257).astype(np.uint8), opaque
-
-
-def _apply_palette(
-    indices: Bytes, colormap: dict[int, tuple[int, int, int, int]]
-) -> tuple[Bytes, Bytes | None]:
-    table = np.array([colormap.get(index, (0, 0, 0, 0)) for index in range(256)], np.int64)
-    grey = (_luminance([table[:, band] * 257 for band in range(3)]) // 257).astype(np.uint8)
-    alpha = table[:, 3].astype(np.uint8)[indices]
-    return grey[indices], None if (alpha == 255).all() else alpha
 
 
 def _luminance(quanta: list[NDArray[np.int64]]) -> NDArray[np.int64]:

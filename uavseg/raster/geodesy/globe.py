@@ -288,10 +288,7 @@ def ellipsoid_under(wkt: str | None) -> Ellipsoid | None:
 
 
 def transform_between(source: Any, target: Any) -> Transform:
-    """Return the transform from one CRS to another, each a pyproj CRS or a text; x (longitude) comes first.
-
-    A RasterError says that one is not a CRS, or that there is no transformation.
-    """
+    """Return the transform between two CRS (pyproj CRS or text), x first; RasterError if there is none."""
     from pyproj.exceptions import ProjError
 
     try:

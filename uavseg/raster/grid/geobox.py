@@ -46,20 +46,14 @@ class Length:
 
 
 def as_length(given: "Length | float | str | None") -> Length | None:
-    """Return a length: metres, as text too, or text such as "8px"; None is none.
-
-    ParameterError if it is no number above 0.
-    """
+    """Return a length in metres, or of text such as "8px"; None for None; ParameterError if not above 0."""
     if given is None or isinstance(given, Length):
         return given
     return Length(*parse_size(given, "a detail or a width is metres such as 2.5, or pixels such as 8px"))
 
 
 def parse_size(given: float | str, expected: str) -> tuple[float, bool]:
-    """Parse a number, as text too, and whether it is of pixels: text with the suffix px.
-
-    A ParameterError says what is `expected`.
-    """
+    """Parse a number, or text, and whether it ends in px; a ParameterError says what is `expected`."""
     if not isinstance(given, str):
         return float(given), False
     number = given.strip().lower()

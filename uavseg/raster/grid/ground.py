@@ -53,10 +53,7 @@ def ring_areas(geobox: GeoBox, vertices: Integers, starts: Integers) -> Floats:
 
 
 def ring_perimeters(geobox: GeoBox, vertices: Integers, starts: Integers) -> Floats:
-    """Return ground length of rings along pixel edges, in metres (map units if there is no CRS).
-
-    Parameters and shapes are those of `ring_areas`.
-    """
+    """Return ground lengths of rings in metres (map units without a CRS); parameters are of `ring_areas`."""
     return _sum_over_rings(_tables(geobox)[1:], vertices, starts, np.abs)
 
 
@@ -100,10 +97,7 @@ def pixel_on_ground(geobox: GeoBox, row: Floats, col: Floats) -> tuple[Floats, F
 
 
 def pixel_on_map(geobox: GeoBox) -> tuple[float, float, float]:
-    """Return length of a pixel along a row and along a column, and its area, in the plane of the map.
-
-    Metres and square metres where the unit of the map is known.
-    """
+    """Return a pixel's width, height and area in the plane of the map: in metres where its unit is known."""
     t, unit = geobox.transform, unit_factor(geobox.wkt)
     along_row, along_col = np.hypot([t.a, t.b], [t.d, t.e]) * unit
     return float(along_row), float(along_col), abs(t.determinant) * unit**2

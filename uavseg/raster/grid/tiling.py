@@ -196,10 +196,7 @@ class TilePass:
 
 @dataclass(frozen=True, eq=False)
 class PixelMask:
-    """A set of pixels of a raster; its memory grows with the length of its outline, not with its area.
-
-    What lies beyond the raster counts neither way.
-    """
+    """A set of pixels whose memory grows with its outline, not its area; beyond the raster nothing counts."""
 
     codes: NDArray[np.uint8] = field(repr=False)  # (B, C): no, all or some pixels of a block of 64
     places: NDArray[np.int64] = field(repr=False)  # (k,): mixed blocks, as ascending indices into `codes`

@@ -178,6 +178,15 @@ class Stretch:
             grey *= valid
         return grey
 
+    def colored(self, values: Values, valid: Valid | None = None) -> NDArray[np.uint8]:
+        """Return red, green, blue and alpha, (4, rows, cols): three bands each stretched, or one as grey."""
+        picture = np.full((4, *values.shape[1:]), 255, np.uint8)
+        for band, plane in enumerate(np.broadcast_to(values, (3, *values.shape[1:]))):
+            picture[band] = to_grey(plane[None], self.low, self.high) >> 8
+        if valid is not None:
+            picture *= valid
+        return picture
+
 
 def _decide_borders(grey: Grey, values: Values, borders: Sequence[Border]) -> None:
     """Move pixels by a grey where their grey and their intensity lie on different sides of a bound."""
@@ -219,20 +228,15 @@ def parse_stretch(text: str) -> StretchSpec:
     if word in ("auto", "dtype", "minmax", "none"):
         return StretchSpec(word)
     form = "percentile" if word.startswith("percentile:") else "given"
-    low, high = _pair(text, word.removeprefix("percentile:"))
+    try:
+        low, high = (Fraction(part.strip()) for part in word.removeprefix("percentile:").split(","))
+    except (ValueError, ZeroDivisionError) as error:
+        raise ParameterError(f"a stretch is one of {FORMS}, not {text!r}") from error
     if form == "percentile" and not 0 <= low < high <= 100:
         raise ParameterError(f"a percentile stretch takes 0 <= P < Q <= 100, not {text}")
     if low >= high:
         raise ParameterError(f"the low intensity of a stretch must be below its high one, not {text}")
     return StretchSpec(form, (low, high))
-
-
-def _pair(text: str, numbers: str) -> tuple[Fraction, Fraction]:
-    try:
-        low, high = (Fraction(part.strip()) for part in numbers.split(","))
-    except (ValueError, ZeroDivisionError) as error:
-        raise ParameterError(f"a stretch is one of {FORMS}, not {text!r}") from error
-    return low, high
 
 
 def fit_stretch(dataset: Dataset, spec: Stretch | StretchSpec | str, tile_pass: TilePass) -> Stretch:
@@ -276,7 +280,12 @@ def stretch_of(dataset: Dataset, spec: StretchSpec, found: Sequence[float] | Non
     if spec.form == "given" and spec.bounds is not None:
         return _stretch_between(spec, float(spec.bounds[0]), float(spec.bounds[1]))
     if spec.form == "dtype":
-        return _stretch_between(spec, 0.0, _maximum(dataset))
+        if dataset.dtype.kind == "f":
+            raise ParameterError(
+                f"{dataset.dtype} bands have no maximum for the stretch dtype; use minmax, percentile:P,Q or "
+                "LOW,HIGH, or none if values are 0 to 1 already"
+            )
+        return _stretch_between(spec, 0.0, math.ldexp(1.0, dataset.bits - (dataset.dtype.kind == "i")) - 1)
     if found is None:
         return Stretch(0.0, 1.0, f"{spec} -> nothing", ("no pixel is valid, so there is nothing to stretch",))
     return _stretch_between(spec, *found)
@@ -287,15 +296,6 @@ def _stretch_between(spec: StretchSpec, low: float, high: float) -> Stretch:
     if low == high:
         warnings = (f"the stretch {spec} finds one intensity, {low:g}: it becomes v = 0.5, less 0, more 1",)
     return Stretch(low, high, f"{spec} -> {low:g}..{high:g}", warnings)
-
-
-def _maximum(dataset: Dataset) -> float:
-    if dataset.dtype.kind == "f":
-        raise ParameterError(
-            f"{dataset.dtype} bands have no maximum for the stretch dtype; use minmax, percentile:P,Q or "
-            "LOW,HIGH, or none if values are 0 to 1 already"
-        )
-    return math.ldexp(1.0, dataset.bits - (dataset.dtype.kind == "i")) - 1
 
 
 def order_statistics(

@@ -79,10 +79,7 @@ def multi_otsu(counts: ArrayLike, max_classes: int) -> list[Classes]:
 
 
 def select_classes(counts: ArrayLike, found: Sequence[Classes]) -> Classes:
-    """Return the natural number of classes: the largest for which all classes are separated, else two.
-
-    `found` is the result of `multi_otsu` for these counts, not empty.
-    """
+    """Return the largest number of classes that are all separated, else two; `found` is by `multi_otsu`."""
     separated = [classes for classes in found[1:] if are_separated(counts, classes)]
     return separated[-1] if separated else found[min(1, len(found) - 1)]
 

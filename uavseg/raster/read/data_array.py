@@ -63,6 +63,7 @@ def from_data_array(given: Any) -> ArraySource:
         notes.append(alpha_note(name, count, False))
     transform, placed = _transform(array, name, notes)
     scales = _scales(array, count, name, notes)
+    chunks = getattr(array, "chunks", None)  # None where it is in memory
     return ArraySource(
         array=array,
         path=name,
@@ -71,7 +72,7 @@ def from_data_array(given: Any) -> ArraySource:
         crs=crs,
         layout=layout_of(array.dtype, ("undefined",) * count, names),
         nodatas=(nodata,) * count,
-        block=_chunk(array),
+        block=(int(chunks[-2][0]), int(chunks[-1][0])) if chunks else (512, 512),
         warnings=tuple(notes),
         driver="DataArray",
         scales=scales,
@@ -439,11 +440,3 @@ def _for_each(value: Any, count: int) -> list[Any]:
     """Return a value of each band, from one for each or one for all."""
     is_listed = isinstance(value, tuple | list | np.ndarray) and np.ndim(value) == 1
     return list(value) if is_listed and len(value) == count else [value] * count
-
-
-def _chunk(array: Any) -> tuple[int, int]:
-    """Return rows and columns of the first chunk; 512 x 512 where the array is in memory."""
-    chunks = getattr(array, "chunks", None)
-    if not chunks:
-        return 512, 512
-    return int(chunks[-2][0]), int(chunks[-1][0])

@@ -88,8 +88,7 @@ def settle(areas, firsts, heap, place, size, at):  # type: ignore[no-untyped-def
         heap[at] = heap[below]
         place[heap[at]] = at
         at = below
-    heap[at] = item
-    place[item] = at
+    heap[at], place[item] = item, at
 
 
 @inlined
@@ -99,8 +98,7 @@ def remove(areas, firsts, heap, place, size, item):  # type: ignore[no-untyped-d
     place[item] = -1
     last = heap[size - 1]
     if last != item:
-        heap[at] = last
-        place[last] = at
+        heap[at], place[last] = last, at
         settle(areas, firsts, heap, place, size - 1, at)
     return size - 1
 
@@ -121,8 +119,7 @@ def is_less(one, of_one, other, of_other):  # type: ignore[no-untyped-def]
     while True:
         if one == 0 or other == 0:
             return one == 0 and other > 0
-        whole = of_one // one
-        whole_other = of_other // other
+        whole, whole_other = of_one // one, of_other // other
         if whole != whole_other:
             return whole > whole_other
         # 1 / x and 1 / y have equal whole parts: x < y where the rest of 1 / y is less than that of 1 / x
@@ -238,13 +235,10 @@ def absorb(segments, borders, one, into):  # type: ignore[no-untyped-def]
     ends[0, one] = ends[1, one] = -1
 
 
-_MERGE = (
+@kernel(
     "void(f8[::1], i8[::1], i8[::1], i8[::1], i8[::1], f8, i4[::1], i8[::1], i4[::1], i4[:,::1], i4[:,::1], "
     "i8[::1], i4[::1], i4[::1], i4[::1])"
 )
-
-
-@kernel(_MERGE)
 def _merge(  # type: ignore[no-untyped-def]
     areas, firsts, counts, greys, levels, limit, near, shared, table, ends, links, parents, adjacent,
     heap, place,
@@ -268,8 +262,7 @@ def _merge(  # type: ignore[no-untyped-def]
         one = heap[0]
         count = 0
         size = remove(areas, firsts, heap, place, size, one)
-        into = -1
-        longest = 0
+        into, longest = -1, 0
         side = ends[0, one]
         while side >= 0:
             other = near[side ^ 1]
@@ -277,8 +270,7 @@ def _merge(  # type: ignore[no-untyped-def]
             count += 1
             length = shared[side >> 1]
             if length > longest or (length == longest and is_nearer(greys, counts, one, other, into)):
-                into = other
-                longest = length
+                into, longest = other, length
             side = links[1, side]
         if count == 0:
             continue

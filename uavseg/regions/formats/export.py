@@ -47,10 +47,7 @@ _BRANCHES = 16  # of one node
 
 
 def write_regions(
-    regions: Regions,
-    path: Path_ | IO[Any],
-    overwrite: bool = False,
-    form: GeoJsonForm = COLLECTION,
+    regions: Regions, path: Path_ | IO[Any], overwrite: bool = False, form: GeoJsonForm = COLLECTION
 ) -> None:
     """Write regions to a file in the format of its extension, or as GeoJSON to an open stream.
 
@@ -60,7 +57,20 @@ def write_regions(
     format cannot hold the regions.
     """
     if not isinstance(path, str | os.PathLike):
-        _write_stream(regions, path, form)
+        try:
+            if hasattr(path, "encoding"):
+                text = io.BytesIO()
+                text_writers.write_geojson(regions, text, form)
+                path.write(text.getvalue().decode())
+            else:
+                text_writers.write_geojson(regions, path, form)
+            path.flush()
+        except BrokenPipeError:
+            raise  # the reader has closed the pipe
+        except OSError as error:
+            raise OutputError(
+                f"the regions cannot be written to the stream: {error.strerror or error}"
+            ) from error
         return
     target = check_region_path(path, overwrite)
     with atomic_file(target, overwrite) as part:
@@ -135,23 +145,6 @@ def check_region_crs(path: Path_, wkt: str | None, form: GeoJsonForm = COLLECTIO
         to_wgs84.check_on_earth(wkt)
 
 
-def _write_stream(regions: Regions, stream: IO[Any], form: GeoJsonForm) -> None:
-    try:
-        if hasattr(stream, "encoding"):
-            text = io.BytesIO()
-            text_writers.write_geojson(regions, text, form)
-            stream.write(text.getvalue().decode())
-        else:
-            text_writers.write_geojson(regions, stream, form)
-        stream.flush()
-    except BrokenPipeError:
-        raise  # the reader has closed the pipe
-    except OSError as error:
-        raise OutputError(
-            f"the regions cannot be written to the stream: {error.strerror or error}"
-        ) from error
-
-
 def _write_text(regions: Regions, path: Path) -> None:
     is_kml = path.suffix.lower() == ".kml"
     write = text_writers.write_kml if is_kml else text_writers.write_geojson
@@ -216,11 +209,9 @@ def _write_parquet(regions: Regions, path: Path) -> None:
 
 
 def _arrow_array(column: NDArray[Any], kind: Any) -> Any:
-    """Return a column as an array of pyarrow; NaN and None are null.
-
-    Not `pyarrow.array`, which imports pandas to see that a column is none of its arrays: 0.16 s. An
-    OutputError says that its texts or bytes have more than 2 GB.
-    """
+    """Return a column as an array of pyarrow; NaN and None are null."""
+    # Not `pyarrow.array`, which imports pandas to see that a column is none of its arrays: 0.16 s. An
+    # OutputError says that its texts or bytes have more than 2 GB.
     pyarrow = import_pyarrow()
     buffers: tuple[NDArray[Any] | bytes, ...]
     if column.dtype != object:
@@ -278,18 +269,15 @@ def _flatgeobuf(path: Path, count: int) -> bool:
     import mmap
 
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        position = 12 + struct.unpack_from("<I", data, 8)[0] + _index_bytes(count)
+        nodes, level = count, count
+        while level > 1:
+            level = -(-level // _BRANCHES)
+            nodes += level
+        nodes += count == 1  # a single feature has a root above it
+        position = 12 + struct.unpack_from("<I", data, 8)[0] + nodes * _NODE_BYTES
         for _ in range(count):
             position += 4 + struct.unpack_from("<I", data, position)[0]
         return bool(position == len(data))
-
-
-def _index_bytes(count: int) -> int:
-    nodes, level = count, count
-    while level > 1:
-        level = -(-level // _BRANCHES)
-        nodes += level
-    return (nodes + (count == 1)) * _NODE_BYTES  # a single feature has a root above it
 
 
 def _shapefile(path: Path, count: int) -> bool:

@@ -164,19 +164,16 @@ def _add_srs(base: sqlite3.Connection, wkt: str | None) -> int:
     number = crs.number or _CUSTOM_SRS
     row = (crs.name, number, crs.authority or "NONE", number, crs.wkt1 or "undefined", None)
     base.execute(f"INSERT OR IGNORE INTO gpkg_spatial_ref_sys VALUES ({_marks(row)})", row)
-    if crs.wkt1 is None:
-        _add_wkt2(base, number, crs.wkt2)
+    if crs.wkt1 is None:  # the extension of section F.10
+        column = "definition_12_063"
+        base.execute(
+            f"ALTER TABLE gpkg_spatial_ref_sys ADD COLUMN {column} TEXT NOT NULL DEFAULT 'undefined'"
+        )
+        update = f"UPDATE gpkg_spatial_ref_sys SET {column} = ? WHERE srs_id = ?"
+        base.execute(update, (define_crs(WGS84).wkt2, 4326))
+        base.execute(update, (crs.wkt2, number))
+        _add_extension(base, "gpkg_spatial_ref_sys", column, "gpkg_crs_wkt", "crs_wkt", "read-write")
     return number
-
-
-def _add_wkt2(base: sqlite3.Connection, srs: int, definition: str) -> None:
-    """Add the extension of CRS that WKT 1 cannot define: section F.10."""
-    column = "definition_12_063"
-    base.execute(f"ALTER TABLE gpkg_spatial_ref_sys ADD COLUMN {column} TEXT NOT NULL DEFAULT 'undefined'")
-    update = f"UPDATE gpkg_spatial_ref_sys SET {column} = ? WHERE srs_id = ?"
-    base.execute(update, (define_crs(WGS84).wkt2, 4326))
-    base.execute(update, (definition, srs))
-    _add_extension(base, "gpkg_spatial_ref_sys", column, "gpkg_crs_wkt", "crs_wkt", "read-write")
 
 
 def _add_extension(
@@ -214,12 +211,10 @@ def _add_layer(base: sqlite3.Connection, regions: Regions, layer: str, srs: int)
 
 
 def _pack_index(base: sqlite3.Connection, index: str, bounds: NDArray[np.float64]) -> None:
-    """Fill an empty R*Tree of SQLite with full nodes, which takes a tenth of the time of inserts.
-
-    Rows are in the order of S. T. Leutenegger, M. A. Lopez and J. Edgington, "STR: a simple and efficient
-    algorithm for R-tree packing" (ICDE 1997). Nodes: "Shadow tables" of https://www.sqlite.org/rtree.html.
-    `bounds`, (n, 4) float64, are of rows 1 to n: least and greatest x, least and greatest y.
-    """
+    """Fill an empty R*Tree of SQLite with full nodes, which takes a tenth of the time of inserts."""
+    # Rows are in the order of S. T. Leutenegger, M. A. Lopez and J. Edgington, "STR: a simple and efficient
+    # algorithm for R-tree packing" (ICDE 1997). Nodes: "Shadow tables" of https://www.sqlite.org/rtree.html.
+    # `bounds`, (n, 4) float64, are of rows 1 to n: least and greatest x, least and greatest y.
     [(node_bytes,)] = base.execute(f'SELECT length(data) FROM "{index}_node"')
     capacity = (node_bytes - 4) // _CELL.itemsize
     slices = math.isqrt(len(bounds) // capacity) + 1

@@ -100,7 +100,16 @@ def _complete_frame(frame: "GeoDataFrame", name: str, local: bool, widths: Width
         raise RegionError(f"{name} has two attributes of the same name; rename one of them")
     with vector_errors(name):  # texts of a damaged file may not be UTF-8
         columns = {str(field): np.asarray(frame[field]) for field in fields}
-    whole = _complete(_restore_names(columns), _polygons(geometries, name), None if local else WGS84)
+    # names and types that the file format has shortened or lost
+    columns = {FULL_NAMES.get(field, field): values for field, values in columns.items()}
+    if "tessellate" in columns:
+        columns = {field: values for field, values in columns.items() if field not in KML_FIELDS}
+    if "id2" in columns and _integers(columns.get("id")) is None:  # KML has an id of its own
+        columns["id"] = columns.pop("id2")
+    known = COLUMNS | VALUE_COLUMNS
+    for field in columns.keys() & {name for name, kind in known.items() if kind is not object}:
+        columns[field] = _numbers(columns[field])
+    whole = _complete(columns, _polygons(geometries, name), None if local else WGS84)
     return replace(whole, metadata={"notes": notes}) if notes else whole
 
 
@@ -267,19 +276,6 @@ def _repair(polygon: Any, what: str) -> Any:
             f"{what} is not a valid polygon ({shapely.is_valid_reason(polygon)}); repair it first"
         )
     return valid
-
-
-def _restore_names(columns: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """Restore names and types of columns that the file format shortened or lost."""
-    columns = {FULL_NAMES.get(name, name): values for name, values in columns.items()}
-    if "tessellate" in columns:
-        columns = {name: values for name, values in columns.items() if name not in KML_FIELDS}
-    if "id2" in columns and _integers(columns.get("id")) is None:  # KML has an id of its own
-        columns["id"] = columns.pop("id2")
-    known = COLUMNS | VALUE_COLUMNS
-    for name in columns.keys() & {name for name, kind in known.items() if kind is not object}:
-        columns[name] = _numbers(columns[name])
-    return columns
 
 
 def _numbers(values: NDArray[Any]) -> NDArray[Any]:

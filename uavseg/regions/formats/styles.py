@@ -15,8 +15,7 @@ from uavseg.errors import OutputError
 from uavseg.output.atomic import atomic_file, check_target
 from uavseg.regions.table import Regions
 
-Class = tuple[str, str]
-"""Name of a class and its colour, such as ("water", "#1f78b4")."""
+Class = tuple[str, str]  # name of a class and its colour, such as ("water", "#1f78b4")
 
 COLOR = "#ffa500"
 _ALPHA = 0.35  # of the fill
@@ -33,23 +32,17 @@ def classes_of(regions: Regions) -> tuple[str, tuple[Class, ...]] | None:
     Classes without a colour get colours from a palette, in the order of their names.
     """
     if "class" in regions.columns:
-        colors = _column_colors(regions)
-        names = sorted(
-            {str(name) for name in regions.columns["class"].tolist()} - {name for name, _ in colors}
+        classes = regions.columns["class"].tolist()
+        pairs = zip(
+            classes, regions.columns["color"].tolist() if "color" in regions.columns else (), strict=False
         )
-        return "class", (*colors, *zip(names, cycle(_PALETTE), strict=False))
+        colors = {str(name): str(color) for name, color in pairs if color}
+        names = sorted({str(name) for name in classes} - colors.keys())
+        return "class", (*sorted(colors.items()), *zip(names, cycle(_PALETTE), strict=False))
     if "level" in regions.columns:
         levels = sorted(set(regions.columns["level"].tolist()))
         return "level", tuple((str(level), _ramp(k, len(levels))) for k, level in enumerate(levels))
     return None
-
-
-def _column_colors(regions: Regions) -> tuple[Class, ...]:
-    """Return classes with the colours of the column `color`, in the order of their names."""
-    if "color" not in regions.columns:
-        return ()
-    pairs = zip(regions.columns["class"].tolist(), regions.columns["color"].tolist(), strict=True)
-    return tuple(sorted({str(name): str(color) for name, color in pairs if color}.items()))
 
 
 def qml(regions: Regions) -> str:

@@ -112,8 +112,7 @@ class GeoJsonForm:
     rs: bool = False  # the character RS (0x1E) before each feature of a sequence (RFC 8142)
 
 
-COLLECTION = GeoJsonForm()
-"""A collection in longitude and latitude."""
+COLLECTION = GeoJsonForm()  # a collection in longitude and latitude
 
 
 def write_geojson(regions: Regions, stream: IO[bytes], form: GeoJsonForm = COLLECTION) -> None:
@@ -159,16 +158,12 @@ def _features(regions: Regions, projected: bool) -> Iterator[bytes]:
     else:
         geometries = _wgs84_geometries(regions)
     ids = regions.columns["id"].tolist()
-    for parts in zip(ids, _properties(regions), geometries, strict=True):
-        yield b'{"type":"Feature","id":%d,"properties":%b,"geometry":%b}' % parts
-
-
-def _properties(regions: Regions) -> Iterable[bytes]:
-    """Format the attributes of each region as a JSON object."""
     columns = regions.columns
     template = "{" + ",".join(f"{json.dumps(name)}:%s" for name in columns) + "}"
     texts = [_texts(column) for column in columns.values()]
-    return ((template % values).encode() for values in zip(*texts, strict=True))
+    properties = ((template % values).encode() for values in zip(*texts, strict=True))
+    for parts in zip(ids, properties, geometries, strict=True):
+        yield b'{"type":"Feature","id":%d,"properties":%b,"geometry":%b}' % parts
 
 
 def _texts(column: NDArray[Any]) -> list[str]:

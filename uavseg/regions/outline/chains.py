@@ -175,21 +175,17 @@ def steps_within(row, col, direction, shape):  # type: ignore[no-untyped-def]
 
 @inlined
 def follow_boundary(tile, written, row, col, direction):  # type: ignore[no-untyped-def]
-    """Write the chain that begins with an edge; past the end of the output arrays, count only.
-
-    In `tile`, `flat` is the image and `steps` holds the offset of one step in each direction. `ahead` holds,
-    for each direction, the offset from the pixel at the lower right of a corner to the pixel ahead on the
-    right-hand side; the pixel ahead on the left-hand side is that of the previous direction.
-    """
+    """Write the chain that begins with an edge; past the end of the output arrays, count only."""
+    # In `tile`, `flat` is the image and `steps` holds the offset of one step in each direction. `ahead`
+    # holds, for each direction, the offset from the pixel at the lower right of a corner to the pixel ahead
+    # on the right-hand side; the pixel ahead on the left-hand side is that of the previous direction.
     flat, ahead, steps, labels, margin, top, left, width = tile
     seen, vertices, pinched, table, sizes = written
     shape = labels.shape
     place = (row + margin) * steps[1] + col + margin
-    first = direction
-    first_place = place
+    first, first_place = direction, place
     label = flat[place + ahead[direction]]
-    chain = sizes[1]
-    used = sizes[0]
+    chain, used = sizes[1], sizes[0]
     if chain < table.shape[0]:
         at_first = place + ahead[(direction + 3) & 3]
         node = flat[at_first] != flat[at_first - steps[direction]]
@@ -222,8 +218,7 @@ def follow_boundary(tile, written, row, col, direction):  # type: ignore[no-unty
         row += count * step_row(direction)
         col += count * step_col(direction)
         before = direction
-        pinch = False
-        exits = False
+        pinch, exits = False, False
         if flat[place + right] != label:
             direction = (direction + 1) & 3
             pinch = same
@@ -317,8 +312,7 @@ def _unpack(steps, corners, counts, table, which, vertices, pinched):  # type: i
     used = 0
     for chain in which:
         at = table[chain, START]
-        row = np.int64(corners[chain, 0])
-        col = np.int64(corners[chain, 1])
+        row, col = np.int64(corners[chain, 0]), np.int64(corners[chain, 1])
         for k in range(counts[chain]):
             step = np.int64(steps[at])
             at += 1
@@ -331,7 +325,6 @@ def _unpack(steps, corners, counts, table, which, vertices, pinched):  # type: i
                 direction = (step >> 5) & 3
                 row += length * step_row(direction)
                 col += length * step_col(direction)
-            vertices[used, 0] = row
-            vertices[used, 1] = col
+            vertices[used, 0], vertices[used, 1] = row, col
             pinched[used] = step >> 7
             used += 1

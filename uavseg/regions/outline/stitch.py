@@ -13,14 +13,7 @@ from uavseg.raster.grid.tiling import Window
 from uavseg.regions.outline.chains import OWNER, Chains, PackedChains, join_packed, pack_chains, trace_tile
 from uavseg.regions.outline.rings import RegionOutlines, merge_sums, select_sums, size_order
 from uavseg.regions.outline.trace import link_rings
-from uavseg.segmentation.components import (
-    Sums,
-    border_steps,
-    component_sums,
-    label_equal_values,
-    union_roots,
-    with_excess,
-)
+from uavseg.segmentation import components
 from uavseg.segmentation.source import GreyTile
 from uavseg.units import CELL
 
@@ -32,7 +25,7 @@ Borders = tuple[NDArray[np.uint32], NDArray[np.uint32], NDArray[np.uint32], NDAr
 class TileOutlines:
     """Components of one tile: their sums, boundary chains, and labels along the tile's borders."""
 
-    sums: Sums  # of components 1..n
+    sums: components.Sums  # of components 1..n
     chains: Chains
     borders: Borders
 
@@ -53,11 +46,11 @@ def outline_tile(
     rows, cols = labels.shape
     inner = slice(halo, halo + rows), slice(halo, halo + cols)
     beyond = None if tile.excess is None else tile.excess[inner]
-    sums = with_excess(component_sums(labels, count, tile.grey, halo), labels, beyond)
+    sums = components.with_excess(components.component_sums(labels, count, tile.grey, halo), labels, beyond)
     sums.firsts[:] += (window.row, window.col)
     inside = labels[: window.rows, : window.cols]
     return TileOutlines(
-        sums=replace(sums, steps=border_steps(image, labels, count, tile.grey, tile.valid)),
+        sums=replace(sums, steps=components.border_steps(image, labels, count, tile.grey, tile.valid)),
         chains=trace_tile(image, labels, halo, (window.row, window.col), width),
         borders=(inside[0].copy(), inside[-1].copy(), inside[:, 0].copy(), inside[:, -1].copy()),
     )
@@ -67,7 +60,7 @@ def outline_tile(
 class Components:
     """Sums of connected components 0..n - 1, and the chains of their boundaries."""
 
-    sums: Sums
+    sums: components.Sums
     chains: PackedChains
 
     def select(self, which: NDArray[np.int64]) -> "Components":
@@ -132,7 +125,7 @@ class TileStitcher:
     def __init__(
         self, shape: tuple[int, int], windows: Sequence[Window], tiles: Iterable[TileOutlines | None]
     ) -> None:
-        self._sums: list[Sums] = []
+        self._sums: list[components.Sums] = []
         self._chains: list[PackedChains] = []
         self._contacts = Contacts(shape, windows[0])
         for window, tile in zip(windows, tiles, strict=True):
@@ -160,12 +153,12 @@ class TileStitcher:
         if classes is not None:
             pairs = pairs[classes[pairs[:, 0]] == classes[pairs[:, 1]]]
         if leaves is None:
-            parts = union_roots(pairs, count)
+            parts = components.union_roots(pairs, count)
             return number_regions(sums, parts, parts, self._chains)
         row, col = sums.firsts.T // CELL
         numbers = leaves[row, col]
-        parts = union_roots(pairs[numbers[pairs[:, 0]] == numbers[pairs[:, 1]]], count)
-        segments, _ = label_equal_values(leaves)
+        parts = components.union_roots(pairs[numbers[pairs[:, 0]] == numbers[pairs[:, 1]]], count)
+        segments, _ = components.label_equal_values(leaves)
         return number_regions(sums, segments[row, col].astype(np.int64), parts, self._chains)
 
     def join(self, window: Window) -> tuple[Borders, Components, Components] | None:
@@ -177,7 +170,7 @@ class TileStitcher:
         found, (rows, cols) = self._contacts, window.slices
         if found.count == 0:
             return None
-        names, group = np.unique(union_roots(found.pairs, found.count), return_inverse=True)
+        names, group = np.unique(components.union_roots(found.pairs, found.count), return_inverse=True)
         chains = join_packed(self._chains)
         chains.table[:, OWNER] = group[chains.table[:, OWNER]]
         joined = Components(merge_sums(concatenate_sums(self._sums), group, len(names)), chains)
@@ -192,7 +185,7 @@ class TileStitcher:
 
 
 def number_regions(
-    sums: Sums, groups: NDArray[np.int64], parts: NDArray[np.int64], chains: list[PackedChains]
+    sums: components.Sums, groups: NDArray[np.int64], parts: NDArray[np.int64], chains: list[PackedChains]
 ) -> RegionOutlines:
     """Number regions by size: components of one group are one region, those of one part one polygon."""
     names, group = np.unique(groups, return_inverse=True)
@@ -205,14 +198,14 @@ def number_regions(
     return RegionOutlines(link_rings(chains, labels[group], raster_rank[part]), select_sums(merged, order))
 
 
-def concatenate_sums(parts: Sequence[Sums]) -> Sums:
+def concatenate_sums(parts: Sequence[components.Sums]) -> components.Sums:
     """Return the sums of the components of several tiles, one after the other."""
     if any(part.excess is not None for part in parts):  # None stands for zeros
         parts = [replace(p, excess=np.zeros_like(p.counts)) if p.excess is None else p for p in parts]
     empty = [np.empty(shape, dtype) for shape, dtype in ((0, "i8"), (0, "u8"), (0, "u8"), ((0, 2), "i8"))]
     known: dict[str, Any] = {}
-    for field in fields(Sums):
-        columns = [getattr(part, field.name) for part in (Sums(*empty), *parts)]
+    for field in fields(components.Sums):
+        columns = [getattr(part, field.name) for part in (components.Sums(*empty), *parts)]
         columns = [column for column in columns if column is not None]
         known[field.name] = np.concatenate(columns) if columns else None
-    return Sums(**known)
+    return components.Sums(**known)

@@ -237,13 +237,9 @@ def _partners(vertices: Vertices, pinched: NDArray[np.uint8], starts: Integers) 
     return partners
 
 
-_JOIN = "i8(i4[:,::1], u1[::1], i8[:,::1], i8[::1], i8[::1], u1[::1], i4[:,::1], u1[::1], i8[::1], i8[::1])"
-
-
-@kernel(_JOIN)
+@kernel("i8(i4[:,::1], u1[::1], i8[:,::1], i8[::1], i8[::1], u1[::1], i4[:,::1], u1[::1], i8[::1], i8[::1])")
 def _join(vertices, pinched, table, ends, after, done, joined, joined_pinched, starts, owners):  # type: ignore[no-untyped-def]
-    used = 0
-    rings = 0
+    used, rings = 0, 0
     for chain in range(table.shape[0]):
         if done[chain]:
             continue
@@ -297,10 +293,7 @@ def write_ring(vertices, begin, stack, bottom, top, owner, rings, written):  # t
     starts[rings + 1] = used + count
 
 
-_SPLIT = "i8(i4[:,::1], i8[::1], i8[::1], i4[::1], i8[::1], i8[::1], i4[:,::1], i8[::1], i8[::1], u1[::1])"
-
-
-@kernel(_SPLIT)
+@kernel("i8(i4[:,::1], i8[::1], i8[::1], i4[::1], i8[::1], i8[::1], i4[:,::1], i8[::1], i8[::1], u1[::1])")
 def _split(vertices, starts, owners, partners, stack, place, simple, simple_starts, simple_owners, hole):  # type: ignore[no-untyped-def]
     # Vertices are pushed on a stack; one that is on it already closes the loop above it.
     rings = 0
@@ -320,8 +313,7 @@ def _split(vertices, starts, owners, partners, stack, place, simple, simple_star
                 top = bottom
             else:
                 top += 1
-                stack[top] = k
-                place[k] = top
+                stack[top], place[k] = k, top
         write_ring(vertices, begin, stack, 0, top, owners[ring], rings, written)
         rings += 1
     return rings

@@ -132,10 +132,8 @@ def log_evidence(outline: Outline, evidence: Evidence) -> tuple[float, float]:
 
 
 def _candidates(outline: Outline, evidence: Evidence, limits: Floats) -> Floats:
-    """Return poses (n, 5) of a coarse search in which some corner lies on the middle of the surface.
-
-    They are x, y, size times cosine and sine of the rotation, and log-likelihood.
-    """
+    """Return poses (n, 5) of a coarse search in which some corner lies on the middle of the surface."""
+    # They are x, y, size times cosine and sine of the rotation, and log-likelihood.
     surface, wide = evidence.surface, evidence.grid * (1.0, 1.0, 1.0, 2.0, 1.0)
     anchor = surface[np.hypot(*(surface[:, :2] - np.median(surface[:, :2], axis=0)).T).argmin(), :2]
     angles = np.exp(1j * math.tau / _ANGLES * np.arange(_ANGLES))

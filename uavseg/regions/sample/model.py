@@ -14,17 +14,7 @@ from uavseg.execution.executors import Map
 from uavseg.raster.grid.ground import pixel_on_ground
 from uavseg.regions.sample.place import SampleMask
 from uavseg.segmentation.blocks.lbp import COARSE_HALO, UNCOUNTED, coarse_symbols, lbp_symbols
-from uavseg.segmentation.sample.g_scores import (
-    MAX_SCORE,
-    NO_SCORE,
-    NULL_SCORE,
-    SCORE_UNITS,
-    GreyBounds,
-    TextureModel,
-    min_count,
-    texture_model,
-    window_scores,
-)
+from uavseg.segmentation.sample import g_scores
 from uavseg.segmentation.sample.pixel_decision import SampleWeights, SymbolPair
 from uavseg.segmentation.source import GreySource, GreyTile
 from uavseg.units import CELL, GREY_MAX
@@ -41,14 +31,16 @@ class Sample:
     the sample; at least the expected score under the null hypothesis.
     """
 
-    model: TextureModel
+    model: g_scores.TextureModel
     own: int
     mean: float
     deviation: float
 
     def limit(self, similarity: float) -> int:
         """Return the largest score at which a window has at least this similarity."""
-        return min(self.own + math.floor(-2 * SCORE_UNITS * math.log(similarity)), MAX_SCORE - 1)
+        return min(
+            self.own + math.floor(-2 * g_scores.SCORE_UNITS * math.log(similarity)), g_scores.MAX_SCORE - 1
+        )
 
     def similarity(self, score: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the similarity to the sample from 0 to 1, for mean scores of windows or regions.
@@ -56,23 +48,23 @@ class Sample:
         Half of G is a log-likelihood ratio. So this is the likelihood ratio per pixel of one texture for both
         against two textures, relative to that of windows in the sample.
         """
-        excess = np.maximum(score - self.own, 0) / SCORE_UNITS
+        excess = np.maximum(score - self.own, 0) / g_scores.SCORE_UNITS
         return np.exp(-excess / 2)
 
-    def bounds(self, deviations: float) -> GreyBounds:
+    def bounds(self, deviations: float) -> g_scores.GreyBounds:
         """Return bounds of mean grey, a number of standard deviations around the mean."""
         return bounds_around(self.mean, self.deviation, deviations)
 
 
-def bounds_around(mean: float, deviation: float, deviations: float) -> GreyBounds:
+def bounds_around(mean: float, deviation: float, deviations: float) -> g_scores.GreyBounds:
     """Return bounds of mean grey around a mean in grey levels, at least one step of 8 bits from it.
 
     `deviations` is their distance from it in multiples of the deviation; may be infinite.
     """
     if math.isinf(deviations):
-        return GreyBounds()
+        return g_scores.GreyBounds()
     half = min(max(deviations * deviation, _GREY_STEP), GREY_MAX)
-    return GreyBounds(max(math.floor(mean - half), 0), min(math.ceil(mean + half), GREY_MAX))
+    return g_scores.GreyBounds(max(math.floor(mean - half), 0), min(math.ceil(mean + half), GREY_MAX))
 
 
 def fit_sample(
@@ -98,7 +90,7 @@ def fit_sample(
     rank = -(-len(scores) * _OWN_QUANTILE[0] // _OWN_QUANTILE[1])
     return Sample(
         model=model,
-        own=max(int(np.sort(scores)[rank - 1]), NULL_SCORE),
+        own=max(int(np.sort(scores)[rank - 1]), g_scores.NULL_SCORE),
         mean=total / count,
         deviation=math.sqrt((squares * count - total * total) / count**2),
     )
@@ -159,17 +151,17 @@ def _radius(source: GreySource, pixels: int) -> str:
 
 def _measure_sample(
     source: GreySource, bin_edges: NDArray[np.int32], side: int, place: SampleMask
-) -> tuple[TextureModel, NDArray[np.uint16], NDArray[np.uint64]]:
+) -> tuple[g_scores.TextureModel, NDArray[np.uint16], NDArray[np.uint64]]:
     """Measure a sample: texture model, scores of its windows, and count, sum and sum of squares of grey."""
     tile = source.read(place.window, COARSE_HALO)
     names, coarse = _sample_symbols(tile, bin_edges, place)
     grey = np.ascontiguousarray(tile.grey[COARSE_HALO:-COARSE_HALO, COARSE_HALO:-COARSE_HALO])
     cells = np.ones((names.shape[0] // CELL, names.shape[1] // CELL), np.uint8)
-    model = texture_model(names, grey, cells, coarse=coarse)
-    scores = window_scores(names, grey, model, side, leave_one_out=True)
+    model = g_scores.texture_model(names, grey, cells, coarse=coarse)
+    scores = g_scores.window_scores(names, grey, model, side, leave_one_out=True)
     counted = grey[names != UNCOUNTED].astype(np.uint64)
     moments = np.array([len(counted), counted.sum(), (counted * counted).sum()], np.uint64)
-    return model, scores[scores != NO_SCORE], moments
+    return model, scores[scores != g_scores.NO_SCORE], moments
 
 
 USUAL_WINDOWS = (32, 24, 16)  # pixels
@@ -190,4 +182,4 @@ def _holds(counts: NDArray[np.int64], side: int) -> bool:
     if min(counts.shape) < side:
         return False
     windows = np.lib.stride_tricks.sliding_window_view(counts, (side, side))
-    return bool(windows.sum((2, 3)).max() >= min_count(side))
+    return bool(windows.sum((2, 3)).max() >= g_scores.min_count(side))

@@ -20,17 +20,7 @@ from uavseg.regions.tiles.class_tiles import cell_jobs
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.dilation import dilate
 from uavseg.segmentation.blocks.lbp import COARSE_HALO, SYMBOLS, coarse_symbols, lbp_symbols
-from uavseg.segmentation.sample.g_scores import (
-    GREY_BINS,
-    MAX_SCORE,
-    NO_SCORE,
-    GreyBounds,
-    TextureModel,
-    best_scores,
-    min_count,
-    texture_model,
-    window_scores,
-)
+from uavseg.segmentation.sample import g_scores
 from uavseg.segmentation.sample.pixel_decision import ColorPlane, best_mean_weights, log_ratio, window_sums
 from uavseg.segmentation.source import GreySource
 from uavseg.units import CELL
@@ -47,7 +37,7 @@ class ColorBand:
     """
 
     source: GreySource
-    bounds: GreyBounds
+    bounds: g_scores.GreyBounds
     counts: Counts
 
 
@@ -65,7 +55,7 @@ def _fit_band(source: GreySource, place: SampleMask, deviations: float) -> Color
     if len(grey) == 0:
         raise SampleError(f"the sample has no valid pixel in {source.dataset.band_names}")
     bounds = bounds_around(float(grey.mean()), float(grey.std()), deviations)
-    return ColorBand(source, bounds, np.bincount(grey >> 10, minlength=GREY_BINS).astype(np.int64))
+    return ColorBand(source, bounds, np.bincount(grey >> 10, minlength=g_scores.GREY_BINS).astype(np.int64))
 
 
 def limit_scores(
@@ -79,8 +69,8 @@ def limit_scores(
         tile = color.source.read(window, CELL * (side - 1))
         totals, counts = window_sums(_cell_sums(tile.grey), side), window_sums(_cell_sums(tile.valid), side)
         out = (totals < color.bounds.low * counts) | (totals > color.bounds.high * counts)
-        scores = np.where(out & (scores != NO_SCORE), np.uint16(MAX_SCORE), scores)
-        scores[counts < min_count(side)] = NO_SCORE
+        scores = np.where(out & (scores != g_scores.NO_SCORE), np.uint16(g_scores.MAX_SCORE), scores)
+        scores[counts < g_scores.min_count(side)] = g_scores.NO_SCORE
     return scores
 
 
@@ -91,11 +81,11 @@ def _cell_sums(pixels: NDArray[np.integer[Any]]) -> Counts:
 
 def count_colors(colors: Sequence[ColorBand], window: Window, cells: NDArray[np.bool_]) -> Counts:
     """Return histograms of the chosen cells of the tile at `window` in each band, (bands, 64) int64."""
-    counts = np.zeros((len(colors), GREY_BINS), np.int64)
+    counts = np.zeros((len(colors), g_scores.GREY_BINS), np.int64)
     chosen = cells.repeat(CELL, 0).repeat(CELL, 1)
     for k, color in enumerate(colors):
         tile = color.source.read(window, 0)
-        counts[k] = np.bincount(tile.grey[chosen & (tile.valid != 0)] >> 10, minlength=GREY_BINS)
+        counts[k] = np.bincount(tile.grey[chosen & (tile.valid != 0)] >> 10, minlength=g_scores.GREY_BINS)
     return counts
 
 
@@ -117,10 +107,10 @@ def color_planes(
 class Criterion:
     """Criterion by which a window is like a sample."""
 
-    model: TextureModel  # of the sample
+    model: g_scores.TextureModel  # of the sample
     bin_edges: NDArray[np.int32]  # (7,): of the histogram of contrast
     side: int  # side of a window in cells
-    bounds: GreyBounds  # of the mean grey of a window
+    bounds: g_scores.GreyBounds  # of the mean grey of a window
     limit: int  # the largest score of a window that is like the sample
     colors: tuple[ColorBand, ...] = ()  # further bands whose means are bounded
 
@@ -130,16 +120,17 @@ class CellScores:
     """Best scores of the cells of a raster, and texture models of unlike cells and of all cells."""
 
     best: NDArray[np.uint16]  # (8 B, 8 C): see `g_scores.best_scores`
-    rest: TextureModel  # of the cells with a score that is too large; not of all that `reject_unlike` rejects
+    # Of the cells with a score that is too large; not of all that `reject_unlike` rejects.
+    rest: g_scores.TextureModel
     whole: Integers  # (2, 2048) int64: count of each symbol in the raster, at both scales
     rest_colors: Integers  # (bands, 64) int64: histograms of the cells of `rest` in further bands
 
 
 def score_cells(source: GreySource, criterion: Criterion, tile_pass: TilePass) -> CellScores:
     """Compute the best score of every cell."""
-    best = np.full(BlockMap.empty(source.shape).counts.shape, NO_SCORE, np.uint16)
-    rest, whole = TextureModel(), np.zeros((2, SYMBOLS), np.int64)
-    rest_colors = np.zeros((len(criterion.colors), GREY_BINS), np.int64)
+    best = np.full(BlockMap.empty(source.shape).counts.shape, g_scores.NO_SCORE, np.uint16)
+    rest, whole = g_scores.TextureModel(), np.zeros((2, SYMBOLS), np.int64)
+    rest_colors = np.zeros((len(criterion.colors), g_scores.GREY_BINS), np.int64)
     tiles = tile_pass.run(partial(_score_tile, source, criterion))
     for window, scored in zip(tile_pass.windows, tiles, strict=True):
         if scored is not None:
@@ -152,7 +143,7 @@ def score_cells(source: GreySource, criterion: Criterion, tile_pass: TilePass) -
 
 def _score_tile(
     source: GreySource, criterion: Criterion, window: Window
-) -> tuple[NDArray[np.uint16], TextureModel, Integers, Integers] | None:
+) -> tuple[NDArray[np.uint16], g_scores.TextureModel, Integers, Integers] | None:
     """Return the parts of `CellScores` of a tile; None for an empty one."""
     halo, side = CELL * (criterion.side - 1), criterion.side
     if source.dataset.is_empty(window):
@@ -160,15 +151,15 @@ def _score_tile(
     tile = source.read(window, halo + 1)
     names = lbp_symbols(tile.grey, tile.mask, criterion.bin_edges)
     grey = np.ascontiguousarray(tile.grey[1:-1, 1:-1])
-    scores = window_scores(names, grey, criterion.model, side, criterion.bounds)
-    best = best_scores(limit_scores(criterion.colors, scores, window, side), side)
-    unlike = ((best > criterion.limit) & (best != NO_SCORE)).view(np.uint8)
+    scores = g_scores.window_scores(names, grey, criterion.model, side, criterion.bounds)
+    best = g_scores.best_scores(limit_scores(criterion.colors, scores, window, side), side)
+    unlike = ((best > criterion.limit) & (best != g_scores.NO_SCORE)).view(np.uint8)
     near = tile.cropped(halo + 1 - COARSE_HALO)
     coarse = coarse_symbols(near.grey, near.mask, criterion.bin_edges)
-    whole = texture_model(names, grey, np.ones_like(unlike), halo, coarse)
+    whole = g_scores.texture_model(names, grey, np.ones_like(unlike), halo, coarse)
     counts = np.stack([whole.texture, whole.coarse])
     colors = count_colors(criterion.colors, window, unlike.view(np.bool_))
-    return best, texture_model(names, grey, unlike, halo, coarse), counts, colors
+    return best, g_scores.texture_model(names, grey, unlike, halo, coarse), counts, colors
 
 
 def reject_unlike(
@@ -191,7 +182,7 @@ def reject_unlike(
     best, rest, rest_colors = scores.best.copy(), scores.rest, scores.rest_colors.copy()
     reject = partial(_reject_tile, source, criterion, weights, minimum)
     for window, (rejected, unlike, colors) in zip(with_matches, tile_pass.run(reject, jobs), strict=True):
-        best[window_cells(window)][rejected] = MAX_SCORE
+        best[window_cells(window)][rejected] = g_scores.MAX_SCORE
         rest += unlike
         rest_colors += colors
     return replace(scores, best=best, rest=rest, rest_colors=rest_colors)
@@ -203,7 +194,7 @@ def _reject_tile(
     weights: Integers,
     minimum: int,
     job: tuple[Window, NDArray[np.uint8]],
-) -> tuple[NDArray[np.bool_], TextureModel, Integers]:
+) -> tuple[NDArray[np.bool_], g_scores.TextureModel, Integers]:
     """Return the rejected cells of a tile, and histograms of those off boundaries, beside no kept one."""
     window, around = job  # cells of the tile, and one more on every side
     halo = CELL * criterion.side
@@ -215,7 +206,7 @@ def _reject_tile(
     unlike = rejected & ~dilate(matched & explained, 1)[inner]
     grey = np.ascontiguousarray(tile.grey[COARSE_HALO:-COARSE_HALO, COARSE_HALO:-COARSE_HALO])
     coarse = np.ascontiguousarray(names[1][halo:-halo, halo:-halo])
-    model = texture_model(names[0], grey, unlike.view(np.uint8), halo, coarse)
+    model = g_scores.texture_model(names[0], grey, unlike.view(np.uint8), halo, coarse)
     return rejected, model, count_colors(criterion.colors, window, unlike)
 
 
@@ -243,7 +234,7 @@ def _sum_scores(job: tuple[EdgeTable, NDArray[np.uint16]]) -> tuple[Integers, In
     labels = edges.rasterise()
     rows, cols = labels.shape
     scores = best.repeat(CELL, 0)[:rows].repeat(CELL, 1)[:, :cols].astype(np.int64)
-    labels[scores >= MAX_SCORE] = 0
+    labels[scores >= g_scores.MAX_SCORE] = 0
     counts = np.bincount(labels.ravel())
     names = np.flatnonzero(counts[1:]) + 1
     sums = np.bincount(labels.ravel(), scores.ravel()).astype(np.int64)

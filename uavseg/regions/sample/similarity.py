@@ -208,26 +208,20 @@ def next_place(
     aspect = long / wide if wide > 0 and math.isfinite(long) else math.inf
     if aspect > _MAX_ASPECT:
         return None
-    for radius in dict.fromkeys((_mean_radius(samples), _MIN_RADIUS)):
+    pixels = np.mean([np.count_nonzero(place.mask) for place in samples])
+    mean_radius = float(min(max(round(math.sqrt(pixels / math.pi)), _MIN_RADIUS), _MAX_RADIUS))
+    for radius in dict.fromkeys((mean_radius, _MIN_RADIUS)):
         reach = radius * math.sqrt(aspect)
         taken = _cells_near(samples, blocks.counts.shape, _GAP * radius)
         cells = most_uncertain_cells(blocks.sums, blocks.counts, taken, reach, _CANDIDATES, _MIN_UNCERTAINTY)
         discs = [_disc(geobox, row, col, reach) for row, col in cells.tolist()]
-        best = _most_uncertain(source, discs, samples, tile_pass)
-        if best is not None:
-            return best
+        masks = [_mask_apart(disc, source.dataset.geobox, samples) for disc in discs]
+        candidates = [(disc, mask) for disc, mask in zip(discs, masks, strict=True) if mask is not None]
+        values = list(tile_pass.silent.run(partial(_uncertainty, source), [mask for _, mask in candidates]))
+        first = max(range(len(values)), key=values.__getitem__, default=None)
+        if first is not None and values[first] >= _MIN_UNCERTAINTY:
+            return candidates[first][0]
     return None
-
-
-def _most_uncertain(
-    source: SimilaritySource, discs: Sequence[Disc], samples: Sequence[SampleMask], tile_pass: TilePass
-) -> Disc | None:
-    """Return the disc whose pixels are the least certain on average, if they are uncertain."""
-    masks = [_mask_apart(disc, source.dataset.geobox, samples) for disc in discs]
-    candidates = [(disc, mask) for disc, mask in zip(discs, masks, strict=True) if mask is not None]
-    values = list(tile_pass.silent.run(partial(_uncertainty, source), [mask for _, mask in candidates]))
-    best = max(range(len(values)), key=values.__getitem__, default=None)
-    return None if best is None or values[best] < _MIN_UNCERTAINTY else candidates[best][0]
 
 
 def _uncertainty(source: SimilaritySource, place: SampleMask) -> float:
@@ -248,12 +242,6 @@ def _mask_apart(disc: Disc, geobox: GeoBox, samples: Sequence[SampleMask]) -> Sa
         return None
     too_small = np.count_nonzero(place.mask) < MIN_PIXELS
     return None if too_small or any(map(place.meets, samples)) else place
-
-
-def _mean_radius(samples: Sequence[SampleMask]) -> float:
-    """Return the radius in pixels of a disc that is as large as samples are on average, within bounds."""
-    pixels = np.mean([np.count_nonzero(place.mask) for place in samples])
-    return float(min(max(round(math.sqrt(pixels / math.pi)), _MIN_RADIUS), _MAX_RADIUS))
 
 
 def _cells_near(samples: Sequence[SampleMask], shape: tuple[int, ...], gap: float) -> NDArray[np.bool_]:

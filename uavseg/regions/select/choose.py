@@ -30,11 +30,21 @@ def select_regions(
     """
     kept = np.ones(len(regions), dtype=bool)
     if ids is not None:
-        kept &= _has_id(regions, ids)
+        known = regions.columns["id"]
+        missing = sorted(set(ids) - set(known.tolist()))
+        if missing:
+            raise RegionError(
+                f"there is no region {_listed(missing)}; there are {_listed(np.unique(known).tolist())}"
+            )
+        kept &= np.isin(known, list(ids))
     if condition is not None:
         kept &= where(regions.columns, condition)
     if largest is not None:
-        kept = _largest(regions, kept, largest)
+        if largest < 1:
+            raise RegionError(f"expected at least 1 largest region, got {largest}")
+        area = np.where(kept, regions.columns["area_m2"], -np.inf)
+        first = np.argsort(-area, kind="stable")[:largest]
+        kept = kept & np.isin(np.arange(len(regions)), first)
     if not kept.any():
         raise RegionError(f"none of the {len(regions)} regions is selected; give weaker conditions")
     return regions.select(np.flatnonzero(kept))
@@ -63,24 +73,6 @@ def of_classes(regions: Regions, names: Sequence[str]) -> NDArray[np.bool_]:
 def _names(known: Sequence[str]) -> str:
     more = f" and {len(known) - MAX_LISTED} more" if len(known) > MAX_LISTED else ""
     return ", ".join(known[:MAX_LISTED]) + more if known else "none"
-
-
-def _has_id(regions: Regions, ids: Sequence[int]) -> np.ndarray:
-    known = regions.columns["id"]
-    missing = sorted(set(ids) - set(known.tolist()))
-    if missing:
-        raise RegionError(
-            f"there is no region {_listed(missing)}; there are {_listed(np.unique(known).tolist())}"
-        )
-    return np.isin(known, list(ids))
-
-
-def _largest(regions: Regions, kept: np.ndarray, count: int) -> np.ndarray:
-    if count < 1:
-        raise RegionError(f"expected at least 1 largest region, got {count}")
-    area = np.where(kept, regions.columns["area_m2"], -np.inf)
-    first = np.argsort(-area, kind="stable")[:count]
-    return kept & np.isin(np.arange(len(regions)), first)
 
 
 def _listed(ids: Sequence[int]) -> str:

@@ -125,13 +125,10 @@ def unit_corners(vertices, begin, end, by_row, by_col, rows, cols, corners, fixe
     used = 0
     for v in range(begin, end):
         after = v + 1 if v + 1 < end else begin
-        row = int(vertices[v, 0])
-        col = int(vertices[v, 1])
-        down = int(vertices[after, 0]) - row
-        across = int(vertices[after, 1]) - col
+        row, col = int(vertices[v, 0]), int(vertices[v, 1])
+        down, across = int(vertices[after, 0]) - row, int(vertices[after, 1]) - col
         length = abs(down) + abs(across)
-        step_row = (down > 0) - (down < 0)
-        step_col = (across > 0) - (across < 0)
+        step_row, step_col = (down > 0) - (down < 0), (across > 0) - (across < 0)
         for k in range(length):
             corners[used + k, 0] = row + k * step_row
             corners[used + k, 1] = col + k * step_col
@@ -153,8 +150,7 @@ def unit_corners(vertices, begin, end, by_row, by_col, rows, cols, corners, fixe
 @inlined
 def edge_key(corners, here, there, cols):  # type: ignore[no-untyped-def]
     """Return the key of the edge from one corner to the next: number of the corner, and a direction."""
-    down = corners[there, 0] - corners[here, 0]
-    across = corners[there, 1] - corners[here, 1]
+    down, across = corners[there, 0] - corners[here, 0], corners[there, 1] - corners[here, 1]
     direction = 0 if across > 0 else 2 if across < 0 else 1 if down > 0 else 3
     return (corners[here, 0] * (cols + 1) + corners[here, 1]) * 4 + direction
 
@@ -162,8 +158,7 @@ def edge_key(corners, here, there, cols):  # type: ignore[no-untyped-def]
 @inlined
 def compare_corners(corners, one, other):  # type: ignore[no-untyped-def]
     """Compare two corners in raster order: -1 if the first one precedes, 1 if it follows, 0 if equal."""
-    rows = corners[one, 0] - corners[other, 0]
-    cols = corners[one, 1] - corners[other, 1]
+    rows, cols = corners[one, 0] - corners[other, 0], corners[one, 1] - corners[other, 1]
     first = rows if rows != 0 else cols
     return 1 if first > 0 else -1 if first < 0 else 0
 
@@ -193,10 +188,8 @@ def is_reversed(corners, total, start, n):  # type: ignore[no-untyped-def]
 def portal_offsets(base_x, base_y, n, x, y, offsets):  # type: ignore[no-untyped-def]
     """Compute where a line crosses the portals of an arc: steps to the left of the middle of each."""
     for e in range(n):
-        dx = base_x[e + 1] - base_x[e]
-        dy = base_y[e + 1] - base_y[e]
-        middle_x = 0.5 * (base_x[e] + base_x[e + 1])
-        middle_y = 0.5 * (base_y[e] + base_y[e + 1])
+        dx, dy = base_x[e + 1] - base_x[e], base_y[e + 1] - base_y[e]
+        middle_x, middle_y = 0.5 * (base_x[e] + base_x[e + 1]), 0.5 * (base_y[e] + base_y[e + 1])
         before = (x[e] - middle_x) * dx + (y[e] - middle_y) * dy
         after = (x[e + 1] - middle_x) * dx + (y[e + 1] - middle_y) * dy
         share = before / (before - after)
@@ -207,10 +200,8 @@ def portal_offsets(base_x, base_y, n, x, y, offsets):  # type: ignore[no-untyped
 
 @inlined
 def place_points(base_x, base_y, n, cyclic, offsets, px, py, steps):  # type: ignore[no-untyped-def]
-    """Round the points on the portals to steps; returns the index of the last point.
-
-    An open arc begins and ends with its two corners; the last point of a cyclic one equals its first.
-    """
+    """Round the points on the portals to steps; returns the index of the last point."""
+    # An open arc begins and ends with its two corners; the last point of a cyclic one equals its first.
     lead = 0 if cyclic else 1
     for e in range(n):
         step = min(max(int((offsets[e] + MAX_OFFSET) + 0.5) - MAX_OFFSET, -MAX_OFFSET), MAX_OFFSET)
@@ -239,41 +230,32 @@ def cross_product(ax, ay, bx, by):  # type: ignore[no-untyped-def]
 
 @inlined
 def straighten(base_x, base_y, cyclic, px, py, steps, last, kept):  # type: ignore[no-untyped-def]
-    """Fit a sleeve greedily: from each point a segment to the furthest point that it reaches.
-
-    A segment passes through all portals between, within SLEEVE_WIDTH of the point on each. Returns the number
-    of points that are kept; their indices are written to `kept`, 0 and the last among them.
-    """
+    """Fit a sleeve greedily: from each point a segment to the furthest point that it reaches."""
+    # A segment passes through all portals between, within SLEEVE_WIDTH of the point on each. Returns the
+    # number of points that are kept; their indices are written to `kept`, 0 and the last among them.
     lead = 0 if cyclic else 1
     kept[0] = 0
-    count = 1
-    here = 0
+    count, here = 1, 0
     while here < last:
-        best = here + 1
-        at = here + 1
+        best, at = here + 1, here + 1
         left_x = left_y = right_x = right_y = 0
         while at < last and at - here < _MAX_EDGES:
             dx = int(base_x[at - lead + 1] - base_x[at - lead])
             dy = int(base_y[at - lead + 1] - base_y[at - lead])
             out = min(steps[at] + SLEEVE_WIDTH, MAX_OFFSET) - steps[at]
             back = max(steps[at] - SLEEVE_WIDTH, -MAX_OFFSET) - steps[at]
-            lx = px[at] - px[here] + out * dy
-            ly = py[at] - py[here] - out * dx
-            rx = px[at] - px[here] + back * dy
-            ry = py[at] - py[here] - back * dx
+            lx, ly = px[at] - px[here] + out * dy, py[at] - py[here] - out * dx
+            rx, ry = px[at] - px[here] + back * dy, py[at] - py[here] - back * dx
             if cross_product(lx, ly, rx, ry) <= 0:
                 break  # the segment would pass the portal backwards
             if at == here + 1 or cross_product(left_x, left_y, lx, ly) > 0:
-                left_x = lx
-                left_y = ly
+                left_x, left_y = lx, ly
             if at == here + 1 or cross_product(rx, ry, right_x, right_y) > 0:
-                right_x = rx
-                right_y = ry
+                right_x, right_y = rx, ry
             if cross_product(left_x, left_y, right_x, right_y) < 0:
                 break
             at += 1
-            x = px[at] - px[here]
-            y = py[at] - py[here]
+            x, y = px[at] - px[here], py[at] - py[here]
             if cross_product(left_x, left_y, x, y) >= 0 and cross_product(x, y, right_x, right_y) >= 0:
                 best = at
         kept[count] = best
@@ -301,7 +283,6 @@ def area_slope(base_x, base_y, n, cyclic, px, py, last):  # type: ignore[no-unty
     for e in range(n):
         at = e + lead
         before = at - 1 if at > 0 else last - 1
-        along_x = px[at + 1] - px[before]
-        along_y = py[at + 1] - py[before]
+        along_x, along_y = px[at + 1] - px[before], py[at + 1] - py[before]
         slope += along_y * int(base_y[e + 1] - base_y[e]) + along_x * int(base_x[e + 1] - base_x[e])
     return slope

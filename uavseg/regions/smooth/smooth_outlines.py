@@ -48,11 +48,9 @@ _STEPS = 8  # of each round; even, as they are done in pairs
 
 @inlined
 def relax(base_x, base_y, n, cyclic, x, y, other_x, other_y):  # type: ignore[no-untyped-def]
-    """Relax an arc of n unit edges from its corners `base_x`, `base_y`; the result is written to `x`, `y`.
-
-    All arrays are of floats and have at least n + 1 items. The ends of an open arc are fixed; those of a
-    cyclic one are the same corner, which moves.
-    """
+    """Relax an arc of n unit edges from its corners `base_x`, `base_y`; the result is written to `x`, `y`."""
+    # All arrays are of floats and have at least n + 1 items. The ends of an open arc are fixed; those of a
+    # cyclic one are the same corner, which moves.
     for i in range(n + 1):
         x[i] = base_x[i]
         y[i] = base_y[i]
@@ -95,11 +93,9 @@ def doubled_area(x, y, n):  # type: ignore[no-untyped-def]
 
 @inlined
 def restore_area(x, y, base_x, base_y, n, cyclic, missing, along_x, along_y):  # type: ignore[no-untyped-def]
-    """Move the corners along the gradient of the area, so that twice the area grows by `missing`.
-
-    The gradient at each corner is the vector between its neighbours, rotated by a right angle. Corners stay
-    within MAX_SHIFT, so the area may grow by less.
-    """
+    """Move the corners along the gradient of the area, so that twice the area grows by `missing`."""
+    # The gradient at each corner is the vector between its neighbours, rotated by a right angle. Corners stay
+    # within MAX_SHIFT, so the area may grow by less.
     squares = 0.0
     for i in range(0 if cyclic else 1, n):
         before = i - 1 if i > 0 else n - 1
@@ -262,8 +258,7 @@ def write_edges(corners, total, start, n, cyclic, vertices, used):  # type: igno
     """Write an arc along its pixel edges, without its last corner."""
     for k in range(n):
         here = (start + k) % total
-        before = (start + k - 1) % total
-        after = (start + k + 1) % total
+        before, after = (start + k - 1) % total, (start + k + 1) % total
         straight = corners[before, 0] + corners[after, 0] == 2 * corners[here, 0]
         straight = straight and corners[before, 1] + corners[after, 1] == 2 * corners[here, 1]
         if not straight or (k == 0 and not cyclic):
@@ -274,9 +269,7 @@ def write_edges(corners, total, start, n, cyclic, vertices, used):  # type: igno
 @inlined
 def write_arc(base, integers, row, col, n, cyclic, reverse, share, last, count, vertices, used):  # type: ignore[no-untyped-def]
     """Write the points of a smooth arc, without its last one, in the orientation of the ring."""
-    px = integers[0]
-    py = integers[1]
-    kept = integers[3]
+    px, py, kept = integers[0], integers[1], integers[3]
     if share == 1.0:
         for k in range(count - 1):
             at = kept[count - 1 - k] if reverse else kept[k]
@@ -318,8 +311,7 @@ def fit_arc(floats, integers, n, cyclic):  # type: ignore[no-untyped-def]
     relax(base_x, base_y, n, cyclic, floats[2], floats[3], floats[4], floats[5])
     portal_offsets(base_x, base_y, n, floats[2], floats[3], offsets)
     expected = int(doubled_area(base_x, base_y, n)) * STEPS_PER_PIXEL * STEPS_PER_PIXEL
-    last = 0
-    count = 0
+    last, count = 0, 0
     for _try in range(_MAX_TRIES):
         last = place_points(base_x, base_y, n, cyclic, offsets, px, py, steps)
         count = straighten(base_x, base_y, cyclic, px, py, steps, last, kept)
@@ -345,8 +337,7 @@ def _smooth(  # type: ignore[no-untyped-def]
     vertices, starts, by_row, by_col, unsmoothed, rows, cols, share, corners, fixed, floats, integers,
     smooth, smooth_starts, arcs, owners,
 ):  # fmt: skip
-    used = 0
-    arc = 0
+    used, arc = 0, 0
     smooth_starts[0] = 0
     for ring in range(starts.shape[0] - 1):
         begin = starts[ring]
@@ -369,14 +360,12 @@ def _smooth(  # type: ignore[no-untyped-def]
             if place < unsmoothed.shape[0] and unsmoothed[place] == key:
                 used = write_edges(corners, total, start, n, cyclic, smooth, used)
             else:
-                row = corners[origin, 0]
-                col = corners[origin, 1]
+                row, col = corners[origin, 0], corners[origin, 1]
                 last, count = fit_arc(floats, integers, n, cyclic)
                 used = write_arc(
                     floats, integers, row, col, n, cyclic, reverse, share, last, count, smooth, used
                 )
-            arcs[arc] = key
-            owners[arc] = ring
+            arcs[arc], owners[arc] = key, ring
             arc += 1
             start = (start + n) % total
             left -= n

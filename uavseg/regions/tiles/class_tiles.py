@@ -15,15 +15,9 @@ from uavseg.regions.outline.rings import RegionOutlines, rasterise, renumber_by_
 from uavseg.regions.outline.stitch import TileOutlines, TileStitcher, outline_tile
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.tiles.range_tiles import TileJob, check_sums, tile_jobs, with_detail
+from uavseg.segmentation import components
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaves import cells_to_pixels
-from uavseg.segmentation.components import (
-    Sums,
-    border_steps,
-    component_sums,
-    label_components,
-    label_equal_values,
-)
 from uavseg.segmentation.params.segment import IntensityRange, Partition, Refinement
 from uavseg.segmentation.pipeline import every_cell, refine_tile, refine_tile_classes
 from uavseg.segmentation.refine.detail import Detail
@@ -92,7 +86,7 @@ def _outline_cells(source: GreySource, job: _Job) -> TileOutlines | None:
         return None
     tile = source.read(window, CELL, excess=True)
     pixels = cells_to_pixels(cells, tile.valid)
-    return outline_tile(pixels, *label_equal_values(pixels, CELL), tile, window, source.shape[1])
+    return outline_tile(pixels, *components.label_equal_values(pixels, CELL), tile, window, source.shape[1])
 
 
 def _outline_pixels(source: GreySource, job: _Job) -> TileOutlines | None:
@@ -101,7 +95,7 @@ def _outline_pixels(source: GreySource, job: _Job) -> TileOutlines | None:
         return None
     tile = source.read(window, CELL, excess=True)
     pixels = np.unpackbits(bits, axis=1, count=tile.grey.shape[1])
-    return outline_tile(pixels, *label_components(pixels, CELL), tile, window, source.shape[1])
+    return outline_tile(pixels, *components.label_components(pixels, CELL), tile, window, source.shape[1])
 
 
 def outline_block_map(blocks: BlockMap, classes: NDArray[Any]) -> RegionOutlines:
@@ -111,7 +105,7 @@ def outline_block_map(blocks: BlockMap, classes: NDArray[Any]) -> RegionOutlines
     pixels.
     """
     rows, cols = _cell_shape(blocks)
-    leaves, count = label_equal_values(np.ascontiguousarray(classes[:rows, :cols]))
+    leaves, count = components.label_equal_values(np.ascontiguousarray(classes[:rows, :cols]))
     leaves[blocks.counts[:rows, :cols] == 0] = 0
     rings = trace(leaves)
     limit = np.array(blocks.shape, np.int32)
@@ -126,7 +120,7 @@ def count_segments(blocks: BlockMap, classes: NDArray[Any], count: int) -> NDArr
     """
     rows, cols = _cell_shape(blocks)
     cells = np.ascontiguousarray(classes[:rows, :cols])
-    labels, segments = label_equal_values(cells)
+    labels, segments = components.label_equal_values(cells)
     of_segment = np.zeros(segments + 1, cells.dtype)
     of_segment[labels] = cells
     return np.bincount(of_segment[1:], minlength=count + 1)[1:].astype(np.int64)
@@ -144,7 +138,7 @@ def _cell_shape(blocks: BlockMap) -> tuple[int, int]:
     return -(-blocks.shape[0] // CELL), -(-blocks.shape[1] // CELL)
 
 
-def _sum_cells(blocks: BlockMap, labels: NDArray[np.uint32], count: int) -> Sums:
+def _sum_cells(blocks: BlockMap, labels: NDArray[np.uint32], count: int) -> components.Sums:
     flat = labels.reshape(-1)
     rows, cols = labels.shape
     greys = np.zeros(count + 1, np.uint64)
@@ -154,7 +148,7 @@ def _sum_cells(blocks: BlockMap, labels: NDArray[np.uint32], count: int) -> Sums
     names, first = np.unique(flat, return_index=True)
     firsts = np.zeros((count + 1, 2), np.int64)
     firsts[names] = CELL * np.stack(np.divmod(first, cols), axis=1)
-    return Sums(counts[1:], greys[1:], np.full(count, np.nan), firsts[1:])
+    return components.Sums(counts[1:], greys[1:], np.full(count, np.nan), firsts[1:])
 
 
 @dataclass(frozen=True, slots=True)
@@ -250,7 +244,7 @@ def _outline_tile(
         return None
     pixels, tile = refined if detail is None else with_detail(*refined, detail)
     check_sums(source, job, tile)
-    labels, count = label_equal_values(pixels, REFINE_HALO)
+    labels, count = components.label_equal_values(pixels, REFINE_HALO)
     return _with_classes(
         pixels, outline_tile(pixels, labels, count, tile, job.window, source.shape[1]), job.window
     )
@@ -288,7 +282,7 @@ def _outline_likely_tile(
     if detail is not None:
         pixels, tile = with_detail(pixels, tile, detail)
         tiles = {number: of_class.cropped(detail.halo) for number, of_class in tiles.items()}
-    labels, count = label_equal_values(pixels, REFINE_HALO)
+    labels, count = components.label_equal_values(pixels, REFINE_HALO)
     outlines = outline_tile(pixels, labels, count, tile, window, grey.shape[1])
     if outlines is not None:
         sums = _with_similarity(outlines.sums, pixels, labels, tiles)
@@ -297,14 +291,17 @@ def _outline_likely_tile(
 
 
 def _with_similarity(
-    sums: Sums, pixels: NDArray[np.uint8], labels: NDArray[np.uint32], tiles: Mapping[int, GreyTile]
-) -> Sums:
+    sums: components.Sums,
+    pixels: NDArray[np.uint8],
+    labels: NDArray[np.uint32],
+    tiles: Mapping[int, GreyTile],
+) -> components.Sums:
     """Return sums with those of the similarity of each region to its class; `tiles` has it by class."""
     similarity, steps = np.zeros(pixels.shape, np.uint16), np.zeros((len(sums.counts), 2), np.int64)
     for number, tile in tiles.items():
         here = pixels == number
         np.copyto(similarity, tile.grey, where=here)
-        steps += border_steps(here.view(np.uint8), labels, len(steps), tile.grey, tile.valid)
-    total = component_sums(labels, len(steps), similarity, REFINE_HALO)
+        steps += components.border_steps(here.view(np.uint8), labels, len(steps), tile.grey, tile.valid)
+    total = components.component_sums(labels, len(steps), similarity, REFINE_HALO)
     columns = [part.astype(np.int64) for part in (total.counts, total.greys, total.squares)]
     return replace(sums, steps=steps, similarity=np.stack(columns, 1))

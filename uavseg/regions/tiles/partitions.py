@@ -34,8 +34,7 @@ from uavseg.segmentation.refine.range_scans import REFINE_HALO
 from uavseg.segmentation.source import GreySource
 from uavseg.units import GREY_LEVELS
 
-PARTITION = 8192
-"""Side of a partition in pixels; independent of the tiles of the processing, as results are."""
+PARTITION = 8192  # side of a partition in pixels; independent of the tiles of the processing, as results are
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,11 +98,8 @@ def join_partitions(
     recover(folder)  # what workers left that were killed
     if not all(_path(folder, "within", number).is_file() for number in firsts):
         raise OutputError("what workers wrote is not here; workers must share the folder of the output")
-    return _assign(union_roots(contacts.pairs, contacts.count), firsts, source.shape[1], side)
-
-
-def _assign(regions: Integers, firsts: dict[int, Integers], width: int, side: int) -> list[PartitionJob]:
-    """Assign the regions of components to the partitions of their first pixels."""
+    regions = union_roots(contacts.pairs, contacts.count)
+    width = source.shape[1]
     partitions = np.repeat(list(firsts), [len(first) for first in firsts.values()])
     components = np.concatenate([np.empty(0, int), *(np.arange(len(first)) for first in firsts.values())])
     pixels = np.concatenate([np.empty(0, int), *(first @ (width, 1) for first in firsts.values())])

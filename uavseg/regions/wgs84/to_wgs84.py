@@ -154,7 +154,15 @@ def _batch(polygons: Objects, pixel: float, decimals: int, reprojection: _Reproj
     others = {}
     for i in np.flatnonzero(crossing | broken).tolist():
         source = precise if crossing[i] else exact
-        geometry = _round(_geometry_of(source, i, bool(crossing[i]), jumping, degree))
+        pieces = []
+        for polygon in range(source.regions[i], source.regions[i + 1]):
+            ends = source.rings[source.polygons[polygon] : source.polygons[polygon + 1] + 1]
+            rings = [source.vertices[start:end].astype(np.float64) for start, end in pairwise(ends)]
+            if crossing[i]:
+                pieces.append(cut_at_antimeridian(rings, jumping, degree))
+            else:
+                pieces.append(shapely.Polygon(rings[0], rings[1:]))
+        geometry = _round(shapely.union_all(pieces) if len(pieces) > 1 else pieces[0])
         others[i] = shapely.transform(geometry, lambda lonlat: lonlat / degree)
     return Wgs84Batch(polygons=kept.without(broken), decimals=decimals, others=others)
 
@@ -206,11 +214,9 @@ def _invalid(flat: RaggedPolygons) -> Flags:
 
 
 def _rounding_is_safe(flat: RaggedPolygons, units: Floats, pixel: float) -> bool:
-    """Return whether polygons follow the edges of pixels so large that rounding cannot make them invalid.
-
-    Then validity need not be tested for each polygon, which takes longer than writing it. A pixel is at least
-    as wide as its area divided by the shortest edge along its height, and vice versa.
-    """
+    """Return whether polygons follow the edges of pixels so large that rounding cannot make them invalid."""
+    # Then validity need not be tested for each polygon, which takes longer than writing it. A pixel is at
+    # least as wide as its area divided by the shortest edge along its height, and vice versa.
     across, down = np.abs(np.diff(flat.vertices, axis=0)).T
     across[flat.rings[1:-1] - 1] = down[flat.rings[1:-1] - 1] = 0
     if (across * down).any():
@@ -219,18 +225,6 @@ def _rounding_is_safe(flat: RaggedPolygons, units: Floats, pixel: float) -> bool
     some = np.flatnonzero(across + down > 0)[:: max(1, len(across) // 1000)]
     scale = np.hypot(*(units[some + 1] - units[some]).T) / (across + down)[some]
     return bool(side * scale.min() > 2.5)
-
-
-def _geometry_of(flat: RaggedPolygons, region: int, crossing: bool, jumping: bool, degree: int) -> Any:
-    """Return the geometry of one region, cut if it crosses the antimeridian."""
-    pieces = []
-    for polygon in range(flat.regions[region], flat.regions[region + 1]):
-        ends = flat.rings[flat.polygons[polygon] : flat.polygons[polygon + 1] + 1]
-        rings = [flat.vertices[start:end].astype(np.float64) for start, end in pairwise(ends)]
-        pieces.append(
-            cut_at_antimeridian(rings, jumping, degree) if crossing else shapely.Polygon(rings[0], rings[1:])
-        )
-    return shapely.union_all(pieces) if len(pieces) > 1 else pieces[0]
 
 
 def _round(geometry: Any) -> Any:
@@ -281,7 +275,13 @@ def _cut_ring(ring: Floats, jumping: bool, degree: float) -> Any:
         raise OutputError(
             f"a region is {width / degree:.3g} degrees wide; the georeference of the raster is damaged"
         )
-    return _cut_into_bands(shapely.Polygon(_with_crossings(ring, degree)), degree)
+    polygon = shapely.Polygon(_with_crossings(ring, degree))
+    west, _, east, _ = np.array(polygon.bounds) / degree
+    bands = range(int(np.floor((west + 180) / 360)), int(np.ceil((east + 180) / 360)))
+    try:
+        return shapely.union_all([_band_of(polygon, 360.0 * k, degree) for k in bands])
+    except shapely.errors.GEOSException as error:  # far outside of a projection, outlines cross themselves
+        raise OutputError(PAST_EDGE) from error
 
 
 def _split_at_poles(ring: Floats, degree: float) -> Floats:
@@ -325,15 +325,6 @@ def _with_crossings(ring: Floats, degree: float) -> Floats:
     to_lon, to_lat = np.where(forward, there.T, here.T)
     lat = from_lat + (to_lat - from_lat) * ((lon - from_lon) / (to_lon - from_lon))
     return np.insert(ring, edge + 1, np.stack([lon, lat], axis=1), axis=0)
-
-
-def _cut_into_bands(polygon: Any, degree: float) -> Any:
-    west, _, east, _ = np.array(polygon.bounds) / degree
-    bands = range(int(np.floor((west + 180) / 360)), int(np.ceil((east + 180) / 360)))
-    try:
-        return shapely.union_all([_band_of(polygon, 360.0 * k, degree) for k in bands])
-    except shapely.errors.GEOSException as error:  # far outside of a projection, outlines cross themselves
-        raise OutputError(PAST_EDGE) from error
 
 
 def _band_of(polygon: Any, centre: float, degree: float) -> Any:

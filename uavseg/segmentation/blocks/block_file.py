@@ -292,27 +292,16 @@ def write_block_map(
     blocks, cells = saved.blocks, saved.geobox.coarsen(CELL)
     side, mean = find_leaves(blocks, division)
     bands = [np.where(mean < 0, np.nan, mean).astype(np.float32), side.astype(np.float32)]
-    write_geotiff_pages(
-        path,
-        [
-            Page([_crop(band, cells) for band in bands], cells, _BAND_NAMES, nodata=float("nan")),
-            Page([_crop(blocks.sums, cells)], cells, ["sum of grey"]),
-            Page([_crop(blocks.counts, cells)], cells, ["valid pixels"]),
-            Page(list(blocks.ratios.transpose(2, 0, 1)), saved.geobox.coarsen(CELL * CELLS), _RATIO_NAMES),
-            *_illumination_pages(saved),
-        ],
-        {_TAG: header_text(saved)},
-        overwrite,
-        creation,
-    )
-
-
-def _illumination_pages(saved: SavedBlocks) -> list[Page]:
-    """Return the page of the illumination that was subtracted, if any, with a pixel for each square."""
-    flat = saved.illumination
-    if flat is None:
-        return []
-    return [Page([flat.nodes], saved.geobox.coarsen(flat.step), ["light that was taken away, in grey"])]
+    pages = [
+        Page([_crop(band, cells) for band in bands], cells, _BAND_NAMES, nodata=float("nan")),
+        Page([_crop(blocks.sums, cells)], cells, ["sum of grey"]),
+        Page([_crop(blocks.counts, cells)], cells, ["valid pixels"]),
+        Page(list(blocks.ratios.transpose(2, 0, 1)), saved.geobox.coarsen(CELL * CELLS), _RATIO_NAMES),
+    ]
+    if (flat := saved.illumination) is not None:
+        light = ["light that was taken away, in grey"]
+        pages.append(Page([flat.nodes], saved.geobox.coarsen(flat.step), light))
+    write_geotiff_pages(path, pages, {_TAG: header_text(saved)}, overwrite, creation)
 
 
 def _crop(band: NDArray[Any], cells: GeoBox) -> NDArray[Any]:
@@ -326,8 +315,23 @@ def read_block_map(path: str | os.PathLike[str]) -> SavedBlocks:
         header = checked_header(json.loads(tags[_TAG]))
         shape = (header["rows"], header["cols"])
         geobox = GeoBox(shape, scaled(cells.transform, 1 / CELL, 1 / CELL), cells.crs)
-        blocks = _read_blocks(path, shape, _checked_cells(shape, cells.shape))
-        illumination = _read_illumination(path, shape, header.get("flatten"))
+        if min(shape) < 1 or cells.shape != tuple(-(-length // CELL) for length in shape):
+            raise ValueError(f"{cells.shape} cells do not cover {shape} pixels")
+        in_blocks = (-(-shape[0] // BLOCK), -(-shape[1] // BLOCK))
+        sums = _read_page(path, _SUMS, cells.shape, 1, np.uint32)[0]
+        counts = _read_page(path, _COUNTS, cells.shape, 1, np.uint8)[0]
+        ratios = _read_page(path, _RATIOS, in_blocks, len(_RATIO_NAMES), np.float64)
+        if (counts > CELL * CELL).any() or (sums > counts.astype(np.uint32) * GREY_MAX).any():
+            raise ValueError("its cells hold more than pixels can")
+        blocks = BlockMap.empty(shape)
+        blocks.sums[: cells.shape[0], : cells.shape[1]] = sums
+        blocks.counts[: cells.shape[0], : cells.shape[1]] = counts
+        blocks.ratios[:] = ratios.transpose(1, 2, 0)
+        illumination, flat = None, header.get("flatten")
+        if flat is not None:
+            squares = (-(-shape[0] // flat["step"]), -(-shape[1] // flat["step"]))
+            nodes = _read_page(path, _ILLUMINATION, squares, 1, np.uint16)[0]
+            illumination = Illumination(nodes, flat["step"], flat["target"])
     except (KeyError, ValueError, RecursionError, RasterReadError) as error:
         raise RasterError(
             f"{path} is not a block map that this version reads ({cause_of(error)}); make it again with "
@@ -338,31 +342,6 @@ def read_block_map(path: str | os.PathLike[str]) -> SavedBlocks:
     return SavedBlocks(blocks, geobox, stretch, header["bands"], origin, axis, illumination)
 
 
-def _read_blocks(path: str | os.PathLike[str], shape: tuple[int, int], cells: tuple[int, int]) -> BlockMap:
-    """Read the pages of a block map, each of the shape and type that a raster of `shape` has."""
-    in_blocks = (-(-shape[0] // BLOCK), -(-shape[1] // BLOCK))
-    sums = _read_page(path, _SUMS, cells, 1, np.uint32)[0]
-    counts = _read_page(path, _COUNTS, cells, 1, np.uint8)[0]
-    ratios = _read_page(path, _RATIOS, in_blocks, len(_RATIO_NAMES), np.float64)
-    if (counts > CELL * CELL).any() or (sums > counts.astype(np.uint32) * GREY_MAX).any():
-        raise ValueError("its cells hold more than pixels can")
-    blocks = BlockMap.empty(shape)
-    blocks.sums[: cells[0], : cells[1]] = sums
-    blocks.counts[: cells[0], : cells[1]] = counts
-    blocks.ratios[:] = ratios.transpose(1, 2, 0)
-    return blocks
-
-
-def _read_illumination(
-    path: str | os.PathLike[str], shape: tuple[int, int], header: dict[str, Any] | None
-) -> Illumination | None:
-    if header is None:
-        return None
-    step = header["step"]
-    squares = (-(-shape[0] // step), -(-shape[1] // step))
-    return Illumination(_read_page(path, _ILLUMINATION, squares, 1, np.uint16)[0], step, header["target"])
-
-
 def _read_page(
     path: str | os.PathLike[str], page: int, shape: tuple[int, int], bands: int, dtype: Any
 ) -> NDArray[Any]:
@@ -370,10 +349,3 @@ def _read_page(
     if content.dtype != dtype:
         raise ValueError(f"page {page} is of {content.dtype}, not of {np.dtype(dtype)}")
     return content
-
-
-def _checked_cells(shape: tuple[int, int], cells: tuple[int, int]) -> tuple[int, int]:
-    """Return the rows and columns of cells if they cover a raster of `shape`; raise ValueError if not."""
-    if min(shape) < 1 or cells != tuple(-(-length // CELL) for length in shape):
-        raise ValueError(f"{cells} cells do not cover {shape} pixels")
-    return cells

@@ -141,22 +141,18 @@ def _cell_sums(grey, valid, margin, sums, counts):  # type: ignore[no-untyped-de
 @inlined
 def mean_v(sums, counts, row, col, size):  # type: ignore[no-untyped-def]
     """Compute the mean v over size x size cells; -1 where no pixel is valid."""
-    total = np.int64(0)
-    number = np.int64(0)
+    total, number = np.int64(0), np.int64(0)
     for r in range(row, row + size):
         for c in range(col, col + size):
             total += np.int64(sums[r, c])
             number += np.int64(counts[r, c])
-    if number == 0:
-        return -1.0
-    return total / (65535.0 * number)
+    return -1.0 if number == 0 else total / (65535.0 * number)
 
 
 @inlined
 def range_of_child_means(sums, counts, row, col, size):  # type: ignore[no-untyped-def]
     """Compute the range of the means of the four children of size x size cells; 0 with fewer than two."""
-    low = 2.0
-    high = -1.0
+    low, high = 2.0, -1.0
     half = size // 2
     for child in range(4):
         mean = mean_v(sums, counts, row + child // 2 * half, col + child % 2 * half, half)
@@ -178,8 +174,7 @@ def write_leaf(side, mean, row, col, size, value):  # type: ignore[no-untyped-de
 @inlined
 def leaves_of_block(sums, counts, ratios, threshold, step, row, col, side, mean):  # type: ignore[no-untyped-def]
     """Write the leaves of one block of 64 into its cells."""
-    r64 = 8 * row
-    c64 = 8 * col
+    r64, c64 = 8 * row, 8 * col
     if not (ratios[row, col, 0] > threshold or range_of_child_means(sums, counts, r64, c64, 8) > step):
         write_leaf(side, mean, r64, c64, 8, mean_v(sums, counts, r64, c64, 8))
         return
@@ -213,8 +208,7 @@ def _leaves(sums, counts, ratios, threshold, step, side, mean):  # type: ignore[
 @inlined
 def straddles_edge(sums, counts, row, col, size, edges):  # type: ignore[no-untyped-def]
     """Test whether the means of size x size cells lie in more than one interval."""
-    low = 2.0
-    high = -1.0
+    low, high = 2.0, -1.0
     for r in range(row, row + size):
         for c in range(col, col + size):
             mean = mean_v(sums, counts, r, c, 1)

@@ -191,8 +191,7 @@ def _count_pairs(sums, counts, first, width, cells, frame, near, far):  # type: 
             cells[here] += 1
             outer = False
             for side in range(4):
-                down = (side == 0) - (side == 1)
-                right = (side == 2) - (side == 3)
+                down, right = (side == 0) - (side == 1), (side == 2) - (side == 3)
                 beside = _grey(sums, counts, row + down, col + right)
                 outer |= beside < 0
                 if down + right != 1:

@@ -100,10 +100,7 @@ def ratio_of_children(packed, present, n_present, width, n_ln_n):  # type: ignor
         n1 += b
         n2 += c
         n3 += d
-        la = n_ln_n[a]
-        lb = n_ln_n[b]
-        lc = n_ln_n[c]
-        ld = n_ln_n[d]
+        la, lb, lc, ld = n_ln_n[a], n_ln_n[b], n_ln_n[c], n_ln_n[d]
         j01 += n_ln_n[a + b] - la - lb
         j02 += n_ln_n[a + c] - la - lc
         j03 += n_ln_n[a + d] - la - ld
@@ -135,14 +132,12 @@ def ratio_of_children(packed, present, n_present, width, n_ln_n):  # type: ignor
 
 @inlined
 def ratios_of_block(symbols, n_ln_n, scratch, ratios, b):  # type: ignore[no-untyped-def]
-    """Fill ratios[b] from the 4096 symbols of a block, from the smallest blocks up.
-
-    Three tables hold four packed counts for each symbol (8 bits each for the cells of a block of 16, 16 bits
-    for its parents). Three lists hold the symbols present in each table, so that only these are visited.
-    """
+    """Fill ratios[b] from the 4096 symbols of a block, from the smallest blocks up."""
+    # Three tables hold four packed counts for each symbol (8 bits each for the cells of a block of 16, 16
+    # bits for its parents). Three lists hold the symbols present in each table, so that only these are
+    # visited.
     cells, cells_present, sixteens, sixteens_present, halves, halves_present = 0, 1, 2, 3, 4, 5
-    eight = np.uint64(8)
-    sixteen = np.uint64(16)
+    eight, sixteen = np.uint64(8), np.uint64(16)
     n_halves = 0
     for half in range(4):
         n_sixteens = 0
@@ -234,13 +229,10 @@ def fill_symbols(grey, valid, all_valid, bin_edges, top, left, symbols):  # type
                     symbols[r * BLOCK + c] = UNCOUNTED
 
 
-_SELECTED_RATIOS_SIGNATURE = (
+@kernel(
     "void(u2[:,::1], u1[:,::1], b1, i4[::1], i8[:,::1], u4[::1], f8, f8[::1], u8[::1], u8[::1], u2[::1], "
     "f8[:,::1])"
 )
-
-
-@kernel(_SELECTED_RATIOS_SIGNATURE)
 def _selected_ratios(  # type: ignore[no-untyped-def]
     grey, valid, all_valid, bin_edges, corners, selected, threshold, n_ln_n, table, present, symbols, ratios
 ):

@@ -90,16 +90,12 @@ def is_counted(valid, r, c):  # type: ignore[no-untyped-def]
 
 @inlined
 def contrast(grey, r, c):  # type: ignore[no-untyped-def]
-    """Compute the mean of the neighbours >= the centre less that of the others, rounded down.
-
-    It is 0 if either group is empty. Computed as one fraction, (hi m - lo n) / (n m): both integers are exact
-    in float32, and the quotient rounds to an integer only where it is one, so the floor is exact. The
-    numerator is 0 for an empty group.
-    """
+    """Compute the mean of the neighbours >= the centre less that of the others, rounded down."""
+    # It is 0 if either group is empty. Computed as one fraction, (hi m - lo n) / (n m): both integers are
+    # exact in float32, and the quotient rounds to an integer only where it is one, so the floor is exact. The
+    # numerator is 0 for an empty group.
     g = np.int32(grey[r, c])
-    n = np.int32(0)
-    total = np.int32(0)
-    high = np.int32(0)
+    n, total, high = np.int32(0), np.int32(0), np.int32(0)
     for k in range(9):
         q = np.int32(grey[r - 1 + k // 3, c - 1 + k % 3])
         above = np.int32(q >= g)

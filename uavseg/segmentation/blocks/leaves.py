@@ -96,8 +96,7 @@ _upsample_u4 = kernel("void(u4[:,::1], u1[:,::1], u4[:,::1])")(_upsample)
 
 @kernel("void(u2[::1], u1[::1], i8, i8, u1[::1])")
 def _pixels_in_range(grey, valid, low, high, in_range):  # type: ignore[no-untyped-def]
-    minimum = np.uint16(max(low, 0))
-    maximum = np.uint16(max(high, 0))
+    minimum, maximum = np.uint16(max(low, 0)), np.uint16(max(high, 0))
     for i in range(grey.size):
         in_range[i] = np.uint8(grey[i] >= minimum) & np.uint8(grey[i] <= maximum) & valid[i]
 

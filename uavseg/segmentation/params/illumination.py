@@ -73,10 +73,8 @@ def fit_illumination(
 
 
 def _moments(array: NDArray[np.int64], rows: slice, reach: tuple[int, int], order: int) -> Moments:
-    """Compute the triangle-weighted moments around each element of some rows, up to an order.
-
-    Key (i, j) is the sum of weight · (row offset)^i · (column offset)^j · element.
-    """
+    """Compute the triangle-weighted moments around each element of some rows, up to an order."""
+    # Key (i, j) is the sum of weight · (row offset)^i · (column offset)^j · element.
     above = min(reach[0] - 1, rows.start)
     below = min(reach[0] - 1, array.shape[0] - rows.stop)
     part = array[rows.start - above : rows.stop + below].astype(np.float64)
@@ -123,8 +121,7 @@ def _subtract(grey, valid, nodes, row, col, power, target):  # type: ignore[no-u
     side = 1 << power
     shift = power + 1  # places are in half pixels, between centres that are 2 side apart
     half = 1 << (2 * shift - 1)
-    last_row = max(nodes.shape[0] - 2, 0)
-    last_col = max(nodes.shape[1] - 2, 0)
+    last_row, last_col = max(nodes.shape[0] - 2, 0), max(nodes.shape[1] - 2, 0)
     for r in range(grey.shape[0]):
         y = 2 * (row + r) + 1 - side
         above = min(max(y >> shift, 0), last_row)

@@ -198,8 +198,7 @@ def _take(classes, covered, valid, up, down, sides, result):  # type: ignore[no-
                         label = classes[row - rows if direction == 0 else row + rows, other]
                         distance = aside + rows * rows * along_col
                         if distance < best or (distance == best and is_preferred(label, nearest, here)):
-                            best = distance
-                            nearest = label
+                            best, nearest = distance, label
             result[row, col] = nearest
 
 
@@ -309,10 +308,8 @@ def find_thin_lines(
 
 
 def _spread(values: NDArray[np.int32], sums: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Estimate the standard deviation of twice the sum of a line less that of a side, for each square.
-
-    It follows from the median over 3 x 3 squares of the mean |difference|, which few lines do not change.
-    """
+    """Estimate the standard deviation of twice the sum of a line less that of a side, for each square."""
+    # It follows from the median over 3 x 3 squares of the mean |difference|, which few lines do not change.
     shape = values.shape[0] // NOISE_SIDE, values.shape[1] // NOISE_SIDE
     totals, counts = np.zeros(shape, np.int64), np.zeros(shape, np.int64)
     for k in _MEASURED:
@@ -374,8 +371,7 @@ def _add_differences(sums, sides, totals, counts):  # type: ignore[no-untyped-de
     reach = 13
     for row in range(reach, sums.shape[0] - reach):
         for square in range(totals.shape[1]):
-            total = np.int64(0)
-            count = np.int64(0)
+            total, count = np.int64(0), np.int64(0)
             for col in range(max(16 * square, reach), min(16 * square + 16, sums.shape[1] - reach)):
                 line = sums[row, col]
                 side = sums[row + sides[0, 0], col + sides[0, 1]] + sums[row + sides[1, 0], col + sides[1, 1]]
@@ -389,12 +385,10 @@ def _add_differences(sums, sides, totals, counts):  # type: ignore[no-untyped-de
 @kernel("void(i4[:,::1], i8[:,::1], i8, i8, i4[:,::1], i4[:,::1], u1[:,::1])")
 def _add_evidence(sums, sides, low, high, weak, strong, evidence):  # type: ignore[no-untyped-def]
     reach = 13
-    minimum = np.int32(15 * low)
-    maximum = np.int32(15 * high)
+    minimum, maximum = np.int32(15 * low), np.int32(15 * high)
     for row in range(reach, sums.shape[0] - reach):
         for square in range(weak.shape[1]):
-            weak_limit = weak[row // 16, square]
-            strong_limit = strong[row // 16, square]
+            weak_limit, strong_limit = weak[row // 16, square], strong[row // 16, square]
             for col in range(max(16 * square, reach), min(16 * square + 16, sums.shape[1] - reach)):
                 line = sums[row, col]
                 if minimum <= line <= maximum:

@@ -60,8 +60,7 @@ def medians_around(values: NDArray[np.float64], squares: NDArray[np.uint8]) -> N
 @inlined
 def add_responses(grey, valid, row, begin, end, second, all_valid, sums, number):  # type: ignore[no-untyped-def]
     """Add the |responses| of a row where all 3 x 3 pixels are valid, column by column."""
-    above = row - np.uintp(1)
-    below = row + np.uintp(1)
+    above, below = row - np.uintp(1), row + np.uintp(1)
     for c in range(begin, end):
         here = np.int32(grey[row, c])
         second[c] = (np.int32(grey[above, c]) - here) + (np.int32(grey[below, c]) - here)
@@ -79,8 +78,7 @@ def add_responses(grey, valid, row, begin, end, second, all_valid, sums, number)
 def store_mean_responses(sums, number, side, scale, needed, means):  # type: ignore[no-untyped-def]
     """Store the mean |response| of each square, from responses within it; reset the sums."""
     for col in range(np.uintp(needed.shape[0])):
-        size = np.int32(0)
-        count = np.int32(0)
+        size, count = np.int32(0), np.int32(0)
         for c in range(side * col + np.uintp(1), side * col + side - np.uintp(1)):
             size += sums[c]
             count += number[c]
@@ -124,8 +122,7 @@ def extent_of_nonzero(needed):  # type: ignore[no-untyped-def]
 @inlined
 def extremes(grey, valid, row, col):  # type: ignore[no-untyped-def]
     """Return the minimum and maximum grey of the valid pixels of a square."""
-    minimum = np.uint16(65535)
-    maximum = np.uint16(0)
+    minimum, maximum = np.uint16(65535), np.uint16(0)
     for r in range(row, row + np.uintp(NOISE_SIDE)):
         for c in range(col, col + np.uintp(NOISE_SIDE)):
             minimum = min(minimum, grey[r, c] | (np.uint16(valid[r, c]) - np.uint16(1)))
@@ -136,8 +133,7 @@ def extremes(grey, valid, row, col):  # type: ignore[no-untyped-def]
 @inlined
 def sums_from(grey, valid, row, col, bound):  # type: ignore[no-untyped-def]
     """Count and sum the valid pixels of a square whose grey is at least the bound."""
-    count = np.uint32(0)
-    total = np.uint32(0)
+    count, total = np.uint32(0), np.uint32(0)
     for r in range(row, row + np.uintp(NOISE_SIDE)):
         for c in range(col, col + np.uintp(NOISE_SIDE)):
             is_upper = valid[r, c] & np.uint8(grey[r, c] >= bound)
@@ -166,9 +162,7 @@ def separating_bound(grey, valid, row, col, bounds):  # type: ignore[no-untyped-
     difference = 0.0
     minimum, maximum = extremes(grey, valid, row, col)
     largest = _SEPARATION * _SEPARATION
-    squares = np.int64(-1)
-    count = np.int64(0)
-    total = np.int64(0)
+    squares, count, total = np.int64(-1), np.int64(0), np.int64(0)
     for k in range(bounds.shape[0]):
         if bounds[k] <= minimum or bounds[k] > maximum:
             continue
@@ -205,8 +199,7 @@ def _measure_squares(  # type: ignore[no-untyped-def]
     grey, valid, needed, bounds, residuals, lines, line, means, all_valid, fine, coarse
 ):
     sums, total, number = lines[0], lines[1], lines[2]
-    side = np.uintp(NOISE_SIDE)
-    four = np.uintp(_COARSE)
+    side, four = np.uintp(NOISE_SIDE), np.uintp(_COARSE)
     total[:] = 0
     number[:] = 0
     for row in range(np.uintp(needed.shape[0])):
@@ -258,8 +251,7 @@ def medians_of_nine(above, line, below, minimum, median):  # type: ignore[no-unt
     one = np.uintp(1)
     for c in range(one, cols - one):
         a, b, d = c - one, c, c + one
-        low_a = min(above[a], line[a], below[a])
-        low_b = min(above[b], line[b], below[b])
+        low_a, low_b = min(above[a], line[a], below[a]), min(above[b], line[b], below[b])
         low_d = min(above[d], line[d], below[d])
         minimum[c] = min(low_a, low_b, low_d)
         high = min(

@@ -46,8 +46,7 @@ def refine_by_local_mean(
     """
     near = dilate(inside, _MAX_RUN) & dilate(valid & (1 - inside), _MAX_RUN) & valid
     refined = inside.copy()
-    sums = np.empty(inside.shape, np.int64)
-    weights = np.empty(inside.shape, np.int64)
+    sums, weights = np.empty(inside.shape, np.int64), np.empty(inside.shape, np.int64)
     _weigh_rows(grey, valid, near, _WEIGHTS, sums, weights)
     _decide(sums, weights, near, _WEIGHTS, low, high, refined)
     return refined
@@ -130,14 +129,12 @@ def _weigh_rows(grey, valid, near, weights, sums, totals):  # type: ignore[no-un
         if not needed:
             continue
         for c in range(cols):
-            total = np.int64(0)
-            weight = np.int64(0)
+            total, weight = np.int64(0), np.int64(0)
             for k in range(max(c - 8, 0), min(c + 9, cols)):
                 w = weights[8 - abs(k - c)] * np.int64(valid[r, k])
                 total += w * np.int64(grey[r, k])
                 weight += w
-            sums[r, c] = total
-            totals[r, c] = weight
+            sums[r, c], totals[r, c] = total, weight
 
 
 @kernel("void(i8[:,::1], i8[:,::1], u1[:,::1], i8[::1], f8, f8, u1[:,::1])")
@@ -146,8 +143,7 @@ def _decide(sums, totals, near, weights, low, high, inside):  # type: ignore[no-
     for r in range(rows):
         for c in range(cols):
             if near[r, c]:
-                total = np.int64(0)
-                weight = np.int64(0)
+                total, weight = np.int64(0), np.int64(0)
                 for k in range(max(r - 8, 0), min(r + 9, rows)):
                     total += weights[8 - abs(k - r)] * sums[k, c]
                     weight += weights[8 - abs(k - r)] * totals[k, c]

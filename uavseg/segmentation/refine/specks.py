@@ -73,15 +73,13 @@ def label_around(sides, r, c, stack, seen, contacts):  # type: ignore[no-untyped
     here = sides[r, c]
     seen[:] = 0
     seen[MIN_PIECE] = one << np.uint32(MIN_PIECE)  # a bit for each visited pixel
-    stack[0, 0] = r
-    stack[0, 1] = c
+    stack[0, 0], stack[0, 1] = r, c
     count = 1
     minimum = _NO_DATA  # of the classes around
     maximum = np.uint8(0)
     k = 0
     while k < count:
-        row = stack[k, 0]
-        col = stack[k, 1]
+        row, col = stack[k, 0], stack[k, 1]
         for y in range(row - 1, row + 2):
             for x in range(col - 1, col + 2):
                 bit = one << np.uint32(x - c + MIN_PIECE)
@@ -94,8 +92,7 @@ def label_around(sides, r, c, stack, seen, contacts):  # type: ignore[no-untyped
                     if count == MIN_PIECE - 1:
                         return here
                     seen[y - r + MIN_PIECE] |= bit
-                    stack[count, 0] = y
-                    stack[count, 1] = x
+                    stack[count, 0], stack[count, 1] = y, x
                     count += 1
         k += 1
     if minimum == _NO_DATA:
@@ -134,15 +131,8 @@ def _drop_specks(sides, active, lines, stack, seen, contacts, inside):  # type: 
         if row > rows:
             around[row % 3] = 1
         elif row > 0:
-            changes_around(
-                sides[row - 1],
-                sides[row],
-                sides[row + 1],
-                across[(row - 1) % 3],
-                across[row % 3],
-                across[(row + 1) % 3],
-                around[row % 3],
-            )
+            above, here, below = across[(row - 1) % 3], across[row % 3], across[(row + 1) % 3]
+            changes_around(sides[row - 1], sides[row], sides[row + 1], above, here, below, around[row % 3])
         row = step - 2
         if row < 1 or row > rows:
             continue

@@ -42,11 +42,9 @@ def _classify_panels(
     table: NDArray[np.uint8],
     classes: NDArray[np.uint8],
 ) -> None:
-    """Classify pixels by the class of their denoised grey, in place; unchanged pixels keep their class.
-
-    M is even, N a multiple of 8. A cell has one weight, in units of half a grey, 0 to `MAX_WEIGHT`; between
-    cells the smaller one holds.
-    """
+    """Classify pixels by the class of their denoised grey, in place; unchanged pixels keep their class."""
+    # M is even, N a multiple of 8. A cell has one weight, in units of half a grey, 0 to `MAX_WEIGHT`; between
+    # cells the smaller one holds.
     half_greys = np.ascontiguousarray(table[::2])
     for panel, buffers in _panels(weights, grey.shape[1]):
         _classify_tv(grey, valid, *panel, half_greys, *buffers, classes)
@@ -55,11 +53,9 @@ def _classify_panels(
 def _panels(
     weights: NDArray[np.int16], cols: int
 ) -> Iterator[tuple[tuple[NDArray[Any], ...], tuple[NDArray[Any], ...]]]:
-    """Yield the panels with active cells, each with its line buffers.
-
-    A panel is the weights of its even columns with its halo, which are those of the odd ones too; its runs of
-    active chunks; its first column in the halo, its first column, and the column after its last.
-    """
+    """Yield the panels with active cells, each with its line buffers."""
+    # A panel is the weights of its even columns with its halo, which are those of the odd ones too; its runs
+    # of active chunks; its first column in the halo, its first column, and the column after its last.
     for begin in range(0, cols, _PANEL):
         end = min(begin + _PANEL, cols)
         first, last = max(begin - TV_HALO, 0), min(end + TV_HALO, cols)
@@ -70,12 +66,10 @@ def _panels(
 
 
 def _runs(weights: NDArray[np.int16]) -> NDArray[np.int64]:
-    """Return the runs of active chunks in each row of cells, a (2, M, R, 2) array.
-
-    A chunk is active where a weight in it, or in the cell on either side, is not 0: no flow leaves it. Runs
-    are first even columns, and those after the last, of a row of cells, and of it and the row above together;
-    an empty run is behind the last.
-    """
+    """Return the runs of active chunks in each row of cells, a (2, M, R, 2) array."""
+    # A chunk is active where a weight in it, or in the cell on either side, is not 0: no flow leaves it. Runs
+    # are first even columns, and those after the last, of a row of cells, and of it and the row above
+    # together; an empty run is behind the last.
     rows, half = weights.shape
     chunks = -(-half // _CHUNK)
     any_weight = np.zeros((rows, (chunks + 2) * _CHUNK // 4), np.bool_)  # of a cell
@@ -105,12 +99,10 @@ def _find_runs(active, runs):  # type: ignore[no-untyped-def]
 
 
 def _line_buffers(half: int) -> tuple[NDArray[Any], ...]:
-    """Allocate the active lines: u, weights, diagonal weights, and flows of the eight groups of pairs.
-
-    In a line, the pixels of even columns come first. A group touches no pixel twice. The last array, (8, 2),
-    holds the first pixel of each group in the upper and in the lower line. The two diagonals of a square of
-    2 x 2 pixels follow each other: they share no pixel, so mirroring commutes with denoising.
-    """
+    """Allocate the active lines: u, weights, diagonal weights, and flows of the eight groups of pairs."""
+    # In a line, the pixels of even columns come first. A group touches no pixel twice. The last array, (8,
+    # 2), holds the first pixel of each group in the upper and in the lower line. The two diagonals of a
+    # square of 2 x 2 pixels follow each other: they share no pixel, so mirroring commutes with denoising.
     length = -(-half // _VECTOR) * _VECTOR
     even, odd, right = 0, length + _GAP, 1
     within = [(even, odd), (odd, even + right)]

@@ -145,11 +145,9 @@ def best_scores(scores: NDArray[T], side: int) -> NDArray[T]:
 def _tables(
     model: TextureModel, largest: int, leave_one_out: bool
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Tabulate halves of G for windows of up to `largest` pixels, in fixed point.
-
-    The first two are the terms of `added_g`, by the pixels of a symbol in both histograms and in the window.
-    The third is J(N, n) of windows of n counted pixels, less the expectation for an empty window.
-    """
+    """Tabulate halves of G for windows of up to `largest` pixels, in fixed point."""
+    # The first two are the terms of `added_g`, by the pixels of a symbol in both histograms and in the
+    # window. The third is J(N, n) of windows of n counted pixels, less the expectation for an empty window.
     total = model.count
     n = np.arange(largest + 1)
     rest = np.maximum(total - n, 0) if leave_one_out else np.full_like(n, total)
@@ -170,11 +168,9 @@ def _fixed(values: NDArray[np.float64]) -> NDArray[np.int64]:
 
 @inlined
 def added_g(frequency, count, above, below, leave_one_out):  # type: ignore[no-untyped-def]
-    """Compute what one more pixel of a symbol adds to J(f, n) and its expectation, see `blocks.division`.
-
-    The window has `count` pixels of the symbol; the model has `frequency`, which include those of the window
-    if leave_one_out.
-    """
+    """Compute what one more pixel of a symbol adds to J(f, n) and its expectation, see `blocks.division`."""
+    # The window has `count` pixels of the symbol; the model has `frequency`, which include those of the
+    # window if leave_one_out.
     other = frequency - count - 1 if leave_one_out else frequency + count
     return above[other] - below[count]
 
@@ -188,9 +184,7 @@ def _slide_window(  # type: ignore[no-untyped-def]
     # Row by row of windows, from left to right: one column of cells enters, another leaves.
     rows, cols = scores.shape
     for row in range(rows):
-        shared = np.int64(0)
-        count = np.int64(0)
-        grey_sum = np.int64(0)
+        shared, count, grey_sum = np.int64(0), np.int64(0), np.int64(0)
         for entering in range(cols + 2 * side - 1):
             for r in range(8 * row, 8 * (row + side)):
                 if entering < cols + side - 1:

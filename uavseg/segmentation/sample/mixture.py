@@ -23,8 +23,7 @@ from numpy.typing import NDArray
 from uavseg._jit import kernel
 from uavseg.dataclass import dataclass
 
-SIZES = (2, 3, 4, 5, 6, 8)
-"""Numbers of components of the mixtures that vote."""
+SIZES = (2, 3, 4, 5, 6, 8)  # numbers of components of the mixtures that vote
 
 _SWEEPS = 30
 _SEED_SWEEPS = 15  # of a mixture with one component more
@@ -84,11 +83,9 @@ def fit_mixtures(points: Points, sizes: Sequence[int] = SIZES) -> list[Mixture]:
 
 
 def _fit_seeded(sample: Points, mixture: Mixture, points: Points) -> Mixture:
-    """Fit a mixture with one component more, which is seeded at a sample.
-
-    The sample counts among the points as if it were a thousandth of them: a class may be so rare that few of
-    them show it.
-    """
+    """Fit a mixture with one component more, which is seeded at a sample."""
+    # The sample counts among the points as if it were a thousandth of them: a class may be so rare that few
+    # of them show it.
     seed = _estimate(sample, np.ones((1, len(sample))))
     shares = np.append(mixture.shares * (1 - _SEED_SHARE), _SEED_SHARE)
     seeded = Mixture(
@@ -242,20 +239,16 @@ def _trimmed(similarity: Points) -> float:
 
 
 def _purities_of_two(mixture: Mixture, memberships: Points, others: Points) -> Points:
-    """Return the share of each component that is of the class of one sample and not of another one.
-
-    Components that neither has, and the raster has, are of a third class.
-    """
+    """Return the share of each component that is of the class of one sample and not of another one."""
+    # Components that neither has, and the raster has, are of a third class.
     one, other = memberships.mean(1), others.mean(1)
     return np.asarray(one / (one + np.maximum(other, _ELSEWHERE * mixture.shares) + RARE))
 
 
 def _purities(mixture: Mixture, memberships: Points) -> Points:
-    """Return the share of each component that is of the class of a sample with these memberships.
-
-    By Bayes' rule it is in proportion to how much more frequent the component is in the sample than in the
-    raster. The component with the largest ratio is taken to be of the class as a whole.
-    """
+    """Return the share of each component that is of the class of a sample with these memberships."""
+    # By Bayes' rule it is in proportion to how much more frequent the component is in the sample than in the
+    # raster. The component with the largest ratio is taken to be of the class as a whole.
     in_sample = memberships.mean(1)
     ratio = in_sample / np.maximum(mixture.shares, RARE)
     largest = ratio[in_sample > _IN_SAMPLE].max()

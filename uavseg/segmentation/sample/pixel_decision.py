@@ -85,11 +85,9 @@ def _log_ratio(sample: NDArray[np.int64], background: NDArray[np.int64]) -> NDAr
 
 
 def _sample_window_means(sample: SymbolPair, background: NDArray[np.int64], side: int) -> NDArray[np.float64]:
-    """Average the weights of windows of a sample, each by the rest of the sample (leave one out).
-
-    Windows have at least seven eighths of their pixels counted; in a large sample about 1024 are evenly
-    spaced.
-    """
+    """Average the weights of windows of a sample, each by the rest of the sample (leave one out)."""
+    # Windows have at least seven eighths of their pixels counted; in a large sample about 1024 are evenly
+    # spaced.
     rows, cols = (max(length // CELL - side + 1, 0) for length in sample[0].shape)
     step = max(math.isqrt(rows * cols // _MAX_WINDOWS), 1)
     total, means = symbol_counts(sample), []
@@ -131,8 +129,7 @@ def window_sums(sums: NDArray[np.int64], side: int) -> NDArray[np.int64]:
 def _sum_weights(fine, coarse, weights, sums, counts):  # type: ignore[no-untyped-def]
     for r in range(8 * sums.shape[0]):
         for cell in range(sums.shape[1]):
-            total = np.int64(0)
-            count = np.int64(0)
+            total, count = np.int64(0), np.int64(0)
             for c in range(8 * cell, 8 * cell + 8):
                 if fine[r, c] != UNCOUNTED:
                     total += weights[0, fine[r, c]]
@@ -217,8 +214,7 @@ def pixel_weight(symbols, coarse_symbols, grey, valid, r, c, texture, greys, coa
     """Return the weight of a pixel; 0 where it is not valid."""
     if valid[r, c] == 0:
         return np.int64(0)
-    symbol = symbols[r - 1, c - 1]
-    coarse_symbol = coarse_symbols[r - 1, c - 1]
+    symbol, coarse_symbol = symbols[r - 1, c - 1], coarse_symbols[r - 1, c - 1]
     weight = greys[grey[r, c] >> 10] + (texture[symbol] if symbol != UNCOUNTED else np.int64(0))
     return weight + (coarse[coarse_symbol] if coarse_symbol != UNCOUNTED else np.int64(0))
 

@@ -106,7 +106,16 @@ class _Decision:
             middle = max(0.5, (float(np.quantile(of_points, _OTHERS)) + mean) / 2)
         else:
             middle = min(max((float(vote.similarity(unlike).mean()) + mean) / 2, 0.01), 0.99)
-        return cls(vote, middle, _best_limit(_moved(of_points, middle), _moved(of_sample, middle)))
+        # The limit with the largest expected intersection over union of the likeliest pixels and the class:
+        # that of the sums of probabilities (S. Nowozin, Optimal Decisions from Probabilistic Models: the
+        # Intersection-over-Union Case, CVPR 2014). It is at least a quarter of the way to the sample.
+        similarity = _moved(of_points, middle)
+        falling = np.sort(similarity)[::-1]
+        result = np.cumsum(falling)
+        overlap = result / np.maximum(result[-1] + np.arange(1, len(result) + 1) - result, 1e-9)
+        rest = float(np.quantile(similarity, _OTHERS))
+        minimum = rest + _MIN_LIMIT * (float(_moved(of_sample, middle).mean()) - rest)
+        return cls(vote, middle, float(min(max(falling[int(overlap.argmax())], minimum, 1e-3), 0.5)))
 
     def similarity(self, points: Points) -> Points:
         """Compute the similarity of points; those of one half and more are of the class."""
@@ -114,10 +123,8 @@ class _Decision:
 
 
 def _decide(points: Points, sample: Points, unlike: Points | None) -> _Decision:
-    """Return the usual vote, or the one with seeded components if the two differ much.
-
-    The usual one is better at the rim, where pixels of two classes are mixed.
-    """
+    """Return the usual vote, or the one with seeded components if the two differ much."""
+    # The usual one is better at the rim, where pixels of two classes are mixed.
     usual, *seeded = (
         _Decision.of(vote, points, sample, unlike) for vote in sample_votes(points, sample, unlike)
     )
@@ -145,28 +152,10 @@ def _moved(similarity: Points, middle: float) -> Points:
     return np.interp(similarity, [0, middle, 1], [0, 0.5, 1])
 
 
-def _best_limit(similarity: Points, sample: Points) -> float:
-    """Return the limit, at most one half, with the largest expected intersection over union with the class.
-
-    It lies at least a quarter of the way from the least similar twentieth of the raster to the sample.
-
-    The expected intersection over union of the k likeliest pixels is that of the sums of probabilities:
-    S. Nowozin, Optimal Decisions from Probabilistic Models: the Intersection-over-Union Case, CVPR 2014.
-    """
-    falling = np.sort(similarity)[::-1]
-    result = np.cumsum(falling)
-    overlap = result / np.maximum(result[-1] + np.arange(1, len(result) + 1) - result, 1e-9)
-    rest = float(np.quantile(similarity, _OTHERS))
-    minimum = rest + _MIN_LIMIT * (float(sample.mean()) - rest)
-    return float(min(max(falling[int(overlap.argmax())], minimum, 1e-3), 0.5))
-
-
 def _axes(points: Points, sample: Points) -> Points:
-    """Return weights of bands: the bands themselves, or of more than three a projection to three axes.
-
-    The first axis is Fisher's discriminant of sample and raster, with the scatter of the sample; the others
-    are the principal components of the rest.
-    """
+    """Return weights of bands: the bands themselves, or of more than three a projection to three axes."""
+    # The first axis is Fisher's discriminant of sample and raster, with the scatter of the sample; the others
+    # are the principal components of the rest.
     bands = points.shape[1]
     if bands <= _AXES:
         return np.eye(bands)
@@ -191,15 +180,13 @@ def _blur(grey, valid, sums, counts, means):  # type: ignore[no-untyped-def]
     rows, cols = means.shape
     for r in range(rows):
         for c in range(cols + 4):
-            total = np.int64(0)
-            count = np.int64(0)
+            total, count = np.int64(0), np.int64(0)
             for k in range(5):
                 weight = np.int64(6 if k == 2 else (4 if k == 1 or k == 3 else 1))
                 if valid[r + k, c]:
                     total += weight * np.int64(grey[r + k, c])
                     count += weight
-            sums[c] = total
-            counts[c] = count
+            sums[c], counts[c] = total, count
         for c in range(cols):
             total = sums[c] + sums[c + 4] + 4 * (sums[c + 1] + sums[c + 3]) + 6 * sums[c + 2]
             count = counts[c] + counts[c + 4] + 4 * (counts[c + 1] + counts[c + 3]) + 6 * counts[c + 2]

@@ -31,14 +31,7 @@ from uavseg.raster.grid.tiling import TilePass, Window, tile_side, tiles, whole_
 from uavseg.segmentation.blocks.leaves import cells_to_pixels
 from uavseg.segmentation.params.segment import StateLimits
 from uavseg.segmentation.source import GreySource
-from uavseg.segmentation.states import state_scans
-from uavseg.segmentation.states.obstacle_evidence import (
-    STRONG_ABOVE,
-    ValueStatistics,
-    evidence_rule,
-    value_levels,
-    value_statistics,
-)
+from uavseg.segmentation.states import obstacle_evidence, state_scans
 from uavseg.segmentation.states.state_image import StateImage, pack_codes, unpack_codes
 from uavseg.segmentation.states.thin_structures import BY_VALUE_ALONE, ThinObstacles, find_thin_obstacles
 from uavseg.units import BLOCK, CELL, FREE, GREY_MAX, OCCUPIED, UNKNOWN
@@ -110,7 +103,7 @@ def classify_states(
         len(upwards), lambda k: (upwards[k], np.ascontiguousarray(cells[window_cells(upwards[k])]))
     )
     results = zip(upwards, encoding.run(encode_tile, jobs), strict=True)
-    codes, statistics = np.zeros(16, np.int64), ValueStatistics.empty()
+    codes, statistics = np.zeros(16, np.int64), obstacle_evidence.ValueStatistics.empty()
     previous = np.zeros(image.cols, np.uint8)
     for strip in reversed(strips):
         tiles_of_strip = [next(results) for _ in strip]
@@ -126,12 +119,9 @@ def classify_states(
     next(results, None)  # lets the executor finish and report it
     if refine == "scan":
         codes = _scan(image, [(strip[0].row, whole_blocks(strip[0].rows)) for strip in strips])
+    thin = ThinObstacles({FREE: 0, UNKNOWN: 0}, 0)
     states = ClassifiedStates(
-        image=image,
-        codes=codes,
-        thin=ThinObstacles({FREE: 0, UNKNOWN: 0}, 0),
-        noise=statistics.noise,
-        trinary=statistics.trinary,
+        image=image, codes=codes, thin=thin, noise=statistics.noise, trinary=statistics.trinary
     )
     return _with_thin_obstacles(source, states, limits, restore, finding)
 
@@ -142,7 +132,7 @@ def states_by_value(source: GreySource, limits: StateLimits, tile_pass: TilePass
     A map of probabilities is recognised in its first tiles. The pass is that of `classify_states`.
     """
     image = StateImage(source.shape)
-    statistics, codes = ValueStatistics.empty(), np.zeros(16, np.int64)
+    statistics, codes = obstacle_evidence.ValueStatistics.empty(), np.zeros(16, np.int64)
     with closing(tile_pass.run(partial(_encode_by_value, source, limits))) as tiles_in_turn:
         results = zip(tile_pass.windows, tiles_in_turn, strict=True)
         for row, of_strip in groupby(results, key=lambda result: result[0].row):
@@ -168,7 +158,9 @@ def _with_thin_obstacles(
         if tile_pass.progress is not None:
             tile_pass.progress(1, 1)
         return states
-    rule = evidence_rule(limits, int(states.codes.sum() - states.codes[0]), states.noise, states.trinary)
+    rule = obstacle_evidence.evidence_rule(
+        limits, int(states.codes.sum() - states.codes[0]), states.noise, states.trinary
+    )
     thin = find_thin_obstacles(source, states.image, rule, tile_pass, restore)
     codes = states.codes.copy()
     for state, number in thin.restored.items():
@@ -224,15 +216,13 @@ class _EncodedTile:
     """Codes of a tile's whole blocks, packed, and the statistics of its values."""
 
     pairs: NDArray[np.uint8]
-    statistics: ValueStatistics
+    statistics: obstacle_evidence.ValueStatistics
 
 
 def _encode_tile(source: GreySource, limits: StateLimits, restore: bool, job: _Job) -> _EncodedTile | None:
-    """Encode a tile; None where no pixel is valid.
-
-    With `restore`, free pixels of unknown leaves that mix free and occupied ones are free; their occupied
-    ones are thin obstacles.
-    """
+    """Encode a tile; None where no pixel is valid."""
+    # With `restore`, free pixels of unknown leaves that mix free and occupied ones are free; their occupied
+    # ones are thin obstacles.
     window, cells = job
     if not cells.any():
         return None
@@ -240,11 +230,11 @@ def _encode_tile(source: GreySource, limits: StateLimits, restore: bool, job: _J
     by_value = _state_table(limits)[tile.grey]
     states = cells_to_pixels(cells, tile.valid)
     if restore:
-        surely_free = min(1 - STRONG_ABOVE, limits.free_below)
-        surely_occupied = max(STRONG_ABOVE, limits.occupied_above)
+        surely_free = min(1 - obstacle_evidence.STRONG_ABOVE, limits.free_below)
+        surely_occupied = max(obstacle_evidence.STRONG_ABOVE, limits.occupied_above)
         _free_mixed(tile.grey, states, GREY_MAX * surely_free, GREY_MAX * surely_occupied)
     pairs = pack_codes(state_scans.encode_states(states, by_value))
-    return _EncodedTile(pairs, value_statistics(tile.grey, tile.valid, by_value))
+    return _EncodedTile(pairs, obstacle_evidence.value_statistics(tile.grey, tile.valid, by_value))
 
 
 def _encode_by_value(source: GreySource, limits: StateLimits, window: Window) -> _EncodedTile:
@@ -252,7 +242,7 @@ def _encode_by_value(source: GreySource, limits: StateLimits, window: Window) ->
     tile = source.read(window, 0)
     by_value = _state_table(limits)[tile.grey] * tile.valid
     pairs = pack_codes(by_value | by_value << np.uint8(2))
-    return _EncodedTile(pairs, value_levels(tile.grey, tile.valid, by_value))
+    return _EncodedTile(pairs, obstacle_evidence.value_levels(tile.grey, tile.valid, by_value))
 
 
 @lru_cache(maxsize=8)

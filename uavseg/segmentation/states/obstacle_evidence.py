@@ -181,11 +181,8 @@ def _count_responses(grey, valid, counts):  # type: ignore[no-untyped-def]
                 ok = True
                 response = np.int64(0)
                 for k in range(-1, 2):
-                    column = (
-                        np.int64(grey[row - 1, c + k])
-                        - 2 * np.int64(grey[row, c + k])
-                        + np.int64(grey[row + 1, c + k])
-                    )
+                    above, below = np.int64(grey[row - 1, c + k]), np.int64(grey[row + 1, c + k])
+                    column = above - 2 * np.int64(grey[row, c + k]) + below
                     response += column if k != 0 else -2 * column
                     ok = ok and valid[row - 1, c + k] and valid[row, c + k] and valid[row + 1, c + k]
                 if ok:

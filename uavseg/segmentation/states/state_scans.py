@@ -52,13 +52,10 @@ def compact_pixel(code, previous):  # type: ignore[no-untyped-def]
 
 @inlined
 def resolve_pixel(code, after, second, previous):  # type: ignore[no-untyped-def]
-    """Resolve a code from the next two codes and the state of the previous pixel.
-
-    The next pixels are as before the scan: those that change together with this one change in their turn, for
-    the same reason.
-    """
-    two = np.uint8(2)
-    three = np.uint8(3)
+    """Resolve a code from the next two codes and the state of the previous pixel."""
+    # The next pixels are as before the scan: those that change together with this one change in their turn,
+    # for the same reason.
+    two, three = np.uint8(2), np.uint8(3)
     state = code & three
     opposed = (previous ^ state == two) & (previous & np.uint8(1) == np.uint8(1))
     half = code >> two == two

@@ -1,4 +1,4 @@
-"""Makes the libraries of kernels: ``python -m uavseg._jit.build``, which building the package runs too.
+"""Makes the libraries of kernels: ``python -m build_kernels.libraries``, which building the package runs too.
 
 It makes the library for this processor, with ``all`` those for all levels, with names of levels these. A
 library that is current is kept; ``--again`` makes it again. It needs numba, and about half a minute of
@@ -19,7 +19,9 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from uavseg._jit import compiling, elf, shipped
+from build_kernels import elf
+from uavseg._jit import compiling, shipped
+from uavseg._jit.object_cache import checksum
 from uavseg._jit.warming import all_kernels
 
 # Numba translates without optimising, for no certain processor: LLVM optimises for each level afterwards.
@@ -37,7 +39,7 @@ def build(levels: Sequence[str], again: bool = False) -> list[Path]:
     stale = [
         level
         for level in levels
-        if again or not shipped.is_current(shipped.library_path(level), made_of(symbols.values()))
+        if again or not is_current(shipped.library_path(level), made_of(symbols.values()))
     ]
     if not stale:
         return []
@@ -55,7 +57,7 @@ def build(levels: Sequence[str], again: bool = False) -> list[Path]:
         path = shipped.library_path(level)
         path.parent.mkdir(parents=True, exist_ok=True)
         library = elf.shared_library(functions, compiling.ENTRY)
-        _write(path, shipped.sealed(path.name, made_of(functions), library))
+        _write(path, sealed(path.name, made_of(functions), library))
     return [shipped.library_path(level) for level in stale]
 
 
@@ -65,6 +67,26 @@ def made_of(symbols: Iterable[str]) -> list[str]:
         *symbols,
         *(Path(str(module.__file__)).read_text(encoding="utf-8") for module in (compiling, elf)),
     ]
+
+
+def is_current(path: Path, made_of: Iterable[str]) -> bool:
+    """Return whether a library is whole and made of these parts and no others."""
+    try:
+        content = path.read_bytes()
+    except OSError:
+        return False
+    size = shipped.SEAL
+    return shipped.is_intact(path.name, content) and content[-2 * size : -size] == _checksum_of(made_of)
+
+
+def sealed(name: str, made_of: Iterable[str], library: bytes) -> bytes:
+    """Append to a library the checksums of what it is made of and of all, where loaders do not look."""
+    content = library + _checksum_of(made_of)
+    return content + checksum(name, content)
+
+
+def _checksum_of(parts: Iterable[str]) -> bytes:
+    return checksum("parts", "\n".join(sorted(parts)).encode())
 
 
 def _begin() -> None:
