@@ -257,7 +257,11 @@ def test_other_bytes_between_messages_change_nothing(noise: bytes, where: int) -
     ("name", "content", "message"),
     [
         ("a.tlog", b"\xfe\x09", r"recordings of ground stations \(.tlog\) and logs .* are not read"),
-        ("a.log", b"FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\n", r"as text \(.log\) are not read"),
+        (
+            "a.log",
+            b"FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\n",
+            r"as text \(.log\) are not read",
+        ),
         ("a.bin", b"", "is not a flight log; expected a .bin of ArduPilot or a .ulg of PX4"),
         ("a.bin", b"PK\3\4", "is not a flight log"),
         ("a.bin", ARDUPILOT_LOG[: 89 * 8], "shows no flight in mission mode"),

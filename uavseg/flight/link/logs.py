@@ -5,7 +5,7 @@ import io
 import mmap
 import os
 import struct
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -47,28 +47,21 @@ class LogEnd:
 def end_of_log(path: str | os.PathLike[str]) -> LogEnd:
     """Read where the flight of a mission ended in a .bin of ArduPilot or a .ulg of PX4.
 
-    A MissionError says that the file cannot be read, is not a log, or shows no flight in mission mode; a
-    MissingLibraryError that pyulog is not installed.
+    Each arming begins a flight. A MissionError says that the file cannot be read, is not a log, or shows no
+    flight in mission mode; a MissingLibraryError that pyulog is not installed.
     """
     file = regular_file(path, MissionError)
     start = read_start(file, 4, MissionError)
-    if start == b"ULog":
-        return _end(_ulog_messages(file), file)
-    if start.startswith(HEAD):
-        return _end(_dataflash_messages(file), file)
-    raise MissionError(
-        f"{file} is not a flight log; expected a .bin of ArduPilot or a .ulg of PX4; "
-        "recordings of ground stations (.tlog) and logs as text (.log) are not read"
-    )
-
-
-def _end(messages: Iterable[Message], path: Path) -> LogEnd:
-    """Follow mode, item, photographs and places; each arming begins a flight."""
+    if not start.startswith((b"ULog", HEAD)):
+        raise MissionError(
+            f"{file} is not a flight log; expected a .bin of ArduPilot or a .ulg of PX4; "
+            "recordings of ground stations (.tlog) and logs as text (.log) are not read"
+        )
     auto, in_auto = _AUTO, False
     executed = "CMD"  # in logs without MISE; in others it is what was uploaded
     item = last_item = place = photo = None
     finished = was_finished = False
-    for name, fields in messages:
+    for name, fields in _ulog_messages(file) if start == b"ULog" else _dataflash_messages(file):
         with contextlib.suppress(KeyError, TypeError, ValueError, OverflowError):  # a damaged message
             if name == "MSG" and fields["Message"].startswith(("ArduPlane", "ArduRover", "Rover")):
                 auto = _AUTO_PLANE
@@ -86,7 +79,7 @@ def _end(messages: Iterable[Message], path: Path) -> LogEnd:
                 last_item, was_finished = item, finished
     if place is None:
         raise MissionError(
-            f"{path} shows no flight in mission mode (Auto): name the place or item of the cut"
+            f"{file} shows no flight in mission mode (Auto): name the place or item of the cut"
         )
     at, item = photo or (place, last_item)
     return LogEnd(place=at, is_photo=photo is not None, item=item, last_item=last_item, finished=was_finished)

@@ -9,7 +9,6 @@ from typing import NoReturn
 import numpy as np
 import shapely
 
-from uavseg.arrays import Floats
 from uavseg.errors import MissionError
 from uavseg.flight.avoid.free_space import FreeSpace
 from uavseg.flight.mission import items as mav
@@ -30,13 +29,12 @@ _SLACK = 1e-6  # of a leg
 # Commands whose setting lasts until they, or others for the same, set it again. Numbered ones set one of
 # several; early ones are done after takeoff, as by plan, the others where the flight goes on.
 _SAME = {1000: mav.MOUNT_CONTROL, mav.ROI_NONE: mav.ROI_LOCATION, 201: mav.ROI_LOCATION, 2501: 2500}
-_SAME |= dict.fromkeys((mav.CAMERA_INTERVAL, mav.IMAGE_START, mav.IMAGE_STOP), mav.CAMERA_DISTANCE)
+_TRIGGERS = (mav.CAMERA_DISTANCE, mav.CAMERA_INTERVAL, mav.IMAGE_START, mav.IMAGE_STOP)
+_SAME |= dict.fromkeys(_TRIGGERS, mav.CAMERA_DISTANCE)
 _NUMBERED = frozenset({181, 183, 211})  # relay, servo, gripper
 _EARLY = frozenset({204, mav.MOUNT_CONTROL, mav.ROI_LOCATION, 530, 531, 532})  # with mode, zoom, focus
 _YAW, _ONCE = 115, frozenset({93, 189, 203, 600})  # a wait, marks and a photograph: nothing of them lasts
 _LASTING = frozenset({*_NUMBERED, *_EARLY, _YAW, mav.CHANGE_SPEED, mav.CAMERA_DISTANCE, 2500})
-_ENDS = frozenset({mav.ROI_NONE, mav.IMAGE_STOP, 2501})
-_EVERY = frozenset({mav.CAMERA_DISTANCE, mav.CAMERA_INTERVAL})  # with 0, they end it too
 
 
 def path_of(mission: Mission) -> FlownPath:
@@ -45,16 +43,13 @@ def path_of(mission: Mission) -> FlownPath:
     for number, item in enumerate(mission.items, start=1):
         if item.command in mav.ELSEWHERE or (item.command < mav.LAST_NAV and item.command not in mav.KNOWN):
             _refuse(number, item, "cannot be resumed: where the vehicle flies there is not known here")
-        if item.command in mav.TAKEOFFS and flown:
-            _refuse(number, item, "cannot be resumed: it takes off once more")
-        if item.has_position and ended:
+        if (item.command in mav.TAKEOFFS and flown) or (item.has_position and ended):
             _refuse(
-                number, item, "cannot be resumed: it flies on after a return, a landing or an endless wait"
+                number, item, "cannot be resumed: it takes off once more, or flies on after a return or wait"
             )
         flown |= item.has_position
         ended |= item.command in {mav.RETURN, mav.LOITER, *mav.LANDINGS}
-    vehicle = mission.vehicle or default_vehicle(mission.autopilot)
-    return flown_path(replace(mission, ground=None), vehicle)
+    return flown_path(replace(mission, ground=None), mission.vehicle or default_vehicle(mission.autopilot))
 
 
 def _refuse(number: int, item: MissionItem, why: str) -> NoReturn:
@@ -77,9 +72,8 @@ def rest_of(mission: Mission, path: FlownPath, cut: float, is_photo: bool) -> tu
     """Return what is left of a mission after a cut, with notes; all of it before the first waypoint.
 
     The cut is the number of a leg and the share of it that was flown, such as 3.4; the last photograph was
-    taken there, or else is that of the estimate. The rest takes off as the mission does, flies level to the
-    last photograph, in line with it, takes it again and goes on. A MissionError says that nothing is left,
-    that what was set before the cut cannot be set again, or that there is no way there within the fence.
+    taken there, or else is that of the estimate. A MissionError says that nothing is left, that what was set
+    before cannot be set again, or that there is no way to the last photograph within the fence.
     """
     items, stops = mission.items, stops_of(mission)
     shots = sorted(
@@ -162,34 +156,31 @@ def _rest(mission: Mission, path: FlownPath, cut: float, place: float) -> Missio
     start_x, start_y, start_z = path.xyz_m[len(head)].tolist()
     climb = [waypoint(start_x, start_y, level_m)] if head and level_m - start_z > _SAME_M else []
 
-    lasting, speed = _lasting(items[:first]), (mav.CHANGE_SPEED, 0.0)
-    begin = [one for key, one in _lasting(items[: stops[len(head)]]).items() if key == speed]
-    early = [one for (setting, _), one in lasting.items() if setting in _EARLY]
-    there = [one for (setting, _), one in lasting.items() if setting not in _EARLY and one not in begin]
-    there.sort(key=lambda one: _SAME.get(one.command, one.command) == mav.CAMERA_DISTANCE)  # when all is set
-    kept = items[first + (share == 1) :]
+    lasting = _lasting(items[:first])
+    begin = [item for item in items[: stops[len(head)]] if item.command == mav.CHANGE_SPEED]
+    early = [item for (setting, _), item in lasting.items() if setting in _EARLY]
+    there = [item for item in lasting.values() if item not in [*early, *begin[-1:]]]
+    there.sort(key=lambda item: item.command in _TRIGGERS)  # when all is set
 
-    def with_way(corners: Floats) -> Mission:
-        way = [waypoint(*corner, level_m) for corner in corners.tolist()]
-        flown = (*head, *begin, *early, *climb, *way, *entry, *there, *kept)
+    def with_way(corners: list[list[float]]) -> Mission:
+        way = [waypoint(east, north, level_m) for east, north in corners]
+        flown = (*head, *begin, *early, *climb, *way, *entry, *there, *items[first + (share == 1) :])
         return replace(mission, items=flown, ground=None)
 
-    straight = with_way(np.empty((0, 2)))
+    straight = with_way([])
     if not fence_problems(straight):
         return straight
-    areas = [(one.inclusion, area_of(one, plane)) for one in mission.fence]
-    within = [shapely.buffer(area, -DETOUR_M) for inclusion, area in areas if inclusion]
-    without = shapely.union_all(
-        [shapely.buffer(area, DETOUR_M) for inclusion, area in areas if not inclusion]
-    )
+    world = shapely.box(*[-mav.MAX_DISTANCE_M] * 2, *[mav.MAX_DISTANCE_M] * 2)
+    areas = [(area_of(one, plane), one.inclusion) for one in mission.fence]
+    free = [area.buffer(-DETOUR_M) if within else world - area.buffer(DETOUR_M) for area, within in areas]
     try:
-        space = FreeSpace(shapely.intersection_all(within) if within else None, shapely.get_parts(without))
-        return with_way(space.path((start_x, start_y), (x, y))[1:-1])
+        corners = FreeSpace(shapely.intersection_all(free)).path((start_x, start_y), (x, y))[1:-1]
     except MissionError as error:
         raise MissionError(
             "the straight way from home to where the flight goes on leaves the fence or enters a zone to "
             f"keep out of, and no way round is {DETOUR_M:g} m from them: fly there by hand"
         ) from error
+    return with_way(corners.tolist())
 
 
 def _lasting(items: Sequence[MissionItem]) -> dict[tuple[int, float], MissionItem]:
@@ -198,20 +189,21 @@ def _lasting(items: Sequence[MissionItem]) -> dict[tuple[int, float], MissionIte
     for number, item in enumerate(items, start=1):
         first, second, third, fourth = (value or 0.0 for value in item.params)
         setting = _SAME.get(item.command, item.command)
-        count = third if item.command == mav.IMAGE_START else 0  # of photographs; 0 without end
+        shots = third if item.command == mav.IMAGE_START else 0.0  # 0 without end
+        is_off = item.command in _TRIGGERS[:2] and first <= 0
         if item.has_position:
             found.pop((_YAW, 0.0), None)  # it holds up to the next waypoint
-        elif item.command in _ONCE or count == 1 or (setting == mav.CHANGE_SPEED and second <= 0):
+        elif item.command in _ONCE or shots == 1 or (setting == mav.CHANGE_SPEED and second <= 0):
             continue
-        elif setting not in _LASTING or count > 1 or (setting == _YAW and fourth == 1):
-            reason = "comes before the cut, and whether it has to be done again is not known here"
-            _refuse(number, item, reason)
+        elif setting not in _LASTING or shots > 1 or (setting == _YAW and fourth == 1):
+            _refuse(
+                number, item, "comes before the cut, and whether it has to be done again is not known here"
+            )
         else:
             is_one = setting in _NUMBERED or (setting == mav.CHANGE_SPEED and first > 1)
-            key = setting, first if is_one else 0.0
-            found.pop(key, None)
+            found.pop(key := (setting, first if is_one else 0.0), None)
             if item.command == mav.CAMERA_DISTANCE:  # with a photograph at once
                 item = replace(item, params=(first, second, 1.0, fourth))
-            if item.command not in _ENDS and (item.command not in _EVERY or first > 0):
+            if not is_off and item.command != mav.IMAGE_STOP:
                 found[key] = item
     return found

@@ -27,7 +27,6 @@ FARTHEST_M = 100.0  # of a place from the path
 APART_M = 20.0  # along the path: nearer parts of it are one and the same
 UNSURE_M = 3.0  # of a position by satellite
 SAME_M = 1.0  # of a place in a log from legs: of these, it is on that to its item
-MIN_LENGTH_M = 1e-6  # of a leg: a climb has none
 _WHOLE = 1 - 1e-5  # of a leg, at its end
 CHECK = SafetyCheck(SafetyParams(max_altitude_m=MAX_HEIGHT_M))  # of the fence
 
@@ -37,25 +36,23 @@ def resume(
 ) -> MissionPlan:
     """Return the rest of a mission whose flight ended at `start`: an item, a place in degrees, or a log.
 
-    Its notes say where the flight goes on. A MissionError says that the mission or the log cannot be read,
-    that the cut is not on its path or on several parts of it, or that nothing is left; a ParameterError that
-    `start` is none of these.
+    Its notes say where the flight goes on. A MissionError says that mission or log cannot be read, the cut is
+    not on one part of the path, or nothing is left; a ParameterError that `start` is none of these.
     """
-    mission = source
-    if not isinstance(mission, Mission):
-        with phase("reading"):
-            mission = read_mission(mission)
-    path, is_photo, note = path_of(mission), False, ""
+    with phase("reading"):
+        mission = source if isinstance(source, Mission) else read_mission(source)
+    path, is_photo, notes = path_of(mission), False, [*mission.notes]
     with phase("cut"):
         if isinstance(start, str | os.PathLike):
             end = end_of_log(start)
             cut, note = _cut_of_log(mission, path, end)
             is_photo, what = end.is_photo, "last photograph" if end.is_photo else "end in mission mode"
-            note = f"{os.fspath(start)}: its {what} is at {note}"
+            notes.append(f"{os.fspath(start)}: its {what} is at {note}")
         elif (given := np.asarray(start, np.float64)).ndim == 0:
             cut = _cut_at_item(mission, given.item())
         elif given.shape == (2,):
             cut, note = _nearest(mission, path, given.tolist())
+            notes.append(note)
         else:
             place = shown(tuple(given.tolist()))
             raise ParameterError(f"--from is LAT,LON in degrees, an item or a log, not {place}")
@@ -63,12 +60,12 @@ def resume(
     rest, more = rest_of(mission, path, cut, is_photo)
     with phase("paper check"):
         CHECK.check(rest)
-    return MissionPlan((replace(rest, notes=(*mission.notes, *[note][: len(note)], *more)),), 0, CHECK)
+    return MissionPlan((replace(rest, notes=(*notes, *more)),), 0, CHECK)
 
 
 def _leg_to(mission: Mission, number: int) -> int:
     """Return the leg to an item, or to the next one with a position; MissionError if there is no item."""
-    first, last = item_number(mission, 0), item_number(mission, len(mission.items) - 1)
+    first, last = (item_number(mission, k) for k in (0, len(mission.items) - 1))
     if not first <= number <= last:
         raise MissionError(
             f"there is no item {number}: the vehicle counts items {first} to {last} in this mission"
@@ -99,8 +96,9 @@ def _nearest(
     stops, xy = stops_of(mission), path.xyz_m[:, :2]
     legs = shapely.linestrings(np.stack([xy[:-1], xy[1:]], axis=1)[: len(stops)])
     point = shapely.points(*Plane(mission.home.lat, mission.home.lon).xy_from_lonlat(lon, lat))
+    lengths = path.length_m[: len(stops)]
     away, flown = shapely.distance(legs, point), shapely.line_locate_point(legs, point)
-    share = np.minimum(flown / np.maximum(path.length_m[: len(stops)], MIN_LENGTH_M), _WHOLE)
+    share = np.minimum(flown / np.maximum(lengths, 1e-6), _WHOLE)
     best, where = int(away.argmin()), "the path"
     if item is not None:
         to_item, where = _leg_to(mission, item), f"the leg to item {item}"
@@ -112,7 +110,7 @@ def _nearest(
             f"{text}, and at most {FARTHEST_M:g} m are taken for a place on it: is it of another flight, or "
             "is the log of another mission?"
         )
-    along = np.append(0.0, path.length_m.cumsum())[: len(stops)] + flown
+    along = lengths.cumsum() - lengths + flown
     other = (away < 2 * away[best] + UNSURE_M) & (np.abs(along - along[best]) > APART_M)
     if item is None and other.any():
         second = int(np.where(other, away, np.inf).argmin())
