@@ -73,7 +73,7 @@ def test_a_log_is_named_like_any_file() -> None:
         ("fly.plan --from 9 -o rest.plan", 1, "nothing is left of the mission"),
         ("fly.plan --from 3.5 -o rest.plan", 1, "is not flown to, so 3.5 is no share of a leg; give 3"),
         ("fly.plan --from here.bin -o rest.plan", 1, "there is no file here.bin"),
-        ("fly.plan --from fly.plan -o rest.plan", 1, "fly.plan is not a flight log; expected a .bin or .log"),
+        ("fly.plan --from fly.plan -o rest.plan", 1, "fly.plan is not a flight log; expected a .bin of Ardu"),
         ("fly.plan --from 48,8 -o rest.plan", 1, "at most 100 m are taken for a place on it"),
         ("fly.plan --from 1,2,3 -o rest.plan", 1, "--from is LAT,LON in degrees, an item or a log"),
         ("fly.plan --from 6.5 -o rest.txt", 1, "a mission is written as .plan"),

@@ -1,4 +1,4 @@
-"""Minimal writers of flight logs: dataflash of ArduPilot, binary and text, and ULog of PX4."""
+"""Minimal writers of flight logs: dataflash of ArduPilot and ULog of PX4."""
 
 import struct
 from collections.abc import Sequence
@@ -50,16 +50,6 @@ def dataflash(messages: Sequence[Message]) -> bytes:
         for name, (number, codes, columns) in FIELDS.items()
     ]
     return b"".join(formats) + b"".join(binary(name, *values) for name, values in _rows(messages))
-
-
-def dataflash_text(messages: Sequence[Message]) -> bytes:
-    """The same as a text log (.log)."""
-    lines = [
-        f"FMT, {number}, {3 + _layout(name).size}, {name}, {codes}, {columns}"
-        for name, (number, codes, columns) in FIELDS.items()
-    ]
-    lines += [", ".join([name, *map(str, values)]) for name, values in _rows(messages)]
-    return "\n".join(lines).encode() + b"\n"
 
 
 TOPICS = {

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import uavseg
-from tests.flight.flight_logs import dataflash, dataflash_text, ulog
+from tests.flight.flight_logs import dataflash, ulog
 from tests.flight.test_resume import area, first_number, shots
 from uavseg.errors import MissionError
 from uavseg.flight.link.logs import LogEnd, end_of_log
@@ -100,7 +100,6 @@ def px4(mission: Mission, photographs: int, source: str = "camera_capture", fini
 
 WRITERS: dict[str, tuple[str, Callable[[Mission, int], bytes]]] = {
     "a.bin": ("ardupilot", lambda mission, n: dataflash(ardupilot(mission, n))),
-    "a.log": ("ardupilot", lambda mission, n: dataflash_text(ardupilot(mission, n))),
     "capture.ulg": ("px4", px4),
     "trigger.ulg": ("px4", lambda mission, n: px4(mission, n, "camera_trigger")),
 }
@@ -200,7 +199,6 @@ def test_a_log_without_items_finds_its_place_on_the_path(tmp_path: Path) -> None
 # Damaged logs
 
 ARDUPILOT_LOG = dataflash(ardupilot(planned("ardupilot"), 12))
-TEXT_LOG = dataflash_text(ardupilot(planned("ardupilot"), 12))
 PX4_LOG = px4(planned("px4"), 12)
 
 
@@ -213,7 +211,7 @@ def read(content: bytes, path: Path, capfd: Any = None) -> LogEnd | None:
         return None
 
 
-@pytest.mark.parametrize("log", [ARDUPILOT_LOG, TEXT_LOG, PX4_LOG], ids=["binary", "text", "ulog"])
+@pytest.mark.parametrize("log", [ARDUPILOT_LOG, PX4_LOG], ids=["binary", "ulog"])
 def test_damaged_logs_end_in_a_place_or_in_one_line(log: bytes, tmp_path: Path, capfd: Any) -> None:
     if log is PX4_LOG:
         pytest.importorskip("pyulog")
@@ -258,8 +256,13 @@ def test_other_bytes_between_messages_change_nothing(noise: bytes, where: int) -
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("a.tlog", b"\xfe\x09", r"recordings of ground stations \(.tlog\) are not read; give the log"),
-        ("a.bin", b"", "is not a flight log; expected a .bin or .log"),
+        ("a.tlog", b"\xfe\x09", r"recordings of ground stations \(.tlog\) and logs .* are not read"),
+        (
+            "a.log",
+            b"FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\n",
+            r"as text \(.log\) are not read",
+        ),
+        ("a.bin", b"", "is not a flight log; expected a .bin of ArduPilot or a .ulg of PX4"),
         ("a.bin", b"PK\3\4", "is not a flight log"),
         ("a.bin", ARDUPILOT_LOG[: 89 * 8], "shows no flight in mission mode"),
         ("a.ulg", b"ULog\x01\x12\x35", "cannot be read as a ULog|shows no flight"),

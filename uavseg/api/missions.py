@@ -354,10 +354,9 @@ def resume(
     mission : path or Mission
         A .plan, .waypoints, .kml, .geojson, .kmz or .csv file, or one of those that `plan` gives.
     start : (lat, lon), float or path
-        Where the flight was cut: a place in degrees, at most 100 m from the path; or the number of the item
-        that it flew to, as the vehicle counts it (home is 0 and takeoff 1; with PX4, takeoff is 0), such as
-        12, or 12.4 where 40 % of the leg to item 12 were flown; or the log of the flight, a .bin or .log of
-        ArduPilot or a .ulg of PX4, which tells the last photograph.
+        Where the flight was cut: a place in degrees, at most 100 m from the path; or the item that it flew
+        to, as the vehicle counts it (home is 0 and takeoff 1; with PX4, takeoff is 0), or 12.4 where 40 % of
+        the leg to item 12 were flown; or the log of the flight, a .bin of ArduPilot or a .ulg of PX4.
 
     Returns
     -------
@@ -367,8 +366,7 @@ def resume(
     Raises
     ------
     MissionError
-        If the mission or the log cannot be read, the place is not on the path or on several parts of it, the
-        log is of another mission, nothing is left, or the rest would not be safe.
+        If mission or log cannot be read or do not match, nothing is left, or the rest would not be safe.
     MissingLibraryError
         If pyulog is not installed, for a .ulg.
     ParameterError

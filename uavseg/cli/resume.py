@@ -22,13 +22,12 @@ def command(options: ResumeOptions) -> None:
     from uavseg.jobs.flights.resume import resume
     from uavseg.output.atomic import check_target
 
-    reporter = Reporter(options.messages)
-    output, overwrite = options.output, options.files.overwrite
+    quiet, output, overwrite = Reporter(options.messages).quiet, options.output, options.files.overwrite
     files.file_options(output, **asdict(options.mission_files))
     check_target(output, overwrite)
     keep_inputs([output], options.file, options.start if isinstance(options.start, str) else None)
-    with showing_phases(reporter.quiet):
+    with showing_phases(quiet):
         planned = resume(options.file, options.start)
     paths, unwritten = write_plan_output(planned, output, overwrite, options.mission_files)
-    if not reporter.quiet:
+    if not quiet:
         report(planned.missions, 0, paths, [*planned.warnings, *unwritten])

@@ -475,7 +475,7 @@ class ResumeOptions(Options):
     start: Any = option(
         "Where the flight was cut: LAT,LON; or ITEM that it flew to, by its number on the vehicle (home is 0 "
         "and takeoff 1; with PX4, takeoff is 0), 12.4 where 40 % of the leg to 12 were flown; or LOG of the "
-        "flight, a .bin or .log of ArduPilot or a .ulg of PX4.",
+        "flight, a .bin of ArduPilot or a .ulg of PX4.",
         "--from",
         required=True,
         metavar="LAT,LON|ITEM|LOG",

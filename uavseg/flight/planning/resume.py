@@ -1,13 +1,14 @@
 """Rest of a mission that was cut: from home to its last photograph, then on as it was planned."""
 
+import math
+from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NoReturn
 
 import numpy as np
 import shapely
 
-from uavseg.arrays import Floats
-from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.avoid.free_space import FreeSpace
 from uavseg.flight.mission import items as mav
@@ -19,72 +20,42 @@ from uavseg.flight.mission.vehicle import default_vehicle
 from uavseg.flight.planning.split import MIN_LEG_M
 from uavseg.flight.safety.check import area_of, fence_problems
 
-CERTAIN_M = 10.0
-"""So far past a photograph, on a leg without any, it was taken; nearer, it is taken again."""
+CERTAIN_M = 10.0  # so far past a photograph, on a leg without any, it was taken; nearer, it is taken again
 DETOUR_M = 3.0  # from the fence, on a way round: a corner is cut by less
-_SAME_HEIGHT_M = 0.01
+_SAME_M = 0.01  # of heights, and of places along the flight
+_LOGGED_M = 1.0  # from where a photograph was planned to where it was taken
 _SLACK = 1e-6  # of a leg
 
-# What a command sets until another one sets it again; the last of each is done again before the flight goes
-# on. Servos, relays and grippers are set each by its number.
-_GIMBAL, _LOOK, _TRIGGER, _YAW, _SPEED = "gimbal", "look", "trigger", "yaw", "speed"
-_OTHERS = ("relay", "servo", "gripper", "camera mode", "zoom", "focus")
-_SETS = {
-    204: "mount",
-    115: _YAW,
-    mav.CHANGE_SPEED: _SPEED,
-    **dict.fromkeys((mav.MOUNT_CONTROL, 1000), _GIMBAL),
-    **dict.fromkeys((mav.ROI_LOCATION, mav.ROI_NONE, 201), _LOOK),
-    **dict.fromkeys((mav.CAMERA_DISTANCE, mav.CAMERA_INTERVAL, mav.IMAGE_START, mav.IMAGE_STOP), _TRIGGER),
-    **dict.fromkeys((2500, 2501), "video"),
-    **dict(zip((181, 183, 211, 530, 531, 532), _OTHERS, strict=True)),
-}
-_NUMBERED = frozenset(_OTHERS[:3])
-_EARLY = frozenset({"mount", _GIMBAL, _LOOK, *_OTHERS[3:]})  # set after takeoff, as by plan
-_ONCE = frozenset({93, 189, 203, 600})  # a wait, marks and a photograph: nothing of them lasts
-
-
-@dataclass(frozen=True, slots=True)
-class Cut:
-    """Where a flight ended: a leg of its `flown_path`, and the share of the leg that was flown."""
-
-    leg: int
-    share: float
-    is_photo: bool = False  # whether the last photograph was taken there; else it is that of the estimate
-
-
-@dataclass(frozen=True, slots=True)
-class Rest:
-    """The rest of a mission: on which leg and at which share of it the flight goes on, and the photographs.
-
-    Those before the cut are counted by the estimate; the last of them may be taken again.
-    """
-
-    mission: Mission
-    leg: int
-    share: float
-    taken: int
+# Commands whose setting lasts until they, or others for the same, set it again. Numbered ones set one of
+# several; early ones are done after takeoff, as by plan, the others where the flight goes on.
+_SAME = {1000: mav.MOUNT_CONTROL, mav.ROI_NONE: mav.ROI_LOCATION, 201: mav.ROI_LOCATION, 2501: 2500}
+_TRIGGERS = (mav.CAMERA_DISTANCE, mav.CAMERA_INTERVAL, mav.IMAGE_START, mav.IMAGE_STOP)
+_SAME |= dict.fromkeys(_TRIGGERS, mav.CAMERA_DISTANCE)
+_NUMBERED = frozenset({181, 183, 211})  # relay, servo, gripper
+_EARLY = frozenset({204, mav.MOUNT_CONTROL, mav.ROI_LOCATION, 530, 531, 532})  # with mode, zoom, focus
+_YAW, _ONCE = 115, frozenset({93, 189, 203, 600})  # a wait, marks and a photograph: nothing of them lasts
+_LASTING = frozenset({*_NUMBERED, *_EARLY, _YAW, mav.CHANGE_SPEED, mav.CAMERA_DISTANCE, 2500})
 
 
 def path_of(mission: Mission) -> FlownPath:
     """Return the legs of a mission that can be resumed; MissionError if it cannot be, with the reason."""
     ended = flown = False
     for number, item in enumerate(mission.items, start=1):
-        reason = ""
         if item.command in mav.ELSEWHERE or (item.command < mav.LAST_NAV and item.command not in mav.KNOWN):
-            reason = "where the vehicle flies there is not known here"
-        elif item.command in mav.TAKEOFFS and flown:
-            reason = "it takes off once more"
-        elif item.has_position and ended:
-            reason = "it flies on after a return, a landing or a wait without end"
-        if reason:
-            raise MissionError(
-                f"item {number} (command {item.command}) cannot be resumed: {reason}; "
-                "edit the mission in its ground station"
+            _refuse(number, item, "cannot be resumed: where the vehicle flies there is not known here")
+        if (item.command in mav.TAKEOFFS and flown) or (item.has_position and ended):
+            _refuse(
+                number, item, "cannot be resumed: it takes off once more, or flies on after a return or wait"
             )
-        flown = flown or item.has_position
-        ended = ended or item.command in {mav.RETURN, mav.LOITER, *mav.LANDINGS}
-    return flown_path(mission, mission.vehicle or default_vehicle(mission.autopilot))
+        flown |= item.has_position
+        ended |= item.command in {mav.RETURN, mav.LOITER, *mav.LANDINGS}
+    return flown_path(replace(mission, ground=None), mission.vehicle or default_vehicle(mission.autopilot))
+
+
+def _refuse(number: int, item: MissionItem, why: str) -> NoReturn:
+    raise MissionError(
+        f"item {number} (command {item.command}) {why}; edit the mission in its ground station"
+    )
 
 
 def stops_of(mission: Mission) -> list[int]:
@@ -92,186 +63,147 @@ def stops_of(mission: Mission) -> list[int]:
     return [k for k, item in enumerate(mission.items) if item.has_position]
 
 
-def rest_of(mission: Mission, path: FlownPath, cut: Cut) -> Rest:
-    """Return what is left of a mission after a cut; all of it where that was before the first waypoint.
+def item_number(mission: Mission, index: int) -> int:
+    """Return the number of an item as the vehicle counts it: of ArduPilot, home is item 0."""
+    return index + (mission.autopilot != "px4")
 
-    It takes off as the mission does, flies level to the last photograph, in line with it, takes it again and
-    goes on. A MissionError says that nothing is left, that what was set before the cut cannot be set again,
-    or that there is no way to the last photograph within the fence.
+
+def rest_of(mission: Mission, path: FlownPath, cut: float, is_photo: bool) -> tuple[Mission, list[str]]:
+    """Return what is left of a mission after a cut, with notes; all of it before the first waypoint.
+
+    The cut is the number of a leg and the share of it that was flown, such as 3.4; the last photograph was
+    taken there, or else is that of the estimate. A MissionError says that nothing is left, that what was set
+    before cannot be set again, or that there is no way to the last photograph within the fence.
     """
-    shots = _photographs(path)
-    at = _along(path, cut.leg, cut.share)
-    slack_m = _photo_step_m(path, cut.leg) / 2 if cut.is_photo else 0.0
-    taken = [shot for shot in shots if shot <= (cut.leg, cut.share + _SLACK)]
-    stops = stops_of(mission)
-    is_left = cut.leg < len(stops) and mission.items[stops[cut.leg]].command not in mav.LANDINGS
-    if shots:
-        is_left &= any(_along(path, *shot) > at + slack_m for shot in shots[len(taken) :])
-    if not is_left:
-        raise MissionError("nothing is left of the mission: what it photographs or flies to was done")
-    leg, share = _resume_place(path, cut, taken)
-    if not leg or mission.items[stops[leg - 1]].command in mav.TAKEOFFS:  # on the way to the first waypoint
-        return Rest(mission, leg, share, len(taken))
-    return Rest(_rest(mission, path, leg, share), leg, share, len(taken))
-
-
-def _photographs(path: FlownPath) -> list[tuple[int, float]]:
-    """Return the leg and the share of it of each photograph, in their order."""
-    return sorted(
-        (run.leg, min(max(run.first + k * run.step, 0.0), 1.0))
-        for run in path.shots
-        for k in range(run.count)
+    items, stops = mission.items, stops_of(mission)
+    shots = sorted(
+        run.leg + min(max(run.first + k * run.step, 0.0), 1.0) for run in path.shots for k in range(run.count)
     )
+    taken = bisect_right(shots, cut + _SLACK)
+    slack_m = _photo_step_m(path, int(cut)) / 2 + _LOGGED_M if is_photo else _SAME_M
+    was_last = shots and _point(path, shots[-1])[3] <= _point(path, cut)[3] + slack_m
+    if was_last or cut >= len(stops) or items[stops[int(cut)]].command in mav.LANDINGS:
+        raise MissionError("nothing is left of the mission: it was flown to its end, or all was photographed")
+    place = _last_photograph(path, cut, shots[:taken]) if shots and not is_photo else cut
+    leg = math.ceil(place) - 1
+    if leg < 1 or items[stops[leg - 1]].command in mav.TAKEOFFS:
+        return mission, ["the flight was cut before it passed its first waypoint: the rest is all of it"]
+    if (leg + 1 - place) * path.length_m[leg] < MIN_LEG_M:
+        place = leg + 1.0
+    rest = _rest(mission, path, cut, place)
+    x, y, *_ = _point(path, place)
+    lon, lat = map(float, Plane(mission.home.lat, mission.home.lon).lonlat_from_xy(x, y))
+    photos = f"; {taken} of about {len(shots)} photographs were taken before" if shots else ""
+    number = item_number(mission, stops[leg])
+    notes = [
+        f"the flight goes on at {lat:.7f},{lon:.7f}, on the leg to item {number}{photos}",
+        f"the way there is {math.hypot(x, y):.0f} m, up to {rest.path[2].max():.1f} m above home, and known "
+        "to be clear of the zones in the fence alone: check it with uavseg check, --avoid and --dem",
+    ]
+    if mission.autopilot == "generic":
+        notes.append("items are counted as ArduPilot does, from home as 0; PX4 counts one less")
+    return rest, notes
 
 
-def _along(path: FlownPath, leg: int, share: float) -> float:
-    length = path.length_m
-    return float(length[:leg].sum() + share * length[leg : leg + 1].sum())
+def _point(path: FlownPath, place: float) -> list[float]:
+    """Return x, y and height of a place of a path, and the length over ground up to there, in metres."""
+    columns = [*path.xyz_m.T, np.append(0.0, path.length_m.cumsum())]
+    return [float(np.interp(place, range(len(one)), one)) for one in columns]
 
 
 def _photo_step_m(path: FlownPath, leg: int) -> float:
     """Return the distance between photographs on a leg; 0 where it has one at most."""
-    steps = [run.step * path.length_m[leg] for run in path.shots if run.leg == leg]
-    return float(max(steps, default=0.0))
+    return max((run.step * float(path.length_m[leg]) for run in path.shots if run.leg == leg), default=0.0)
 
 
-def _resume_place(path: FlownPath, cut: Cut, taken: Sequence[tuple[int, float]]) -> tuple[int, float]:
-    """Return the leg and the share where the flight goes on.
-
-    On a line it is the last photograph of the line, or else its start; on a leg without photographs its end,
-    unless the last photograph is near. Without photographs in the mission it is the cut.
-    """
-    if cut.is_photo or not path.photographs.any():
-        return cut.leg, cut.share
-    if path.is_line[cut.leg]:
-        first = cut.leg
-        while first and path.is_line[first - 1]:
-            first -= 1
-        return max((first, 0.0), *taken)
-    if taken and _along(path, cut.leg, cut.share) - _along(path, *taken[-1]) < CERTAIN_M:
-        return taken[-1]
-    return cut.leg, 1.0
+def _last_photograph(path: FlownPath, cut: float, taken: Sequence[float]) -> float:
+    """Return its place, at least the start of the line; on a leg far past it, the end of the leg."""
+    leg = int(cut)
+    if path.is_line[leg]:
+        while leg and path.is_line[leg - 1]:
+            leg -= 1
+        return max(leg, *taken[-1:])
+    is_near = taken and _point(path, cut)[3] - _point(path, taken[-1])[3] < CERTAIN_M
+    return taken[-1] if is_near else leg + 1.0
 
 
-def _rest(mission: Mission, path: FlownPath, leg: int, share: float) -> Mission:
+def _rest(mission: Mission, path: FlownPath, cut: float, place: float) -> Mission:
     items, stops, plane = mission.items, stops_of(mission), Plane(mission.home.lat, mission.home.lon)
-    length_m = float(path.length_m[leg])
-    if (1 - share) * length_m < MIN_LEG_M:
-        share = 1.0
-    first = stops[leg - 1] if share == 0 else stops[leg]  # of the items that are flown as they are
-    ahead = items[stops[leg]]
-    flown = [items[k] for k in stops[: leg + 1]]
-    if len({item.frame == mav.FRAME_TERRAIN for item in flown if item.command not in mav.TAKEOFFS}) > 1:
-        raise MissionError("heights above the terrain and others before the cut cannot be compared")
-
-    def zero_m(item: MissionItem) -> float:
-        return mission.home.altitude_m if item.frame == mav.FRAME_AMSL else 0.0
-
-    def height_m(item: MissionItem) -> float:
-        return item.altitude_m - zero_m(item)
-
-    def waypoint(lat: float, lon: float, above_m: float) -> MissionItem:
-        altitude_m = round(above_m + zero_m(ahead), 3)
-        heading = ahead.params[3] if ahead.command == mav.WAYPOINT else None
-        lat, lon = round(lat, mav.DEGREE_DECIMALS), round(lon, mav.DEGREE_DECIMALS)
-        return MissionItem(mav.WAYPOINT, ahead.frame, (0.0, 0.0, 0.0, heading), lat, lon, altitude_m)
-
-    def on_leg(k: int, part: float) -> MissionItem:
-        xy = path.xyz_m[k, :2] + part * (path.xyz_m[k + 1] - path.xyz_m[k])[:2]
-        lon, lat = plane.lonlat_from_xy(*xy)
-        low, high = height_m(items[stops[k - 1]]), height_m(items[stops[k]])
-        return waypoint(float(lat), float(lon), low + part * (high - low))
-
-    is_between = 0 < share < 1
-    kept = list(items[first:]) if is_between else list(items[first + 1 :])
-    entry = [on_leg(leg, share) if is_between else items[first]]
-    last, end = (leg, share) if share else (leg - 1, 1.0)
-    back_m = 0.0  # of a way in line with the flight, so that the first photograph looks as it would have
-    if share and path.is_line[leg]:
-        back_m = _photo_step_m(path, leg)
-    elif last and not is_between and path.has_shot[last + 1] and not path.is_line[last + 1 : last + 2].any():
-        back_m = CERTAIN_M
-    back_m = min(back_m, end * float(path.length_m[last]))
-    if back_m >= MIN_LEG_M:
-        entry.insert(0, on_leg(last, end - back_m / float(path.length_m[last])))
-    level_m = max(map(height_m, flown))
-    if level_m - height_m(entry[0]) > _SAME_HEIGHT_M:
-        entry.insert(0, waypoint(entry[0].lat, entry[0].lon, level_m))
+    leg = math.ceil(place) - 1
+    share, length_m, first = place - leg, float(path.length_m[leg]), stops[leg]
+    ahead = items[first]
     head = [item for item in items[:first] if item.command in mav.TAKEOFFS]
-    start = next((item for item in head if not item.is_at_vehicle), mission.home)
-    is_low = any(level_m - height_m(item) > _SAME_HEIGHT_M for item in head)
-    up = [waypoint(start.lat, start.lon, level_m)] * is_low
+    if len({items[k].frame == mav.FRAME_TERRAIN for k in stops[len(head) : int(cut) + 1]}) > 1:
+        raise MissionError("heights above the terrain and others before the cut cannot be compared")
+    level_m = float(path.xyz_m[1 : int(cut) + 2, 2].max())
+
+    def waypoint(x: float, y: float, above_m: float) -> MissionItem:
+        lon, lat = (round(float(one), mav.DEGREE_DECIMALS) for one in plane.lonlat_from_xy(x, y))
+        altitude_m = above_m + (mission.home.altitude_m if ahead.frame == mav.FRAME_AMSL else 0.0)
+        params = (0.0, 0.0, 0.0, ahead.params[3] if ahead.command == mav.WAYPOINT else None)
+        return MissionItem(mav.WAYPOINT, ahead.frame, params, lat, lon, round(altitude_m, 3))
+
+    back_m = 0.0  # of a way in line with the flight, so that the first photograph looks as it would have
+    if path.is_line[leg]:
+        back_m = _photo_step_m(path, leg)
+    elif share == 1 and path.has_shot[leg + 1] and not path.is_line[leg + 1 : leg + 2].any():
+        back_m = CERTAIN_M
+    back = min(back_m / length_m, share) if min(back_m, share * length_m) >= MIN_LEG_M else 0.0
+    x, y, z, _ = _point(path, place - back)
+    entry = [waypoint(x, y, level_m)] if level_m - z > _SAME_M else []
+    entry += [waypoint(x, y, z)] if back else []
+    entry += [ahead if share == 1 else waypoint(*_point(path, place)[:3])]
+    start_x, start_y, start_z = path.xyz_m[len(head)].tolist()
+    climb = [waypoint(start_x, start_y, level_m)] if head and level_m - start_z > _SAME_M else []
+
     lasting = _lasting(items[:first])
-    begin = _lasting(items[: stops[len(head)]]).get(_SPEED)
-    early = [item for key, item in lasting.items() if key in _EARLY and item.command != mav.ROI_NONE]
-    there = [item for key, item in lasting.items() if key not in {*_EARLY, _TRIGGER} and item != begin]
-    trigger = _started(lasting.get(_TRIGGER))
-    head += [*([] if begin is None else [begin]), *early, *up]
+    begin = [item for item in items[: stops[len(head)]] if item.command == mav.CHANGE_SPEED]
+    early = [item for (setting, _), item in lasting.items() if setting in _EARLY]
+    there = [item for item in lasting.values() if item not in [*early, *begin[-1:]]]
+    there.sort(key=lambda item: item.command in _TRIGGERS)  # when all is set
 
-    def with_way(corners: Sequence[MissionItem]) -> Mission:
-        return replace(mission, items=(*head, *corners, *entry, *there, *trigger, *kept), ground=None)
+    def with_way(corners: list[list[float]]) -> Mission:
+        way = [waypoint(east, north, level_m) for east, north in corners]
+        flown = (*head, *begin, *early, *climb, *way, *entry, *there, *items[first + (share == 1) :])
+        return replace(mission, items=flown, ground=None)
 
-    straight = with_way(())
+    straight = with_way([])
     if not fence_problems(straight):
         return straight
-    ends = np.column_stack(plane.xy_from_lonlat([start.lon, entry[0].lon], [start.lat, entry[0].lat]))
-    lon, lat = plane.lonlat_from_xy(*_way_round(mission, plane, ends).T)
-    return with_way([waypoint(*place, level_m) for place in zip(lat.tolist(), lon.tolist(), strict=True)])
-
-
-def _lasting(items: Sequence[MissionItem]) -> dict[str, MissionItem]:
-    """Return the last item of each setting that lasts, in their order; refuse what is not known to last."""
-    found: dict[str, MissionItem] = {}
-    for number, item in enumerate(items, start=1):
-        first, second, third, fourth = (value or 0.0 for value in item.params)
-        setting = _SETS.get(item.command)
-        if item.has_position:
-            found.pop(_YAW, None)  # it holds up to the next waypoint
-        elif setting is None and item.command in _ONCE:
-            continue
-        elif (
-            setting is None
-            or (setting, fourth) == (_YAW, 1)
-            or (item.command == mav.IMAGE_START and third > 1)
-        ):
-            raise MissionError(
-                f"item {number} (command {item.command}) comes before the cut, and whether it has to be done "
-                "again is not known here; edit the mission in its ground station"
-            )
-        elif (setting == _SPEED and second <= 0) or (item.command == mav.IMAGE_START and third == 1):
-            continue
-        else:
-            if setting in _NUMBERED or (setting == _SPEED and first > 1):
-                setting = f"{setting} {first:g}"
-            found.pop(setting, None)
-            found[setting] = item
-    return found
-
-
-def _started(trigger: MissionItem | None) -> list[MissionItem]:
-    """Return the item that starts photographs again, with one at once; nothing where they were stopped."""
-    if trigger is None or trigger.command == mav.IMAGE_STOP:
-        return []
-    if trigger.command == mav.IMAGE_START:
-        return [trigger]
-    every, shutter, _, last = trigger.params
-    if (every or 0.0) <= 0:
-        return []
-    at_once = 1.0 if trigger.command == mav.CAMERA_DISTANCE else trigger.params[2]
-    return [replace(trigger, params=(every, shutter, at_once, last))]
-
-
-def _way_round(mission: Mission, plane: Plane, ends: Floats) -> Floats:
-    """Return the corners (n, 2) of the shortest way within the fence, in metres, without its ends."""
-    areas = [(one.inclusion, area_of(one, plane)) for one in mission.fence]
-    within = [shapely.buffer(area, -DETOUR_M) for inclusion, area in areas if inclusion]
-    without = [shapely.buffer(area, DETOUR_M) for inclusion, area in areas if not inclusion]
-    inside = shapely.intersection_all(within) if within else None
+    world = shapely.box(*[-mav.MAX_DISTANCE_M] * 2, *[mav.MAX_DISTANCE_M] * 2)
+    areas = [(area_of(one, plane), one.inclusion) for one in mission.fence]
+    free = [area.buffer(-DETOUR_M) if within else world - area.buffer(DETOUR_M) for area, within in areas]
     try:
-        obstacles = list(shapely.get_parts(shapely.union_all(without)))
-        return FreeSpace(inside, obstacles).path(*ends.tolist())[1:-1]
+        corners = FreeSpace(shapely.intersection_all(free)).path((start_x, start_y), (x, y))[1:-1]
     except MissionError as error:
         raise MissionError(
             "the straight way from home to where the flight goes on leaves the fence or enters a zone to "
             f"keep out of, and no way round is {DETOUR_M:g} m from them: fly there by hand"
         ) from error
+    return with_way(corners.tolist())
+
+
+def _lasting(items: Sequence[MissionItem]) -> dict[tuple[int, float], MissionItem]:
+    """Return the last item of each setting that lasts, in their order; refuse what is not known to last."""
+    found: dict[tuple[int, float], MissionItem] = {}
+    for number, item in enumerate(items, start=1):
+        first, second, third, fourth = (value or 0.0 for value in item.params)
+        setting = _SAME.get(item.command, item.command)
+        shots = third if item.command == mav.IMAGE_START else 0.0  # 0 without end
+        is_off = item.command in _TRIGGERS[:2] and first <= 0
+        if item.has_position:
+            found.pop((_YAW, 0.0), None)  # it holds up to the next waypoint
+        elif item.command in _ONCE or shots == 1 or (setting == mav.CHANGE_SPEED and second <= 0):
+            continue
+        elif setting not in _LASTING or shots > 1 or (setting == _YAW and fourth == 1):
+            _refuse(
+                number, item, "comes before the cut, and whether it has to be done again is not known here"
+            )
+        else:
+            is_one = setting in _NUMBERED or (setting == mav.CHANGE_SPEED and first > 1)
+            found.pop(key := (setting, first if is_one else 0.0), None)
+            if item.command == mav.CAMERA_DISTANCE:  # with a photograph at once
+                item = replace(item, params=(first, second, 1.0, fourth))
+            if not is_off and item.command != mav.IMAGE_STOP:
+                found[key] = item
+    return found
