@@ -19,6 +19,11 @@ from uavseg.segmentation.params.segment import IntensityRange, ValueClass, Value
 AnyRange = IntensityRange | ValueRange
 
 _EXAMPLES = {"range": "0.55,1", "values": "20,40 (or 300, or ,35)", "percentile": "90,100"}
+MAX_BYTES = 1 << 16  # of a file of classes
+_COLUMNS = ("name", "range", "low", "high", "color")
+_SPELLINGS = {"class": "name", "colour": "color", "range_low": "low", "range_high": "high"}
+_COLOR = re.compile(r"#[0-9a-fA-F]{6}\Z")
+_EXPECTED = "columns name and range (or low and high), and color if you like"
 
 
 def parse_range(name: str, text: str) -> AnyRange:
@@ -104,13 +109,6 @@ def _meant(name: str, low: float, high: float) -> str:
     if low >= 0 and high <= 100:
         text += f", for per cent of its pixels {dashes}percentile{given}"
     return text
-
-
-MAX_BYTES = 1 << 16  # of a file of classes
-_COLUMNS = ("name", "range", "low", "high", "color")
-_SPELLINGS = {"class": "name", "colour": "color", "range_low": "low", "range_high": "high"}
-_COLOR = re.compile(r"#[0-9a-fA-F]{6}\Z")
-_EXPECTED = "columns name and range (or low and high), and color if you like"
 
 
 def parse_class_range(text: str, what: str = "a range") -> IntensityRange:

@@ -36,6 +36,15 @@ from uavseg.flight.cover.survey import axes
 STEPS = 6.0  # points on the outline for each unit of detail
 MAX_POINTS = 6000
 BUMP = 1.5  # radii of the circle around its start: a branch that is less long shows a bump
+GROWN = 0.25  # spacings by which a region is grown before its axis is computed: narrow places do not end it
+SMOOTH = 0.03  # spacings by which the axis is simplified
+STEP = 0.25  # spacings between places of the axis at which the width is measured
+RUN = 8  # places before and after, of which the widest decides about the number of lines
+MISSED = 5e-4  # share of a region that lines may miss
+THIN = 4.0  # spacings: the mean width of a thin region
+LONG = 8.0  # mean widths: the length of a long one
+SLENDER = 0.6  # share of its convex hull that a bent one fills
+_Section = tuple[Any, int, float]  # part of an axis (LineString), with the number of lines and their spacing
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -142,16 +151,6 @@ def _root(graph: _Graph, path: list[int]) -> int:
     return path[0] if graph.degree(path[0]) != 1 else path[-1]
 
 
-GROWN = 0.25  # spacings by which a region is grown before its axis is computed: narrow places do not end it
-SMOOTH = 0.03  # spacings by which the axis is simplified
-STEP = 0.25  # spacings between places of the axis at which the width is measured
-RUN = 8  # places before and after, of which the widest decides about the number of lines
-MISSED = 5e-4  # share of a region that lines may miss
-THIN = 4.0  # spacings: the mean width of a thin region
-LONG = 8.0  # mean widths: the length of a long one
-SLENDER = 0.6  # share of its convex hull that a bent one fills
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Corridor:
     """Lines over one region in the order and direction in which they are flown, and the legs between."""
@@ -238,9 +237,6 @@ def corridor(
         np.array([line[0] for line in flown[1:]]).reshape(-1, 2),
     )
     return Corridor(tuple(flown), tuple(between))
-
-
-_Section = tuple[Any, int, float]  # part of an axis (LineString), with the number of lines and their spacing
 
 
 def _sections(branch: Branch, region: Any, spacing_m: float) -> list[_Section]:

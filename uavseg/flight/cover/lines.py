@@ -32,6 +32,11 @@ Free = Callable[[Floats, Floats], NDArray[np.bool_]]
 
 TOUCH_M = 1e-6
 NEAR_EDGE_M = 1e-3  # of an edge between strips: corners there lie on it
+MAX_LINES = 10_000  # of a region; 20 000 waypoints are planned at most, and a line takes two of them
+MIN_LINE_M = 5.0  # where the cell is as long: a vehicle looks along its line only when it flies along it
+WIDTH_SLACK = 1e-3  # share of its height by which a cell may be higher before it needs another line
+FEW_LINES = 150  # are also ordered one by one
+HALVINGS = 4  # of a straight leg past the end of a line, until it is free
 
 
 def grid_lines(
@@ -105,11 +110,6 @@ def _chains(lines: Floats, row: Integers, below: Floats, above: Floats) -> list[
             cell.append(line)
             cell_of[line] = cell
     return [lines[cell] for cell in cells]
-
-
-MAX_LINES = 10_000  # of a region; 20 000 waypoints are planned at most, and a line takes two of them
-MIN_LINE_M = 5.0  # where the cell is as long: a vehicle looks along its line only when it flies along it
-WIDTH_SLACK = 1e-3  # share of its height by which a cell may be higher before it needs another line
 
 
 def strip_lines(cell: Any, spacing_m: float, reach_m: float = 0.0, min_m: float = MIN_LINE_M) -> Floats:
@@ -206,10 +206,6 @@ def flight_space(
     reach = LEEWAY * spacing_m + lead_m - 1.8 * slack
     allowed = shapely.simplify(shapely.buffer(simple, reach, quad_segs=16), slack / 2)
     return simple, FreeSpace(allowed, obstacles)
-
-
-FEW_LINES = 150  # are also ordered one by one
-HALVINGS = 4  # of a straight leg past the end of a line, until it is free
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -36,6 +36,28 @@ from uavseg.flight.cover.lines import (
 )
 
 OVERLAP_M = 1e-6  # by which dividing lines are longer than the polygon is wide
+STEP = 2.0  # spacings: cells may be cut at steps of the outline that are longer
+MIN_HEIGHT = 0.5  # spacings: cells that are less high are merged
+GAP = 3.0  # spacings: longest gap over which a line continues
+TURN_M = 10.0  # a turn costs the time of so many metres: at 5 m/s, braking and accelerating at 2.5 m/s2
+STEP_DEG = 15.0  # azimuths that are tried besides those of edges; whole degrees where many are tried
+MIN_TRIES, MANY_TRIES = 3, 12
+MAX_WORK = 18_000  # tries times corners of a region and its lines
+FINE_DEG = 2.0  # between azimuths of many tries
+MAX_RISE, MAX_RISE_OF_SEVERAL = 1.35, 2.0  # their lines, relative to the fewest; of one of several regions
+LEG_LENGTHS = 48  # between which the costs of legs are interpolated
+QUICK_ROUNDS = 100  # of the search for an order, where azimuths are compared
+SPREAD, REFINED = 16, 6  # azimuths at all ranks that are tried too; azimuths beside those of the best are
+COST_DECIMALS = 6  # so that rounding errors choose nothing
+SIMILAR_DEG = 10.0  # azimuths of less difference are similar where surveys of several regions are chosen
+MAX_AZIMUTHS = 40  # of edges
+COMPACT = 0.8  # share of the convex hull: a region that fills more, and is one cell, is not divided otherwise
+MAX_CRITICAL = 400  # corners at which a region is divided into cells
+MAX_SHIFTS = 6  # places of the first line, for one azimuth
+WAY, LINE, RETURN = 0, 1, 2  # kinds of legs: between lines and from home; survey lines; home
+Costs = Callable[[Floats, Integers, Bools], Floats]
+"""Costs of the legs (n - 1,) of a path (n, 2) in metres: the second argument, (n - 1,), is the kind of each,
+the third, (n,), whether the vehicle stops there, as at home."""
 
 
 def monotone_cells(polygon: Any, step_m: float = np.inf, detail_m: float = 0.0) -> list[Any]:
@@ -121,33 +143,6 @@ def _critical(ring: Floats, step_m: float) -> Floats:
 def _inside(face: Any) -> tuple[float, float]:
     x, y = shapely.get_coordinates(shapely.point_on_surface(face))[0]
     return float(x), float(y)
-
-
-STEP = 2.0  # spacings: cells may be cut at steps of the outline that are longer
-MIN_HEIGHT = 0.5  # spacings: cells that are less high are merged
-GAP = 3.0  # spacings: longest gap over which a line continues
-TURN_M = 10.0  # a turn costs the time of so many metres: at 5 m/s, braking and accelerating at 2.5 m/s2
-STEP_DEG = 15.0  # azimuths that are tried besides those of edges; whole degrees where many are tried
-MIN_TRIES, MANY_TRIES = 3, 12
-MAX_WORK = 18_000  # tries times corners of a region and its lines
-FINE_DEG = 2.0  # between azimuths of many tries
-MAX_RISE, MAX_RISE_OF_SEVERAL = 1.35, 2.0  # their lines, relative to the fewest; of one of several regions
-LEG_LENGTHS = 48  # between which the costs of legs are interpolated
-QUICK_ROUNDS = 100  # of the search for an order, where azimuths are compared
-SPREAD, REFINED = 16, 6  # azimuths at all ranks that are tried too; azimuths beside those of the best are
-COST_DECIMALS = 6  # so that rounding errors choose nothing
-SIMILAR_DEG = 10.0  # azimuths of less difference are similar where surveys of several regions are chosen
-MAX_AZIMUTHS = 40  # of edges
-COMPACT = 0.8  # share of the convex hull: a region that fills more, and is one cell, is not divided otherwise
-MAX_CRITICAL = 400  # corners at which a region is divided into cells
-MAX_SHIFTS = 6  # places of the first line, for one azimuth
-
-WAY, LINE, RETURN = 0, 1, 2  # kinds of legs: between lines and from home; survey lines; home
-Costs = Callable[[Floats, Integers, Bools], Floats]
-
-
-"""Costs of the legs (n - 1,) of a path (n, 2) in metres: the second argument, (n - 1,), is the kind of each,
-the third, (n,), whether the vehicle stops there, as at home."""
 
 
 @dataclass(frozen=True, slots=True)

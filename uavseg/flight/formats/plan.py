@@ -12,13 +12,8 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.formats.options import FileOptions
 from uavseg.flight.formats.waypoints import ItemReader
+from uavseg.flight.mission import items as mav
 from uavseg.flight.mission.items import (
-    AUTOPILOTS,
-    CAMERA_DISTANCE,
-    FRAME_AMSL,
-    FRAME_RELATIVE,
-    FRAME_TERRAIN,
-    WAYPOINT,
     Fence,
     FenceCircle,
     FencePolygon,
@@ -30,9 +25,14 @@ from uavseg.flight.mission.mission import Mission, Position, SurveyBlock
 from uavseg.inputs import parse_json
 from uavseg.plain_text import shown
 
-ALTITUDE_MODES = {FRAME_RELATIVE: 1, FRAME_AMSL: 2, FRAME_TERRAIN: 4}  # QGroundControl's enum, by MAV_FRAME
+# QGroundControl's enum, by MAV_FRAME
+ALTITUDE_MODES = {mav.FRAME_RELATIVE: 1, mav.FRAME_AMSL: 2, mav.FRAME_TERRAIN: 4}
 SURVEY_VERSION = 5
 MANUAL_CAMERA, CUSTOM_CAMERA = "Manual (no camera specs)", "Custom Camera"
+_MIXED = 0  # of the same enum: items differ
+_QUADROTOR = 2  # MAV_TYPE
+_PLANE_SPEED_M_S = 15  # .plan requires a fixed-wing speed; a multirotor does not use it
+_VERSION, _SHAPE_VERSION = 2, 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +49,7 @@ def find_blocks(mission: Mission) -> list[BlockItems]:
 
     They are in the order of the items, without overlap; of convex cells alone.
     """
-    visits = [number for number, item in enumerate(mission.items) if item.command == WAYPOINT]
+    visits = [number for number, item in enumerate(mission.items) if item.command == mav.WAYPOINT]
     at = [(mission.items[number].lat, mission.items[number].lon) for number in visits]
     result = []
     for block in mission.blocks:
@@ -74,10 +74,11 @@ def _position_of(part: list[Position], whole: list[Position]) -> int | None:
 def _matching(mission: Mission, block: SurveyBlock, first: int, last: int) -> list[BlockItems]:
     """Return the range of items with the trigger that ends it, if it holds only waypoints and triggers."""
     stop = last + 1
-    if stop < len(mission.items) and mission.items[stop].command == CAMERA_DISTANCE:
+    if stop < len(mission.items) and mission.items[stop].command == mav.CAMERA_DISTANCE:
         stop += 1
     plain = all(
-        item.command == CAMERA_DISTANCE or (item.command == WAYPOINT and item.frame == FRAME_RELATIVE)
+        item.command == mav.CAMERA_DISTANCE
+        or (item.command == mav.WAYPOINT and item.frame == mav.FRAME_RELATIVE)
         for item in mission.items[first:stop]
     )
     return [BlockItems(block, first, stop)] if plain else []
@@ -87,7 +88,7 @@ def survey_item(
     block: SurveyBlock, items: Sequence[MissionItem], written: Sequence[dict[str, Any]]
 ) -> dict[str, Any]:
     """Write a block as a ComplexItem of version 5, from the items that fly it and the same as SimpleItems."""
-    flown = [(item.lat, item.lon) for item in items if item.command == WAYPOINT]
+    flown = [(item.lat, item.lon) for item in items if item.command == mav.WAYPOINT]
     return {
         "type": "ComplexItem",
         "complexItemType": "survey",
@@ -103,7 +104,9 @@ def survey_item(
             "CameraTriggerInTurnAround": False,
             "HoverAndCapture": False,
             "Refly90Degrees": False,
-            "CameraShots": sum(item.command == CAMERA_DISTANCE and bool(item.params[2]) for item in items),
+            "CameraShots": sum(
+                item.command == mav.CAMERA_DISTANCE and bool(item.params[2]) for item in items
+            ),
             "VisualTransectPoints": [list(position) for position in flown],
             "Items": list(written),
             "CameraCalc": _camera_calc(block, items),
@@ -119,11 +122,11 @@ def _entry_location(outline: Sequence[Position], entry: Position) -> int:
 
 def _camera_calc(block: SurveyBlock, items: Sequence[MissionItem]) -> dict[str, Any]:
     """Write spacing, trigger distance and camera as QGroundControl's CameraCalc."""
-    triggers = [float(item.params[0] or 0) for item in items if item.command == CAMERA_DISTANCE]
+    triggers = [float(item.params[0] or 0) for item in items if item.command == mav.CAMERA_DISTANCE]
     calc = {
         "version": 2,
         "CameraName": MANUAL_CAMERA,
-        "DistanceMode": ALTITUDE_MODES[FRAME_RELATIVE],
+        "DistanceMode": ALTITUDE_MODES[mav.FRAME_RELATIVE],
         "DistanceToSurface": block.height_m,
         "AdjustedFootprintSide": block.spacing_m,
         "AdjustedFootprintFrontal": max(triggers, default=0.0),
@@ -166,12 +169,6 @@ def items_of_survey(item: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     return items
 
 
-_MIXED = 0  # of the same enum: items differ
-_QUADROTOR = 2  # MAV_TYPE
-_PLANE_SPEED_M_S = 15  # .plan requires a fixed-wing speed; a multirotor does not use it
-_VERSION, _SHAPE_VERSION = 2, 1
-
-
 def plan_losses(mission: Mission, options: FileOptions) -> list[str]:
     """Return which waypoints are not editable, if `options.editable` is set."""
     if not options.editable:
@@ -179,8 +176,10 @@ def plan_losses(mission: Mission, options: FileOptions) -> list[str]:
     if not mission.blocks:
         return ["nothing of this mission can be edited as a survey in QGroundControl: it has no survey lines"]
     blocks = find_blocks(mission)
-    inside = sum(item.command == WAYPOINT for one in blocks for item in mission.items[one.first : one.stop])
-    single = sum(item.command == WAYPOINT for item in mission.items) - inside
+    inside = sum(
+        item.command == mav.WAYPOINT for one in blocks for item in mission.items[one.first : one.stop]
+    )
+    single = sum(item.command == mav.WAYPOINT for item in mission.items) - inside
     if not single:
         return []
     parts = "part" if len(blocks) == 1 else "parts"
@@ -204,7 +203,7 @@ def write_plan(mission: Mission, options: FileOptions) -> bytes:
         "version": 1,
         "mission": {
             "version": 2,
-            "firmwareType": AUTOPILOTS[mission.autopilot],
+            "firmwareType": mav.AUTOPILOTS[mission.autopilot],
             "vehicleType": _QUADROTOR,
             "cruiseSpeed": _PLANE_SPEED_M_S,
             "hoverSpeed": max(round(mission.speed_m_s), 1),  # Mission Planner reads integers only
@@ -257,7 +256,7 @@ def read_plan(content: bytes, name: str) -> Mission:
     if plan["version"] != 1 or plan["mission"]["version"] != 2:
         raise MissionError("only version 1 of .plan with version 2 of missions can be read")
     mission = plan["mission"]
-    autopilot = {number: name for name, number in AUTOPILOTS.items()}.get(mission["firmwareType"])
+    autopilot = {number: name for name, number in mav.AUTOPILOTS.items()}.get(mission["firmwareType"])
     if autopilot is None:
         raise MissionError(
             f"its firmwareType is {shown(mission['firmwareType'])}; "

@@ -15,15 +15,9 @@ from dataclasses import replace
 from itertools import count
 
 from uavseg.errors import MissionError
+from uavseg.flight.formats import wayline as waylines
 from uavseg.flight.formats.options import TURN_THROUGH, DjiModel, FileOptions
-from uavseg.flight.formats.wayline import (
-    FINISH_LAND,
-    FINISH_NONE,
-    FINISH_RETURN,
-    Wayline,
-    WaylinePoint,
-    legs_m,
-)
+from uavseg.flight.formats.wayline import Wayline, WaylinePoint, legs_m
 from uavseg.flight.formats.waypoints import decimal
 from uavseg.flight.formats.xml_text import child, parse_xml, xml_text
 from uavseg.flight.mission.items import FRAME_RELATIVE, FRAME_TERRAIN
@@ -42,7 +36,11 @@ PASS_MODE = "toPointAndPassWithContinuityCurvature"  # with straight legs: turns
 TURN_M = 2.0
 """How far before a waypoint the aircraft turns where it does not stop, as far as ArduPilot does."""
 TURN_SHARE = 0.45  # of a leg at most, as the turns at both of its ends must be shorter than it
-FINISH_ACTIONS = {FINISH_RETURN: "goHome", FINISH_LAND: "autoLand", FINISH_NONE: "noAction"}
+FINISH_ACTIONS = {
+    waylines.FINISH_RETURN: "goHome",
+    waylines.FINISH_LAND: "autoLand",
+    waylines.FINISH_NONE: "noAction",
+}
 SPELLING = {"visible": "visable"}  # as DJI writes and documents it
 CREATED_MS = "315532800000"  # 1980, as in the archive: the same mission gives the same bytes
 NOWHERE = "0.000000,0.000000,0.000000"
@@ -441,7 +439,7 @@ def _finish(action: str, notes: dict[str, None]) -> str:
         if name == action:
             return finish
     notes[f"the end {shown(action)} was not read"] = None
-    return FINISH_NONE
+    return waylines.FINISH_NONE
 
 
 def _one(parent: ET.Element, path: str) -> ET.Element:

@@ -6,15 +6,9 @@ from typing import Any
 from pymavlink.dialects.v20 import common
 
 from uavseg.errors import LinkError
+from uavseg.flight.link import messages
 from uavseg.flight.link.link import Link
-from uavseg.flight.link.messages import (
-    LinkItem,
-    MissionType,
-    RefusedError,
-    Result,
-    TransferLostError,
-    result_text,
-)
+from uavseg.flight.link.messages import LinkItem, MissionType, RefusedError, Result, TransferLostError
 
 REQUEST_S = 0.7  # within which MAVSDK and PX4 ask again, if no item comes; every item puts MAVSDK off
 LAST_ACK_S = 4.0  # after the last item; a vehicle that misses it asks again earlier
@@ -181,7 +175,7 @@ class _Sender:
             if self.link.vehicle.autopilot == "ardupilot":  # which writes items as they come
                 remains = f"; its {self.type} is now a mix of old and new items: do not fly it"
         text = f'; it says "{self.link.texts[-1]}"' if self.link.texts else ""
-        return LinkError(f"the vehicle refuses {refused}: {result_text(result)}{text}{remains}")
+        return LinkError(f"the vehicle refuses {refused}: {messages.result_text(result)}{text}{remains}")
 
 
 def command_name(command: int) -> str:
@@ -291,4 +285,4 @@ class _Receiver:
         return TransferLostError(f"the vehicle fell silent {where} for its {self.type}")
 
     def _refused(self, result: int) -> LinkError:
-        return RefusedError(f"the vehicle refuses to send its {self.type}: {result_text(result)}")
+        return RefusedError(f"the vehicle refuses to send its {self.type}: {messages.result_text(result)}")

@@ -28,6 +28,8 @@ AT_REST_M_S = 1e-3
 BEHIND_S_PER_M_S = 0.01
 """The vehicle follows its trajectory late, and at sharp corners that waits: simulated, 0.1 s at 10 m/s."""
 SHARP_COSINE = 0.4  # of the angle by which it turns there
+SHORTEST_M = 1e-3  # a leg that is shorter is not flown
+CALM = Wind(0.0, 0.0)
 
 
 @inlined
@@ -62,10 +64,6 @@ def ramp_start(seconds, speed_m_s, acceleration_m_s2, jerk_m_s3, jerk_rise_s):  
     early, late = min(seconds, rise), max(seconds - rise, 0.0)
     distance = peak * (early * early * early / (6 * rise) + rise / 2 * late + late * late / 2)
     return distance, peak * (early * early / (2 * rise) + late), peak * early / rise
-
-
-SHORTEST_M = 1e-3  # a leg that is shorter is not flown
-CALM = Wind(0.0, 0.0)
 
 
 def leg_seconds(

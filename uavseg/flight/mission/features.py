@@ -14,14 +14,8 @@ import numpy as np
 
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissingLibraryError, MissionError
+from uavseg.flight.mission import items as mav
 from uavseg.flight.mission.items import (
-    AUTOPILOTS,
-    CAMERA_DISTANCE,
-    FRAME_AMSL,
-    FRAME_TERRAIN,
-    IMAGE_START,
-    IMAGE_STOP,
-    RETURN,
     Fence,
     FenceCircle,
     FencePolygon,
@@ -43,6 +37,11 @@ HOME, ITEM, FENCE, RALLY, FLIGHT, PHOTOS = "home", "item", "fence", "rally", "fl
 ABOVE_SEA, ABOVE_HOME, ABOVE_TERRAIN = "sea", "home", "terrain"
 CIRCLE_SIDES = 72
 SINGLE = "photograph"
+_WIDTH, _HEIGHT = 360, 240  # pixels of the drawing, at most
+_COLORS = {FENCE: "#c0392b", FLIGHT: "#1f6fb2", PHOTOS: "#e08a00", ITEM: "#1f6fb2", RALLY: "#2e8b57"}
+_HOME_COLOR = "#111111"
+_POINTS = {ITEM, RALLY, HOME}  # lines and areas are drawn by their outline
+_DRAWN = (FENCE, FLIGHT, PHOTOS, RALLY, HOME)  # the last one on top
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +84,7 @@ def _item(number: int, item: MissionItem) -> MissionFeature:
 
 
 def _heights(item: MissionItem) -> str:
-    return {FRAME_AMSL: ABOVE_SEA, FRAME_TERRAIN: ABOVE_TERRAIN}.get(item.frame, ABOVE_HOME)
+    return {mav.FRAME_AMSL: ABOVE_SEA, mav.FRAME_TERRAIN: ABOVE_TERRAIN}.get(item.frame, ABOVE_HOME)
 
 
 def _fence(shape: Fence) -> MissionFeature:
@@ -117,12 +116,12 @@ def _flight(mission: Mission) -> Iterator[MissionFeature]:
     line: list[Place] = []
     photos: dict[str, float] = {}
     for item in mission.items:
-        if item.command in {CAMERA_DISTANCE, IMAGE_START, IMAGE_STOP}:
+        if item.command in {mav.CAMERA_DISTANCE, mav.IMAGE_START, mav.IMAGE_STOP}:
             _set_trigger(photos, item)
             if photos.pop(SINGLE, 0.0):
                 yield MissionFeature(PHOTOS, "Point", (place,), heights)
             continue
-        if item.command == RETURN:
+        if item.command == mav.RETURN:
             target, zero = (home.lat, home.lon, place[2]), heights
         elif item.has_position:
             lat, lon = (place[0], place[1]) if item.is_at_vehicle else (item.lat, item.lon)
@@ -144,12 +143,12 @@ def _flight(mission: Mission) -> Iterator[MissionFeature]:
 def _set_trigger(photos: dict[str, float], item: MissionItem) -> None:
     """Set the distance or time between photographs from here on, or a single one."""
     first, second, third, _ = (value or 0.0 for value in item.params)
-    if item.command == CAMERA_DISTANCE:
+    if item.command == mav.CAMERA_DISTANCE:
         name, step = "distance_m", first
-    elif item.command == IMAGE_START and third == 1:
+    elif item.command == mav.IMAGE_START and third == 1:
         name, step = SINGLE, 1.0
     else:
-        name, step = "interval_s", second if item.command == IMAGE_START else 0.0
+        name, step = "interval_s", second if item.command == mav.IMAGE_START else 0.0
     photos.pop(name, None)
     if step > 0:
         photos[name] = step
@@ -169,8 +168,8 @@ def mission_of_features(features: Iterable[MissionFeature], name: str) -> Missio
         raise MissionError(f"it holds a {shown(unknown[0])}, which no mission has")
     [home] = roles[HOME]
     autopilot = str(home.values["autopilot"])
-    if autopilot not in AUTOPILOTS:
-        raise MissionError(f"its autopilot is {autopilot!r}; expected one of {', '.join(AUTOPILOTS)}")
+    if autopilot not in mav.AUTOPILOTS:
+        raise MissionError(f"its autopilot is {autopilot!r}; expected one of {', '.join(mav.AUTOPILOTS)}")
     numbered = [(int(_finite(one, "number")), one) for one in roles[ITEM]]
     items = sorted(numbered, key=lambda pair: pair[0])
     if [number for number, _ in items] != list(range(1, len(items) + 1)):
@@ -249,13 +248,6 @@ def as_geojson(feature: MissionFeature) -> dict[str, Any]:
         properties["heights_m"] = [place[2] for place in feature.places]
     geometry = {"type": feature.shape, "coordinates": coordinates} if feature.shape else None
     return {"type": "Feature", "geometry": geometry, "properties": properties}
-
-
-_WIDTH, _HEIGHT = 360, 240  # pixels of the drawing, at most
-_COLORS = {FENCE: "#c0392b", FLIGHT: "#1f6fb2", PHOTOS: "#e08a00", ITEM: "#1f6fb2", RALLY: "#2e8b57"}
-_HOME_COLOR = "#111111"
-_POINTS = {ITEM, RALLY, HOME}  # lines and areas are drawn by their outline
-_DRAWN = (FENCE, FLIGHT, PHOTOS, RALLY, HOME)  # the last one on top
 
 
 def to_geodataframe(mission: Mission) -> "GeoDataFrame":

@@ -38,6 +38,10 @@ _MAY_BE_ZERO = frozenset(
     | {"takeoff_height_m", "landing_height_m", "start_s", "stop_s"}
 )
 _POWER = ("hover_w", "cruise_w", "battery_wh")
+MAX_WIND_M_S = 50.0
+DIRECTIONS = 12  # of a wind from anywhere
+LEAST_WAY_M_S = 1.0
+"""A vehicle that makes less way over ground cannot fly a leg."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,12 +184,6 @@ def read_vehicle(path: str | os.PathLike[str], autopilot: str = "ardupilot") -> 
     name = text_in(given, "name", Path(path).stem, path, "vehicle")
     turns = text_in(given, "turns", default.turns, path, "vehicle")
     return replace(default, name=name, turns=turns, **values)
-
-
-MAX_WIND_M_S = 50.0
-DIRECTIONS = 12  # of a wind from anywhere
-LEAST_WAY_M_S = 1.0
-"""A vehicle that makes less way over ground cannot fly a leg."""
 
 
 @dataclass(frozen=True, slots=True)

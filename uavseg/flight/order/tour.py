@@ -22,6 +22,13 @@ LONGEST_PART = 3  # stops that Or-opt moves together
 LONGEST_BRIDGE = 30  # stops in each of the parts that a perturbation exchanges
 GAIN = 1e-7
 GROUP = 8  # stops whose distance from a point is bounded together
+MAX_STOPS, MAX_STEPS = 12, 3e7  # of an exact tour, which then takes a fraction of a second
+ROUNDS = 4000
+EFFORT = 400_000  # rounds times stops, at most
+WINDOW = 10  # stops on either side of those parts that are improved after a perturbation
+EVERYWHERE = 100  # rounds after which all stops are improved
+HEAT = 0.5  # mean legs by which a tour may be longer than the last one, at first
+AT_ONCE = 1e7  # pairs of stops for one call of the kernel, about 0.1 s: Ctrl-C takes effect between calls
 
 
 @inlined
@@ -233,15 +240,6 @@ def double_bridge(tour, copy, turn):  # type: ignore[no-untyped-def]
     for m in range(low, middle):
         tour[high - middle + m] = copy[m]
     return low, high
-
-
-MAX_STOPS, MAX_STEPS = 12, 3e7  # of an exact tour, which then takes a fraction of a second
-ROUNDS = 4000
-EFFORT = 400_000  # rounds times stops, at most
-WINDOW = 10  # stops on either side of those parts that are improved after a perturbation
-EVERYWHERE = 100  # rounds after which all stops are improved
-HEAT = 0.5  # mean legs by which a tour may be longer than the last one, at first
-AT_ONCE = 1e7  # pairs of stops for one call of the kernel, about 0.1 s: Ctrl-C takes effect between calls
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -38,6 +38,7 @@ LATERAL_M_S2 = 2.5
 SAGITTA, MAX_SAGITTA_M = 0.02, 3.0  # share of the radius by which corners may lie outside of the circle
 MAX_CORNERS = 72
 LARGEST_STEP_DEG = 15.0  # between directions of photographs; with more, matching of photographs fails
+NO_PHOTOS = "no photographs are taken; give a camera (--camera) for that"
 
 
 @dataclass(frozen=True, slots=True)
@@ -335,9 +336,6 @@ def _corridor_note(regions: Sequence[Any], flown: Sequence[Survey], params: plan
         f"{len(bent)} of {len(regions)} regions are long, thin and bent: --pattern corridor would take about "
         f"{100 * (1 - after / before):.0f} % less over them"
     ]
-
-
-NO_PHOTOS = "no photographs are taken; give a camera (--camera) for that"
 
 
 def _photo_notes(params: plan.PlanParams, how_often: str = "") -> list[str]:

@@ -15,6 +15,11 @@ from uavseg.flight.params.plan import MIN_MARGIN_M, PerimeterParams
 
 ARC_SAGITTA_M = 0.05  # of the arcs around corners, before they are simplified
 MIN_CORNERS = 3
+MIN_TOLERANCE_M = 1.0  # below the accuracy of satellite positioning
+MIN_STEPS = 12  # with fewer edges, right angles are corners, not stairs
+COLLINEAR_M = 1e-3  # corners that deviate less lie on a straight edge
+MAX_AREA_CHANGE = 0.1  # share of the area; with a larger change, the right angles were not stairs
+RIGHT_ANGLE_TOLERANCE = 0.02  # radians by which reprojection may turn the corners of pixels
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -135,13 +140,6 @@ def _hausdorff(ring: Floats, other: Floats) -> float:
 def _height(before: Floats, corner: Floats, after: Floats) -> float:
     leg = shapely.LineString([before, after])
     return float(shapely.distance(leg, shapely.Point(corner)))
-
-
-MIN_TOLERANCE_M = 1.0  # below the accuracy of satellite positioning
-MIN_STEPS = 12  # with fewer edges, right angles are corners, not stairs
-COLLINEAR_M = 1e-3  # corners that deviate less lie on a straight edge
-MAX_AREA_CHANGE = 0.1  # share of the area; with a larger change, the right angles were not stairs
-RIGHT_ANGLE_TOLERANCE = 0.02  # radians by which reprojection may turn the corners of pixels
 
 
 def perimeter(region: Any, tolerance_m: float) -> Floats:

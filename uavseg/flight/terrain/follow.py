@@ -34,6 +34,9 @@ RETURN_SLACK_M = 1.0
 RAISED_M = 0.05  # a smaller difference is not reported
 STARTS = 250  # samples of the flight from which return paths are examined
 SAMPLES = 250  # of each return path
+DECIMALS = 8  # of degrees: a millimetre
+NOTED_M = 10.0  # a larger difference is reported: satellite heights and most models are better than that
+REFUSED_M = 50.0  # a larger one is refused: as large as the distance of geoid and ellipsoid in many places
 
 
 def terrain_notes(
@@ -190,11 +193,6 @@ def _early_return_notes(paths: _ReturnPaths, flight: AltitudeProfile, params: Pl
             f"a return that starts early is level: from {places[1]} it leads "
             f"{highest_m:.0f} m above lower ground, and {maximum_m:g} m are allowed (--max-altitude)"
         )
-
-
-DECIMALS = 8  # of degrees: a millimetre
-NOTED_M = 10.0  # a larger difference is reported: satellite heights and most models are better than that
-REFUSED_M = 50.0  # a larger one is refused: as large as the distance of geoid and ellipsoid in many places
 
 
 @dataclass(frozen=True, slots=True, eq=False)
