@@ -127,8 +127,7 @@ def _words_of_extract(source: Any, words: dict[str, Any]) -> dict[str, Any]:
     for name in _OTHER_RANGES:
         if words.get(name) is not None:
             raise ParameterError(f"the slider chooses the range in v; {name} is for uavseg.extract")
-    signature = inspect.signature(extract)
-    bound = signature.bind(source, None, **words)
+    bound = inspect.signature(extract).bind(source, None, **words)
     bound.apply_defaults()
     return dict(bound.arguments)
 

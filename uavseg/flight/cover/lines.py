@@ -75,8 +75,7 @@ def grid_lines(
         [lines[first, 0], np.stack([np.maximum.reduceat(lines[:, 1, 0], first), lines[first, 1, 1]], axis=1)],
         axis=1,
     )
-    touched = [_touched(parts, edges[row + k], first) for k in (0, 1)]
-    return _chains(lines, row[first], *touched)
+    return _chains(lines, row[first], *(_touched(parts, edges[row + k], first) for k in (0, 1)))
 
 
 def _touched(parts: NDArray[np.object_], height: Floats, first: Integers) -> Floats:
@@ -135,12 +134,11 @@ def _lines_in_strips(
     pieces: NDArray[np.object_], y: Floats, reach_m: float, min_m: float = MIN_LINE_M
 ) -> Floats:
     """Return the lines along x at heights that cover pieces of strips: (n, 2, 2), west end and east end."""
-    # They are no shorter than `min_m` where the strip is as long, but 5 m where one photograph shows all of
-    # it.
+    # They are no shorter than `min_m` where the strip is as long, but 5 m where one photograph shows all.
     low, _, high, _ = shapely.bounds(pieces).T
     across = np.stack([low - 1, y, high + 1, y], axis=1).reshape(-1, 2, 2)
-    met = shapely.intersection(pieces, shapely.linestrings(across))
-    begin, _, stop, _ = shapely.bounds(met).T  # NaN where a piece is not met
+    # NaN where a piece is not met
+    begin, _, stop, _ = shapely.bounds(shapely.intersection(pieces, shapely.linestrings(across))).T
     start, end = np.fmin(low + reach_m, begin), np.fmax(high - reach_m, stop)
     shown_at_once = high - low <= 2 * reach_m - MIN_LINE_M
     middle = np.where(shown_at_once | (start > end), low + high, start + end) / 2
@@ -272,8 +270,7 @@ def fly_lines(
 def to_and_fro(cell: Sequence[int]) -> list[Integers]:
     """Return the four orders of the lines of a cell: 2 k is line k and 2 k + 1 is line k reversed."""
     index = np.array(cell, np.int64)
-    odd = np.arange(len(index)) % 2
-    forward = [2 * index + (odd ^ turn) for turn in (0, 1)]
+    forward = [2 * index + (np.arange(len(index)) % 2 ^ turn) for turn in (0, 1)]
     return forward + [(one ^ 1)[::-1] for one in forward]
 
 

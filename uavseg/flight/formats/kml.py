@@ -37,12 +37,11 @@ def write_kml(mission: Mission, options: FileOptions) -> bytes:
         child(line, "width", "2")
         child(child(style, "PolyStyle"), "fill", "0")
     folders: dict[str, ET.Element] = {}
-    home_m = mission.home.altitude_m
     for feature in features_of(mission):
         if feature.role not in folders:
             folders[feature.role] = child(document, "Folder")
             child(folders[feature.role], "name", FOLDERS[feature.role])
-        _placemark(folders[feature.role], feature, home_m)
+        _placemark(folders[feature.role], feature, mission.home.altitude_m)
     return xml_text(root)
 
 
@@ -69,7 +68,11 @@ def _placemark(folder: ET.Element, feature: MissionFeature, home_m: float) -> No
         geometry = child(placemark, feature.shape)
         if feature.shape == "LineString":
             child(geometry, "tessellate", "0")
-        _coordinates(geometry, feature, home_m)
+        is_raised = feature.heights == features.ABOVE_HOME and home_m != 0
+        above_sea, added = is_raised or feature.heights == features.ABOVE_SEA, home_m if is_raised else 0.0
+        child(geometry, "altitudeMode", "absolute" if above_sea else "relativeToGround")
+        texts = (f"{_degrees(lon)},{_degrees(lat)},{m + added:.3f}" for lat, lon, m in feature.places)
+        child(geometry, "coordinates", " ".join(texts))
 
 
 def _name(feature: MissionFeature) -> str:
@@ -85,14 +88,6 @@ def _value_text(value: Value) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     return "" if value is None else repr(value) if isinstance(value, float) else str(value)
-
-
-def _coordinates(parent: ET.Element, feature: MissionFeature, home_m: float) -> None:
-    is_raised = feature.heights == features.ABOVE_HOME and home_m != 0
-    above_sea, added = is_raised or feature.heights == features.ABOVE_SEA, home_m if is_raised else 0.0
-    child(parent, "altitudeMode", "absolute" if above_sea else "relativeToGround")
-    texts = (f"{_degrees(lon)},{_degrees(lat)},{height + added:.3f}" for lat, lon, height in feature.places)
-    child(parent, "coordinates", " ".join(texts))
 
 
 def _degrees(value: float) -> str:

@@ -44,8 +44,7 @@ def write_litchi(mission: Mission, options: FileOptions) -> bytes:
     """Write a mission as the content of a .csv file; raise MissionError if Litchi cannot fly it."""
     wayline = waylines.wayline_of(mission, NAME)
     check_wayline(wayline)
-    befores = (None, *wayline.points)
-    rows = [COLUMNS, *(_row(*pair) for pair in zip(befores, wayline.points, strict=False))]
+    rows = [COLUMNS, *map(_row, (None, *wayline.points), wayline.points)]
     return "".join(",".join(row) + "\n" for row in rows).encode()
 
 
@@ -95,10 +94,8 @@ def check_wayline(wayline: Wayline) -> None:
 
 
 def _row(before: WaylinePoint | None, point: WaylinePoint) -> list[str]:
-    """Return the fields of a waypoint; where a leg from or to it looks at a place, so does the waypoint.
-
-    Litchi turns evenly from what holds at one waypoint to what holds at the next.
-    """
+    """Return the fields of a waypoint; where a leg from or to it looks at a place, so does the waypoint."""
+    # Litchi turns evenly from what holds at one waypoint to what holds at the next.
     place = point.looks_at or (before and before.looks_at)
     heading, gimbal_mode = point.heading_deg, 0 if point.pitch_deg is None else INTERPOLATED_PITCH
     if place:

@@ -13,14 +13,7 @@ from uavseg.errors import MissionError
 from uavseg.flight.formats.options import FileOptions
 from uavseg.flight.formats.waypoints import ItemReader
 from uavseg.flight.mission import items as mav
-from uavseg.flight.mission.items import (
-    Fence,
-    FenceCircle,
-    FencePolygon,
-    HomePosition,
-    MissionItem,
-    RallyPoint,
-)
+from uavseg.flight.mission.items import FenceCircle, FencePolygon, HomePosition, MissionItem, RallyPoint
 from uavseg.flight.mission.mission import Mission, Position, SurveyBlock
 from uavseg.inputs import parse_json
 from uavseg.plain_text import shown
@@ -89,12 +82,15 @@ def survey_item(
 ) -> dict[str, Any]:
     """Write a block as a ComplexItem of version 5, from the items that fly it and the same as SimpleItems."""
     flown = [(item.lat, item.lon) for item in items if item.command == mav.WAYPOINT]
+    triggers = [item.params for item in items if item.command == mav.CAMERA_DISTANCE]
+    lat, lon = (sum(values) / len(block.outline) for values in zip(*block.outline, strict=True))
     return {
         "type": "ComplexItem",
         "complexItemType": "survey",
         "version": SURVEY_VERSION,
         "angle": round((block.angle_deg + 90) % 180 - 90, 6),  # of transects, from -90 to 90
-        "entryLocation": _entry_location(block.outline, flown[0]),
+        # where the lines begin: 0 top left, 1 top right, 2 bottom left, 3 bottom right
+        "entryLocation": 2 * int(flown[0][0] < lat) + int(flown[0][1] >= lon),
         "flyAlternateTransects": False,
         "splitConcavePolygons": False,
         "polygon": [list(position) for position in block.outline],
@@ -104,32 +100,25 @@ def survey_item(
             "CameraTriggerInTurnAround": False,
             "HoverAndCapture": False,
             "Refly90Degrees": False,
-            "CameraShots": sum(
-                item.command == mav.CAMERA_DISTANCE and bool(item.params[2]) for item in items
-            ),
+            "CameraShots": sum(bool(params[2]) for params in triggers),
             "VisualTransectPoints": [list(position) for position in flown],
             "Items": list(written),
-            "CameraCalc": _camera_calc(block, items),
+            "CameraCalc": _camera_calc(
+                block, max((float(params[0] or 0) for params in triggers), default=0.0)
+            ),
         },
     }
 
 
-def _entry_location(outline: Sequence[Position], entry: Position) -> int:
-    """Return the corner at which the lines begin: 0 top left, 1 top right, 2 bottom left, 3 bottom right."""
-    lat, lon = (sum(values) / len(outline) for values in zip(*outline, strict=True))
-    return 2 * int(entry[0] < lat) + int(entry[1] >= lon)
-
-
-def _camera_calc(block: SurveyBlock, items: Sequence[MissionItem]) -> dict[str, Any]:
+def _camera_calc(block: SurveyBlock, trigger_m: float) -> dict[str, Any]:
     """Write spacing, trigger distance and camera as QGroundControl's CameraCalc."""
-    triggers = [float(item.params[0] or 0) for item in items if item.command == mav.CAMERA_DISTANCE]
     calc = {
         "version": 2,
         "CameraName": MANUAL_CAMERA,
         "DistanceMode": ALTITUDE_MODES[mav.FRAME_RELATIVE],
         "DistanceToSurface": block.height_m,
         "AdjustedFootprintSide": block.spacing_m,
-        "AdjustedFootprintFrontal": max(triggers, default=0.0),
+        "AdjustedFootprintFrontal": trigger_m,
     }
     if block.photos is None:
         return calc
@@ -311,7 +300,7 @@ def _fields_of(item: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _fence_to_json(fence: Iterable[Fence]) -> dict[str, Any]:
+def _fence_to_json(fence: Iterable[mav.Fence]) -> dict[str, Any]:
     """Write a fence as a `geoFence` object, with every key that QGroundControl requires."""
     polygons: list[dict[str, Any]] = []
     circles: list[dict[str, Any]] = []
@@ -320,12 +309,11 @@ def _fence_to_json(fence: Iterable[Fence]) -> dict[str, Any]:
         if isinstance(shape, FencePolygon):
             polygons.append(common | {"polygon": [list(vertex) for vertex in shape.vertices]})
         else:
-            circle = {"center": [shape.lat, shape.lon], "radius": shape.radius_m}
-            circles.append(common | {"circle": circle})
+            circles.append(common | {"circle": {"center": [shape.lat, shape.lon], "radius": shape.radius_m}})
     return {"version": _VERSION, "circles": circles, "polygons": polygons}
 
 
-def _fence_from_json(geofence: Mapping[str, Any]) -> tuple[Fence, ...]:
+def _fence_from_json(geofence: Mapping[str, Any]) -> tuple[mav.Fence, ...]:
     """Read the polygons, then the circles of a `geoFence` object."""
     polygons = [
         FencePolygon(tuple((float(lat), float(lon)) for lat, lon in shape["polygon"]), _inclusion(shape))

@@ -11,15 +11,7 @@ import numpy as np
 from uavseg.dataclass import dataclass
 from uavseg.errors import LinkError, MissionError
 from uavseg.flight.mission import items as mav
-from uavseg.flight.mission.items import (
-    Fence,
-    FenceCircle,
-    FencePolygon,
-    HomePosition,
-    ItemParams,
-    MissionItem,
-    RallyPoint,
-)
+from uavseg.flight.mission.items import FenceCircle, FencePolygon, HomePosition, MissionItem, RallyPoint
 from uavseg.flight.mission.mission import Mission
 
 # MAV_CMD
@@ -95,7 +87,7 @@ class LinkItem:
 
     command: int  # MAV_CMD
     frame: int  # MAV_FRAME
-    params: ItemParams = (0.0, 0.0, 0.0, 0.0)  # None is NaN on the link
+    params: mav.ItemParams = (0.0, 0.0, 0.0, 0.0)  # None is NaN on the link
     x: int = 0  # latitude in 1e-7 degrees; as it is in frame 2
     y: int = 0  # longitude likewise
     z: float = 0.0  # altitude in metres
@@ -176,7 +168,7 @@ def _mission_item(item: LinkItem, has_home_row: bool) -> MissionItem:
     return result if has_home_row else replace(result, params=_shifted(result, 1))
 
 
-def _shifted(item: MissionItem, by: int) -> ItemParams:
+def _shifted(item: MissionItem, by: int) -> mav.ItemParams:
     """Renumber the target of a jump: files count from 1, vehicles without a home row from 0."""
     first = item.params[0]
     return (first + by, *item.params[1:]) if item.command == mav.JUMP and first is not None else item.params
@@ -188,7 +180,7 @@ def home_of_row(item: LinkItem) -> HomePosition | None:
     return HomePosition(item.x / _DEGREES, item.y / _DEGREES, item.z) if is_set else None
 
 
-def items_of_fence(fence: Iterable[Fence]) -> list[LinkItem]:
+def items_of_fence(fence: Iterable[mav.Fence]) -> list[LinkItem]:
     """Return a fence as it is sent: an item for each vertex, with their number, and for each circle."""
     items = []
     for shape in fence:
@@ -205,7 +197,7 @@ def items_of_fence(fence: Iterable[Fence]) -> list[LinkItem]:
     return items
 
 
-def fence_of_items(items: Sequence[LinkItem]) -> tuple[Fence, ...]:
+def fence_of_items(items: Sequence[LinkItem]) -> tuple[mav.Fence, ...]:
     """Return the fence that a vehicle sent, without its return point.
 
     A MissionError says that an item is not one of a fence, or that a polygon has fewer vertices than it says.
@@ -214,7 +206,7 @@ def fence_of_items(items: Sequence[LinkItem]) -> tuple[Fence, ...]:
     return tuple(_fence_shape(item, rest) for item in rest)
 
 
-def _fence_shape(item: LinkItem, rest: Iterator[LinkItem]) -> Fence:
+def _fence_shape(item: LinkItem, rest: Iterator[LinkItem]) -> mav.Fence:
     size = item.params[0] or 0.0
     if item.command in (CIRCLE_INCLUSION, CIRCLE_EXCLUSION):
         return FenceCircle(item.x / _DEGREES, item.y / _DEGREES, size, item.command == CIRCLE_INCLUSION)

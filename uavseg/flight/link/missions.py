@@ -287,8 +287,7 @@ def download_mission(link: Link, progress: Progress | None = None) -> Mission:
     were received, and of all. A LinkError says that the vehicle falls silent or refuses, a MissionError that
     it holds no mission, or one that would not be safe.
     """
-    report = progress or (lambda done, total: None)
-    rows = receive_items(link, MissionType.MISSION, report)
+    rows = receive_items(link, MissionType.MISSION, progress or (lambda done, total: None))
     vehicle = link.vehicle
     if len(rows) <= int(vehicle.has_home_row):
         raise MissionError("the vehicle holds no mission")

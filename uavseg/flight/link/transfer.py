@@ -93,8 +93,7 @@ class _Sender:
         elif number == 0 and self.restarts < MAX_RESTARTS:
             self.restarts += 1
             self._progress(number)
-        self.last = number
-        self.repeats = 0
+        self.last, self.repeats = number, 0
         self.error_at = self.refusal = None
         self._send_last()
 
@@ -165,13 +164,11 @@ class _Sender:
         ends_at = self.link.now() + TEXT_S
         while self.link.now() < ends_at and not self.link.texts:
             self.link.next_message(ends_at)
-        refused = f"{len(self.items)} items of the {self.type}"
-        remains = ""
+        refused, remains = f"{len(self.items)} items of the {self.type}", ""
         if self.last >= 0:
             item = self.items[self.last]
-            refused = (
-                f"item {self.last} of the {self.type}, {command_name(item.command)} in frame {item.frame}"
-            )
+            command = command_name(item.command)
+            refused = f"item {self.last} of the {self.type}, {command} in frame {item.frame}"
             if self.link.vehicle.autopilot == "ardupilot":  # which writes items as they come
                 remains = f"; its {self.type} is now a mix of old and new items: do not fly it"
         text = f'; it says "{self.link.texts[-1]}"' if self.link.texts else ""
@@ -279,9 +276,7 @@ class _Receiver:
     def _lost(self, refusal: int | None) -> LinkError:
         if refusal is not None and self.count is None:
             return self._refused(refusal)
-        where = "when asked"
-        if self.count is not None:
-            where = f"after {len(self.items)} of {self.count} items"
+        where = "when asked" if self.count is None else f"after {len(self.items)} of {self.count} items"
         return TransferLostError(f"the vehicle fell silent {where} for its {self.type}")
 
     def _refused(self, result: int) -> LinkError:

@@ -13,16 +13,7 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.camera.camera import Photos
 from uavseg.flight.mission import items as mav
-from uavseg.flight.mission.items import (
-    Fence,
-    FenceCircle,
-    HomePosition,
-    MissionItem,
-    RallyPoint,
-    check_accepted,
-    check_near,
-    distance_m,
-)
+from uavseg.flight.mission.items import Fence, FenceCircle, HomePosition, MissionItem, RallyPoint
 from uavseg.flight.mission.vehicle import Vehicle, Wind
 from uavseg.raster.geodesy.globe import geod_wgs84
 
@@ -30,6 +21,7 @@ if TYPE_CHECKING:
     from geopandas import GeoDataFrame
 
     from uavseg.flight.mission.estimate import Estimate
+
 
 Position = tuple[float, float]  # lat, lon in degrees, WGS 84
 NEARLY_CONVEX = 0.9  # of the area of its convex hull
@@ -148,7 +140,7 @@ class Mission:
         if self.endurance_s is not None and not 0 < self.endurance_s < math.inf:
             raise MissionError(f"an endurance is a number of seconds above 0, not {self.endurance_s:g}")
         for number, item in enumerate(self.items, start=1):
-            check_accepted(item, self.autopilot, number)
+            mav.check_accepted(item, self.autopilot, number)
         _check_distances(self)
         _check_fence(self)
         polygons_first = sorted(self.fence, key=lambda shape: isinstance(shape, FenceCircle))
@@ -163,8 +155,7 @@ class Mission:
     @property
     def speed_range_m_s(self) -> tuple[float, float]:
         """Minimum and maximum requested speed over ground on legs to items, takeoff aside."""
-        items = (item for item in self.items if item.has_position)
-        legs = zip(items, self.leg_speeds_m_s, strict=True)
+        legs = zip((item for item in self.items if item.has_position), self.leg_speeds_m_s, strict=True)
         speeds = [speed for item, speed in legs if item.command not in mav.TAKEOFFS]
         return min(speeds, default=self.speed_m_s), max(speeds, default=self.speed_m_s)
 
@@ -306,7 +297,7 @@ def _check_distances(mission: Mission) -> None:
     flown = (item for item in mission.items if item.has_position and item.command not in mav.TAKEOFFS)
     first = next((item for item in flown if not item.is_at_vehicle), None)
     if first is not None:
-        check_near(home, first.lat, first.lon)
+        mav.check_near(home, first.lat, first.lon)
     home_lon, home_lat = np.full_like(lon, home.lon), np.full_like(lat, home.lat)
     farthest = float(geod_wgs84().inv(home_lon, home_lat, lon, lat)[2].max())
     if farthest > mav.MAX_DISTANCE_M:
@@ -326,7 +317,7 @@ def _check_fence(mission: Mission) -> None:
     home = mission.home
     for what, shapes in (("the fence", mission.fence), ("a rally point", mission.rally)):
         for lat, lon in (position for shape in shapes for position in shape.positions):
-            away = distance_m(home.lat, home.lon, lat, lon)
+            away = mav.distance_m(home.lat, home.lon, lat, lon)
             if away > mav.MAX_DISTANCE_M:
                 raise MissionError(
                     f"{what} lies {away / 1000:.0f} km from home; "

@@ -373,8 +373,7 @@ def local_search_tour(
     scratch[0, :count], scratch[6, members], scratch[8] = tour, np.arange(count + 1) // GROUP, members
     scratch[7, count] = -1
     totals, before = np.zeros((2, widest)), np.zeros((count, widest), np.int64)
-    passes = max(int(AT_ONCE / (8.0 * count * count)), 1)
-    rounds = min(rounds, EFFORT // count)
+    passes, rounds = max(int(AT_ONCE / (8.0 * count * count)), 1), min(rounds, EFFORT // count)
     state, lengths = np.array([0, 0, 0, 0, start, end, rounds], np.int64), np.full(3, np.inf)
     arrays = (stops.first, options, stops.costs, state, lengths, scratch, sums, apart, totals, before)
     while state[0] <= rounds:
@@ -385,10 +384,8 @@ def local_search_tour(
 def _groups(
     stops: Stops, distances: Floats, tour: Integers, home: tuple[int, int]
 ) -> tuple[Integers, Floats]:
-    """Return the stops in groups of neighbours, home as the last stop, and each point's distance from them.
-
-    The distances (p, groups) are those from the nearest point of a group; 0 where the tour may end anywhere.
-    """
+    """Return the stops in groups of neighbours, home as the last, and each point's distance from them."""
+    # The distances (p, groups) are from the nearest point of a group; 0 where the tour may end anywhere.
     members = np.append(stops.stop_of[tour], len(stops))
     apart = np.zeros((len(stops) // GROUP + 1, len(distances)))
     for group, near in enumerate(apart):

@@ -37,11 +37,8 @@ ROUND_SEGMENTS = 3  # of a quarter of a circle around a corner
 MIN_LINE_M = 1.0  # what zones leave of a line is not flown where it is shorter
 STEP_M = 5.0
 STARTS = 2000  # maximum number of places from which returns are examined
-NAMES = {
-    "ardupilot": ("ArduPilot", "RTL_ALT"),
-    "px4": ("PX4", "RTL_RETURN_ALT"),
-    "generic": ("the autopilot", "RTL_ALT, RTL_RETURN_ALT"),
-}
+NAMES = {"ardupilot": ("ArduPilot", "RTL_ALT"), "px4": ("PX4", "RTL_RETURN_ALT")}
+NAMES["generic"] = "the autopilot", "RTL_ALT, RTL_RETURN_ALT"
 IsGround = Callable[[float, float], bool]
 
 CLEARANCE_M = 15.0  # from home to regions and to zones with their margin
@@ -91,8 +88,7 @@ class KeepOut:
             required = shapely.buffer(required, self.margin_m / math.cos(math.pi / 32), quad_segs=8)
         grown = _grown(self._merged, required, self.margin_m, tolerance_m)
         while shapely.get_num_coordinates(grown) > MAX_CORNERS and tolerance_m < MAX_TOLERANCE_M:
-            zones = enclosing(self._merged, tolerance_m)
-            grown = _smoothed(zones, required, self.margin_m, tolerance_m)
+            grown = _smoothed(enclosing(self._merged, tolerance_m), required, self.margin_m, tolerance_m)
             tolerance_m *= 2
         shapely.prepare(grown)
         return grown
@@ -115,8 +111,7 @@ class KeepOut:
         if margin_m >= MIN_FENCE_MARGIN_M:
             around = shapely.get_parts(shapely.buffer(self._merged, margin_m * share / 2))
             fenced = [_simple(part, self._merged, margin_m * share) for part in around]
-        parts = shapely.get_parts(fenced)
-        return [part for part in parts if part.geom_type == "Polygon" and part.area > 0]
+        return [part for part in shapely.get_parts(fenced) if part.geom_type == "Polygon" and part.area > 0]
 
     @cached_property
     def space(self) -> FreeSpace:
