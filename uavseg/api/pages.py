@@ -9,7 +9,6 @@ from contextvars import Context, copy_context
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from uavseg.access import Folders, allowing
@@ -47,8 +46,7 @@ class MapServer:
         self.warnings = found.warnings if tiles else (*found.warnings, NO_TILES)
         names = [one.name for one in cameras()]
         areas = None if cells is None else [float(f"{area:.10g}") for area in cells.areas]  # by their codes
-        offered = {"tiles": tiles is not None, "cameras": names, "areas": areas}
-        page = page_of(found, None, [], offered)
+        page = page_of(found, None, [], {"tiles": tiles is not None, "cameras": names, "areas": areas})
         self._folder = tempfile.TemporaryDirectory(prefix="uavseg-serve-", ignore_cleanup_errors=True)
         self._tasks = Tasks(Path(self._folder.name))
         found = replace(found, cells=None)  # in the page, or in tiles
@@ -82,9 +80,7 @@ class MapServer:
     def __enter__(self) -> MapServer:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
 

@@ -9,7 +9,7 @@ of the outline are pruned: those that end within the circle around their start.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any
 
@@ -175,20 +175,14 @@ def is_long_and_thin(region: Any, spacing_m: float) -> bool:
     return bool(width <= THIN * spacing_m and length >= LONG * width and bent)
 
 
-def corridor(
-    region: Any,
-    spacing_m: float,
-    reach_m: float = 0.0,
-    min_m: float = MIN_LINE_M,
-    obstacles: Sequence[Any] = (),
-) -> Corridor:
+def corridor(region: Any, spacing_m: float, reach_m: float = 0.0, min_m: float = MIN_LINE_M) -> Corridor:
     """Cover a region with lines along its middle, in a short order.
 
-    The region (shapely, in metres) may fork and have holes; no leg crosses an obstacle. `spacing_m` is the
-    largest distance between neighbouring lines, `reach_m` how much ground photographs show past the end of a
-    line, `min_m` the length of the shortest line. A ParameterError says that the spacing is not a positive
-    number, a MissionError that there would be more lines than a mission holds, that there is no path between
-    them, or that the region has too many corners.
+    The region (shapely, in metres) may fork and have holes. `spacing_m` is the largest distance between
+    neighbouring lines, `reach_m` how much ground photographs show past the end of a line, `min_m` the length
+    of the shortest line. A ParameterError says that the spacing is not a positive number, a MissionError that
+    there would be more lines than a mission holds, that there is no path between them, or that the region has
+    too many corners.
 
     Examples
     --------
@@ -197,7 +191,7 @@ def corridor(
     >>> round(float(np.hypot(*np.diff(line, axis=0).T).sum()), -1)  # three quarters of the circle
     1410.0
     """
-    simple, space = flight_space(region, spacing_m, 0.0, obstacles)
+    simple, space = flight_space(region, spacing_m)
     if shapely.get_num_coordinates(simple) > MANY_CORNERS:
         raise MissionError(
             f"the middle of a region is looked for that has more than {MANY_CORNERS} corners at a spacing of "
@@ -303,9 +297,8 @@ def _trimmed(line: Any, part: Any, reach_m: float, min_m: float) -> Floats:
 
 
 def _swath(line: Floats, spacing_m: float, reach_m: float) -> Any:
-    first, last = line[0] - line[1], line[-1] - line[-2]
     longer = line.copy()
-    for end, step in ((0, first), (-1, last)):
+    for end, step in ((0, line[0] - line[1]), (-1, line[-1] - line[-2])):
         if step.any():
             longer[end] += step / np.hypot(*step) * (reach_m + 1e-6)
     return shapely.buffer(shapely.LineString(longer), spacing_m / 2 + 1e-6, cap_style="flat")

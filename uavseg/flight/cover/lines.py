@@ -71,10 +71,9 @@ def grid_lines(
     near = np.flatnonzero(np.diff(row) == 0) + 1
     joined[near] = joins(lines[near - 1, 1], lines[near, 0])
     first = np.flatnonzero(~joined)
-    lines = np.stack(
-        [lines[first, 0], np.stack([np.maximum.reduceat(lines[:, 1, 0], first), lines[first, 1, 1]], axis=1)],
-        axis=1,
-    )
+    east = np.maximum.reduceat(lines[:, 1, 0], first)
+    lines = lines[first]
+    lines[:, 1, 0] = east
     return _chains(lines, row[first], *(_touched(parts, edges[row + k], first) for k in (0, 1)))
 
 

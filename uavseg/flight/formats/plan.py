@@ -69,11 +69,8 @@ def _matching(mission: Mission, block: SurveyBlock, first: int, last: int) -> li
     stop = last + 1
     if stop < len(mission.items) and mission.items[stop].command == mav.CAMERA_DISTANCE:
         stop += 1
-    plain = all(
-        item.command == mav.CAMERA_DISTANCE
-        or (item.command == mav.WAYPOINT and item.frame == mav.FRAME_RELATIVE)
-        for item in mission.items[first:stop]
-    )
+    others = [item for item in mission.items[first:stop] if item.command != mav.CAMERA_DISTANCE]
+    plain = all(one.command == mav.WAYPOINT and one.frame == mav.FRAME_RELATIVE for one in others)
     return [BlockItems(block, first, stop)] if plain else []
 
 
@@ -165,10 +162,8 @@ def plan_losses(mission: Mission, options: FileOptions) -> list[str]:
     if not mission.blocks:
         return ["nothing of this mission can be edited as a survey in QGroundControl: it has no survey lines"]
     blocks = find_blocks(mission)
-    inside = sum(
-        item.command == mav.WAYPOINT for one in blocks for item in mission.items[one.first : one.stop]
-    )
-    single = sum(item.command == mav.WAYPOINT for item in mission.items) - inside
+    is_visit = [item.command == mav.WAYPOINT for item in mission.items]
+    single = sum(is_visit) - sum(sum(is_visit[one.first : one.stop]) for one in blocks)
     if not single:
         return []
     parts = "part" if len(blocks) == 1 else "parts"

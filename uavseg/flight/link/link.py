@@ -233,13 +233,8 @@ class Link:
         system, component = heartbeat.get_srcSystem(), heartbeat.get_srcComponent()
         armed = bool(heartbeat.base_mode & ARMED)
         if self._vehicle is None:
-            self._vehicle = LinkedVehicle(
-                system=system,
-                component=component,
-                mav_autopilot=heartbeat.autopilot,
-                is_armed=armed,
-                source=source,
-            )
+            heard = LinkedVehicle(system=system, component=component, mav_autopilot=heartbeat.autopilot)
+            self._vehicle = replace(heard, is_armed=armed, source=source)
             self._transport.answer(source)
             return
         current = self._vehicle

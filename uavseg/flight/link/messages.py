@@ -106,15 +106,9 @@ class LinkItem:
             None if math.isnan(value) else _decimal(value)
             for value in (message.param1, message.param2, message.param3, message.param4)
         )
-        return cls(
-            command=message.command,
-            frame=EQUAL_FRAMES.get(message.frame, message.frame),
-            params=(first, second, third, fourth),
-            x=message.x,
-            y=message.y,
-            z=_decimal(message.z),
-            autocontinue=message.autocontinue,
-        )
+        frame, params = EQUAL_FRAMES.get(message.frame, message.frame), (first, second, third, fourth)
+        item = cls(command=message.command, frame=frame, params=params, autocontinue=message.autocontinue)
+        return replace(item, x=message.x, y=message.y, z=_decimal(message.z))
 
 
 def items_of_mission(mission: Mission, has_home_row: bool) -> list[LinkItem]:
@@ -126,17 +120,9 @@ def items_of_mission(mission: Mission, has_home_row: bool) -> list[LinkItem]:
     for item in mission.items:
         in_degrees = item.frame != mav.FRAME_MISSION
         x, y = _units(item.lat, item.lon) if in_degrees else (round(item.lat), round(item.lon))
-        rows.append(
-            LinkItem(
-                command=item.command,
-                frame=item.frame,
-                params=item.params if has_home_row else _shifted(item, -1),
-                x=x,
-                y=y,
-                z=item.altitude_m,
-                autocontinue=int(item.autocontinue),
-            )
-        )
+        row = LinkItem(command=item.command, frame=item.frame, x=x, y=y, z=item.altitude_m)
+        params = item.params if has_home_row else _shifted(item, -1)
+        rows.append(replace(row, params=params, autocontinue=int(item.autocontinue)))
     return rows
 
 

@@ -271,7 +271,10 @@ def return_notes(path: Floats, keep_out: KeepOut, plane: Plane, params: PlanPara
     `path` (n, 2) are the corners of the flight in metres, home first and last.
     """
     name, setting = NAMES[params.autopilot]
-    maximum_m, height_m = params.safety.max_altitude_m, _return_height_m(path, params)
+    maximum_m, away_m = params.safety.max_altitude_m, float(np.hypot(*(path - path[0]).T).max())
+    vehicles = returning_vehicles(params.vehicle, params.autopilot)
+    # the maximum; within a cone around home a return climbs less
+    height_m = max(min(one.return_height_m, one.return_slope * away_m) for one in vehicles)
     if height_m > maximum_m:
         yield (
             f"for a return, {name} climbs to {height_m:.0f} m above home unless it is set otherwise, above "
@@ -292,13 +295,6 @@ def return_notes(path: Floats, keep_out: KeepOut, plane: Plane, params: PlanPara
             f"{max(100 * crosses.mean(), 1):.0f} % of the flight, the first at "
             f"{float(lat):.6f},{float(lon):.6f}; there, lead the vehicle by hand, or give rally points"
         )
-
-
-def _return_height_m(path: Floats, params: PlanParams) -> float:
-    """Return the maximum height to which a return climbs; within a cone around home it climbs less."""
-    vehicles = returning_vehicles(params.vehicle, params.autopilot)
-    away_m = float(np.hypot(*(path - path[0]).T).max())
-    return max(min(vehicle.return_height_m, vehicle.return_slope * away_m) for vehicle in vehicles)
 
 
 def home_outside(

@@ -199,13 +199,9 @@ class WaypointHeights:
 def constant_height(track: Track, params: PlanParams, frame: int = FRAME_RELATIVE) -> WaypointHeights:
     """Return one height for the waypoints of a track, (n, 2), above what `frame` (MAV_FRAME) says."""
     count, height = len(track.xy), float(params.altitude_m)
-    return WaypointHeights(
-        frame=frame,
-        height_m=np.full(count, height),
-        takeoff_m=height,
-        added=np.zeros(count, np.bool_),
-        speed_m_s=speeds_of(track, params),
-    )
+    heights, added = np.full(count, height), np.zeros(count, np.bool_)
+    speeds = speeds_of(track, params)
+    return WaypointHeights(frame=frame, height_m=heights, takeoff_m=height, added=added, speed_m_s=speeds)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -261,7 +257,7 @@ def follow_ground(track: Track, home: HomePosition, params: PlanParams) -> Groun
     track = Track(xy=places, hold_s=hold_s, shots=shots, speed_m_s=speed, **legs)
     added, flown = int(heights.added.sum()), heights.speed_m_s
     notes = terrain_notes(flight, added, flown, speeds_of(track, params), params, leads_home)
-    ground = _ground(terrain.dem, home, places, flight, over_back, params)
+    ground = _ground(home, places, flight, over_back, params)
     return GroundPath(track=track, heights=heights, ground=ground, notes=tuple(notes))
 
 
@@ -284,10 +280,8 @@ def _heights(
             frame, height = FRAME_RELATIVE, height - home_m
             _check_above_home(flight.ground, kept, height)
         height = np.round(height, 3)
-    heights = WaypointHeights(
-        frame=frame, height_m=height, takeoff_m=takeoff_m, added=~is_corner, speed_m_s=speed
-    )
-    return heights, kept
+    where = {"height_m": height, "added": ~is_corner, "speed_m_s": speed}
+    return WaypointHeights(frame=frame, takeoff_m=takeoff_m, **where), kept
 
 
 def _check_above_home(ground: GroundProfile, kept: Integers, height_m: Floats) -> None:
@@ -302,18 +296,12 @@ def _check_above_home(ground: GroundProfile, kept: Integers, height_m: Floats) -
 
 
 def _ground(
-    dem: Dem,
-    home: HomePosition,
-    places: Floats,
-    flight: AltitudeProfile,
-    over_back: Floats,
-    params: PlanParams,
+    home: HomePosition, places: Floats, flight: AltitudeProfile, over_back: Floats, params: PlanParams
 ) -> Ground:
-    lon, lat = places.T
-    heights = dem.heights_m(lon, lat).tolist()
-    below = dict(zip(zip(lat.tolist(), lon.tolist(), strict=True), heights, strict=True))
+    assert params.terrain is not None and params.terrain.dem is not None
+    heights = params.terrain.dem.heights_m(*places.T).tolist()
+    below = dict(zip(map(tuple, places[:, ::-1].tolist()), heights, strict=True))
     below[home.lat, home.lon] = float(flight.ground.upper_m[0])
-    assert params.terrain is not None
     if params.terrain.mode == FRAME:
         return Ground(below, params.altitude_m, params.altitude_m)
     lowest = np.append(flight.height_m - flight.ground.upper_m, over_back).min()
