@@ -336,5 +336,4 @@ def _bends(ring: Floats) -> Floats:
 
 
 def _distances(starts: Floats, ends: Floats) -> Floats:
-    steps = ends - starts
-    return np.hypot(steps[:, 0], steps[:, 1])
+    return np.hypot(*(ends - starts).T)

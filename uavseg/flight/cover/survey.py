@@ -79,8 +79,9 @@ def monotone_cells(polygon: Any, step_m: float = np.inf, detail_m: float = 0.0) 
                 low, high = sorted((chord.coords[0][0], chord.coords[-1][0]))
                 dividing.append(shapely.LineString([(low - OVERLAP_M, y), (high + OVERLAP_M, y)]))
     lines = shapely.union_all([shapely.boundary(polygon), *dividing])  # noded: they meet at vertices only
-    faces = shapely.polygonize(list(shapely.get_parts(lines)))
-    inner = [face for face in faces.geoms if shapely.contains_xy(polygon, *_inside(face))]
+    faces = shapely.get_parts(shapely.polygonize(list(shapely.get_parts(lines))))
+    places = shapely.get_coordinates(shapely.point_on_surface(faces))
+    inner = faces[shapely.contains_xy(polygon, *places.T)]
     return sorted(inner, key=lambda face: (face.bounds[1], face.bounds[0]))
 
 
@@ -129,11 +130,6 @@ def _critical(ring: Floats, step_m: float) -> Floats:
     return np.concatenate([corners[turns_right & (below == above)], ring[inner]])
 
 
-def _inside(face: Any) -> tuple[float, float]:
-    x, y = shapely.get_coordinates(shapely.point_on_surface(face))[0]
-    return float(x), float(y)
-
-
 @dataclass(frozen=True, slots=True)
 class CoverParams:
     """Parameters of survey lines over a region."""
@@ -162,7 +158,8 @@ class Survey:
     @property
     def length_m(self) -> float:
         """Length of lines and legs in metres."""
-        return float(_length(self.outer).sum() + sum(swaths.path_length(leg) for leg in self.legs))
+        lines_m = np.hypot(*(self.outer[:, 1] - self.outer[:, 0]).T).sum()
+        return float(lines_m + sum(swaths.path_length(leg) for leg in self.legs))
 
     @property
     def turns(self) -> int:
@@ -404,8 +401,3 @@ def _joined(first: list[Survey], second: list[Survey], space: FreeSpace) -> Surv
 def _reversed(flown: Survey) -> Survey:
     legs = tuple(leg[::-1] for leg in flown.legs[::-1])
     return replace(flown, lines=flown.lines[::-1, ::-1], outer=flown.outer[::-1, ::-1], legs=legs)
-
-
-def _length(lines: Floats) -> Floats:
-    lengths: Floats = np.hypot(*(lines[:, 1] - lines[:, 0]).T)
-    return lengths

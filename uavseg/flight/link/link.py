@@ -223,7 +223,8 @@ class Link:
         elif name in _FOR_US:
             if self._is_for_us(message):
                 return message
-            self._check_other_transfer(message)
+            if name in _REQUESTS or (name == "MISSION_ACK" and message.type == Result.ACCEPTED):
+                raise LinkError(_conflict(message.target_system))  # which sends the vehicle a mission
         return None
 
     def _is_for_us(self, message: Any) -> bool:
@@ -260,12 +261,6 @@ class Link:
             raise LinkError(_conflict(system))
         if name in _FOR_US and self._is_for_us(message):
             raise LinkError(f"another system ({system}) answers on the link; give an address of one vehicle")
-
-    def _check_other_transfer(self, message: Any) -> None:
-        """Refuse a vehicle that takes a mission from another ground station."""
-        name = message.get_type()
-        if name in _REQUESTS or (name == "MISSION_ACK" and message.type == Result.ACCEPTED):
-            raise LinkError(_conflict(message.target_system))
 
     def close(self) -> None:
         """Release the port."""

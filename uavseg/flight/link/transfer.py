@@ -98,8 +98,7 @@ class _Sender:
         self._send_last()
 
     def _progress(self, number: int) -> None:
-        self.farthest = number
-        self.progress_at = self.link.now()
+        self.farthest, self.progress_at = number, self.link.now()
         self.count(number + 1)
 
     def _is_end(self, result: int) -> bool:

@@ -128,17 +128,14 @@ def check_known(dem: Dem, lon: Floats, lat: Floats, height_m: Floats) -> None:
     if not len(unknown):
         return
     k = int(unknown[0])
-    raise MissionError(
-        f"{dem.name} has no height of the ground at lat {lat[k]:.6f}, lon {lon[k]:.6f}, where the flight "
-        f"leads; it covers {dem.covered()}{_hole(dem, lon[k], lat[k])}: give one that covers the whole flight"
-    )
-
-
-def _hole(dem: Dem, lon: float, lat: float) -> str:
-    row, col = dem.pixels(np.array([lon]), np.array([lat]))
+    row, col = dem.pixels(lon[k : k + 1], lat[k : k + 1])
     rows, cols = dem.sampler.dataset.geobox.shape
     inside = 0 <= row[0] <= rows and 0 <= col[0] <= cols
-    return " with a hole there (nodata, or no height from -500 to 9000 m)" if inside else ""
+    hole = " with a hole there (nodata, or no height from -500 to 9000 m)" if inside else ""
+    raise MissionError(
+        f"{dem.name} has no height of the ground at lat {lat[k]:.6f}, lon {lon[k]:.6f}, where the flight "
+        f"leads; it covers {dem.covered()}{hole}: give one that covers the whole flight"
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
