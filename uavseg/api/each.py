@@ -99,22 +99,14 @@ def each(
     if run.resume is not None:
         raise ParameterError("resume is for one source; skip_existing=True leaves out what is done")
     creation = creation_for(creation_options, {labels: "uint32"})
-    names = OutputNames(
-        output,
-        labels=labels,
-        overwrite=overwrite,
-        skip_existing=skip_existing,
-        report=report,
-        creation=creation,
-    )
+    files = {"overwrite": overwrite, "skip_existing": skip_existing}
+    names = OutputNames(output, labels=labels, report=report, creation=creation, **files)
     given = [sources] if isinstance(sources, str | os.PathLike) else sources
     with allowing(allow_path, allow_network):
         tasks, _ = plan_tasks(given, names)
-        result = run_each(
-            tasks, regions, names, Work.by_threads(None, run.tile, progress_of(progress)), threads
-        )
-    failures = [one.failure for one in result if one.error is not None]
-    warn([*grouped_warnings(result), *failures])
+        how = Work.by_threads(None, run.tile, progress_of(progress))
+        result = run_each(tasks, regions, names, how, threads)
+    warn([*grouped_warnings(result), *(one.failure for one in result if one.error is not None)])
     return result
 
 

@@ -210,8 +210,7 @@ def path(
     options = build(PathOptions, locals())
     request = path_request(options)
     with allowing(allow_path, allow_network):
-        opened = open_probability_map(source, options.read)
-        found = run_path(opened, request, work(options.run, progress))
+        found = run_path(open_probability_map(source, options.read), request, work(options.run, progress))
     warn(found.warnings)
     return found.path
 

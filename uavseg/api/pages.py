@@ -9,7 +9,6 @@ from contextvars import Context, copy_context
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from uavseg.access import Folders, allowing
@@ -97,9 +96,7 @@ class MapServer:
     def __enter__(self) -> MapServer:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
 

@@ -108,8 +108,7 @@ def match(
     -------
     regions : geopandas.GeoDataFrame
         With the columns of `extract` and `similarity`: 1 where a region is as like the sample as the sample
-        is to itself. Of regions by texture, `range_low` and `range_high` are the means that windows may
-        have.
+        is to itself. Of regions by texture, `range_low` and `range_high` are the means that windows may have.
         Where color decided and left much of the raster undecided, `regions.attrs["uavseg"]["next_sample"]` is
         x, y and radius of the disc that would help most as another sample, of what is wanted or of what is
         not.

@@ -20,15 +20,7 @@ from uavseg.jobs.source.work import Work
 from uavseg.jobs.web_map.content import FieldMap, FieldMapRequest, field_map
 from uavseg.options.option import build
 from uavseg.options.pages import MapOptions
-from uavseg.plot.web.field_map import (
-    asset,
-    data_of,
-    read_collection,
-    read_flights,
-    render_page,
-    size_notes,
-    title_of,
-)
+from uavseg.plot.web import field_map as web_page
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
@@ -75,7 +67,7 @@ class RangeWidget(anywidget.AnyWidget):  # type: ignore[misc]
         If the raster cannot be read or has no place on a map in Web Mercator, or a parameter is wrong.
     """
 
-    _esm = asset("widget.js")
+    _esm = web_page.asset("widget.js")
     page = traitlets.Unicode(read_only=True).tag(sync=True)
     range = traitlets.Tuple(traitlets.Float(), traitlets.Float()).tag(sync=True)
     height = traitlets.Int(600).tag(sync=True)
@@ -94,16 +86,17 @@ class RangeWidget(anywidget.AnyWidget):  # type: ignore[misc]
         self._source, self._words = source, words
         given = _words_of_extract(source, words)
         with allowing(given["allow_path"], given["allow_network"]):
-            collection = None if regions is None else read_collection(regions)
-            flights = [] if mission is None else read_flights(mission)
+            collection = None if regions is None else web_page.read_collection(regions)
+            flights = [] if mission is None else web_page.read_flights(mission)
             found = _field_map(source, given, size)
         if found.cells is None:
             raise ParameterError(f"{found.warnings[-1]}: crop the raster, or extract a range")
         super().__init__(range=range, height=height)
-        data = data_of(found, collection, flights) | {"range": [round(STEPS * bound) for bound in self.range]}
-        content = render_page(title_of(found), data, embedded=True)
+        data = web_page.data_of(found, collection, flights)
+        data |= {"range": [round(STEPS * bound) for bound in self.range]}
+        content = web_page.render_page(web_page.title_of(found), data, embedded=True)
         self.set_trait("page", content.decode())
-        for warning in (*found.warnings, *size_notes(content)):
+        for warning in (*found.warnings, *web_page.size_notes(content)):
             warnings.warn(warning, stacklevel=2)
 
     def regions(self) -> "GeoDataFrame":
@@ -134,8 +127,7 @@ def _words_of_extract(source: Any, words: dict[str, Any]) -> dict[str, Any]:
     for name in _OTHER_RANGES:
         if words.get(name) is not None:
             raise ParameterError(f"the slider chooses the range in v; {name} is for uavseg.extract")
-    signature = inspect.signature(extract)
-    bound = signature.bind(source, None, **words)
+    bound = inspect.signature(extract).bind(source, None, **words)
     bound.apply_defaults()
     return dict(bound.arguments)
 

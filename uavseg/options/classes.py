@@ -19,6 +19,11 @@ from uavseg.segmentation.params.segment import IntensityRange, ValueClass, Value
 AnyRange = IntensityRange | ValueRange
 
 _EXAMPLES = {"range": "0.55,1", "values": "20,40 (or 300, or ,35)", "percentile": "90,100"}
+MAX_BYTES = 1 << 16  # of a file of classes
+_COLUMNS = ("name", "range", "low", "high", "color")
+_SPELLINGS = {"class": "name", "colour": "color", "range_low": "low", "range_high": "high"}
+_COLOR = re.compile(r"#[0-9a-fA-F]{6}\Z")
+_EXPECTED = "columns name and range (or low and high), and color if you like"
 
 
 def parse_range(name: str, text: str) -> AnyRange:
@@ -73,9 +78,7 @@ def _end_of(name: str, end: Any) -> float:
 
 
 def _end(text: str, kind: str) -> float | None:
-    if not text.strip() and kind != "range":
-        return None
-    return float(text)
+    return float(text) if text.strip() or kind == "range" else None
 
 
 def _range(name: str, low: float | None, high: float | None) -> AnyRange:
@@ -89,28 +92,19 @@ def _range(name: str, low: float | None, high: float | None) -> AnyRange:
     try:
         return IntensityRange(low, high)
     except IntensityRangeError as error:
-        hint = _meant(name, low, high)
-        raise IntensityRangeError(f"{error}{hint}") from None
+        raise IntensityRangeError(f"{error}{_meant(name, low, high)}") from None
 
 
 def _meant(name: str, low: float, high: float) -> str:
     """Return which other option a range beyond 0..1 was probably meant for."""
     if not low <= high or (low >= 0 and high <= 1):
         return ""
-    dashes = name.removesuffix("range")
-    pair = f"{low:.12g},{high:.12g}"
+    dashes, pair = name.removesuffix("range"), f"{low:.12g},{high:.12g}"
     given = f" {pair}" if dashes else f"=({pair})"
     text = f"; for values in the units of the raster give {dashes}values{given}"
     if low >= 0 and high <= 100:
         text += f", for per cent of its pixels {dashes}percentile{given}"
     return text
-
-
-MAX_BYTES = 1 << 16  # of a file of classes
-_COLUMNS = ("name", "range", "low", "high", "color")
-_SPELLINGS = {"class": "name", "colour": "color", "range_low": "low", "range_high": "high"}
-_COLOR = re.compile(r"#[0-9a-fA-F]{6}\Z")
-_EXPECTED = "columns name and range (or low and high), and color if you like"
 
 
 def parse_class_range(text: str, what: str = "a range") -> IntensityRange:
@@ -206,8 +200,7 @@ def read_classes(path: str | os.PathLike[str]) -> ValueClasses:
 
     ParameterError is raised if it cannot be read or understood, or the classes do not go together.
     """
-    name = os.fspath(path)
-    suffix = Path(path).suffix.lower()
+    name, suffix = os.fspath(path), Path(path).suffix.lower()
     if suffix not in (".csv", ".yaml", ".yml"):
         raise ParameterError(f"{name}: classes are read from .csv or .yaml")
     content = read_bytes(path, ParameterError, MAX_BYTES)

@@ -4,18 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from uavseg.options import texts
+from uavseg.options import running, texts
 from uavseg.options.flights import AUTOPILOTS, Home
 from uavseg.options.option import Options, argument, group, option
 from uavseg.options.reading import MAP_STRETCH, ONLY_RASTERS, AccessOptions, ReadOptions
 from uavseg.options.regions import DivisionOptions, RangeOptions
-from uavseg.options.running import (
-    OverwriteOptions,
-    StorageOptions,
-    TiledJobOptions,
-    VerbosityOptions,
-    output_option,
-)
+from uavseg.options.running import StorageOptions, TiledJobOptions, VerbosityOptions, output_option
 
 MODES = ("trinary", "scale", "raw")
 Ends = tuple[float, float]
@@ -241,7 +235,7 @@ class ExploreOptions(Options):
         "From the robot's centre to everything that is not free.", default=0.0, metavar="M", basic=True
     )
     seed: int = option("Of the noise; same seed, same drive.", default=0, minimum=0)
-    files: OverwriteOptions = group(OverwriteOptions)
+    files: running.OverwriteOptions = group(running.OverwriteOptions)
     messages: VerbosityOptions = group(VerbosityOptions)
     access: AccessOptions = group(AccessOptions)
 
@@ -282,7 +276,7 @@ class BuildMapOptions(Options):
         choices=("angles", "increment"),
     )
     creation: StorageOptions = group(StorageOptions)
-    files: OverwriteOptions = group(OverwriteOptions)
+    files: running.OverwriteOptions = group(running.OverwriteOptions)
     messages: VerbosityOptions = group(VerbosityOptions)
 
 
@@ -298,7 +292,7 @@ class MergeMapsOptions(Options):
     )
     mode: ModeOptions = group(ModeOptions, mode={"basic": True})
     creation: StorageOptions = group(StorageOptions)
-    files: OverwriteOptions = group(OverwriteOptions)
+    files: running.OverwriteOptions = group(running.OverwriteOptions)
     messages: VerbosityOptions = group(VerbosityOptions)
     access: AccessOptions = group(AccessOptions)
 
@@ -331,5 +325,5 @@ class SimulateOptions(Options):
     step: float | None = option("Between beams.  [default: the scene's]", metavar="DEG", basic=True)
     poses: int | None = option("Scan from the first N poses only.", minimum=1, metavar="N", basic=True)
     creation: StorageOptions = group(StorageOptions)
-    files: OverwriteOptions = group(OverwriteOptions)
+    files: running.OverwriteOptions = group(running.OverwriteOptions)
     messages: VerbosityOptions = group(VerbosityOptions)

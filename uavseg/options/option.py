@@ -15,6 +15,7 @@ from typing import Any, TypeVar, dataclass_transform
 from uavseg.dataclass import dataclass
 
 T = TypeVar("T")
+_TYPES = {"int": int, "float": float, "bool": bool}  # by annotation
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,19 +92,14 @@ def _options(job: type) -> Iterator[tuple[str, Option]]:
     for one in inherited_last:
         if "option" in one.metadata:
             found = one.metadata["option"]
-            yield one.name, replace(found, group=heading, type=found.type or _type_of(str(one.type), found))
+            kind = None if found.parse is not None else _TYPES.get(str(one.type).removesuffix(" | None"))
+            yield one.name, replace(found, group=heading, type=found.type or kind or str)
         elif "group" in one.metadata:
             taken: Group = one.metadata["group"]
             for name, found in options_of(taken.of).items():
                 if name not in taken.without:
                     described = {"python": found.python and taken.python, **taken.changed.get(name, {})}
                     yield name, replace(found, **described)
-
-
-def _type_of(annotation: str, described: Option) -> type:
-    if described.parse is not None:
-        return str
-    return {"int": int, "float": float, "bool": bool}.get(annotation.removesuffix(" | None"), str)
 
 
 def arguments_of(job: type) -> dict[str, Option]:
@@ -123,13 +119,10 @@ def build(job: type[T], values: Mapping[str, Any]) -> T:
     for one in fields(job):  # type: ignore[arg-type]
         taken: Group | None = one.metadata.get("group")
         if taken is not None:
-            made[one.name] = build(taken.of, _group_values(taken, values))
+            known = options_of(taken.of).keys() | arguments_of(taken.of).keys()
+            given = {name: values[name] for name in known - set(taken.without) if name in values}
+            defaults = {name: one["default"] for name, one in taken.changed.items() if "default" in one}
+            made[one.name] = build(taken.of, defaults | given)
         elif one.name in values:
             made[one.name] = values[one.name]
     return job(**made)
-
-
-def _group_values(taken: Group, values: Mapping[str, Any]) -> dict[str, Any]:
-    known = options_of(taken.of).keys() | arguments_of(taken.of).keys()
-    defaults = {name: one["default"] for name, one in taken.changed.items() if "default" in one}
-    return defaults | {name: values[name] for name in known - set(taken.without) if name in values}

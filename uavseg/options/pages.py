@@ -11,6 +11,8 @@ from uavseg.options.reading import ONLY_MAPS, RASTER_STRETCH, AccessOptions, Ras
 from uavseg.options.regions import DivisionOptions
 from uavseg.options.running import OverwriteOptions, ProgressOptions, RunOptions, VerbosityOptions
 
+MISSIONS: dict[str, Any] = {"multiple": True, "parse": texts.or_none, "metavar": "PATH", "basic": True}
+
 
 class PreviewOptions(Options):
     """Picture."""
@@ -20,11 +22,7 @@ class PreviewOptions(Options):
     )
     regions: Any = option("Regions to outline: a file that extract wrote.", metavar="PATH", basic=True)
     mission: Any = option(
-        "Mission to draw, in any format of uavseg plan. May be given several times.",
-        multiple=True,
-        parse=texts.or_none,
-        metavar="PATH",
-        basic=True,
+        "Mission to draw, in any format of uavseg plan. May be given several times.", **MISSIONS
     )
     states: Any = option(
         "States in colour, segments outlined: what classify wrote.", metavar="PATH", basic=True
@@ -71,11 +69,7 @@ class MapOptions(Options):
         "Regions to show: a file that extract wrote, or any polygons.", metavar="PATH", basic=True
     )
     mission: Any = option(
-        "Mission to show, in any format of uavseg plan. May be given several times.",
-        multiple=True,
-        parse=texts.or_none,
-        metavar="PATH",
-        basic=True,
+        "Mission to show, in any format of uavseg plan. May be given several times.", **MISSIONS
     )
     camera: Any = option(
         "The camera of the missions, for the footprints of their photographs; uavseg cameras lists them.",

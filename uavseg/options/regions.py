@@ -6,17 +6,10 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from uavseg.options import texts
+from uavseg.options import reading, texts
 from uavseg.options.flights import MissionOptions
 from uavseg.options.option import Options, argument, group, option
-from uavseg.options.reading import (
-    MAP_STRETCH,
-    ONLY_MAPS,
-    RASTER_STRETCH,
-    AccessOptions,
-    RasterArguments,
-    ReadOptions,
-)
+from uavseg.options.reading import AccessOptions, RasterArguments, ReadOptions
 from uavseg.options.running import EachOptions, RegionOutputs, StorageOptions, TiledJobOptions, output_option
 
 if TYPE_CHECKING:
@@ -152,7 +145,7 @@ class ExtractOptions(TiledJobOptions):
         },
     )
     creation: StorageOptions = group(StorageOptions)
-    read: ReadOptions = group(ReadOptions, *ONLY_MAPS, **RASTER_STRETCH)
+    read: ReadOptions = group(ReadOptions, *reading.ONLY_MAPS, **reading.RASTER_STRETCH)
     division: DivisionOptions = group(DivisionOptions)
     refine: str | None = option(
         "How boundaries are found to the pixel: by total variation, four scans or a local mean; those of "
@@ -218,7 +211,9 @@ class CompareOptions(TiledJobOptions):
         "The changes: .geojson, .gpkg, .fgb, .parquet, .shp or .kml; - is GeoJSON on stdout.", "PATH"
     )
     png: str | None = option("Draw them over AFTER, too.", metavar="PATH.png", python=False, basic=True)
-    read: ReadOptions = group(ReadOptions, *ONLY_MAPS, "flatten", "skip_bad_tiles", **MAP_STRETCH)
+    read: ReadOptions = group(
+        ReadOptions, *reading.ONLY_MAPS, "flatten", "skip_bad_tiles", **reading.MAP_STRETCH
+    )
 
 
 class LevelsOptions(TiledJobOptions):
@@ -247,7 +242,7 @@ class LevelsOptions(TiledJobOptions):
         },
     )
     creation: StorageOptions = group(StorageOptions)
-    read: ReadOptions = group(ReadOptions, *ONLY_MAPS, **RASTER_STRETCH)
+    read: ReadOptions = group(ReadOptions, *reading.ONLY_MAPS, **reading.RASTER_STRETCH)
     division: DivisionOptions = group(DivisionOptions)
     refine: str | None = option(
         "How boundaries are found to the pixel: by total variation, or left at the edges of blocks. Or "
@@ -331,7 +326,7 @@ class MatchOptions(TiledJobOptions):
         parse=texts.bands,
         label="Bands to compare",
     )
-    read: ReadOptions = group(ReadOptions, *ONLY_MAPS, "flatten", **RASTER_STRETCH)
+    read: ReadOptions = group(ReadOptions, *reading.ONLY_MAPS, "flatten", **reading.RASTER_STRETCH)
     refine: str = option(
         "Boundaries to the pixel, or at the edges of cells of 8 pixels.",
         default="pixel",
@@ -378,7 +373,7 @@ class SuggestOptions(TiledJobOptions):
         label="Bands to look at",
     )
     as_json: bool = option("Write JSON, for programs.", "--json", default=False, python=False, basic=True)
-    read: ReadOptions = group(ReadOptions, *ONLY_MAPS, **RASTER_STRETCH)
+    read: ReadOptions = group(ReadOptions, *reading.ONLY_MAPS, **reading.RASTER_STRETCH)
     division: DivisionOptions = group(DivisionOptions)
 
 
@@ -388,7 +383,7 @@ class DivideOptions(TiledJobOptions):
     source: RasterArguments = group(RasterArguments)
     output: str = output_option("The block map.", "PATH.tif")
     creation: StorageOptions = group(StorageOptions)
-    read: ReadOptions = group(ReadOptions, *ONLY_MAPS, **RASTER_STRETCH)
+    read: ReadOptions = group(ReadOptions, *reading.ONLY_MAPS, **reading.RASTER_STRETCH)
     division: DivisionOptions = group(DivisionOptions, python=False)
 
 
@@ -407,7 +402,7 @@ class OriginalOptions(TiledJobOptions):
     )
     radius: int = option("Of the disc around a pixel.", default=11, metavar="PIXELS")
     sweeps: int = option("Over the pixels along boundaries.", default=32, metavar="N")
-    read: ReadOptions = group(ReadOptions, *ONLY_MAPS, "flatten", **RASTER_STRETCH)
+    read: ReadOptions = group(ReadOptions, *reading.ONLY_MAPS, "flatten", **reading.RASTER_STRETCH)
 
 
 class InfoOptions(Options):
@@ -415,7 +410,7 @@ class InfoOptions(Options):
 
     source: RasterArguments = group(RasterArguments)
     as_json: bool = option("Write JSON, for programs.", "--json", default=False, python=False, basic=True)
-    read: ReadOptions = group(ReadOptions, *ONLY_MAPS, "flatten", **RASTER_STRETCH)
+    read: ReadOptions = group(ReadOptions, *reading.ONLY_MAPS, "flatten", **reading.RASTER_STRETCH)
     threads: int | None = option("Threads to count with.  [default: all cores]", minimum=1, basic=True)
     verbose: bool = option(
         "Say what was decided, and how long it took.",

@@ -86,8 +86,7 @@ def neighbour_groups(areas: NDArray[np.object_], bounds: NDArray[np.float64]) ->
     middle = bounds[:, :2] + bounds[:, 2:]
     strip = np.argsort(np.argsort(middle[:, 0], kind="stable")) * strips // len(areas)
     order = np.lexsort((middle[:, 1], strip))
-    group = np.cumsum(corners[order]) // GROUP_CORNERS
-    return np.split(order, np.flatnonzero(np.diff(group)) + 1)
+    return np.split(order, np.flatnonzero(np.diff(np.cumsum(corners[order]) // GROUP_CORNERS)) + 1)
 
 
 def merged(areas: Sequence[Any], fill: bool = False) -> Any:

@@ -214,8 +214,7 @@ class FreeSpace:
     @cached_property
     def corners(self) -> Floats:
         """The corners (c, 2) that point into free space, where shortest paths may bend."""
-        bends = [_bends(ring) for ring in self._rings()]
-        corners = np.unique(np.concatenate([np.empty((0, 2)), *bends]), axis=0)
+        corners = np.unique(np.concatenate([np.empty((0, 2)), *map(_bends, self._rings())]), axis=0)
         corners = corners[self.is_free(corners)]
         if len(corners) > MAX_CORNERS:
             raise MissionError(
@@ -333,10 +332,8 @@ def _bends(ring: Floats) -> Floats:
     """Return the corners of a closed ring at which it turns right: the left side is free around them."""
     points = ring[:-1]
     into, out = points - np.roll(points, 1, axis=0), np.roll(points, -1, axis=0) - points
-    turn = into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0]
-    return points[turn < 0]
+    return points[into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0] < 0]
 
 
 def _distances(starts: Floats, ends: Floats) -> Floats:
-    steps = ends - starts
-    return np.hypot(steps[:, 0], steps[:, 1])
+    return np.hypot(*(ends - starts).T)

@@ -9,7 +9,7 @@ of the outline are pruned: those that end within the circle around their start.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any
 
@@ -22,20 +22,22 @@ from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.avoid.enclosing import MANY_CORNERS
-from uavseg.flight.cover.lines import (
-    MIN_LINE_M,
-    OrderParams,
-    flight_space,
-    grid_lines,
-    join_cells,
-    path_length,
-    to_and_fro,
-)
+from uavseg.flight.cover import lines as swaths
+from uavseg.flight.cover.lines import MIN_LINE_M, OrderParams, flight_space, grid_lines, path_length
 from uavseg.flight.cover.survey import axes
 
 STEPS = 6.0  # points on the outline for each unit of detail
 MAX_POINTS = 6000
 BUMP = 1.5  # radii of the circle around its start: a branch that is less long shows a bump
+GROWN = 0.25  # spacings by which a region is grown before its axis is computed: narrow places do not end it
+SMOOTH = 0.03  # spacings by which the axis is simplified
+STEP = 0.25  # spacings between places of the axis at which the width is measured
+RUN = 8  # places before and after, of which the widest decides about the number of lines
+MISSED = 5e-4  # share of a region that lines may miss
+THIN = 4.0  # spacings: the mean width of a thin region
+LONG = 8.0  # mean widths: the length of a long one
+SLENDER = 0.6  # share of its convex hull that a bent one fills
+_Section = tuple[Any, int, float]  # part of an axis (LineString), with the number of lines and their spacing
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,7 +74,7 @@ def medial_axis(polygon: Any, detail_m: float) -> list[Branch]:
         bumps = [
             path
             for path in graph.paths()
-            if graph.is_twig(path) and graph.length(path) <= BUMP * radius[_root(graph, path)] + detail_m
+            if graph.is_twig(path) and graph.length(path) <= BUMP * radius[graph.root(path)] + detail_m
         ]
         if not bumps:
             break
@@ -109,6 +111,10 @@ class _Graph:
         """Return whether a path ends freely at one side, or at both."""
         return path[0] != path[-1] and 1 in (self.degree(path[0]), self.degree(path[-1]))
 
+    def root(self, path: list[int]) -> int:
+        """Return the end of a twig at which it grows from others."""
+        return path[0] if self.degree(path[0]) != 1 else path[-1]
+
     def paths(self) -> Iterator[list[int]]:
         """Yield all paths, each once, in an order that depends on the places only."""
         used: set[tuple[int, int]] = set()
@@ -135,21 +141,6 @@ class _Graph:
             (onward,) = self.links[path[-1]] - {path[-2]}
             path.append(onward)
         return path
-
-
-def _root(graph: _Graph, path: list[int]) -> int:
-    """Return the end of a twig at which it grows from others."""
-    return path[0] if graph.degree(path[0]) != 1 else path[-1]
-
-
-GROWN = 0.25  # spacings by which a region is grown before its axis is computed: narrow places do not end it
-SMOOTH = 0.03  # spacings by which the axis is simplified
-STEP = 0.25  # spacings between places of the axis at which the width is measured
-RUN = 8  # places before and after, of which the widest decides about the number of lines
-MISSED = 5e-4  # share of a region that lines may miss
-THIN = 4.0  # spacings: the mean width of a thin region
-LONG = 8.0  # mean widths: the length of a long one
-SLENDER = 0.6  # share of its convex hull that a bent one fills
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -179,26 +170,19 @@ def is_long_and_thin(region: Any, spacing_m: float) -> bool:
     >>> is_long_and_thin(bent, 10), is_long_and_thin(shapely.box(0, 0, 300, 20), 10)
     (True, False)
     """
-    width = 2 * region.area / region.length
-    length = region.length / 2
+    width, length = 2 * region.area / region.length, region.length / 2
     bent = region.area < SLENDER * shapely.convex_hull(region).area
     return bool(width <= THIN * spacing_m and length >= LONG * width and bent)
 
 
-def corridor(
-    region: Any,
-    spacing_m: float,
-    reach_m: float = 0.0,
-    min_m: float = MIN_LINE_M,
-    obstacles: Sequence[Any] = (),
-) -> Corridor:
+def corridor(region: Any, spacing_m: float, reach_m: float = 0.0, min_m: float = MIN_LINE_M) -> Corridor:
     """Cover a region with lines along its middle, in a short order.
 
-    The region (shapely, in metres) may fork and have holes; no leg crosses an obstacle. `spacing_m` is the
-    largest distance between neighbouring lines, `reach_m` how much ground photographs show past the end of a
-    line, `min_m` the length of the shortest line. A ParameterError says that the spacing is not a positive
-    number, a MissionError that there would be more lines than a mission holds, that there is no path between
-    them, or that the region has too many corners.
+    The region (shapely, in metres) may fork and have holes. `spacing_m` is the largest distance between
+    neighbouring lines, `reach_m` how much ground photographs show past the end of a line, `min_m` the length
+    of the shortest line. A ParameterError says that the spacing is not a positive number, a MissionError that
+    there would be more lines than a mission holds, that there is no path between them, or that the region has
+    too many corners.
 
     Examples
     --------
@@ -207,7 +191,7 @@ def corridor(
     >>> round(float(np.hypot(*np.diff(line, axis=0).T).sum()), -1)  # three quarters of the circle
     1410.0
     """
-    simple, space = flight_space(region, spacing_m, 0.0, obstacles)
+    simple, space = flight_space(region, spacing_m)
     if shapely.get_num_coordinates(simple) > MANY_CORNERS:
         raise MissionError(
             f"the middle of a region is looked for that has more than {MANY_CORNERS} corners at a spacing of "
@@ -216,7 +200,6 @@ def corridor(
         )
     if shapely.get_num_coordinates(region) > MANY_CORNERS:
         region = simple
-    ends = (reach_m, min_m)
     body = shapely.simplify(shapely.buffer(simple, GROWN * spacing_m), spacing_m / 40)
     allowed = shapely.buffer(space.inside, 1e-4)
     lines = [
@@ -224,23 +207,19 @@ def corridor(
         for part in shapely.get_parts(body)
         for branch in medial_axis(part, spacing_m / 2)
         for section in _sections(branch, region, spacing_m)
-        for line in _section_lines(section, region, ends)
+        for line in _section_lines(section, region, (reach_m, min_m))
         if shapely.covers(allowed, shapely.LineString(line))
     ]
     covered = [_swath(line, spacing_m, reach_m) for line in lines]
     rest = shapely.difference(region, shapely.union_all(covered))  # as at forks
-    lines += _rest_lines(rest, MISSED * region.area, spacing_m, ends)
+    lines += _rest_lines(rest, MISSED * region.area, spacing_m, (reach_m, min_m))
     places = np.concatenate([line[[0, -1]] for line in lines])
-    order = join_cells([to_and_fro([k]) for k in range(len(lines))], places, space, OrderParams())
+    orders = [swaths.to_and_fro([k]) for k in range(len(lines))]
+    order = swaths.join_cells(orders, places, space, OrderParams())
     flown = [lines[k // 2][:: -1 if k % 2 else 1] for k in order.tolist()]
-    between = space.each_path(
-        np.array([line[-1] for line in flown[:-1]]).reshape(-1, 2),
-        np.array([line[0] for line in flown[1:]]).reshape(-1, 2),
-    )
+    ends = np.array([(before[-1], after[0]) for before, after in pairwise(flown)]).reshape(-1, 2, 2)
+    between = space.each_path(ends[:, 0], ends[:, 1])
     return Corridor(tuple(flown), tuple(between))
-
-
-_Section = tuple[Any, int, float]  # part of an axis (LineString), with the number of lines and their spacing
 
 
 def _sections(branch: Branch, region: Any, spacing_m: float) -> list[_Section]:
@@ -274,10 +253,8 @@ def _lengthened(xy: Floats, free: tuple[bool, bool], by_m: float) -> Floats:
         if is_free:
             path = xy if side else xy[::-1]
             away = np.hypot(*(path - path[-1]).T)
-            behind = path[np.flatnonzero(away >= min(by_m / 2, away.max()))[-1]]
-            step = path[-1] - behind
-            end = path[-1] + step / np.hypot(*step) * (by_m + 1)
-            path = np.concatenate([path, end[None]])
+            step = path[-1] - path[np.flatnonzero(away >= min(by_m / 2, away.max()))[-1]]
+            path = np.concatenate([path, [path[-1] + step / np.hypot(*step) * (by_m + 1)]])
             xy = path if side else path[::-1]
     return xy
 
@@ -320,9 +297,8 @@ def _trimmed(line: Any, part: Any, reach_m: float, min_m: float) -> Floats:
 
 
 def _swath(line: Floats, spacing_m: float, reach_m: float) -> Any:
-    first, last = line[0] - line[1], line[-1] - line[-2]
     longer = line.copy()
-    for end, step in ((0, first), (-1, last)):
+    for end, step in ((0, line[0] - line[1]), (-1, line[-1] - line[-2])):
         if step.any():
             longer[end] += step / np.hypot(*step) * (reach_m + 1e-6)
     return shapely.buffer(shapely.LineString(longer), spacing_m / 2 + 1e-6, cap_style="flat")
@@ -334,8 +310,7 @@ def _rest_lines(rest: Any, missed_m2: float, spacing_m: float, ends: tuple[float
     areas = np.cumsum([part.area for part in parts])
     lines: list[Floats] = []
     for part in parts[int(np.searchsorted(areas, missed_m2)) :]:
-        corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(part))
-        sides = np.diff(corners, axis=0)
+        sides = np.diff(shapely.get_coordinates(shapely.minimum_rotated_rectangle(part)), axis=0)
         east, north = sides[np.argmax(np.hypot(*sides.T))]
         turn = axes(math.degrees(math.atan2(east, north)))
         turned = shapely.transform(part, lambda xy, turn=turn: xy @ turn)

@@ -32,6 +32,11 @@ Free = Callable[[Floats, Floats], NDArray[np.bool_]]
 
 TOUCH_M = 1e-6
 NEAR_EDGE_M = 1e-3  # of an edge between strips: corners there lie on it
+MAX_LINES = 10_000  # of a region; 20 000 waypoints are planned at most, and a line takes two of them
+MIN_LINE_M = 5.0  # where the cell is as long: a vehicle looks along its line only when it flies along it
+WIDTH_SLACK = 1e-3  # share of its height by which a cell may be higher before it needs another line
+FEW_LINES = 150  # are also ordered one by one
+HALVINGS = 4  # of a straight leg past the end of a line, until it is free
 
 
 def grid_lines(
@@ -66,12 +71,10 @@ def grid_lines(
     near = np.flatnonzero(np.diff(row) == 0) + 1
     joined[near] = joins(lines[near - 1, 1], lines[near, 0])
     first = np.flatnonzero(~joined)
-    lines = np.stack(
-        [lines[first, 0], np.stack([np.maximum.reduceat(lines[:, 1, 0], first), lines[first, 1, 1]], axis=1)],
-        axis=1,
-    )
-    touched = [_touched(parts, edges[row + k], first) for k in (0, 1)]
-    return _chains(lines, row[first], *touched)
+    east = np.maximum.reduceat(lines[:, 1, 0], first)
+    lines = lines[first]
+    lines[:, 1, 0] = east
+    return _chains(lines, row[first], *(_touched(parts, edges[row + k], first) for k in (0, 1)))
 
 
 def _touched(parts: NDArray[np.object_], height: Floats, first: Integers) -> Floats:
@@ -107,11 +110,6 @@ def _chains(lines: Floats, row: Integers, below: Floats, above: Floats) -> list[
     return [lines[cell] for cell in cells]
 
 
-MAX_LINES = 10_000  # of a region; 20 000 waypoints are planned at most, and a line takes two of them
-MIN_LINE_M = 5.0  # where the cell is as long: a vehicle looks along its line only when it flies along it
-WIDTH_SLACK = 1e-3  # share of its height by which a cell may be higher before it needs another line
-
-
 def strip_lines(cell: Any, spacing_m: float, reach_m: float = 0.0, min_m: float = MIN_LINE_M) -> Floats:
     """Return the lines along x that cover a cell, from south to north.
 
@@ -135,12 +133,11 @@ def _lines_in_strips(
     pieces: NDArray[np.object_], y: Floats, reach_m: float, min_m: float = MIN_LINE_M
 ) -> Floats:
     """Return the lines along x at heights that cover pieces of strips: (n, 2, 2), west end and east end."""
-    # They are no shorter than `min_m` where the strip is as long, but 5 m where one photograph shows all of
-    # it.
+    # They are no shorter than `min_m` where the strip is as long, but 5 m where one photograph shows all.
     low, _, high, _ = shapely.bounds(pieces).T
     across = np.stack([low - 1, y, high + 1, y], axis=1).reshape(-1, 2, 2)
-    met = shapely.intersection(pieces, shapely.linestrings(across))
-    begin, _, stop, _ = shapely.bounds(met).T  # NaN where a piece is not met
+    # NaN where a piece is not met
+    begin, _, stop, _ = shapely.bounds(shapely.intersection(pieces, shapely.linestrings(across))).T
     start, end = np.fmin(low + reach_m, begin), np.fmax(high - reach_m, stop)
     shown_at_once = high - low <= 2 * reach_m - MIN_LINE_M
     middle = np.where(shown_at_once | (start > end), low + high, start + end) / 2
@@ -208,10 +205,6 @@ def flight_space(
     return simple, FreeSpace(allowed, obstacles)
 
 
-FEW_LINES = 150  # are also ordered one by one
-HALVINGS = 4  # of a straight leg past the end of a line, until it is free
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class SurveyLines:
     """Straight lines in cells; those of a cell are flown one after another, to and fro."""
@@ -276,8 +269,7 @@ def fly_lines(
 def to_and_fro(cell: Sequence[int]) -> list[Integers]:
     """Return the four orders of the lines of a cell: 2 k is line k and 2 k + 1 is line k reversed."""
     index = np.array(cell, np.int64)
-    odd = np.arange(len(index)) % 2
-    forward = [2 * index + (odd ^ turn) for turn in (0, 1)]
+    forward = [2 * index + (np.arange(len(index)) % 2 ^ turn) for turn in (0, 1)]
     return forward + [(one ^ 1)[::-1] for one in forward]
 
 

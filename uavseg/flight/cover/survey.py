@@ -23,19 +23,32 @@ from uavseg.arrays import Bools, Floats, Integers
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.flight.avoid.free_space import FreeSpace
-from uavseg.flight.cover.lines import (
-    MIN_LINE_M,
-    OrderParams,
-    SurveyLines,
-    flight_space,
-    fly_lines,
-    grid_lines,
-    in_order,
-    path_length,
-    strip_lines,
-)
+from uavseg.flight.cover import lines as swaths
+from uavseg.flight.cover.lines import MIN_LINE_M, OrderParams, SurveyLines, flight_space, grid_lines
 
 OVERLAP_M = 1e-6  # by which dividing lines are longer than the polygon is wide
+STEP = 2.0  # spacings: cells may be cut at steps of the outline that are longer
+MIN_HEIGHT = 0.5  # spacings: cells that are less high are merged
+GAP = 3.0  # spacings: longest gap over which a line continues
+TURN_M = 10.0  # a turn costs the time of so many metres: at 5 m/s, braking and accelerating at 2.5 m/s2
+STEP_DEG = 15.0  # azimuths that are tried besides those of edges; whole degrees where many are tried
+MIN_TRIES, MANY_TRIES = 3, 12
+MAX_WORK = 18_000  # tries times corners of a region and its lines
+FINE_DEG = 2.0  # between azimuths of many tries
+MAX_RISE, MAX_RISE_OF_SEVERAL = 1.35, 2.0  # their lines, relative to the fewest; of one of several regions
+LEG_LENGTHS = 48  # between which the costs of legs are interpolated
+QUICK_ROUNDS = 100  # of the search for an order, where azimuths are compared
+SPREAD, REFINED = 16, 6  # azimuths at all ranks that are tried too; azimuths beside those of the best are
+COST_DECIMALS = 6  # so that rounding errors choose nothing
+SIMILAR_DEG = 10.0  # azimuths of less difference are similar where surveys of several regions are chosen
+MAX_AZIMUTHS = 40  # of edges
+COMPACT = 0.8  # share of the convex hull: a region that fills more, and is one cell, is not divided otherwise
+MAX_CRITICAL = 400  # corners at which a region is divided into cells
+MAX_SHIFTS = 6  # places of the first line, for one azimuth
+WAY, LINE, RETURN = 0, 1, 2  # kinds of legs: between lines and from home; survey lines; home
+Costs = Callable[[Floats, Integers, Bools], Floats]
+"""Costs of the legs (n - 1,) of a path (n, 2) in metres: the second argument, (n - 1,), is the kind of each,
+the third, (n,), whether the vehicle stops there, as at home."""
 
 
 def monotone_cells(polygon: Any, step_m: float = np.inf, detail_m: float = 0.0) -> list[Any]:
@@ -63,12 +76,12 @@ def monotone_cells(polygon: Any, step_m: float = np.inf, detail_m: float = 0.0) 
         reach = shapely.Point(x, y)
         for chord in chords:
             if chord.geom_type == "LineString" and shapely.distance(chord, reach) < OVERLAP_M:
-                (first, _), (last, _) = chord.coords[0], chord.coords[-1]
-                low, high = min(first, last), max(first, last)
+                low, high = sorted((chord.coords[0][0], chord.coords[-1][0]))
                 dividing.append(shapely.LineString([(low - OVERLAP_M, y), (high + OVERLAP_M, y)]))
     lines = shapely.union_all([shapely.boundary(polygon), *dividing])  # noded: they meet at vertices only
-    faces = shapely.polygonize(list(shapely.get_parts(lines)))
-    inner = [face for face in faces.geoms if shapely.contains_xy(polygon, *_inside(face))]
+    faces = shapely.get_parts(shapely.polygonize(list(shapely.get_parts(lines))))
+    places = shapely.get_coordinates(shapely.point_on_surface(faces))
+    inner = faces[shapely.contains_xy(polygon, *places.T)]
     return sorted(inner, key=lambda face: (face.bounds[1], face.bounds[0]))
 
 
@@ -87,8 +100,7 @@ def merge_flat_cells(cells: list[Any], min_m: float) -> list[Any]:
             break
         cell = cells.pop(flat)
         grown.pop(flat)
-        touched = shapely.length(shapely.intersection(shapely.boundary(cell), grown))
-        best = int(np.argmax(touched))
+        best = int(np.argmax(shapely.length(shapely.intersection(shapely.boundary(cell), grown))))
         merged = shapely.union(shapely.buffer(cells[best], 1e-5, join_style="mitre"), cell)
         if merged.geom_type != "Polygon":
             cells.append(cell)  # it touches none: the polygon was not connected there
@@ -116,38 +128,6 @@ def _critical(ring: Floats, step_m: float) -> Floats:
     is_step = (np.abs(out[:, 0]) >= step_m) & (np.abs(out[:, 1]) <= step_m / 4)
     inner = (into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0] < 0) & (is_step | np.roll(is_step, 1))
     return np.concatenate([corners[turns_right & (below == above)], ring[inner]])
-
-
-def _inside(face: Any) -> tuple[float, float]:
-    x, y = shapely.get_coordinates(shapely.point_on_surface(face))[0]
-    return float(x), float(y)
-
-
-STEP = 2.0  # spacings: cells may be cut at steps of the outline that are longer
-MIN_HEIGHT = 0.5  # spacings: cells that are less high are merged
-GAP = 3.0  # spacings: longest gap over which a line continues
-TURN_M = 10.0  # a turn costs the time of so many metres: at 5 m/s, braking and accelerating at 2.5 m/s2
-STEP_DEG = 15.0  # azimuths that are tried besides those of edges; whole degrees where many are tried
-MIN_TRIES, MANY_TRIES = 3, 12
-MAX_WORK = 18_000  # tries times corners of a region and its lines
-FINE_DEG = 2.0  # between azimuths of many tries
-MAX_RISE, MAX_RISE_OF_SEVERAL = 1.35, 2.0  # their lines, relative to the fewest; of one of several regions
-LEG_LENGTHS = 48  # between which the costs of legs are interpolated
-QUICK_ROUNDS = 100  # of the search for an order, where azimuths are compared
-SPREAD, REFINED = 16, 6  # azimuths at all ranks that are tried too; azimuths beside those of the best are
-COST_DECIMALS = 6  # so that rounding errors choose nothing
-SIMILAR_DEG = 10.0  # azimuths of less difference are similar where surveys of several regions are chosen
-MAX_AZIMUTHS = 40  # of edges
-COMPACT = 0.8  # share of the convex hull: a region that fills more, and is one cell, is not divided otherwise
-MAX_CRITICAL = 400  # corners at which a region is divided into cells
-MAX_SHIFTS = 6  # places of the first line, for one azimuth
-
-WAY, LINE, RETURN = 0, 1, 2  # kinds of legs: between lines and from home; survey lines; home
-Costs = Callable[[Floats, Integers, Bools], Floats]
-
-
-"""Costs of the legs (n - 1,) of a path (n, 2) in metres: the second argument, (n - 1,), is the kind of each,
-the third, (n,), whether the vehicle stops there, as at home."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,7 +158,8 @@ class Survey:
     @property
     def length_m(self) -> float:
         """Length of lines and legs in metres."""
-        return float(_length(self.outer).sum() + sum(path_length(leg) for leg in self.legs))
+        lines_m = np.hypot(*(self.outer[:, 1] - self.outer[:, 0]).T).sum()
+        return float(lines_m + sum(swaths.path_length(leg) for leg in self.legs))
 
     @property
     def turns(self) -> int:
@@ -187,13 +168,10 @@ class Survey:
 
     def path(self) -> tuple[Floats, Bools]:
         """Return the path of flight (k, 2), and whether each of its legs is a line (k - 1,)."""
-        legs = [
-            self.outer[0],
-            *(part for pair in zip(self.legs, self.outer[1:], strict=True) for part in pair),
-        ]
+        after = zip(self.legs, self.outer[1:], strict=True)
+        legs = [self.outer[0], *(part for pair in after for part in pair)]
         xy = np.concatenate([leg[1:] if k else leg for k, leg in enumerate(legs)])
-        counts = [len(leg) - 1 for leg in legs]
-        return xy, np.repeat(np.arange(len(legs)) % 2 == 0, counts)
+        return xy, np.repeat(np.arange(len(legs)) % 2 == 0, [len(leg) - 1 for leg in legs])
 
 
 def surveys(region: Any, params: CoverParams, obstacles: Sequence[Any] = ()) -> list[Survey]:
@@ -246,7 +224,7 @@ def _found(region: Any, params: CoverParams, near: FreeSpace, space: FreeSpace) 
         if is_thorough:
             costs = _least_costs([list(_fly(lines, space, quick)) for lines in laid], params)
         else:
-            orders = [in_order(np.concatenate(lines.cells), lines.rough_order(home)) for lines in laid]
+            orders = [swaths.in_order(np.concatenate(lines.cells), lines.rough_order(home)) for lines in laid]
             paths = [(xy.reshape(-1, 2), np.arange(2 * len(xy) - 1) % 2 == 0) for xy in orders]
             costs = _path_costs(paths, params)
         return [laid[k] for k in np.argsort(costs, kind="stable").tolist()]
@@ -258,7 +236,8 @@ def _found(region: Any, params: CoverParams, near: FreeSpace, space: FreeSpace) 
         shifted = [
             lines for grid in grids * is_thorough for lines in _shifted(region, grid.angle_deg, params, near)
         ]
-        return [*shifted, *(lines for lines in cells if _stays_in(lines, near))]
+        inside = [near.sees(*np.concatenate(lines.cells).swapaxes(0, 1)).all() for lines in cells]
+        return [*shifted, *(lines for lines, is_in in zip(cells, inside, strict=True) if is_in)]
 
     grids = ranked([_grid(region, azimuth, params, near) for azimuth in _azimuths(region, params, tries)])
     spread = grids[:: max(len(grids) // SPREAD, 1)] if is_thorough else []
@@ -273,8 +252,7 @@ def _found(region: Any, params: CoverParams, near: FreeSpace, space: FreeSpace) 
         turns = np.zeros(len(laid), np.int64)  # the first of each group of similar azimuths comes first
         azimuths = np.array([lines.angle_deg for lines in laid])
         for k in range(1, len(laid)):
-            apart = np.abs((azimuths[:k] - azimuths[k] + 90) % 180 - 90)
-            turns[k] = np.count_nonzero(apart < SIMILAR_DEG)
+            turns[k] = np.sum(np.abs((azimuths[:k] - azimuths[k] + 90) % 180 - 90) < SIMILAR_DEG)
         laid = [laid[k] for k in np.argsort(turns, kind="stable")]
     flown = [list(_fly(lines, space, order)) for lines in laid[: max(tries // 3, MIN_TRIES)]]
     best_first = np.argsort(_least_costs(flown, params), kind="stable").tolist()
@@ -340,8 +318,7 @@ def _azimuths(region: Any, params: CoverParams, tries: int) -> list[float]:
     rise = [float(np.abs(edges @ axes(azimuth)[:, 1]).sum()) for azimuth in azimuths.tolist()]
     best: list[float] = azimuths[np.argsort(rise, kind="stable")].tolist()
     most = min(rise) * (MAX_RISE_OF_SEVERAL if params.home is None else MAX_RISE)
-    count = int((np.array(rise) <= most).sum()) if many else 2 * tries
-    return best[:count]
+    return best[: int((np.array(rise) <= most).sum()) if many else 2 * tries]
 
 
 def axes(angle_deg: float) -> Floats:
@@ -358,8 +335,7 @@ def _grid(
     turn, spacing = axes(angle_deg), params.spacing_m
 
     def joins(starts: Floats, ends: Floats) -> NDArray[np.bool_]:
-        near = ends[:, 0] - starts[:, 0] <= GAP * spacing
-        return near & space.sees(starts @ turn.T, ends @ turn.T)
+        return (ends[:, 0] - starts[:, 0] <= GAP * spacing) & space.sees(starts @ turn.T, ends @ turn.T)
 
     cells = grid_lines(_turned(region, turn), spacing, (params.reach_m, params.min_m), joins, start)
     return SurveyLines(angle_deg, tuple(cell @ turn.T for cell in cells), params.lead_m)
@@ -386,14 +362,9 @@ def _cells(region: Any, angle_deg: float, params: CoverParams) -> list[SurveyLin
     for step, count in counts.items():
         if count <= MAX_CRITICAL and (step == math.inf or count > counts[math.inf]):
             cells = merge_flat_cells(monotone_cells(turned, step, min_m / 2), min_m)
-            lines = [strip_lines(cell, spacing, params.reach_m, params.min_m) @ turn.T for cell in cells]
+            lines = [swaths.strip_lines(one, spacing, params.reach_m, params.min_m) @ turn.T for one in cells]
             divisions.append(SurveyLines(angle_deg, tuple(lines), params.lead_m))
     return divisions
-
-
-def _stays_in(lines: SurveyLines, space: FreeSpace) -> bool:
-    flat = np.concatenate(lines.cells)
-    return bool(space.sees(flat[:, 0], flat[:, 1]).all())
 
 
 def _turned(region: Any, turn: Floats) -> Any:
@@ -401,7 +372,7 @@ def _turned(region: Any, turn: Floats) -> Any:
 
 
 def _fly(lines: SurveyLines, space: FreeSpace, params: OrderParams) -> Iterator[Survey]:
-    for flown, outer, legs in fly_lines(lines, space, params):
+    for flown, outer, legs in swaths.fly_lines(lines, space, params):
         yield Survey(angle_deg=lines.angle_deg, cells=len(lines.cells), lines=flown, outer=outer, legs=legs)
 
 
@@ -415,8 +386,7 @@ def _joined(first: list[Survey], second: list[Survey], space: FreeSpace) -> Surv
     ]
     ends = np.array([[one.outer[-1, 1], other.outer[0, 0]] for one, other in pairs])
     points, index = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)
-    index = index.reshape(-1, 2)
-    paths = space.paths(points)
+    index, paths = index.reshape(-1, 2), space.paths(points)
     best = int(np.argmin(paths.lengths[index[:, 0], index[:, 1]]))
     one, other = pairs[best]
     return Survey(
@@ -431,8 +401,3 @@ def _joined(first: list[Survey], second: list[Survey], space: FreeSpace) -> Surv
 def _reversed(flown: Survey) -> Survey:
     legs = tuple(leg[::-1] for leg in flown.legs[::-1])
     return replace(flown, lines=flown.lines[::-1, ::-1], outer=flown.outer[::-1, ::-1], legs=legs)
-
-
-def _length(lines: Floats) -> Floats:
-    lengths: Floats = np.hypot(*(lines[:, 1] - lines[:, 0]).T)
-    return lengths

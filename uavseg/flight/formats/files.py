@@ -182,9 +182,8 @@ def check_mission_format(path: MissionPath) -> str:
 def station_refusals(content: bytes, suffix: str) -> dict[str, str]:
     """Return why each program refuses a .plan or .waypoints file, empty where it loads it.
 
-    Transcribed from the loaders of QGroundControl, Mission Planner and MAVSDK.
-
-    `content` is that of a file that `read_mission` reads. Nothing is returned for other formats.
+    Transcribed from the loaders of QGroundControl, Mission Planner and MAVSDK. `content` is that of a file
+    that `read_mission` reads. Nothing is returned for other formats.
     """
     if suffix == ".plan":
         plan = parse_json(content.decode())
@@ -214,20 +213,16 @@ def _qgc_plan(plan: Mapping[str, Any]) -> Iterator[str]:
             yield f"mission has no {key}"
     if len(mission["plannedHomePosition"]) != 3:
         yield "plannedHomePosition has not three numbers"
-    yield from _qgc_items(mission["items"])
-    for polygon in plan["geoFence"].get("polygons") or []:
-        for key in ("version", "inclusion", "polygon"):
-            if key not in polygon:
-                yield f"a polygon of the fence has no {key}"
-
-
-def _qgc_items(items: list[Mapping[str, Any]]) -> Iterator[str]:
-    for number, item in enumerate(_simple_items(items), start=1):
+    for number, item in enumerate(_simple_items(mission["items"]), start=1):
         for key in ("command", "frame", "params", "autoContinue"):
             if key not in item:
                 yield f"item {number} has no {key}"
         if len(item["params"]) != 7:
             yield f"item {number} has {len(item['params'])} params instead of 7"
+    for polygon in plan["geoFence"].get("polygons") or []:
+        for key in ("version", "inclusion", "polygon"):
+            if key not in polygon:
+                yield f"a polygon of the fence has no {key}"
 
 
 def _planner_plan(plan: Mapping[str, Any]) -> Iterator[str]:
@@ -239,8 +234,7 @@ def _planner_plan(plan: Mapping[str, Any]) -> Iterator[str]:
     for item in mission["items"]:
         if item["type"] == "SimpleItem":
             continue
-        transect = item.get("TransectStyleComplexItem") or {}
-        camera = transect.get("CameraCalc") or {}
+        camera = (item.get("TransectStyleComplexItem") or {}).get("CameraCalc") or {}
         for holder, keys in ((item, _SURVEY_INTEGERS), (camera, _CAMERA_INTEGERS)):
             for key in keys:
                 if not _is_whole(holder.get(key, 0)):

@@ -12,34 +12,15 @@ from uavseg.errors import MissionError
 from uavseg.flight.formats.options import FileOptions
 from uavseg.flight.formats.waypoints import decimal
 from uavseg.flight.formats.xml_text import child, parse_xml, plain_name, xml_text
-from uavseg.flight.mission.features import (
-    ABOVE_HOME,
-    ABOVE_SEA,
-    FENCE,
-    FLIGHT,
-    HOME,
-    ITEM,
-    PHOTOS,
-    RALLY,
-    MissionFeature,
-    Place,
-    Value,
-    features_of,
-    mission_of_features,
-)
+from uavseg.flight.mission import features
+from uavseg.flight.mission.features import MissionFeature, Place, Value, features_of, mission_of_features
 from uavseg.flight.mission.mission import Mission
 from uavseg.plain_text import shown
 
 NAMESPACE = "http://www.opengis.net/kml/2.2"
-FOLDERS = {
-    FLIGHT: "line of flight",
-    PHOTOS: "photographs",
-    HOME: "home",
-    ITEM: "items",
-    FENCE: "fence",
-    RALLY: "rally points",
-}
-_COLORS = {FLIGHT: "ff00d7ff", PHOTOS: "ff0055ff", FENCE: "ff00ff00"}  # aabbggrr
+FOLDERS = {features.FLIGHT: "line of flight", features.PHOTOS: "photographs", features.HOME: "home"}
+FOLDERS |= {features.ITEM: "items", features.FENCE: "fence", features.RALLY: "rally points"}
+_COLORS = {features.FLIGHT: "ff00d7ff", features.PHOTOS: "ff0055ff", features.FENCE: "ff00ff00"}  # aabbggrr
 _FLAGS = {"true": True, "false": False}
 _SHAPES = ("Point", "LineString", "Polygon")
 
@@ -56,12 +37,11 @@ def write_kml(mission: Mission, options: FileOptions) -> bytes:
         child(line, "width", "2")
         child(child(style, "PolyStyle"), "fill", "0")
     folders: dict[str, ET.Element] = {}
-    home_m = mission.home.altitude_m
     for feature in features_of(mission):
         if feature.role not in folders:
             folders[feature.role] = child(document, "Folder")
             child(folders[feature.role], "name", FOLDERS[feature.role])
-        _placemark(folders[feature.role], feature, home_m)
+        _placemark(folders[feature.role], feature, mission.home.altitude_m)
     return xml_text(root)
 
 
@@ -79,8 +59,7 @@ def _placemark(folder: ET.Element, feature: MissionFeature, home_m: float) -> No
         child(placemark, "styleUrl", f"#{feature.role}")
     data = child(placemark, "ExtendedData")
     for key, value in {"kind": feature.role, **feature.values}.items():
-        entry = ET.SubElement(data, "Data", {"name": key})
-        child(entry, "value", _value_text(value))
+        child(ET.SubElement(data, "Data", {"name": key}), "value", _value_text(value))
     if feature.shape == "Polygon":
         ring = child(child(child(placemark, "Polygon"), "outerBoundaryIs"), "LinearRing")
         places = (f"{_degrees(lon)},{_degrees(lat)}" for lat, lon, _ in feature.places)
@@ -89,14 +68,18 @@ def _placemark(folder: ET.Element, feature: MissionFeature, home_m: float) -> No
         geometry = child(placemark, feature.shape)
         if feature.shape == "LineString":
             child(geometry, "tessellate", "0")
-        _coordinates(geometry, feature, home_m)
+        is_raised = feature.heights == features.ABOVE_HOME and home_m != 0
+        above_sea, added = is_raised or feature.heights == features.ABOVE_SEA, home_m if is_raised else 0.0
+        child(geometry, "altitudeMode", "absolute" if above_sea else "relativeToGround")
+        texts = (f"{_degrees(lon)},{_degrees(lat)},{m + added:.3f}" for lat, lon, m in feature.places)
+        child(geometry, "coordinates", " ".join(texts))
 
 
 def _name(feature: MissionFeature) -> str:
     values = feature.values
-    if feature.role == ITEM:
+    if feature.role == features.ITEM:
         return f"{values['number']} (command {values['command']})"
-    if feature.role == FENCE:
+    if feature.role == features.FENCE:
         return "stay inside" if values["inclusion"] else "keep out"
     return FOLDERS[feature.role]
 
@@ -107,22 +90,13 @@ def _value_text(value: Value) -> str:
     return "" if value is None else repr(value) if isinstance(value, float) else str(value)
 
 
-def _coordinates(parent: ET.Element, feature: MissionFeature, home_m: float) -> None:
-    above_sea = feature.heights == ABOVE_SEA or (feature.heights == ABOVE_HOME and home_m != 0)
-    added = home_m if above_sea and feature.heights == ABOVE_HOME else 0.0
-    child(parent, "altitudeMode", "absolute" if above_sea else "relativeToGround")
-    texts = (f"{_degrees(lon)},{_degrees(lat)},{height + added:.3f}" for lat, lon, height in feature.places)
-    child(parent, "coordinates", " ".join(texts))
-
-
 def _degrees(value: float) -> str:
     return decimal(value, 1)
 
 
 def read_kml(content: bytes, name: str) -> Mission:
     """Read a .kml file that `write_kml` wrote."""
-    root = parse_xml(content)
-    return mission_of_features(map(_read_placemark, root.iter("Placemark")), name)
+    return mission_of_features(map(_read_placemark, parse_xml(content).iter("Placemark")), name)
 
 
 def _read_placemark(placemark: ET.Element) -> MissionFeature:

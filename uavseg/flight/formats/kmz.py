@@ -8,16 +8,9 @@ from io import BytesIO
 
 from uavseg.errors import MissionError
 from uavseg.flight.camera.camera import cameras
+from uavseg.flight.formats import wpml
 from uavseg.flight.formats.options import DJI_MODELS, TURN_THROUGH, DjiModel, FileOptions
 from uavseg.flight.formats.wayline import Wayline, mission_of_wayline, wayline_losses, wayline_of
-from uavseg.flight.formats.wpml import (
-    TURN_M,
-    check_wayline,
-    read_waylines,
-    return_height_m,
-    template_kml,
-    waylines_wpml,
-)
 from uavseg.flight.formats.xml_text import MAX_BYTES
 from uavseg.flight.mission.mission import Mission
 from uavseg.plain_text import cause_of
@@ -35,11 +28,11 @@ def write_kmz(mission: Mission, options: FileOptions) -> bytes:
     So it is if the mission is planned for a camera that the aircraft does not carry.
     """
     wayline = wayline_of(mission, NAME)
-    check_wayline(wayline, NAME)
+    wpml.check_wayline(wayline, NAME)
     _check_camera(mission, options.model)
     stream = BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, write in ((TEMPLATE, template_kml), (WAYLINES, waylines_wpml)):
+        for name, write in ((TEMPLATE, wpml.template_kml), (WAYLINES, wpml.waylines_wpml)):
             member = zipfile.ZipInfo(name, _NO_DATE)
             member.compress_type = zipfile.ZIP_DEFLATED
             archive.writestr(member, write(wayline, options))
@@ -47,10 +40,8 @@ def write_kmz(mission: Mission, options: FileOptions) -> bytes:
 
 
 def _check_camera(mission: Mission, model: DjiModel) -> None:
-    """Refuse a camera of the catalogue that the aircraft certainly does not carry.
-
-    Those of other makers, and Zenmuse of DJI, can be mounted where cameras are exchangeable.
-    """
+    """Refuse a camera of the catalogue that the aircraft certainly does not carry."""
+    # Those of other makers, and Zenmuse of DJI, can be mounted where cameras are exchangeable.
     if mission.photos is None or mission.photos.camera not in cameras():
         return
     camera = mission.photos.camera.name
@@ -72,18 +63,16 @@ def kmz_losses(mission: Mission, options: FileOptions) -> list[str]:
     wayline, home, model = wayline_of(mission, NAME), mission.home, options.model
     notes = wayline_losses(mission, wayline, NAME)
     stops = ", which stops at every waypoint, for seconds that the estimate does not count (--turn)"
-    if options.turn == TURN_THROUGH:
-        stops = ""
     notes.append(
-        f"the .kmz is for a {model.name} (--dji-model){stops}; it does not hold home: take off at "
-        f"{home.lat:.6f},{home.lon:.6f}, from where heights count"
+        f"the .kmz is for a {model.name} (--dji-model){stops * (options.turn != TURN_THROUGH)}; it does not "
+        f"hold home: take off at {home.lat:.6f},{home.lon:.6f}, from where heights count"
     )
     if any(point.heading_deg is not None and point.heading_deg % 1 for point in wayline.points):
         notes.append("headings are rounded to whole degrees in a .kmz")
     if options.turn == TURN_THROUGH:
         notes.append(
-            f"with --turn through the aircraft turns up to {TURN_M:g} m before waypoints, and leaves the "
-            f"legs there by up to {TURN_M / 2:g} m: keep more than that from zones"
+            f"with --turn through the aircraft turns up to {wpml.TURN_M:g} m before waypoints, and leaves "
+            f"the legs there by up to {wpml.TURN_M / 2:g} m: keep more than that from zones"
         )
     if "visible" in options.lenses and "zoom" in model.lenses:
         notes.append(
@@ -103,8 +92,8 @@ def _fly_notes(wayline: Wayline, model: DjiModel) -> Iterator[str]:
     """Yield what the pilot has to do in DJI Fly, which does not open files of others."""
     yield (
         "DJI Fly opens only its own missions: save one there, and replace its .kmz by this one under its "
-        f"name; set the return height in DJI Fly to {return_height_m(wayline):g} m at least, as the file "
-        "does not hold it"
+        f"name; set the return height in DJI Fly to {wpml.return_height_m(wayline):g} m at least, as the "
+        "file does not hold it"
     )
     if model.note:
         yield model.note
@@ -125,7 +114,7 @@ def _fly_notes(wayline: Wayline, model: DjiModel) -> Iterator[str]:
 
 def read_kmz(content: bytes, name: str) -> Mission:
     """Read the one wayline of a .kmz file as a mission."""
-    wayline, notes = read_waylines(_member(content))
+    wayline, notes = wpml.read_waylines(_member(content))
     return mission_of_wayline(wayline, name, notes)
 
 

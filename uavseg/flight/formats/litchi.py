@@ -12,16 +12,9 @@ from collections.abc import Iterator
 from contextlib import suppress
 
 from uavseg.errors import MissionError
+from uavseg.flight.formats import wayline as waylines
 from uavseg.flight.formats.options import FileOptions
-from uavseg.flight.formats.wayline import (
-    FINISH_NONE,
-    Wayline,
-    WaylinePoint,
-    legs_m,
-    mission_of_wayline,
-    wayline_losses,
-    wayline_of,
-)
+from uavseg.flight.formats.wayline import Wayline, WaylinePoint
 from uavseg.flight.formats.waypoints import decimal
 from uavseg.flight.mission.items import FRAME_RELATIVE, FRAME_TERRAIN
 from uavseg.flight.mission.mission import Mission
@@ -49,21 +42,20 @@ MAX_ROWS = 100_000
 
 def write_litchi(mission: Mission, options: FileOptions) -> bytes:
     """Write a mission as the content of a .csv file; raise MissionError if Litchi cannot fly it."""
-    wayline = wayline_of(mission, NAME)
+    wayline = waylines.wayline_of(mission, NAME)
     check_wayline(wayline)
-    befores = (None, *wayline.points)
-    rows = [COLUMNS, *(_row(*pair) for pair in zip(befores, wayline.points, strict=False))]
+    rows = [COLUMNS, *map(_row, (None, *wayline.points), wayline.points)]
     return "".join(",".join(row) + "\n" for row in rows).encode()
 
 
 def litchi_losses(mission: Mission, options: FileOptions) -> list[str]:
     """Return what a .csv cannot hold of a mission, and what has to be set in Litchi, one sentence each."""
-    wayline, home = wayline_of(mission, NAME), mission.home
+    wayline, home = waylines.wayline_of(mission, NAME), mission.home
     end = {"return": "RTH", "land": "Land", "none": "None"}[wayline.finish]
     turned = any(point.heading_deg is not None or point.looks_at for point in wayline.points)
     heading = "custom" if turned else "auto"
     return [
-        *wayline_losses(mission, wayline, NAME),
+        *waylines.wayline_losses(mission, wayline, NAME),
         f"in Litchi, set the path mode to straight lines, the heading mode to {heading} and the finish "
         f"action to {end}; the .csv does not hold them, nor home: take off at {home.lat:.6f},{home.lon:.6f}",
     ]
@@ -93,7 +85,7 @@ def check_wayline(wayline: Wayline) -> None:
                 f"Litchi stays at a waypoint for up to {MAX_STAY_MS / 1000:g} s, and waypoint {number} asks "
                 f"for {point.hold_s:g} s"
             )
-    for number, leg_m in enumerate(legs_m(wayline.points), start=1):
+    for number, leg_m in enumerate(waylines.legs_m(wayline.points), start=1):
         if not MIN_LEG_M <= leg_m <= MAX_LEG_M:
             raise MissionError(
                 f"Litchi flies legs of {MIN_LEG_M:g} to {MAX_LEG_M:g} m, and the one from waypoint {number} "
@@ -102,10 +94,8 @@ def check_wayline(wayline: Wayline) -> None:
 
 
 def _row(before: WaylinePoint | None, point: WaylinePoint) -> list[str]:
-    """Return the fields of a waypoint; where a leg from or to it looks at a place, so does the waypoint.
-
-    Litchi turns evenly from what holds at one waypoint to what holds at the next.
-    """
+    """Return the fields of a waypoint; where a leg from or to it looks at a place, so does the waypoint."""
+    # Litchi turns evenly from what holds at one waypoint to what holds at the next.
     place = point.looks_at or (before and before.looks_at)
     heading, gimbal_mode = point.heading_deg, 0 if point.pitch_deg is None else INTERPOLATED_PITCH
     if place:
@@ -136,8 +126,8 @@ def read_litchi(content: bytes, name: str) -> Mission:
         raise MissionError("it holds no waypoints")
     notes["what follows the last waypoint is set in Litchi, not in its file"] = None
     takeoff_m = max(points[0].altitude_m, 1.0)  # Litchi takes off, and climbs to the first waypoint
-    wayline = Wayline(points=points, takeoff_m=takeoff_m, approach_m_s=None, finish=FINISH_NONE)
-    return mission_of_wayline(wayline, name, list(notes))
+    wayline = Wayline(points=points, takeoff_m=takeoff_m, approach_m_s=None, finish=waylines.FINISH_NONE)
+    return waylines.mission_of_wayline(wayline, name, list(notes))
 
 
 def _points(text: str, notes: dict[str, None]) -> Iterator[WaylinePoint]:

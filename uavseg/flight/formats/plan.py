@@ -12,27 +12,20 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.formats.options import FileOptions
 from uavseg.flight.formats.waypoints import ItemReader
-from uavseg.flight.mission.items import (
-    AUTOPILOTS,
-    CAMERA_DISTANCE,
-    FRAME_AMSL,
-    FRAME_RELATIVE,
-    FRAME_TERRAIN,
-    WAYPOINT,
-    Fence,
-    FenceCircle,
-    FencePolygon,
-    HomePosition,
-    MissionItem,
-    RallyPoint,
-)
+from uavseg.flight.mission import items as mav
+from uavseg.flight.mission.items import FenceCircle, FencePolygon, HomePosition, MissionItem, RallyPoint
 from uavseg.flight.mission.mission import Mission, Position, SurveyBlock
 from uavseg.inputs import parse_json
 from uavseg.plain_text import shown
 
-ALTITUDE_MODES = {FRAME_RELATIVE: 1, FRAME_AMSL: 2, FRAME_TERRAIN: 4}  # QGroundControl's enum, by MAV_FRAME
+# QGroundControl's enum, by MAV_FRAME
+ALTITUDE_MODES = {mav.FRAME_RELATIVE: 1, mav.FRAME_AMSL: 2, mav.FRAME_TERRAIN: 4}
 SURVEY_VERSION = 5
 MANUAL_CAMERA, CUSTOM_CAMERA = "Manual (no camera specs)", "Custom Camera"
+_MIXED = 0  # of the same enum: items differ
+_QUADROTOR = 2  # MAV_TYPE
+_PLANE_SPEED_M_S = 15  # .plan requires a fixed-wing speed; a multirotor does not use it
+_VERSION, _SHAPE_VERSION = 2, 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +42,7 @@ def find_blocks(mission: Mission) -> list[BlockItems]:
 
     They are in the order of the items, without overlap; of convex cells alone.
     """
-    visits = [number for number, item in enumerate(mission.items) if item.command == WAYPOINT]
+    visits = [number for number, item in enumerate(mission.items) if item.command == mav.WAYPOINT]
     at = [(mission.items[number].lat, mission.items[number].lon) for number in visits]
     result = []
     for block in mission.blocks:
@@ -74,12 +67,10 @@ def _position_of(part: list[Position], whole: list[Position]) -> int | None:
 def _matching(mission: Mission, block: SurveyBlock, first: int, last: int) -> list[BlockItems]:
     """Return the range of items with the trigger that ends it, if it holds only waypoints and triggers."""
     stop = last + 1
-    if stop < len(mission.items) and mission.items[stop].command == CAMERA_DISTANCE:
+    if stop < len(mission.items) and mission.items[stop].command == mav.CAMERA_DISTANCE:
         stop += 1
-    plain = all(
-        item.command == CAMERA_DISTANCE or (item.command == WAYPOINT and item.frame == FRAME_RELATIVE)
-        for item in mission.items[first:stop]
-    )
+    others = [item for item in mission.items[first:stop] if item.command != mav.CAMERA_DISTANCE]
+    plain = all(one.command == mav.WAYPOINT and one.frame == mav.FRAME_RELATIVE for one in others)
     return [BlockItems(block, first, stop)] if plain else []
 
 
@@ -87,13 +78,16 @@ def survey_item(
     block: SurveyBlock, items: Sequence[MissionItem], written: Sequence[dict[str, Any]]
 ) -> dict[str, Any]:
     """Write a block as a ComplexItem of version 5, from the items that fly it and the same as SimpleItems."""
-    flown = [(item.lat, item.lon) for item in items if item.command == WAYPOINT]
+    flown = [(item.lat, item.lon) for item in items if item.command == mav.WAYPOINT]
+    triggers = [item.params for item in items if item.command == mav.CAMERA_DISTANCE]
+    lat, lon = (sum(values) / len(block.outline) for values in zip(*block.outline, strict=True))
     return {
         "type": "ComplexItem",
         "complexItemType": "survey",
         "version": SURVEY_VERSION,
         "angle": round((block.angle_deg + 90) % 180 - 90, 6),  # of transects, from -90 to 90
-        "entryLocation": _entry_location(block.outline, flown[0]),
+        # where the lines begin: 0 top left, 1 top right, 2 bottom left, 3 bottom right
+        "entryLocation": 2 * int(flown[0][0] < lat) + int(flown[0][1] >= lon),
         "flyAlternateTransects": False,
         "splitConcavePolygons": False,
         "polygon": [list(position) for position in block.outline],
@@ -103,30 +97,25 @@ def survey_item(
             "CameraTriggerInTurnAround": False,
             "HoverAndCapture": False,
             "Refly90Degrees": False,
-            "CameraShots": sum(item.command == CAMERA_DISTANCE and bool(item.params[2]) for item in items),
+            "CameraShots": sum(bool(params[2]) for params in triggers),
             "VisualTransectPoints": [list(position) for position in flown],
             "Items": list(written),
-            "CameraCalc": _camera_calc(block, items),
+            "CameraCalc": _camera_calc(
+                block, max((float(params[0] or 0) for params in triggers), default=0.0)
+            ),
         },
     }
 
 
-def _entry_location(outline: Sequence[Position], entry: Position) -> int:
-    """Return the corner at which the lines begin: 0 top left, 1 top right, 2 bottom left, 3 bottom right."""
-    lat, lon = (sum(values) / len(outline) for values in zip(*outline, strict=True))
-    return 2 * int(entry[0] < lat) + int(entry[1] >= lon)
-
-
-def _camera_calc(block: SurveyBlock, items: Sequence[MissionItem]) -> dict[str, Any]:
+def _camera_calc(block: SurveyBlock, trigger_m: float) -> dict[str, Any]:
     """Write spacing, trigger distance and camera as QGroundControl's CameraCalc."""
-    triggers = [float(item.params[0] or 0) for item in items if item.command == CAMERA_DISTANCE]
     calc = {
         "version": 2,
         "CameraName": MANUAL_CAMERA,
-        "DistanceMode": ALTITUDE_MODES[FRAME_RELATIVE],
+        "DistanceMode": ALTITUDE_MODES[mav.FRAME_RELATIVE],
         "DistanceToSurface": block.height_m,
         "AdjustedFootprintSide": block.spacing_m,
-        "AdjustedFootprintFrontal": max(triggers, default=0.0),
+        "AdjustedFootprintFrontal": trigger_m,
     }
     if block.photos is None:
         return calc
@@ -166,12 +155,6 @@ def items_of_survey(item: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     return items
 
 
-_MIXED = 0  # of the same enum: items differ
-_QUADROTOR = 2  # MAV_TYPE
-_PLANE_SPEED_M_S = 15  # .plan requires a fixed-wing speed; a multirotor does not use it
-_VERSION, _SHAPE_VERSION = 2, 1
-
-
 def plan_losses(mission: Mission, options: FileOptions) -> list[str]:
     """Return which waypoints are not editable, if `options.editable` is set."""
     if not options.editable:
@@ -179,8 +162,8 @@ def plan_losses(mission: Mission, options: FileOptions) -> list[str]:
     if not mission.blocks:
         return ["nothing of this mission can be edited as a survey in QGroundControl: it has no survey lines"]
     blocks = find_blocks(mission)
-    inside = sum(item.command == WAYPOINT for one in blocks for item in mission.items[one.first : one.stop])
-    single = sum(item.command == WAYPOINT for item in mission.items) - inside
+    is_visit = [item.command == mav.WAYPOINT for item in mission.items]
+    single = sum(is_visit) - sum(sum(is_visit[one.first : one.stop]) for one in blocks)
     if not single:
         return []
     parts = "part" if len(blocks) == 1 else "parts"
@@ -204,7 +187,7 @@ def write_plan(mission: Mission, options: FileOptions) -> bytes:
         "version": 1,
         "mission": {
             "version": 2,
-            "firmwareType": AUTOPILOTS[mission.autopilot],
+            "firmwareType": mav.AUTOPILOTS[mission.autopilot],
             "vehicleType": _QUADROTOR,
             "cruiseSpeed": _PLANE_SPEED_M_S,
             "hoverSpeed": max(round(mission.speed_m_s), 1),  # Mission Planner reads integers only
@@ -257,7 +240,7 @@ def read_plan(content: bytes, name: str) -> Mission:
     if plan["version"] != 1 or plan["mission"]["version"] != 2:
         raise MissionError("only version 1 of .plan with version 2 of missions can be read")
     mission = plan["mission"]
-    autopilot = {number: name for name, number in AUTOPILOTS.items()}.get(mission["firmwareType"])
+    autopilot = {number: name for name, number in mav.AUTOPILOTS.items()}.get(mission["firmwareType"])
     if autopilot is None:
         raise MissionError(
             f"its firmwareType is {shown(mission['firmwareType'])}; "
@@ -312,7 +295,7 @@ def _fields_of(item: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _fence_to_json(fence: Iterable[Fence]) -> dict[str, Any]:
+def _fence_to_json(fence: Iterable[mav.Fence]) -> dict[str, Any]:
     """Write a fence as a `geoFence` object, with every key that QGroundControl requires."""
     polygons: list[dict[str, Any]] = []
     circles: list[dict[str, Any]] = []
@@ -321,12 +304,11 @@ def _fence_to_json(fence: Iterable[Fence]) -> dict[str, Any]:
         if isinstance(shape, FencePolygon):
             polygons.append(common | {"polygon": [list(vertex) for vertex in shape.vertices]})
         else:
-            circle = {"center": [shape.lat, shape.lon], "radius": shape.radius_m}
-            circles.append(common | {"circle": circle})
+            circles.append(common | {"circle": {"center": [shape.lat, shape.lon], "radius": shape.radius_m}})
     return {"version": _VERSION, "circles": circles, "polygons": polygons}
 
 
-def _fence_from_json(geofence: Mapping[str, Any]) -> tuple[Fence, ...]:
+def _fence_from_json(geofence: Mapping[str, Any]) -> tuple[mav.Fence, ...]:
     """Read the polygons, then the circles of a `geoFence` object."""
     polygons = [
         FencePolygon(tuple((float(lat), float(lon)) for lat, lon in shape["polygon"]), _inclusion(shape))

@@ -12,35 +12,13 @@ from itertools import pairwise
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.formats.waypoints import HOME_UNKNOWN
-from uavseg.flight.mission.items import (
-    CAMERA_DISTANCE,
-    CHANGE_SPEED,
-    CONDITION_GATE,
-    FRAME_AMSL,
-    FRAME_MISSION,
-    FRAME_RELATIVE,
-    FRAME_TERRAIN,
-    IMAGE_START,
-    IMAGE_STOP,
-    JUMP,
-    LAND,
-    LAST_NAV,
-    LOITER_TIME,
-    MOUNT_CONTROL,
-    RETURN,
-    ROI_LOCATION,
-    ROI_NONE,
-    TAKEOFF,
-    WAYPOINT,
-    HomePosition,
-    MissionItem,
-    check_position,
-    distance_m,
-)
+from uavseg.flight.mission import items as mav
+from uavseg.flight.mission.items import HomePosition, MissionItem, check_position, distance_m
 from uavseg.flight.mission.mission import CRUISE_M_S, Mission
 
 _SETTINGS = frozenset(
-    {CHANGE_SPEED, MOUNT_CONTROL, ROI_LOCATION, ROI_NONE, CAMERA_DISTANCE, IMAGE_START, IMAGE_STOP}
+    {mav.CHANGE_SPEED, mav.MOUNT_CONTROL, mav.ROI_LOCATION, mav.ROI_NONE}
+    | {mav.CAMERA_DISTANCE, mav.IMAGE_START, mav.IMAGE_STOP}
 )
 NEAR_M = 0.6  # DJI's aircraft and Litchi fly no shorter legs
 TARGETING = 2.0  # MAV_MOUNT_MODE_MAVLINK_TARGETING
@@ -54,7 +32,7 @@ class WaylinePoint:
     lat: float  # degrees, WGS 84
     lon: float
     altitude_m: float  # above what `frame` says
-    frame: int = FRAME_RELATIVE  # MAV_FRAME: above home or above the terrain
+    frame: int = mav.FRAME_RELATIVE  # MAV_FRAME: above home or above the terrain
     hold_s: float = 0.0
     heading_deg: float | None = None  # of the vehicle there, clockwise from north; None along the route
     photo: bool = False  # whether one photograph is taken there, after the hold
@@ -107,8 +85,7 @@ class _WaylineBuilder:
     """Wayline of the items of a mission, added one after another, with what holds at each."""
 
     def __init__(self, home: HomePosition, format_name: str) -> None:
-        self.home = home
-        self.format_name = format_name
+        self.home, self.format_name = home, format_name
         self.points: list[WaylinePoint] = []
         self.now = WaylinePoint(0.0, 0.0, 0.0)
         self.takeoff_m: float | None = None
@@ -121,69 +98,69 @@ class _WaylineBuilder:
             raise MissionError(
                 f"{self.format_name} ends with the return or landing, and item {number} follows"
             )
-        if item.command in {WAYPOINT, LOITER_TIME}:
+        if item.command in {mav.WAYPOINT, mav.LOITER_TIME}:
             self._fly_to(item)
-        elif item.command == TAKEOFF:
+        elif item.command == mav.TAKEOFF:
             if self.points:
                 raise MissionError(f"{self.format_name} cannot hold a second takeoff (item {number})")
             self.takeoff_m = self._height(item)[0]
-        elif item.command == RETURN:
+        elif item.command == mav.RETURN:
             self.finish = FINISH_RETURN
-        elif item.command == LAND:
-            if not (item.is_at_vehicle or self._is_at(item)):
-                self._fly_to(replace(item, command=WAYPOINT, altitude_m=self._landing_height(item)))
+        elif item.command == mav.LAND:
+            self._land_at(item)
             self.finish = FINISH_LAND
         elif item.command in _SETTINGS:
             self._set(item)
-        elif item.has_position or item.command <= LAST_NAV or item.command in {JUMP, CONDITION_GATE}:
+        elif item.command <= mav.LAST_NAV or item.command in {mav.JUMP, mav.CONDITION_GATE}:
             raise MissionError(f"{self.format_name} cannot hold command {item.command} (item {number})")
         else:
             self.dropped[f"command {item.command} (item {number})"] = None
 
-    def _is_at(self, item: MissionItem) -> bool:
-        """Return whether the last waypoint is where an item is, so that no leg leads there."""
-        last = self.points[-1:]
-        return any(distance_m(one.lat, one.lon, item.lat, item.lon) < NEAR_M for one in last)
-
-    def _landing_height(self, item: MissionItem) -> float:
-        """Return the height of the waypoint before: the vehicle flies level to where it lands."""
-        sea_m = self.home.altitude_m if item.frame == FRAME_AMSL else 0.0
-        return self.points[-1].altitude_m + sea_m if self.points else item.altitude_m
+    def _land_at(self, item: MissionItem) -> None:
+        """Fly to where the vehicle lands at the height of the waypoint before, if a leg leads there."""
+        if item.is_at_vehicle:
+            return
+        height_m = item.altitude_m
+        for last in self.points[-1:]:
+            if distance_m(last.lat, last.lon, item.lat, item.lon) < NEAR_M:
+                return
+            height_m = last.altitude_m + (self.home.altitude_m if item.frame == mav.FRAME_AMSL else 0.0)
+        self._fly_to(replace(item, command=mav.WAYPOINT, altitude_m=height_m))
 
     def _height(self, item: MissionItem) -> tuple[float, int]:
         """Return height and frame; heights above the sea become heights above home."""
-        if item.frame == FRAME_AMSL:
-            return item.altitude_m - self.home.altitude_m, FRAME_RELATIVE
+        if item.frame == mav.FRAME_AMSL:
+            return item.altitude_m - self.home.altitude_m, mav.FRAME_RELATIVE
         return item.altitude_m, item.frame
 
     def _fly_to(self, item: MissionItem) -> None:
         height, frame = self._height(item)
         point = replace(self.now, lat=item.lat, lon=item.lon, altitude_m=height, frame=frame, photo=False)
-        heading = item.params[3] if item.command == WAYPOINT else None
+        heading = item.params[3] if item.command == mav.WAYPOINT else None
         self.points.append(replace(point, hold_s=item.params[0] or 0.0, heading_deg=heading))
 
     def _set(self, item: MissionItem) -> None:
         """Change what holds from the last waypoint on."""
         first, second, third, _ = (value or 0.0 for value in item.params)
         changes: dict[str, object]
-        if item.command == CHANGE_SPEED:
+        if item.command == mav.CHANGE_SPEED:
             changes = {"speed_m_s": second} if second > 0 else {}  # negative: no change
-        elif item.command == MOUNT_CONTROL:
+        elif item.command == mav.MOUNT_CONTROL:
             changes = {"pitch_deg": first}
             if second or third:
                 self.dropped["roll and yaw of the gimbal"] = None
-        elif item.command == ROI_LOCATION and item.frame != FRAME_TERRAIN:
+        elif item.command == mav.ROI_LOCATION and item.frame != mav.FRAME_TERRAIN:
             changes = {"looks_at": (item.lat, item.lon, self._height(item)[0])}
-        elif item.command == ROI_LOCATION:
+        elif item.command == mav.ROI_LOCATION:
             self.dropped["places to look at by their height above the terrain"] = None
             return
-        elif item.command == ROI_NONE:
+        elif item.command == mav.ROI_NONE:
             changes = {"looks_at": None}
-        elif item.command == CAMERA_DISTANCE:
+        elif item.command == mav.CAMERA_DISTANCE:
             changes = {"trigger_m": max(first, 0.0)}
             if first <= 0 and self._begins_trigger():  # on and off at one waypoint: the photograph at once
                 changes["photo"] = True
-        elif item.command == IMAGE_STOP:
+        elif item.command == mav.IMAGE_STOP:
             changes = {"interval_s": 0.0}
         elif third == 1:
             changes = {"photo": True}
@@ -234,43 +211,42 @@ def items_of_wayline(wayline: Wayline, home: HomePosition) -> Iterator[MissionIt
     now = WaylinePoint(0.0, 0.0, 0.0)
     if wayline.takeoff_m is not None:
         yield MissionItem(
-            TAKEOFF, FRAME_RELATIVE, (0.0, 0.0, 0.0, None), home.lat, home.lon, wayline.takeoff_m
+            mav.TAKEOFF, mav.FRAME_RELATIVE, (0.0, 0.0, 0.0, None), home.lat, home.lon, wayline.takeoff_m
         )
-    begin = replace(now, speed_m_s=wayline.approach_m_s, pitch_deg=first.pitch_deg)
-    now = yield from _changes(now, begin)
+    now = yield from _changes(now, replace(now, speed_m_s=wayline.approach_m_s, pitch_deg=first.pitch_deg))
     for point in wayline.points:
         params = (point.hold_s, 0.0, 0.0, point.heading_deg)
-        yield MissionItem(WAYPOINT, point.frame, params, point.lat, point.lon, point.altitude_m)
+        yield MissionItem(mav.WAYPOINT, point.frame, params, point.lat, point.lon, point.altitude_m)
         now = yield from _changes(now, point)
     if wayline.finish == FINISH_RETURN:
-        yield MissionItem(RETURN, FRAME_MISSION)
+        yield MissionItem(mav.RETURN, mav.FRAME_MISSION)
     elif wayline.finish == FINISH_LAND:
-        yield MissionItem(LAND, FRAME_RELATIVE, (0.0, 0.0, 0.0, None))
+        yield MissionItem(mav.LAND, mav.FRAME_RELATIVE, (0.0, 0.0, 0.0, None))
 
 
 def _changes(before: WaylinePoint, after: WaylinePoint) -> Generator[MissionItem, None, WaylinePoint]:
     """Yield items for what differs from before; return what holds then."""
     if after.speed_m_s is not None and after.speed_m_s != before.speed_m_s:
-        yield MissionItem(CHANGE_SPEED, FRAME_MISSION, (1.0, after.speed_m_s, -1.0, 0.0))
+        yield MissionItem(mav.CHANGE_SPEED, mav.FRAME_MISSION, (1.0, after.speed_m_s, -1.0, 0.0))
     if after.pitch_deg is not None and after.pitch_deg != before.pitch_deg:
         yield MissionItem(
-            MOUNT_CONTROL, FRAME_MISSION, (after.pitch_deg, 0.0, 0.0, 0.0), altitude_m=TARGETING
+            mav.MOUNT_CONTROL, mav.FRAME_MISSION, (after.pitch_deg, 0.0, 0.0, 0.0), altitude_m=TARGETING
         )
     if after.looks_at is not None and after.looks_at != before.looks_at:
         lat, lon, height_m = after.looks_at
-        yield MissionItem(ROI_LOCATION, FRAME_RELATIVE, lat=lat, lon=lon, altitude_m=height_m)
+        yield MissionItem(mav.ROI_LOCATION, mav.FRAME_RELATIVE, lat=lat, lon=lon, altitude_m=height_m)
     elif after.looks_at != before.looks_at:
-        yield MissionItem(ROI_NONE, FRAME_MISSION)
+        yield MissionItem(mav.ROI_NONE, mav.FRAME_MISSION)
     if after.photo:
-        yield MissionItem(IMAGE_START, FRAME_MISSION, (0.0, 0.0, 1.0, 0.0))
+        yield MissionItem(mav.IMAGE_START, mav.FRAME_MISSION, (0.0, 0.0, 1.0, 0.0))
     if after.trigger_m != before.trigger_m:
         immediate = float(after.trigger_m > 0)
-        yield MissionItem(CAMERA_DISTANCE, FRAME_MISSION, (after.trigger_m, 0.0, immediate, 0.0))
+        yield MissionItem(mav.CAMERA_DISTANCE, mav.FRAME_MISSION, (after.trigger_m, 0.0, immediate, 0.0))
     if after.interval_s != before.interval_s:
         if after.interval_s > 0:
-            yield MissionItem(IMAGE_START, FRAME_MISSION, (0.0, after.interval_s, 0.0, 0.0))
+            yield MissionItem(mav.IMAGE_START, mav.FRAME_MISSION, (0.0, after.interval_s, 0.0, 0.0))
         else:
-            yield MissionItem(IMAGE_STOP, FRAME_MISSION)
+            yield MissionItem(mav.IMAGE_STOP, mav.FRAME_MISSION)
     return after
 
 
@@ -279,10 +255,9 @@ def mission_of_wayline(wayline: Wayline, name: str, notes: Sequence[str]) -> Mis
 
     A MissionError says that the mission would not be safe.
     """
-    first = wayline.points[0]
-    home = HomePosition(first.lat, first.lon)
+    home = HomePosition(wayline.points[0].lat, wayline.points[0].lon)
     items = tuple(items_of_wayline(wayline, home))
-    autopilot = "ardupilot" if any(item.frame == FRAME_TERRAIN for item in items) else "generic"
+    autopilot = "ardupilot" if any(item.frame == mav.FRAME_TERRAIN for item in items) else "generic"
     return Mission(home, items, autopilot, name, (*notes, HOME_UNKNOWN))
 
 
@@ -295,7 +270,7 @@ def wayline_losses(mission: Mission, wayline: Wayline, format_name: str) -> list
         notes.append(f"{format_name} cannot hold a fence or rally points: they were not written")
     if wayline.dropped:
         notes.append(f"{format_name} cannot hold all items; not written: {', '.join(wayline.dropped[:5])}")
-    if any(item.has_position and item.frame == FRAME_AMSL for item in mission.items):
+    if any(item.has_position and item.frame == mav.FRAME_AMSL for item in mission.items):
         notes.append(
             f"heights above the sea were written as heights above home ({mission.home.altitude_m:g} m above "
             "the sea)"

@@ -8,32 +8,21 @@ import numpy as np
 
 from uavseg.errors import MissionError
 from uavseg.flight.formats.options import FileOptions
-from uavseg.flight.mission.items import (
-    FRAME_AMSL,
-    FRAME_MISSION,
-    FRAME_RELATIVE,
-    FRAME_TERRAIN,
-    HEADING_COMMANDS,
-    LANDINGS,
-    LAST_NAV,
-    LOITER_TO_ALTITUDE,
-    POSITION_COMMANDS,
-    RETURN,
-    TAKEOFFS,
-    WAYPOINT,
-    HomePosition,
-    MissionItem,
-)
+from uavseg.flight.mission import items as mav
+from uavseg.flight.mission.items import HomePosition, MissionItem
 from uavseg.flight.mission.mission import Mission
 from uavseg.plain_text import cause_of, shown
 
 HEADER = "QGC WPL 110"
-_ENDS = TAKEOFFS | LANDINGS
+_ENDS = mav.TAKEOFFS | mav.LANDINGS
 MISFITS = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError)
 R = TypeVar("R")
 HOME_UNKNOWN = (
     "the file does not hold home: the position of the first waypoint is taken, at 0 m above the sea"
 )
+_SEPARATOR = re.compile(r"\s*,\s*|\s+")
+# Frames of integer coordinates are those of floats; without a frame, heights are above the sea.
+_FRAMES = {mav.FRAME_MISSION: mav.FRAME_AMSL, 5: mav.FRAME_AMSL, 6: mav.FRAME_RELATIVE, 11: mav.FRAME_TERRAIN}
 
 
 def waypoints_losses(mission: Mission, options: FileOptions) -> list[str]:
@@ -47,8 +36,8 @@ def write_waypoints(mission: Mission, options: FileOptions) -> bytes:
     """Write a mission as the content of a .waypoints file (QGC WPL 110), home in row 0."""
     home = mission.home
     # altitude 1: only the position is checked
-    start = MissionItem(WAYPOINT, FRAME_RELATIVE, (0.0,) * 4, home.lat, home.lon, 1.0)
-    rows = [_row(0, 1, FRAME_AMSL, start, home.altitude_m)]
+    start = MissionItem(mav.WAYPOINT, mav.FRAME_RELATIVE, (0.0,) * 4, home.lat, home.lon, 1.0)
+    rows = [_row(0, 1, mav.FRAME_AMSL, start, home.altitude_m)]
     rows += [_row(n, 0, item.frame, item, item.altitude_m) for n, item in enumerate(mission.items, start=1)]
     return "".join(f"{row}\n" for row in [HEADER, *rows]).encode()
 
@@ -90,13 +79,10 @@ def read_waypoints(content: bytes, name: str) -> Mission:
     return Mission(home, items, name=name, notes=(*notes, *reader.notes))
 
 
-_SEPARATOR = re.compile(r"\s*,\s*|\s+")
-
-
 def _home(rows: list[list[str]]) -> tuple[HomePosition, list[str]]:
     """Return home, which is row 0, or the first position, with notes."""
     notes = []
-    if rows and rows[0][0] == "0" and [*map(int, rows[0][2:4])] != [FRAME_AMSL, WAYPOINT]:
+    if rows and rows[0][0] == "0" and [*map(int, rows[0][2:4])] != [mav.FRAME_AMSL, mav.WAYPOINT]:
         notes.append(f"row 0 is home for ArduPilot, which does not fly its command {rows[0][3]}")
     for fields in rows:
         lat, lon, altitude_m = map(float, fields[8:11])
@@ -104,7 +90,7 @@ def _home(rows: list[list[str]]) -> tuple[HomePosition, list[str]]:
             continue
         if fields[0] == "0":
             return HomePosition(lat, lon, altitude_m), notes
-        if int(fields[3]) in POSITION_COMMANDS:
+        if int(fields[3]) in mav.POSITION_COMMANDS:
             return HomePosition(lat, lon), [*notes, HOME_UNKNOWN]
     raise MissionError("it holds neither home nor a position to fly to")
 
@@ -118,16 +104,12 @@ def _fields_of(row: list[str]) -> dict[str, Any]:
     return {
         "command": command,
         "frame": frame,
-        "params": (first, second, third, None if command in HEADING_COMMANDS and fourth == 0 else fourth),
+        "params": (first, second, third, None if command in mav.HEADING_COMMANDS and fourth == 0 else fourth),
         "lat": lat,
         "lon": lon,
         "altitude_m": altitude_m,
         "autocontinue": row[11] == "1",
     }
-
-
-# Frames of integer coordinates are those of floats; without a frame, heights are above the sea.
-_FRAMES = {FRAME_MISSION: FRAME_AMSL, 5: FRAME_AMSL, 6: FRAME_RELATIVE, 11: FRAME_TERRAIN}
 
 
 class ItemReader:
@@ -165,21 +147,21 @@ class ItemReader:
 
     def _filled(self, number: int, fields: dict[str, Any]) -> dict[str, Any]:
         command, at_vehicle = fields["command"], fields["lat"] == 0 and fields["lon"] == 0
-        if command == RETURN:
+        if command == mav.RETURN:
             self.lat, self.lon = self.home.lat, self.home.lon
-        elif not at_vehicle and command <= LAST_NAV and command not in TAKEOFFS:  # these climb straight up
+        elif not at_vehicle and command <= mav.LAST_NAV and command not in mav.TAKEOFFS:  # which only climb
             self.lat, self.lon = fields["lat"], fields["lon"]
-        if command not in POSITION_COMMANDS:
+        if command not in mav.POSITION_COMMANDS:
             return fields
         fields["frame"] = _FRAMES.get(fields["frame"], fields["frame"])
         if at_vehicle and command not in _ENDS:
             fields |= {"lat": self.lat, "lon": self.lon}
             self.filled.append(f"item {number} at {self.lat:.6f},{self.lon:.6f}")
-        if fields["altitude_m"] == 0 and command in LANDINGS and fields["frame"] == FRAME_AMSL:
-            fields["frame"] = FRAME_RELATIVE
-        elif fields["altitude_m"] == 0 and self.height and command not in {*_ENDS, LOITER_TO_ALTITUDE}:
+        if fields["altitude_m"] == 0 and command in mav.LANDINGS and fields["frame"] == mav.FRAME_AMSL:
+            fields["frame"] = mav.FRAME_RELATIVE
+        elif fields["altitude_m"] == 0 and self.height and command not in {*_ENDS, mav.LOITER_TO_ALTITUDE}:
             fields["frame"], fields["altitude_m"] = self.height
             self.filled.append(f"item {number} at {self.height[1]:g} m")
-        if command not in LANDINGS:
+        if command not in mav.LANDINGS:
             self.height = fields["frame"], fields["altitude_m"]
         return fields

@@ -15,15 +15,9 @@ from dataclasses import replace
 from itertools import count
 
 from uavseg.errors import MissionError
+from uavseg.flight.formats import wayline as waylines
 from uavseg.flight.formats.options import TURN_THROUGH, DjiModel, FileOptions
-from uavseg.flight.formats.wayline import (
-    FINISH_LAND,
-    FINISH_NONE,
-    FINISH_RETURN,
-    Wayline,
-    WaylinePoint,
-    legs_m,
-)
+from uavseg.flight.formats.wayline import Wayline, WaylinePoint, legs_m
 from uavseg.flight.formats.waypoints import decimal
 from uavseg.flight.formats.xml_text import child, parse_xml, xml_text
 from uavseg.flight.mission.items import FRAME_RELATIVE, FRAME_TERRAIN
@@ -42,7 +36,11 @@ PASS_MODE = "toPointAndPassWithContinuityCurvature"  # with straight legs: turns
 TURN_M = 2.0
 """How far before a waypoint the aircraft turns where it does not stop, as far as ArduPilot does."""
 TURN_SHARE = 0.45  # of a leg at most, as the turns at both of its ends must be shorter than it
-FINISH_ACTIONS = {FINISH_RETURN: "goHome", FINISH_LAND: "autoLand", FINISH_NONE: "noAction"}
+FINISH_ACTIONS = {
+    waylines.FINISH_RETURN: "goHome",
+    waylines.FINISH_LAND: "autoLand",
+    waylines.FINISH_NONE: "noAction",
+}
 SPELLING = {"visible": "visable"}  # as DJI writes and documents it
 CREATED_MS = "315532800000"  # 1980, as in the archive: the same mission gives the same bytes
 NOWHERE = "0.000000,0.000000,0.000000"
@@ -61,15 +59,11 @@ def template_kml(wayline: Wayline, options: FileOptions) -> bytes:
     _mission_config(document, wayline, options.model)
     folder = child(document, "Folder")
     _add(folder, templateType="waypoint", templateId="0")
-    system = child(folder, "wpml:waylineCoordinateSysParam")
-    _add(system, coordinateMode="WGS84", heightMode=HEIGHT_MODE)
+    _add(child(folder, "wpml:waylineCoordinateSysParam"), coordinateMode="WGS84", heightMode=HEIGHT_MODE)
     first = wayline.points[0]
     _add(folder, autoFlightSpeed=first.flown_m_s, globalHeight=first.altitude_m, gimbalPitchMode="manual")
-    _add(
-        child(folder, "wpml:globalWaypointHeadingParam"),
-        waypointHeadingMode="followWayline",
-        waypointHeadingPathMode="followBadArc",
-    )
+    heading = child(folder, "wpml:globalWaypointHeadingParam")
+    _add(heading, waypointHeadingMode="followWayline", waypointHeadingPathMode="followBadArc")
     turn_mode = PASS_MODE if options.turn == TURN_THROUGH else TURN_MODE
     _add(folder, globalWaypointTurnMode=turn_mode, globalUseStraightLine="1")
     turns_m, numbers = _turns_m(wayline, options), count()
@@ -81,8 +75,7 @@ def template_kml(wayline: Wayline, options: FileOptions) -> bytes:
             child(placemark, f"wpml:useGlobal{name}", "0")
         _flight(placemark, point, turns_m[index], options.model)
         _action_groups(placemark, wayline, index, options, numbers)
-    payload = child(folder, "wpml:payloadParam")
-    _add(payload, payloadPositionIndex="0", imageFormat=_lens_text(options))
+    _add(child(folder, "wpml:payloadParam"), payloadPositionIndex="0", imageFormat=_lens_text(options))
     return xml_text(root)
 
 
@@ -153,10 +146,8 @@ def _lens_text(options: FileOptions) -> str:
 
 
 def _turns_m(wayline: Wayline, options: FileOptions) -> list[float]:
-    """Return how far before each waypoint the aircraft turns; 0 where it stops.
-
-    It stops at the first and last one, where it waits, and for a photograph in hover.
-    """
+    """Return how far before each waypoint the aircraft turns; 0 where it stops."""
+    # It stops at the first and last one, where it waits, and for a photograph in hover.
     turns = [0.0] * len(wayline.points)
     if options.turn == TURN_THROUGH:
         legs = legs_m(wayline.points)
@@ -192,8 +183,7 @@ def return_height_m(wayline: Wayline) -> float:
 def _placemarks(folder: ET.Element, wayline: Wayline) -> Iterator[tuple[int, ET.Element]]:
     for index, point in enumerate(wayline.points):
         placemark = child(folder, "Placemark")
-        place = f"{decimal(point.lon, 1)},{decimal(point.lat, 1)}"
-        child(child(placemark, "Point"), "coordinates", place)
+        child(child(placemark, "Point"), "coordinates", f"{decimal(point.lon, 1)},{decimal(point.lat, 1)}")
         child(placemark, "wpml:index", str(index))
         yield index, placemark
 
@@ -232,14 +222,10 @@ def _action_groups(
 ) -> None:
     """Write the actions at a waypoint, then those that begin there; DJI Fly knows the first alone."""
     point, before = wayline.points[index], wayline.points[index - 1] if index else None
-    at_point = []
     turned = before is None or (point.gimbal_deg, point.looks_at) != (before.gimbal_deg, before.looks_at)
-    if turned and point.gimbal_deg is not None:
-        at_point.append("gimbalRotate")
-    if point.hold_s:
-        at_point.append("hover")
-    if point.photo:
-        at_point.append("takePhoto")
+    asked = {"gimbalRotate": turned and point.gimbal_deg is not None, "hover": point.hold_s}
+    asked["takePhoto"] = point.photo
+    at_point = [function for function, is_asked in asked.items() if is_asked]
     if at_point:
         group = _group(placemark, next(numbers), (index, index), "reachPoint", None)
         for number, function in enumerate(at_point):
@@ -284,21 +270,18 @@ def _action(group: ET.Element, number: int, function: str, point: WaylinePoint, 
         child(params, "wpml:hoverTime", point.hold_s)
         return
     if function == "gimbalRotate":
-        _gimbal(params, point.gimbal_deg or 0.0, "aircraft" if options.model.is_for_fly else "north")
+        yaw_base = "aircraft" if options.model.is_for_fly else "north"
+        _add(params, gimbalHeadingYawBase=yaw_base, gimbalRotateMode="absoluteAngle")
+        for axis, angle in (("Pitch", point.gimbal_deg or 0.0), ("Roll", 0.0), ("Yaw", 0.0)):
+            child(params, f"wpml:gimbal{axis}RotateEnable", str(int(axis == "Pitch")))
+            child(params, f"wpml:gimbal{axis}RotateAngle", angle)
+        _add(params, gimbalRotateTimeEnable="0", gimbalRotateTime="0")
     elif options.lenses:  # the global ones are those of `imageFormat` in the template
         lenses = _lens_text(options)
         _add(params, fileSuffix="uavseg", payloadLensIndex=lenses, useGlobalPayloadLensIndex="1")
     else:
         child(params, "wpml:useGlobalPayloadLensIndex", "0")
     child(params, "wpml:payloadPositionIndex", "0")
-
-
-def _gimbal(params: ET.Element, pitch_deg: float, yaw_base: str) -> None:
-    _add(params, gimbalHeadingYawBase=yaw_base, gimbalRotateMode="absoluteAngle")
-    for axis, angle in (("Pitch", pitch_deg), ("Roll", 0.0), ("Yaw", 0.0)):
-        child(params, f"wpml:gimbal{axis}RotateEnable", str(int(axis == "Pitch")))
-        child(params, f"wpml:gimbal{axis}RotateAngle", angle)
-    _add(params, gimbalRotateTimeEnable="0", gimbalRotateTime="0")
 
 
 def read_waylines(document: bytes) -> tuple[Wayline, list[str]]:
@@ -356,17 +339,8 @@ class _Reader:
             self.notes[note] = None
         speed = _number_at(placemark, "waypointSpeed", speed_m_s)
         height = _number_at(placemark, "executeHeight")
-        self.points.append(
-            WaylinePoint(
-                lat=lat,
-                lon=lon,
-                altitude_m=height,
-                frame=self.frame,
-                heading_deg=heading,
-                speed_m_s=speed,
-                looks_at=looks_at,
-            )
-        )
+        point = WaylinePoint(lat=lat, lon=lon, altitude_m=height, frame=self.frame, heading_deg=heading)
+        self.points.append(replace(point, speed_m_s=speed, looks_at=looks_at))
 
     def add_group(self, group: ET.Element) -> None:
         first = int(_number_at(group, "actionGroupStartIndex"))
@@ -418,11 +392,8 @@ def _poi(text: str) -> tuple[float, float, float]:
 
 def _turns_pitch(action: ET.Element) -> bool:
     params = action.find("actionActuatorFuncParam")
-    return (
-        params is not None
-        and params.findtext("gimbalPitchRotateEnable") == "1"
-        and params.findtext("gimbalRotateMode") == "absoluteAngle"
-    )
+    tags = ("gimbalPitchRotateEnable", "gimbalRotateMode")
+    return params is not None and [*map(params.findtext, tags)] == ["1", "absoluteAngle"]
 
 
 def _frame(mode: str) -> int:
@@ -441,7 +412,7 @@ def _finish(action: str, notes: dict[str, None]) -> str:
         if name == action:
             return finish
     notes[f"the end {shown(action)} was not read"] = None
-    return FINISH_NONE
+    return waylines.FINISH_NONE
 
 
 def _one(parent: ET.Element, path: str) -> ET.Element:

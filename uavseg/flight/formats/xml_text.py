@@ -42,9 +42,8 @@ def parse_xml(content: bytes) -> ET.Element:
     builder = ET.TreeBuilder()
     parser = expat.ParserCreate(namespace_separator=" ")
     handlers = _Handlers(builder)
-    parser.StartDoctypeDeclHandler = _refuse_doctype
-    parser.StartElementHandler = handlers.start
-    parser.EndElementHandler = handlers.end
+    parser.StartDoctypeDeclHandler = handlers.refuse_doctype
+    parser.StartElementHandler, parser.EndElementHandler = handlers.start, handlers.end
     parser.CharacterDataHandler = builder.data
     parser.buffer_text = True
     try:
@@ -74,10 +73,9 @@ class _Handlers:
         self.depth -= 1
         self.builder.end(_local(name))
 
+    def refuse_doctype(self, *_: object) -> None:
+        raise MissionError("it declares a document type (DTD), which files of missions do not need")
+
 
 def _local(name: str) -> str:
     return name.rpartition(" ")[2]
-
-
-def _refuse_doctype(*_: object) -> None:
-    raise MissionError("it declares a document type (DTD), which files of missions do not need")

@@ -26,13 +26,9 @@ FIRST_COMPONENT, COMPONENTS = 25, 75  # MAV_COMP_ID_USER1 to 75: two processes s
 _REQUESTS = frozenset({"MISSION_REQUEST", "MISSION_REQUEST_INT"})
 _FOR_US = frozenset({*_REQUESTS, "MISSION_ACK", "MISSION_COUNT", "MISSION_ITEM_INT"})
 _WRITES = frozenset(
-    {
-        *("MISSION_COUNT", "MISSION_ITEM", "MISSION_ITEM_INT"),
-        *("MISSION_CLEAR_ALL", "MISSION_WRITE_PARTIAL_LIST"),
-    }
+    f"MISSION_{it}" for it in ("COUNT", "ITEM", "ITEM_INT", "CLEAR_ALL", "WRITE_PARTIAL_LIST")
 )
 _READ = _FOR_US | _WRITES | {"HEARTBEAT", "STATUSTEXT", "HOME_POSITION"}
-
 
 INITIAL_TIMEOUT_S, MIN_TIMEOUT_S, MAX_TIMEOUT_S = 0.5, 0.1, 1.5  # before a message is repeated
 QUICK_REPEATS = 4
@@ -128,8 +124,7 @@ class Link:
     def __init__(
         self, transport: Transport, timeout_s: float = TIMEOUT_S, now: Callable[[], float] = time.monotonic
     ) -> None:
-        self.timeout_s = timeout_s
-        self.now = now
+        self.timeout_s, self.now = timeout_s, now
         self.timer = RetransmissionTimer()
         self.texts: list[str] = []  # STATUSTEXT of the vehicle
         self.home: tuple[float, float, float] | None = None  # lat, lon, metres above the sea
@@ -201,16 +196,13 @@ class Link:
                 self._heartbeat_at = self.now()
                 self._mav.heartbeat_send(GROUND_STATION, INVALID_AUTOPILOT, 0, 0, 0)
             piece = self._transport.receive(min(left, POLL_S))
-            if piece is not None:
-                self._parse(*piece)
-
-    def _parse(self, data: bytes, source: Source) -> None:
-        if self._transport.is_datagram:
-            self._parser = _parser()  # a broken datagram leaves no rest before the next one
-        for message in self._parser.parse_buffer(data) or []:
-            if message.get_type() in _READ:
-                self._heard += 1
-                self._arrived.append((message, source))
+            if piece is None:
+                continue
+            if self._transport.is_datagram:
+                self._parser = _parser()  # a broken datagram leaves no rest before the next one
+            read = [one for one in self._parser.parse_buffer(piece[0]) or [] if one.get_type() in _READ]
+            self._heard += len(read)
+            self._arrived.extend((one, piece[1]) for one in read)
 
     def _examine(self, message: Any, source: Source) -> Any | None:
         """Return a message of the transfer, else None; take note of what else matters."""
@@ -231,7 +223,8 @@ class Link:
         elif name in _FOR_US:
             if self._is_for_us(message):
                 return message
-            self._check_other_transfer(message)
+            if name in _REQUESTS or (name == "MISSION_ACK" and message.type == Result.ACCEPTED):
+                raise LinkError(_conflict(message.target_system))  # which sends the vehicle a mission
         return None
 
     def _is_for_us(self, message: Any) -> bool:
@@ -241,13 +234,8 @@ class Link:
         system, component = heartbeat.get_srcSystem(), heartbeat.get_srcComponent()
         armed = bool(heartbeat.base_mode & ARMED)
         if self._vehicle is None:
-            self._vehicle = LinkedVehicle(
-                system=system,
-                component=component,
-                mav_autopilot=heartbeat.autopilot,
-                is_armed=armed,
-                source=source,
-            )
+            heard = LinkedVehicle(system=system, component=component, mav_autopilot=heartbeat.autopilot)
+            self._vehicle = replace(heard, is_armed=armed, source=source)
             self._transport.answer(source)
             return
         current = self._vehicle
@@ -273,12 +261,6 @@ class Link:
             raise LinkError(_conflict(system))
         if name in _FOR_US and self._is_for_us(message):
             raise LinkError(f"another system ({system}) answers on the link; give an address of one vehicle")
-
-    def _check_other_transfer(self, message: Any) -> None:
-        """Refuse a vehicle that takes a mission from another ground station."""
-        name = message.get_type()
-        if name in _REQUESTS or (name == "MISSION_ACK" and message.type == Result.ACCEPTED):
-            raise LinkError(_conflict(message.target_system))
 
     def close(self) -> None:
         """Release the port."""

@@ -10,23 +10,8 @@ import numpy as np
 
 from uavseg.dataclass import dataclass
 from uavseg.errors import LinkError, MissionError
-from uavseg.flight.mission.items import (
-    FRAME_AMSL,
-    FRAME_MISSION,
-    FRAME_RELATIVE,
-    FRAME_TERRAIN,
-    HEADING_COMMANDS,
-    JUMP,
-    POSITION_COMMANDS,
-    WAYPOINT,
-    Fence,
-    FenceCircle,
-    FencePolygon,
-    HomePosition,
-    ItemParams,
-    MissionItem,
-    RallyPoint,
-)
+from uavseg.flight.mission import items as mav
+from uavseg.flight.mission.items import FenceCircle, FencePolygon, HomePosition, MissionItem, RallyPoint
 from uavseg.flight.mission.mission import Mission
 
 # MAV_CMD
@@ -34,22 +19,16 @@ FENCE_RETURN, POLYGON_INCLUSION, POLYGON_EXCLUSION = 5000, 5001, 5002
 CIRCLE_INCLUSION, CIRCLE_EXCLUSION, RALLY_POINT = 5003, 5004, 5100
 SET_HOME, LAND_START, ROI_LOCATION, ROI = 179, 189, 195, 201
 # MAV_FRAME, with an equal frame that is not deprecated
-FRAME_AMSL_INT, FRAME_RELATIVE_INT, FRAME_TERRAIN_INT = 5, 6, 11
-EQUAL_FRAMES = {
-    FRAME_AMSL_INT: FRAME_AMSL,
-    FRAME_RELATIVE_INT: FRAME_RELATIVE,
-    FRAME_TERRAIN_INT: FRAME_TERRAIN,
-}
-LOCATED = POSITION_COMMANDS | {SET_HOME, LAND_START, ROI_LOCATION, ROI}  # x and y may be a position
+FRAME_AMSL_INT, FRAME_RELATIVE_INT, FRAME_TERRAIN_INT = _DEPRECATED = 5, 6, 11
+EQUAL_FRAMES = dict(zip(_DEPRECATED, (mav.FRAME_AMSL, mav.FRAME_RELATIVE, mav.FRAME_TERRAIN), strict=True))
+LOCATED = mav.POSITION_COMMANDS | {SET_HOME, LAND_START, ROI_LOCATION, ROI}  # x and y may be a position
 _DEGREES = 1e7  # units of x and y in a degree
 
 
 class MissionType(IntEnum):
     """Type of a list that is transferred (MAV_MISSION_TYPE)."""
 
-    MISSION = 0
-    FENCE = 1
-    RALLY = 2
+    MISSION, FENCE, RALLY = range(3)
 
     def __str__(self) -> str:
         return ("mission", "fence", "rally points")[self]
@@ -58,22 +37,10 @@ class MissionType(IntEnum):
 class Result(IntEnum):
     """Answer of a vehicle to a transfer (MAV_MISSION_RESULT)."""
 
-    ACCEPTED = 0
-    ERROR = 1
-    UNSUPPORTED_FRAME = 2
-    UNSUPPORTED = 3
-    NO_SPACE = 4
-    INVALID = 5
-    INVALID_PARAM1 = 6
-    INVALID_PARAM2 = 7
-    INVALID_PARAM3 = 8
-    INVALID_PARAM4 = 9
-    INVALID_PARAM5_X = 10
-    INVALID_PARAM6_Y = 11
-    INVALID_PARAM7 = 12
-    INVALID_SEQUENCE = 13
-    DENIED = 14
-    OPERATION_CANCELLED = 15
+    ACCEPTED, ERROR, UNSUPPORTED_FRAME, UNSUPPORTED, NO_SPACE, INVALID = range(6)
+    INVALID_PARAM1, INVALID_PARAM2, INVALID_PARAM3, INVALID_PARAM4 = range(6, 10)
+    INVALID_PARAM5_X, INVALID_PARAM6_Y, INVALID_PARAM7 = range(10, 13)
+    INVALID_SEQUENCE, DENIED, OPERATION_CANCELLED = range(13, 16)
 
 
 _RESULT_TEXTS = {
@@ -120,7 +87,7 @@ class LinkItem:
 
     command: int  # MAV_CMD
     frame: int  # MAV_FRAME
-    params: ItemParams = (0.0, 0.0, 0.0, 0.0)  # None is NaN on the link
+    params: mav.ItemParams = (0.0, 0.0, 0.0, 0.0)  # None is NaN on the link
     x: int = 0  # latitude in 1e-7 degrees; as it is in frame 2
     y: int = 0  # longitude likewise
     z: float = 0.0  # altitude in metres
@@ -139,36 +106,23 @@ class LinkItem:
             None if math.isnan(value) else _decimal(value)
             for value in (message.param1, message.param2, message.param3, message.param4)
         )
-        return cls(
-            command=message.command,
-            frame=EQUAL_FRAMES.get(message.frame, message.frame),
-            params=(first, second, third, fourth),
-            x=message.x,
-            y=message.y,
-            z=_decimal(message.z),
-            autocontinue=message.autocontinue,
-        )
+        frame, params = EQUAL_FRAMES.get(message.frame, message.frame), (first, second, third, fourth)
+        item = cls(command=message.command, frame=frame, params=params, autocontinue=message.autocontinue)
+        return replace(item, x=message.x, y=message.y, z=_decimal(message.z))
 
 
 def items_of_mission(mission: Mission, has_home_row: bool) -> list[LinkItem]:
     """Return the items of a mission as they are sent: with home as item 0 (ArduPilot), or without."""
     home = mission.home
     x, y = _units(home.lat, home.lon)
-    rows = [LinkItem(command=WAYPOINT, frame=FRAME_AMSL, x=x, y=y, z=home.altitude_m)] if has_home_row else []
+    first = LinkItem(command=mav.WAYPOINT, frame=mav.FRAME_AMSL, x=x, y=y, z=home.altitude_m)
+    rows = [first] if has_home_row else []
     for item in mission.items:
-        in_degrees = item.frame != FRAME_MISSION
+        in_degrees = item.frame != mav.FRAME_MISSION
         x, y = _units(item.lat, item.lon) if in_degrees else (round(item.lat), round(item.lon))
-        rows.append(
-            LinkItem(
-                command=item.command,
-                frame=item.frame,
-                params=item.params if has_home_row else _shifted(item, -1),
-                x=x,
-                y=y,
-                z=item.altitude_m,
-                autocontinue=int(item.autocontinue),
-            )
-        )
+        row = LinkItem(command=item.command, frame=item.frame, x=x, y=y, z=item.altitude_m)
+        params = item.params if has_home_row else _shifted(item, -1)
+        rows.append(replace(row, params=params, autocontinue=int(item.autocontinue)))
     return rows
 
 
@@ -184,10 +138,10 @@ def mission_items(items: Iterable[LinkItem], has_home_row: bool) -> tuple[Missio
 def _mission_item(item: LinkItem, has_home_row: bool) -> MissionItem:
     frame, params = item.frame, item.params
     if has_home_row and item.command not in LOCATED:
-        frame = FRAME_MISSION
-    if has_home_row and item.command in HEADING_COMMANDS and params[3] == 0:
+        frame = mav.FRAME_MISSION
+    if has_home_row and item.command in mav.HEADING_COMMANDS and params[3] == 0:
         params = (*params[:3], None)
-    lat, lon = (item.x, item.y) if frame == FRAME_MISSION else (item.x / _DEGREES, item.y / _DEGREES)
+    lat, lon = (item.x, item.y) if frame == mav.FRAME_MISSION else (item.x / _DEGREES, item.y / _DEGREES)
     result = MissionItem(
         command=item.command,
         frame=frame,
@@ -200,20 +154,19 @@ def _mission_item(item: LinkItem, has_home_row: bool) -> MissionItem:
     return result if has_home_row else replace(result, params=_shifted(result, 1))
 
 
-def _shifted(item: MissionItem, by: int) -> ItemParams:
+def _shifted(item: MissionItem, by: int) -> mav.ItemParams:
     """Renumber the target of a jump: files count from 1, vehicles without a home row from 0."""
     first = item.params[0]
-    return (first + by, *item.params[1:]) if item.command == JUMP and first is not None else item.params
+    return (first + by, *item.params[1:]) if item.command == mav.JUMP and first is not None else item.params
 
 
 def home_of_row(item: LinkItem) -> HomePosition | None:
     """Return home from item 0 of ArduPilot; None if it has none yet."""
-    if item.x == 0 and item.y == 0:
-        return None
-    return HomePosition(item.x / _DEGREES, item.y / _DEGREES, item.z)
+    is_set = item.x != 0 or item.y != 0
+    return HomePosition(item.x / _DEGREES, item.y / _DEGREES, item.z) if is_set else None
 
 
-def items_of_fence(fence: Iterable[Fence]) -> list[LinkItem]:
+def items_of_fence(fence: Iterable[mav.Fence]) -> list[LinkItem]:
     """Return a fence as it is sent: an item for each vertex, with their number, and for each circle."""
     items = []
     for shape in fence:
@@ -224,13 +177,13 @@ def items_of_fence(fence: Iterable[Fence]) -> list[LinkItem]:
             command = CIRCLE_INCLUSION if shape.inclusion else CIRCLE_EXCLUSION
             size = shape.radius_m
         items += [
-            LinkItem(command, FRAME_AMSL, (size, 0.0, 0.0, 0.0), *_units(*position))
+            LinkItem(command, mav.FRAME_AMSL, (size, 0.0, 0.0, 0.0), *_units(*position))
             for position in shape.positions
         ]
     return items
 
 
-def fence_of_items(items: Sequence[LinkItem]) -> tuple[Fence, ...]:
+def fence_of_items(items: Sequence[LinkItem]) -> tuple[mav.Fence, ...]:
     """Return the fence that a vehicle sent, without its return point.
 
     A MissionError says that an item is not one of a fence, or that a polygon has fewer vertices than it says.
@@ -239,7 +192,7 @@ def fence_of_items(items: Sequence[LinkItem]) -> tuple[Fence, ...]:
     return tuple(_fence_shape(item, rest) for item in rest)
 
 
-def _fence_shape(item: LinkItem, rest: Iterator[LinkItem]) -> Fence:
+def _fence_shape(item: LinkItem, rest: Iterator[LinkItem]) -> mav.Fence:
     size = item.params[0] or 0.0
     if item.command in (CIRCLE_INCLUSION, CIRCLE_EXCLUSION):
         return FenceCircle(item.x / _DEGREES, item.y / _DEGREES, size, item.command == CIRCLE_INCLUSION)
@@ -258,7 +211,7 @@ def _fence_shape(item: LinkItem, rest: Iterator[LinkItem]) -> Fence:
 def items_of_rally(rally: Iterable[RallyPoint]) -> list[LinkItem]:
     """Return rally points as they are sent."""
     return [
-        LinkItem(RALLY_POINT, FRAME_RELATIVE, (0.0,) * 4, *_units(point.lat, point.lon), point.altitude_m)
+        LinkItem(RALLY_POINT, mav.FRAME_RELATIVE, (0.0,) * 4, *_units(point.lat, point.lon), point.altitude_m)
         for point in rally
     ]
 

@@ -5,37 +5,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from uavseg.errors import LinkError, MissionError, UnverifiedError
+from uavseg.flight.link import messages
 from uavseg.flight.link.link import AUTOPILOT_NAMES, POLL_S, Link, LinkedVehicle
-from uavseg.flight.link.messages import (
-    FENCE_RETURN,
-    LOCATED,
-    LinkItem,
-    MissionType,
-    RefusedError,
-    TransferLostError,
-    fence_of_items,
-    home_of_row,
-    items_of_fence,
-    items_of_mission,
-    items_of_rally,
-    mission_items,
-    rally_of_items,
-)
+from uavseg.flight.link.messages import LinkItem, MissionType, RefusedError, TransferLostError
 from uavseg.flight.link.transfer import Count, Progress, count_items, receive_items, send_items
-from uavseg.flight.mission.items import (
-    FRAME_MISSION,
-    HEADING_COMMANDS,
-    LAND,
-    LANDINGS,
-    LOITER,
-    LOITER_TIME,
-    LOITER_TO_ALTITUDE,
-    LOITER_TURNS,
-    POSITION_COMMANDS,
-    WAYPOINT,
-    HomePosition,
-    MissionItem,
-)
+from uavseg.flight.mission import items as mav
+from uavseg.flight.mission.items import HomePosition, MissionItem
 from uavseg.flight.mission.mission import Mission
 
 UNITS = 1  # of 1e-7 degrees
@@ -46,15 +21,22 @@ EXACT_PARAMS = 2  # param1 and param2 of items without position decide what they
 MAX_BYTE = 255  # ArduPilot keeps radii and turns in 8 bits, and radii above that in tens of metres
 # Parameters of items with a position (command, number) that are not left out; ArduPlane leaves out holds.
 ARDUPILOT_KEEPS = frozenset(
-    {(LOITER, 3), (LOITER_TURNS, 1), (LOITER_TURNS, 3), (LOITER_TIME, 1), (LOITER_TO_ALTITUDE, 2)}
+    {(mav.LOITER, 3), (mav.LOITER_TURNS, 1), (mav.LOITER_TURNS, 3)}
+    | {(mav.LOITER_TIME, 1), (mav.LOITER_TO_ALTITUDE, 2)}
 )
 PX4_KEEPS = frozenset(
-    {(WAYPOINT, 1), (WAYPOINT, 2), (LOITER, 3), (LOITER_TIME, 1), (LOITER_TIME, 3), (LOITER_TO_ALTITUDE, 2)}
-    | {(command, 4) for command in (*HEADING_COMMANDS, *LANDINGS)}
+    {(mav.WAYPOINT, 1), (mav.WAYPOINT, 2), (mav.LOITER, 3)}
+    | {(mav.LOITER_TIME, 1), (mav.LOITER_TIME, 3), (mav.LOITER_TO_ALTITUDE, 2)}
+    | {(command, 4) for command in (*mav.HEADING_COMMANDS, *mav.LANDINGS)}
 )
-ARDUPILOT_FLAGS = frozenset((command, 4) for command in (LOITER_TURNS, LOITER_TIME, LOITER_TO_ALTITUDE))
-PX4_FLAGS = frozenset({(LOITER_TIME, 2), (LOITER_TIME, 4), (LOITER_TO_ALTITUDE, 1), (LOITER_TO_ALTITUDE, 4)})
+ARDUPILOT_FLAGS = frozenset(
+    (command, 4) for command in (mav.LOITER_TURNS, mav.LOITER_TIME, mav.LOITER_TO_ALTITUDE)
+)
+PX4_FLAGS = frozenset(
+    {(mav.LOITER_TIME, 2), (mav.LOITER_TIME, 4), (mav.LOITER_TO_ALTITUDE, 1), (mav.LOITER_TO_ALTITUDE, 4)}
+)
 HOME_S = 2.5  # PX4 sends HOME_POSITION every 2 s
+ATTEMPTS = 3
 
 
 def differences(
@@ -110,15 +92,15 @@ def _difference(sent: LinkItem, kept: LinkItem, list_type: MissionType, autopilo
     is_set = autopilot == "ardupilot" and kept.autocontinue == 1  # which it does whatever it was sent
     if in_mission and kept.autocontinue != sent.autocontinue and not is_set:
         return f"autocontinue is {kept.autocontinue} instead of {sent.autocontinue}"
-    has_place = not in_mission or sent.command in POSITION_COMMANDS or bool(sent.x or sent.y)
+    has_place = not in_mission or sent.command in mav.POSITION_COMMANDS or bool(sent.x or sent.y)
     if has_place and max(abs(kept.x - sent.x), abs(kept.y - sent.y)) > UNITS:
         return f"position {_position(kept)} instead of {_position(sent)}"
-    is_located = has_place and (list_type == MissionType.RALLY or sent.command in LOCATED)
+    is_located = has_place and (list_type == MissionType.RALLY or sent.command in messages.LOCATED)
     tolerance_m = RALLY_ALTITUDE_M if list_type == MissionType.RALLY else ALTITUDE_M
     tolerance_m = tolerance_m if is_located else math.inf
     if not (math.isfinite(kept.z) and abs(kept.z - sent.z) <= tolerance_m):
         return f"altitude {kept.z:g} m instead of {sent.z:g} m"
-    if is_located and in_mission and FRAME_MISSION != sent.frame != kept.frame:
+    if is_located and in_mission and mav.FRAME_MISSION != sent.frame != kept.frame:
         return f"frame {kept.frame} instead of {sent.frame}"
     for n, (value, got) in enumerate(zip(sent.params, kept.params, strict=True), start=1):
         if not _is_kept(value, got, n, sent.command, list_type, autopilot):
@@ -138,7 +120,7 @@ def _is_kept(
         return value is None and got == 0
     if list_type != MissionType.MISSION:
         return not (list_type == MissionType.FENCE and n == 1)  # the number of vertices, or the radius
-    if command not in LOCATED:
+    if command not in messages.LOCATED:
         return got == 0 and (value is None or n > EXACT_PARAMS)
     rounded_by = _rounded_by_ardupilot if autopilot == "ardupilot" else _rounded_by_px4
     return any(_equal(one, got) for one in rounded_by(value, command, n))
@@ -151,11 +133,11 @@ def _rounded_by_ardupilot(value: float | None, command: int, n: int) -> Iterator
     number = value or 0.0
     sign = math.copysign(1.0, number)
     yield float(math.trunc(number))
-    if (command, n) == (LOITER_TURNS, 1) and abs(number) < 1:
+    if (command, n) == (mav.LOITER_TURNS, 1) and abs(number) < 1:
         yield math.floor(256 * number) / 256
-    if abs(number) > MAX_BYTE and (n > 1 or command == LOITER_TURNS):
+    if abs(number) > MAX_BYTE and (n > 1 or command == mav.LOITER_TURNS):
         yield from (sign * 10 * min(math.trunc(abs(number) / 10), MAX_BYTE), sign * MAX_BYTE)
-    if (command, n) in {(LAND, 4), (LOITER_TIME, 3)}:  # the direction of the turn
+    if (command, n) in {(mav.LAND, 4), (mav.LOITER_TIME, 3)}:  # the direction of the turn
         yield sign
     if (command, n) in ARDUPILOT_FLAGS:
         yield float(number > 0)
@@ -169,7 +151,7 @@ def _rounded_by_px4(value: float | None, command: int, n: int) -> Iterator[float
         yield value % 360
     if value is not None and (command, n) in PX4_FLAGS:
         yield float(value > 0)
-    if value is not None and (command, n) == (LAND, 2):
+    if value is not None and (command, n) == (mav.LAND, 2):
         yield float(math.trunc(value))
 
 
@@ -190,9 +172,6 @@ def _equal(one: float | None, other: float | None) -> bool:
     return abs(one - other) <= RELATIVE * max(abs(one), abs(other), 1.0)
 
 
-ATTEMPTS = 3
-
-
 def upload_mission(
     link: Link, mission: Mission, progress: Progress | None = None, while_armed: bool = False
 ) -> tuple[str, ...]:
@@ -210,9 +189,9 @@ def upload_mission(
     _check_autopilot(mission, link.vehicle)
     warnings = []
     lists = {
-        MissionType.FENCE: items_of_fence(mission.fence),
-        MissionType.RALLY: items_of_rally(mission.rally),
-        MissionType.MISSION: items_of_mission(mission, link.vehicle.has_home_row),
+        MissionType.FENCE: messages.items_of_fence(mission.fence),
+        MissionType.RALLY: messages.items_of_rally(mission.rally),
+        MissionType.MISSION: messages.items_of_mission(mission, link.vehicle.has_home_row),
     }
     lists = {list_type: items for list_type, items in lists.items() if items}
     # an item counts when it is sent and when it is read back
@@ -308,20 +287,19 @@ def download_mission(link: Link, progress: Progress | None = None) -> Mission:
     were received, and of all. A LinkError says that the vehicle falls silent or refuses, a MissionError that
     it holds no mission, or one that would not be safe.
     """
-    report = progress or (lambda done, total: None)
-    rows = receive_items(link, MissionType.MISSION, report)
+    rows = receive_items(link, MissionType.MISSION, progress or (lambda done, total: None))
     vehicle = link.vehicle
     if len(rows) <= int(vehicle.has_home_row):
         raise MissionError("the vehicle holds no mission")
     notes: list[str] = []
     fence_items = _optional(link, MissionType.FENCE, notes)
     rally_items = _optional(link, MissionType.RALLY, notes)
-    if any(item.command == FENCE_RETURN for item in fence_items):
+    if any(item.command == messages.FENCE_RETURN for item in fence_items):
         notes.append("the return point of the fence was not read")
     try:
-        items = mission_items(rows[1:] if vehicle.has_home_row else rows, vehicle.has_home_row)
+        items = messages.mission_items(rows[1:] if vehicle.has_home_row else rows, vehicle.has_home_row)
         home = _home(link, rows, items, notes)
-        fence, rally = fence_of_items(fence_items), rally_of_items(rally_items)
+        fence, rally = messages.fence_of_items(fence_items), messages.rally_of_items(rally_items)
         mission = Mission(home, items, _autopilot(home, items, vehicle, notes), fence=fence, rally=rally)
     except MissionError as error:
         raise MissionError(f"what the vehicle holds cannot be used: {error}") from error
@@ -340,7 +318,7 @@ def _optional(link: Link, list_type: MissionType, notes: list[str]) -> list[Link
 def _home(
     link: Link, rows: Sequence[LinkItem], items: Sequence[MissionItem], notes: list[str]
 ) -> HomePosition:
-    home = home_of_row(rows[0]) if link.vehicle.has_home_row and rows else None
+    home = messages.home_of_row(rows[0]) if link.vehicle.has_home_row and rows else None
     if home is not None:
         return home
     if link.home is None and link.vehicle.autopilot == "px4":

@@ -6,15 +6,9 @@ from typing import Any
 from pymavlink.dialects.v20 import common
 
 from uavseg.errors import LinkError
+from uavseg.flight.link import messages
 from uavseg.flight.link.link import Link
-from uavseg.flight.link.messages import (
-    LinkItem,
-    MissionType,
-    RefusedError,
-    Result,
-    TransferLostError,
-    result_text,
-)
+from uavseg.flight.link.messages import LinkItem, MissionType, RefusedError, Result, TransferLostError
 
 REQUEST_S = 0.7  # within which MAVSDK and PX4 ask again, if no item comes; every item puts MAVSDK off
 LAST_ACK_S = 4.0  # after the last item; a vehicle that misses it asks again earlier
@@ -99,14 +93,12 @@ class _Sender:
         elif number == 0 and self.restarts < MAX_RESTARTS:
             self.restarts += 1
             self._progress(number)
-        self.last = number
-        self.repeats = 0
+        self.last, self.repeats = number, 0
         self.error_at = self.refusal = None
         self._send_last()
 
     def _progress(self, number: int) -> None:
-        self.farthest = number
-        self.progress_at = self.link.now()
+        self.farthest, self.progress_at = number, self.link.now()
         self.count(number + 1)
 
     def _is_end(self, result: int) -> bool:
@@ -171,17 +163,15 @@ class _Sender:
         ends_at = self.link.now() + TEXT_S
         while self.link.now() < ends_at and not self.link.texts:
             self.link.next_message(ends_at)
-        refused = f"{len(self.items)} items of the {self.type}"
-        remains = ""
+        refused, remains = f"{len(self.items)} items of the {self.type}", ""
         if self.last >= 0:
             item = self.items[self.last]
-            refused = (
-                f"item {self.last} of the {self.type}, {command_name(item.command)} in frame {item.frame}"
-            )
+            command = command_name(item.command)
+            refused = f"item {self.last} of the {self.type}, {command} in frame {item.frame}"
             if self.link.vehicle.autopilot == "ardupilot":  # which writes items as they come
                 remains = f"; its {self.type} is now a mix of old and new items: do not fly it"
         text = f'; it says "{self.link.texts[-1]}"' if self.link.texts else ""
-        return LinkError(f"the vehicle refuses {refused}: {result_text(result)}{text}{remains}")
+        return LinkError(f"the vehicle refuses {refused}: {messages.result_text(result)}{text}{remains}")
 
 
 def command_name(command: int) -> str:
@@ -285,10 +275,8 @@ class _Receiver:
     def _lost(self, refusal: int | None) -> LinkError:
         if refusal is not None and self.count is None:
             return self._refused(refusal)
-        where = "when asked"
-        if self.count is not None:
-            where = f"after {len(self.items)} of {self.count} items"
+        where = "when asked" if self.count is None else f"after {len(self.items)} of {self.count} items"
         return TransferLostError(f"the vehicle fell silent {where} for its {self.type}")
 
     def _refused(self, result: int) -> LinkError:
-        return RefusedError(f"the vehicle refuses to send its {self.type}: {result_text(result)}")
+        return RefusedError(f"the vehicle refuses to send its {self.type}: {messages.result_text(result)}")

@@ -226,10 +226,9 @@ def _resolve(address: Address, timeout_s: float) -> tuple[int, Any]:
     flags = socket.AI_PASSIVE if address.scheme == "udpin" else 0
 
     def resolve() -> None:
+        place = address.place or None
         try:
-            result.extend(
-                socket.getaddrinfo(address.place or None, address.number, type=socket_type, flags=flags)
-            )
+            result.extend(socket.getaddrinfo(place, address.number, type=socket_type, flags=flags))
         except (OSError, UnicodeError) as error:
             result.append(error)
 

@@ -19,8 +19,7 @@ HALVINGS = 30  # of an interval, in a search for a root: to a thousandth of a mi
 STEP_S = 0.05
 MAX_STEPS = 200_000
 """Of one leg; a vehicle with unusual limits that has not arrived by then is taken to fly on at its limits."""
-NEAR_M = 0.8
-"""A height is reached within this distance: NAV_MC_ALT_RAD of PX4."""
+NEAR_M = 0.8  # a height is reached within this distance: NAV_MC_ALT_RAD of PX4
 AHEAD_M = 5.0
 TURNING_M_S, TURNING_COSINE = 0.2, 0.98
 """The vehicle turns where it is faster, and its direction and that to the corner differ by more."""
@@ -28,6 +27,8 @@ AT_REST_M_S = 1e-3
 BEHIND_S_PER_M_S = 0.01
 """The vehicle follows its trajectory late, and at sharp corners that waits: simulated, 0.1 s at 10 m/s."""
 SHARP_COSINE = 0.4  # of the angle by which it turns there
+SHORTEST_M = 1e-3  # a leg that is shorter is not flown
+CALM = Wind(0.0, 0.0)
 
 
 @inlined
@@ -62,10 +63,6 @@ def ramp_start(seconds, speed_m_s, acceleration_m_s2, jerk_m_s3, jerk_rise_s):  
     early, late = min(seconds, rise), max(seconds - rise, 0.0)
     distance = peak * (early * early * early / (6 * rise) + rise / 2 * late + late * late / 2)
     return distance, peak * (early * early / (2 * rise) + late), peak * early / rise
-
-
-SHORTEST_M = 1e-3  # a leg that is shorter is not flown
-CALM = Wind(0.0, 0.0)
 
 
 def leg_seconds(
@@ -119,8 +116,7 @@ def leg_seconds(
             seconds[flown] = _blended(legs[flown], speeds[flown], vehicle, kept)
         else:
             held = np.array([hold[first:end].sum() for first, end in groups])
-            corners = xyz[[0, *(index + 1)]]
-            seconds[flown] = braked_seconds(corners, speeds[flown], vehicle, kept, held)
+            seconds[flown] = braked_seconds(xyz[[0, *(index + 1)]], speeds[flown], vehicle, kept, held)
     return seconds
 
 
@@ -134,11 +130,9 @@ def _blended(legs: Floats, speeds: Floats, vehicle: Vehicle, stops: Bools) -> Fl
         acceleration = length * np.minimum(
             vehicle.acceleration_m_s2 / flat, vehicle.vertical_acceleration_m_s2 / np.abs(up)
         )
-    limits = np.array(
-        [vehicle.jerk_m_s3, vehicle.jerk_rise_s, vehicle.radius_m, vehicle.corner_acceleration_m_s2]
-    )
-    speed, seconds = np.zeros(len(legs)), np.zeros(len(legs))
-    stop = np.array(stops, np.bool_)
+    corner = (vehicle.radius_m, vehicle.corner_acceleration_m_s2)
+    limits = np.array([vehicle.jerk_m_s3, vehicle.jerk_rise_s, *corner])
+    speed, seconds, stop = np.zeros(len(legs)), np.zeros(len(legs)), np.array(stops, np.bool_)
     _blend(legs / length[:, None], length, limit, acceleration, stop, limits, speed, seconds)
     return seconds
 
@@ -228,17 +222,9 @@ def braked_seconds(xyz_m: Floats, speeds: Floats, vehicle: Vehicle, stops: Bools
     VelocitySmoothing.cpp, TrajectoryConstraints.hpp; src/lib/mathlib/math/TrajMath.hpp;
     src/modules/navigator/mission_block.cpp).
     """
-    limits = np.array(
-        [
-            vehicle.acceleration_m_s2,
-            vehicle.jerk_m_s3,
-            vehicle.corner_acceleration_m_s2,
-            vehicle.radius_m,
-            vehicle.climb_m_s,
-            vehicle.descent_m_s,
-            vehicle.vertical_acceleration_m_s2,
-        ]
-    )
+    level = (vehicle.acceleration_m_s2, vehicle.jerk_m_s3, vehicle.corner_acceleration_m_s2, vehicle.radius_m)
+    vertical = (vehicle.climb_m_s, vehicle.descent_m_s, vehicle.vertical_acceleration_m_s2)
+    limits = np.array([*level, *vertical])
     arrays = [np.array(one, np.float64, order="C") for one in (xyz_m, speeds, hold_s)]
     seconds = np.zeros(len(xyz_m) - 1)
     _fly(arrays[0], arrays[1], np.array(stops, np.bool_), arrays[2], limits, seconds)

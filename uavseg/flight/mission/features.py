@@ -14,21 +14,8 @@ import numpy as np
 
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissingLibraryError, MissionError
-from uavseg.flight.mission.items import (
-    AUTOPILOTS,
-    CAMERA_DISTANCE,
-    FRAME_AMSL,
-    FRAME_TERRAIN,
-    IMAGE_START,
-    IMAGE_STOP,
-    RETURN,
-    Fence,
-    FenceCircle,
-    FencePolygon,
-    HomePosition,
-    MissionItem,
-    RallyPoint,
-)
+from uavseg.flight.mission import items as mav
+from uavseg.flight.mission.items import FenceCircle, FencePolygon, HomePosition, MissionItem, RallyPoint
 from uavseg.flight.mission.mission import Mission
 from uavseg.plain_text import shown
 from uavseg.raster.geodesy.globe import geod_wgs84
@@ -43,6 +30,11 @@ HOME, ITEM, FENCE, RALLY, FLIGHT, PHOTOS = "home", "item", "fence", "rally", "fl
 ABOVE_SEA, ABOVE_HOME, ABOVE_TERRAIN = "sea", "home", "terrain"
 CIRCLE_SIDES = 72
 SINGLE = "photograph"
+_WIDTH, _HEIGHT = 360, 240  # pixels of the drawing, at most
+_COLORS = {FENCE: "#c0392b", FLIGHT: "#1f6fb2", PHOTOS: "#e08a00", ITEM: "#1f6fb2", RALLY: "#2e8b57"}
+_COLORS[HOME] = "#111111"
+_POINTS = {ITEM, RALLY, HOME}  # lines and areas are drawn by their outline
+_DRAWN = (FENCE, FLIGHT, PHOTOS, RALLY, HOME)  # the last one on top
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,17 +52,13 @@ def features_of(mission: Mission) -> list[MissionFeature]:
     """Return the features of a mission: those that are only drawn, then those that hold it."""
     home = mission.home
     about: dict[str, Value] = {"autopilot": mission.autopilot, "altitude_m": home.altitude_m}
+    rally = [(point.lat, point.lon, point.altitude_m) for point in mission.rally]
     return [
         *_flight(mission),
         MissionFeature(HOME, "Point", ((home.lat, home.lon, home.altitude_m),), ABOVE_SEA, about),
         *(_item(number, item) for number, item in enumerate(mission.items, start=1)),
         *(_fence(shape) for shape in mission.fence),
-        *(
-            MissionFeature(
-                RALLY, "Point", ((p.lat, p.lon, p.altitude_m),), values={"altitude_m": p.altitude_m}
-            )
-            for p in mission.rally
-        ),
+        *(MissionFeature(RALLY, "Point", (place,), values={"altitude_m": place[2]}) for place in rally),
     ]
 
 
@@ -85,29 +73,20 @@ def _item(number: int, item: MissionItem) -> MissionFeature:
 
 
 def _heights(item: MissionItem) -> str:
-    return {FRAME_AMSL: ABOVE_SEA, FRAME_TERRAIN: ABOVE_TERRAIN}.get(item.frame, ABOVE_HOME)
+    return {mav.FRAME_AMSL: ABOVE_SEA, mav.FRAME_TERRAIN: ABOVE_TERRAIN}.get(item.frame, ABOVE_HOME)
 
 
-def _fence(shape: Fence) -> MissionFeature:
+def _fence(shape: mav.Fence) -> MissionFeature:
     if isinstance(shape, FencePolygon):
         ring = tuple((lat, lon, 0.0) for lat, lon in (*shape.vertices, shape.vertices[0]))
         return MissionFeature(FENCE, "Polygon", ring, values={"inclusion": shape.inclusion})
-    values: dict[str, Value] = {
-        "inclusion": shape.inclusion,
-        "lat": shape.lat,
-        "lon": shape.lon,
-        "radius_m": shape.radius_m,
-    }
-    return MissionFeature(FENCE, "Polygon", _circle(shape), values=values)
-
-
-def _circle(circle: FenceCircle) -> tuple[Place, ...]:
+    values: dict[str, Value] = {"inclusion": shape.inclusion, "lat": shape.lat, "lon": shape.lon}
+    values["radius_m"] = shape.radius_m
     azimuths = [360 * n / CIRCLE_SIDES for n in range(CIRCLE_SIDES)]
-    lon, lat, _ = geod_wgs84().fwd(
-        [circle.lon] * CIRCLE_SIDES, [circle.lat] * CIRCLE_SIDES, azimuths, [circle.radius_m] * CIRCLE_SIDES
-    )
-    ring = [(float(y), float(x), 0.0) for y, x in zip(lat, lon, strict=True)]
-    return (*ring, ring[0])
+    begin = ([value] * CIRCLE_SIDES for value in (shape.lon, shape.lat))
+    lon, lat, _ = geod_wgs84().fwd(*begin, azimuths, [shape.radius_m] * CIRCLE_SIDES)
+    corners = [(float(y), float(x), 0.0) for y, x in zip(lat, lon, strict=True)]
+    return MissionFeature(FENCE, "Polygon", (*corners, corners[0]), values=values)
 
 
 def _flight(mission: Mission) -> Iterator[MissionFeature]:
@@ -117,12 +96,12 @@ def _flight(mission: Mission) -> Iterator[MissionFeature]:
     line: list[Place] = []
     photos: dict[str, float] = {}
     for item in mission.items:
-        if item.command in {CAMERA_DISTANCE, IMAGE_START, IMAGE_STOP}:
+        if item.command in {mav.CAMERA_DISTANCE, mav.IMAGE_START, mav.IMAGE_STOP}:
             _set_trigger(photos, item)
             if photos.pop(SINGLE, 0.0):
                 yield MissionFeature(PHOTOS, "Point", (place,), heights)
             continue
-        if item.command == RETURN:
+        if item.command == mav.RETURN:
             target, zero = (home.lat, home.lon, place[2]), heights
         elif item.has_position:
             lat, lon = (place[0], place[1]) if item.is_at_vehicle else (item.lat, item.lon)
@@ -144,12 +123,12 @@ def _flight(mission: Mission) -> Iterator[MissionFeature]:
 def _set_trigger(photos: dict[str, float], item: MissionItem) -> None:
     """Set the distance or time between photographs from here on, or a single one."""
     first, second, third, _ = (value or 0.0 for value in item.params)
-    if item.command == CAMERA_DISTANCE:
+    if item.command == mav.CAMERA_DISTANCE:
         name, step = "distance_m", first
-    elif item.command == IMAGE_START and third == 1:
+    elif item.command == mav.IMAGE_START and third == 1:
         name, step = SINGLE, 1.0
     else:
-        name, step = "interval_s", second if item.command == IMAGE_START else 0.0
+        name, step = "interval_s", second if item.command == mav.IMAGE_START else 0.0
     photos.pop(name, None)
     if step > 0:
         photos[name] = step
@@ -169,10 +148,9 @@ def mission_of_features(features: Iterable[MissionFeature], name: str) -> Missio
         raise MissionError(f"it holds a {shown(unknown[0])}, which no mission has")
     [home] = roles[HOME]
     autopilot = str(home.values["autopilot"])
-    if autopilot not in AUTOPILOTS:
-        raise MissionError(f"its autopilot is {autopilot!r}; expected one of {', '.join(AUTOPILOTS)}")
-    numbered = [(int(_finite(one, "number")), one) for one in roles[ITEM]]
-    items = sorted(numbered, key=lambda pair: pair[0])
+    if autopilot not in mav.AUTOPILOTS:
+        raise MissionError(f"its autopilot is {autopilot!r}; expected one of {', '.join(mav.AUTOPILOTS)}")
+    items = sorted(((int(_finite(one, "number")), one) for one in roles[ITEM]), key=lambda pair: pair[0])
     if [number for number, _ in items] != list(range(1, len(items) + 1)):
         raise MissionError("the numbers of its items are not 1, 2, 3 ...")
     return Mission(
@@ -209,7 +187,7 @@ def _read_item(number: int, feature: MissionFeature) -> MissionItem:
         raise MissionError(f"item {number}: {error}") from error
 
 
-def _read_fence(feature: MissionFeature) -> Fence:
+def _read_fence(feature: MissionFeature) -> mav.Fence:
     inclusion = _truth(feature, "inclusion")
     if feature.values.get("radius_m") is not None:
         lat, lon, radius_m = (_finite(feature, key) for key in ("lat", "lon", "radius_m"))
@@ -251,13 +229,6 @@ def as_geojson(feature: MissionFeature) -> dict[str, Any]:
     return {"type": "Feature", "geometry": geometry, "properties": properties}
 
 
-_WIDTH, _HEIGHT = 360, 240  # pixels of the drawing, at most
-_COLORS = {FENCE: "#c0392b", FLIGHT: "#1f6fb2", PHOTOS: "#e08a00", ITEM: "#1f6fb2", RALLY: "#2e8b57"}
-_HOME_COLOR = "#111111"
-_POINTS = {ITEM, RALLY, HOME}  # lines and areas are drawn by their outline
-_DRAWN = (FENCE, FLIGHT, PHOTOS, RALLY, HOME)  # the last one on top
-
-
 def to_geodataframe(mission: Mission) -> "GeoDataFrame":
     """Return the features of a mission, as its .geojson file has them: see `Mission.to_geodataframe`."""
     import geopandas
@@ -276,8 +247,7 @@ def explore(*missions: Mission, **options: Any) -> Any:
                 rows = frame[frame["kind"] == role].dropna(axis="columns", how="all")
                 if len(rows):
                     style = {"fill": role in _POINTS, "weight": 4 if role == PHOTOS else 2}
-                    color = _COLORS.get(role, _HOME_COLOR)
-                    options["m"] = rows.explore(color=color, name=role, style_kwds=style, **options)
+                    options["m"] = rows.explore(color=_COLORS[role], name=role, style_kwds=style, **options)
         except ImportError as error:
             raise MissingLibraryError(
                 f'interactive maps need folium and mapclassify: pip install "uavseg[explore]" ({error})'
@@ -287,15 +257,11 @@ def explore(*missions: Mission, **options: Any) -> Any:
 
 def as_html(mission: Mission) -> str:
     """Return a summary of a mission, a drawing of it, north up, and its warnings."""
-    summary = [
-        f"{len(mission.items):,} items for {mission.autopilot}",
-        f"{mission.distance_m:,.0f} m",
-        f"about {mission.duration_s / 60:.1f} min",
-    ]
-    title = f"{mission.name}: " if mission.name else ""
+    summary = f"{len(mission.items):,} items for {mission.autopilot}, {mission.distance_m:,.0f} m, about "
+    summary = f"{mission.name}: " * bool(mission.name) + f"{summary}{mission.duration_s / 60:.1f} min"
     warnings = "".join(f"<li>{escape(text)}</li>" for text in mission.warnings)
     warned = f"<ul>{warnings}</ul>" if warnings else ""
-    return f"<div><p>{escape(title + ', '.join(summary))}</p>{_drawing(mission)}{warned}</div>"
+    return f"<div><p>{escape(summary)}</p>{_drawing(mission)}{warned}</div>"
 
 
 def _drawing(mission: Mission) -> str:
@@ -313,7 +279,7 @@ def _drawing(mission: Mission) -> str:
         for feature, line in zip(features, lines, strict=True)
     )
     legend = "".join(
-        f'<span style="color: {_COLORS.get(role, _HOME_COLOR)}">■</span> {role} · '
+        f'<span style="color: {_COLORS[role]}">■</span> {role} · '
         for role in dict.fromkeys(feature.role for feature in features)
     )
     size = f'width="{extent[1] * scale + 8:.0f}" height="{extent[0] * scale + 8:.0f}"'
@@ -329,7 +295,7 @@ def _from_home(feature: MissionFeature, home: np.ndarray[Any, Any]) -> np.ndarra
 
 
 def _shape(feature: MissionFeature, points: np.ndarray[Any, Any]) -> str:
-    color = _COLORS.get(feature.role, _HOME_COLOR)
+    color = _COLORS[feature.role]
     if feature.shape == "Point":
         (x, y), radius = points[0], 1.5 if feature.role == PHOTOS else 4
         return f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius}" fill="{color}"/>'

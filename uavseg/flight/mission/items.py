@@ -89,7 +89,12 @@ class MissionItem:
         if self.has_position:
             _check_item_position(self)
         _check_photo_step(self)
-        _check_speed(self)
+        speed = self.params[1] or 0.0  # 0 and less: as it was, or the default
+        if self.command == CHANGE_SPEED and 0 < speed < MIN_SPEED_M_S:
+            raise MissionError(
+                f"command {self.command} sets a speed of {speed:g} m/s; expected {MIN_SPEED_M_S:g} m/s at "
+                "least"
+            )
 
     @property
     def has_position(self) -> bool:
@@ -131,14 +136,6 @@ def _check_photo_step(item: MissionItem) -> None:
         raise MissionError(
             f"command {item.command} takes a photograph every {step:g} {unit}; expected "
             f"{MIN_PHOTO_STEP:g} {unit} at least, or 0 for none"
-        )
-
-
-def _check_speed(item: MissionItem) -> None:
-    speed = item.params[1] or 0.0  # 0 and less: as it was, or the default
-    if item.command == CHANGE_SPEED and 0 < speed < MIN_SPEED_M_S:
-        raise MissionError(
-            f"command {item.command} sets a speed of {speed:g} m/s; expected {MIN_SPEED_M_S:g} m/s at least"
         )
 
 
@@ -195,9 +192,8 @@ def check_near(home: HomePosition, lat: float, lon: float) -> None:
     away = distance_m(home.lat, home.lon, lat, lon)
     if away <= MAX_FIRST_LEG_M:
         return
-    swapped = abs(home.lon) <= 90 and distance_m(home.lon, home.lat, lat, lon) <= MAX_DISTANCE_M
     hint = "is its latitude first, then its longitude?"
-    if swapped:
+    if abs(home.lon) <= 90 and distance_m(home.lon, home.lat, lat, lon) <= MAX_DISTANCE_M:
         hint = "home's latitude and longitude look swapped"
     raise MissionError(
         f"home ({home.lat:.6f},{home.lon:.6f}) is {away / 1000:.0f} km from the first position to fly to "
@@ -295,9 +291,8 @@ Fence = FencePolygon | FenceCircle
 
 def _clockwise(vertices: tuple[Position, ...]) -> tuple[Position, ...]:
     """Return the vertices clockwise as seen from above, from the same first one; refuse rings not simple."""
-    first = vertices[0][1]
-    unwrapped = [(first + (lon - first + 180) % 360 - 180, lat) for lat, lon in vertices]  # antimeridian
-    ring = shapely.LinearRing(unwrapped)
+    first = vertices[0][1]  # longitudes near to it, also over the antimeridian
+    ring = shapely.LinearRing([(first + (lon - first + 180) % 360 - 180, lat) for lat, lon in vertices])
     if not ring.is_simple:
         raise MissionError("the outline of a fence polygon crosses or touches itself")
     return (vertices[0], *vertices[:0:-1]) if ring.is_ccw else vertices

@@ -12,25 +12,8 @@ from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.camera.camera import Photos
-from uavseg.flight.mission.items import (
-    AUTOPILOTS,
-    CHANGE_SPEED,
-    FRAME_AMSL,
-    FRAME_TERRAIN,
-    MAX_DISTANCE_M,
-    MAX_HEIGHT_M,
-    MAX_ITEMS,
-    RETURN,
-    TAKEOFFS,
-    Fence,
-    FenceCircle,
-    HomePosition,
-    MissionItem,
-    RallyPoint,
-    check_accepted,
-    check_near,
-    distance_m,
-)
+from uavseg.flight.mission import items as mav
+from uavseg.flight.mission.items import Fence, FenceCircle, HomePosition, MissionItem, RallyPoint
 from uavseg.flight.mission.vehicle import Vehicle, Wind
 from uavseg.raster.geodesy.globe import geod_wgs84
 
@@ -38,6 +21,15 @@ if TYPE_CHECKING:
     from geopandas import GeoDataFrame
 
     from uavseg.flight.mission.estimate import Estimate
+
+
+Position = tuple[float, float]  # lat, lon in degrees, WGS 84
+NEARLY_CONVEX = 0.9  # of the area of its convex hull
+BOARD_CAPACITY = {"ardupilot": 650, "px4": 500, "generic": 500}  # items that common boards store
+USUAL_MAX_HEIGHT_M = 120.0  # what most countries allow without a permit
+LONG_FLIGHT_S = 30 * 60.0
+FULL_BATTERY = 0.8  # share that is usually flown, the rest is a reserve
+CRUISE_M_S = 5.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,10 +46,6 @@ class Ground:
         if home not in self.below_m or place not in self.below_m:
             return 0.0
         return self.below_m[place] - self.below_m[home]
-
-
-Position = tuple[float, float]  # lat, lon in degrees, WGS 84
-NEARLY_CONVEX = 0.9  # of the area of its convex hull
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,13 +67,6 @@ class SurveyBlock:
             return False
         cell = shapely.Polygon([(lon, lat) for lat, lon in self.outline])
         return bool(cell.is_valid and cell.area >= NEARLY_CONVEX * cell.convex_hull.area)
-
-
-BOARD_CAPACITY = {"ardupilot": 650, "px4": 500, "generic": 500}  # items that common boards store
-USUAL_MAX_HEIGHT_M = 120.0  # what most countries allow without a permit
-LONG_FLIGHT_S = 30 * 60.0
-FULL_BATTERY = 0.8  # share that is usually flown, the rest is a reserve
-CRUISE_M_S = 5.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,19 +128,19 @@ class Mission:
     wind: Wind | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
-        if self.autopilot not in AUTOPILOTS:
-            raise MissionError(f"a mission is for {', '.join(AUTOPILOTS)}, not for {self.autopilot!r}")
+        if self.autopilot not in mav.AUTOPILOTS:
+            raise MissionError(f"a mission is for {', '.join(mav.AUTOPILOTS)}, not for {self.autopilot!r}")
         if not any(item.has_position for item in self.items):
             raise MissionError("a mission needs an item to fly to; this one has none")
-        if len(self.items) > MAX_ITEMS:
+        if len(self.items) > mav.MAX_ITEMS:
             raise MissionError(
-                f"the mission has {len(self.items)} items and a link carries {MAX_ITEMS}; "
+                f"the mission has {len(self.items)} items and a link carries {mav.MAX_ITEMS}; "
                 "choose fewer regions, a wider spacing or a larger tolerance"
             )
         if self.endurance_s is not None and not 0 < self.endurance_s < math.inf:
             raise MissionError(f"an endurance is a number of seconds above 0, not {self.endurance_s:g}")
         for number, item in enumerate(self.items, start=1):
-            check_accepted(item, self.autopilot, number)
+            mav.check_accepted(item, self.autopilot, number)
         _check_distances(self)
         _check_fence(self)
         polygons_first = sorted(self.fence, key=lambda shape: isinstance(shape, FenceCircle))
@@ -168,15 +149,14 @@ class Mission:
     @property
     def speed_m_s(self) -> float:
         """Speed over ground, from the first item that sets it, or else 5 m/s."""
-        speeds = (item.params[1] or 0.0 for item in self.items if item.command == CHANGE_SPEED)
+        speeds = (item.params[1] or 0.0 for item in self.items if item.command == mav.CHANGE_SPEED)
         return next((speed for speed in speeds if speed > 0), CRUISE_M_S)
 
     @property
     def speed_range_m_s(self) -> tuple[float, float]:
         """Minimum and maximum requested speed over ground on legs to items, takeoff aside."""
-        items = (item for item in self.items if item.has_position)
-        legs = zip(items, self.leg_speeds_m_s, strict=True)
-        speeds = [speed for item, speed in legs if item.command not in TAKEOFFS]
+        legs = zip((item for item in self.items if item.has_position), self.leg_speeds_m_s, strict=True)
+        speeds = [speed for item, speed in legs if item.command not in mav.TAKEOFFS]
         return min(speeds, default=self.speed_m_s), max(speeds, default=self.speed_m_s)
 
     @property
@@ -187,7 +167,7 @@ class Mission:
         """
         speed, speeds = self.speed_m_s, []
         for item in self.items:
-            if item.command == CHANGE_SPEED and (item.params[0] or 0) <= 1 and (item.params[1] or 0) > 0:
+            if item.command == mav.CHANGE_SPEED and (item.params[0] or 0) <= 1 and (item.params[1] or 0) > 0:
                 speed = float(item.params[1] or speed)
             elif item.has_position:
                 speeds.append(speed)
@@ -205,19 +185,18 @@ class Mission:
             if item.has_position:
                 lat, lon = places[-1][:2] if item.is_at_vehicle else (item.lat, item.lon)
                 places.append((lat, lon, self.height_above_home_m(item)))
-            elif item.command == RETURN:
+            elif item.command == mav.RETURN:
                 places.append((self.home.lat, self.home.lon, places[-1][2]))
         lat_, lon_, height = np.array(places, dtype=np.float64).T
         return lat_, lon_, height
 
     def height_above_home_m(self, item: MissionItem) -> float:
         """Return the height of an item above home; one above the terrain needs `ground`, see `path`."""
-        if item.frame == FRAME_AMSL:
+        if item.frame == mav.FRAME_AMSL:
             return item.altitude_m - self.home.altitude_m
-        if item.frame != FRAME_TERRAIN or self.ground is None:
+        if item.frame != mav.FRAME_TERRAIN or self.ground is None:
             return item.altitude_m
-        home, place = (self.home.lat, self.home.lon), (item.lat, item.lon)
-        return item.altitude_m + self.ground.rise_m(home, place)
+        return item.altitude_m + self.ground.rise_m((self.home.lat, self.home.lon), (item.lat, item.lon))
 
     @property
     def distance_m(self) -> float:
@@ -315,23 +294,21 @@ class Mission:
 
 def _check_distances(mission: Mission) -> None:
     home, (lat, lon, height) = mission.home, mission.path
-    first = next(
-        (i for i in mission.items if i.has_position and i.command not in TAKEOFFS and not i.is_at_vehicle),
-        None,
-    )
+    flown = (item for item in mission.items if item.has_position and item.command not in mav.TAKEOFFS)
+    first = next((item for item in flown if not item.is_at_vehicle), None)
     if first is not None:
-        check_near(home, first.lat, first.lon)
+        mav.check_near(home, first.lat, first.lon)
     home_lon, home_lat = np.full_like(lon, home.lon), np.full_like(lat, home.lat)
     farthest = float(geod_wgs84().inv(home_lon, home_lat, lon, lat)[2].max())
-    if farthest > MAX_DISTANCE_M:
+    if farthest > mav.MAX_DISTANCE_M:
         raise MissionError(
             f"an item lies {farthest / 1000:.0f} km from home; "
-            f"at most {MAX_DISTANCE_M / 1000:.0f} km are allowed"
+            f"at most {mav.MAX_DISTANCE_M / 1000:.0f} km are allowed"
         )
     extreme = float(height[np.abs(height).argmax()])
-    if abs(extreme) > MAX_HEIGHT_M:
+    if abs(extreme) > mav.MAX_HEIGHT_M:
         raise MissionError(
-            f"an item lies {extreme:g} m above home, which is not within {MAX_HEIGHT_M:g} m: "
+            f"an item lies {extreme:g} m above home, which is not within {mav.MAX_HEIGHT_M:g} m: "
             "check the altitude of home above the sea"
         )
 
@@ -340,9 +317,9 @@ def _check_fence(mission: Mission) -> None:
     home = mission.home
     for what, shapes in (("the fence", mission.fence), ("a rally point", mission.rally)):
         for lat, lon in (position for shape in shapes for position in shape.positions):
-            away = distance_m(home.lat, home.lon, lat, lon)
-            if away > MAX_DISTANCE_M:
+            away = mav.distance_m(home.lat, home.lon, lat, lon)
+            if away > mav.MAX_DISTANCE_M:
                 raise MissionError(
                     f"{what} lies {away / 1000:.0f} km from home; "
-                    f"at most {MAX_DISTANCE_M / 1000:.0f} km are allowed"
+                    f"at most {mav.MAX_DISTANCE_M / 1000:.0f} km are allowed"
                 )

@@ -17,8 +17,7 @@ from uavseg.flight.camera.camera import Photos
 from uavseg.raster.geodesy.globe import wrap_lon
 
 SAME_PLACE_M = 1e-3
-HOVER_S = 1.0
-"""For so long the vehicle stands still before a photograph in hover (ArduPilot takes whole seconds)."""
+HOVER_S = 1.0  # the vehicle stands still before a photograph in hover (ArduPilot takes whole seconds)
 _NONE: Floats = np.empty(0)
 LONGEST_EDGE_DEG = 0.005  # a straight edge in degrees bends by less than a centimetre over it
 

@@ -13,8 +13,7 @@ The defaults are those of the autopilots' own parameters, which operators rarely
   RTL_RETURN_ALT 60 m, RTL_CONE_ANG 45 degrees, MPC_LAND_SPEED 0.7 m/s, which the descent comes down to
   between MPC_LAND_ALT1 10 m and MPC_LAND_ALT2 5 m: as long as 7 m at that speed; MPC_TKO_SPEED 1.5 m/s up to
   MPC_LAND_ALT1; MPC_XY_VEL_MAX 12 m/s; COM_SPOOLUP_TIME 1 s and MPC_TKO_RAMP_T 3 s before the climb, and
-  COM_DISARM_LAND 2 s after the landing
-  (src/modules/mc_pos_control, src/modules/navigator, rc.mc_defaults).
+  COM_DISARM_LAND 2 s after the landing (src/modules/mc_pos_control, src/modules/navigator, rc.mc_defaults).
 """
 
 import math
@@ -38,6 +37,9 @@ _MAY_BE_ZERO = frozenset(
     | {"takeoff_height_m", "landing_height_m", "start_s", "stop_s"}
 )
 _POWER = ("hover_w", "cruise_w", "battery_wh")
+MAX_WIND_M_S = 50.0
+DIRECTIONS = 12  # of a wind from anywhere
+LEAST_WAY_M_S = 1.0  # a vehicle that makes less way over ground cannot fly a leg
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,12 +182,6 @@ def read_vehicle(path: str | os.PathLike[str], autopilot: str = "ardupilot") -> 
     name = text_in(given, "name", Path(path).stem, path, "vehicle")
     turns = text_in(given, "turns", default.turns, path, "vehicle")
     return replace(default, name=name, turns=turns, **values)
-
-
-MAX_WIND_M_S = 50.0
-DIRECTIONS = 12  # of a wind from anywhere
-LEAST_WAY_M_S = 1.0
-"""A vehicle that makes less way over ground cannot fly a leg."""
 
 
 @dataclass(frozen=True, slots=True)

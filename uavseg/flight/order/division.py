@@ -87,8 +87,7 @@ class Pieces:
         low, high = 0.0, min(longest_s, whole_s)
         for _ in range(HALVINGS):
             middle = (low + high) / 2
-            fits = 0 < self.fewest(middle, most_items) <= count
-            low, high = (low, middle) if fits else (middle, high)
+            low, high = (low, middle) if 0 < self.fewest(middle, most_items) <= count else (middle, high)
         cuts = self.cut(min(high * LIKE, longest_s), most_items, MANY)
         if len(cuts) < count:
             cuts = self.cut(high, most_items, MANY)

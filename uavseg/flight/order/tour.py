@@ -22,6 +22,13 @@ LONGEST_PART = 3  # stops that Or-opt moves together
 LONGEST_BRIDGE = 30  # stops in each of the parts that a perturbation exchanges
 GAIN = 1e-7
 GROUP = 8  # stops whose distance from a point is bounded together
+MAX_STOPS, MAX_STEPS = 12, 3e7  # of an exact tour, which then takes a fraction of a second
+ROUNDS = 4000
+EFFORT = 400_000  # rounds times stops, at most
+WINDOW = 10  # stops on either side of those parts that are improved after a perturbation
+EVERYWHERE = 100  # rounds after which all stops are improved
+HEAT = 0.5  # mean legs by which a tour may be longer than the last one, at first
+AT_ONCE = 1e7  # pairs of stops for one call of the kernel, about 0.1 s: Ctrl-C takes effect between calls
 
 
 @inlined
@@ -235,15 +242,6 @@ def double_bridge(tour, copy, turn):  # type: ignore[no-untyped-def]
     return low, high
 
 
-MAX_STOPS, MAX_STEPS = 12, 3e7  # of an exact tour, which then takes a fraction of a second
-ROUNDS = 4000
-EFFORT = 400_000  # rounds times stops, at most
-WINDOW = 10  # stops on either side of those parts that are improved after a perturbation
-EVERYWHERE = 100  # rounds after which all stops are improved
-HEAT = 0.5  # mean legs by which a tour may be longer than the last one, at first
-AT_ONCE = 1e7  # pairs of stops for one call of the kernel, about 0.1 s: Ctrl-C takes effect between calls
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Stops:
     """Stops 0..n - 1; each is flown in one of several options, which enter and leave at different points."""
@@ -375,8 +373,7 @@ def local_search_tour(
     scratch[0, :count], scratch[6, members], scratch[8] = tour, np.arange(count + 1) // GROUP, members
     scratch[7, count] = -1
     totals, before = np.zeros((2, widest)), np.zeros((count, widest), np.int64)
-    passes = max(int(AT_ONCE / (8.0 * count * count)), 1)
-    rounds = min(rounds, EFFORT // count)
+    passes, rounds = max(int(AT_ONCE / (8.0 * count * count)), 1), min(rounds, EFFORT // count)
     state, lengths = np.array([0, 0, 0, 0, start, end, rounds], np.int64), np.full(3, np.inf)
     arrays = (stops.first, options, stops.costs, state, lengths, scratch, sums, apart, totals, before)
     while state[0] <= rounds:
@@ -387,10 +384,8 @@ def local_search_tour(
 def _groups(
     stops: Stops, distances: Floats, tour: Integers, home: tuple[int, int]
 ) -> tuple[Integers, Floats]:
-    """Return the stops in groups of neighbours, home as the last stop, and each point's distance from them.
-
-    The distances (p, groups) are those from the nearest point of a group; 0 where the tour may end anywhere.
-    """
+    """Return the stops in groups of neighbours, home as the last, and each point's distance from them."""
+    # The distances (p, groups) are from the nearest point of a group; 0 where the tour may end anywhere.
     members = np.append(stops.stop_of[tour], len(stops))
     apart = np.zeros((len(stops) // GROUP + 1, len(distances)))
     for group, near in enumerate(apart):

@@ -33,11 +33,11 @@ MIN_LEG_S = 1.0  # by default no leg of a perimeter is shorter than what the veh
 WORTHWHILE = 0.85  # of the cost of a survey: a corridor that costs less is suggested
 
 MIN_RADIUS_M = 5.0
-LATERAL_M_S2 = 2.5
-"""Acceleration across the direction of flight: at 5 m/s a circle has a radius of 10 m at least."""
+LATERAL_M_S2 = 2.5  # across the direction of flight: at 5 m/s a circle has a radius of 10 m at least
 SAGITTA, MAX_SAGITTA_M = 0.02, 3.0  # share of the radius by which corners may lie outside of the circle
 MAX_CORNERS = 72
 LARGEST_STEP_DEG = 15.0  # between directions of photographs; with more, matching of photographs fails
+NO_PHOTOS = "no photographs are taken; give a camera (--camera) for that"
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,17 +65,15 @@ def visits(parts: Sequence[RegionPart], params: plan.PlanParams) -> Candidates:
     shot = params.photos is not None and params.photos.trigger == "hover"
     hold = np.array([max(params.how.hold_s, HOVER_S * shot)])
     none = Track.of_path(np.zeros((1, 2)))
-    tracks = [
-        [replace(none, xy=np.array([part.point]), hold_s=hold, shots=np.array([shot]))] for part in parts
-    ]
+    none = replace(none, hold_s=hold, shots=np.array([shot]))
+    tracks = [[replace(none, xy=np.array([part.point]))] for part in parts]
     return Candidates(tracks, _places(parts), _photo_notes(params, "one photograph over each region"))
 
 
 def perimeters(parts: Sequence[RegionPart], params: plan.PlanParams) -> Candidates:
     """Return tracks along the outline of each region, with several corners as candidates for the start."""
     assert isinstance(params.how, plan.PerimeterParams)
-    min_leg_m = params.how.min_leg_m
-    min_leg_m = MIN_LEG_S * params.speed_m_s if min_leg_m is None else min_leg_m
+    min_leg_m = MIN_LEG_S * params.speed_m_s if params.how.min_leg_m is None else params.how.min_leg_m
     tolerances = [params.tolerance_m or default_tolerance_m(part.polygon) for part in parts]
     offsets = [
         offset_rings(part.polygon, params.how, tolerance, min_leg_m)
@@ -127,8 +125,7 @@ def surveys(parts: Sequence[RegionPart], params: plan.PlanParams, home: Floats |
         notes += _corridor_note(regions, [some[0] for some in choices], params)
     if how.turnaround_m:
         notes.append(f"each line has {how.turnaround_m:g} m of straight flight outside before and after it")
-    flown = [survey for some in choices for survey in some]
-    return Candidates(tracks, _places(parts), notes, surveys=flown)
+    return Candidates(tracks, _places(parts), notes, surveys=[survey for some in choices for survey in some])
 
 
 def _distinct(found: Sequence[Survey], apart_m: float) -> list[Survey]:
@@ -177,8 +174,7 @@ def corridors(parts: Sequence[RegionPart], params: plan.PlanParams) -> Candidate
     regions = _grown(parts, params.how.margin_m)
     flown = [corridor(region, params.spacing_m, *_line_ends(params)) for region in regions]
     tracks = [[_lines_track(one.lines, one.lines, one.legs, params)] for one in flown]
-    notes = [*_outline_notes(parts, params), *_photo_notes(params)]
-    return Candidates(tracks, _places(parts), notes)
+    return Candidates(tracks, _places(parts), [*_outline_notes(parts, params), *_photo_notes(params)])
 
 
 def orbits(parts: Sequence[RegionPart], params: plan.PlanParams) -> Candidates:
@@ -211,8 +207,7 @@ def _places(parts: Sequence[RegionPart]) -> list[str]:
 def _grown(parts: Sequence[RegionPart], margin_m: float) -> list[Any]:
     if margin_m < plan.MIN_MARGIN_M:
         return [part.polygon for part in parts]
-    reach_m = _outline_reach_m(margin_m)
-    return [shapely.buffer(enclosing(part.polygon, reach_m), margin_m) for part in parts]
+    return [shapely.buffer(enclosing(part.polygon, _outline_reach_m(margin_m)), margin_m) for part in parts]
 
 
 def _outline_reach_m(margin_m: float) -> float:
@@ -230,9 +225,8 @@ def _line_costs(params: plan.PlanParams) -> Costs:
     """Return the function that estimates the time of legs, for `CoverParams`."""
     vehicle, photos = params.vehicle or default_vehicle(params.autopilot), params.photos
     height, speed = params.altitude_m, params.speed_m_s
-    wind = params.wind
-    if wind is None or wind.from_deg is None:
-        wind = CALM  # of unknown direction, it favours no azimuth
+    # one of unknown direction favours no azimuth
+    wind = CALM if params.wind is None or params.wind.from_deg is None else params.wind
 
     def seconds(xy: Floats, speeds: Floats | float, stops: Bools) -> Floats:
         path = np.column_stack([xy, np.full(len(xy), height)])
@@ -274,11 +268,8 @@ def _lines_track(
 def _started_anywhere(tracks: Sequence[Track]) -> list[list[Track]]:
     """Return each closed track with several of its corners as candidates for the start."""
     max_starts = max(min(MAX_STARTS, MAX_CANDIDATES // len(tracks)), 1)
-    candidates = []
-    for track in tracks:
-        corners = len(track.xy) - 1
-        candidates.append([track.started_at(k) for k in range(0, corners, -(-corners // max_starts))])
-    return candidates
+    starts = [range(0, len(track.xy) - 1, -(-(len(track.xy) - 1) // max_starts)) for track in tracks]
+    return [[track.started_at(k) for k in some] for track, some in zip(tracks, starts, strict=True)]
 
 
 def _ring_notes(offsets: Sequence[OffsetRings], min_leg_m: float) -> list[str]:
@@ -335,9 +326,6 @@ def _corridor_note(regions: Sequence[Any], flown: Sequence[Survey], params: plan
         f"{len(bent)} of {len(regions)} regions are long, thin and bent: --pattern corridor would take about "
         f"{100 * (1 - after / before):.0f} % less over them"
     ]
-
-
-NO_PHOTOS = "no photographs are taken; give a camera (--camera) for that"
 
 
 def _photo_notes(params: plan.PlanParams, how_often: str = "") -> list[str]:
@@ -403,8 +391,7 @@ def orbit(region: Any, margin_m: float, speed_m_s: float) -> Orbit:
     (60.0, [0.0, 0.0])
     """
     x, y = shapely.get_coordinates(shapely.centroid(shapely.minimum_bounding_circle(region)))[0].tolist()
-    corners = shapely.get_coordinates(region.exterior)
-    enclosing = float(np.hypot(*(corners - (x, y)).T).max())
+    enclosing = float(np.hypot(*(shapely.get_coordinates(region.exterior) - (x, y)).T).max())
     min_radius = max(MIN_RADIUS_M, speed_m_s**2 / LATERAL_M_S2)
     radius = max(enclosing + margin_m, min_radius)
     sagitta = min(SAGITTA * radius, MAX_SAGITTA_M)
@@ -423,8 +410,7 @@ def orbit_trigger_m(photos: Photos, circle: Orbit, region: Any, height_m: float)
     slant distance, and their directions differ by 15 degrees at most. The region is in metres, and
     `height_m` above the ground.
     """
-    ring = shapely.LineString(circle.ring)
-    near = math.hypot(float(shapely.distance(ring, region)), height_m)
+    near = math.hypot(float(shapely.distance(shapely.LineString(circle.ring), region)), height_m)
     across = near * photos.camera.sensor_mm[0] / photos.camera.focal_mm
     step = circle.radius_m * math.radians(LARGEST_STEP_DEG)
     return min(across * (1 - photos.overlap.front / 100), step)

@@ -15,6 +15,11 @@ from uavseg.flight.params.plan import MIN_MARGIN_M, PerimeterParams
 
 ARC_SAGITTA_M = 0.05  # of the arcs around corners, before they are simplified
 MIN_CORNERS = 3
+MIN_TOLERANCE_M = 1.0  # below the accuracy of satellite positioning
+MIN_STEPS = 12  # with fewer edges, right angles are corners, not stairs
+COLLINEAR_M = 1e-3  # corners that deviate less lie on a straight edge
+MAX_AREA_CHANGE = 0.1  # share of the area; with a larger change, the right angles were not stairs
+RIGHT_ANGLE_TOLERANCE = 0.02  # radians by which reprojection may turn the corners of pixels
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,8 +68,7 @@ def long_legs(ring: Floats, min_leg_m: float) -> Floats:
     [[0.0, 0.0], [9.0, 0.0], [9.0, 9.0], [0.0, 0.0]]
     """
     corners, count = ring[:-1], len(ring) - 1
-    after = np.roll(np.arange(count), -1).tolist()
-    before = np.roll(np.arange(count), 1).tolist()
+    before, after = (np.roll(np.arange(count), by).tolist() for by in (1, -1))
     legs = leg_lengths(ring).tolist()  # of each corner to the next one
     shortest = [(length, k) for k, length in enumerate(legs) if length < min_leg_m]
     heapq.heapify(shortest)
@@ -89,15 +93,13 @@ def long_legs(ring: Floats, min_leg_m: float) -> Floats:
 def _offset(region: Any, offset_m: float) -> Any:
     if abs(offset_m) < MIN_MARGIN_M:
         return region
-    radius = abs(offset_m)
-    half_turn = np.arccos(max(1 - ARC_SAGITTA_M / radius, 0.5))
+    half_turn = np.arccos(max(1 - ARC_SAGITTA_M / abs(offset_m), 0.5))
     return shapely.buffer(region, offset_m, quad_segs=max(int(np.ceil(np.pi / 4 / half_turn)), 2))
 
 
 def _simplified(region: Any, tolerance_m: float) -> Any:
-    rings = [
-        _simplified_ring(shapely.get_coordinates(ring), tolerance_m) for ring in shapely.get_rings(region)
-    ]
+    exact = map(shapely.get_coordinates, shapely.get_rings(region))
+    rings = [_simplified_ring(ring, tolerance_m) for ring in exact]
     outer, *holes = [ring if len(ring) > MIN_CORNERS else None for ring in rings]
     if outer is None:
         return region
@@ -133,15 +135,7 @@ def _hausdorff(ring: Floats, other: Floats) -> float:
 
 
 def _height(before: Floats, corner: Floats, after: Floats) -> float:
-    leg = shapely.LineString([before, after])
-    return float(shapely.distance(leg, shapely.Point(corner)))
-
-
-MIN_TOLERANCE_M = 1.0  # below the accuracy of satellite positioning
-MIN_STEPS = 12  # with fewer edges, right angles are corners, not stairs
-COLLINEAR_M = 1e-3  # corners that deviate less lie on a straight edge
-MAX_AREA_CHANGE = 0.1  # share of the area; with a larger change, the right angles were not stairs
-RIGHT_ANGLE_TOLERANCE = 0.02  # radians by which reprojection may turn the corners of pixels
+    return float(shapely.distance(shapely.LineString([before, after]), shapely.Point(corner)))
 
 
 def perimeter(region: Any, tolerance_m: float) -> Floats:
@@ -175,8 +169,7 @@ def default_tolerance_m(region: Any) -> float:
     >>> round(default_tolerance_m(stairs), 6), default_tolerance_m(shapely.box(0, 0, 50, 90))
     (10.0, 1.0)
     """
-    corners = shapely.get_coordinates(shapely.simplify(region.exterior, COLLINEAR_M))
-    steps = np.diff(corners, axis=0)
+    steps = np.diff(shapely.get_coordinates(shapely.simplify(region.exterior, COLLINEAR_M)), axis=0)
     if len(steps) < MIN_STEPS:
         return MIN_TOLERANCE_M
     before, length = np.roll(steps, 1, axis=0), np.hypot(*steps.T)

@@ -37,11 +37,8 @@ ROUND_SEGMENTS = 3  # of a quarter of a circle around a corner
 MIN_LINE_M = 1.0  # what zones leave of a line is not flown where it is shorter
 STEP_M = 5.0
 STARTS = 2000  # maximum number of places from which returns are examined
-NAMES = {
-    "ardupilot": ("ArduPilot", "RTL_ALT"),
-    "px4": ("PX4", "RTL_RETURN_ALT"),
-    "generic": ("the autopilot", "RTL_ALT, RTL_RETURN_ALT"),
-}
+NAMES = {"ardupilot": ("ArduPilot", "RTL_ALT"), "px4": ("PX4", "RTL_RETURN_ALT")}
+NAMES["generic"] = "the autopilot", "RTL_ALT, RTL_RETURN_ALT"
 IsGround = Callable[[float, float], bool]
 
 CLEARANCE_M = 15.0  # from home to regions and to zones with their margin
@@ -91,8 +88,7 @@ class KeepOut:
             required = shapely.buffer(required, self.margin_m / math.cos(math.pi / 32), quad_segs=8)
         grown = _grown(self._merged, required, self.margin_m, tolerance_m)
         while shapely.get_num_coordinates(grown) > MAX_CORNERS and tolerance_m < MAX_TOLERANCE_M:
-            zones = enclosing(self._merged, tolerance_m)
-            grown = _smoothed(zones, required, self.margin_m, tolerance_m)
+            grown = _smoothed(enclosing(self._merged, tolerance_m), required, self.margin_m, tolerance_m)
             tolerance_m *= 2
         shapely.prepare(grown)
         return grown
@@ -115,8 +111,7 @@ class KeepOut:
         if margin_m >= MIN_FENCE_MARGIN_M:
             around = shapely.get_parts(shapely.buffer(self._merged, margin_m * share / 2))
             fenced = [_simple(part, self._merged, margin_m * share) for part in around]
-        parts = shapely.get_parts(fenced)
-        return [part for part in parts if part.geom_type == "Polygon" and part.area > 0]
+        return [part for part in shapely.get_parts(fenced) if part.geom_type == "Polygon" and part.area > 0]
 
     @cached_property
     def space(self) -> FreeSpace:
@@ -276,7 +271,10 @@ def return_notes(path: Floats, keep_out: KeepOut, plane: Plane, params: PlanPara
     `path` (n, 2) are the corners of the flight in metres, home first and last.
     """
     name, setting = NAMES[params.autopilot]
-    maximum_m, height_m = params.safety.max_altitude_m, _return_height_m(path, params)
+    maximum_m, away_m = params.safety.max_altitude_m, float(np.hypot(*(path - path[0]).T).max())
+    vehicles = returning_vehicles(params.vehicle, params.autopilot)
+    # the maximum; within a cone around home a return climbs less
+    height_m = max(min(one.return_height_m, one.return_slope * away_m) for one in vehicles)
     if height_m > maximum_m:
         yield (
             f"for a return, {name} climbs to {height_m:.0f} m above home unless it is set otherwise, above "
@@ -297,13 +295,6 @@ def return_notes(path: Floats, keep_out: KeepOut, plane: Plane, params: PlanPara
             f"{max(100 * crosses.mean(), 1):.0f} % of the flight, the first at "
             f"{float(lat):.6f},{float(lon):.6f}; there, lead the vehicle by hand, or give rally points"
         )
-
-
-def _return_height_m(path: Floats, params: PlanParams) -> float:
-    """Return the maximum height to which a return climbs; within a cone around home it climbs less."""
-    vehicles = returning_vehicles(params.vehicle, params.autopilot)
-    away_m = float(np.hypot(*(path - path[0]).T).max())
-    return max(min(vehicle.return_height_m, vehicle.return_slope * away_m) for vehicle in vehicles)
 
 
 def home_outside(

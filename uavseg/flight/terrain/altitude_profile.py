@@ -108,8 +108,7 @@ def _crossings(dem: Dem, places: Places) -> Floats:
             f"a leg crosses {pixels:,.0f} pixels of {dem.name}, and at most {MAX_PIXELS:,} are followed; "
             "give a coarser one (gdalwarp -tr)"
         )
-    count = int(pixels / STEP_PIXELS) + 2 if np.isfinite(pixels) else 2
-    share = np.linspace(0, 1, count)
+    share = np.linspace(0, 1, int(pixels / STEP_PIXELS) + 2 if np.isfinite(pixels) else 2)
     crossings = [share[:1], share[-1:]]
     for position in dem.pixels(*places(share)):
         line = position - 0.5
@@ -129,17 +128,14 @@ def check_known(dem: Dem, lon: Floats, lat: Floats, height_m: Floats) -> None:
     if not len(unknown):
         return
     k = int(unknown[0])
-    raise MissionError(
-        f"{dem.name} has no height of the ground at lat {lat[k]:.6f}, lon {lon[k]:.6f}, where the flight "
-        f"leads; it covers {dem.covered()}{_hole(dem, lon[k], lat[k])}: give one that covers the whole flight"
-    )
-
-
-def _hole(dem: Dem, lon: float, lat: float) -> str:
-    row, col = dem.pixels(np.array([lon]), np.array([lat]))
+    row, col = dem.pixels(lon[k : k + 1], lat[k : k + 1])
     rows, cols = dem.sampler.dataset.geobox.shape
     inside = 0 <= row[0] <= rows and 0 <= col[0] <= cols
-    return " with a hole there (nodata, or no height from -500 to 9000 m)" if inside else ""
+    hole = " with a hole there (nodata, or no height from -500 to 9000 m)" if inside else ""
+    raise MissionError(
+        f"{dem.name} has no height of the ground at lat {lat[k]:.6f}, lon {lon[k]:.6f}, where the flight "
+        f"leads; it covers {dem.covered()}{hole}: give one that covers the whole flight"
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -258,10 +254,8 @@ def points_climbed_early(along_m: Floats, height_m: Floats, tolerance_m: float, 
     while chosen[-1] < last:
         first = end = chosen[-1]
         while end < last:
-            leg = slice(first, end + 2)
-            if not _is_within(
-                along_m[leg] - along_m[first], height_m[leg] - height_m[first], tolerance_m, rates
-            ):
+            along, climbed = (one[first : end + 2] - one[first] for one in (along_m, height_m))
+            if not _is_within(along, climbed, tolerance_m, rates):
                 break
             end += 1
         chosen.append(max(end, first + 1))
@@ -288,8 +282,7 @@ def heights_climbed_early(
 def _is_within(along_m: Floats, climbed_m: Floats, tolerance_m: float, rates: Rates) -> bool:
     """Return whether a leg from the first of these samples to the last is within the tolerance of all."""
     rise, length = float(climbed_m[-1]), float(along_m[-1])
-    speed = rates.speeds(along_m[-1:], climbed_m[-1:])
-    slope = (rates.climb_m_s if rise > 0 else rates.descent_m_s) / speed
+    slope = (rates.climb_m_s if rise > 0 else rates.descent_m_s) / rates.speeds(along_m[-1:], climbed_m[-1:])
     early = np.minimum(along_m * slope, abs(rise)) * np.sign(rise)
     straight = along_m / length * rise if length > 0 else early
     return bool(max(np.abs(early - climbed_m).max(), np.abs(straight - climbed_m).max()) <= tolerance_m)
@@ -331,8 +324,7 @@ def _farthest(along_m: Floats, height_m: Floats, tolerance_m: float, start: int)
     window = FIRST_WINDOW
     while True:
         end = min(start + 1 + window, len(along_m))
-        step = along_m[start + 1 : end] - along_m[start]
-        rise = height_m[start + 1 : end] - height_m[start]
+        step, rise = (one[start + 1 : end] - one[start] for one in (along_m, height_m))
         low = np.maximum.accumulate((rise - tolerance_m) / step)
         high = np.minimum.accumulate((rise + tolerance_m) / step)
         slope = rise / step

@@ -13,15 +13,8 @@ from uavseg.flight.mission.mission import Ground
 from uavseg.flight.mission.track import OF_LEGS, Track
 from uavseg.flight.mission.vehicle import returning_vehicles
 from uavseg.flight.params.plan import FRAME, RELATIVE, PlanParams, TerrainParams
-from uavseg.flight.terrain.altitude_profile import (
-    GAP,
-    AltitudeProfile,
-    GroundProfile,
-    check_known,
-    fly_over,
-    profile_along,
-    rates_m_s,
-)
+from uavseg.flight.terrain import altitude_profile
+from uavseg.flight.terrain.altitude_profile import AltitudeProfile, GroundProfile, fly_over, profile_along
 from uavseg.flight.terrain.leg_speeds import speeds_of
 from uavseg.raster.elevation.dem import Dem
 from uavseg.raster.geodesy.globe import geod_wgs84
@@ -34,6 +27,9 @@ RETURN_SLACK_M = 1.0
 RAISED_M = 0.05  # a smaller difference is not reported
 STARTS = 250  # samples of the flight from which return paths are examined
 SAMPLES = 250  # of each return path
+DECIMALS = 8  # of degrees: a millimetre
+NOTED_M = 10.0  # a larger difference is reported: satellite heights and most models are better than that
+REFUSED_M = 50.0  # a larger one is refused: as large as the distance of geoid and ellipsoid in many places
 
 
 def terrain_notes(
@@ -85,7 +81,7 @@ def _slope_notes(
 ) -> Iterator[str]:
     terrain, ground = params.terrain, flight.ground
     assert terrain is not None
-    climb, descent = rates_m_s(params)
+    climb, descent = altitude_profile.rates_m_s(params)
     slow = speed_m_s < requested_m_s
     if slow.any():
         legs, speed = int(slow.sum()), float(speed_m_s[slow].min())
@@ -109,12 +105,10 @@ def _slope_notes(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _ReturnPaths:
-    """Ground on straight paths to home, from n samples of a flight.
+    """Ground on straight paths to home, from n samples of a flight."""
 
-    The ground on the flight itself is known exactly, that on these paths at k evenly spaced samples, from
-    home on; NaN where it is not known.
-    """
-
+    # The ground on the flight itself is known exactly, that on these paths at k evenly spaced samples, from
+    # home on; NaN where it is not known.
     start: NDArray[np.int64]  # samples of the flight, (n,)
     length_m: Floats  # (n,)
     lon: Floats  # (k, n)
@@ -144,8 +138,7 @@ def _return_paths(dem: Dem, ground: GroundProfile) -> _ReturnPaths:
 def _rise_notes(paths: _ReturnPaths, ground: GroundProfile, altitude_m: float) -> Iterator[str]:
     """Yield how far the ground rises above home between the flight and home."""
     is_unknown = np.isnan(paths.ground_m)
-    known_m = np.where(is_unknown, -np.inf, paths.ground_m)
-    height_m = np.concatenate([ground.upper_m, known_m.ravel()])
+    height_m = np.append(ground.upper_m, np.where(is_unknown, -np.inf, paths.ground_m))
     k = int(height_m.argmax())
     above_home = float(height_m[k] - ground.upper_m[0])
     if above_home > 0.1 * altitude_m:
@@ -192,11 +185,6 @@ def _early_return_notes(paths: _ReturnPaths, flight: AltitudeProfile, params: Pl
         )
 
 
-DECIMALS = 8  # of degrees: a millimetre
-NOTED_M = 10.0  # a larger difference is reported: satellite heights and most models are better than that
-REFUSED_M = 50.0  # a larger one is refused: as large as the distance of geoid and ellipsoid in many places
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class WaypointHeights:
     """Heights and speeds of n waypoints."""
@@ -211,13 +199,9 @@ class WaypointHeights:
 def constant_height(track: Track, params: PlanParams, frame: int = FRAME_RELATIVE) -> WaypointHeights:
     """Return one height for the waypoints of a track, (n, 2), above what `frame` (MAV_FRAME) says."""
     count, height = len(track.xy), float(params.altitude_m)
-    return WaypointHeights(
-        frame=frame,
-        height_m=np.full(count, height),
-        takeoff_m=height,
-        added=np.zeros(count, np.bool_),
-        speed_m_s=speeds_of(track, params),
-    )
+    heights, added = np.full(count, height), np.zeros(count, np.bool_)
+    speeds = speeds_of(track, params)
+    return WaypointHeights(frame=frame, height_m=heights, takeoff_m=height, added=added, speed_m_s=speeds)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -245,14 +229,14 @@ def follow_ground(track: Track, home: HomePosition, params: PlanParams) -> Groun
     if terrain is None:
         return GroundPath(track, constant_height(track, params))
     if terrain.dem is None:
-        heights = constant_height(track, params, FRAME_TERRAIN)
-        return GroundPath(track, heights, notes=(ONBOARD_TERRAIN,))
+        return GroundPath(track, constant_height(track, params, FRAME_TERRAIN), notes=(ONBOARD_TERRAIN,))
     lon, lat = track.xy.T
     path_lon, path_lat = (np.round(np.append(*both), DECIMALS) for both in ((home.lon, lon), (home.lat, lat)))
     speeds = speeds_of(track, params)
     flight = fly_over(terrain.dem, path_lon, path_lat, params, speeds)
     tolerance_m = terrain.tolerance_for(params.altitude_m)
-    back = profile_along(terrain.dem, path_lon[[-1, 0]], path_lat[[-1, 0]], GAP * tolerance_m)
+    gap_m = altitude_profile.GAP * tolerance_m
+    back = profile_along(terrain.dem, path_lon[[-1, 0]], path_lat[[-1, 0]], gap_m)
     over_back = flight.target_m[-1] - np.concatenate([back.lower_m, back.upper_m])
     leads_home = bool(np.abs(over_back - params.altitude_m).max() > tolerance_m)
     if leads_home:
@@ -262,9 +246,7 @@ def follow_ground(track: Track, home: HomePosition, params: PlanParams) -> Groun
         over_back = over_back[:0]
     heights, kept = _heights(flight, params, terrain)
     leg = np.searchsorted(flight.ground.corners[1:], kept)  # the first one leads from home to the path
-    places = np.column_stack(
-        [np.round(flight.ground.lon[kept], DECIMALS), np.round(flight.ground.lat[kept], DECIMALS)]
-    )
+    places = np.round(np.column_stack([flight.ground.lon, flight.ground.lat])[kept], DECIMALS)
     # `places` (n, 2) are those of all corners, in degrees; `added` (n,) says which of them are not corners of
     # the track. `leg` (n,) is the leg to each corner: 0 leads from home, and 1 is the track's first.
     speed, leg = track.speed_m_s[leg], leg[1:]
@@ -273,10 +255,9 @@ def follow_ground(track: Track, home: HomePosition, params: PlanParams) -> Groun
     hold_s[~heights.added], shots[~heights.added] = track.hold_s, track.shots
     legs = {name: getattr(whole, name)[leg] for name in OF_LEGS}
     track = Track(xy=places, hold_s=hold_s, shots=shots, speed_m_s=speed, **legs)
-    notes = terrain_notes(
-        flight, int(heights.added.sum()), heights.speed_m_s, speeds_of(track, params), params, leads_home
-    )
-    ground = _ground(terrain.dem, home, places, flight, over_back, params)
+    added, flown = int(heights.added.sum()), heights.speed_m_s
+    notes = terrain_notes(flight, added, flown, speeds_of(track, params), params, leads_home)
+    ground = _ground(home, places, flight, over_back, params)
     return GroundPath(track=track, heights=heights, ground=ground, notes=tuple(notes))
 
 
@@ -299,10 +280,8 @@ def _heights(
             frame, height = FRAME_RELATIVE, height - home_m
             _check_above_home(flight.ground, kept, height)
         height = np.round(height, 3)
-    heights = WaypointHeights(
-        frame=frame, height_m=height, takeoff_m=takeoff_m, added=~is_corner, speed_m_s=speed
-    )
-    return heights, kept
+    where = {"height_m": height, "added": ~is_corner, "speed_m_s": speed}
+    return WaypointHeights(frame=frame, takeoff_m=takeoff_m, **where), kept
 
 
 def _check_above_home(ground: GroundProfile, kept: Integers, height_m: Floats) -> None:
@@ -317,23 +296,16 @@ def _check_above_home(ground: GroundProfile, kept: Integers, height_m: Floats) -
 
 
 def _ground(
-    dem: Dem,
-    home: HomePosition,
-    places: Floats,
-    flight: AltitudeProfile,
-    over_back: Floats,
-    params: PlanParams,
+    home: HomePosition, places: Floats, flight: AltitudeProfile, over_back: Floats, params: PlanParams
 ) -> Ground:
-    lon, lat = places.T
-    heights = dem.heights_m(lon, lat).tolist()
-    below = dict(zip(zip(lat.tolist(), lon.tolist(), strict=True), heights, strict=True))
+    assert params.terrain is not None and params.terrain.dem is not None
+    heights = params.terrain.dem.heights_m(*places.T).tolist()
+    below = dict(zip(map(tuple, places[:, ::-1].tolist()), heights, strict=True))
     below[home.lat, home.lon] = float(flight.ground.upper_m[0])
-    assert params.terrain is not None
     if params.terrain.mode == FRAME:
         return Ground(below, params.altitude_m, params.altitude_m)
-    height_m = flight.height_m
-    lowest = np.append(height_m - flight.ground.upper_m, over_back).min()
-    highest = np.append(height_m - flight.ground.lower_m, over_back).max()
+    lowest = np.append(flight.height_m - flight.ground.upper_m, over_back).min()
+    highest = np.append(flight.height_m - flight.ground.lower_m, over_back).max()
     return Ground(below, float(lowest), float(highest))
 
 
@@ -349,7 +321,7 @@ def home_on_ground(home: tuple[float, ...], params: PlanParams) -> tuple[tuple[f
         return home, []
     lon, lat = np.array([home[1]]), np.array([home[0]])
     height_m = terrain.dem.heights_m(lon, lat)
-    check_known(terrain.dem, lon, lat, height_m)
+    altitude_profile.check_known(terrain.dem, lon, lat, height_m)
     ground_m = round(float(height_m[0]), 2)
     if not terrain.dem.is_above_sea:
         return home, []

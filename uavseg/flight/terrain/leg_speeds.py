@@ -47,14 +47,12 @@ def with_speeds(track: Track, home: Floats, params: PlanParams) -> Track:
         speeds += [speed[first : leg + 1], speed[leg + 1 : leg + 2]]
         first = leg + 1
     parts.append(whole.part_from(first))
-    flown = Track.joined(parts).part_from(1)
-    return replace(flown, speed_m_s=np.concatenate([*speeds, speed[first:]]))
+    return replace(Track.joined(parts).part_from(1), speed_m_s=np.concatenate([*speeds, speed[first:]]))
 
 
 def fewest_changes(track: Track, params: PlanParams) -> Floats:
     """Return the speed of each leg of a track, (n - 1,), before points are added to slow down."""
-    length = leg_lengths(track.xy)
-    return _fewest_changes(np.minimum(_limits_m_s(track, params), params.speed_m_s), length)
+    return _fewest_changes(np.minimum(_limits_m_s(track, params), params.speed_m_s), leg_lengths(track.xy))
 
 
 def speeds_of(track: Track, params: PlanParams) -> Floats:
@@ -104,8 +102,7 @@ def _fewest_changes(limit: Floats, length: Floats) -> Floats:
     for last in range(count):
         low = max(0, last + 1 - LONGEST_RUN)
         run = slice(low, last + 1)
-        slowest = np.minimum.accumulate(limits[run][::-1])[::-1]
-        total = np.cumsum(lengths[run][::-1])[::-1] / slowest
+        total = np.cumsum(lengths[run][::-1])[::-1] / np.minimum.accumulate(limits[run][::-1])[::-1]
         cost = best[low : last + 1] + total + CHANGE_S * (np.arange(low, last + 1) > 0)
         choice = int(cost.argmin())
         best[last + 1], start[last + 1] = cost[choice], low + choice
