@@ -9,12 +9,13 @@ FIELDS = {  # name: number, format, columns
     "MSG": (129, "QZ", "TimeUS,Message"),
     "MODE": (130, "QMBB", "TimeUS,Mode,ModeNum,Rsn"),
     "MISE": (131, "QHHHffffLLfB", "TimeUS,CTot,CNum,CId,Prm1,Prm2,Prm3,Prm4,Lat,Lng,Alt,Frame"),
-    "CAM": (132, "QIHLLf", "TimeUS,GPSTime,GPSWeek,Lat,Lng,Alt"),
+    "CAM": (132, "QIHLLeeC", "TimeUS,GPSTime,GPSWeek,Lat,Lng,Alt,RelAlt,Y"),
     "POS": (133, "QLLf", "TimeUS,Lat,Lng,Alt"),
     "ARM": (134, "QBI", "TimeUS,ArmState,ArmChecks"),
     "IMU": (135, "Qf", "TimeUS,GyrX"),
 }
-CODES = {"n": "4s", "N": "16s", "Z": "64s", "L": "i", "M": "B"}
+CODES = {"n": "4s", "N": "16s", "Z": "64s", "L": "i", "M": "B", "e": "i", "C": "H"}
+SCALES = {"L": 1e7, "e": 100, "C": 100}
 Message = tuple[str, dict[str, Any]]
 
 
@@ -26,7 +27,7 @@ def binary(name: str, *values: Any) -> bytes:
     """A message of a binary dataflash log."""
     number, codes, _ = FIELDS[name]
     stored = [
-        value.encode() if code in "nNZ" else round(value * 1e7) if code == "L" else value
+        value.encode() if code in "nNZ" else round(value * SCALES[code]) if code in SCALES else value
         for code, value in zip(codes, values, strict=True)
     ]
     return b"\xa3\x95" + bytes([number]) + _layout(name).pack(*stored)
@@ -64,7 +65,13 @@ TOPICS = {
         ("uint16_t", "seq_current", "H"),
         ("bool", "finished", "?"),
     ],
-    "camera_capture": [("uint64_t", "timestamp", "Q"), ("double", "lat", "d"), ("double", "lon", "d")],
+    "camera_capture": [
+        ("uint64_t", "timestamp", "Q"),
+        *(("double", name, "d") for name in ("lat", "lon")),
+        ("float", "alt", "f"),
+        ("float[4]", "q", "4f"),
+    ],
+    "home_position": [("uint64_t", "timestamp", "Q"), ("float", "alt", "f")],
     "camera_trigger": [("uint64_t", "timestamp", "Q"), ("uint32_t", "seq", "I")],
 }
 

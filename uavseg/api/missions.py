@@ -298,7 +298,8 @@ def check(
         Elevation model: no leg comes nearer to the ground than 5 m, and photographs show this ground. Several
         files are one mosaic.
     photos : path or sequence of paths, optional
-        Photographs that came back from the flight, or folders of them with their subfolders.
+        Photographs that came back from the flight, folders of them with their subfolders, or with `camera`
+        the log of the flight (.bin of ArduPilot, .ulg of PX4).
     regions : path or GeoDataFrame, optional
         Polygons that the photographs should show; by default what the mission plans to show, without a rim of
         5 % of a photograph, by which positions may be off.

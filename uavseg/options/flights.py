@@ -431,8 +431,8 @@ class CheckOptions(Options):
         },
     )
     photos: Paths = option(
-        "Photographs that came back from the flight: files, or folders with subfolders. What they do not "
-        "show is found, on flat ground or that of --dem. May be repeated.",
+        "Photographs that came back from the flight: files, folders, or with --camera its log (.bin, .ulg). "
+        "What they do not show is found, on flat ground or that of --dem. May be repeated.",
         metavar="PATH",
         multiple=True,
         parse=texts.or_none,

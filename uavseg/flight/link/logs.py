@@ -24,11 +24,13 @@ _CODES |= {"n": "4s", "N": "16s", "Z": "64s", "a": "64s"}
 _READ = frozenset({"FMT", "CAM", "POS", "GPS", "MODE", "MISE", "CMD", "ARM", "MSG"})
 _AUTO, _AUTO_PLANE = 3, 10  # modes in which missions are flown: of copters and of PX4, of planes and rovers
 _PLACE = {"Lat": "lat", "Lng": "lon"}
+_SHOT = {**_PLACE, "Alt": "alt", **{f"q{k}": f"q[{k}]" for k in range(4)}}
 _TOPICS = {  # of PX4 as messages of ArduPilot, in their order at one time
     "vehicle_status": ("MODE", {"ModeNum": "nav_state"}),
     "mission_result": ("MISE", {"CNum": "seq_current", "Finished": "finished"}),
     "vehicle_global_position": ("POS", _PLACE),
-    "camera_capture": ("CAM", _PLACE),
+    "home_position": ("ORGN", {"Alt": "alt"}),
+    "camera_capture": ("CAM", _SHOT),
     "camera_trigger": ("CAM", {}),
 }
 
@@ -72,7 +74,7 @@ def end_of_log(path: str | os.PathLike[str]) -> LogEnd:
             elif name == "MISE" or (in_auto and name == executed):
                 item, executed, finished = int(fields["CNum"]), name, bool(fields.get("Finished"))
             elif in_auto and name in ("CAM", "POS", "GPS"):
-                at = (float(fields["Lat"]), float(fields["Lng"])) if fields else place
+                at = (float(fields["Lat"]), float(fields["Lng"])) if "Lat" in fields else place
                 if at and at != (0.0, 0.0) and abs(at[0]) <= 90 and abs(at[1]) <= 180:  # with a fix
                     place, photo = at, (at, item) if name == "CAM" else photo
             if in_auto:
@@ -113,7 +115,7 @@ def _dataflash_messages(path: Path) -> Iterator[Message]:
 def _value(code: str, value: Any) -> Any:
     if code in "nNZ":
         return value.partition(b"\0")[0].decode("ascii", "replace")
-    return value / 1e7 if code == "L" else value
+    return value / (1e7 if code == "L" else 100) if code in "LcCeE" else value
 
 
 def _ulog_messages(path: Path) -> list[Message]:
@@ -127,7 +129,12 @@ def _ulog_messages(path: Path) -> list[Message]:
         if "camera_capture" in topics:  # what the camera tells, in place of what it was told
             topics.pop("camera_trigger", None)
         rows = [
-            (int(time), name, {field: topics[topic][column][k] for field, column in columns.items()})
+            (
+                int(time),
+                name,
+                {field: topics[topic][at][k] for field, at in columns.items() if at in topics[topic]}
+                | {"TimeUS": int(time)},
+            )
             for topic, (name, columns) in _TOPICS.items()
             if topic in topics
             for k, time in enumerate(topics[topic]["timestamp"])

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import shapely
 
+from uavseg.arrays import Path_
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError, ParameterError
 from uavseg.execution.executors import decided, phase, steps_done
@@ -19,6 +20,7 @@ from uavseg.flight.camera.camera import BLUR_PX, Camera, camera_named
 from uavseg.flight.formats import kmz, litchi, wpml
 from uavseg.flight.formats.files import MAX_BYTES, check_mission_format, read_mission, station_refusals
 from uavseg.flight.formats.wayline import wayline_of
+from uavseg.flight.link.logs import shots_of_log
 from uavseg.flight.mission.items import (
     AUTOPILOTS,
     ELSEWHERE,
@@ -280,15 +282,14 @@ def check_request(options: CheckOptions) -> CheckRequest:
     photographs: tuple[Photograph, ...] = ()
     if photos is not None:
         sources = [photos] if isinstance(photos, str | os.PathLike) else photos
-        for one in sources:
-            if Path(one).suffix.lower() in LOGS:
-                raise ParameterError(
-                    f"{os.fspath(one)} is a flight log, and photographs are read from images alone: give "
-                    "those, with their positions in EXIF"
-                )
+        logs = [one for one in sources if Path(one).suffix.lower() in LOGS]
         with phase("reading of photographs"):
-            taken = read_photographs(sources, steps_done, camera)
-        photographs, notes = taken.photographs, [*notes, *taken.notes]
+            photographs = tuple(shot for one in logs for shot in _logged(one, camera))
+            if images := [one for one in sources if one not in logs]:
+                taken = read_photographs(images, steps_done, camera)
+                photographs, notes = (*photographs, *taken.photographs), [*notes, *taken.notes]
+        if logs:
+            notes.append("logs hold no angles of the camera: it is taken to look straight down, ahead")
     return CheckRequest(
         autopilot=options.autopilot,
         safety=safety_params(limits),
@@ -301,6 +302,25 @@ def check_request(options: CheckOptions) -> CheckRequest:
         home=None if options.home is None else tuple(options.home),
         notes=tuple(notes),
     )
+
+
+def _logged(path: Path_, camera: Camera | None) -> Iterator[Photograph]:
+    """Yield the photographs of a flight log, straight down, with the top of the image ahead."""
+    if camera is None:
+        raise ParameterError(f"{os.fspath(path)} does not say which camera the vehicle has: give --camera")
+    for number, shot in enumerate(shots_of_log(path), 1):
+        yield Photograph(
+            path=f"{Path(path).name} {number}",
+            lon=shot.lon,
+            lat=shot.lat,
+            relative_m=shot.relative_m,
+            altitude_m=shot.altitude_m,
+            yaw_deg=shot.yaw_deg,
+            image_px=camera.image_px,
+            focal_px=camera.focal_mm * camera.image_px[0] / camera.sensor_mm[0],
+            camera=camera.name,
+            taken_s=shot.taken_s,
+        )
 
 
 def _paper_check(mission: Mission, request: CheckRequest, autopilot: str | None) -> SafetyCheck:
