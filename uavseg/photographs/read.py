@@ -215,7 +215,7 @@ def _tags(path: str) -> _Tags:
             warnings.simplefilter("always")
             with Image.open(file, formats=("JPEG", "TIFF")) as image:
                 exif, size = image.getexif(), image.size
-                values: dict[str | int, Any] = {**exif, **exif.get_ifd(0x8769), **exif.get_ifd(0x8825)}
+                values: dict[Any, Any] = {**exif, **exif.get_ifd(0x8769), **exif.get_ifd(0x8825)}
                 if values.get(16) == "M":
                     values.pop(17, None)  # a magnetic direction is not taken
                 packet = image.info.get("xmp") or b""
