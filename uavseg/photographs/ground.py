@@ -51,7 +51,7 @@ class Ground:
         PhotographError says that neither gives a height, or that the camera is not above the ground.
         """
         relative, home = photograph.relative_m, self.home
-        below = self._ground_m(photograph.lon, photograph.lat, "the place where it was taken")
+        below = self._ground_m(photograph.lon, photograph.lat)
         if relative is not None and self.dem is None:
             height = relative
         elif relative is not None and home is not None:
@@ -71,7 +71,7 @@ class Ground:
             )
         return height
 
-    def _ground_m(self, lon: float, lat: float, place: str) -> float:
+    def _ground_m(self, lon: float, lat: float, place: str = "the place where it was taken") -> float:
         height = float(self.heights_m(np.array([lon]), np.array([lat]))[0])
         if math.isnan(height):
             raise PhotographError(f"the elevation model does not cover {place}")
@@ -102,7 +102,7 @@ class Ground:
         relative = photograph.relative_m
         if self.dem is None or relative is None or photograph.altitude_m is None:
             return ()
-        below = self._ground_m(photograph.lon, photograph.lat, "the place where it was taken")
+        below = self._ground_m(photograph.lon, photograph.lat)
         above = self.camera_height_m(photograph) - below
         try:
             other = relative if self.home is None else self._altitude_m(photograph) - below
@@ -131,7 +131,7 @@ class Ground:
         rays = photograph.rays(pixels)
         down = -rays[:, 2]
         steep = down > np.linalg.norm(rays, axis=1) * math.cos(math.radians(HORIZON_DEG))
-        below = self._ground_m(photograph.lon, photograph.lat, "the place where it was taken")
+        below = self._ground_m(photograph.lon, photograph.lat)
         lengths = np.divide(height_m - below, down, out=np.full_like(down, np.nan), where=steep)
         if self.dem is not None:
             lengths = self._met(Plane(photograph.lat, photograph.lon), rays, height_m, lengths)

@@ -40,7 +40,7 @@ def footprints(
     A PhotographError says that none can be placed, and why; a ParameterError or MissionError that the camera
     is not known, or the place of takeoff not on Earth.
     """
-    camera, poses = options.camera, options.poses
+    poses, camera = options.poses, options.poses.camera
     if camera is not None and not isinstance(camera, Camera):
         camera = camera_named(camera)
     dem = None if poses.dem is None else Dem.open(poses.dem)
