@@ -314,7 +314,7 @@ def test_positions_that_differ_are_refused(tmp_path: Path) -> None:
     taken = read_photographs([near])
     assert taken.photographs[0].lat == 44.6008 and taken.notes == ()
     far = draw_photograph(tmp_path / "b.jpg", PHOTO, xmp={"drone-dji:GpsLatitude": "44.6010"})  # 111 m
-    says = "its positions in XMP and EXIF are more than 100 m apart; correct the wrong one"
+    says = "its positions in XMP and EXIF are more than 100 m apart: correct one"
     assert refused(far) == f"no photograph can be placed; b.jpg: left out, as {says}"
 
 

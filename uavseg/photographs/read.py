@@ -11,6 +11,7 @@ import math
 import os
 import re
 import warnings
+from bisect import bisect_left
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -50,7 +51,7 @@ _TAGS: dict[str | int, tuple[float | None, tuple[str | int, ...]]] = {
         180,
         ("drone:GpsLongitude", "drone:GpsLongtitude", "drone:GPSLongitude", "drone:Longitude"),
     ),
-    2: (90, (2,)),
+    2: (90, (2,)),  # latitude and longitude of EXIF, without their signs
     4: (180, (4,)),
     "altitude": (20_000, ("drone:AbsoluteAltitude", 6)),
     "relative altitude": (20_000, ("drone:RelativeAltitude", "camera:AboveGroundAltitude")),
@@ -310,9 +311,7 @@ def _position(tags: _Tags) -> tuple[float, float]:
     if not places:
         raise PhotographError("it has no position")
     if math.hypot(*_east_north_m(places[0], places[-1])) > _FAR_M:
-        raise PhotographError(
-            "its positions in XMP and EXIF are more than 100 m apart; correct the wrong one"
-        )
+        raise PhotographError("its positions in XMP and EXIF are more than 100 m apart: correct one")
     return places[0]
 
 
@@ -413,6 +412,6 @@ def _along_track(found: list[Photograph]) -> list[Photograph]:
     note = "no yaw: the direction to the next photograph is taken"
     for number, one in enumerate(found if moved else ()):
         if math.isnan(one.yaw_deg):
-            leg = legs[next((leg for leg in moved if leg >= number), moved[-1])]
+            leg = legs[moved[min(bisect_left(moved, number), len(moved) - 1)]]
             found[number] = replace(one, yaw_deg=math.degrees(math.atan2(*leg)), notes=(*one.notes, note))
     return found
