@@ -1,7 +1,9 @@
 """`uavseg check --photos`: what photographs of a flight show, and its gaps as regions for the next flight."""
 
 import json
+import math
 import warnings
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +17,7 @@ from affine import Affine
 from click.testing import CliRunner, Result
 
 import uavseg
+from tests.flight.flight_logs import dataflash, ulog
 from tests.flight.small_regions import HOME, box
 from tests.photographs.make import draw_photograph
 from tests.photographs.test_coverage import ACROSS, FIELD, SOUTH, survey
@@ -24,6 +27,7 @@ from uavseg.flight.camera.camera import camera_named
 from uavseg.flight.formats.files import read_mission, write_mission
 from uavseg.flight.mission.mission import Mission
 from uavseg.photographs.coverage import planned_photographs
+from uavseg.photographs.photograph import Photograph
 from uavseg.regions.formats.read import read_regions
 
 LENS = ((120, 80), 80.0)  # the angles of a DJI Phantom 4 Pro
@@ -195,8 +199,9 @@ def test_options_for_photographs_need_them(flown: Path, option: str) -> None:
 
 def test_bad_input_is_one_line_and_writes_nothing(flown: Path, tmp_path: Path) -> None:
     survey_plan, gaps = flown / "survey.plan", tmp_path / "gaps.geojson"
-    empty = tmp_path / "empty"
+    empty, other = tmp_path / "empty", tmp_path / "a.bin"
     empty.mkdir()
+    other.write_bytes(b"not a log")
     away = write(survey(home=(-33.9, 151.2, 12.0), regions=[SOUTH]), tmp_path / "away.plan")
     for words, said in (
         ([survey_plan, "--photos", tmp_path / "none"], "none"),
@@ -206,8 +211,9 @@ def test_bad_input_is_one_line_and_writes_nothing(flown: Path, tmp_path: Path) -
         ([survey_plan, "--photos", flown / "all", "--camera", "nothing"], "there is no camera"),
         ([survey_plan, "--photos", flown / "all", "--home", "147,8"], "147"),
         ([away, "--photos", flown / "all"], "another flight"),
-        ([survey_plan, "--photos", flown / "all", "--photos", tmp_path / "a.BIN"], "a.BIN is a flight log"),
-        ([survey_plan, "--photos", tmp_path / "a.ulg"], "a.ulg is a flight log"),
+        ([survey_plan, "--photos", flown / "all", "--photos", tmp_path / "a.BIN"], "give --camera"),
+        ([survey_plan, "--photos", tmp_path / "a.ulg", "--camera", "Altum"], "a.ulg"),
+        ([survey_plan, "--photos", other, "--camera", "Altum"], "is not a flight log"),
     ):
         result = check(*words, "--gaps", gaps, "-q")
         assert result.exit_code == 1, result.output
@@ -217,6 +223,43 @@ def test_bad_input_is_one_line_and_writes_nothing(flown: Path, tmp_path: Path) -
     assert result.exit_code == 1 and "regions are written to" in result.stderr
     result = check(survey_plan, "--photos", flown / "all", "--gaps", survey_plan, "--overwrite")
     assert result.exit_code == 1 and survey_plan.stat().st_size > 1000
+
+
+@pytest.mark.parametrize("suffix", [".bin", ".ulg"])
+def test_the_log_of_a_flight_tells_what_its_photographs_tell(
+    flown: Path, tmp_path: Path, suffix: str
+) -> None:
+    mission = read_mission(flown / "survey.plan")
+    shots = planned_photographs(mission, LENS).photographs
+    log = tmp_path / f"flight{suffix}"
+    log.write_bytes(logged(suffix, shots[: len(shots) // 2]))
+    gaps, expected = tmp_path / "gaps.geojson", tmp_path / "expected.geojson"
+    result = check(flown / "survey.plan", "--photos", log, "--camera", CAMERA, "--gaps", gaps, "--json")
+    assert result.exit_code == 1, result.output
+    coverage = json.loads(result.stdout)["coverage"]
+    assert coverage["taken"] == len(shots) // 2 and len(coverage["missing"]) == len(shots) - len(shots) // 2
+    folder = tmp_path / "photographs"
+    photograph(flown / "survey.plan", folder, lambda k: k < len(shots) // 2)
+    check(flown / "survey.plan", "--photos", folder, "--gaps", expected)
+    (ours,), (theirs,) = (geopandas.read_file(path).dissolve().geometry for path in (gaps, expected))
+    assert ours.symmetric_difference(theirs).area < 0.02 * theirs.area
+
+
+def logged(suffix: str, shots: Sequence[Photograph]) -> bytes:
+    """A log of photographs, as ArduPilot or PX4 write it."""
+    if suffix == ".bin":
+        return dataflash(
+            [
+                ("CAM", {"Lat": one.lat, "Lng": one.lon, "Alt": 212 + one.relative_m, "RelAlt": one.relative_m, "Y": one.yaw_deg % 360})
+                for one in shots
+            ]
+        )
+    messages: list[tuple[str, tuple[Any, ...]]] = [("home_position", (1, 212.0))]
+    for number, one in enumerate(shots, 2):
+        half = math.radians(one.yaw_deg) / 2
+        turn = (math.cos(half), 0.0, 0.0, math.sin(half))
+        messages.append(("camera_capture", (number * 10**6, one.lat, one.lon, 212 + one.relative_m, *turn)))
+    return ulog(messages)
 
 
 def test_a_picture_shows_footprints_and_gaps(flown: Path, tmp_path: Path) -> None:

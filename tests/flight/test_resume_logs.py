@@ -90,7 +90,7 @@ def px4(mission: Mission, photographs: int, source: str = "camera_capture", fini
         elif name == "POS":
             rows.append(("vehicle_global_position", (time, fields["Lat"], fields["Lng"])))
         elif source == "camera_capture":
-            rows.append((source, (time, fields["Lat"], fields["Lng"])))
+            rows.append((source, (time, fields["Lat"], fields["Lng"], 0.0, 1.0, 0.0, 0.0, 0.0)))
         elif source == "camera_trigger":
             rows.append((source, (time + 1, 1)))
     home = mission.home.lat, mission.home.lon

@@ -149,7 +149,7 @@ def test_what_cannot_be_seen_is_refused(changes: dict[str, Any], says: str, leve
 def test_flat_ground_needs_a_height() -> None:
     with pytest.raises(PhotographError, match="--home LAT,LON,M"):
         Ground().camera_height_m(replace(PHOTO, relative_m=None))
-    with pytest.raises(PhotographError, match="neither"):
+    with pytest.raises(PhotographError, match="no height above the sea, nor one above takeoff"):
         Ground(None, (LAT, LON, 5.0)).camera_height_m(replace(PHOTO, relative_m=None, altitude_m=None))
     with pytest.raises(PhotographError, match="place of takeoff"):
         Ground(None, (LAT, LON, 700.0)).camera_height_m(replace(PHOTO, relative_m=None))

@@ -22,7 +22,7 @@ def command(options: FootprintsOptions) -> None:
     target, overwrite = options.output, options.files.overwrite
     reporter = Reporter(options.messages, options.progress)
     write.check_targets(target, None, overwrite)
-    write.keep_inputs([target], options.poses.dem, options.camera)
+    write.keep_inputs([target], options.poses.dem, options.poses.camera)
     found = footprints(options.photographs, options, reporter.progress)
     reporter.finish([*found.warnings, *export.format_notes(found.regions, target)])
     write.write_region_output(found, target, overwrite)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class PoseOptions(Options):
-    """Ground."""
+    """Ground and camera."""
 
     dem: Paths = option(
         "Elevation model of the ground; may be repeated, for a mosaic.  [default: flat ground, at the height "
@@ -35,6 +35,13 @@ class PoseOptions(Options):
         parse=texts.numbers("--home is LAT,LON or LAT,LON,M in degrees and metres"),
         basic=True,
     )
+    camera: str | os.PathLike[str] | Camera | None = option(
+        "All were taken with this camera. uavseg cameras lists them.  [default: the focal length in the "
+        "files]",
+        metavar="NAME|FILE.json",
+        basic=True,
+        label="Camera",
+    )
 
 
 class FootprintsOptions(Options):
@@ -45,13 +52,6 @@ class FootprintsOptions(Options):
         "The footprints: .geojson, .gpkg, .fgb, .parquet, .shp or .kml; - is GeoJSON on stdout.", "PATH"
     )
     poses: PoseOptions = group(PoseOptions)
-    camera: str | os.PathLike[str] | Camera | None = option(
-        "All were taken with this camera. uavseg cameras lists them.  [default: the focal length in the "
-        "files]",
-        metavar="NAME|FILE.json",
-        basic=True,
-        label="Camera",
-    )
     files: OverwriteOptions = group(OverwriteOptions)
     messages: VerbosityOptions = group(VerbosityOptions)
     progress: ProgressOptions = group(ProgressOptions)
@@ -76,13 +76,6 @@ class GeoreferenceOptions(Options):
         label="Side of a pixel in cm",
     )
     poses: PoseOptions = group(PoseOptions)
-    camera: str | os.PathLike[str] | Camera | None = option(
-        "All were taken with this camera. uavseg cameras lists them.  [default: the focal length in the "
-        "files]",
-        metavar="NAME|FILE.json",
-        basic=True,
-        label="Camera",
-    )
     files: OverwriteOptions = group(OverwriteOptions, overwrite={"python": True})
     messages: VerbosityOptions = group(VerbosityOptions)
     progress: ProgressOptions = group(ProgressOptions)

@@ -50,10 +50,20 @@ class Ground:
         It is the height above takeoff where the height of that place is known, else the altitude. A
         PhotographError says that neither gives a height, or that the camera is not above the ground.
         """
-        height = self._height_m(photograph)
-        below = float(self.heights_m(np.array([photograph.lon]), np.array([photograph.lat]))[0])
-        if math.isnan(below):
-            raise PhotographError("the elevation model does not cover the place where it was taken")
+        relative, home = photograph.relative_m, self.home
+        below = self._ground_m(photograph.lon, photograph.lat)
+        if relative is not None and self.dem is None:
+            height = relative
+        elif relative is not None and home is not None:
+            start = home[2:] or (self._ground_m(home[1], home[0], "the place of takeoff of --home"),)
+            height = relative + start[0]
+        elif self.dem is None and (home is None or len(home) == 2):
+            raise PhotographError(
+                "it has no height above takeoff: give the height of the ground above the sea with --home "
+                "LAT,LON,M, or an elevation model with --dem"
+            )
+        else:
+            height = self._altitude_m(photograph) - (home[2] if self.dem is None and home else 0.0)
         if height <= below:
             raise PhotographError(
                 f"its height is {below - height:.1f} m below the ground; is it above the ellipsoid, or the "
@@ -61,38 +71,19 @@ class Ground:
             )
         return height
 
-    def _height_m(self, photograph: Photograph) -> float:
-        relative, home = photograph.relative_m, self.home
-        if self.dem is None:
-            if relative is not None:
-                return relative
-            if home is not None and len(home) == 3:
-                return self._altitude_m(photograph) - home[2]
-            raise PhotographError(
-                "it has no height above takeoff: give the height of the ground above the sea with --home "
-                "LAT,LON,M, or an elevation model with --dem"
-            )
-        if relative is not None and home is not None:
-            return relative + (home[2] if len(home) == 3 else self._home_m(home))
-        if photograph.altitude_m is None:
-            raise PhotographError(
-                "it has no height above the sea: over an elevation model, give the place of takeoff with "
-                "--home LAT,LON"
-            )
-        return self._altitude_m(photograph)
-
-    def _home_m(self, home: tuple[float, ...]) -> float:
-        height = float(self.heights_m(np.array([home[1]]), np.array([home[0]]))[0])
+    def _ground_m(self, lon: float, lat: float, place: str = "the place where it was taken") -> float:
+        height = float(self.heights_m(np.array([lon]), np.array([lat]))[0])
         if math.isnan(height):
-            raise PhotographError("the elevation model does not cover the place of takeoff of --home")
+            raise PhotographError(f"the elevation model does not cover {place}")
         return height
 
     def _altitude_m(self, photograph: Photograph) -> float:
         altitude = photograph.altitude_m
         if altitude is None:
-            raise PhotographError("it has neither a height above takeoff nor an altitude")
-        above_sea = self.dem is None or self.dem.is_above_sea
-        if not photograph.is_ellipsoidal or not above_sea:
+            raise PhotographError(
+                "it has no height above the sea, nor one above takeoff with its place (--home LAT,LON)"
+            )
+        if not photograph.is_ellipsoidal or (self.dem is not None and not self.dem.is_above_sea):
             return altitude
         if self.to_sea is None:
             raise PhotographError(
@@ -111,7 +102,7 @@ class Ground:
         relative = photograph.relative_m
         if self.dem is None or relative is None or photograph.altitude_m is None:
             return ()
-        below = float(self.heights_m(np.array([photograph.lon]), np.array([photograph.lat]))[0])
+        below = self._ground_m(photograph.lon, photograph.lat)
         above = self.camera_height_m(photograph) - below
         try:
             other = relative if self.home is None else self._altitude_m(photograph) - below
@@ -140,10 +131,10 @@ class Ground:
         rays = photograph.rays(pixels)
         down = -rays[:, 2]
         steep = down > np.linalg.norm(rays, axis=1) * math.cos(math.radians(HORIZON_DEG))
-        plane = Plane(photograph.lat, photograph.lon)
-        below = float(self.heights_m(np.array([photograph.lon]), np.array([photograph.lat]))[0])
-        level = np.divide(height_m - below, down, out=np.full_like(down, np.nan), where=steep)
-        lengths = level if self.dem is None else self._met(plane, rays, height_m, level)
+        below = self._ground_m(photograph.lon, photograph.lat)
+        lengths = np.divide(height_m - below, down, out=np.full_like(down, np.nan), where=steep)
+        if self.dem is not None:
+            lengths = self._met(Plane(photograph.lat, photograph.lon), rays, height_m, lengths)
         seen: Floats = rays * lengths[:, None]
         seen[:, 2] += height_m
         return seen
@@ -152,7 +143,7 @@ class Ground:
         """Return where rays first meet the elevation model, in lengths of the rays; NaN where nowhere."""
 
         def above(rays: Floats, lengths: Floats) -> Floats:
-            """Heights of places along rays (n, 3) above the ground, at lengths (n, k)."""
+            """Return heights above the ground, at lengths (n, k) along rays (n, 3)."""
             places = rays[:, None] * lengths[..., None]
             lon, lat = plane.lonlat_from_xy(places[..., 0].ravel(), places[..., 1].ravel())
             clear: Floats = height_m + places[..., 2] - self.heights_m(lon, lat).reshape(lengths.shape)
@@ -160,25 +151,22 @@ class Ground:
 
         far = np.full(len(rays), np.nan)
         left = np.flatnonzero(np.isfinite(level))
-        for turn in range(_FARTHEST):
+        for turn in range(_FARTHEST if len(left) else 0):
             lengths = level[left, None] * (turn + np.arange(1, _STEPS + 1) / _STEPS)
             clear = above(rays[left], lengths)
-            known = np.isfinite(clear)
-            stop = ~known | (clear <= 0)
-            first = stop.argmax(axis=1)
-            rows = np.arange(len(left))
-            hit = stop.any(axis=1)
-            ends = hit & known[rows, first]
-            far[left[ends]] = lengths[rows, first][ends]
-            left = left[~hit]
+            stops = ~(clear > 0)  # at the ground, or where it is not known
+            rows, first = np.arange(len(left)), stops.argmax(axis=1)
+            met = clear[rows, first] <= 0
+            far[left[met]] = lengths[rows, first][met]
+            left = left[~stops.any(axis=1)]
             if not len(left):
                 break
         met = np.isfinite(far)
         low, high = (far - level / _STEPS)[met], far[met]
         for _ in range(_HALVINGS if met.any() else 0):
             middle = (low + high) / 2
-            clear_there = above(rays[met], middle[:, None])[:, 0]
-            low, high = np.where(clear_there > 0, middle, low), np.where(clear_there > 0, high, middle)
+            is_clear = above(rays[met], middle[:, None])[:, 0] > 0
+            low, high = np.where(is_clear, middle, low), np.where(is_clear, high, middle)
         far[met] = high
         return far
 

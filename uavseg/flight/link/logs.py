@@ -1,11 +1,12 @@
-"""Flight logs: where a mission was cut, from dataflash logs of ArduPilot (.bin) and ULogs of PX4 (.ulg)."""
+"""Flight logs: photographs and where a mission was cut, of ArduPilot (dataflash, .bin) and PX4 (ULog, .ulg)."""
 
 import contextlib
 import io
+import math
 import mmap
 import os
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -52,18 +53,11 @@ def end_of_log(path: str | os.PathLike[str]) -> LogEnd:
     Each arming begins a flight. A MissionError says that the file cannot be read, is not a log, or shows no
     flight in mission mode; a MissingLibraryError that pyulog is not installed.
     """
-    file = regular_file(path, MissionError)
-    start = read_start(file, 4, MissionError)
-    if not start.startswith((b"ULog", HEAD)):
-        raise MissionError(
-            f"{file} is not a flight log; expected a .bin of ArduPilot or a .ulg of PX4; "
-            "recordings of ground stations (.tlog) and logs as text (.log) are not read"
-        )
     auto, in_auto = _AUTO, False
     executed = "CMD"  # in logs without MISE; in others it is what was uploaded
     item = last_item = place = photo = None
     finished = was_finished = False
-    for name, fields in _ulog_messages(file) if start == b"ULog" else _dataflash_messages(file):
+    for name, fields in _messages(path):
         with contextlib.suppress(KeyError, TypeError, ValueError, OverflowError):  # a damaged message
             if name == "MSG" and fields["Message"].startswith(("ArduPlane", "ArduRover", "Rover")):
                 auto = _AUTO_PLANE
@@ -85,6 +79,60 @@ def end_of_log(path: str | os.PathLike[str]) -> LogEnd:
         )
     at, item = photo or (place, last_item)
     return LogEnd(place=at, is_photo=photo is not None, item=item, last_item=last_item, finished=was_finished)
+
+
+@dataclass(frozen=True, slots=True)
+class Shot:
+    """A photograph in a log: where the vehicle was, and how it was turned."""
+
+    lat: float
+    lon: float
+    relative_m: float | None  # above home
+    altitude_m: float  # above the sea
+    yaw_deg: float
+    taken_s: float  # of the clock of the vehicle
+
+
+def shots_of_log(path: str | os.PathLike[str]) -> list[Shot]:
+    """Read the photographs of a log, in the order of their times; errors as of `end_of_log`.
+
+    A MissionError also says that the log has none with place, height and direction.
+    """
+    shots: list[Shot] = []
+    home_m = math.nan
+    for name, fields in _messages(path):
+        with contextlib.suppress(KeyError, TypeError, ValueError, OverflowError):  # a damaged message
+            if name == "ORGN":
+                home_m = float(fields["Alt"])
+            elif name == "CAM":
+                altitude_m = float(fields["Alt"])
+                relative_m = float(fields.get("RelAlt", altitude_m - home_m))
+                yaw = float(fields["Y"]) if "Y" in fields else _yaw_deg([fields[f"q{k}"] for k in range(4)])
+                numbers = (float(fields["Lat"]), float(fields["Lng"]), altitude_m, yaw, fields["TimeUS"] / 1e6)
+                if all(map(math.isfinite, numbers)) and any(numbers[:2]):
+                    lat, lon, altitude_m, yaw, seconds = numbers
+                    known = relative_m if math.isfinite(relative_m) else None
+                    shots.append(Shot(lat, lon, known, altitude_m, yaw % 360, seconds))
+    if not shots:
+        raise MissionError(f"{path} has no photographs with place, height and direction (CAM, camera_capture)")
+    return shots
+
+
+def _yaw_deg(q: Sequence[float]) -> float:
+    """Return the azimuth of the front of a vehicle, from its attitude as a quaternion (w, x, y, z)."""
+    w, x, y, z = map(float, q)
+    return math.degrees(math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
+
+
+def _messages(path: str | os.PathLike[str]) -> Iterable[Message]:
+    file = regular_file(path, MissionError)
+    start = read_start(file, 4, MissionError)
+    if not start.startswith((b"ULog", HEAD)):
+        raise MissionError(
+            f"{file} is not a flight log; expected a .bin of ArduPilot or a .ulg of PX4; "
+            "recordings of ground stations (.tlog) and logs as text (.log) are not read"
+        )
+    return _ulog_messages(file) if start == b"ULog" else _dataflash_messages(file)
 
 
 def _dataflash_messages(path: Path) -> Iterator[Message]:

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -41,15 +40,13 @@ def footprints(
     A PhotographError says that none can be placed, and why; a ParameterError or MissionError that the camera
     is not known, or the place of takeoff not on Earth.
     """
-    camera = options.camera
+    poses, camera = options.poses, options.poses.camera
     if camera is not None and not isinstance(camera, Camera):
         camera = camera_named(camera)
-    dem = None if options.poses.dem is None else Dem.open(options.poses.dem)
-    home = None if options.poses.home is None else tuple(options.poses.home)
-    ground = Ground(dem, home)
-    taken = read_photographs(
-        photographs, progress and (lambda done, total: progress(done, 2 * total)), camera
-    )
+    dem = None if poses.dem is None else Dem.open(poses.dem)
+    ground = Ground(dem, None if poses.home is None else tuple(poses.home))
+    reading = progress and (lambda done, total: progress(done, 2 * total))
+    taken = read_photographs(photographs, reading, camera)
     rows: list[dict[str, Any]] = []
     left: list[tuple[str, str]] = []
     doubts: list[tuple[str, str]] = []
@@ -64,16 +61,16 @@ def footprints(
     left_out = grouped("left out, as ", left)
     if not rows:
         raise PhotographError(one_line("; ".join(["no photograph shows ground that is known", *left_out])))
-    notes = [*taken.notes, *left_out, *grouped("", doubts), *([] if dem is None else dem.notes())]
-    return Footprints(_regions(rows), tuple(notes))
+    notes = (*taken.notes, *left_out, *grouped("", doubts), *(() if dem is None else dem.notes()))
+    return Footprints(_regions(rows), notes)
 
 
 def _regions(rows: list[dict[str, Any]]) -> Regions:
     outlines = shapely.orient_polygons([row.pop("geometry") for row in rows])
-    inside, geod = shapely.get_coordinates(shapely.point_on_surface(outlines)), geod_wgs84()
+    inside = shapely.get_coordinates(shapely.point_on_surface(outlines))
     columns: dict[str, Any] = {
         "id": np.arange(1, len(rows) + 1),
-        "area_m2": np.array([abs(geod.geometry_area_perimeter(one)[0]) for one in outlines]),
+        "area_m2": np.array([abs(geod_wgs84().geometry_area_perimeter(one)[0]) for one in outlines]),
     }
     for name, first in rows[0].items():
         columns[name] = np.array([row[name] for row in rows], object if isinstance(first, str) else float)
@@ -82,31 +79,22 @@ def _regions(rows: list[dict[str, Any]]) -> Regions:
 
 
 def _row(photograph: Photograph, ground: Ground) -> dict[str, Any]:
-    """Return the attributes of a footprint, and its outline."""
-    outline = ground.footprint(photograph)
-    height_m = ground.camera_height_m(photograph)
-    lon, lat = np.array([photograph.lon]), np.array([photograph.lat])
+    """Return the attributes of a footprint, and its outline, cut where it lies across 180 degrees."""
+    outline, earth = ground.footprint(photograph), shapely.box(-180, -90, 180, 90)
+    if not earth.covers(outline):
+        parts = [shapely.intersection(translate(outline, turn), earth) for turn in (-360, 0, 360)]
+        outline = shapely.union_all([part for part in parts if part.area > 0])
+    height_m, lon, lat = ground.camera_height_m(photograph), photograph.lon, photograph.lat
     [middle] = ground.seen(photograph, np.array([photograph.image_px]) / 2)
-    slant_m = math.hypot(middle[0], middle[1], middle[2] - height_m)
     taken_s = photograph.taken_s
-    clock = None if taken_s is None else datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=taken_s)
     return {
         "photo": Path(photograph.path).name,
-        "camera_lon": photograph.lon,
-        "camera_lat": photograph.lat,
-        "height_m": height_m - float(ground.heights_m(lon, lat)[0]),
+        "camera_lon": lon,
+        "camera_lat": lat,
+        "height_m": height_m - float(ground.heights_m(np.array([lon]), np.array([lat]))[0]),
         "yaw": photograph.yaw_deg % 360,
         "pitch": photograph.pitch_deg,
-        "gsd_cm": 100 * slant_m / photograph.focal_px,
-        "taken": "" if clock is None else clock.replace(tzinfo=None).isoformat(timespec="milliseconds"),
-        "geometry": _within_180(outline),
+        "gsd_cm": 100 * math.dist(middle, (0, 0, height_m)) / photograph.focal_px,
+        "taken": "" if taken_s is None else str(np.datetime64(round(1000 * taken_s), "ms")),
+        "geometry": outline,
     }
-
-
-def _within_180(outline: Any) -> Any:
-    """Return an outline cut where its longitudes go on beyond 180 degrees."""
-    earth = shapely.box(-180, -90, 180, 90)
-    if earth.covers(outline):
-        return outline
-    parts = (shapely.intersection(translate(outline, turn), earth) for turn in (-360, 0, 360))
-    return shapely.union_all([part for part in parts if part.area > 0])

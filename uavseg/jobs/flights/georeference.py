@@ -45,7 +45,7 @@ def georeference(
         raise ParameterError(f"resolution is centimetres per pixel, a number above 0, not {resolution:g}")
     check_geotiff_name(output, "a map of photographs")
     check_target(output, overwrite)
-    camera = options.camera
+    camera = options.poses.camera
     if camera is not None and not isinstance(camera, Camera):
         camera = camera_named(camera)
     dem = None if options.poses.dem is None else Dem.open(options.poses.dem)
@@ -53,7 +53,7 @@ def georeference(
     reading, laying, drawing = split_progress(progress or (lambda done, total: None), 3)
     taken = read_photographs(photographs, reading, camera)
     read = [one.path for one in taken.photographs]
-    keep_inputs([output], [list(photographs), read, options.poses.dem, options.camera])
+    keep_inputs([output], [list(photographs), read, options.poses.dem, options.poses.camera])
     mosaic = mosaic_of(taken.photographs, ground, None if resolution is None else resolution / 100, laying)
     names = tuple(Path(view.photograph.path).name for view in mosaic.views)
     decided("%d x %d pixels of %g m", *mosaic.geobox.shape, mosaic.geobox.transform.a)
