@@ -248,17 +248,18 @@ def test_the_log_of_a_flight_tells_what_its_photographs_tell(
 def logged(suffix: str, shots: Sequence[Photograph]) -> bytes:
     """A log of photographs, as ArduPilot or PX4 write it."""
     if suffix == ".bin":
-        return dataflash(
-            [
-                ("CAM", {"Lat": one.lat, "Lng": one.lon, "Alt": 212 + one.relative_m, "RelAlt": one.relative_m, "Y": one.yaw_deg % 360})
-                for one in shots
-            ]
+        fields = (
+            {"Lat": one.lat, "Lng": one.lon, "Alt": 212.0, "RelAlt": one.relative_m, "Y": one.yaw_deg % 360}
+            for one in shots
         )
+        return dataflash([("CAM", one) for one in fields])
     messages: list[tuple[str, tuple[Any, ...]]] = [("home_position", (1, 212.0))]
     for number, one in enumerate(shots, 2):
         half = math.radians(one.yaw_deg) / 2
         turn = (math.cos(half), 0.0, 0.0, math.sin(half))
-        messages.append(("camera_capture", (number * 10**6, one.lat, one.lon, 212 + one.relative_m, *turn)))
+        messages.append(
+            ("camera_capture", (number * 10**6, one.lat, one.lon, 212 + (one.relative_m or 0.0), *turn))
+        )
     return ulog(messages)
 
 

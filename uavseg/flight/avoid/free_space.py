@@ -336,4 +336,5 @@ def _bends(ring: Floats) -> Floats:
 
 
 def _distances(starts: Floats, ends: Floats) -> Floats:
-    return np.hypot(*(ends - starts).T)
+    lengths: Floats = np.hypot(*(ends - starts).T)
+    return lengths

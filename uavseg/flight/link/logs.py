@@ -1,4 +1,4 @@
-"""Flight logs: photographs and where a mission was cut, of ArduPilot (dataflash, .bin) and PX4 (ULog, .ulg)."""
+"""Flight logs of ArduPilot (dataflash, .bin) and PX4 (.ulg): photographs, and where a mission was cut."""
 
 import contextlib
 import io
@@ -75,7 +75,7 @@ def end_of_log(path: str | os.PathLike[str]) -> LogEnd:
                 last_item, was_finished = item, finished
     if place is None:
         raise MissionError(
-            f"{file} shows no flight in mission mode (Auto): name the place or item of the cut"
+            f"{os.fspath(path)} shows no flight in mission mode (Auto): name the place or item of the cut"
         )
     at, item = photo or (place, last_item)
     return LogEnd(place=at, is_photo=photo is not None, item=item, last_item=last_item, finished=was_finished)
@@ -108,13 +108,21 @@ def shots_of_log(path: str | os.PathLike[str]) -> list[Shot]:
                 altitude_m = float(fields["Alt"])
                 relative_m = float(fields.get("RelAlt", altitude_m - home_m))
                 yaw = float(fields["Y"]) if "Y" in fields else _yaw_deg([fields[f"q{k}"] for k in range(4)])
-                numbers = (float(fields["Lat"]), float(fields["Lng"]), altitude_m, yaw, fields["TimeUS"] / 1e6)
+                numbers = (
+                    float(fields["Lat"]),
+                    float(fields["Lng"]),
+                    altitude_m,
+                    yaw,
+                    fields["TimeUS"] / 1e6,
+                )
                 if all(map(math.isfinite, numbers)) and any(numbers[:2]):
                     lat, lon, altitude_m, yaw, seconds = numbers
                     known = relative_m if math.isfinite(relative_m) else None
                     shots.append(Shot(lat, lon, known, altitude_m, yaw % 360, seconds))
     if not shots:
-        raise MissionError(f"{path} has no photographs with place, height and direction (CAM, camera_capture)")
+        raise MissionError(
+            f"{path} has no photographs with place, height and direction (CAM, camera_capture)"
+        )
     return shots
 
 
