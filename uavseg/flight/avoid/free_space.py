@@ -336,4 +336,5 @@ def _bends(ring: Floats) -> Floats:
 
 
 def _distances(starts: Floats, ends: Floats) -> Floats:
-    return np.hypot(*(ends - starts).T)
+    steps = ends - starts
+    return np.hypot(steps[:, 0], steps[:, 1])
