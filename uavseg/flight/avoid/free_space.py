@@ -336,5 +336,5 @@ def _bends(ring: Floats) -> Floats:
 
 
 def _distances(starts: Floats, ends: Floats) -> Floats:
-    lengths: Floats = np.hypot(*(ends - starts).T)
-    return lengths
+    steps = ends - starts
+    return np.hypot(steps[:, 0], steps[:, 1])
