@@ -15,6 +15,7 @@ Along a collar, and along nodata that holds a corner, pixels that are nearly con
 are what lossy compression and resampling leave: they go with it, within 16 pixels.
 """
 
+import math
 from dataclasses import replace
 from functools import partial
 from typing import TypeVar
@@ -92,7 +93,7 @@ def _collar(dataset: Dataset, value: int, tile_pass: TilePass, corners: list[Cor
 
     flooded = flood_from_edges(dataset, value, tile_pass)
     counts = count_rim(dataset, flooded, value, tile_pass)
-    total = dataset.geobox.shape[0] * dataset.geobox.shape[1]
+    shape, total = dataset.geobox.shape, math.prod(dataset.geobox.shape)
     if counts.inside < SLIVER * total or not counts.shows_picture:
         return None
     mask, added = grow_over_smear(dataset, flooded, value, counts.smear_limit, tile_pass)
@@ -100,8 +101,7 @@ def _collar(dataset: Dataset, value: int, tile_pass: TilePass, corners: list[Cor
     core = mask
     if counts.smear_limit >= 0:
         core, _ = grow_over_smear(dataset, flooded, value, -1, tile_pass)
-    one_piece = is_one_piece(core, dataset.geobox.shape)
-    evidence = Evidence.of(counts, mask, dataset.geobox.shape, held, one_piece)
+    evidence = Evidence.of(counts, mask, shape, held, is_one_piece(core, shape))
     color, share = "black" if value == 0 else "white", (counts.inside + added) / total
     percent = f"{100 * share:.2g} %" if share < 0.1 else f"{100 * share:.0f} %"
     if evidence.is_collar:

@@ -310,8 +310,7 @@ def order_statistics(
         return None
     bins = bins_of_ranks(counts, [rank_of(percent, total) for percent in percents])
     if integers:
-        smallest = np.iinfo(dataset.dtype.name).min
-        return [float(index + smallest) for index, _ in bins]
+        return [float(index + np.iinfo(dataset.dtype.name).min) for index, _ in bins]
     uppers = tuple(sorted({index for index, _ in bins}))
     lowers = reduce(np.add, tile_pass.run(partial(_count_lower, dataset, uppers)))
     return [

@@ -250,5 +250,4 @@ def with_formula(
     """Return what the formula of a choice makes of the bands of a file; without one, the same."""
     if choice.formula is None:
         return values, valid
-    scales = [file.scale_of(band, choice.bits) for band in choice.bands]
-    return choice.formula.apply(values, valid, scales)
+    return choice.formula.apply(values, valid, [file.scale_of(band, choice.bits) for band in choice.bands])

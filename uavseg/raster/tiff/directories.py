@@ -243,8 +243,7 @@ def _count_blocks(numbers: dict[int, int]) -> int:
     if _TILE_COLS in numbers:
         across = -(-cols // max(numbers[_TILE_COLS], 1))
         return -(-rows // max(numbers.get(_TILE_ROWS, rows), 1)) * across * planes
-    strip = min(numbers.get(_STRIP_ROWS, rows), rows)
-    return -(-rows // max(strip, 1)) * planes
+    return -(-rows // max(min(numbers.get(_STRIP_ROWS, rows), rows), 1)) * planes
 
 
 @once_for_each_file
