@@ -85,16 +85,13 @@ class Summary:
         for band, name in zip(found["bands"], found.pop("names"), strict=True):
             band["name"] = name
         found.pop("mean_beyond")
-        found["values"] = None if found.pop("axis") is None else self._values()
+        found["values"] = found.pop("axis")
+        if self.axis is not None:  # the values at v = 0 and 1, their mean, and how they are stored
+            ends = (*self.axis.values([0, 1]).tolist(), self.mean_value)
+            values = dict(zip(("low", "high", "mean"), map(_plain, ends), strict=True))
+            found["values"] = values | asdict(self.axis.scale)
         more = {"nodata_share": self.nodata_share, "command": found.pop("command")}
         return {key: _plain(value) for key, value in (found | more).items()}
-
-    def _values(self) -> dict[str, Any]:
-        """Return the values at v = 0 and 1, their mean, and how they are stored."""
-        assert self.axis is not None, "there are values"
-        low, high = self.axis.values([0, 1]).tolist()
-        ends = {"low": _plain(low), "high": _plain(high), "mean": _plain(self.mean_value)}
-        return ends | asdict(self.axis.scale)
 
 
 def summarize(

@@ -16,7 +16,6 @@ from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.regions.outline.rings import RegionOutlines, Rings, renumber_by_size
-from uavseg.segmentation.components import Sums
 from uavseg.units import GREY_MAX
 
 COLUMN = "confidence"
@@ -77,8 +76,11 @@ def region_terms(outlined: RegionOutlines, low: ArrayLike, high: ArrayLike) -> F
     mean = sums.greys / counts
     unit = np.sqrt(np.maximum(sums.squares / counts - mean * mean, 0)) + 1  # greys; noise is never 0
     size = np.log(counts)
-    margin = _in_deviations(np.maximum(_distance_to_bound(mean / GREY_MAX, low, high), 0) * GREY_MAX, unit)
-    contrast = _in_deviations(_mean_steps(sums), unit)
+    v, lows, highs = mean / GREY_MAX, np.asarray(low, np.float64), np.asarray(high, np.float64)
+    from_low, from_high = np.where(lows > 0, v - lows, np.inf), np.where(highs < 1, highs - v, np.inf)
+    margin = _in_deviations(np.maximum(np.minimum(from_low, from_high), 0) * GREY_MAX, unit)
+    steps = np.full((len(counts), 2), np.nan) if sums.steps is None else sums.steps  # 0 without inner border
+    contrast = _in_deviations(steps[:, 0] / np.maximum(steps[:, 1], 1), unit)
     return np.stack([size, _shapes(outlined.rings, counts), margin, contrast, size * contrast], 1)
 
 
@@ -119,9 +121,8 @@ def texture_terms(outlined: RegionOutlines, parting: Parting) -> Floats:
     """
     counts = np.maximum(outlined.sums.counts, 1).astype(np.float64)
     size, shape = np.log(counts / parting.window**2), _shapes(outlined.rings, counts)
-    return np.column_stack(
-        [size, shape, np.full_like(size, parting.separability), counts / max(parting.pixels, 1)]
-    )
+    separability, share = np.full_like(size, parting.separability), counts / max(parting.pixels, 1)
+    return np.column_stack([size, shape, separability, share])
 
 
 def keep_confident(
@@ -191,21 +192,6 @@ class Confidence:
 
 def _in_deviations(greys: Floats, unit: Floats) -> Floats:
     return np.asarray(np.log1p(np.minimum(greys / unit, MAX_DEVIATIONS)))
-
-
-def _distance_to_bound(mean: Floats, low: ArrayLike, high: ArrayLike) -> Floats:
-    """Return the distance in v from the nearest bound; infinite where there is none."""
-    lows, highs = np.asarray(low, np.float64), np.asarray(high, np.float64)
-    from_low = np.where(lows > 0, mean - lows, np.inf)
-    from_high = np.where(highs < 1, highs - mean, np.inf)
-    return np.asarray(np.minimum(from_low, from_high))
-
-
-def _mean_steps(sums: Sums) -> Floats:
-    """Return the mean grey difference across the border; 0 where none is inside of the raster."""
-    if sums.steps is None:
-        return np.full(len(sums.counts), np.nan)
-    return np.asarray(sums.steps[:, 0] / np.maximum(sums.steps[:, 1], 1))
 
 
 def _shapes(rings: Rings, counts: Floats) -> Floats:

@@ -20,8 +20,7 @@ class RegionFrame(geopandas.GeoDataFrame):  # type: ignore[misc]
 
     def _repr_html_(self) -> str:
         table = super()._repr_html_() or ""
-        metadata = escape(self.summary)
-        return f"<div><p>{metadata}</p>{_drawing(self.geometry.to_numpy())}{table}</div>"
+        return f"<div><p>{escape(self.summary)}</p>{_drawing(self.geometry.to_numpy())}{table}</div>"
 
     @property
     def summary(self) -> str:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 Objects = NDArray[np.object_]
 
 BATCH_VERTICES = 1 << 18  # of the polygons that are built at a time
+_COUNTED, _VERTEX = 9, 16  # bytes of a geometry before its members (order, type, their number), of a vertex
 
 
 class LazyPolygons:
@@ -68,8 +69,7 @@ class LazyPolygons:
         exteriors = np.flatnonzero(self.rings.exteriors_of(begin, end))
         coordinates = np.empty((int(starts[-1] - starts[0]) + len(starts) - 1, 2))
         affine = np.array(self.transform[:6])
-        reverse = self.transform.determinant < 0
-        _close_rings(self.rings.vertices, starts, reverse, affine, coordinates)
+        _close_rings(self.rings.vertices, starts, self.transform.determinant < 0, affine, coordinates)
         return RaggedPolygons(
             coordinates,
             starts - starts[0] + np.arange(len(starts)),
@@ -222,9 +222,6 @@ class RaggedPolygons:
     def region_of(self, vertices: Integers) -> Integers:
         """Return the region, 0..n - 1, that each of some vertices belongs to."""
         return np.searchsorted(self.rings[self.polygons[self.regions]], vertices, "right") - 1
-
-
-_COUNTED, _VERTEX = 9, 16  # bytes of a geometry before its members (order, type, their number), of a vertex
 
 
 @kernel("void(f8[:,::1], i8[::1], f8[:,::1])")

@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
-from uavseg.arrays import Floats, Integers
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import RasterError
 from uavseg.raster.geodesy.globe import wrap_lon_beyond_180
@@ -27,26 +27,15 @@ if TYPE_CHECKING:
 
 _MIDDLE = 32768  # grey of the only intensity of a stretch without extent
 
-COLUMNS: dict[str, type] = {
-    "id": np.int64,
-    "area_m2": np.float64,
-    "perimeter_m": np.float64,
-    "mean": np.float64,
-    "std": np.float64,
-    "pixels": np.int64,
-    "holes": np.int64,
-    "lon": np.float64,
-    "lat": np.float64,
-    "range_low": np.float64,
-    "range_high": np.float64,
-    "source": object,
-}
+COLUMNS: dict[str, type] = (
+    {"id": np.int64, "area_m2": np.float64, "perimeter_m": np.float64, "mean": np.float64, "std": np.float64}
+    | {"pixels": np.int64, "holes": np.int64, "lon": np.float64, "lat": np.float64}
+    | {"range_low": np.float64, "range_high": np.float64, "source": object}
+)
 """Columns of a region table, in order, with their types."""
 
 VALUE_COLUMNS: dict[str, type] = {
-    "mean_value": np.float64,
-    "value_low": np.float64,
-    "value_high": np.float64,
+    **dict.fromkeys(("mean_value", "value_low", "value_high"), np.float64),
     "unit": object,
 }
 """Columns in the units of the raster, which follow `range_high`; see `with_values`."""
@@ -127,21 +116,13 @@ def make_regions(
     mean = sums.greys / sums.counts
     std = np.sqrt(np.maximum(sums.squares / sums.counts - mean * mean, 0)) / GREY_MAX
     lon, lat = _points_inside(polygons, geobox)
-    low, high = interval
-    values: list[Any] = [
-        np.arange(1, n + 1),
-        _per_region(rings.labels, ring_areas(geobox, rings.vertices, rings.starts), n),
-        _per_region(rings.labels, ring_perimeters(geobox, rings.vertices, rings.starts), n),
-        mean / GREY_MAX,
-        std,
-        sums.counts if pixels is None else pixels,
-        _per_region(rings.labels, ~rings.exteriors, n),
-        lon,
-        lat,
-        np.broadcast_to(low, n).copy(),
-        np.broadcast_to(high, n).copy(),
-        np.full(n, source, object),
-    ]
+    low, high = (np.broadcast_to(end, n).copy() for end in interval)
+    areas, lengths = (of(geobox, rings.vertices, rings.starts) for of in (ring_areas, ring_perimeters))
+    measures = (areas, lengths, ~rings.exteriors)
+    area, perimeter, holes = (np.bincount(rings.labels, one, n + 1)[1:] for one in measures)
+    values: list[Any] = [np.arange(1, n + 1), area, perimeter, mean / GREY_MAX, std]
+    values += [sums.counts if pixels is None else pixels, holes, lon, lat, low, high]
+    values.append(np.full(n, source, object))
     columns: dict[str, NDArray[Any]] = {
         name: np.asarray(value).astype(dtype, copy=False)
         for (name, dtype), value in zip(COLUMNS.items(), values, strict=True)
@@ -149,15 +130,10 @@ def make_regions(
     return Regions(columns, polygons, geobox.wkt)
 
 
-def _per_region(labels: Integers, values: NDArray[Any], n: int) -> NDArray[Any]:
-    return np.bincount(labels, weights=values, minlength=n + 1)[1:]
-
-
 def _points_inside(polygons: LazyPolygons, geobox: GeoBox) -> tuple[Floats, Floats]:
     """Return longitude and latitude of a point inside each polygon; NaN where they are not defined."""
-    points = np.concatenate(
-        [np.empty(0, object), *(shapely.point_on_surface(polygons[part]) for part in batch_slices(polygons))]
-    )
+    parts = (shapely.point_on_surface(polygons[part]) for part in batch_slices(polygons))
+    points = np.concatenate([np.empty(0, object), *parts])
     try:
         lon, lat = geobox.lonlat_from_xy(shapely.get_x(points), shapely.get_y(points))
     except RasterError:
@@ -178,7 +154,12 @@ def with_values(
     columns, n = regions.columns, len(regions)
     if ends is None:
         ends = axis.ends(columns["range_low"], columns["range_high"]) if axis else (np.nan, np.nan)
-    mean = np.full(n, np.nan) if axis is None else _mean_values(columns, sums, axis)
+    mean = np.full(n, np.nan)
+    if axis is not None:  # NaN where the stretch clips pixels, and more is not known
+        v = columns["mean"] + (0 if sums.excess is None else sums.excess / sums.counts / GREY_MAX)
+        is_plain = axis.low < axis.high
+        unknown = np.isnan(columns["std"]) if is_plain else columns["mean"] != _MIDDLE / GREY_MAX
+        mean = np.where(unknown & axis.clips, np.nan, axis.values(v))
     low, high = (np.broadcast_to(np.asarray(end, np.float64), n).copy() for end in ends)
     unit = np.full(n, "" if axis is None else axis.unit, object)
     values = dict(zip(VALUE_COLUMNS, (mean, low, high, unit), strict=True))
@@ -188,10 +169,3 @@ def with_values(
         if name == "range_high":
             completed |= values
     return replace(regions, columns=completed)
-
-
-def _mean_values(columns: dict[str, NDArray[Any]], sums: "Sums", axis: "ValueAxis") -> NDArray[np.float64]:
-    """Return the mean value of each region; NaN where the stretch clips pixels, and more is not known."""
-    v = columns["mean"] if sums.excess is None else columns["mean"] + sums.excess / sums.counts / GREY_MAX
-    unknown = np.isnan(columns["std"]) if axis.low < axis.high else columns["mean"] != _MIDDLE / GREY_MAX
-    return np.where(unknown & axis.clips, np.nan, axis.values(v))

@@ -36,6 +36,18 @@ _FILE_KEYS = {"x_dataset", "y_dataset", "overview_file", "rpc_dem"}
 _CRS = {"srs", "sourcesrs", "targetsrs", "projection", "gcpprojection"}
 _PLAIN_CRS = re.compile(r"[A-Za-z][\w+.-]*(?::[\w+.-]*)*")
 _PAGE = re.compile(r"GTIFF_DIR:\d+:", re.IGNORECASE)
+MAX_NESTING = 4  # VRTs in each other
+MAX_READS = 1_000_000  # reads of sources that one VRT may cost
+MAX_NESTED_READS = 100_000  # the same for VRTs of VRTs, in which a small file can name many
+_TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+_IMAGES_BESIDE = (".ovr", ".OVR", ".msk", ".MSK")
+_TEXTS_BESIDE = (".aux.xml", ".aux", ".hdr", ".HDR")
+_TEXTS_OF_STEM = (
+    *(".aux", ".hdr", ".tfw", ".tifw", ".jgw", ".pgw", ".wld", ".prj"),
+    *(".imd", ".rpb", ".ige", ".rrd"),
+)
+_DATABASES = (("GPKG",), ("MBTiles",))
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,19 +70,18 @@ def is_vrt(start: bytes) -> bool:
     return b"<vrtdataset" in start.split(b"\0", 1)[0].lower()
 
 
-def sources_of(path: str, text: bytes) -> Iterator[NamedSource]:
+def sources_of(path: str, content: bytes) -> Iterator[NamedSource]:
     """Yield the sources that the XML of a VRT names, each as often as it is named.
 
-    `path` is that of the VRT, for its folder and for messages, and `text` its content. A RasterReadError says
-    that it is not valid XML, an AccessError that it contains something that may open files and cannot be
-    checked.
+    `path` is that of the VRT, for its folder and for messages. A RasterReadError says that it is not valid
+    XML, an AccessError that it contains something that may open files and cannot be checked.
     """
     from xml.etree import ElementTree  # rasters other than VRTs need none
 
-    if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
+    if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
         raise AccessError(f"{path} declares XML entities, which a VRT does not need; remove them")
     try:
-        root = ElementTree.fromstring(text)
+        root = ElementTree.fromstring(content)
     except (ElementTree.ParseError, ValueError, LookupError) as error:
         raise RasterReadError(f"{path} is not a valid VRT ({error})") from error
     pending = [(root, False)]
@@ -80,31 +91,25 @@ def sources_of(path: str, text: bytes) -> Iterator[NamedSource]:
         is_raw = is_raw or attributes.get("subclass", "").lower() == "vrtrawrasterband"
         relative = attributes.get("relativetovrt", "0").strip() not in ("", "0")
         folder = Path(path).parent if relative else Path()
+        key = attributes.get("key", attributes.get("name", "")).lower()
         for name, value in ((_plain(element.tag), element.text or ""), *attributes.items()):
-            _check_value(path, name, value)
-            if name in _FILES or _is_file_argument(name, attributes):
-                yield NamedSource(_PAGE.sub("", value.strip()), folder, is_raw)
+            text = value.strip()
+            if name == "pixelfunctionlanguage" and text.lower() == "python":
+                raise AccessError(f"{path} contains a pixel function in Python, and code of files is not run")
+            is_plain = text == "" or text.startswith(("{", "+")) or "[" in text or _PLAIN_CRS.fullmatch(text)
+            if name in _CRS and not is_plain:
+                raise AccessError(
+                    f"{path} names the coordinate system {text[:60]!r}; expected WKT or EPSG:NUMBER"
+                )
+            is_file = name in _FILES or (name == "mdi" and key in _FILE_KEYS)
+            if is_file or (name in ("argument", "option") and "filename" in key):
+                yield NamedSource(_PAGE.sub("", text), folder, is_raw)
         pending += [(child, is_raw) for child in reversed(element)]
 
 
 def _plain(name: object) -> str:
     """Return name of an element or an attribute without its namespace, in lower case."""
     return str(name).rsplit("}", 1)[-1].lower()
-
-
-def _is_file_argument(name: str, attributes: dict[str, str]) -> bool:
-    """Return whether an element is metadata or an argument whose value GDAL opens as a file."""
-    key = attributes.get("key", attributes.get("name", "")).lower()
-    return (name == "mdi" and key in _FILE_KEYS) or (name in ("argument", "option") and "filename" in key)
-
-
-def _check_value(path: str, name: str, value: str) -> None:
-    text = value.strip()
-    if name == "pixelfunctionlanguage" and text.lower() == "python":
-        raise AccessError(f"{path} contains a pixel function in Python, and code of files is not run")
-    is_definition = text.startswith(("{", "+")) or "[" in text
-    if name in _CRS and text and not is_definition and not _PLAIN_CRS.fullmatch(text):
-        raise AccessError(f"{path} names the coordinate system {text[:60]!r}; expected WKT or EPSG:NUMBER")
 
 
 def check_limits(path: str, source: DatasetReader) -> None:
@@ -150,20 +155,6 @@ def _capacity(path: str, source: DatasetReader) -> int:
         return 1 << 62
     plain = source.driver == "GTiff" and source.compression is None
     return size if plain else size * MAX_RATIO
-
-
-MAX_NESTING = 4  # VRTs in each other
-MAX_READS = 1_000_000  # reads of sources that one VRT may cost
-MAX_NESTED_READS = 100_000  # the same for VRTs of VRTs, in which a small file can name many
-
-_TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
-_HDF5 = b"\x89HDF\r\n\x1a\n"
-_IMAGES_BESIDE = (".ovr", ".OVR", ".msk", ".MSK")
-_TEXTS_BESIDE = (".aux.xml", ".aux", ".hdr", ".HDR")
-_TEXTS_OF_STEM = (
-    *(".aux", ".hdr", ".tfw", ".tifw", ".jgw", ".pgw", ".wld", ".prj"),
-    *(".imd", ".rpb", ".ige", ".rrd"),
-)
 
 
 class NamedFiles:
@@ -231,14 +222,12 @@ class NamedFiles:
             )
         if start.startswith(untrusted.NETCDF):
             untrusted.check_netcdf_header(path)
-            return
-        if start.startswith(untrusted.JPEG2000):
+        elif start.startswith(untrusted.JPEG2000):
             untrusted.check_geojp2(path)
-            return
-        if path.suffix.lower() != ".xml" and start.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"<", b"{", b"["):
-            raise AccessError(f"{subject} holds a description in text, not an image")
-        if path.suffix.lower() == ".xml":
+        elif path.suffix.lower() == ".xml":
             current_policy().check_address(subject, "of a web service")
+        elif start.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"<", b"{", b"["):
+            raise AccessError(f"{subject} holds a description in text, not an image")
 
     def _check_beside(self, path: Path) -> None:
         """Check the files that GDAL opens because they lie beside a raster."""
@@ -262,9 +251,6 @@ def check_named_file(owner: str, name: str) -> None:
     target = current_policy().check_name(owner, name, Path())
     if target is not None and is_vrt(read_start(target)):
         raise AccessError(f"{owner} names {name}, which holds a VRT; name the sources in one VRT")
-
-
-_DATABASES = (("GPKG",), ("MBTiles",))
 
 
 @contextmanager
@@ -294,8 +280,15 @@ def open_checked(path: str) -> Iterator[DatasetReader]:
         for source_path in found.rasters if found else ():
             with open_by(source_path, opening.drivers_of(source_path)) as source:
                 _check_opened(path, source_path, source)
-                if opening.is_sequential(source.driver):  # of which GDAL would look for a later row for ever
-                    _check_rows(path, source_path, source)
+                if not opening.is_sequential(source.driver):
+                    continue
+                try:  # each row, because GDAL would look for ever for one after a damaged one
+                    opening.read_rows_before(source, Window(0, 0, *source.shape))
+                except opening.GDAL_ERRORS as error:
+                    raise RasterReadError(
+                        f"{path} names {source_path}, which cannot be read as a whole ({cause_of(error)}); "
+                        "repair it"
+                    ) from error
         with open_by(path, opening.drivers_of(path)) as source:
             _check_opened(path, path, source)
             yield source
@@ -322,16 +315,6 @@ def is_local(path: str) -> bool:
 def is_online(path: str) -> bool:
     """Return whether a raster that the user named may make requests: by its own name, or if allowed."""
     return current_policy().allow_network or is_address(path) or "://" in path
-
-
-def _check_rows(owner: str, path: str, source: DatasetReader) -> None:
-    """Check that each row of a text grid can be read, which a VRT names."""
-    try:
-        opening.read_rows_before(source, Window(0, 0, *source.shape))
-    except opening.GDAL_ERRORS as error:
-        raise RasterReadError(
-            f"{owner} names {path}, which cannot be read as a whole ({cause_of(error)}); repair it"
-        ) from error
 
 
 def _check_opened(owner: str, path: str, source: DatasetReader) -> None:

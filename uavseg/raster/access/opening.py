@@ -37,25 +37,17 @@ from uavseg.warning_filters import changing_filters
 _JPEG2000 = ("JP2OpenJPEG", "JP2KAK", "JP2ECW", "JP2MrSID")
 _RAW = ("ENVI", "EHdr")  # raw pixels with a header beside them
 _WEB_SERVICES = ("WMS", "WMTS", "WCS")
-_DRIVERS = {
-    "GTiff": "tif tiff gtiff gtif btf tf8 cog",
-    "VRT": "vrt",
-    "PNG": "png",
-    "JPEG": "jpg jpeg",
-    "HFA": "img",
-    "BMP": "bmp",
-    "GIF": "gif",
-    "PNM": "pgm ppm pnm",
-    "WEBP": "webp",
-    "AAIGrid": "asc",
-    "SRTMHGT": "hgt",
-    "DTED": "dt0 dt1 dt2",
-    "NITF": "ntf nitf",
-    "GRIB": "grb grb2 grib grib2",
-    "GPKG": "gpkg",
-    "MBTiles": "mbtiles",
-    "netCDF": "nc",
-}
+_DRIVERS = (
+    {"GTiff": "tif tiff gtiff gtif btf tf8 cog", "VRT": "vrt", "PNG": "png", "JPEG": "jpg jpeg", "BMP": "bmp"}
+    | {"GIF": "gif", "PNM": "pgm ppm pnm", "WEBP": "webp", "SRTMHGT": "hgt", "DTED": "dt0 dt1 dt2"}
+    | {
+        "NITF": "ntf nitf",
+        "GRIB": "grb grb2 grib grib2",
+        "GPKG": "gpkg",
+        "MBTiles": "mbtiles",
+        "netCDF": "nc",
+    }
+)
 _BY_EXTENSION: dict[str, tuple[str, ...]] = {
     **{f".{end}": (driver,) for driver, ends in _DRIVERS.items() for end in ends.split()},
     **dict.fromkeys((".jp2", ".j2k", ".jpx"), _JPEG2000),
@@ -70,6 +62,22 @@ _PLAIN = ("GTiff", "PNG", "JPEG", *_JPEG2000, "HFA", "BMP", "GIF", "PNM", "WEBP"
 _NOT_ONLY_IMAGES = {".vrt", ".gpkg", ".xml", ".bin", ".nc", ".mbtiles"}  # nor VRT, which is made of others
 
 _SUBDATASET = re.compile(r"[A-Za-z0-9_]{2,}:(?!//)")  # GTIFF_DIR:2:a.tif, NETCDF:"a.nc":band, ...
+_TEXT_DRIVERS = frozenset({"AAIGrid", "GRASSASCIIGrid"})
+_read: "WeakKeyDictionary[DatasetReader, int]" = WeakKeyDictionary()  # rows so far, by open file
+MAX_OPEN = 64  # open files per thread
+CACHE_BYTES = 32 << 20  # GDAL's cache of decoded blocks; its own default is a twentieth of the memory
+GDAL_OPTIONS = {
+    "GDAL_PNG_WHOLE_IMAGE_OPTIM": "NO",  # it reads missing parts of truncated files as 0
+    "GDAL_VRT_ENABLE_PYTHON": "NO",  # code of files is not run
+    "GDAL_NUM_THREADS": "1",  # threads of the JPEG 2000 driver read damaged tiles as 0, without an error
+}
+OFFLINE_OPTIONS = {  # the second line of defence: what files name is checked before they are opened
+    "GDAL_HTTP_PROXY": "none://offline",  # no such kind of proxy: every request fails before it is sent
+    "CPL_VSIL_CURL_ALLOWED_FILENAME": "\n",  # no file of a network file system has this name
+}
+# They have no common base class; the last one is of a name, or of a text in the file.
+GDAL_ERRORS = (RasterioError, CRSError, CPLE_BaseError, UnicodeError)
+_UNREAD_TAG = re.compile(r'IO error during reading of "((?:Geo|GDAL|RPC|Extra|Color|Sample|Transparency)\w*)')
 
 
 def drivers_of(path: str) -> tuple[str, ...]:
@@ -95,18 +103,13 @@ def image_extensions() -> frozenset[str]:
 
 def names_no_file(path: str) -> bool:
     """Return whether a name is a subdataset or a description, which GDAL's drivers read as they like."""
-    if path.startswith(("<", "{")) or path.lower().startswith("vrt://"):
-        return True
-    return _SUBDATASET.match(path) is not None
+    is_description = path.startswith(("<", "{")) or path.lower().startswith("vrt://")
+    return is_description or _SUBDATASET.match(path) is not None
 
 
 def as_file_name(path: str) -> str:
     """Return the name of a file so that GDAL takes it for nothing else, whatever characters it has."""
     return f"./{path}" if names_no_file(path) and Path(path).exists() else path
-
-
-_TEXT_DRIVERS = frozenset({"AAIGrid", "GRASSASCIIGrid"})
-_read: "WeakKeyDictionary[DatasetReader, int]" = WeakKeyDictionary()  # rows so far, by open file
 
 
 def is_sequential(driver: str) -> bool:
@@ -121,31 +124,8 @@ def read_rows_before(source: DatasetReader, window: Window) -> None:
         _read[source] = row + 1
 
 
-MAX_OPEN = 64  # open files per thread
-CACHE_BYTES = 32 << 20  # GDAL's cache of decoded blocks; its own default is a twentieth of the memory
-GDAL_OPTIONS = {
-    "GDAL_PNG_WHOLE_IMAGE_OPTIM": "NO",  # it reads missing parts of truncated files as 0
-    "GDAL_VRT_ENABLE_PYTHON": "NO",  # code of files is not run
-    "GDAL_NUM_THREADS": "1",  # threads of the JPEG 2000 driver read damaged tiles as 0, without an error
-}
-OFFLINE_OPTIONS = {  # the second line of defence: what files name is checked before they are opened
-    "GDAL_HTTP_PROXY": "none://offline",  # no such kind of proxy: every request fails before it is sent
-    "CPL_VSIL_CURL_ALLOWED_FILENAME": "\n",  # no file of a network file system has this name
-}
-GDAL_ERRORS = (  # they have no common base class
-    RasterioError,
-    CRSError,
-    CPLE_BaseError,
-    UnicodeError,  # of a name, or of a text in the file
-)
-
-
 def _silence_libtiff() -> None:
-    """Take away the handlers of libtiff that print to stderr; GDAL reports its errors file by file.
-
-    GDAL's layer for files has no handler of its own there, so that a full disk or a damaged offset printed
-    lines. Where libtiff is not a library of its own, or the system is not Linux, nothing is changed.
-    """
+    """Take away libtiff's handlers that print of full disks to stderr, where it is a library of its own."""
     with suppress(OSError, AttributeError):
         maps = Path("/proc/self/maps").read_text(errors="replace")
         for path in set(re.findall(r"/\S*/libtiff[^/\s]*\.so[^/\s]*", maps)):
@@ -227,11 +207,7 @@ def gdal_env(online: bool = False) -> Iterator[None]:
 
 
 class _ThreadOptions(threading.local):
-    """GDAL's options while this thread reads.
-
-    rasterio sets options of one thread, but in the main thread those of the process, which hold for threads
-    without options of their own. So each thread sets its own when it begins, and puts back what was there.
-    """
+    """GDAL's options while this thread reads: rasterio sets those of the process in the main thread."""
 
     def __init__(self) -> None:
         self._readers = 0
@@ -247,7 +223,9 @@ class _ThreadOptions(threading.local):
         self._readers += 1
         self._online += online
         if self._readers == 1:
-            self._set(GDAL_OPTIONS | self._cache())
+            default: int | None = get_gdal_config("GDAL_CACHEMAX")
+            cache = {"GDAL_CACHEMAX": min(CACHE_BYTES, default or CACHE_BYTES)}
+            self._set(GDAL_OPTIONS | ({} if "GDAL_CACHEMAX" in os.environ else cache))
         if online and self._online == 1:
             self._restore(OFFLINE_OPTIONS)
         elif not self._online and self._readers == 1:
@@ -262,22 +240,13 @@ class _ThreadOptions(threading.local):
             elif online and not self._online:
                 self._set(OFFLINE_OPTIONS)
 
-    @staticmethod
-    def _cache() -> dict[str, Any]:
-        if "GDAL_CACHEMAX" in os.environ:
-            return {}
-        default: int | None = get_gdal_config("GDAL_CACHEMAX")
-        return {"GDAL_CACHEMAX": min(CACHE_BYTES, default or CACHE_BYTES)}
-
     def _set(self, options: dict[str, Any]) -> None:
         for name, value in options.items():
             self._before[name] = get_gdal_config(name, normalize=False)
             set_gdal_config(name, value)
 
     def _restore(self, names: Iterable[str]) -> None:
-        for name in names:
-            if name not in self._before:
-                continue
+        for name in [name for name in names if name in self._before]:
             value = self._before.pop(name)
             if value is None:
                 del_gdal_config(name)
@@ -327,9 +296,6 @@ def unread_tags_are_errors(path: str) -> Iterator[None]:
             f"{path} cannot be opened as a raster (its tag {tag} cannot be read); the file is damaged or "
             "incomplete: repair it"
         )
-
-
-_UNREAD_TAG = re.compile(r'IO error during reading of "((?:Geo|GDAL|RPC|Extra|Color|Sample|Transparency)\w*)')
 
 
 def has_place(source: DatasetReader) -> bool:

@@ -26,6 +26,7 @@ _MAX_DIMENSIONS = 1024  # of a variable, as in the library
 MAX_STEPS = 30_000_000  # of SQLite's virtual machine for the rows of one view: a second or less
 _STEPS = 100_000  # between two looks at their number
 _SELECTS = 2  # ours and that of the view, which has no queries in it and reads no other view
+_VIRTUAL_TABLE = re.compile(r"\s*create\s+virtual\s+table.*?\susing\s+(\w+)", re.IGNORECASE | re.DOTALL)
 _FUNCTIONS = frozenset(  # whose time is that of their arguments
     {"abs", "avg", "coalesce", "count", "ifnull", "length", "lower", "max", "min", "nullif", "round", "sum"}
     | {"total", "upper"}
@@ -96,18 +97,12 @@ def _arrays(box: bytes) -> tuple[tuple[int, ...], dict[int, int]]:
 
 def _are_sound(keys: tuple[int, ...], counts: dict[int, int]) -> bool:
     """Return whether each entry (key, location, count, offset) after the header lies within its array."""
-    if not keys:
-        return True
     if len(keys) < 4 or len(keys) < 4 * (keys[3] + 1):
-        return False
-    for n in range(1, keys[3] + 1):
-        _, location, count, offset = keys[4 * n : 4 * n + 4]
-        if location == 0:
-            if count != 1:
-                return False
-        elif location not in counts or offset + count > counts[location]:
-            return False
-    return True
+        return not keys
+    return all(
+        count == 1 if location == 0 else location in counts and offset + count <= counts[location]
+        for _, location, count, offset in (keys[4 * n : 4 * n + 4] for n in range(1, keys[3] + 1))
+    )
 
 
 def check_netcdf_header(path: Path) -> None:
@@ -218,20 +213,15 @@ def check_database(
                 "SELECT type, name, sql FROM sqlite_master WHERE sql NOT NULL"
             ).fetchall()
             for kind, named, definition in found:
+                virtual = _VIRTUAL_TABLE.match(str(definition))
                 if kind == "view":
                     _check_view(database, str(named), name)
-                else:
-                    _check_table(str(definition), name)
+                elif virtual and not virtual[1].lower().startswith(("rtree", "fts")):
+                    raise AccessError(
+                        f"{name} has a virtual table of {virtual[1]}, which may read other files"
+                    )
     except (sqlite3.Error, UnicodeError) as cause:
         raise error(f"{name} cannot be read: {cause_of(cause)}") from cause
-
-
-def _check_table(definition: str, name: str) -> None:
-    virtual = re.match(
-        r"\s*create\s+virtual\s+table.*?\susing\s+(\w+)", definition, re.IGNORECASE | re.DOTALL
-    )
-    if virtual and not virtual[1].lower().startswith(("rtree", "fts")):
-        raise AccessError(f"{name} has a virtual table of {virtual[1]}, which may read other files")
 
 
 def _check_view(database: sqlite3.Connection, view: str, name: str) -> None:

@@ -26,6 +26,12 @@ MAX_SPECKLE = 1 / 50  # share of pixels of exactly the constant value in a pictu
 FADING = (0.05, 0.28)  # shares of the rim within two levels; measured on clipped and on drawn rasters
 
 Pixels = NDArray[np.bool_]
+CORNERS_AROUND = 3  # held by what surrounds a picture
+EDGE_AROUND = 0.5  # share of the edge of the raster that it covers
+ONE_PIECE = 0.97  # share of the picture in its largest piece
+COARSE = 1024  # rows and columns at which pieces are looked at
+# Of a straight border: most lines, least share of the border on them, pixels from a line.
+SHARP, SMEARED = (8, 0.75, 2.0), (4, 0.9, 4.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,8 +142,11 @@ def _count_tile(dataset: Dataset, flooded: PixelMask, value: int, window: Window
     size = 1 << 8 * dataset.dtype.itemsize
     around = window.grown(BEYOND).clipped(dataset.geobox.shape)
     if flooded.covers(around):
-        nothing = np.zeros(size, np.int64)
-        return RimCounts(nothing, nothing, _count_valid(dataset, window))
+        nothing, count = np.zeros(size, np.int64), 0
+        if not dataset.is_empty(window):
+            _, known = dataset.read(window)
+            count = window.rows * window.cols if known is None else int(known.sum())
+        return RimCounts(nothing, nothing, count)
     core, difference, valid, own = _read(dataset, flooded, value, window)
     steps = distances(core, np.ones(core.shape, bool), BEYOND)[own]
     seen = valid[own] & (steps > 0)
@@ -178,13 +187,6 @@ def _read(
     known = np.ones(difference.shape, bool) if valid is None else valid
     own = window.relative_to(around).slices
     return _core(flooded, around, dataset.geobox.shape), difference, known, own
-
-
-def _count_valid(dataset: Dataset, window: Window) -> int:
-    if dataset.is_empty(window):
-        return 0
-    _, valid = dataset.read(window)
-    return window.rows * window.cols if valid is None else int(valid.sum())
 
 
 def straight_share(points: NDArray[np.float64], tolerance: float, length: float, max_lines: int = 8) -> float:
@@ -255,25 +257,6 @@ def _direction(points: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.linalg.eigh(away.T @ away)[1][:, -1]
 
 
-CORNERS_AROUND = 3  # held by what surrounds a picture
-EDGE_AROUND = 0.5  # share of the edge of the raster that it covers
-ONE_PIECE = 0.97  # share of the picture in its largest piece
-COARSE = 1024  # rows and columns at which pieces are looked at
-
-
-@dataclass(frozen=True, slots=True)
-class Lines:
-    """What a straight border is."""
-
-    most: int  # number of lines
-    share: float  # least share of the border on them
-    tolerance: float  # pixels from a line
-
-
-SHARP = Lines(8, 0.75, 2.0)
-SMEARED = Lines(4, 0.9, 4.0)
-
-
 @dataclass(frozen=True, slots=True)
 class Evidence:
     """What speaks for a collar.
@@ -283,7 +266,7 @@ class Evidence:
     """
 
     counts: RimCounts
-    is_straight: bool  # a few straight lines hold most of the border, see `Lines`
+    is_straight: bool  # a few straight lines hold most of the border, see `SHARP`
     is_around: bool  # it holds three corners or more
     is_all_around: bool  # all four, and half of the edge of the raster
     is_one_piece: bool  # 97 % of the picture are connected
@@ -293,14 +276,14 @@ class Evidence:
         cls, counts: RimCounts, mask: PixelMask, shape: tuple[int, int], corners: int, one_piece: bool
     ) -> "Evidence":
         """Judge by histograms of the rim, the pixels, the raster's shape, corners held, and pieces."""
-        lines = SMEARED if counts.is_smeared else SHARP
-        length = max(min(shape) / 8, 16 * lines.tolerance)
-        straight = straight_share(outline_points(mask, shape), lines.tolerance, length, lines.most)
+        most, share, tolerance = SMEARED if counts.is_smeared else SHARP
+        length = max(min(shape) / 8, 16 * tolerance)
+        straight = straight_share(outline_points(mask, shape), tolerance, length, most)
         of_edge = sum(int(mask.read(side).sum()) for side in sides(shape)) / (2 * sum(shape))
         along_edge = of_edge >= EDGE_AROUND
         return cls(
             counts=counts,
-            is_straight=straight >= lines.share,
+            is_straight=straight >= share,
             is_around=along_edge and corners >= CORNERS_AROUND,
             is_all_around=along_edge and corners == 4,
             is_one_piece=one_piece,

@@ -15,11 +15,11 @@ Along a collar, and along nodata that holds a corner, pixels that are nearly con
 are what lossy compression and resampling leave: they go with it, within 16 pixels.
 """
 
+import math
 from dataclasses import replace
 from functools import partial
 from typing import TypeVar
 
-from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.raster.grid.tiling import PixelMask, TilePass, Window
 from uavseg.raster.read.dataset import Dataset
@@ -32,6 +32,8 @@ SLIVER = 1e-3  # share of the raster
 AnyDataset = TypeVar("AnyDataset", bound=Dataset)
 Corner = tuple[bool, int | None]
 """Whether the pixels at a corner are nodata, and else their constant value, if they have one."""
+Found = tuple[PixelMask | None, str]
+"""The pixels of a collar, or of the rim of nodata (None: they are kept), and what to say."""
 
 
 def check_collar(word: str) -> str:
@@ -39,15 +41,6 @@ def check_collar(word: str) -> str:
     if word not in WORDS:
         raise ParameterError(f"a collar is treated as auto or keep, not {word!r}")
     return word
-
-
-@dataclass(frozen=True, slots=True)
-class _Found:
-    """A collar, or the rim of nodata: its pixels (None: they are kept), how many are valid, what to say."""
-
-    mask: PixelMask | None
-    pixels: int
-    note: str
 
 
 def without_collar(dataset: AnyDataset, tile_pass: TilePass) -> AnyDataset:
@@ -60,25 +53,21 @@ def without_collar(dataset: AnyDataset, tile_pass: TilePass) -> AnyDataset:
     found = _find_collar(dataset.without_formula(), tile_pass)
     if found is None:
         return dataset
-    return replace(dataset, collar=found.mask, warnings=(*dataset.warnings, found.note))
+    return replace(dataset, collar=found[0], warnings=(*dataset.warnings, found[1]))
 
 
-def _find_collar(dataset: Dataset, tile_pass: TilePass) -> _Found | None:
-    if not _may_have_collar(dataset):
-        return None
-    [corners] = tile_pass.silent.run(partial(_corners, dataset), [_corner_windows(dataset)])
-    for value in sorted({value for _, value in corners if value is not None}):
-        result = _collar(dataset, value, tile_pass, corners)
-        if result is not None:
-            return result
-    return _rim_of_nodata(dataset, tile_pass) if any(is_nodata for is_nodata, _ in corners) else None
-
-
-def _may_have_collar(dataset: Dataset) -> bool:
+def _find_collar(dataset: Dataset, tile_pass: TilePass) -> Found | None:
     choice = dataset.choice
     in_memory = any(file.driver == "array" for file in dataset.mosaic.files)
     plain = choice.dtype.kind == "u" and choice.dtype.itemsize <= 2 and choice.bits >= 8
-    return plain and not choice.expanded and not in_memory and min(dataset.geobox.shape) >= MIN_SIDE
+    if not plain or choice.expanded or in_memory or min(dataset.geobox.shape) < MIN_SIDE:
+        return None
+    [corners] = tile_pass.silent.run(partial(_corners, dataset), [_corner_windows(dataset)])
+    values = sorted({value for _, value in corners if value is not None})
+    for found in (_collar(dataset, value, tile_pass, corners) for value in values):
+        if found is not None:
+            return found
+    return _rim_of_nodata(dataset, tile_pass) if any(is_nodata for is_nodata, _ in corners) else None
 
 
 def _corner_windows(dataset: Dataset) -> list[Window]:
@@ -87,55 +76,50 @@ def _corner_windows(dataset: Dataset) -> list[Window]:
 
 
 def _corners(dataset: Dataset, windows: list[Window]) -> list[Corner]:
-    return [_corner(dataset, window) for window in windows]
+    found: list[Corner] = [(True, None)] * len(windows)
+    for k, window in enumerate(windows):
+        if not dataset.is_empty(window):
+            values, valid = dataset.read(window)
+            first = int(values[0, 0, 0])
+            constant = bool((values == first).all()) and first in (0, (1 << dataset.bits) - 1)
+            found[k] = (False, first if constant else None) if valid is None else (not valid.any(), None)
+    return found
 
 
-def _corner(dataset: Dataset, window: Window) -> Corner:
-    if dataset.is_empty(window):
-        return True, None
-    values, valid = dataset.read(window)
-    if valid is not None:
-        return not valid.any(), None
-    first = int(values[0, 0, 0])
-    constant = bool((values == first).all()) and first in (0, (1 << dataset.bits) - 1)
-    return False, first if constant else None
-
-
-def _collar(dataset: Dataset, value: int, tile_pass: TilePass, corners: list[Corner]) -> _Found | None:
+def _collar(dataset: Dataset, value: int, tile_pass: TilePass, corners: list[Corner]) -> Found | None:
     """Return the collar of a value; None if what has that value may be ground."""
     from uavseg.raster.collar.evidence import Evidence, count_rim, grow_over_smear, is_one_piece
     from uavseg.raster.collar.flood import flood_from_edges
 
     flooded = flood_from_edges(dataset, value, tile_pass)
     counts = count_rim(dataset, flooded, value, tile_pass)
-    total = dataset.geobox.shape[0] * dataset.geobox.shape[1]
+    shape, total = dataset.geobox.shape, math.prod(dataset.geobox.shape)
     if counts.inside < SLIVER * total or not counts.shows_picture:
         return None
     mask, added = grow_over_smear(dataset, flooded, value, counts.smear_limit, tile_pass)
-    pixels = counts.inside + added
     held = sum(is_nodata or found == value for is_nodata, found in corners)
     core = mask
     if counts.smear_limit >= 0:
         core, _ = grow_over_smear(dataset, flooded, value, -1, tile_pass)
-    one_piece = is_one_piece(core, dataset.geobox.shape)
-    evidence = Evidence.of(counts, mask, dataset.geobox.shape, held, one_piece)
-    color, share = "black" if value == 0 else "white", _percent(pixels / total)
+    evidence = Evidence.of(counts, mask, shape, held, is_one_piece(core, shape))
+    color, share = "black" if value == 0 else "white", (counts.inside + added) / total
+    percent = f"{100 * share:.2g} %" if share < 0.1 else f"{100 * share:.0f} %"
     if evidence.is_collar:
         note = (
-            f"a {color} collar of {share} of the raster was treated as nodata; "
+            f"a {color} collar of {percent} of the raster was treated as nodata; "
             '--collar keep (collar="keep") keeps it'
         )
-        return _Found(mask, pixels, note)
+        return mask, note
     if evidence.may_be_collar:
         note = (
-            f"{color} pixels along the edge, {share} of the raster, may be a collar or ground; they were "
+            f"{color} pixels along the edge, {percent} of the raster, may be a collar or ground; they were "
             f"kept: --nodata {value} (nodata={value}) leaves them out"
         )
-        return _Found(None, pixels, note)
+        return None, note
     return None
 
 
-def _rim_of_nodata(dataset: Dataset, tile_pass: TilePass) -> _Found | None:
+def _rim_of_nodata(dataset: Dataset, tile_pass: TilePass) -> Found | None:
     """Return nodata with the nearly constant pixels along it; None if there are none."""
     from uavseg.raster.collar.evidence import count_rim, grow_over_smear
     from uavseg.raster.collar.flood import flood_from_edges
@@ -153,7 +137,7 @@ def _rim_of_nodata(dataset: Dataset, tile_pass: TilePass) -> _Found | None:
         f"{pixels:,} nearly {color} pixels along nodata were treated as nodata; "
         '--collar keep (collar="keep") keeps them'
     )
-    return _Found(mask, pixels, note)
+    return mask, note
 
 
 def _is_filled_white(dataset: Dataset, window: Window) -> bool | None:
@@ -164,7 +148,3 @@ def _is_filled_white(dataset: Dataset, window: Window) -> bool | None:
     if valid is None or valid.any():
         return None
     return bool((values == (1 << dataset.bits) - 1).all())
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.2g} %" if share < 0.1 else f"{100 * share:.0f} %"

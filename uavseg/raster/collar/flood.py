@@ -196,24 +196,22 @@ def flood(sources: NDArray[np.bool_], passable: NDArray[np.bool_]) -> NDArray[np
     >>> flood(np.array([[1, 0, 0, 0]], bool), row)
     array([[ True,  True, False, False]])
     """
-    reached: NDArray[np.bool_] = _spread_from(sources, passable, 1, 0) != UNREACHED
+    reached: NDArray[np.bool_] = distances(sources, passable, 1, 0) != UNREACHED
     return reached
 
 
-def distances(sources: NDArray[np.bool_], passable: NDArray[np.bool_], reach: int) -> NDArray[np.uint8]:
+def distances(
+    sources: NDArray[np.bool_], passable: NDArray[np.bool_], reach: int, step: int = 1
+) -> NDArray[np.uint8]:
     """Return number of steps over passable pixels from the nearest source, up to `reach`; 255 beyond.
+
+    With a `step` of 0, those at any distance have 0.
 
     Examples
     --------
     >>> distances(np.array([[1, 0, 0, 0]], bool), np.ones((1, 4), bool), 2)
     array([[  0,   1,   2, 255]], dtype=uint8)
     """
-    return _spread_from(sources, passable, reach, 1)
-
-
-def _spread_from(
-    sources: NDArray[np.bool_], passable: NDArray[np.bool_], reach: int, step: int
-) -> NDArray[np.uint8]:
     steps = np.where(sources, np.uint8(0), np.uint8(UNREACHED))
     _spread(np.ascontiguousarray(passable).view(np.uint8), steps, reach, step, np.empty(steps.size, np.int64))
     return steps

@@ -20,15 +20,7 @@ from uavseg.errors import ParameterError, RasterError, RasterReadError
 from uavseg.plain_text import cause_of, shown
 from uavseg.raster.access.open_checked import open_checked
 from uavseg.raster.access.opening import GDAL_ERRORS, as_file_name, open_error_text
-from uavseg.raster.geodesy.globe import (
-    WGS84,
-    Transform,
-    is_on_earth,
-    parse_crs,
-    transform_between,
-    unit_factor,
-    wrap_lon,
-)
+from uavseg.raster.geodesy import globe
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.read.dataset import Dataset
 from uavseg.warning_filters import changing_filters
@@ -49,6 +41,8 @@ UNITS_M = {
     **dict.fromkeys(("foot_us", "us_survey_foot", "us foot", "us feet", "us_foot"), 1200 / 3937),
 }
 """Metres in a unit of heights, by its names in files (in lower case)."""
+Source = str | os.PathLike[str]
+LOWEST_M, HIGHEST_M = -500.0, 9000.0  # of the ground of the Earth; other values are voids that are not marked
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +67,7 @@ def vertical_reference(wkt: str) -> VerticalReference:
     >>> vertical_reference(CRS("EPSG:4979").to_wkt()).zero, vertical_reference(CRS("EPSG:4326").to_wkt()).zero
     ('ellipsoid', 'unknown')
     """
-    crs = parse_crs(wkt)
+    crs = globe.parse_crs(wkt)
     parts = [part for part in crs.sub_crs_list if part.is_vertical]
     vertical, axes = (parts[0], parts[0].axis_info) if parts else (crs, crs.axis_info[2:])
     if not axes:
@@ -88,7 +82,7 @@ def vertical_reference(wkt: str) -> VerticalReference:
 @lru_cache(maxsize=32)
 def horizontal_crs(wkt: str) -> Any:
     """Return the pyproj CRS of the plane or globe alone, without heights."""
-    crs = parse_crs(wkt)
+    crs = globe.parse_crs(wkt)
     parts = [part for part in crs.sub_crs_list if not part.is_vertical]
     return parts[0] if parts else crs.to_2d()
 
@@ -187,11 +181,6 @@ def _interpolate(
     return total
 
 
-Source = str | os.PathLike[str]
-
-LOWEST_M, HIGHEST_M = -500.0, 9000.0  # of the ground of the Earth; other values are voids that are not marked
-
-
 @dataclass(frozen=True, slots=True)
 class Heights:
     """How the numbers of a file become heights: metres = offset_m + scale_m * number."""
@@ -209,7 +198,7 @@ class Dem:
 
     sampler: BilinearSampler = field(repr=False)
     heights: Heights
-    to_xy: Transform = field(repr=False)  # from longitude and latitude (WGS 84) to coordinates of the raster
+    to_xy: globe.Transform = field(repr=False)  # from longitude and latitude (WGS 84) to those of the raster
     # from ellipsoidal heights to those above the sea, where it is needed and possible
     to_sea: SeaHeights | None = field(default=None, repr=False)
 
@@ -236,9 +225,8 @@ class Dem:
             raise RasterError(f"{os.fspath(paths[0])} has no place on the map (no geotransform)")
         heights = found[0]
         to_sea = sea_from_ellipsoid() if heights.reference.zero == "ellipsoid" else None
-        return cls(
-            BilinearSampler(dataset), heights, transform_between(WGS84, horizontal_crs(heights.wkt)), to_sea
-        )
+        to_xy = globe.transform_between(globe.WGS84, horizontal_crs(heights.wkt))
+        return cls(BilinearSampler(dataset), heights, to_xy, to_sea)
 
     @property
     def name(self) -> str:
@@ -259,8 +247,8 @@ class Dem:
         with np.errstate(invalid="ignore"):
             if horizontal_crs(self.heights.wkt).is_geographic:
                 middle = float(box.xy_from_pixel(box.shape[0] / 2, box.shape[1] / 2)[0])
-                turn = math.tau / unit_factor(self.heights.wkt)
-                x = middle + wrap_lon((x - middle) * (360 / turn)) * (turn / 360)
+                turn = math.tau / globe.unit_factor(self.heights.wkt)
+                x = middle + globe.wrap_lon((x - middle) * (360 / turn)) * (turn / 360)
             dx, dy, size = x - t.c, y - t.f, t.a * t.e - t.b * t.d
             return (t.a * dy - t.d * dx) / size, (t.e * dx - t.b * dy) / size
 
@@ -301,8 +289,8 @@ class Dem:
         if not finite.any():
             return "no place on Earth"
         lon, lat = lon[finite], lat[finite]
-        lon = wrap_lon(lon, around=float(lon[0]))
-        west, east = (float(wrap_lon(edge)) for edge in (lon.min(), lon.max()))
+        lon = globe.wrap_lon(lon, around=float(lon[0]))
+        west, east = (float(globe.wrap_lon(edge)) for edge in (lon.min(), lon.max()))
         return f"lat {lat.min():.6f} to {lat.max():.6f}, lon {west:.6f} to {east:.6f}"
 
     def notes(self) -> list[str]:
@@ -345,7 +333,7 @@ def _heights_of(path: str) -> Heights:
     if np.dtype(planes[0]).itemsize == 1:
         raise RasterError(f"{path} has pixels of 8 bits: it looks like a picture, not like heights")
     wkt = str(crs.to_wkt(version="WKT2_2019"))
-    if not is_on_earth(wkt):
+    if not globe.is_on_earth(wkt):
         raise RasterError(f"{path} has a coordinate reference system that is not one of the Earth")
     if not (math.isfinite(scale) and math.isfinite(offset) and scale != 0):
         raise RasterError(f"{path} scales its heights by {scale:g} and moves them by {offset:g}; correct it")

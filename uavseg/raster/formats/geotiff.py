@@ -30,6 +30,22 @@ STRIPE = 256  # rows that are written at once, and the side of a block in the fi
 
 Labels = NDArray[np.uint32]
 LABEL_TILE_SIDE = 2048  # pixels; independent of the tiles of the processing
+_VRT = """\
+<VRTDataset rasterXSize="{cols}" rasterYSize="{rows}">
+{place}  <VRTRasterBand dataType="UInt32" band="1">
+    <NoDataValue>0</NoDataValue>
+{sources}  </VRTRasterBand>
+</VRTDataset>
+"""
+_SOURCE = """\
+    <SimpleSource>
+      <SourceFilename relativeToVRT="1">{path}</SourceFilename>
+      <SourceBand>1</SourceBand>
+      <SourceProperties {raster} DataType="UInt32" BlockXSize="{side}" BlockYSize="{side}" />
+      <SrcRect xOff="0" yOff="0" {size} />
+      <DstRect xOff="{col}" yOff="{row}" {size} />
+    </SimpleSource>
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,19 +233,10 @@ def _page_name(path: Path_, page: int) -> str:
 def _profile(geobox: GeoBox, count: int, dtype: np.dtype[Any], creation: CreationOptions) -> dict[str, Any]:
     creation.check_types(dtype)
     place = {} if geobox.transform == Affine.identity() else {"transform": geobox.transform}
-    layout = {
-        "driver": "GTiff",
-        "height": geobox.shape[0],
-        "width": geobox.shape[1],
-        "count": count,
-        "dtype": dtype.name,
-        "crs": geobox.crs,
-        "tiled": True,
-        "blockxsize": STRIPE,
-        "blockysize": STRIPE,
-        "interleave": "band",
-    }
-    return place | layout | creation.gdal_options()
+    height, width = geobox.shape
+    kind = {"driver": "GTiff", "height": height, "width": width, "count": count, "dtype": dtype.name}
+    layout = {"tiled": True, "blockxsize": STRIPE, "blockysize": STRIPE, "interleave": "band"}
+    return place | kind | {"crs": geobox.crs} | layout | creation.gdal_options()
 
 
 def _check_complete(path: Path, page: int = 1) -> None:
@@ -281,7 +288,9 @@ def check_label_tiles(path: Path_, overwrite: bool = False) -> None:
     """
     check_target(path, overwrite)
     folder = tiles_folder(path)
-    if folder.exists() and any(not _is_tile(file) for file in folder.iterdir()):
+    files = list(folder.iterdir()) if folder.exists() else []
+    names = [file.stem.partition("-") for file in files if file.suffix == ".tif"]
+    if len(names) < len(files) or not all(row.isdecimal() and col.isdecimal() for row, _, col in names):
         raise OutputError(f"{folder} contains something else than label tiles; move it away")
 
 
@@ -329,29 +338,6 @@ def _write_tile(folder: str, geobox: GeoBox, creation: CreationOptions, part: La
 
 def _tile_name(window: Window) -> str:
     return f"{window.row // LABEL_TILE_SIDE:04d}-{window.col // LABEL_TILE_SIDE:04d}.tif"
-
-
-def _is_tile(file: Path) -> bool:
-    row, _, col = file.stem.partition("-")
-    return file.suffix == ".tif" and row.isdecimal() and col.isdecimal()
-
-
-_VRT = """\
-<VRTDataset rasterXSize="{cols}" rasterYSize="{rows}">
-{place}  <VRTRasterBand dataType="UInt32" band="1">
-    <NoDataValue>0</NoDataValue>
-{sources}  </VRTRasterBand>
-</VRTDataset>
-"""
-_SOURCE = """\
-    <SimpleSource>
-      <SourceFilename relativeToVRT="1">{path}</SourceFilename>
-      <SourceBand>1</SourceBand>
-      <SourceProperties {raster} DataType="UInt32" BlockXSize="{side}" BlockYSize="{side}" />
-      <SrcRect xOff="0" yOff="0" {size} />
-      <DstRect xOff="{col}" yOff="{row}" {size} />
-    </SimpleSource>
-"""
 
 
 def _vrt_xml(geobox: GeoBox, windows: Sequence[Window], folder: str) -> bytes:

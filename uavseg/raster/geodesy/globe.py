@@ -102,10 +102,8 @@ def _crs_of(wkt: str | None) -> _Crs | None:
     """Return what is asked of a CRS; None where there is none, or the text is not that of one."""
     if wkt is None:
         return None
-    utm = _utm_zone(wkt)
-    if utm is not None:
-        name = wkt.split('"')[1]
-        return _Crs(name, False, True, "metre", 1.0, _WGS84_RADIUS_M)
+    if _utm_zone(wkt) is not None:
+        return _Crs(wkt.split('"')[1], False, True, "metre", 1.0, _WGS84_RADIUS_M)
     from pyproj.exceptions import ProjError
 
     try:
@@ -125,11 +123,7 @@ def _crs_of(wkt: str | None) -> _Crs | None:
 
 @lru_cache(maxsize=32)
 def _utm_zone(wkt: str) -> CRS | None:
-    """Return the CRS of a UTM zone on WGS 84; None for every other.
-
-    Most rasters of drones are in one. GDAL, which has read the raster, answers what is asked of it; pyproj is
-    not imported, which takes as long as extracting regions from a small tile.
-    """
+    """Return the CRS of a UTM zone on WGS 84, about which GDAL is asked, not pyproj; None for every other."""
     code = re.search(r'ID\["EPSG",(32[67]\d\d)\]\]$', wkt)
     if code is None or not 1 <= int(code[1]) % 100 <= 60:
         return None
@@ -261,8 +255,7 @@ def ellipsoid_under(wkt: str | None) -> Ellipsoid | None:
     utm = _utm_zone(wkt)
     if utm is not None:
         eccentricity2 = 1 - (_WGS84_POLAR_RADIUS_M / _WGS84_RADIUS_M) ** 2
-        inverse = _utm_transform(utm, wkt)
-        return Ellipsoid(inverse, math.radians(1), 1.0, _WGS84_RADIUS_M, eccentricity2)
+        return Ellipsoid(_utm_transform(utm, wkt), math.radians(1), 1.0, _WGS84_RADIUS_M, eccentricity2)
     from pyproj.exceptions import ProjError
 
     try:
@@ -294,10 +287,8 @@ def transform_between(source: Any, target: Any) -> Transform:
     try:
         return _transformer(source, target)
     except ProjError as error:
-        reason = cause_of(error)
-        raise RasterError(
-            f"there is no transformation between two of the coordinate reference systems ({reason})"
-        ) from error
+        what = f"two of the coordinate reference systems ({cause_of(error)})"
+        raise RasterError(f"there is no transformation between {what}") from error
 
 
 def _transformer(source: Any, target: Any) -> Transform:

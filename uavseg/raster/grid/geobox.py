@@ -142,8 +142,8 @@ class GeoBox:
     @checked
     def window(self, window: Window) -> "GeoBox":
         """Return the part of the grid inside `window`."""
-        transform = shifted(self.transform, window.row, window.col)
-        return replace(self, shape=(window.rows, window.cols), transform=transform)
+        place = shifted(self.transform, window.row, window.col)
+        return replace(self, shape=(window.rows, window.cols), transform=place)
 
     @checked
     def coarsen(self, side: int) -> "GeoBox":
@@ -195,8 +195,7 @@ def scaled(transform: Affine, rows: float, cols: float) -> Affine:
 @checked
 def local_geobox(shape: tuple[int, int], cell_m: float, origin: tuple[float, float]) -> GeoBox:
     """Return a north-up grid of square cells in local metres, with its lower left corner at `origin`."""
-    transform = Affine(cell_m, 0.0, origin[0], 0.0, -cell_m, origin[1] + shape[0] * cell_m)
-    return GeoBox(shape, transform, None)
+    return GeoBox(shape, Affine(cell_m, 0.0, origin[0], 0.0, -cell_m, origin[1] + shape[0] * cell_m), None)
 
 
 def azimuthal_geobox(lat: float, lon: float, bounds: tuple[float, float, float, float]) -> GeoBox:

@@ -9,7 +9,7 @@ table entries. Rows of a geographic raster are integrated between their parallel
 
 from collections.abc import Callable, Sequence
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -33,6 +33,11 @@ MAX_INTERVALS = 256
 AREA_TOLERANCE = 1e-3  # of the area of a pixel, between neighbouring parts
 MAX_AREA_INTERVALS = 64  # more would make a page large; only rasters of a continent need them
 MAX_LATITUDE = 85.0  # Web Mercator ends at 85.05 degrees
+_Product = tuple[Floats, Floats]
+"""Rows (k, rows + 1) and columns (k, cols + 1): the sum over k of their products at pixel corners."""
+_Tables = tuple[_Product, _Product, _Product]
+"""Integrals at pixel corners: of the area over rows and columns, of lengths of rows, and of columns."""
+_NOTHING = np.empty((0, 1)), np.empty((0, 1))  # the sum of no products: 0 everywhere
 
 
 def ring_areas(geobox: GeoBox, vertices: Integers, starts: Integers) -> Floats:
@@ -49,7 +54,7 @@ def ring_areas(geobox: GeoBox, vertices: Integers, starts: Integers) -> Floats:
     >>> ring_areas(box, np.array([[0, 0], [0, 3], [1, 3], [1, 0]]), np.array([0, 4]))
     array([12.])
     """
-    return _sum_over_rings((_NOTHING, _tables(geobox).area), vertices, starts)
+    return _sum_over_rings((_NOTHING, _tables(geobox)[0]), vertices, starts)
 
 
 def ring_perimeters(geobox: GeoBox, vertices: Integers, starts: Integers) -> Floats:
@@ -130,21 +135,6 @@ def line_length(geobox: GeoBox, row: Floats, col: Floats) -> float:
     return float(steps.sum()) * (unit_factor(geobox.wkt) if ellipsoid is None else 1.0)
 
 
-_Product = tuple[Floats, Floats]
-"""Rows (k, rows + 1) and columns (k, cols + 1): the sum over k of their products at pixel corners."""
-
-
-class _Tables(NamedTuple):
-    """Integrals at pixel corners: of the area over rows and columns, of lengths along one of them."""
-
-    area: _Product
-    length_of_rows: _Product
-    length_of_cols: _Product
-
-
-_NOTHING = np.empty((0, 1)), np.empty((0, 1))  # the sum of no products: 0 everywhere
-
-
 def _sum_over_rings(
     tables: Sequence[_Product],
     vertices: Integers,
@@ -189,18 +179,20 @@ def _measure_edges(vertices, starts, rows, cols, rows_down, cols_down, measures)
 @lru_cache(maxsize=4)
 def _tables(geobox: GeoBox) -> _Tables:
     ellipsoid = ellipsoid_under(geobox.wkt)
-    if ellipsoid is None:
-        return _uniform_tables(geobox, *pixel_on_map(geobox))
-    if ellipsoid.inverse is None and geobox.transform.b == 0 == geobox.transform.d:
-        return _geographic_tables(geobox, ellipsoid)
-    return _fitted_tables(geobox)
-
-
-def _uniform_tables(geobox: GeoBox, per_col: float, per_row: float, area: float) -> _Tables:
-    """Make tables for pixels of equal ground size."""
-    rows, cols = (np.arange(length + 1.0)[None] for length in geobox.shape)
-    ones = np.ones_like
-    return _Tables((rows, cols * area), (ones(rows), cols * per_col), (rows * per_row, ones(cols)))
+    fitted = None  # polynomials for the lengths and the area of pixels over the raster
+    if ellipsoid is not None:
+        if ellipsoid.inverse is None and geobox.transform.b == 0 == geobox.transform.d:
+            return _geographic_tables(geobox, ellipsoid)
+        fitted = _interpolate(geobox)
+        fitted = _least_squares(geobox) if fitted is None else fitted
+    if fitted is None:  # pixels of equal ground size
+        per_col, per_row, size = pixel_on_map(geobox)
+        rows, cols = (np.arange(length + 1.0)[None] for length in geobox.shape)
+        ones = np.ones_like
+        return (rows, cols * size), (ones(rows), cols * per_col), (rows * per_row, ones(cols))
+    along_rows, along_cols, area = fitted
+    lengths = _product(geobox, along_rows, False, True), _product(geobox, along_cols, True, False)
+    return _product(geobox, area, True, True), *lengths
 
 
 def _geographic_tables(geobox: GeoBox, ellipsoid: Ellipsoid) -> _Tables:
@@ -212,29 +204,9 @@ def _geographic_tables(geobox: GeoBox, ellipsoid: Ellipsoid) -> _Tables:
     half = np.diff(lat)[:, None] / 2
     meridian, parallel = ellipsoid.radii(lat[:-1, None] + half * (1 + nodes))
     arcs = np.abs(half) * weights * meridian
-    return _Tables(
-        (_cumulative_sum((arcs * parallel).sum(axis=1))[None], cols[None]),
-        (ellipsoid.radii(lat)[1][None], cols[None]),
-        (_cumulative_sum(arcs.sum(axis=1))[None], np.ones((1, len(cols)))),
-    )
-
-
-def _cumulative_sum(steps: Floats) -> Floats:
-    return np.concatenate([[0.0], np.cumsum(steps)])
-
-
-def _fitted_tables(geobox: GeoBox) -> _Tables:
-    """Make tables from polynomials for the lengths and the area of pixels over the raster."""
-    fitted = _interpolate(geobox)
-    fitted = _least_squares(geobox) if fitted is None else fitted
-    if fitted is None:
-        return _uniform_tables(geobox, *pixel_on_map(geobox))
-    along_rows, along_cols, area = fitted
-    return _Tables(
-        _product(geobox, area, True, True),
-        _product(geobox, along_rows, False, True),
-        _product(geobox, along_cols, True, False),
-    )
+    areas, lengths = (np.append(0.0, np.cumsum(of.sum(axis=1)))[None] for of in (arcs * parallel, arcs))
+    along_rows = ellipsoid.radii(lat)[1][None], cols[None]
+    return (areas, cols[None]), along_rows, (lengths, np.ones((1, len(cols))))
 
 
 def _interpolate(geobox: GeoBox) -> Floats | None:
@@ -311,7 +283,8 @@ def ground_grid(geobox: GeoBox) -> GroundGrid:
         lon, lat = _corners(geobox, 2 * intervals)
         areas = _pixel_areas(geobox, lon[::2, ::2], lat[::2, ::2])
         is_coarse = intervals < MAX_INTERVALS and _error(lon, lat) > TOLERANCE_DEG
-        if not is_coarse and (intervals >= MAX_AREA_INTERVALS or _largest_step(areas) <= AREA_TOLERANCE):
+        largest = max(float(np.abs(np.diff(areas, axis=axis)).max()) for axis in (0, 1)) / float(areas.min())
+        if not is_coarse and (intervals >= MAX_AREA_INTERVALS or largest <= AREA_TOLERANCE):
             return GroundGrid(lon[::2, ::2], lat[::2, ::2], areas)
         intervals *= 2
 
@@ -325,12 +298,6 @@ def _pixel_areas(geobox: GeoBox, lon: Floats, lat: Floats) -> Floats:
     ]
     pixels = rows / intervals * (cols / intervals)
     return np.reshape(areas, (intervals, intervals)) / pixels
-
-
-def _largest_step(areas: Floats) -> float:
-    """Return largest relative difference between neighbouring parts."""
-    steps = max(float(np.abs(np.diff(areas, axis=axis)).max()) for axis in (0, 1))
-    return steps / float(areas.min())
 
 
 def _corners(geobox: GeoBox, intervals: int) -> tuple[Floats, Floats]:

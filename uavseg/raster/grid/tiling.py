@@ -153,19 +153,15 @@ def indices_within(positions: NDArray[np.int64], start: int, length: int) -> sli
     return slice(first, end)
 
 
-def window_blocks(window: Window) -> tuple[slice, slice]:
-    """Return index of a window's blocks in the block map."""
-    return _in_units(window, BLOCK)
+def window_blocks(window: Window, unit: int = BLOCK) -> tuple[slice, slice]:
+    """Return index of a window's blocks in the block map, or of units of other sides in these blocks."""
+    rows, cols = whole_blocks(window.rows), whole_blocks(window.cols)
+    return Window(window.row // unit, window.col // unit, rows // unit, cols // unit).slices
 
 
 def window_cells(window: Window) -> tuple[slice, slice]:
     """Return index of a window's cells in the block map, up to the end of its last blocks."""
-    return _in_units(window, CELL)
-
-
-def _in_units(window: Window, unit: int) -> tuple[slice, slice]:
-    rows, cols = whole_blocks(window.rows), whole_blocks(window.cols)
-    return Window(window.row // unit, window.col // unit, rows // unit, cols // unit).slices
+    return window_blocks(window, CELL)
 
 
 @dataclass(frozen=True, slots=True)

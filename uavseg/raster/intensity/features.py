@@ -34,8 +34,7 @@ class Feature:
         if self.choice.formula is not None:
             found, _ = self.choice.formula.apply(stacked[..., None], None, [scales[band] for band in bands])
             return found[0, :, 0].astype(np.float64)
-        stored = luminance(stacked) if len(bands) == 3 else stacked[0]
-        return scales[bands[0]].values(stored)
+        return scales[bands[0]].values(luminance(stacked) if len(bands) == 3 else stacked[0])
 
 
 def features_of(
@@ -75,11 +74,8 @@ def weighted_sum(
 ) -> Feature | None:
     """Return the sum of bands times weights; None where there are fewer than two."""
     called = _words(layout, bands)
-    terms = [
-        f"{weight:g} * {called[band]}"
-        for band, weight in zip(bands, weights, strict=True)
-        if weight and band in called
-    ]
+    pairs = zip(bands, weights, strict=True)
+    terms = [f"{weight:g} * {called[band]}" for band, weight in pairs if weight and band in called]
     if len(terms) < 2:
         return None
     return _expression(layout, words, " + ".join(terms).replace("+ -", "- "), "sum")
@@ -103,11 +99,8 @@ def _words(layout: BandLayout, bands: Sequence[int]) -> dict[int, str]:
     names = names_of(layout)
     result = {}
     for band in bands:
-        own = sorted(
-            (key for key in names[band - 1].keys if key.isidentifier()), key=lambda key: (len(key), key)
-        )
-        keys = [f"b{band}", *own]
-        for key in keys:
+        own = sorted(filter(str.isidentifier, names[band - 1].keys), key=lambda key: (len(key), key))
+        for key in (f"b{band}", *own):
             number = int(key[1:]) if key[0] == "b" and key[1:].isdigit() else band
             if number == band and {name.number for name in names if key in name.keys} <= {band}:
                 result[band] = key

@@ -20,35 +20,20 @@ def to_grey(values: Values, low: float, high: float) -> Grey:
     If low = high, grey is 0 below, 65535 above and 32768 at that intensity. `values` are intensity, (1, rows,
     cols), or red, green and blue, (3, rows, cols), of any real type.
     """
-    grey = np.empty(values.shape[1:], np.uint16)
-    flat = np.ascontiguousarray(values).reshape(len(values), -1)
-    if len(values) == 3:
-        _from_colors(flat, low, high, grey.reshape(-1))
+    grey, dtype = np.empty(values.shape[1:], np.uint16), values.dtype
+    flat, result = np.ascontiguousarray(values).reshape(len(values), -1), grey.reshape(-1)
+    if len(values) == 3 and dtype in _GREY_RGB:
+        _GREY_RGB[dtype](flat, low, high, result)
+    elif len(values) == 3:
+        _grey_f8(luminance(flat), low, high, result)
+    elif dtype.kind in "iu" and dtype.itemsize <= 2:
+        look_up = _look_up_u1 if dtype.itemsize == 1 else _look_up_u2
+        look_up(flat[0].view(f"u{dtype.itemsize}"), _lookup_table(low, high, dtype.str), result)
+    elif dtype == np.float32:
+        _grey_f4(flat[0], low, high, result)
     else:
-        _from_intensity(flat[0], low, high, grey.reshape(-1))
+        _grey_f8(flat[0].astype(np.float64, copy=False), low, high, result)
     return grey
-
-
-def _from_intensity(values: Values, low: float, high: float, grey: Grey) -> None:
-    if values.dtype.kind in "iu" and values.dtype.itemsize <= 2:
-        table = _lookup_table(low, high, values.dtype.str)
-        look_up = _look_up_u1 if values.dtype.itemsize == 1 else _look_up_u2
-        look_up(values.view(f"u{values.dtype.itemsize}"), table, grey)
-    elif values.dtype == np.float32:
-        _grey_f4(values, low, high, grey)
-    else:
-        _grey_f8(values.astype(np.float64, copy=False), low, high, grey)
-
-
-def _from_colors(planes: Values, low: float, high: float, grey: Grey) -> None:
-    if planes.dtype == np.uint8:
-        _grey_rgb_u1(planes, low, high, grey)
-    elif planes.dtype == np.uint16:
-        _grey_rgb_u2(planes, low, high, grey)
-    elif planes.dtype == np.float32:
-        _grey_rgb_f4(planes, low, high, grey)
-    else:
-        _grey_f8(luminance(planes), low, high, grey)
 
 
 def luminance(planes: Values) -> NDArray[np.float64]:
@@ -125,6 +110,7 @@ def _grey_rgb(planes, low, high, grey):  # type: ignore[no-untyped-def]
 _grey_rgb_u1 = kernel("void(u1[:,::1], f8, f8, u2[::1])")(_grey_rgb)
 _grey_rgb_u2 = kernel("void(u2[:,::1], f8, f8, u2[::1])")(_grey_rgb)
 _grey_rgb_f4 = kernel("void(f4[:,::1], f8, f8, u2[::1])")(_grey_rgb)
+_GREY_RGB = {np.dtype("u1"): _grey_rgb_u1, np.dtype("u2"): _grey_rgb_u2, np.dtype("f4"): _grey_rgb_f4}
 
 
 def _luminances(planes, result):  # type: ignore[no-untyped-def]

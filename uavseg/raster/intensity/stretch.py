@@ -22,6 +22,7 @@ AUTO_PERCENTILES = (Fraction(2), Fraction(98))
 Counts = NDArray[np.int64]
 
 _HALF = 1 << 16
+_LIMIT = 1 << 30  # greys: what lies farther beyond counts as so far
 
 
 def rank_of(percent: Fraction, total: int) -> int:
@@ -309,8 +310,7 @@ def order_statistics(
         return None
     bins = bins_of_ranks(counts, [rank_of(percent, total) for percent in percents])
     if integers:
-        smallest = np.iinfo(dataset.dtype.name).min
-        return [float(index + smallest) for index, _ in bins]
+        return [float(index + np.iinfo(dataset.dtype.name).min) for index, _ in bins]
     uppers = tuple(sorted({index for index, _ in bins}))
     lowers = reduce(np.add, tile_pass.run(partial(_count_lower, dataset, uppers)))
     return [
@@ -348,9 +348,6 @@ def _floats(values: Values) -> NDArray[np.float32]:
     return floats
 
 
-_LIMIT = 1 << 30  # greys: what lies farther beyond counts as so far
-
-
 def greys_beyond(
     values: Values, valid: Valid | None, grey: Grey, stretch: Stretch
 ) -> NDArray[np.int32] | None:
@@ -360,7 +357,8 @@ def greys_beyond(
     of the greys is the sum of the intensities, to half a grey for each pixel.
     """
     low, high = stretch.low, stretch.high
-    if not stretch.clips or low == high or _is_within(values.dtype, low, high):
+    limits = np.iinfo(values.dtype.name) if values.dtype.kind in "iu" else None
+    if not stretch.clips or low == high or (limits and low <= limits.min and limits.max <= high):
         return None
     at_ends = np.flatnonzero(grey.reshape(-1) - np.uint16(1) >= GREY_MAX - 1)  # 0 becomes 65535
     if valid is not None:
@@ -377,8 +375,3 @@ def greys_beyond(
     beyond = np.zeros(grey.shape, np.int32)
     beyond.reshape(-1)[at_ends[outside]] = np.clip(steps, -_LIMIT, _LIMIT)
     return beyond
-
-
-def _is_within(dtype: np.dtype[np.generic], low: float, high: float) -> bool:
-    """Return whether a type has no number beyond the ends."""
-    return dtype.kind in "iu" and low <= np.iinfo(dtype.name).min and np.iinfo(dtype.name).max <= high

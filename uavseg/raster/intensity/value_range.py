@@ -33,6 +33,10 @@ _ROUNDING = 1e-6  # of a step between stored integers
 
 Statistics = dict[Fraction, float]
 """Intensities at percentiles."""
+Bounds = tuple[float, float]
+"""A range of stored intensities: closed, infinite where it is open."""
+_V = np.arange(GREY_LEVELS) / GREY_MAX
+_ROUNDINGS = 8  # doubles near a bound that may be the same v
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,19 +86,6 @@ class DetectedRange:
     ends: tuple[float, float]
 
 
-@dataclass(frozen=True, slots=True)
-class Bounds:
-    """A range of stored intensities: closed, infinite where it is open."""
-
-    low: float
-    high: float
-
-    @property
-    def finite(self) -> list[float]:
-        """The ends that are given."""
-        return [end for end in (self.low, self.high) if math.isfinite(end)]
-
-
 def scale_of(dataset: Dataset) -> BandScale:
     """Return the scale of the bands that are used; ParameterError if bands or files have different ones."""
     if dataset.scale is None:
@@ -138,30 +129,23 @@ def _percent(percent: float, scale: BandScale) -> Fraction:
 
 def stored_range(requested: ValueRange, scale: BandScale, dataset: Dataset, statistics: Statistics) -> Bounds:
     """Return a range as intensities that are stored."""
-    if requested.by_rank:
-        ends = [
-            None if end is None else statistics[_percent(end, scale)]
-            for end in (requested.low, requested.high)
-        ]
-    else:
-        ends = [
-            None if end is None else _stored_bound(end, k == 0, scale, dataset)
-            for k, end in enumerate((requested.low, requested.high))
-        ]
+    ends: list[float | None] = [requested.low, requested.high]
+    for k, end in enumerate(ends):
+        if end is not None and requested.by_rank:
+            ends[k] = statistics[_percent(end, scale)]
+        elif end is not None:
+            ends[k] = _stored_bound(end, k == 0, scale, dataset)
     low, high = ends if scale.scale > 0 else ends[::-1]
     low, high = -inf if low is None else low, inf if high is None else high
     if requested.by_rank and is_wide(dataset):  # percentiles are rounded to float32
-        low, high = next_float32(low, high)
-    return Bounds(low, high)
+        return next_float32(low, high)
+    return low, high
 
 
 def next_float32(low: float, high: float) -> tuple[float, float]:
     """Return the numbers of single precision beside the ends of a range, outside of it."""
-    below, above = (
-        np.nextafter(np.float32(low), np.float32(-inf)),
-        np.nextafter(np.float32(high), np.float32(inf)),
-    )
-    return float(below), float(above)
+    below = np.nextafter(np.float32(low), np.float32(-inf))
+    return float(below), float(np.nextafter(np.float32(high), np.float32(inf)))
 
 
 def _stored_bound(end: float, is_low: bool, scale: BandScale, dataset: Dataset) -> float:
@@ -198,25 +182,11 @@ def is_wide(dataset: Dataset) -> bool:
     return single and not counts_exactly(dataset) and dataset.dtype != np.float32
 
 
-def check_type(requested: ValueRange, bounds: Bounds, dataset: Dataset, scale: BandScale) -> None:
-    """Refuse a range with values that the type cannot hold."""
-    limits = type_limits(dataset)
-    if bounds.low > limits[1] or bounds.high < limits[0]:
-        first, last = sorted(scale.values(limits).tolist())
-        unit = f" {scale.unit}" if scale.unit else ""
-        raise ParameterError(
-            f"the values {requested} lie outside of what {dataset.source} can hold: {first:.6g} to "
-            f"{last:.6g}{unit} ({dataset.dtype})"
-        )
-
-
 def asked_ends(requested: ValueRange, bounds: Bounds, scale: BandScale) -> tuple[float, float]:
     """Return a range in values: as it was asked for, or at its percentiles; NaN at an open end."""
     if not requested.by_rank:
         return requested.ends
-    first, last = (
-        scale.values(end).item() if math.isfinite(end) else math.nan for end in (bounds.low, bounds.high)
-    )
+    first, last = (scale.values(end).item() if math.isfinite(end) else math.nan for end in bounds)
     return (first, last) if scale.scale > 0 else (last, first)
 
 
@@ -274,11 +244,18 @@ def fit_values(
     if statistics is None:
         return found, DetectedRange(IntensityRange(0.0, 1.0), (math.nan, math.nan))
     bounds = stored_range(requested, scale, dataset, statistics)
-    check_type(requested, bounds, dataset, scale)
+    of_type = type_limits(dataset)
+    if bounds[0] > of_type[1] or bounds[1] < of_type[0]:
+        first, last = sorted(scale.values(of_type).tolist())
+        unit = f" {scale.unit}" if scale.unit else ""
+        raise ParameterError(
+            f"the values {requested} lie outside of what {dataset.source} can hold: {first:.6g} to "
+            f"{last:.6g}{unit} ({dataset.dtype})"
+        )
     limits = _limits(dataset, found, statistics)
-    low, high = bounds.low, bounds.high  # open where nothing lies beyond
-    inner = Bounds(-inf if low <= limits[0] else low, inf if high >= limits[1] else high)
-    ends = sorted(set(inner.finite))
+    low, high = bounds  # open where nothing lies beyond
+    inner = -inf if low <= limits[0] else low, inf if high >= limits[1] else high
+    ends = sorted(set(filter(math.isfinite, inner)))
     if isinstance(spec, StretchSpec) and spec.form == "auto":
         found = _widened(found, ends, limits)
     _check_inside(found, ends, requested, isinstance(spec, Stretch))
@@ -291,10 +268,7 @@ def fit_values(
 def _fit(
     dataset: Dataset, spec: Stretch | StretchSpec, asked: Sequence[Fraction], tile_pass: TilePass
 ) -> tuple[Stretch, Statistics | None]:
-    """Return the stretch without a range, and intensities at its percentiles, those asked for, 0 and 100.
-
-    There are none where no pixel is read, and it is None if no pixel is valid.
-    """
+    """Return the stretch without a range, and intensities at percentiles, if any; None: no valid pixel."""
     resolved = spec if isinstance(spec, Stretch) else resolved_spec(dataset, spec)
     own = () if isinstance(resolved, Stretch) else percents_of(resolved)
     statistics: Statistics | None = {}
@@ -371,7 +345,7 @@ def _borders(dataset: Dataset, stretch: Stretch, inner: Bounds) -> tuple[Border,
         return ()
     found = [
         Border(end, _grey(stretch, end), is_low)
-        for end, is_low in ((inner.low, True), (inner.high, False))
+        for end, is_low in zip(inner, (True, False), strict=True)
         if math.isfinite(end)
     ]
     if any(border.grey == (0 if border.is_low else GREY_MAX) for border in found):
@@ -385,8 +359,8 @@ def _borders(dataset: Dataset, stretch: Stretch, inner: Bounds) -> tuple[Border,
 def _in_v(dataset: Dataset, stretch: Stretch, inner: Bounds) -> IntensityRange:
     """Return a range in v that holds the greys of its intensities and no other; its ends differ."""
     exact = _steps_are_greys(dataset, stretch)
-    low = _end_in_v(stretch, inner.low, exact, True) if math.isfinite(inner.low) else 0.0
-    high = _end_in_v(stretch, inner.high, exact, False) if math.isfinite(inner.high) else 1.0
+    low = _end_in_v(stretch, inner[0], exact, True) if math.isfinite(inner[0]) else 0.0
+    high = _end_in_v(stretch, inner[1], exact, False) if math.isfinite(inner[1]) else 1.0
     if low >= high:  # one intensity, or none: between the greys of two integers
         middle, reach = (low + high) / 2, (0.25 if low == high else 0.125) / GREY_MAX
         low, high = max(middle - reach, 0.0), min(middle + reach, 1.0)
@@ -426,10 +400,6 @@ def decided_at(
             if not _steps_over(dataset, stretch, border):
                 found[below] = border
     return replace(stretch, borders=(*stretch.borders, *found.values())) if found else stretch
-
-
-_V = np.arange(GREY_LEVELS) / GREY_MAX
-_ROUNDINGS = 8  # doubles near a bound that may be the same v
 
 
 def _intensity_at(dataset: Dataset, stretch: Stretch, v: float, is_low: bool) -> float:

@@ -11,15 +11,7 @@ from uavseg.errors import ParameterError, RasterReadError, UavsegError
 from uavseg.plain_text import cause_of
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import Window, sample_positions
-from uavseg.raster.spectral.bands import (
-    AS_STORED,
-    BandChoice,
-    BandLayout,
-    BandScale,
-    Valid,
-    Values,
-    valid_pixels,
-)
+from uavseg.raster.spectral.bands import BandChoice, BandLayout, BandScale, Valid, Values, valid_pixels
 
 MAX_BANDS = 16  # of a plain array: a longer first or last axis is one of pixels
 _ALPHA_LAST = (2, 4)  # bands of a picture with transparency
@@ -53,7 +45,7 @@ class ArraySource:
 
     def scale_of(self, band: int, _bits: int) -> BandScale:
         """Return the scale of the numbers of a band, counted from 1."""
-        return self.scales[band - 1] if self.scales else AS_STORED
+        return self.scales[band - 1] if self.scales else BandScale()
 
     def fingerprint(self) -> object:
         """Raise ParameterError: an array in memory cannot be recognised in another run."""

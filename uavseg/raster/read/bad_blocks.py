@@ -24,6 +24,10 @@ from uavseg.raster.read.raster_file import RasterFile
 from uavseg.raster.spectral.bands import BandChoice, Valid, Values
 
 Slices = tuple[slice, slice]
+_MOST_NAMED = 20  # rectangles of bad blocks, one by one
+_LOOKED_AT = 1 << 26  # pixels
+_MANY = 256  # blocks
+_TRIED = 64  # blocks
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -64,8 +68,6 @@ def _joined(blocks: Iterable[BadBlock], axes: tuple[str, str]) -> list[BadBlock]
             result.append(block)
     return result
 
-
-_MOST_NAMED = 20  # rectangles of bad blocks, one by one
 
 MissingPart = tuple[BadBlock, Slices]
 """A block that cannot be read, and its index in the array that is read."""
@@ -135,16 +137,12 @@ def read_naming_bad_block(
         return file.read(handles, choice, window, shape)
     except RasterReadError as error:
         whole = Window(0, 0, *file.shape)
-        is_small = whole.rows * whole.cols <= _LOOKED_AT
-        for block in file.blocks_in(whole if is_small else window):
+        for block in file.blocks_in(whole if whole.rows * whole.cols <= _LOOKED_AT else window):
             file.read(handles, choice, block)
         if isinstance(error.__cause__, GDAL_ERRORS):  # of no block by itself
             with gdal_read_errors(file.path, whole, file.online):
                 raise error.__cause__ from None
         raise
-
-
-_LOOKED_AT = 1 << 26  # pixels
 
 
 def read_skipping_bad_blocks(
@@ -191,10 +189,6 @@ def _is_bad_as_a_whole(file: RasterFile, handles: OpenFiles, choice: BandChoice)
             continue
         return False
     return True
-
-
-_MANY = 256  # blocks
-_TRIED = 64  # blocks
 
 
 def _read_whole_blocks(

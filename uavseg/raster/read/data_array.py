@@ -23,13 +23,8 @@ from uavseg.raster.spectral.bands import AS_STORED, BandScale
 _FAR = 1 << 16  # pixels from a corner, beyond which a grid that counts from 0 is another
 EVENNESS = 0.05  # pixels by which a coordinate may lie off its place on a regular grid
 _AXES = (  # names of rows and columns
-    ("y", "x"),
-    ("latitude", "longitude"),
-    ("lat", "lon"),
-    ("northing", "easting"),
-    ("row", "col"),
-    ("row", "column"),
-    ("line", "sample"),
+    *(("y", "x"), ("latitude", "longitude"), ("lat", "lon"), ("northing", "easting")),
+    *(("row", "col"), ("row", "column"), ("line", "sample")),
 )
 _NODATA_NAMES = ("_FillValue", "missing_value", "fill_value", "nodata")
 
@@ -81,24 +76,15 @@ def from_data_array(given: Any) -> ArraySource:
 
 
 def _single(given: Any) -> Any:
+    """Return a DataArray, or that of a Dataset that holds one with rows and columns."""
     if hasattr(given, "children"):
         raise RasterError("a DataTree holds many arrays; give one of them, such as tree['group']['name']")
-    if hasattr(given, "data_vars"):
-        return _single_variable(given)
-    if hasattr(given, "rio") or hasattr(given, "coords"):
-        return given
-    return sys.modules["xarray"].DataArray(given)  # a Variable
-
-
-def _single_variable(dataset: Any) -> Any:
-    """Return the DataArray of a Dataset that holds one with rows and columns."""
-    mappings = {
-        str(place.get("grid_mapping"))
-        for one in dataset.data_vars.values()
-        for place in (one.attrs, one.encoding)
-    }
-    mappings &= set(map(str, dataset.data_vars))
-    dataset = dataset.set_coords(sorted(mappings))  # where a CRS is kept
+    if not hasattr(given, "data_vars"):
+        is_array = hasattr(given, "rio") or hasattr(given, "coords")
+        return given if is_array else sys.modules["xarray"].DataArray(given)  # a Variable
+    places = [place for one in given.data_vars.values() for place in (one.attrs, one.encoding)]
+    mappings = {str(place.get("grid_mapping")) for place in places} & set(map(str, given.data_vars))
+    dataset = given.set_coords(sorted(mappings))  # where a CRS is kept
     found = [name for name, one in dataset.data_vars.items() if one.ndim >= 2]
     if len(found) != 1:
         names = ", ".join(map(str, found)) or "none"
@@ -176,7 +162,9 @@ def _bands_rows_cols(array: Any, rio: Any, name: str) -> Any:
     longer = [dim for dim in others if lengths[dim] != 1]
     if len(longer) > 1:
         raise RasterError(_dimensions_text(array))
-    if longer and _is_time(array, longer[0]):
+    coords = getattr(array, "coords", {})
+    is_of_time = any(np.asarray(coords[dim]).dtype.kind in "mM" for dim in longer if dim in coords)
+    if is_of_time or any(str(dim).lower() in ("time", "t", "date") for dim in longer):
         raise RasterError(
             f"{name} has {lengths[longer[0]]} times along {longer[0]}, which are no bands; choose one, such "
             f"as array.isel({longer[0]}=0)"
@@ -215,13 +203,6 @@ def _spatial_dims(array: Any, rio: Any, dims: tuple[Hashable, ...], name: str) -
             'columns; name them y and x, or say it with array.rio.set_spatial_dims(x_dim="...", y_dim="...")'
         )
     return dims[-2], dims[-1]
-
-
-def _is_time(array: Any, dim: Hashable) -> bool:
-    coords = getattr(array, "coords", {})
-    return str(dim).lower() in ("time", "t", "date") or (
-        dim in coords and np.asarray(coords[dim]).dtype.kind in "mM"
-    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -74,9 +74,8 @@ class OpenRaster(RasterFile):
 
 def is_open_raster(source: object) -> bool:
     """Return whether a source is a raster that is open in rasterio."""
-    return isinstance(source, rasterio.DatasetReader | WarpedVRT | MemoryFile) or hasattr(
-        source, "block_shapes"
-    )
+    kinds = rasterio.DatasetReader | WarpedVRT | MemoryFile
+    return isinstance(source, kinds) or hasattr(source, "block_shapes")
 
 
 def from_open_raster(source: Any) -> RasterFile:
@@ -165,7 +164,12 @@ class Dataset:
             If a band does not exist, or an index or expression does not fit the bands.
         """
         files = [_inspected(source) for source in _listed(sources)]
-        _check_placed(files)
+        for file in files if len(files) > 1 else ():
+            if isinstance(file, ArraySource) and not file.placed:
+                raise ParameterError(
+                    f"{file.name} does not say where it lies, so it is no part of a mosaic; give DataArrays "
+                    "with coordinates, or files, or one array"
+                )
         files = [replace(file, layout=renamed(file.layout, words.names)) for file in files]
         mosaic = align_rasters(files)
         first = files[0]
@@ -174,10 +178,8 @@ class Dataset:
         check_reflectance(files, choice)
         files_with_nodata, warnings = with_nodata(mosaic.files, choice, nodata)
         if choice.expanded:
-            warnings = (
-                *warnings,
-                "the palette is expanded to luminance; name --band 1 to use its indices themselves",
-            )
+            note = "the palette is expanded to luminance; name --band 1 to use its indices themselves"
+            warnings = (*warnings, note)
         found = cls(replace(mosaic, files=files_with_nodata), choice, warnings, skip_bad_tiles)
         return found if found.scale is not None else replace(found, warnings=(*warnings, _NO_SCALE))
 
@@ -189,8 +191,7 @@ class Dataset:
         With `local_metres`, its coordinates are metres without a CRS.
         """
         source = from_values(values, geobox, name)
-        mosaic = align_rasters([source])
-        return cls(mosaic, choose_bands(source.layout), (), local_metres=local_metres)
+        return cls(align_rasters([source]), choose_bands(source.layout), (), local_metres=local_metres)
 
     @checked
     def of_band(self, band: int | str, nodata: float | str | None = None) -> "Dataset":
@@ -356,15 +357,6 @@ def _inspected(source: Any) -> RasterSource:
     if is_open_raster(source):
         return from_open_raster(source)
     return from_data_array(source) if is_data_array(source) else from_array(source)
-
-
-def _check_placed(files: Sequence[RasterSource]) -> None:
-    for file in files:
-        if len(files) > 1 and isinstance(file, ArraySource) and not file.placed:
-            raise ParameterError(
-                f"{file.name} does not say where it lies, so it is no part of a mosaic; give DataArrays with "
-                "coordinates, or files, or one array"
-            )
 
 
 def _listed(sources: Any) -> list[Any]:

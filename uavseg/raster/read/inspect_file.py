@@ -202,15 +202,11 @@ def _transform(path: str, source: DatasetReader) -> Affine | None:
         except RasterError as error:
             raise RasterError(f"{path}: {error}") from error
         return transform
-    warped = f"{Path(path).stem}.warped.tif"
-    if source.gcps[0]:
+    has_points, warped = bool(source.gcps[0]), f"{Path(path).stem}.warped.tif"
+    if has_points or source.rpcs is not None:
+        what = "ground control points" if has_points else "rational polynomial coefficients (RPC)"
         raise RasterError(
-            f"{path} has ground control points and no geotransform; warp it first: "
-            f"gdalwarp -tps -r near {shlex.quote(path)} {shlex.quote(warped)}"
-        )
-    if source.rpcs is not None:
-        raise RasterError(
-            f"{path} has rational polynomial coefficients (RPC) and no geotransform; warp it first: "
-            f"gdalwarp -rpc -r near {shlex.quote(path)} {shlex.quote(warped)}"
+            f"{path} has {what} and no geotransform; warp it first: "
+            f"gdalwarp {'-tps' if has_points else '-rpc'} -r near {shlex.quote(path)} {shlex.quote(warped)}"
         )
     return None

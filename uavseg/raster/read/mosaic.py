@@ -67,13 +67,10 @@ def align_rasters(files: Sequence[RasterSource]) -> Mosaic:
         geobox = GeoBox(first.shape, first.transform, first.crs)
         return Mosaic((first,), np.array([[0, 0, *first.shape]]), geobox)
     corners = np.array([_corner(file, first) for file in files])
-    shapes = np.array([file.shape for file in files])
-    boxes = np.hstack([corners, corners + shapes])
-    origin = boxes[:, :2].min(axis=0)
-    boxes -= np.tile(origin, 2)
+    boxes = np.hstack([corners, corners + np.array([file.shape for file in files])])
+    boxes -= np.tile(boxes[:, :2].min(axis=0), 2)
     rows, cols = boxes[:, 2:].max(axis=0).tolist()
-    transform = _origin(files, boxes)
-    return Mosaic(tuple(files), boxes, GeoBox((rows, cols), transform, first.crs))
+    return Mosaic(tuple(files), boxes, GeoBox((rows, cols), _origin(files, boxes), first.crs))
 
 
 def with_nodata(
@@ -253,5 +250,4 @@ def with_formula(
     """Return what the formula of a choice makes of the bands of a file; without one, the same."""
     if choice.formula is None:
         return values, valid
-    scales = [file.scale_of(band, choice.bits) for band in choice.bands]
-    return choice.formula.apply(values, valid, scales)
+    return choice.formula.apply(values, valid, [file.scale_of(band, choice.bits) for band in choice.bands])

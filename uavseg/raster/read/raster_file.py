@@ -17,18 +17,8 @@ from rasterio.io import DatasetReader
 from uavseg.dataclass import dataclass
 from uavseg.errors import MosaicError, ParameterError, RasterReadError, UnchosenBandsError
 from uavseg.plain_text import cause_of
-from uavseg.raster.access.opening import (
-    GDAL_ERRORS,
-    OpenFiles,
-    absolute_path,
-    file_exists,
-    gdal_env,
-    gdal_read_errors,
-    is_sequential,
-    quiet_open,
-    rasterio_window,
-    read_rows_before,
-)
+from uavseg.raster.access import opening
+from uavseg.raster.access.opening import OpenFiles
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.read.array_source import ArraySource
 from uavseg.raster.spectral.band_names import find_band, listed, names_of
@@ -53,9 +43,9 @@ def _open_mask(path: str, source: DatasetReader) -> tuple[str, DatasetReader] | 
         return None
     page = None if path.upper().startswith("GTIFF_DIR:") else mask_page(path)
     name = f"{path}.msk" if page is None else f"GTIFF_DIR:{page}:{path}"
-    if page is None and not file_exists(name):
+    if page is None and not opening.file_exists(name):
         return None
-    mask = quiet_open(name, driver="GTiff")
+    mask = opening.quiet_open(name, driver="GTiff")
     return (name, mask) if mask.shape == source.shape else None
 
 
@@ -87,7 +77,7 @@ class RasterFile:
     def __reduce__(self) -> tuple[Callable[..., "RasterFile"], tuple[Any, ...]]:
         # A relative path becomes absolute: another process may have another working directory.
         path, *others = (getattr(self, part.name) for part in fields(self))
-        return RasterFile, (absolute_path(path), *others)
+        return RasterFile, (opening.absolute_path(path), *others)
 
     @property
     def name(self) -> str:
@@ -127,15 +117,16 @@ class RasterFile:
         With `shape`, downsampled to that many rows and columns by nearest neighbour. A RasterReadError says
         that the file cannot be read inside the window.
         """
-        with gdal_read_errors(self.path, window, self.online):
+        with opening.gdal_read_errors(self.path, window, self.online):
             source = handles.open(self.path, self.located, self.driver, self.masks)
-            options = {"window": rasterio_window(window), "out_shape": shape or (window.rows, window.cols)}
+            part = opening.rasterio_window(window)
+            options = {"window": part, "out_shape": shape or (window.rows, window.cols)}
             try:
-                if is_sequential(self.driver):
-                    read_rows_before(source, window)
+                if opening.is_sequential(self.driver):
+                    opening.read_rows_before(source, window)
                 values, alpha = self._read_bands(source, choice, window, options)
                 mask = self._read_mask(source, choice, window, options)
-            except GDAL_ERRORS:
+            except opening.GDAL_ERRORS:
                 handles.close(self.path)  # a block that failed once is read as 0 the next time
                 raise
         return self.decode(values, alpha, mask, choice)
@@ -150,7 +141,18 @@ class RasterFile:
         """
         nodatas = [self.nodatas[band - 1] for band in choice.bands]
         valid = valid_pixels(values, nodatas, alpha, mask, choice.formula is not None, self.added_nodata)
-        return self._brightness(values, valid, choice)
+        if self.palette is not None and choice.expanded:
+            table = np.array(self.palette, np.uint8)
+            index = values[0].view(f"u{values.itemsize}")  # numbers of colours have no sign
+            index = np.minimum(index, len(table) - 1)
+            opaque = table[index, 3] != 0
+            colors = np.ascontiguousarray(table[:, :3].T)[:, index]
+            if opaque.all():
+                return colors, valid
+            return colors, opaque if valid is None else opaque & valid
+        if self.white_is_zero:
+            values = values.dtype.type((1 << choice.bits) - 1) - values
+        return values.astype(choice.dtype, copy=False), valid
 
     def read_whole(self) -> Values:
         """Return the stored numbers of all bands but alpha, (bands, rows, cols); they have one type."""
@@ -165,7 +167,7 @@ class RasterFile:
         """
         if self.driver != "GTiff":
             return False
-        with gdal_read_errors(self.path, window, self.online):
+        with opening.gdal_read_errors(self.path, window, self.online):
             source = handles.open(self.path, self.located, self.driver, self.masks)
             known = [self.nodatas[band - 1] for band in choice.bands]
             if None in known or known != [source.nodatavals[band - 1] for band in choice.bands]:
@@ -180,7 +182,7 @@ class RasterFile:
         rows, cols = self.block
         if self.driver != "GTiff" or not os.path.isfile(self.path):  # noqa: PTH113 - false for a long name
             return set()
-        with gdal_read_errors(self.path, window, self.online):
+        with opening.gdal_read_errors(self.path, window, self.online):
             source = handles.open(self.path, self.located, self.driver, self.masks)
             size = Path(self.path).stat().st_size
             return {
@@ -230,23 +232,6 @@ class RasterFile:
         """Return whether to look for damage that GDAL does not report: in TIFFs, if not downsampled."""
         return self.driver == "GTiff" and options["out_shape"] == (window.rows, window.cols)
 
-    def _brightness(
-        self, values: Values, valid: Valid | None, choice: BandChoice
-    ) -> tuple[Values, Valid | None]:
-        """Turn stored numbers into brightness: palette colours, and inverted values where white is 0."""
-        if self.palette is not None and choice.expanded:
-            table = np.array(self.palette, np.uint8)
-            index = values[0].view(f"u{values.itemsize}")  # numbers of colours have no sign
-            index = np.minimum(index, len(table) - 1)
-            opaque = table[index, 3] != 0
-            colors = np.ascontiguousarray(table[:, :3].T)[:, index]
-            if opaque.all():
-                return colors, valid
-            return colors, opaque if valid is None else opaque & valid
-        if self.white_is_zero:
-            values = values.dtype.type((1 << choice.bits) - 1) - values
-        return values.astype(choice.dtype, copy=False), valid
-
 
 def file_states(path: str, driver: str | None = None, online: bool = False) -> tuple[FileState, ...]:
     """Return path, size in bytes and modification time in ns of every file that a raster consists of.
@@ -256,30 +241,27 @@ def file_states(path: str, driver: str | None = None, online: bool = False) -> t
     RasterReadError says that the raster cannot be opened.
     """
     try:
-        with gdal_env(online), quiet_open(path, driver=driver) as source:
+        with opening.gdal_env(online), opening.quiet_open(path, driver=driver) as source:
             names = sorted({path, *source.files})
-    except GDAL_ERRORS as error:
+    except opening.GDAL_ERRORS as error:
         raise RasterReadError(f"{path} cannot be opened as a raster ({cause_of(error)})") from error
     return tuple(_state(name) for name in names)
 
 
 def _state(name: str) -> FileState:
-    for path in _on_disk(name):
+    """Return the state of a file, or for a name in an archive that of the archive."""
+    paths = [Path(name)]
+    if name.startswith("/vsi"):
+        inner = Path(name.split("/", 2)[-1].replace("{", "").replace("}", ""))
+        starts = inner, Path("/") / inner
+        paths = [path for start in starts for path in (start, *start.parents) if path.name]
+    for path in paths:
         try:
             found = path.stat()
         except OSError:
             continue
         return str(path.absolute()), found.st_size, found.st_mtime_ns
     return name, -1, -1
-
-
-def _on_disk(name: str) -> list[Path]:
-    """Return paths on disk that a name may stand for: itself, or for a name in an archive, the archive."""
-    if not name.startswith("/vsi"):
-        return [Path(name)]
-    inner = Path(name.split("/", 2)[-1].replace("{", "").replace("}", ""))
-    candidates = [inner, Path("/") / inner]
-    return [path for start in candidates for path in (start, *start.parents) if path.name]
 
 
 MOST_UNCHOSEN = 4  # bands beside alpha; of more, the user has to choose

@@ -43,6 +43,9 @@ _SENTINEL_2, _LANDSAT_8, _LANDSAT_4 = (
 
 _CODE = re.compile(r"(?:sr_|st_)?b(?:and)?[ _]?0*(\d{1,2}a?)(?![0-9a-z])")
 _WAVELENGTH = re.compile(r"(\d{3,5}(?:\.\d+)?) ?nm\b")
+_LISTED = 16  # bands in a message
+_MAX_NAME = 40  # characters of a name in a message
+_GIVEN = re.compile(r"[^\W\d]\w{0,39}")
 
 
 def common_names(
@@ -67,13 +70,8 @@ def common_names(
     found = []
     for role, description, wavelength in zip(roles, descriptions, micrometres, strict=True):
         text = description.casefold()
-        role_name = role if role in FROM_ROLES else ""
-        found.append(
-            from_words(text)
-            or role_name
-            or _from_wavelength(text, wavelength)
-            or codes.get(code_of(text) or "", "")
-        )
+        name = from_words(text) or (role if role in FROM_ROLES else "") or _from_wavelength(text, wavelength)
+        found.append(name or codes.get(code_of(text) or "", ""))
     return tuple(found)
 
 
@@ -105,17 +103,11 @@ def _from_wavelength(description: str, micrometres: float | None) -> str:
 def _satellite(descriptions: Sequence[str]) -> dict[str, str]:
     """Return common names by code, where the codes of all bands can be only those of one satellite."""
     codes = {code_of(text) for text in descriptions}
-    surface = any(text.startswith(("sr_b", "st_b")) for text in descriptions)
-    if surface:
-        if "st_b6" in descriptions:
-            return _LANDSAT_4
+    if "st_b6" in descriptions:
+        return _LANDSAT_4
+    if any(text.startswith(("sr_b", "st_b")) for text in descriptions):  # surface reflectance
         return _LANDSAT_8 if {"b6", "b10"} & codes else {}
     return _SENTINEL_2 if {"b8a", "b12"} & codes else {}
-
-
-_LISTED = 16  # bands in a message
-_MAX_NAME = 40  # characters of a name in a message
-_GIVEN = re.compile(r"[^\W\d]\w{0,39}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,15 +176,12 @@ def find_band(layout: BandLayout, name: str) -> int:
     if len(found) == 1:
         return found[0].number
     if not found:
-        raise BandError(f"no band is named {shown(name)}; the bands are {listed(layout)}{_hint(layout)}")
+        count = len(names)
+        example = ("red,green,blue,nir", "red,green,blue")[count == 3] if count in (3, 4) else "nir=4,red=3"
+        hint = f"to name them give --band-names, such as {example}"
+        raise BandError(f"no band is named {shown(name)}; the bands are {listed(layout)}; {hint}")
     several = " and ".join(str(band.number) for band in found[:4])
     raise BandError(f"{shown(name)} may be bands {several}; the bands are {listed(layout)}")
-
-
-def _hint(layout: BandLayout) -> str:
-    count = len(layout.dtypes)
-    example = ("red,green,blue,nir", "red,green,blue")[count == 3] if count in (3, 4) else "nir=4,red=3"
-    return f"; to name them give --band-names, such as {example}"
 
 
 def renamed(layout: BandLayout, given: str | None) -> BandLayout:

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 
 _MAX_UNIT = 24  # characters
+Values = NDArray[Any]
+Valid = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,10 +238,6 @@ def _common_type(layout: BandLayout, bands: tuple[int, ...]) -> np.dtype[np.gene
     if name.startswith("complex"):
         raise RasterError(f"the pixels are complex numbers ({name}); make a raster of their magnitude first")
     return np.dtype("float32" if name == "float16" else name)
-
-
-Values = NDArray[Any]
-Valid = NDArray[np.bool_]
 
 
 def usable_nodata(nodata: float | None, dtype: np.dtype[np.generic]) -> tuple[float | None, str | None]:

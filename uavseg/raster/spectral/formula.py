@@ -8,7 +8,7 @@ its constants put in: g = 2.5, C1 = 6, C2 = 7.5 and L = 1 for EVI, and L = 0.5 f
 import ast
 import csv
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, ClassVar
@@ -29,6 +29,8 @@ MAX_DEPTH = 50
 CHUNK = 1 << 14  # pixels: what a step holds stays in the processor's cache
 
 Array = NDArray[Any]
+_TABLE = Path(__file__).with_name("indices.csv").read_text(encoding="utf-8")
+_KNOWN = "expected names of bands, numbers, + - * / **, parentheses and functions"
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,23 +44,16 @@ class SpectralIndex:
     of_reflectance: bool  # for reflectance (0 to 1) alone: constants are added to bands
 
 
-def _read_table() -> Iterator[tuple[str, SpectralIndex]]:
-    text = Path(__file__).with_name("indices.csv").read_text(encoding="utf-8")
-    for row in csv.DictReader(text.splitlines()):
-        limits = (float(row["low"]), float(row["high"])) if row["low"] else None
-        yield (
-            row["index"],
-            SpectralIndex(
-                name=row["name"],
-                formula=row["formula"],
-                reference=row["reference"],
-                limits=limits,
-                of_reflectance=row["of_reflectance"] == "yes",
-            ),
-        )
-
-
-INDICES = dict(_read_table())
+INDICES = {
+    row["index"]: SpectralIndex(
+        name=row["name"],
+        formula=row["formula"],
+        reference=row["reference"],
+        limits=(float(row["low"]), float(row["high"])) if row["low"] else None,
+        of_reflectance=row["of_reflectance"] == "yes",
+    )
+    for row in csv.DictReader(_TABLE.splitlines())
+}
 
 
 def find_index(name: str) -> tuple[str, SpectralIndex]:
@@ -260,10 +255,7 @@ class _Bands(Evaluator):
         "sqrt": (np.sqrt, 1),
         "exp": (np.exp, 1),
         "log": (np.log, 1),
-        "log10": (np.log10, 1),
-        "min": (np.minimum, 2),
-        "max": (np.maximum, 2),
-    }
+    } | {"log10": (np.log10, 1), "min": (np.minimum, 2), "max": (np.maximum, 2)}
     max_depth = MAX_DEPTH
 
     def __init__(self, text: str, bands: Mapping[str, Array]) -> None:
@@ -303,9 +295,6 @@ class _Names(_Bands):
         except BandError as error:
             raise self.refused(part, str(error)) from error
         return np.float64(1)
-
-
-_KNOWN = "expected names of bands, numbers, + - * / **, parentheses and functions"
 
 
 def _wrong(text: str, at: int, why: str) -> ExpressionError:

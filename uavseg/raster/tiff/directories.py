@@ -49,6 +49,7 @@ _PLACES, _LENGTHS = (273, 324), (279, 325)  # tags of the places and lengths of 
 _TYPES = {3: "u2", 4: "u4", 16: "u8"}
 _REDUCED, _MASK = 1, 4  # bits of the tag of the kind
 _FAX = {2, 3, 4, 32771}  # compressions: CCITT, ITU-T T.4 and T.6
+Stored = NDArray[np.bool_]
 
 
 def file_of(name: str) -> Path | None:
@@ -242,11 +243,7 @@ def _count_blocks(numbers: dict[int, int]) -> int:
     if _TILE_COLS in numbers:
         across = -(-cols // max(numbers[_TILE_COLS], 1))
         return -(-rows // max(numbers.get(_TILE_ROWS, rows), 1)) * across * planes
-    strip = min(numbers.get(_STRIP_ROWS, rows), rows)
-    return -(-rows // max(strip, 1)) * planes
-
-
-Stored = NDArray[np.bool_]
+    return -(-rows // max(min(numbers.get(_STRIP_ROWS, rows), rows), 1)) * planes
 
 
 @once_for_each_file

@@ -4,10 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import shapely
-from affine import Affine
 from numpy.typing import NDArray
 
-from uavseg.arrays import Integers
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.raster.grid.geobox import GeoBox, parse_size
@@ -51,8 +49,7 @@ def fill_small_holes(outlined: RegionOutlines, geobox: GeoBox, min_area: Area) -
     small = ~rings.exteriors & (-_areas(rings, geobox, min_area) < min_area.value)
     if not small.any():
         return outlined
-    kept = ~small & ~np.isin(rings.parts, _parts_inside(rings, small))
-    return renumber_by_size(rings, outlined.sums, kept)
+    return renumber_by_size(rings, outlined.sums, ~small & ~np.isin(rings.parts, _parts_inside(rings, small)))
 
 
 def drop_small_regions(outlined: RegionOutlines, geobox: GeoBox, min_area: Area | None) -> RegionOutlines:
@@ -114,17 +111,11 @@ def simplify(regions: Regions, metres: float, geobox: GeoBox) -> Regions:
     # The tolerance is an area, so pixels serve as units whatever their shape; and with integer coordinates it
     # is exact on which side of an edge a vertex lies.
     flat = RaggedPolygons.from_geometries(np.asarray(regions.polygons))
-    corners = _corners(flat.vertices, geobox.transform).astype(np.float64)
+    x, y, back = *flat.vertices.T, ~geobox.transform
+    rows, cols = back.d * x + back.e * y + back.f, back.a * x + back.b * y + back.c
+    corners = np.rint(np.stack([rows, cols], axis=1)) + 0.0  # without negative zeros
     coverage = replace(flat, vertices=corners).to_geometries()
     simpler = shapely.coverage_simplify(coverage, metres / np.sqrt(np.prod(ground_resolution(geobox))))
     row, col = shapely.get_coordinates(simpler).T
     polygons = shapely.set_coordinates(simpler, np.stack(geobox.xy_from_pixel(row, col), axis=1))
     return replace(regions, polygons=polygons)
-
-
-def _corners(xy: NDArray[np.float64], transform: Affine) -> Integers:
-    """Return the (row, col) pixel corners at map coordinates."""
-    back = ~transform
-    rows = back.d * xy[:, 0] + back.e * xy[:, 1] + back.f
-    cols = back.a * xy[:, 0] + back.b * xy[:, 1] + back.c
-    return np.asarray(np.rint(np.stack([rows, cols], axis=1)), np.int64)

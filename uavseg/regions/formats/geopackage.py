@@ -38,10 +38,7 @@ _REQUIRED_SRS = (
     ("WGS 84 geodetic", 4326, "EPSG", 4326, _WGS84, _PLACE),
 )
 _NO_SRS = (
-    "Undefined SRS",
-    99_999,
-    "GDAL",
-    99_999,
+    *("Undefined SRS", 99_999, "GDAL", 99_999),
     'LOCAL_CS["Undefined SRS",LOCAL_DATUM["unknown",32767],UNIT["unknown",0],AXIS["Easting",EAST],'
     'AXIS["Northing",NORTH]]',
     "Custom undefined coordinate reference system",
@@ -187,7 +184,8 @@ def _add_layer(base: sqlite3.Connection, regions: Regions, layer: str, srs: int)
     """Add the table of the regions with its spatial index; return its extent."""
     promote = has_multipolygons(regions.polygons)
     geometry_type = "MULTIPOLYGON" if promote else "POLYGON"
-    columns = [f"{_quoted(name)} {_SQL_TYPES[column.dtype.kind]}" for name, column in regions.columns.items()]
+    types = {name.replace('"', '""'): _SQL_TYPES[one.dtype.kind] for name, one in regions.columns.items()}
+    columns = [f'"{name}" {kind}' for name, kind in types.items()]
     fields = ['"fid" INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL', f'"{GEOMETRY}" {geometry_type}', *columns]
     base.execute(f'CREATE TABLE "{layer}" ({", ".join(fields)})')
     row = (layer, GEOMETRY, geometry_type, srs, 0, 0)
@@ -255,10 +253,6 @@ def _rounded_outward(bounds: NDArray[np.float64]) -> NDArray[np.float32]:
     lower = np.where(rounded > bounds, np.nextafter(rounded, np.float32(-np.inf)), rounded)
     upper = np.where(rounded < bounds, np.nextafter(rounded, np.float32(np.inf)), rounded)
     return np.where([True, False, True, False], lower, upper)
-
-
-def _quoted(name: str) -> str:
-    return '"' + name.replace('"', '""') + '"'
 
 
 def _geometries(

@@ -42,6 +42,8 @@ KML_FIELDS = {
 FULL_NAMES = {"perim_m": "perimeter_m", "range_lo": "range_low", "range_hi": "range_high"}  # of Shapefiles
 QUARTER = 8  # sides of a quarter of a circle
 POINT, POLYGON, MULTIPOLYGON, OF_PARTS = 0, 3, 6, (4, 5, 7)  # shapely.GeometryType
+_LOST_GEOMETRY = re.compile(r"\bring\b|WKT|NULL geometry|coord|JSON construct|vertex|point", re.IGNORECASE)
+_HARMLESS = re.compile(r"winding|Measured", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,10 +157,6 @@ def vector_errors(name: str) -> Iterator[None]:
             raise RegionError(f"{name} has a geometry that cannot be read: {cause_of(ValueError(text))}")
 
 
-_LOST_GEOMETRY = re.compile(r"\bring\b|WKT|NULL geometry|coord|JSON construct|vertex|point", re.IGNORECASE)
-_HARMLESS = re.compile(r"winding|Measured", re.IGNORECASE)
-
-
 def _layers(source: str | os.PathLike[str] | bytes, name: str, layer: str | None) -> Any:
     import pandas
     import pyogrio
@@ -222,9 +220,8 @@ def _cut_at_antimeridian(geometries: NDArray[np.object_], name: str) -> NDArray[
     if len(crossing):
         geometries = geometries.copy()
     for n in crossing.tolist():
-        parts = [
-            _cut_polygon(part, f"polygon {n + 1} of {name}") for part in shapely.get_parts(geometries[n])
-        ]
+        what = f"polygon {n + 1} of {name}"
+        parts = [_cut_polygon(part, what) for part in shapely.get_parts(geometries[n])]
         geometries[n] = shapely.union_all(parts) if len(parts) > 1 else parts[0]
     return geometries
 
@@ -244,8 +241,7 @@ def _polygons(geometries: NDArray[np.object_], name: str) -> NDArray[np.object_]
     if others:
         raise RegionError(f"{name} holds {', '.join(others)}; regions are polygons")
     geometries = shapely.force_2d(geometries)
-    finite = np.isfinite(shapely.get_coordinates(geometries)).all(axis=1)
-    if not finite.all():
+    if not np.isfinite(shapely.get_coordinates(geometries)).all():
         raise RegionError(
             f"{name} has a polygon with a coordinate that is not a finite number; repair it first"
         )
@@ -253,17 +249,11 @@ def _polygons(geometries: NDArray[np.object_], name: str) -> NDArray[np.object_]
         for n in (part.start + np.flatnonzero(~shapely.is_valid(geometries[part]))).tolist():
             geometries[n] = _repair(geometries[n], f"polygon {n + 1} of {name}")
         steps_done(part.stop, len(geometries))
-    whole = _without_empty_parts(geometries)
-    return np.asarray(shapely.orient_polygons(whole), dtype=object)  # a shapefile turns them round
-
-
-def _without_empty_parts(geometries: NDArray[np.object_]) -> NDArray[np.object_]:
-    """Remove empty parts of multipolygons, on which GEOS has crashed (`segmentize`)."""
     parts, of = shapely.get_parts(geometries, return_index=True)
     empty = shapely.is_empty(parts)
-    for n in np.unique(of[empty]).tolist():
+    for n in np.unique(of[empty]).tolist():  # on empty parts GEOS has crashed (`segmentize`)
         geometries[n] = shapely.multipolygons(parts[(of == n) & ~empty])
-    return geometries
+    return np.asarray(shapely.orient_polygons(geometries), dtype=object)  # a shapefile turns them round
 
 
 def _repair(polygon: Any, what: str) -> Any:

@@ -24,6 +24,11 @@ _OUTLINE_PX = 1.5  # in SLD
 _PALETTE = ("#1f78b4", "#e6ab02", "#33a02c", "#e31a1c", "#6a3d9a", "#b15928", "#a6761d", "#666666")
 _RAMP = ("#440154", "#fde725")  # the ends of viridis
 _RAMP_MIDDLE = "#21918c"
+STYLE_TABLE = "layer_styles"
+_CREATE = f"""CREATE TABLE {STYLE_TABLE} (
+    id INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, f_table_catalog TEXT(256), f_table_schema TEXT(256),
+    f_table_name TEXT(256), f_geometry_column TEXT(256), styleName TEXT(30), styleQML TEXT, styleSLD TEXT,
+    useAsDefault BOOLEAN, description TEXT, owner TEXT(30), ui TEXT(30), update_time DATETIME)"""
 
 
 def classes_of(regions: Regions) -> tuple[str, tuple[Class, ...]] | None:
@@ -33,10 +38,8 @@ def classes_of(regions: Regions) -> tuple[str, tuple[Class, ...]] | None:
     """
     if "class" in regions.columns:
         classes = regions.columns["class"].tolist()
-        pairs = zip(
-            classes, regions.columns["color"].tolist() if "color" in regions.columns else (), strict=False
-        )
-        colors = {str(name): str(color) for name, color in pairs if color}
+        given = regions.columns["color"].tolist() if "color" in regions.columns else ()
+        colors = {str(name): str(color) for name, color in zip(classes, given, strict=False) if color}
         names = sorted({str(name) for name in classes} - colors.keys())
         return "class", (*sorted(colors.items()), *zip(names, cycle(_PALETTE), strict=False))
     if "level" in regions.columns:
@@ -74,12 +77,8 @@ def qml(regions: Regions) -> str:
 
 def sld(regions: Regions, layer: str = "regions") -> str:
     """Return the style of a layer as SLD 1.0."""
-    classes = classes_of(regions)
-    rules = (
-        _sld_rule("regions", COLOR)
-        if classes is None
-        else "".join(_sld_rule(name, color, classes[0]) for name, color in classes[1])
-    )
+    column, values = classes_of(regions) or (None, (("regions", COLOR),))
+    rules = "".join(_sld_rule(name, color, column) for name, color in values)
     return (
         '<?xml version="1.0" encoding="UTF-8"?>\n'
         '<StyledLayerDescriptor version="1.0.0" xmlns="http://www.opengis.net/sld" '
@@ -92,15 +91,11 @@ def sld(regions: Regions, layer: str = "regions") -> str:
 
 
 def _qml_symbol(name: str, color: str) -> str:
-    options = {
-        "color": _rgba(color, _ALPHA),
-        "style": "solid",
-        "outline_color": _rgba(color, 1),
-        "outline_style": "solid",
-        "outline_width": f"{_OUTLINE_MM:g}",
-        "outline_width_unit": "MM",
-        "joinstyle": "round",
-    }
+    options = (
+        {"color": _rgba(color, _ALPHA), "style": "solid", "outline_color": _rgba(color, 1)}
+        | {"outline_style": "solid", "outline_width": f"{_OUTLINE_MM:g}", "outline_width_unit": "MM"}
+        | {"joinstyle": "round"}
+    )
     new = "".join(f'<Option name="{key}" type="QString" value="{value}"/>' for key, value in options.items())
     old = "".join(f'<prop k="{key}" v="{value}"/>' for key, value in options.items())  # before QGIS 3.26
     return (
@@ -143,13 +138,6 @@ def _ramp(k: int, count: int) -> str:
     share = at if at <= 1 else at - 1
     mixed = (round(a + share * (b - a)) for a, b in zip(_rgb(low), _rgb(high), strict=True))
     return "#" + "".join(f"{part:02x}" for part in mixed)
-
-
-STYLE_TABLE = "layer_styles"
-_CREATE = f"""CREATE TABLE {STYLE_TABLE} (
-    id INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, f_table_catalog TEXT(256), f_table_schema TEXT(256),
-    f_table_name TEXT(256), f_geometry_column TEXT(256), styleName TEXT(30), styleQML TEXT, styleSLD TEXT,
-    useAsDefault BOOLEAN, description TEXT, owner TEXT(30), ui TEXT(30), update_time DATETIME)"""
 
 
 def check_style(target: str | os.PathLike[str], format: str, overwrite: bool = False) -> Path:

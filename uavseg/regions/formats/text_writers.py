@@ -41,6 +41,8 @@ _HEAD = """<?xml version="1.0" encoding="UTF-8"?>
 _METADATA = '<ExtendedData><Data name="%s"><value>%s</value></Data></ExtendedData>\n'
 _TAIL = "</Folder>\n</Document>\n</kml>\n"
 _TYPES = {"i": "int", "f": "double", "O": "string"}
+_POLYGON = b"<Polygon><outerBoundaryIs>%b</outerBoundaryIs>%b</Polygon>"
+_HOLE = b"<innerBoundaryIs>%b</innerBoundaryIs>"
 _RING = b"<LinearRing><coordinates>%b</coordinates></LinearRing>"
 
 
@@ -261,16 +263,13 @@ def _geometries(regions: Regions) -> Iterator[bytes]:
     for batch in wgs84_batches(regions):
         flat = RaggedPolygons.from_geometries(batch.geometries())
         rings = [_RING % text for text in _ring_texts(flat, batch.decimals)]
-        polygons = [_polygon(rings[first:last]) for first, last in pairwise(flat.polygons.tolist())]
+        polygons = []
+        for first, last in pairwise(flat.polygons.tolist()):
+            holes = b"".join(_HOLE % ring for ring in rings[first + 1 : last])
+            polygons.append(_POLYGON % (rings[first], holes))
         for first, last in pairwise(flat.regions.tolist()):
             text = b"".join(polygons[first:last])
             yield text if last == first + 1 else b"<MultiGeometry>%b</MultiGeometry>" % text
-
-
-def _polygon(rings: list[bytes]) -> bytes:
-    exterior, *holes = rings
-    inner = b"".join(b"<innerBoundaryIs>%b</innerBoundaryIs>" % hole for hole in holes)
-    return b"<Polygon><outerBoundaryIs>%b</outerBoundaryIs>%b</Polygon>" % (exterior, inner)
 
 
 def _ring_texts(flat: RaggedPolygons, decimals: int) -> list[bytes]:

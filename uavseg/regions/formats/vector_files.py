@@ -28,22 +28,13 @@ from uavseg.plain_text import cause_of
 from uavseg.raster.access.opening import OFFLINE_OPTIONS
 from uavseg.raster.access.untrusted import check_database
 
-_EXTENSIONS = {
-    "GeoJSON": (".geojson", ".json", ".geojsonl", ".geojsons", ".ndjson", ".topojson"),
-    "GeoPackage": (".gpkg",),
-    "FlatGeobuf": (".fgb",),
-    "GeoParquet": (".parquet", ".geoparquet"),
-    "Shapefile": (".shp",),
-    "KML": (".kml",),
-    "KMZ": (".kmz",),
-}
-_MAGIC = {
-    b"SQLite format 3\0": "GeoPackage",
-    b"fgb": "FlatGeobuf",
-    b"PAR1": "GeoParquet",
-    b"\0\0\x27\x0a": "Shapefile",
-    b"PK\x03\x04": "KMZ",
-}
+_EXTENSIONS: dict[str, tuple[str, ...]] = (
+    {"GeoJSON": (".geojson", ".json", ".geojsonl", ".geojsons", ".ndjson", ".topojson")}
+    | {"GeoPackage": (".gpkg",), "FlatGeobuf": (".fgb",), "GeoParquet": (".parquet", ".geoparquet")}
+    | {"Shapefile": (".shp",), "KML": (".kml",), "KMZ": (".kmz",)}
+)
+_MAGIC = {b"SQLite format 3\0": "GeoPackage", b"fgb": "FlatGeobuf", b"PAR1": "GeoParquet"}
+_MAGIC |= {b"\0\0\x27\x0a": "Shapefile", b"PK\x03\x04": "KMZ"}
 _BESIDE = (".shx", ".dbf", ".prj", ".cpg", ".cst", ".qix", ".sbn", ".qpj")  # of a Shapefile
 _OPTIONS = {**OFFLINE_OPTIONS, "OGR_SQLITE_ALLOW_EXTERNAL_ACCESS": "NO", "LIBKML_RESOLVE_STYLE": "NO"}
 
@@ -52,6 +43,9 @@ _MAY_LINK = re.compile(rb"[\"']\s*(?:href|url)\s*[\"']|\\u00[4-7]", re.IGNORECAS
 _PIPELINE = b"gdal_streamed_alg"
 _DESCRIPTION = re.compile(rb"<\s*(?:OGR\w*DataSource|GDAL_\w+|VRTDataset)|<!ENTITY", re.IGNORECASE)
 _KML = re.compile(rb"<\s*(?:\w+:)?kml[\s>]", re.IGNORECASE)
+_thread = threading.local()
+_PIECE = 1 << 24  # bytes of a text that are read at once
+_GEOMETRY = b'"geometry"'
 
 
 def check_vector(source: Path_ | bytes, name: str) -> None:
@@ -155,9 +149,6 @@ def _linked_crs(parsed: Any) -> str | None:
     return None
 
 
-_thread = threading.local()
-
-
 @contextmanager
 def gdal_options(options: Mapping[str, str]) -> Iterator[None]:
     """Enter a context with options of GDAL, in which its messages are warnings, whatever the thread.
@@ -179,10 +170,6 @@ def gdal_options(options: Mapping[str, str]) -> Iterator[None]:
         yield
     finally:
         pyogrio.set_gdal_config_options(before)
-
-
-_PIECE = 1 << 24  # bytes of a text that are read at once
-_GEOMETRY = b'"geometry"'
 
 
 def check_feature_count(source: Path_ | bytes, name: str, layer: str | None = None) -> int:

@@ -17,6 +17,8 @@ from uavseg.dataclass import dataclass
 from uavseg.segmentation.components import WORD, view_as_words
 
 OWNER, START, FIRST, LAST, HEAD, TAIL = range(6)  # columns of Chains.table
+_READ = "i8[::1], i8[::1], u8[:,::1], u4[:,::1], i8, i8, i8, i8"
+_WRITTEN = "u1[:,::1], i4[:,::1], u1[::1], i8[:,::1], i8[::1]"
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,25 +144,21 @@ def lies_within(row, col, shape):  # type: ignore[no-untyped-def]
 
 
 @inlined
+def label_ahead(image, margin, row, col, direction, right):  # type: ignore[no-untyped-def]
+    """Return the value of the pixel ahead of a corner."""
+    return image[pixel_row(row, direction, right) + margin, pixel_col(col, direction, right) + margin]
+
+
+@inlined
 def begins_chain(image, shape, margin, row, col, direction):  # type: ignore[no-untyped-def]
     """Check whether an edge belongs to the tile and its predecessor to another tile."""
-    own_row = pixel_row(row, direction, True)
-    own_col = pixel_col(col, direction, True)
-    label = image[own_row + margin, own_col + margin]
-    beside_row = pixel_row(row, direction, False)
-    beside_col = pixel_col(col, direction, False)
-    if label == 0 or image[beside_row + margin, beside_col + margin] == label:
+    label, back = label_ahead(image, margin, row, col, direction, True), (direction + 2) % 4
+    if label == 0 or label_ahead(image, margin, row, col, direction, False) == label:
         return False
-    back = (direction + 2) % 4
-    right_row = pixel_row(row, back, False)
-    right_col = pixel_col(col, back, False)
-    if image[right_row + margin, right_col + margin] != label:
+    if label_ahead(image, margin, row, col, back, False) != label:
         return False
-    left_row = pixel_row(row, back, True)
-    left_col = pixel_col(col, back, True)
-    if image[left_row + margin, left_col + margin] != label:
-        return not lies_within(right_row, right_col, shape)
-    return not lies_within(left_row, left_col, shape)
+    goes_on = label_ahead(image, margin, row, col, back, True) == label
+    return not lies_within(pixel_row(row, back, goes_on), pixel_col(col, back, goes_on), shape)
 
 
 @inlined
@@ -275,8 +273,6 @@ def _trace(  # type: ignore[no-untyped-def]
             c += 1
 
 
-_READ = "i8[::1], i8[::1], u8[:,::1], u4[:,::1], i8, i8, i8, i8"
-_WRITTEN = "u1[:,::1], i4[:,::1], u1[::1], i8[:,::1], i8[::1]"
 _trace_u1 = kernel(f"void(u1[:,::1], u1[::1], {_READ}, {_WRITTEN})")(_trace)
 _trace_u4 = kernel(f"void(u4[:,::1], u4[::1], {_READ}, {_WRITTEN})")(_trace)
 

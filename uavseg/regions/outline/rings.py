@@ -46,15 +46,16 @@ class Rings:
 
     def pixel_areas(self) -> NDArray[np.int64]:
         """Return the number of pixels within each ring; negative for a hole."""
-        areas = np.empty(len(self.labels), np.int64)
-        _pixel_areas(self.vertices, self.starts, areas)
-        return areas
+        return self._measured(False)
 
     def pixel_perimeters(self) -> NDArray[np.int64]:
         """Return the number of pixel edges along each ring."""
-        lengths = np.empty(len(self.labels), np.int64)
-        _pixel_perimeters(self.vertices, self.starts, lengths)
-        return lengths
+        return self._measured(True)
+
+    def _measured(self, by_length: bool) -> NDArray[np.int64]:
+        measures = np.empty(len(self.labels), np.int64)
+        _measure(self.vertices, self.starts, by_length, measures)
+        return measures
 
     def select(self, rings: NDArray[np.bool_], labels: NDArray[np.int64] | None = None) -> "Rings":
         """Return a subset of the rings, in the order of the labels; rings of one label keep their order.
@@ -97,28 +98,16 @@ def _gather(vertices, starts, order, gathered):  # type: ignore[no-untyped-def]
             used += 1
 
 
-@kernel("void(i4[:,::1], i8[::1], i8[::1])")
-def _pixel_areas(vertices, starts, areas):  # type: ignore[no-untyped-def]
-    for ring in range(areas.shape[0]):
-        doubled = np.int64(0)
-        before = starts[ring + 1] - 1
+@kernel("void(i4[:,::1], i8[::1], b1, i8[::1])")
+def _measure(vertices, starts, by_length, measures):  # type: ignore[no-untyped-def]
+    for ring in range(measures.shape[0]):
+        doubled, length = np.int64(0), np.int64(0)
+        row, col = np.int64(vertices[starts[ring + 1] - 1, 0]), np.int64(vertices[starts[ring + 1] - 1, 1])
         for v in range(starts[ring], starts[ring + 1]):
-            doubled += np.int64(vertices[before, 1]) * np.int64(vertices[v, 0])
-            doubled -= np.int64(vertices[v, 1]) * np.int64(vertices[before, 0])
-            before = v
-        areas[ring] = doubled // 2
-
-
-@kernel("void(i4[:,::1], i8[::1], i8[::1])")
-def _pixel_perimeters(vertices, starts, lengths):  # type: ignore[no-untyped-def]
-    for ring in range(lengths.shape[0]):
-        length = np.int64(0)
-        before = starts[ring + 1] - 1
-        for v in range(starts[ring], starts[ring + 1]):
-            length += abs(np.int64(vertices[v, 0]) - np.int64(vertices[before, 0]))
-            length += abs(np.int64(vertices[v, 1]) - np.int64(vertices[before, 1]))
-            before = v
-        lengths[ring] = length
+            row_before, col_before, row, col = row, col, np.int64(vertices[v, 0]), np.int64(vertices[v, 1])
+            doubled += col_before * row - col * row_before
+            length += abs(row - row_before) + abs(col - col_before)
+        measures[ring] = length if by_length else doubled // 2
 
 
 @dataclass(frozen=True)

@@ -33,6 +33,7 @@ from uavseg.regions.outline.rings import Rings, dense_parts, reorder_rings
 from uavseg.segmentation.components import STRIP, LabelRows, component_values, label_equal_values, union_roots
 
 BATCH = 1 << 21  # vertices of the chains that are linked at a time
+Vertices = NDArray[np.int32]
 
 
 @checked
@@ -171,9 +172,6 @@ def _linked(
     first = vertices[starts[:-1]]
     order = np.lexsort((first[:, 1], first[:, 0], hole, parts[owners], labels[owners]))
     return *reorder_rings(vertices, starts, order), owners[order]
-
-
-Vertices = NDArray[np.int32]
 
 
 def link_chains(

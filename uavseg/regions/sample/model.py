@@ -21,6 +21,8 @@ from uavseg.units import CELL, GREY_MAX
 
 _OWN_QUANTILE = (19, 20)  # of the scores of windows in the sample: they are similar up to it
 _GREY_STEP = 257  # one step of 8 bits: the smallest deviation of a sample
+USUAL_WINDOWS = (32, 24, 16)  # pixels
+_WINDOWS_IN_SAMPLE = 3  # minimum area of a sample, in windows: a disc with the side as radius
 
 
 @dataclass(frozen=True)
@@ -38,9 +40,8 @@ class Sample:
 
     def limit(self, similarity: float) -> int:
         """Return the largest score at which a window has at least this similarity."""
-        return min(
-            self.own + math.floor(-2 * g_scores.SCORE_UNITS * math.log(similarity)), g_scores.MAX_SCORE - 1
-        )
+        excess = math.floor(-2 * g_scores.SCORE_UNITS * math.log(similarity))
+        return min(self.own + excess, g_scores.MAX_SCORE - 1)
 
     def similarity(self, score: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the similarity to the sample from 0 to 1, for mean scores of windows or regions.
@@ -164,22 +165,13 @@ def _measure_sample(
     return model, scores[scores != g_scores.NO_SCORE], moments
 
 
-USUAL_WINDOWS = (32, 24, 16)  # pixels
-_WINDOWS_IN_SAMPLE = 3  # minimum area of a sample, in windows: a disc with the side as radius
-
-
 def fitting_window(place: SampleMask) -> int | None:
     """Return the side in pixels of the largest usual window that fits into a sample; None where none does."""
     counts = place.cell_counts()
     for side in USUAL_WINDOWS:
-        if counts.sum() >= _WINDOWS_IN_SAMPLE * side**2 and _holds(counts, side // CELL):
-            return side
+        cells = side // CELL
+        if counts.sum() >= _WINDOWS_IN_SAMPLE * side**2 and min(counts.shape) >= cells:
+            windows = np.lib.stride_tricks.sliding_window_view(counts, (cells, cells))
+            if windows.sum((2, 3)).max() >= g_scores.min_count(cells):  # one is covered well enough
+                return side
     return None
-
-
-def _holds(counts: NDArray[np.int64], side: int) -> bool:
-    """Check whether some window of `side` cells is covered well enough to have a score."""
-    if min(counts.shape) < side:
-        return False
-    windows = np.lib.stride_tricks.sliding_window_view(counts, (side, side))
-    return bool(windows.sum((2, 3)).max() >= g_scores.min_count(side))

@@ -88,8 +88,7 @@ class SampleMask:
     def meets(self, other: "SampleMask") -> bool:
         """Check whether two samples have pixels in common."""
         common = self.window.common(other.window)
-        both = common.rows and common.cols and (self.part(common) & other.part(common)).any()
-        return bool(both)
+        return bool(common.rows and common.cols and (self.part(common) & other.part(common)).any())
 
 
 def sample_mask(like: Disc | str, geobox: GeoBox) -> SampleMask:
@@ -124,8 +123,8 @@ def class_masks(name: str, geobox: GeoBox) -> dict[str, list[SampleMask]]:
         )
     masks: dict[str, list[SampleMask]] = {}
     for k, label in enumerate(classes):
-        mask = _mask(polygons[k : k + 1], geobox, f"a sample of {name}")
-        masks.setdefault(str(label), []).append(mask)
+        one = polygons[k : k + 1]
+        masks.setdefault(str(label), []).append(_mask(one, geobox, f"a sample of {name}"))
     if len(masks) < 2:
         raise SampleError(f"{name} has samples of one class; give some of another one, or use --like {name}")
     return masks

@@ -46,16 +46,16 @@ def fit_colors(sources: Sequence[GreySource], place: SampleMask, deviations: flo
 
     The mean of a window may differ by a number of standard `deviations` of the sample.
     """
-    return tuple(_fit_band(source, place, deviations) for source in sources)
-
-
-def _fit_band(source: GreySource, place: SampleMask, deviations: float) -> ColorBand:
-    tile, rows, cols = source.read(place.window, 0), place.window.rows, place.window.cols
-    grey = tile.grey[:rows, :cols][place.mask & (tile.valid[:rows, :cols] != 0)]
-    if len(grey) == 0:
-        raise SampleError(f"the sample has no valid pixel in {source.dataset.band_names}")
-    bounds = bounds_around(float(grey.mean()), float(grey.std()), deviations)
-    return ColorBand(source, bounds, np.bincount(grey >> 10, minlength=g_scores.GREY_BINS).astype(np.int64))
+    colors, here = [], np.s_[: place.window.rows, : place.window.cols]
+    for source in sources:
+        tile = source.read(place.window, 0)
+        grey = tile.grey[here][place.mask & (tile.valid[here] != 0)]
+        if len(grey) == 0:
+            raise SampleError(f"the sample has no valid pixel in {source.dataset.band_names}")
+        bounds = bounds_around(float(grey.mean()), float(grey.std()), deviations)
+        counts = np.bincount(grey >> 10, minlength=g_scores.GREY_BINS).astype(np.int64)
+        colors.append(ColorBand(source, bounds, counts))
+    return tuple(colors)
 
 
 def limit_scores(
@@ -246,8 +246,7 @@ def inner_cells(rings: Rings, shape: tuple[int, int], tile_pass: TilePass) -> ND
     inner = np.zeros(BlockMap.empty(shape).counts.shape, bool)
     tiles = tile_pass.run(_whole_cells, edge_tables(rings, tile_pass.windows))
     for window, cells in zip(tile_pass.windows, tiles, strict=True):
-        first = Window(window.row // CELL, window.col // CELL, *cells.shape)
-        inner[first.slices] = cells
+        inner[Window(window.row // CELL, window.col // CELL, *cells.shape).slices] = cells
     return inner
 
 

@@ -240,8 +240,8 @@ def _mask_apart(disc: Disc, geobox: GeoBox, samples: Sequence[SampleMask]) -> Sa
         place = sample_mask(disc, geobox)
     except SampleError:
         return None
-    too_small = np.count_nonzero(place.mask) < MIN_PIXELS
-    return None if too_small or any(map(place.meets, samples)) else place
+    is_large = np.count_nonzero(place.mask) >= MIN_PIXELS
+    return place if is_large and not any(map(place.meets, samples)) else None
 
 
 def _cells_near(samples: Sequence[SampleMask], shape: tuple[int, ...], gap: float) -> NDArray[np.bool_]:
@@ -280,16 +280,12 @@ def _disc(geobox: GeoBox, row: int, col: int, reach: float) -> Disc:
     middle = ((row + 0.5) * CELL, (col + 0.5) * CELL)
     x, y = (float(value) for value in geobox.xy_from_pixel(*middle))
     t = geobox.transform
-    finest = min(step for step in (math.hypot(t.a, t.d), math.hypot(t.b, t.e)))
-    digits = 1 - math.floor(math.log10(finest))  # a tenth of a pixel or less
-    _, shortest = _pixel_extents(geobox, *middle)
-    return Disc(round(x, digits), round(y, digits), _rounded_down(reach * shortest))
-
-
-def _rounded_down(length: float) -> float:
-    digits = 2 - math.floor(math.log10(length))
-    unit = 10.0**digits
-    return round(math.floor(length * unit + 1e-6) / unit, max(digits, 0))
+    digits = 1 - math.floor(math.log10(min(math.hypot(t.a, t.d), math.hypot(t.b, t.e))))  # 0.1 pixels or less
+    radius = reach * _pixel_extents(geobox, *middle)[1]
+    of_radius = 2 - math.floor(math.log10(radius))
+    unit = 10.0**of_radius
+    rounded_down = round(math.floor(radius * unit + 1e-6) / unit, max(of_radius, 0))
+    return Disc(round(x, digits), round(y, digits), rounded_down)
 
 
 def half_widths(radius: float) -> NDArray[np.int64]:

@@ -14,6 +14,8 @@ from uavseg.regions.table import Regions
 
 MAX_LISTED = 10  # ids in a message
 MAX_CHARACTERS = 2000  # of a condition
+_KEYWORD = re.compile(r"""'(?:\\.|[^'\\])*'|"(?:\\.|[^"\\])*"|\bclass\b""")
+_CLASS = "class_column_"  # stands for the column class, which has the name of a keyword
 
 
 def select_regions(
@@ -133,10 +135,6 @@ def _parse(condition: str) -> ast.expr:
         raise RegionError(
             f'the condition {condition[:60]!r} cannot be read; expected as in "mean > 0.7"{hint}'
         ) from error
-
-
-_KEYWORD = re.compile(r"""'(?:\\.|[^'\\])*'|"(?:\\.|[^"\\])*"|\bclass\b""")
-_CLASS = "class_column_"  # stands for the column class, which has the name of a keyword
 
 
 class _Condition(Evaluator):

@@ -25,6 +25,7 @@ STEPS_PER_PIXEL = 256
 MAX_OFFSET = 112  # steps from the middle of a portal to its ends: `MAX_SHIFT` of smooth_outlines
 SLEEVE_WIDTH = 8  # steps along a portal by which a segment may miss the arc's point
 _MAX_EDGES = 4096  # edges that one segment may replace
+_IS_NODE = np.array([bits & _PASSED > 0 or bits.bit_count() > 2 for bits in range(2 * _PASSED)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,9 +63,6 @@ def _nodes_along(rings: Rings, keys: Integers, axis: int, stride: int) -> Intege
     directions = np.zeros(len(corners), np.uint8)
     _set_directions(rings.vertices, rings.starts, corners, axis, stride, directions)
     return np.asarray(corners[_IS_NODE[directions]])
-
-
-_IS_NODE = np.array([bits & _PASSED > 0 or bits.bit_count() > 2 for bits in range(2 * _PASSED)])
 
 
 @inlined
@@ -206,12 +204,9 @@ def place_points(base_x, base_y, n, cyclic, offsets, px, py, steps):  # type: ig
     for e in range(n):
         step = min(max(int((offsets[e] + MAX_OFFSET) + 0.5) - MAX_OFFSET, -MAX_OFFSET), MAX_OFFSET)
         steps[e + lead] = step
-        px[e + lead] = int(STEPS_PER_PIXEL // 2 * (base_x[e] + base_x[e + 1])) + step * int(
-            base_y[e + 1] - base_y[e]
-        )
-        py[e + lead] = int(STEPS_PER_PIXEL // 2 * (base_y[e] + base_y[e + 1])) - step * int(
-            base_x[e + 1] - base_x[e]
-        )
+        dx, dy = int(base_x[e + 1] - base_x[e]), int(base_y[e + 1] - base_y[e])
+        px[e + lead] = int(STEPS_PER_PIXEL // 2 * (base_x[e] + base_x[e + 1])) + step * dy
+        py[e + lead] = int(STEPS_PER_PIXEL // 2 * (base_y[e] + base_y[e + 1])) - step * dx
     if cyclic:
         px[n] = px[0]
         py[n] = py[0]

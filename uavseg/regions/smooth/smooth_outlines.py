@@ -44,6 +44,12 @@ from uavseg.regions.smooth.arcs import (
 MAX_SHIFT = 0.4375  # pixels that a corner may move along each axis
 _ROUNDS = 2
 _STEPS = 8  # of each round; even, as they are done in pairs
+_MAX_TRIES = 6  # to restore the area that straight segments cut off or add
+AREA_TOLERANCE = 0.01  # largest relative change of a region's area
+_MAX_SIDE = np.iinfo(np.int32).max // STEPS_PER_PIXEL - 1
+_READ = "i4[:,::1], i8[::1], i8[::1], i8[::1], i8[::1], i8, i8, f8"
+_BUFFERS = "i8[:,::1], u1[::1], f8[:,::1], i8[:,::1]"
+_WRITTEN = "i4[:,::1], i8[::1], i8[::1], i8[::1]"
 
 
 @inlined
@@ -113,11 +119,6 @@ def restore_area(x, y, base_x, base_y, n, cyclic, missing, along_x, along_y):  #
         y[n] = y[0]
 
 
-_MAX_TRIES = 6  # to restore the area that straight segments cut off or add
-AREA_TOLERANCE = 0.01  # largest relative change of a region's area
-_MAX_SIDE = np.iinfo(np.int32).max // STEPS_PER_PIXEL - 1
-
-
 def smooth_outlines(rings: Rings, metres: float, geobox: GeoBox) -> tuple[Rings, GeoBox]:
     """Smooth the outlines of regions; none vanishes, overlaps another or becomes invalid.
 
@@ -177,7 +178,12 @@ def _smooth_preserving_areas(rings: Rings, shape: tuple[int, int], share: float)
         affected = np.zeros(len(rings.labels), bool)
         affected[smooth.owners[np.isin(smooth.arcs, more)]] = True
         again = smooth_rings(rings.select(affected), nodes, shape, unsmoothed, share)
-        smooth = replace(smooth, rings=_replace_rings(smooth.rings, again, affected))
+        order, old = np.arange(len(rings.labels)), smooth.rings
+        order[affected] = len(order) + np.arange(int(affected.sum()))
+        vertices = np.concatenate([old.vertices, again.rings.vertices])
+        starts = np.concatenate([old.starts, len(old.vertices) + again.rings.starts[1:]])
+        vertices, starts = reorder_rings(vertices, starts, order)
+        smooth = replace(smooth, rings=replace(old, vertices=vertices, starts=starts))
     return smooth.rings if share == 1 else _drop_collinear(smooth.rings, nodes, shape)
 
 
@@ -198,15 +204,6 @@ def _drop_collinear(rings: Rings, nodes: Nodes, shape: tuple[int, int]) -> Rings
 def _areas(rings: Rings) -> NDArray[np.float64]:
     """Return the area of each region 0..n, in square units of the rings."""
     return np.asarray(np.bincount(rings.labels, rings.pixel_areas()), np.float64)
-
-
-def _replace_rings(rings: Rings, again: "SmoothRings", which: NDArray[np.bool_]) -> Rings:
-    order = np.arange(len(rings.labels))
-    order[which] = len(order) + np.arange(int(which.sum()))
-    vertices = np.concatenate([rings.vertices, again.rings.vertices])
-    starts = np.concatenate([rings.starts, len(rings.vertices) + again.rings.starts[1:]])
-    vertices, starts = reorder_rings(vertices, starts, order)
-    return replace(rings, vertices=vertices, starts=starts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -325,11 +322,6 @@ def fit_arc(floats, integers, n, cyclic):  # type: ignore[no-untyped-def]
         for e in range(n):
             offsets[e] = min(max(offsets[e] + more, -MAX_OFFSET), MAX_OFFSET)
     return last, count
-
-
-_READ = "i4[:,::1], i8[::1], i8[::1], i8[::1], i8[::1], i8, i8, f8"
-_BUFFERS = "i8[:,::1], u1[::1], f8[:,::1], i8[:,::1]"
-_WRITTEN = "i4[:,::1], i8[::1], i8[::1], i8[::1]"
 
 
 @kernel(f"i8({_READ}, {_BUFFERS}, {_WRITTEN})")

@@ -31,6 +31,8 @@ Firsts = NDArray[np.int64]
 
 LIKELY = IntensityRange(0.5, 1)  # similarities at which a pixel may belong to a class
 _Job = tuple[Window, NDArray[Any]]
+# Outlines of the components of a tile, and the class of each; None for a tile without components.
+ClassOutlines = tuple[TileOutlines, NDArray[np.uint8]] | None
 
 
 def outline_segments(source: GreySource, cells: NDArray[Any], tile_pass: TilePass) -> RegionOutlines:
@@ -214,10 +216,6 @@ def outline_likely_classes(
     return stitch_classes(grey.shape, windows, tiles)
 
 
-# Outlines of the components of a tile, and the class of each; None for a tile without components.
-ClassOutlines = tuple[TileOutlines, NDArray[np.uint8]] | None
-
-
 def stitch_classes(
     shape: tuple[int, int], windows: Sequence[Window], tiles: Iterable[ClassOutlines]
 ) -> tuple[RegionOutlines, ClassesByPixel]:
@@ -245,9 +243,8 @@ def _outline_tile(
     pixels, tile = refined if detail is None else with_detail(*refined, detail)
     check_sums(source, job, tile)
     labels, count = components.label_equal_values(pixels, REFINE_HALO)
-    return _with_classes(
-        pixels, outline_tile(pixels, labels, count, tile, job.window, source.shape[1]), job.window
-    )
+    outlines = outline_tile(pixels, labels, count, tile, job.window, source.shape[1])
+    return _with_classes(pixels, outlines, job.window)
 
 
 def _with_classes(pixels: NDArray[np.uint8], outlines: TileOutlines | None, window: Window) -> ClassOutlines:
@@ -285,8 +282,7 @@ def _outline_likely_tile(
     labels, count = components.label_equal_values(pixels, REFINE_HALO)
     outlines = outline_tile(pixels, labels, count, tile, window, grey.shape[1])
     if outlines is not None:
-        sums = _with_similarity(outlines.sums, pixels, labels, tiles)
-        outlines = replace(outlines, sums=sums)
+        outlines = replace(outlines, sums=_with_similarity(outlines.sums, pixels, labels, tiles))
     return _with_classes(pixels, outlines, window)
 
 

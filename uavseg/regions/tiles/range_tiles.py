@@ -11,24 +11,12 @@ from numpy.typing import NDArray
 from uavseg.dataclass import dataclass
 from uavseg.errors import RasterError
 from uavseg.execution.executors import LazySequence
-from uavseg.raster.grid.tiling import (
-    TilePass,
-    Window,
-    cells_around,
-    sample_positions,
-    whole_blocks,
-    window_cells,
-)
+from uavseg.raster.grid.tiling import TilePass, Window, cells_around, sample_positions, window_cells
 from uavseg.regions.outline.rings import EdgeTable, RegionOutlines, edge_tables
 from uavseg.regions.outline.stitch import TileOutlines, TileStitcher, outline_tile
+from uavseg.segmentation import components
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums
-from uavseg.segmentation.components import (
-    Sums,
-    component_sums,
-    label_components,
-    label_equal_values,
-    with_excess,
-)
+from uavseg.segmentation.components import label_components, label_equal_values
 from uavseg.segmentation.params.segment import IntensityRange, Refinement
 from uavseg.segmentation.pipeline import refine_tile
 from uavseg.segmentation.refine.detail import MARGIN, Detail, ThinLines, apply_detail, find_thin_lines
@@ -60,8 +48,7 @@ def outline_regions(
     """
     jobs = tile_jobs(cells, tile_pass.windows, expected, detail)
     tiles = tile_pass.run(partial(outline, source, interval, refine, detail), jobs)
-    stitcher = TileStitcher(source.shape, tile_pass.windows, tiles)
-    return stitcher.finish(cells if refine == "none" else None)
+    return TileStitcher(source.shape, tile_pass.windows, tiles).finish(cells if refine == "none" else None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,9 +126,8 @@ def _with_thin_lines(
     if refined is None:
         if source.dataset.is_empty(window.grown(REFINE_HALO).clipped(source.shape)):
             return None
-        side = 2 * REFINE_HALO
-        shape = whole_blocks(window.rows) + side, whole_blocks(window.cols) + side
-        refined = np.zeros(shape, np.uint8), source.read(window, REFINE_HALO, excess=True)
+        tile = source.read(window, REFINE_HALO, excess=True)
+        refined = np.zeros(tile.grey.shape, np.uint8), tile
     pixels, tile = refined
     inner = np.s_[REFINE_HALO - MARGIN : MARGIN - REFINE_HALO, REFINE_HALO - MARGIN : MARGIN - REFINE_HALO]
     pixels[inner] |= find_thin_lines(tile.grey, tile.valid, interval.greys, REFINE_HALO)
@@ -166,7 +152,7 @@ def check_sums(source: GreySource, job: TileJob, tile: GreyTile) -> None:
         )
 
 
-def sum_regions(source: GreySource, outlined: RegionOutlines, tile_pass: TilePass) -> Sums:
+def sum_regions(source: GreySource, outlined: RegionOutlines, tile_pass: TilePass) -> components.Sums:
     """Sum each region over all valid pixels that its outlines enclose, read again from the raster.
 
     The contrast across borders, and the similarity to classes, stay as they were.
@@ -185,7 +171,7 @@ def sum_regions(source: GreySource, outlined: RegionOutlines, tile_pass: TilePas
     return replace(sums, counts=counts, greys=greys, squares=squares, excess=excess if excess.any() else None)
 
 
-def _sum_tile(source: GreySource, edges: EdgeTable) -> tuple[NDArray[np.int64], Sums | None]:
+def _sum_tile(source: GreySource, edges: EdgeTable) -> tuple[NDArray[np.int64], components.Sums | None]:
     """Return the labels in a tile, and the sums of each over its valid pixels; None without labels."""
     window, image = edges.window, edges.rasterise()
     labels = np.unique(image).astype(np.int64)
@@ -197,8 +183,8 @@ def _sum_tile(source: GreySource, edges: EdgeTable) -> tuple[NDArray[np.int64], 
     numbers = np.searchsorted(labels, image) + 1
     numbers[(image == 0) | (tile.valid[inner] == 0)] = 0
     names = numbers.astype(np.uint32)
-    sums = component_sums(names, len(labels), np.ascontiguousarray(tile.grey[inner]))
-    return labels, with_excess(sums, names, None if tile.excess is None else tile.excess[inner])
+    sums = components.component_sums(names, len(labels), np.ascontiguousarray(tile.grey[inner]))
+    return labels, components.with_excess(sums, names, None if tile.excess is None else tile.excess[inner])
 
 
 def estimate_regions(

@@ -30,6 +30,11 @@ from uavseg.regions.table import Regions
 
 Objects = NDArray[np.object_]
 Flags = NDArray[np.bool_]
+_AT_POLE = 90 * (1 - 1e-11)
+_MAX_TURNS = 16  # around the Earth, by one region
+_MAX_ADDED = 10_000_000  # vertices that may be added to the edges of a batch
+PAST_EDGE = "a region reaches past the edge of its projection; write a .gpkg instead"
+_SAG = 1 / 500  # largest distance of an edge from its true course, in pixels
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,9 +110,8 @@ class _Reprojection:
             )
         ellipsoid, unit = globe.ellipsoid_under(wkt), globe.unit_factor(wkt)
         radius = 1.0 if globe.is_geographic(wkt) else globe.equatorial_radius(wkt)
-        return cls(
-            transform, ellipsoid is not None and ellipsoid.inverse is None, radius / unit, 2 * np.pi / unit
-        )
+        geographic = ellipsoid is not None and ellipsoid.inverse is None
+        return cls(transform, geographic, radius / unit, 2 * np.pi / unit)
 
     def degrees(self, xy: Floats) -> Floats:
         x, y = xy.T
@@ -149,7 +153,10 @@ def _batch(polygons: Objects, pixel: float, decimals: int, reprojection: _Reproj
     find_crossing = _find_jumps if jumping else _shift_turns
     rounded, crossing = find_crossing(replace(flat, vertices=units), degree)
     kept = _drop_repeats(rounded.without(crossing))
-    broken = _collapsed(kept) if safe else _invalid(kept)
+    broken = np.zeros(len(kept.regions) - 1, bool)
+    broken[kept.region_of(kept.rings[:-1][np.diff(kept.rings) < 4])] = True  # rounded to less than a triangle
+    if not safe:
+        broken |= ~shapely.is_valid(kept.without(broken).to_geometries())
     precise = rounded if safe else exact  # cut where vertices lie, if that is possible
     others = {}
     for i in np.flatnonzero(crossing | broken).tolist():
@@ -199,20 +206,6 @@ def _drop_repeats(flat: RaggedPolygons) -> RaggedPolygons:
     return replace(flat, vertices=flat.vertices[keep], rings=rings)
 
 
-def _collapsed(flat: RaggedPolygons) -> Flags:
-    """Return the mask of regions with a ring that rounding has reduced to less than a triangle."""
-    collapsed = np.zeros(len(flat.regions) - 1, bool)
-    collapsed[flat.region_of(flat.rings[:-1][np.diff(flat.rings) < 4])] = True
-    return collapsed
-
-
-def _invalid(flat: RaggedPolygons) -> Flags:
-    """Return the mask of regions that rounding has made invalid."""
-    collapsed = _collapsed(flat)
-    valid: Flags = shapely.is_valid(flat.without(collapsed).to_geometries())
-    return collapsed | ~valid
-
-
 def _rounding_is_safe(flat: RaggedPolygons, units: Floats, pixel: float) -> bool:
     """Return whether polygons follow the edges of pixels so large that rounding cannot make them invalid."""
     # Then validity need not be tested for each polygon, which takes longer than writing it. A pixel is at
@@ -234,14 +227,6 @@ def _round(geometry: Any) -> Any:
         rounded = shapely.set_precision(geometry, 1)
     parts = shapely.get_parts(shapely.orient_polygons(geometry if rounded.is_empty else rounded))
     return parts[0] if len(parts) == 1 else shapely.MultiPolygon(parts.tolist())
-
-
-_AT_POLE = 90 * (1 - 1e-11)
-_MAX_TURNS = 16  # around the Earth, by one region
-_MAX_ADDED = 10_000_000  # vertices that may be added to the edges of a batch
-
-
-PAST_EDGE = "a region reaches past the edge of its projection; write a .gpkg instead"
 
 
 def cut_at_antimeridian(rings: Sequence[Floats], jumping: bool, degree: float = 1.0) -> Any:
@@ -333,9 +318,6 @@ def _band_of(polygon: Any, centre: float, degree: float) -> Any:
     parts = shapely.get_parts(shapely.intersection(polygon, box))
     areas = shapely.union_all(parts[shapely.area(parts) > 0])
     return shapely.transform(areas, lambda lonlat: lonlat - [centre * degree, 0])
-
-
-_SAG = 1 / 500  # largest distance of an edge from its true course, in pixels
 
 
 def densify_edges(
