@@ -26,6 +26,7 @@ def command(options: PlanOptions) -> None:
     from uavseg.flight.formats import files
     from uavseg.jobs.flights.plan import plan
     from uavseg.jobs.flights.request import open_regions, plan_request, widths_of, zone_polygons
+    from uavseg.jobs.source.open_source import open_source
     from uavseg.output.atomic import check_target
 
     reporter = Reporter(options.messages)
@@ -40,19 +41,13 @@ def command(options: PlanOptions) -> None:
     regions = click.open_file("-", "rb").read() if options.regions == "-" else options.regions
     with showing_phases(reporter.quiet):
         found = open_regions(regions, options.layer, widths_of(request.flight))
-        raster = None
-        if options.raster is not None:
-            from uavseg.jobs.source.open_source import open_source
-
-            raster = open_source(options.raster)
+        raster = None if options.raster is None else open_source(options.raster)
         zones, notes = zone_polygons(options.mission.safety, raster)
         planned = plan(found, request, zones, raster, notes)
     paths, unwritten = write_plan_output(planned, output, overwrite, options.mission.files)
     notes = [*planned.warnings, *unwritten]
+    told = planned.missions, planned.regions, paths, notes
     if options.as_json:
-        written = missions_json(
-            planned.missions, planned.regions, paths, notes, with_footprints=options.footprints
-        )
-        show(json.dumps(written, allow_nan=False))
+        show(json.dumps(missions_json(*told, with_footprints=options.footprints), allow_nan=False))
     if not reporter.quiet:
-        report(planned.missions, planned.regions, paths, notes)
+        report(*told)

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from uavseg.arrays import Path_
 from uavseg.dataclass import dataclass
-from uavseg.errors import OutputError, OutputExistsError, RasterReadError, UavsegError
+from uavseg.errors import OUT_OF_MEMORY, OutputError, OutputExistsError, RasterReadError, UavsegError
 from uavseg.execution.executors import Progress, can_fork, fork_each, serial, threads, usable_cores
 from uavseg.jobs.requests import RegionJob
 from uavseg.jobs.source.inputs import keep_inputs
@@ -180,10 +180,8 @@ def run_each(
         for task in tasks:
             if task in outcomes:
                 continue
-            within = replace(
-                work, executor=run, local=run, progress=partial(_within, progress, done, len(tasks))
-            )
-            found = _outcome(task, job, names, within, None)
+            part = partial(_within, progress, done, len(tasks))
+            found = _outcome(task, job, names, replace(work, executor=run, local=run, progress=part), None)
             assert found is not None, "only where tiles are limited, a task is put off"
             outcomes[task] = found
             done += 1
@@ -201,11 +199,9 @@ def grouped_warnings(outcomes: Sequence[Outcome]) -> list[str]:
     for outcome in outcomes:
         for text in outcome.warnings:
             owners.setdefault(text, []).append(outcome.source)
-    texts = []
-    for text, (first, *rest) in owners.items():
-        more = f" and {len(rest):,} other{'s' * (len(rest) > 1)}" if rest else ""
-        texts.append(f"{first}{more}: {text}")
-    return texts
+    more = {text: len(sources) - 1 for text, sources in owners.items()}
+    others = {text: f" and {n:,} other{'s' * (n > 1)}" if n else "" for text, n in more.items()}
+    return [f"{sources[0]}{others[text]}: {text}" for text, sources in owners.items()]
 
 
 def _check_outputs(tasks: Sequence[SourceTask], overwrite: bool) -> None:
@@ -257,7 +253,7 @@ def _text_of(error: BaseException) -> str:
     if isinstance(error, UavsegError):
         return str(error)
     if isinstance(error, MemoryError):
-        return "out of memory; smaller tiles (--tile 1024) or fewer --threads need less"
+        return OUT_OF_MEMORY
     named = os.fsdecode(error.filename) if isinstance(error, OSError) and error.filename else ""
     return one_line(f"{named}: {cause_of(error)}" if named else cause_of(error))
 
