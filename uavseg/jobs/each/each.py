@@ -101,6 +101,9 @@ class SourceTask:
         return (self.output,) if self.labels is None else (self.output, self.labels)
 
 
+Tasks = Sequence[SourceTask]
+
+
 def plan_tasks(sources: Sequence[Path_], names: OutputNames) -> tuple[list[SourceTask], int]:
     """Return the sources with their outputs, checked before anything is computed.
 
@@ -132,11 +135,7 @@ def plan_tasks(sources: Sequence[Path_], names: OutputNames) -> tuple[list[Sourc
 
 
 def run_each(
-    tasks: Sequence[SourceTask],
-    job: RegionJob,
-    names: OutputNames,
-    work: Work = SERIAL,
-    count: int | None = None,
+    tasks: Tasks, job: RegionJob, names: OutputNames, work: Work = SERIAL, count: int | None = None
 ) -> list[Outcome]:
     """Run a job for each task; each output appears whole when it is finished.
 
@@ -151,7 +150,7 @@ def run_each(
     progress = work.progress or (lambda done, total: None)
     context = copy_context()
     most = usable_cores() if count is None else count
-    one = partial(_outcome, job=job, names=names, work=alone, most_tiles=most)
+    one = partial(_outcome, job=job, names=names, work=alone, most=most)
 
     def received(task: SourceTask, found: Outcome | None) -> None:
         if found is not None:
@@ -222,14 +221,14 @@ def _check_outputs(tasks: Sequence[SourceTask], overwrite: bool) -> None:
 
 
 def _outcome(
-    task: SourceTask, job: RegionJob, names: OutputNames, work: Work, most_tiles: int | None
+    task: SourceTask, job: RegionJob, names: OutputNames, work: Work, most: int | None
 ) -> Outcome | None:
     """Return what comes out of a task; None if it has more tiles than this, and nothing was done."""
     try:
         with gdal_env():  # once for all that is read
             source = open_source(task.source, job.read)
             tiles = 1 if isinstance(source, Blocks) else len(source.dataset.windows(work.tile))
-            if most_tiles is not None and tiles > most_tiles:
+            if most is not None and tiles > most:
                 return None
             return _answered(task, source, job, names, work)
     except (UavsegError, OSError, MemoryError) as error:
