@@ -58,9 +58,7 @@ class JobCommand(click.Command):
         if everything:
             for heading in dict.fromkeys(one.group for one in described.values()):
                 with formatter.section(heading):
-                    formatter.write_dl(
-                        [records[name] for name in records if described[name].group == heading]
-                    )
+                    formatter.write_dl([records[n] for n in records if described[n].group == heading])
             return
         if records:
             with formatter.section("Options"):

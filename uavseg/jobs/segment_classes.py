@@ -26,14 +26,7 @@ from uavseg.regions.tiles.range_tiles import count_pixels
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaves import cell_classes
 from uavseg.segmentation.params import segment as params
-from uavseg.segmentation.params.segment import (
-    Breaks,
-    Levels,
-    Partition,
-    SegmentParams,
-    ValueClass,
-    ValueClasses,
-)
+from uavseg.segmentation.params.segment import Breaks, Levels, Partition, SegmentParams, ValueClasses
 from uavseg.segmentation.pipeline import measure_block_map, measure_block_map_for
 from uavseg.segmentation.source import GreySource
 from uavseg.units import CELL, MAX_PIXEL_CLASSES
@@ -268,7 +261,7 @@ def extract_classes(source: Source, request: ClassesRequest, work: Work = SERIAL
     return work.finished(results.with_metadata(result, source, "extract", how), *hints)
 
 
-def _named(classes: Sequence[ValueClass], numbers: Sequence[int]) -> str:
+def _named(classes: Sequence[params.ValueClass], numbers: Sequence[int]) -> str:
     return ", ".join(str(classes[number - 1]) for number in numbers)
 
 

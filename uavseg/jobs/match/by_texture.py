@@ -43,13 +43,9 @@ from uavseg.segmentation.blocks.leaves import cells_to_pixels
 from uavseg.segmentation.components import label_components
 from uavseg.segmentation.pipeline import measure_cells
 from uavseg.segmentation.refine.detail import Detail
+from uavseg.segmentation.sample import pixel_decision
 from uavseg.segmentation.sample.g_scores import NULL_SCORE, SCORE_UNITS, separability
-from uavseg.segmentation.sample.pixel_decision import (
-    DECISION_HALO,
-    PixelWeights,
-    classify_pixels,
-    undecided_cells,
-)
+from uavseg.segmentation.sample.pixel_decision import DECISION_HALO, PixelWeights
 from uavseg.segmentation.source import GreySource
 from uavseg.units import CELL, GREY_MAX
 
@@ -155,7 +151,7 @@ def _outlined(
     if request.refine == "none":
         cells = matched.view(np.uint8)
     else:
-        cells = undecided_cells(matched, search.valid & ~matched, search.side // 2)
+        cells = pixel_decision.undecided_cells(matched, search.valid & ~matched, search.side // 2)
     weights = PixelWeights.between(criterion.model, scores.rest, np.isfinite(request.intensity))
     detail = detail_of(request.detail, search.grey.dataset.geobox, request.refine)
     how = criterion, weights, scores.rest_colors, tiles, within, detail
@@ -229,7 +225,7 @@ def _outline_match(
         known, edges = tile.mask, criterion.bin_edges
         names = lbp_symbols(tile.grey, known, edges), coarse_symbols(tile.grey, known, edges)
         planes = color_planes(criterion.colors, rest_colors, decided, DECISION_HALO)
-        pixels = classify_pixels(cells, tile.valid, tile.grey, names, weights, planes)
+        pixels = pixel_decision.classify_pixels(cells, tile.valid, tile.grey, names, weights, planes)
     else:
         pixels = cells_to_pixels(cells, tile.valid)
     if within is not None:
