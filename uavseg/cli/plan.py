@@ -26,7 +26,6 @@ def command(options: PlanOptions) -> None:
     from uavseg.flight.formats import files
     from uavseg.jobs.flights.plan import plan
     from uavseg.jobs.flights.request import open_regions, plan_request, widths_of, zone_polygons
-    from uavseg.jobs.source.open_source import open_source
     from uavseg.output.atomic import check_target
 
     reporter = Reporter(options.messages)
@@ -41,7 +40,11 @@ def command(options: PlanOptions) -> None:
     regions = click.open_file("-", "rb").read() if options.regions == "-" else options.regions
     with showing_phases(reporter.quiet):
         found = open_regions(regions, options.layer, widths_of(request.flight))
-        raster = None if options.raster is None else open_source(options.raster)
+        raster = None
+        if options.raster is not None:
+            from uavseg.jobs.source.open_source import open_source
+
+            raster = open_source(options.raster)
         zones, notes = zone_polygons(options.mission.safety, raster)
         planned = plan(found, request, zones, raster, notes)
     paths, unwritten = write_plan_output(planned, output, overwrite, options.mission.files)

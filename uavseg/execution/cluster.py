@@ -184,9 +184,8 @@ class _Work:
     """A function of packed items, whose errors name the worker."""
 
     function: Callable[[Any], Any]
-    versions: dict[
-        str, str
-    ]  # of the client, with which each worker compares its own: it may join at any time
+    # Of the client, with which each worker compares its own: it may join at any time.
+    versions: dict[str, str]
 
     def __call__(self, item: bytes) -> bytes:
         try:

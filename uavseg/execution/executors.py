@@ -299,7 +299,7 @@ def fork_each(
     function: Callable[[Item], Result],
     items: Sequence[Item],
     count: int,
-    received: Callable[[Item, Result], Any],
+    received: Callable[[Item, Result], object],
 ) -> None:
     """Call a function with each item in `count` copies of this process, and pass its results on as they come.
 

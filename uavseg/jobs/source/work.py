@@ -42,7 +42,7 @@ class Work:
         threads: int | None,
         tile: int | None = None,
         progress: Progress | None = None,
-        resume: Any = None,
+        resume: str | os.PathLike[str] | None = None,
     ) -> "Work":
         """Run work by threads of this process, with finished tiles kept in a folder if one is given.
 
