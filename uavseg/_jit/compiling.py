@@ -108,17 +108,21 @@ def intermediate_code(kernel: LoopNest, helpers: dict[Any, Any]) -> str:
     loops = numba.njit(numba_signature(kernel), **_OPTIONS)(with_helpers(kernel.function, _OPTIONS, helpers))
     signature = loops.signatures[0]
     name = loops.overloads[signature].fndesc.llvm_func_name
-    instead = r"define internal void @NRT_MemInfo_call_dtor(ptr %0) { ret void }"
-    text = re.sub(_DESTRUCTOR, instead, loops.inspect_llvm(signature))
+    text = re.sub(
+        _DESTRUCTOR,
+        r"define internal void @NRT_MemInfo_call_dtor(ptr %0) { ret void }",
+        loops.inspect_llvm(signature),
+    )
     return f"{text}\n{_entry(kernel, name, text)}"
 
 
 def _entry(kernel: LoopNest, name: str, text: str) -> str:
-    """Return the function of addresses and lengths in LLVM's words."""
-    import llvmlite.binding as llvm
+    """Return the function of addresses and lengths in LLVM's words.
 
-    # Numba takes an array as two references (to what owns its memory), the number of items, the size of one,
-    # the address, the lengths and the steps along the axes.
+    Numba takes an array as two references (to what owns its memory), the number of items, the size of one,
+    the address, the lengths and the steps along the axes.
+    """
+    import llvmlite.binding as llvm
 
     loops = llvm.parse_assembly(text).get_function(name)
     types = [str(argument.type) for argument in loops.arguments]
@@ -158,9 +162,13 @@ def object_code(text: str, processor: str, features: str, for_library: bool = Fa
     for function in module.functions:
         if not function.is_declaration and function.name != ENTRY:
             function.linkage = "internal"
-    model = {"codemodel": "small" if for_library else "jitdefault", "jit": not for_library}
     machine = llvm.Target.from_default_triple().create_target_machine(
-        cpu=processor, features=features, opt=3, reloc="pic", **model
+        cpu=processor,
+        features=features,
+        opt=3,
+        reloc="pic",
+        codemodel="small" if for_library else "jitdefault",
+        jit=not for_library,
     )
     options = llvm.create_pipeline_tuning_options(speed_level=3)
     options.loop_vectorization = True
@@ -187,7 +195,9 @@ def numba_signature(kernel: LoopNest, aligned: bool = True) -> Any:
     return result(*(nb.Array(of, one.ndim, "C", aligned=aligned) if one.ndim else of for one, of in given))
 
 
-def with_helpers(function: Callable[..., Any], options: Any, done: dict[Any, Any]) -> types.FunctionType:
+def with_helpers(
+    function: Callable[..., Any], options: dict[str, Any], done: dict[Any, Any]
+) -> types.FunctionType:
     """Return a copy of a function that calls numba's versions of its helpers.
 
     It has no file name: numba may write that of the machine on which it compiles into the machine code.
