@@ -50,10 +50,8 @@ class AccessPolicy:
                 f"{os.fspath(owner)} names {named}, which lies outside of its folder; allow the folder with "
                 f"--allow-path {resolved.parent} (allow_path in Python) if you trust this file"
             )
-        return regular_file(
-            target,
-            lambda text: RasterReadError(f"{os.fspath(owner)} names a file that cannot be read: {text}"),
-        )
+        what = f"{os.fspath(owner)} names a file that cannot be read"
+        return regular_file(target, lambda text: RasterReadError(f"{what}: {text}"))
 
     def check_address(self, owner: str | os.PathLike[str], named: str) -> None:
         """Refuse an address that the content of `owner` names, if requests are not allowed (AccessError)."""
@@ -73,9 +71,8 @@ class AccessPolicy:
             return None
         if not named or named.startswith(("/vsi", "<", "{")) or "\0" in named or re.match(r"\w{2,}:", named):
             shown = named if len(named) <= 60 else f"{named[:57]}..."
-            raise AccessError(
-                f"{os.fspath(owner)} names {shown!r}, neither a file nor an address; name the file itself"
-            )
+            why = "neither a file nor an address"
+            raise AccessError(f"{os.fspath(owner)} names {shown!r}, {why}; name the file itself")
         return self.check_file(owner, folder / named)
 
     def _folders(self, owner: Path) -> Iterator[Path]:

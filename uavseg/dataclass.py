@@ -52,9 +52,8 @@ def _init(self: Any, /, *args: Any, **given: Any) -> None:
     cls: Any = type(self)
     names = _positional(cls)
     if len(args) > len(names):
-        raise TypeError(
-            f"{cls.__name__}() takes {len(names)} positional arguments but {len(args)} were given"
-        )
+        given_too = f"but {len(args)} were given"
+        raise TypeError(f"{cls.__name__}() takes {len(names)} positional arguments {given_too}")
     for name, value in zip(names, args, strict=False):
         object.__setattr__(self, name, value)
     if given or len(args) < len(_arguments(cls)):
@@ -122,23 +121,18 @@ class _Signature:
         parameters = []
         for one in sorted(_arguments(owner), key=lambda one: bool(one.kw_only)):
             default = _default(one)
-            parameters.append(
-                Parameter(
-                    one.name,
-                    Parameter.KEYWORD_ONLY if one.kw_only else Parameter.POSITIONAL_OR_KEYWORD,
-                    default=Parameter.empty if default is dataclasses.MISSING else default,
-                    annotation=one.type,
-                )
-            )
+            default = Parameter.empty if default is dataclasses.MISSING else default
+            kind = Parameter.KEYWORD_ONLY if one.kw_only else Parameter.POSITIONAL_OR_KEYWORD
+            parameters.append(Parameter(one.name, kind, default=default, annotation=one.type))
         return Signature(parameters, return_annotation=None)
 
 
-_FROZEN = {
+_FROZEN: dict[str, Any] = {
     "__init__": _init,
     "__repr__": _repr,
     "__setattr__": _setattr,
     "__delattr__": _delattr,
-    "__signature__": _Signature(),
 }
+_FROZEN |= {"__signature__": _Signature()}
 _EQUAL = {"__eq__": _eq, "__hash__": _hash}
 _STATE = {"__getstate__": _getstate, "__setstate__": _setstate}  # those of slots set attributes one by one

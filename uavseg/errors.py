@@ -6,6 +6,8 @@ one printable line: a name or a text of a file in it cannot change what a termin
 
 from uavseg.plain_text import one_line
 
+OUT_OF_MEMORY = "out of memory; smaller tiles (--tile 1024) or fewer --threads need less"
+
 
 class UavsegError(Exception):
     """Base class: an error that the user can correct.

@@ -21,11 +21,8 @@ MAX_DEPTH = 64  # of objects and lists in each other, in JSON
 MAX_DIGITS = 400  # of one number in JSON; a float has up to 309 before its point
 
 _FILE_TYPES = (
-    (stat.S_ISDIR, "a folder"),
-    (stat.S_ISFIFO, "a named pipe"),
-    (stat.S_ISSOCK, "a socket"),
-    (stat.S_ISCHR, "a device"),
-    (stat.S_ISBLK, "a device"),
+    *((stat.S_ISDIR, "a folder"), (stat.S_ISFIFO, "a named pipe"), (stat.S_ISSOCK, "a socket")),
+    *((stat.S_ISCHR, "a device"), (stat.S_ISBLK, "a device")),
 )
 
 Error = Callable[[str], UavsegError]

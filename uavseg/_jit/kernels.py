@@ -11,6 +11,7 @@ import sys
 import tempfile
 import threading
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -31,11 +32,7 @@ def kernel(signature: str) -> Callable[[Callable[..., Any]], "Kernel"]:
     The signature has the type of the result (or void) and of the arguments: i, u or f with a size in bytes,
     b1 for booleans; arrays are C-contiguous.
     """
-
-    def wrap(function: Callable[..., Any]) -> Kernel:
-        return Kernel(function, signature)
-
-    return wrap
+    return partial(Kernel, signature=signature)
 
 
 class Kernel(LoopNest):
@@ -67,9 +64,7 @@ class Kernel(LoopNest):
     def load(self) -> None:
         """Get the machine code: what came with the package, or else what is compiled on this machine."""
         with _compiling:
-            if self._native is not None or self._dispatcher is not None:
-                return
-            if self._use_shipped():
+            if self._native is not None or self._dispatcher is not None or self._use_shipped():
                 return
             _require_compiler(self.__name__)
             with messages.timing_compilation():
@@ -84,9 +79,8 @@ class Kernel(LoopNest):
             except Exception as error:  # private parts of two libraries: anything may be missing
                 _object_files_failed = True
                 reason = f"{type(error).__name__}: {error}".splitlines()[0][:200]
-                messages.note(
-                    f"{_SLOWER}, because no object file could be made of {self.__name__} ({reason})"
-                )
+                why = f"because no object file could be made of {self.__name__} ({reason})"
+                messages.note(f"{_SLOWER}, {why}")
         self._dispatcher = dispatcher(self)
 
     def load_shipped(self) -> bool:
@@ -136,9 +130,8 @@ def _object_files_wanted() -> bool:
         return False
     here = f"{sys.platform}-{platform.machine()}"
     if choice != "objects" and here not in _TESTED:
-        messages.note(
-            f"{_SLOWER}, because {here} is not tested (UAVSEG_JIT=numba runs them so without this note)"
-        )
+        why = f"because {here} is not tested (UAVSEG_JIT=numba runs them so without this note)"
+        messages.note(f"{_SLOWER}, {why}")
         return False
     return True
 
@@ -188,9 +181,8 @@ def _intact(folder: Path) -> bool:
 
 def _folder_checksum(folder: Path, name: str) -> bytes:
     files = sorted(path for path in folder.rglob("*") if path.is_file() and path != folder / "checksum")
-    return object_cache.checksum(
-        name, b"\n".join(object_cache.checksum(file.name, file.read_bytes()) for file in files)
-    )
+    sums = [object_cache.checksum(file.name, file.read_bytes()) for file in files]
+    return object_cache.checksum(name, b"\n".join(sums))
 
 
 def _processor() -> str:

@@ -9,23 +9,13 @@ from typing import Any
 
 import numpy as np
 
-C_TYPES: dict[str, Any] = {
-    "b1": ctypes.c_bool,
-    "i1": ctypes.c_int8,
-    "i2": ctypes.c_int16,
-    "i4": ctypes.c_int32,
-    "i8": ctypes.c_int64,
-    "u1": ctypes.c_uint8,
-    "u2": ctypes.c_uint16,
-    "u4": ctypes.c_uint32,
-    "u8": ctypes.c_uint64,
-    "f4": ctypes.c_float,
-    "f8": ctypes.c_double,
-}
+_NAMES = {f"{kind[0]}{bits // 8}": f"c_{kind}{bits}" for kind in ("int", "uint") for bits in (8, 16, 32, 64)}
+_NAMES |= {"b1": "c_bool", "f4": "c_float", "f8": "c_double"}
+C_TYPES: dict[str, Any] = {name: getattr(ctypes, c_name) for name, c_name in _NAMES.items()}
 
 
 class Inlined:
-    """A function that kernels may call; see `inlined`."""
+    """Mark a helper that kernels call; it is compiled into each of them."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self.function = function
@@ -35,9 +25,7 @@ class Inlined:
         return self.function(*arguments)
 
 
-def inlined(function: Callable[..., Any]) -> Inlined:
-    """Mark a helper that kernels call; it is compiled into each of them."""
-    return Inlined(function)
+inlined = Inlined
 
 
 class LoopNest:
@@ -68,9 +56,8 @@ class Argument:
         self.scalar, _, axes = text.partition("[")
         self.ndim = axes.count(":") - axes.count("::") if axes else 0
         self.dtype = np.dtype(bool if self.scalar == "b1" else self.scalar)
-        self.c_types = (
-            [ctypes.c_void_p] + [ctypes.c_int64] * self.ndim if self.ndim else [C_TYPES[self.scalar]]
-        )
+        as_array = [ctypes.c_void_p] + [ctypes.c_int64] * self.ndim
+        self.c_types = as_array if self.ndim else [C_TYPES[self.scalar]]
 
     def flatten(self, value: Any, flat: list[Any]) -> None:
         """Append the scalar, or the address and the shape of the array."""

@@ -95,11 +95,8 @@ def _load(kernel: Kernel) -> bool:
 
 def _lines_of(shares: Sequence[Sequence[str]]) -> Iterator[str]:
     """Yield lines that processes print, each of which prepares its share, in the order in which they come."""
-    root = str(Path(__file__).parents[2])
-    here = {
-        **os.environ,
-        "PYTHONPATH": os.pathsep.join([root, *filter(None, [os.environ.get("PYTHONPATH")])]),
-    }
+    folders = str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH")
+    here = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, folders))}
     reading, writing = os.pipe()
     command = [sys.executable, "-c", _CHILD]
     with contextlib.ExitStack() as running, os.fdopen(reading, encoding="utf-8", errors="replace") as lines:

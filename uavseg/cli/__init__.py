@@ -13,7 +13,7 @@ from typing import Any, NoReturn
 import click
 
 from uavseg.cli.terminal.stop import end_soon, exit_code, last_line, stopping_cleanly
-from uavseg.errors import UavsegError
+from uavseg.errors import OUT_OF_MEMORY, UavsegError
 
 _COMMANDS = {
     "extract": "Extract regions within a range of intensity.",
@@ -103,17 +103,14 @@ class _Group(click.Group):
             except click.UsageError as error:
                 raise _clean(error) from None
             except UavsegError as error:
-                click.echo(f"uavseg: error: {error}", err=True)
-                ctx.exit(error.exit_code)
+                _fail(ctx, str(error), error.exit_code)
             except OSError as error:
-                click.echo(f"uavseg: error: {_system_error(error)}", err=True)
-                ctx.exit(1)
+                _fail(ctx, _system_error(error))
             except ImportError as error:
                 why = "too little memory, or it is not installed whole"
-                click.echo(f"uavseg: error: a library cannot be loaded ({cause_of(error)}): {why}", err=True)
-                ctx.exit(1)
+                _fail(ctx, f"a library cannot be loaded ({cause_of(error)}): {why}")
             except MemoryError:
-                _report_out_of_memory(ctx)
+                _fail(ctx, OUT_OF_MEMORY)
             except KeyboardInterrupt as error:
                 traceback.clear_frames(error.__traceback__)  # so that work that waits in a pool is dropped
                 unwound.set()
@@ -123,14 +120,12 @@ class _Group(click.Group):
             except Exception as error:
                 if "bad_alloc" not in str(error):  # as GEOS reports it
                     raise
-                _report_out_of_memory(ctx)
+                _fail(ctx, OUT_OF_MEMORY)
 
 
-def _report_out_of_memory(ctx: click.Context) -> NoReturn:
-    click.echo(
-        "uavseg: error: out of memory; smaller tiles (--tile 1024) or fewer --threads need less", err=True
-    )
-    ctx.exit(1)
+def _fail(ctx: click.Context, text: str, code: int = 1) -> NoReturn:
+    click.echo(f"uavseg: error: {text}", err=True)
+    ctx.exit(code)
 
 
 def _clean(error: click.UsageError) -> click.UsageError:
@@ -153,14 +148,10 @@ def _report_kernels() -> None:
     from uavseg._jit import messages
     from uavseg.cli.terminal.say import say
 
-    told: list[str] = []
-
     def tell(name: str) -> None:
-        if not told:
-            told.append(name)
-            click.echo(
-                "uavseg: compiling for this machine, once (uavseg warm-up does it for everything)", err=True
-            )
+        messages.on_compile = None
+        once = "compiling for this machine, once (uavseg warm-up does it for everything)"
+        click.echo(f"uavseg: {once}", err=True)
 
     messages.on_compile = tell
     messages.on_note = lambda note: say(f"uavseg: note: {note}")

@@ -40,10 +40,8 @@ def command(options: BuildMapOptions) -> None:
     geobox = found.grid.geobox
     rows, cols = geobox.shape
     reporter.table(
-        {
-            "map": f"{rows:,} x {cols:,} cells of {geobox.transform.a:g} m in the frame {found.frame}",
-            "scans": f"{found.scans.merged:,} of {found.scans.total:,} merged",
-            "cells": shares_of(found.grid.probabilities),
-            "written": ", ".join(files),
-        }
+        map=f"{rows:,} x {cols:,} cells of {geobox.transform.a:g} m in the frame {found.frame}",
+        scans=f"{found.scans.merged:,} of {found.scans.total:,} merged",
+        cells=shares_of(found.grid.probabilities),
+        written=", ".join(files),
     )

@@ -5,19 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from uavseg.cli import write
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter, work_of
-from uavseg.cli.write import (
-    check_distinct,
-    check_targets,
-    creation_of,
-    keep_inputs,
-    largest,
-    shown,
-    transaction,
-    write_label_output,
-    write_region_output,
-)
 from uavseg.errors import OutputError
 from uavseg.options.maps import ClassifyOptions
 
@@ -47,12 +37,12 @@ def command(options: ClassifyOptions) -> None:
     reporter = Reporter(options.messages, options.progress)
     target = options.output or f"{Path(options.path).stem}.states.tif"
     request = classify_request(options)
-    creation = creation_of(options.creation, {options.labels: "uint32", target: "uint8"})
+    creation = write.creation_of(options.creation, {options.labels: "uint32", target: "uint8"})
     overwrite = options.files.overwrite
     _check_targets(target, options)
     mode = options.mode.mode or "trinary"
     files = [target, str(image_path(target, mode))] if is_ros_map(target) else [target]
-    keep_inputs([*files, options.objects, options.labels], options.path)
+    write.keep_inputs([*files, options.objects, options.labels], options.path)
     source = open_probability_map(options.path, options.read)
     if is_ros_map(target):
         check_ros_map(target, source.geobox, overwrite, mode)
@@ -61,12 +51,12 @@ def command(options: ClassifyOptions) -> None:
     work = work_of(options.run, reporter)
     found = classify(source, request, work)
     reporter.finish(found.warnings)
-    with transaction():
+    with write.transaction():
         write_states(target, found.image, found.geobox, overwrite, mode, creation)
         if found.objects is not None:
-            write_label_output(found.objects, options.labels, work, overwrite, creation)
+            write.write_label_output(found.objects, options.labels, work, overwrite, creation)
         if found.objects is not None and options.objects is not None:
-            write_region_output(found.objects, options.objects, overwrite)
+            write.write_region_output(found.objects, options.objects, overwrite)
     if is_ros_map(target) and found.cells[0]:
         cells = f"{found.cells[0]:,} cells without data are unknown in {target}"
         reporter.warn(f"a ROS map knows no nodata: {cells}")
@@ -81,8 +71,8 @@ def _check_targets(target: str, options: ClassifyOptions) -> None:
     if Path(target).suffix.lower() not in (".tif", ".tiff", ".yaml", ".yml"):
         raise OutputError(f"{target}: states are written to .tif, or to .yaml for a ROS map")
     check_target(target, options.files.overwrite)
-    check_targets(options.objects, options.labels, options.files.overwrite)
-    check_distinct(target, options.objects, options.labels)
+    write.check_targets(options.objects, options.labels, options.files.overwrite)
+    write.check_distinct(target, options.objects, options.labels)
 
 
 def _rows(found: Classification, limits: StateLimits, target: str, objects: str | None) -> dict[str, str]:
@@ -95,9 +85,9 @@ def _rows(found: Classification, limits: StateLimits, target: str, objects: str 
     }
     table = {"states": f"{rows:,} x {cols:,} cells -> {target}", **shares}
     if found.objects is not None:
-        where = "" if objects is None else f" -> {shown(objects)}"
+        where = "" if objects is None else f" -> {write.shown(objects)}"
         table["objects"] = f"{len(found.objects.regions):,}{where}"
-        table["largest"] = largest(found.objects)
+        table["largest"] = write.largest(found.objects)
     table["limits"] = f"free up to {limits.free_below:g}, occupied above {limits.occupied_above:g}"
     table["restored"] = f"{found.restored:,} cells of thin obstacles"
     hazard, by_value = found.occupied_in_free, found.occupied_by_value

@@ -5,8 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from itertools import groupby
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -30,10 +29,7 @@ def job_command(name: str, job: type[T]) -> Callable[[Callable[[T], None]], clic
         def run(**values: Any) -> None:
             options = build(job, values)
             access = getattr(options, "access", None)
-            if access is None:
-                function(options)
-                return
-            with _allowed(access):
+            with nullcontext() if access is None else _allowed(access):
                 function(options)
 
         params = [*_arguments(job), *_options(job), _help_all()]
@@ -59,29 +55,18 @@ class JobCommand(click.Command):
         described = options_of(self.job)
         known = {str(one.name): one for one in self.params}
         listed = [name for name in described if everything or described[name].basic]
+        records = {name: record for name in listed if (record := known[name].get_help_record(ctx))}
         if everything:
-            for heading, names in groupby(
-                sorted(listed, key=_order(described)), lambda n: described[n].group
-            ):
+            for heading in dict.fromkeys(one.group for one in described.values()):
                 with formatter.section(heading):
-                    formatter.write_dl([record for n in names if (record := known[n].get_help_record(ctx))])
+                    formatter.write_dl([records[n] for n in records if described[n].group == heading])
             return
-        records = [record for name in listed if (record := known[name].get_help_record(ctx))]
-        short = [(left, _first_sentence(right)) for left, right in records]
-        if short:
+        if records:
             with formatter.section("Options"):
-                formatter.write_dl(short)
+                formatter.write_dl([(left, _first_sentence(right)) for left, right in records.values()])
         if more := len(described) - len(listed):
             formatter.write_paragraph()
             formatter.write_text(f"{more} more options, and these in full: uavseg {self.name} {_HELP_ALL}")
-
-
-def _order(described: dict[str, Option]) -> Callable[[str], int]:
-    """Return the order of groups by their first option, so that a group is listed in one piece."""
-    first: dict[str, int] = {}
-    for number, one in enumerate(described.values()):
-        first.setdefault(one.group, number)
-    return lambda name: first[described[name].group]
 
 
 def _first_sentence(text: str) -> str:
@@ -98,25 +83,14 @@ def _help_all() -> click.Option:
             click.echo(ctx.get_help(), color=ctx.color)
             ctx.exit()
 
-    return click.Option(
-        [_HELP_ALL],
-        is_flag=True,
-        is_eager=True,
-        expose_value=False,
-        callback=show,
-        help="Show every option in full, in groups, and exit.",
-    )
+    how: dict[str, Any] = {"is_flag": True, "is_eager": True, "expose_value": False, "callback": show}
+    return click.Option([_HELP_ALL], help="Show every option in full, in groups, and exit.", **how)
 
 
 def _arguments(job: type) -> Iterator[click.Argument]:
     for name, one in arguments_of(job).items():
-        yield click.Argument(
-            [name],
-            metavar=one.metavar,
-            nargs=-1 if one.multiple else 1,
-            required=one.required,
-            callback=_parsed(one),
-        )
+        count, parse = -1 if one.multiple else 1, _parsed(one)
+        yield click.Argument([name], metavar=one.metavar, nargs=count, required=one.required, callback=parse)
 
 
 def _options(job: type) -> Iterator[click.Option]:
@@ -133,13 +107,8 @@ def _options(job: type) -> Iterator[click.Option]:
             how["type"] = click.IntRange(min=one.minimum)
         if not one.required:
             how |= _default(one)
-        yield click.Option(
-            [*flags, name],
-            metavar=one.metavar or None,
-            multiple=one.multiple,
-            callback=_parsed(one),
-            **how,
-        )
+        how |= {"metavar": one.metavar or None, "multiple": one.multiple, "callback": _parsed(one)}
+        yield click.Option([*flags, name], **how)
 
 
 def _default(one: Option) -> dict[str, Any]:

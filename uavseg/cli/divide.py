@@ -36,11 +36,9 @@ def command(options: DivideOptions) -> None:
     unit = "pixels" if width is not None and width.endswith("px") else "m"
     flat = {} if width is None else {"slow light": f"taken away over {width.removesuffix('px')} {unit}"}
     reporter.table(
-        {
-            "blocks": f"{rows * cols:,} of 64 x 64 -> {output}",
-            "stretch": found.saved.stretch.name,
-            "band": found.saved.band_names,
-            **flat,
-            "seconds": f"{reporter.seconds:.2f}",
-        }
+        blocks=f"{rows * cols:,} of 64 x 64 -> {output}",
+        stretch=found.saved.stretch.name,
+        band=found.saved.band_names,
+        **flat,
+        seconds=f"{reporter.seconds:.2f}",
     )

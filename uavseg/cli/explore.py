@@ -40,11 +40,9 @@ def command(options: ExploreOptions) -> None:
     drive = found.drive
     slowest = f"{1e3 * max(drive.seconds, default=0.0):.0f} ms"
     reporter.table(
-        {
-            "drive": f"{drive.metres[-1]:,.1f} m, {len(drive.poses):,} scans -> {options.output}",
-            "known": f"{100 * found.share:.2f} % of what could be known",
-            "choices": f"{len(drive.seconds):,}, the slowest in {slowest}",
-        }
+        drive=f"{drive.metres[-1]:,.1f} m, {len(drive.poses):,} scans -> {options.output}",
+        known=f"{100 * found.share:.2f} % of what could be known",
+        choices=f"{len(drive.seconds):,}, the slowest in {slowest}",
     )
 
 

@@ -8,20 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from uavseg.cli import write
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter, showing_phases, work_of
-from uavseg.cli.write import (
-    RegionFiles,
-    answer_each,
-    check_ranges,
-    confidence_row,
-    geojson_form,
-    keep_inputs,
-    shown,
-    summary_rows,
-    transaction,
-    write_plan_output,
-)
 from uavseg.options.regions import ExtractOptions
 
 if TYPE_CHECKING:
@@ -41,7 +30,7 @@ def command(options: ExtractOptions) -> None:
     RASTER may also be a block map from `uavseg divide`. With --mission, a flight over the regions is planned
     too; see `uavseg plan --help` for how.
     """
-    check_ranges(options.ranges, {"--class": options.class_texts, "--classes": options.classes})
+    write.check_ranges(options.ranges, {"--class": options.class_texts, "--classes": options.classes})
     from uavseg.jobs.requests import region_job
     from uavseg.jobs.source.open_source import open_source
     from uavseg.output.atomic import check_target
@@ -50,7 +39,7 @@ def command(options: ExtractOptions) -> None:
     reporter = Reporter(options.messages, options.progress)
     job = region_job(options)
     _check_classes(options, _class_names(job.request))
-    if answer_each(options, job, ".regions.geojson", reporter):
+    if write.answer_each(options, job, ".regions.geojson", reporter):
         return
     if is_region_folder(options.outputs.output or ""):
         _write_partitions(options, job, reporter)
@@ -63,13 +52,8 @@ def command(options: ExtractOptions) -> None:
         file_options(options.mission, **asdict(options.flight.files))
         over, around = options.mission_classes or None, options.avoid_classes
         flight = mission_request(options.flight, options.mission, classes=over, avoid_classes=around)
-    files = RegionFiles(
-        options,
-        ".regions.geojson",
-        [zone for zone in avoid if isinstance(zone, str)],
-        options.flight.terrain.dem,
-        others=[options.mission],
-    )
+    read = [zone for zone in avoid if isinstance(zone, str)], options.flight.terrain.dem
+    files = write.RegionFiles(options, ".regions.geojson", *read, others=[options.mission])
     if options.mission is not None:
         check_target(options.mission, options.files.overwrite)
     source = open_source(options.source.rasters, job.read)
@@ -89,19 +73,19 @@ def command(options: ExtractOptions) -> None:
             planned = plan(open_regions(found.regions), flight, zones, source, notes)
     paths: list[Path] = []
     unwritten: list[str] = []
-    with transaction():
+    with write.transaction():
         if planned is not None and options.mission is not None:
-            paths, unwritten = write_plan_output(
-                planned, options.mission, files.overwrite, options.flight.files
-            )
+            how = options.mission, files.overwrite, options.flight.files
+            paths, unwritten = write.write_plan_output(planned, *how)
         files.write(found, work)
     if planned is not None and not reporter.quiet:
         from uavseg.cli.mission_report import report
 
         notes = [*planned.warnings, *unwritten, *_avoid_notes(options)]
         report(planned.missions, planned.regions, paths, notes)
-    rows = {"regions": f"{len(found.regions):,} -> {shown(files.target)}", **_class_rows(found, job.request)}
-    reporter.table(rows | summary_rows(found) | {"seconds": f"{reporter.seconds:.2f}"})
+    rows = {"regions": f"{len(found.regions):,} -> {write.shown(files.target)}"}
+    rows |= _class_rows(found, job.request) | write.summary_rows(found)
+    reporter.table(rows | {"seconds": f"{reporter.seconds:.2f}"})
 
 
 def _write_partitions(options: ExtractOptions, job: RegionJob, reporter: Reporter) -> None:
@@ -113,18 +97,19 @@ def _write_partitions(options: ExtractOptions, job: RegionJob, reporter: Reporte
     refused = {"--labels": outputs.labels, "--style": outputs.style, "--mission": options.mission}
     for name in [name for name, given in refused.items() if given is not None]:
         raise click.UsageError(f"{name} does not go with a folder of regions; leave it out, or write a file")
-    geojson_form(outputs, target)
-    keep_inputs([target], options.source.rasters)
+    write.geojson_form(outputs, target)
+    write.keep_inputs([target], options.source.rasters)
     work, overwrite = work_of(options.run, reporter), options.files.overwrite
     request = check_local(job.request)
     source = open_source(options.source.rasters, job.read)
     found, written = extract_partitions(source, request, target, work, overwrite)
     reporter.finish(found.warnings)
     (pixels, area), unit = written.largest, found.area_unit
-    rows = {"regions": f"{written.regions:,} in {written.files:,} files -> {target}"} | summary_rows(found)
+    rows = {"regions": f"{written.regions:,} in {written.files:,} files -> {target}"}
+    rows |= write.summary_rows(found)
     rows["total area"] = f"{written.area:,.1f} {unit}"
     rows["largest"] = f"{area:,.1f} {unit} ({pixels:,} pixels)" if written.files else "-"
-    rows |= confidence_row(found, written.regions)
+    rows |= write.confidence_row(found, written.regions)
     reporter.table(rows | {"seconds": f"{reporter.seconds:.2f}"})
 
 
@@ -154,10 +139,8 @@ def _avoid_notes(options: ExtractOptions) -> list[str]:
     sizes = options.sizes
     if not options.avoid_classes or (sizes.min_area is None and sizes.fill_holes is None):
         return []
-    return [
-        f"regions of {', '.join(options.avoid_classes)} that --min-area drops or --fill-holes fills are "
-        "not kept out of"
-    ]
+    names = ", ".join(options.avoid_classes)
+    return [f"regions of {names} that --min-area drops or --fill-holes fills are not kept out of"]
 
 
 def _class_rows(found: Extraction, request: Any) -> dict[str, str]:
@@ -176,7 +159,6 @@ def _check_flyable(wkt: str | None) -> None:
     from uavseg.regions.wgs84 import to_wgs84
 
     if wkt is None:
-        raise MissionError(
-            "the raster has no CRS, so nobody knows where to fly; give it one with gdal_edit.py -a_srs"
-        )
+        why = "the raster has no CRS, so nobody knows where to fly"
+        raise MissionError(f"{why}; give it one with gdal_edit.py -a_srs")
     to_wgs84.check_on_earth(wkt)

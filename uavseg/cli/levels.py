@@ -47,13 +47,12 @@ def command(options: LevelsOptions) -> None:
     reporter.finish([*found.warnings, *files.notes(found, source.geobox.wkt)])
     with transaction():
         files.write(found, work)
-    rows = {
-        "segments": f"{len(found.regions):,} -> {shown(files.target)}",
-        "levels": _levels_row(found, job.request),
+    reporter.table(
+        segments=f"{len(found.regions):,} -> {shown(files.target)}",
+        levels=_levels_row(found, job.request),
         **summary_rows(found),
-        "seconds": f"{reporter.seconds:.2f}",
-    }
-    reporter.table(rows)
+        seconds=f"{reporter.seconds:.2f}",
+    )
 
 
 def _width(found: Extraction, width: float) -> str:
@@ -73,10 +72,8 @@ def _levels_row(found: Extraction, request: LevelsRequest) -> str:
     there = len(set(found.regions.columns["level"].tolist()))
     wanted = request.levels
     if isinstance(wanted, BreakChoice):
-        columns = found.regions.columns
-        intervals = sorted(
-            set(zip(columns["range_low"].tolist(), columns["range_high"].tolist(), strict=True))
-        )
+        ends = (found.regions.columns[name].tolist() for name in ("range_low", "range_high"))
+        intervals = sorted(set(zip(*ends, strict=True)))
         shown_ends = [f"{low:.7g}..{high:.7g}" for low, high in intervals[:_LISTED]]
         more = f" and {len(intervals) - _LISTED} more" if len(intervals) > _LISTED else ""
         return f"{there:,} by {wanted.rule}: {', '.join(shown_ends)}{more}"

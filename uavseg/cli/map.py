@@ -29,12 +29,10 @@ def command(options: MapOptions) -> None:
     reporter.finish(notes)
     rows, cols = found.image.shape
     reporter.table(
-        {
-            "page": f"{size / 1e6:.2f} MB -> {options.output}",
-            "picture": f"{cols} x {rows} pixels",
-            "intensity": f"{found.info.band_names}, stretch {found.info.stretch.name}",
-            "regions": "-" if page.regions is None else f"{len(page.regions['features']):,}",
-            "missions": f"{len(page.flights)}",
-            "seconds": f"{reporter.seconds:.2f}",
-        }
+        page=f"{size / 1e6:.2f} MB -> {options.output}",
+        picture=f"{cols} x {rows} pixels",
+        intensity=f"{found.info.band_names}, stretch {found.info.stretch.name}",
+        regions="-" if page.regions is None else f"{len(page.regions['features']):,}",
+        missions=f"{len(page.flights)}",
+        seconds=f"{reporter.seconds:.2f}",
     )

@@ -68,15 +68,9 @@ def command(options: MatchOptions) -> None:
     with transaction():
         files.write(found, work)
     common = summary_rows(found)
-    rows = {
-        "regions": f"{len(found.regions):,} -> {shown(files.target)}",
-        "total area": common["total area"],
-        "largest": common["largest"],
-        **confidence_row(found),
-        **compared,
-        "stretch": common["stretch"],
-        "band": common["band"],
-    }
+    rows = {"regions": f"{len(found.regions):,} -> {shown(files.target)}"}
+    rows |= {name: common[name] for name in ("total area", "largest")}
+    rows |= confidence_row(found) | compared | {name: common[name] for name in ("stretch", "band")}
     reporter.table(rows | {"seconds": f"{reporter.seconds:.2f}"})
 
 
@@ -90,9 +84,8 @@ def _check_samples(options: MatchOptions) -> None:
     usual = {"by": "auto", "similarity": 0.9, "intensity": 1.0}
     given += [f"--{name}" for name, value in usual.items() if getattr(options, name) != value]
     if given:
-        raise click.UsageError(
-            f"--classes compares the colors of all its samples; leave out {', '.join(given)}"
-        )
+        why = "--classes compares the colors of all its samples"
+        raise click.UsageError(f"{why}; leave out {', '.join(given)}")
 
 
 def _compared(match: Match) -> dict[str, str]:
@@ -110,9 +103,8 @@ def _compared(match: Match) -> dict[str, str]:
         mean, deviation = sample.mean / GREY_MAX, sample.deviation / GREY_MAX
         rows["sample"] = f"{sample.model.count:,} pixels, v {mean:.3f} +- {deviation:.3f}"
         rows["window"] = f"{texture.window} pixels"
-        rows["G per pixel"] = (
-            f"{texture.own:.3f} beyond chance in the sample, up to {texture.limit:.3f} is like it"
-        )
+        own = f"{texture.own:.3f} beyond chance in the sample"
+        rows["G per pixel"] = f"{own}, up to {texture.limit:.3f} is like it"
     return rows
 
 

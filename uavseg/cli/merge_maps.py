@@ -34,10 +34,8 @@ def command(options: MergeMapsOptions) -> None:
     rows, cols = found.geobox.shape
     side, (x, y, yaw), _ = placement(found.geobox)
     reporter.table(
-        {
-            "maps": f"{len(options.maps):,}",
-            "map": f"{rows:,} x {cols:,} cells of {side:g} m from {x:g}, {y:g}, yaw {yaw:g}",
-            "cells": shares_of(found.probabilities),
-            "written": ", ".join(files),
-        }
+        maps=f"{len(options.maps):,}",
+        map=f"{rows:,} x {cols:,} cells of {side:g} m from {x:g}, {y:g}, yaw {yaw:g}",
+        cells=shares_of(found.probabilities),
+        written=", ".join(files),
     )

@@ -13,9 +13,10 @@ if TYPE_CHECKING:
     from uavseg.flight.mission.mission import Mission
 
 
-def report(
-    missions: Sequence[Mission], regions: int, paths: Sequence[str | Path], notes: Sequence[str]
-) -> None:
+Paths = Sequence[str | Path]
+
+
+def report(missions: Sequence[Mission], regions: int, paths: Paths, notes: Sequence[str]) -> None:
     """Print estimates of missions on stderr, and notes on them."""
     from uavseg.flight.mission.estimate import estimate_text
 
@@ -37,14 +38,9 @@ def flight_table(flights: Sequence[tuple[str, Estimate]]) -> list[str]:
     rows = [_cells(name, found) for name, found in flights]
     kept = [head for head in rows[0] if any(row[head] for row in rows)]
     widths = {head: max(len(head), *(len(row[head]) for row in rows)) for head in kept}
-    first = kept[0]
+    sides = {head: "<" if head == kept[0] else ">" for head in kept}
     lines = [{head: head for head in kept}, *rows]
-    return [
-        "  ".join(
-            row[head].ljust(widths[head]) if head == first else row[head].rjust(widths[head]) for head in kept
-        ).rstrip()
-        for row in lines
-    ]
+    return ["  ".join(f"{row[head]:{sides[head]}{widths[head]}}" for head in kept).rstrip() for row in lines]
 
 
 def _cells(name: str, found: Estimate) -> dict[str, str]:
@@ -71,11 +67,7 @@ def _clock(seconds: float) -> str:
 
 
 def missions_json(
-    missions: Sequence[Mission],
-    regions: int,
-    paths: Sequence[str | Path],
-    warnings: Sequence[str],
-    with_footprints: bool = False,
+    missions: Sequence[Mission], regions: int, paths: Paths, warnings: Sequence[str], with_footprints: bool
 ) -> dict[str, Any]:
     """Return what programs read of missions: files, estimates and warnings, perhaps footprints."""
     shown = _footprints if with_footprints else lambda mission: {}

@@ -37,10 +37,8 @@ def command(options: OriginalOptions) -> None:
     write_label_geotiff(output, tiles, geobox, overwrite, creation=creation)
     reporter.finish(found.warnings)
     reporter.table(
-        {
-            "segments": f"{int(found.labels.max()):,} -> {output}",
-            "stretch": found.source.stretch.name,
-            "band": found.source.band_names,
-            "seconds": f"{reporter.seconds:.2f}",
-        }
+        segments=f"{int(found.labels.max()):,} -> {output}",
+        stretch=found.source.stretch.name,
+        band=found.source.band_names,
+        seconds=f"{reporter.seconds:.2f}",
     )

@@ -41,9 +41,8 @@ def command(options: PathOptions) -> None:
     source = open_probability_map(options.map_, options.read)
     check_path_crs(source.geobox)
     if flight is not None and source.geobox.crs is None:
-        raise MissionError(
-            "the map has no CRS, so nobody knows where to fly; give it one with gdal_edit.py -a_srs"
-        )
+        why = "the map has no CRS, so nobody knows where to fly"
+        raise MissionError(f"{why}; give it one with gdal_edit.py -a_srs")
     found = path(source, request, work_of(options.run, reporter))
     reporter.finish(found.warnings)
     mission, unwritten = None, []
@@ -74,9 +73,8 @@ def _flight(options: PathOptions) -> PlanParams | None:
     try:
         files.check_mission_format(output)
     except MissionError:
-        raise OutputError(
-            f"{output}: a path is written to .geojson, .json, .plan, .waypoints, .kmz, .csv or .kml"
-        ) from None
+        formats = ".geojson, .json, .plan, .waypoints, .kmz, .csv or .kml"
+        raise OutputError(f"{output}: a path is written to {formats}") from None
     if options.altitude is None:
         raise ParameterError("a mission needs --altitude, in metres above home")
     if options.home is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import click
@@ -50,14 +51,11 @@ def _missions_alone(options: PreviewOptions) -> list[str]:
     if len(flights) == len(rasters):
         return [*flights, *missions]
     if flights:
-        raise ParameterError(
-            f"{flights[0]} is a mission and {next(name for name in rasters if name not in flights)} is a "
-            f"raster; to draw it over the raster, give --mission {flights[0]}"
-        )
+        both = f"{flights[0]} is a mission and {next(name for name in rasters if name not in flights)} is a"
+        raise ParameterError(f"{both} raster; to draw it over the raster, give --mission {flights[0]}")
     if options.dem:
-        raise ParameterError(
-            "--dem is for the profile of a mission without a raster; leave RASTER or --dem out"
-        )
+        why = "--dem is for the profile of a mission without a raster"
+        raise ParameterError(f"{why}; leave RASTER or --dem out")
     return []
 
 
@@ -71,10 +69,9 @@ def _draw_missions(missions: list[str], options: PreviewOptions, reporter: Repor
     if given:
         raise ParameterError(f"--{given[0].replace('_', '-')} needs a raster to draw on: give RASTER as well")
     out = options.output or f"{Path(missions[0]).stem}.preview.png"
-    width, overwrite = options.width, options.files.overwrite
-    _, notes = warnings_of(
-        lambda: preview_missions(missions, out, dem=options.dem, width_px=width, overwrite=overwrite)
-    )
+    dem, width, overwrite = options.dem, options.width, options.files.overwrite
+    how = partial(preview_missions, dem=dem, width_px=width, overwrite=overwrite)
+    _, notes = warnings_of(lambda: how(missions, out))
     for note in notes:
         reporter.say(f"note: {note}")
     reporter.say(f"wrote {out}")
@@ -97,18 +94,9 @@ def _draw_raster(options: PreviewOptions, reporter: Reporter) -> None:
     assert stretch is not None  # "auto" by default
     out = options.output or f"{Path(source.name).stem}.preview.png"
     drawn = {name: getattr(options, name) for name in _LAYERS}
-    work = Work()
+    drawn |= {"width_px": options.width, "overwrite": options.files.overwrite}
+    collar, work = "keep" if is_map else options.read.collar, Work()
     with work.reading_here():
-        _, notes = warnings_of(
-            lambda: preview(
-                source.dataset,
-                out,
-                **drawn,
-                stretch=stretch,
-                width_px=options.width,
-                overwrite=options.files.overwrite,
-                collar="keep" if is_map else options.read.collar,
-            )
-        )
+        _, notes = warnings_of(lambda: preview(source.dataset, out, **drawn, stretch=stretch, collar=collar))
     reporter.finish((*source.warnings, *work.bad_block_warnings, *notes))
     reporter.say(f"wrote {out}")

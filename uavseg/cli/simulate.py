@@ -34,15 +34,9 @@ def command(options: SimulateOptions) -> None:
     keep_inputs([path for path in (output, png, truth) if path], scene)
     outputs = _check_targets(output, png, truth, overwrite)
     creation = creation_of(options.creation, {output: "float32", truth: "uint8"})
-    request = SimulateRequest(
-        options.seed,
-        options.poses,
-        sigma_m=options.sigma,
-        max_range_m=options.max_range,
-        fov_deg=options.fov,
-        step_deg=options.step,
-    )
-    found = simulate(scene, request)
+    sensor_words = {"sigma_m": options.sigma, "max_range_m": options.max_range}
+    sensor_words |= {"fov_deg": options.fov, "step_deg": options.step}
+    found = simulate(scene, SimulateRequest(options.seed, options.poses, **sensor_words))
     grid, simulation, sensor = found.grid, found.simulation, found.simulation.sensor
     tags = {"scene": scene, "seed": str(options.seed)}
     with transaction():
@@ -59,12 +53,10 @@ def command(options: SimulateOptions) -> None:
     beams = f"{len(sensor.angles)} beams, {sensor.step_deg:g} degrees apart"
     reach = f"sigma {sensor.sigma_m:g} m, up to {sensor.max_range_m:g} m"
     reporter.table(
-        {
-            "map": f"{rows} x {cols} cells of {grid.geobox.transform.a:g} m",
-            "scans": f"{len(simulation.poses)} of {beams}, {reach}",
-            "cells": ", ".join(f"{name} {100 * inside.mean():.1f} %" for name, inside in cells.items()),
-            "written": ", ".join(outputs),
-        }
+        map=f"{rows} x {cols} cells of {grid.geobox.transform.a:g} m",
+        scans=f"{len(simulation.poses)} of {beams}, {reach}",
+        cells=", ".join(f"{name} {100 * inside.mean():.1f} %" for name, inside in cells.items()),
+        written=", ".join(outputs),
     )
 
 

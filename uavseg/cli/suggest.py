@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from uavseg.jobs.suggest import Suggestion, Suggestions
     from uavseg.options.reading import ReadOptions
 
+    Found = Suggestions | SampleRanges
+
 _BANDS = ("band", "rgb", "index", "expr", "band_names")
 _OF_HISTOGRAM = ("output", "classes", "method", "threshold", "intensity_step", "resume")
 
@@ -61,10 +63,8 @@ def command(options: SuggestOptions) -> None:
         keep_inputs([output], rasters)
     source = open_source(rasters, options.read)
     found = suggest(source, request, work_of(options.run, reporter))
-    ranges, more = [str(chosen) for chosen in found.ranges], _chosen(options.division)
-    commands = [
-        _line(options, options.read, found, one.replace(",", "-"), ["--range", one, *more]) for one in ranges
-    ]
+    read, more, ranges = options.read, _chosen(options.division), map(str, found.ranges)
+    commands = [_line(options, read, found, one.replace(",", "-"), ["--range", one, *more]) for one in ranges]
     with transaction():
         if output is not None:
             from uavseg.plot.suggestions import draw_suggestions
@@ -85,13 +85,7 @@ def command(options: SuggestOptions) -> None:
     reporter.detail(f"{reporter.seconds:.2f} seconds")
 
 
-def _line(
-    options: SuggestOptions,
-    read: ReadOptions,
-    found: Suggestions | SampleRanges,
-    name: str,
-    words: Sequence[str],
-) -> str:
+def _line(options: SuggestOptions, read: ReadOptions, found: Found, name: str, words: Sequence[str]) -> str:
     """Return the line that extracts a range, to a file whose name ends so, from the same rasters."""
     from uavseg.jobs.info import extract_line
     from uavseg.raster.read.source_list import stem_of
@@ -105,11 +99,8 @@ def _line(
 
 def _chosen(division: DivisionOptions) -> list[str]:
     """Return options of the division as the user gave them."""
-    words: list[str] = []
-    for name in _given():
-        if hasattr(division, name):
-            words += [f"--{name.replace('_', '-')}", str(getattr(division, name))]
-    return words
+    names = [name for name in _given() if hasattr(division, name)]
+    return [word for name in names for word in (f"--{name.replace('_', '-')}", str(getattr(division, name)))]
 
 
 def _given() -> list[str]:
@@ -119,7 +110,7 @@ def _given() -> list[str]:
     return [name for name in names if context.get_parameter_source(name) is ParameterSource.COMMANDLINE]
 
 
-def _as_json(found: Suggestions | SampleRanges, commands: Sequence[str], **facts: Any) -> str:
+def _as_json(found: Found, commands: Sequence[str], **facts: Any) -> str:
     listed: Sequence[Suggestion | SampleRange] = found.ranges
     ranges = [asdict(one) | {"command": line} for one, line in zip(listed, commands, strict=True)]
     metadata = {"source": found.source.name, **facts, "ranges": ranges, "warnings": found.warnings}

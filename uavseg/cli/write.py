@@ -42,13 +42,11 @@ def creation_of(stored: StorageOptions, targets: dict[str | None, str]) -> Creat
 
 def check_targets(output: str | None, labels: str | None, overwrite: bool) -> None:
     """Check, before any work, that outputs can be written and replace nothing."""
-    if output is not None and output != "-":
-        from uavseg.regions.formats.export import check_region_path
+    from uavseg.regions.formats.export import check_labels, check_region_path
 
+    if output is not None and output != "-":
         check_region_path(output, overwrite)
     if labels is not None:
-        from uavseg.regions.formats.export import check_labels
-
         check_labels(labels, overwrite)
 
 
@@ -181,11 +179,9 @@ def _range_row(found: Extraction) -> dict[str, str]:
         return {}
     from uavseg.raster.spectral.bands import values_text
 
-    interval, ends = found.detected.interval, found.detected.ends
-    text = f"v {interval.low:.6g} to {interval.high:.6g}"
-    if found.axis is None:
-        return {"range": text}
-    return {"range": f"{text}: {values_text(ends, found.axis.unit)}"}
+    interval, axis = found.detected.interval, found.axis
+    values = "" if axis is None else f": {values_text(found.detected.ends, axis.unit)}"
+    return {"range": f"v {interval.low:.6g} to {interval.high:.6g}{values}"}
 
 
 def largest(found: Extraction) -> str:
@@ -203,9 +199,7 @@ class RegionFiles:
     `inputs` are files that no output may replace, `others` those that the command writes beside.
     """
 
-    def __init__(
-        self, options: RegionOptions, ending: str, *inputs: Any, others: Sequence[str | None] = ()
-    ) -> None:
+    def __init__(self, options: RegionOptions, ending: str, *inputs: Any, others: Any = ()) -> None:
         from uavseg.raster.read.source_list import stem_of
 
         outputs = options.outputs
@@ -248,11 +242,9 @@ def answer_each(options: RegionOptions, job: RegionJob, ending: str, reporter: R
     `ending` is what follows {stem} in the names of outputs where none are given. False where --each is not
     given, and nothing is done. Options that do not go with it, or need it, are refused with UsageError.
     """
-    if not options.each.each:
-        for given, flag in (
-            (options.each.report, "--report"),
-            (options.each.skip_existing, "--skip-existing"),
-        ):
+    each = options.each
+    if not each.each:
+        for given, flag in ((each.report, "--report"), (each.skip_existing, "--skip-existing")):
             if given:
                 raise click.UsageError(f"{flag} is for each of many rasters; give it with --each")
         return False
@@ -268,8 +260,8 @@ def answer_each(options: RegionOptions, job: RegionJob, ending: str, reporter: R
         regions=target,
         labels=labels,
         overwrite=options.files.overwrite,
-        skip_existing=options.each.skip_existing,
-        report=options.each.report,
+        skip_existing=each.skip_existing,
+        report=each.report,
         creation=creation_of(options.creation, {labels: "uint32"}),
     )
     tasks, skipped = plan_tasks(options.source.rasters, names)
@@ -293,13 +285,10 @@ def answer_each(options: RegionOptions, job: RegionJob, ending: str, reporter: R
 
 def _check_each(options: RegionOptions) -> None:
     """Refuse options that do not go with --each, each with what to do instead."""
-    outputs, run = options.outputs, options.run
+    outputs, run, mission = options.outputs, options.run, getattr(options, "mission", None)
     refused = (
         (outputs.style, "--style is for one source; a .gpkg carries its style, so give it as the output"),
-        (
-            getattr(options, "mission", None),
-            "--mission is for one source; plan over each output with uavseg plan",
-        ),
+        (mission, "--mission is for one source; plan over each output with uavseg plan"),
         (run.resume, "--resume is for one source; --skip-existing leaves out what is done"),
         (run.scheduler, "--scheduler is for one source; --each uses the threads of this machine"),
     )

@@ -276,9 +276,8 @@ def _mark(feed: _Feed, text: str) -> None:
 
 def _name(function: FunctionType) -> str:
     if "<" in function.__qualname__:
-        raise TypeError(
-            f"{function.__qualname__} is not a function of a module, so its name does not identify it"
-        )
+        why = f"{function.__qualname__} is not a function of a module"
+        raise TypeError(f"{why}, so its name does not identify it")
     return f"{function.__module__}.{function.__qualname__}"
 
 

@@ -58,10 +58,8 @@ def dask(address: str) -> "Cluster":
         try:
             client = Client(address, timeout=CONNECT_S, set_as_default=False, name="uavseg")
         except Exception as error:  # its type depends on what is wrong with the address
-            reason = " ".join(str(error).split()).rstrip(".")
-            raise ClusterError(
-                f"no scheduler answers at {address} ({reason}); start one with: dask scheduler"
-            ) from error
+            why = f"no scheduler answers at {address} ({' '.join(str(error).split()).rstrip('.')})"
+            raise ClusterError(f"{why}; start one with: dask scheduler") from error
     cluster = Cluster(client, address)
     try:
         cluster.check_versions()
@@ -120,18 +118,15 @@ class Cluster:
                 raise ClusterError(f"the worker {worker} has {_differences(theirs, ours)}")
 
     def _send(self, work: "_Work") -> Any:
-        """Send a function to the workers, which pass it on to each other; returns its future.
-
-        The tasks that make it name only functions of the standard library, so that a worker without uavseg
-        fails when it unpickles the function, with an error that says so.
-        """
+        """Send a function to the workers, which pass it on to each other; returns its future."""
         import cloudpickle
 
+        # The tasks that make it name only functions of the standard library, so that a worker without uavseg
+        # fails when it unpickles the function, with an error that says so.
+        packed = zlib.compress(cloudpickle.dumps(work), 1)
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", message="Sending large graph")
-            pickled = self._client.submit(
-                zlib.decompress, zlib.compress(cloudpickle.dumps(work), 1), pure=False
-            )
+            pickled = self._client.submit(zlib.decompress, packed, pure=False)
         return self._client.submit(pickle.loads, pickled, pure=False)
 
     def _result(self, future: Any) -> Any:
@@ -186,12 +181,10 @@ class Cluster:
 
 @dataclass(frozen=True)
 class _Work:
-    """A function of packed items, whose errors name the worker.
-
-    A worker may join at any time, so each compares its versions with those of the client.
-    """
+    """A function of packed items, whose errors name the worker."""
 
     function: Callable[[Any], Any]
+    # Of the client, with which each worker compares its own: it may join at any time.
     versions: dict[str, str]
 
     def __call__(self, item: bytes) -> bytes:
@@ -239,9 +232,6 @@ _local_versions = cache(versions)  # a worker compares them for each item
 
 def _differences(theirs: dict[str, str], ours: dict[str, str]) -> str:
     """Describe every version that differs, and what to do about it."""
-    differing = [
-        f"{name} {theirs.get(name)} where this side has {here}"
-        for name, here in ours.items()
-        if theirs.get(name) != here
-    ]
-    return f"{', '.join(differing)}; install the same on both"
+    differing = {name: theirs.get(name) for name, here in ours.items() if theirs.get(name) != here}
+    texts = [f"{name} {there} where this side has {ours[name]}" for name, there in differing.items()]
+    return f"{', '.join(texts)}; install the same on both"

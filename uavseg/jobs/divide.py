@@ -36,15 +36,6 @@ def block_map_of(source: Raster | ProbabilityMap, tile_pass: TilePass) -> tuple[
     with phase("division"):
         blocks = measure_block_map(grey, dividing)
     decided("%d x %d blocks of 64 x 64 pixels", *blocks.blocks)
-    dataset = source.dataset
-    info = SourceInfo.of(grey)
-    saved = SavedBlocks(
-        blocks,
-        dataset.geobox,
-        grey.stretch,
-        dataset.band_names,
-        source.origin,
-        axis=info.axis,
-        illumination=grey.illumination,
-    )
-    return saved, info
+    dataset, info = source.dataset, SourceInfo.of(grey)
+    about = dataset.geobox, grey.stretch, dataset.band_names, source.origin, info.axis
+    return SavedBlocks(blocks, *about, illumination=grey.illumination), info

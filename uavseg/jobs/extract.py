@@ -20,36 +20,10 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import OutputError, ParameterError
 from uavseg.execution.checkpoint import stage_folder
 from uavseg.execution.executors import decided, phase, trim_heap
-from uavseg.jobs.ranges.ranges import (
-    EACH_PIXEL,
-    AnyRange,
-    decided_grey,
-    grey_for,
-    missed_text,
-    range_of_blocks,
-    range_text,
-    where_to_look,
-)
-from uavseg.jobs.result.result import (
-    Drawing,
-    Extraction,
-    SourceInfo,
-    confidence_facts,
-    drawing_facts,
-    filled,
-    measured,
-    range_facts,
-    segment_facts,
-    with_metadata,
-)
-from uavseg.jobs.source.source import (
-    Blocks,
-    Pixels,
-    Source,
-    check_unchanged,
-    detail_of,
-    refuse_without_pixels,
-)
+from uavseg.jobs.ranges import ranges
+from uavseg.jobs.result import result as results
+from uavseg.jobs.result.result import Drawing, Extraction, SourceInfo, measured
+from uavseg.jobs.source.source import Blocks, Pixels, Source, check_unchanged, detail_of, refuse_at_cells
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.output.atomic import atomic_file
 from uavseg.output.renames import recover
@@ -70,6 +44,8 @@ from uavseg.segmentation.pipeline import cells_to_refine, every_cell, measure_bl
 from uavseg.segmentation.refine.detail import ThinLines
 from uavseg.segmentation.source import GreySource
 
+Measured = GreySource | Blocks
+
 
 @dataclass(frozen=True, slots=True)
 class ExtractRequest:
@@ -84,7 +60,7 @@ class ExtractRequest:
     edges, where it is not known.
     """
 
-    interval: AnyRange  # in v, values in the units of the raster, or percentiles of them
+    interval: ranges.AnyRange  # in v, values in the units of the raster, or percentiles of them
     segment: SegmentParams = SegmentParams()
     drawing: Drawing = Drawing()
     fill_holes: Area | None = None  # holes of less are filled
@@ -128,17 +104,16 @@ def extract(source: Source, request: ExtractRequest, work: Work = SERIAL) -> Ext
 
 def with_facts(found: Extraction, source: Source, request: ExtractRequest) -> Extraction:
     """Return a result whose regions say what they were made from, and how."""
-    how = range_facts(found.detected, found.axis) | segment_facts(request.segment)
-    how |= drawing_facts(request.drawing, request.fill_holes, request.min_area, request.detail)
-    how |= {"thin_lines": True} if request.thin_lines else {}
-    how |= confidence_facts(request.min_confidence)
-    return with_metadata(found, source, "extract", how)
+    how = results.range_facts(found.detected, found.axis) | results.segment_facts(request.segment)
+    how |= results.drawing_facts(request)
+    how |= {"thin_lines": request.thin_lines or None, "min_confidence": request.min_confidence}
+    return results.with_metadata(found, source, "extract", how)
 
 
 def regions_of_pixels(source: Pixels, request: ExtractRequest, work: Work) -> Extraction:
     """Run the phases of the paper, from pixels to regions: read this first."""
     stretching, *dividing, outlining = work.over(source).stages(2 + (not request.segment.decides_pixels))
-    grey, detected = grey_for(source, request.interval, stretching)  # intensity -> v
+    grey, detected = ranges.grey_for(source, request.interval, stretching)  # intensity -> v
     cells = every_cell(grey.shape)
     for stage in dividing:  # texture, division of blocks, segments of leaves in range
         with phase("division"):
@@ -159,9 +134,9 @@ def _refined(source: Blocks, raster: Pixels, request: ExtractRequest, work: Work
     grey = source.grey(raster, outlining)
     with work.reading_here():
         check_unchanged(grey, source)
-    detected, requested = range_of_blocks(source, request.interval), request.interval
+    detected, requested = ranges.range_of_blocks(source, request.interval), request.interval
     if request.segment.decides_pixels and not isinstance(requested, ValueRange):
-        grey = decided_grey(grey, requested.edges, (requested.low, requested.high))
+        grey = ranges.decided_grey(grey, requested.edges, (requested.low, requested.high))
     cells = cells_to_refine(source.saved.blocks, detected.interval, request.segment)
     with phase("refinement and outlines"):
         outlined = _outlined(grey, cells, detected, request, outlining, source.saved.blocks)
@@ -172,14 +147,14 @@ def _at_block_edges(source: Blocks, request: ExtractRequest) -> Extraction:
     """Return regions of whole cells with valid pixels, from the block map alone; their `std` is not known."""
     from uavseg.regions.tiles.class_tiles import outline_block_map, sum_enclosed_cells
 
-    refuse_without_pixels(request.detail, request.segment.refine)
+    refuse_at_cells(request.detail, request.segment.refine)
     if request.thin_lines:
         raise ParameterError(
             "thin lines are decided to the pixel, and regions from this block map end at block edges; leave "
             "them out, or give the raster"
         )
     blocks, segment = source.saved.blocks, request.segment
-    detected = range_of_blocks(source, request.interval)
+    detected = ranges.range_of_blocks(source, request.interval)
     outlined = outline_block_map(blocks, cells_in_range(blocks, detected.interval, segment.division))
     if request.fill_holes is not None:
         outlined = sum_enclosed_cells(blocks, fill_small_holes(outlined, source.geobox, request.fill_holes))
@@ -199,47 +174,40 @@ def _outlined(
     detail = ThinLines() if request.thin_lines else detail_of(request.detail, grey.dataset.geobox, refine)
     outlined = outline_regions(grey, cells, detected.interval, refine, tile_pass, expected, detail)
     trim_heap()
-    return filled(grey, outlined, request.fill_holes, tile_pass)
+    return results.filled(grey, outlined, request.fill_holes, tile_pass)
 
 
 def _measured(
     outlined: RegionOutlines,
-    source: GreySource | Blocks,
+    source: Measured,
     detected: DetectedRange,
     request: ExtractRequest,
-    tile_pass: TilePass | None = None,
+    tiles: TilePass | None = None,
 ) -> Extraction:
     """Return regions with their attributes, the small ones dropped; where there are none, why."""
     result, whole = measure(outlined, source, detected, request), len(outlined.sums.counts)
     if len(result.regions):
         return result
-    return replace(result, nothing=why_none(result, whole, source, detected, request, tile_pass))
+    return replace(result, nothing=why_none(result, whole, source, request, tiles))
 
 
 def measure(
-    outlined: RegionOutlines, source: GreySource | Blocks, detected: DetectedRange, request: ExtractRequest
+    outlined: RegionOutlines, source: Measured, detected: DetectedRange, request: ExtractRequest
 ) -> Extraction:
     """Return regions with their attributes, the small ones dropped: no region depends on another."""
     info = SourceInfo.of(source)
     outlined = drop_small_regions(outlined, info.geobox, request.min_area)
-    interval = detected.interval
-    ends = interval.low, interval.high
-    confidence = Confidence.of(
-        outlined, lambda: confidence_of(outlined, *ends), request.segment.refine, request.min_confidence
-    )
+    ends = detected.interval.low, detected.interval.high
+    sure = partial(confidence_of, outlined, *ends)
+    confidence = Confidence.of(outlined, sure, request.segment.refine, request.min_confidence)
     return measured(outlined, info, ends, request.drawing, detected=detected, confidence=confidence)
 
 
 def why_none(
-    found: Extraction,
-    dropped: int,
-    source: GreySource | Blocks,
-    detected: DetectedRange,
-    request: ExtractRequest,
-    tile_pass: TilePass | None,
+    found: Extraction, dropped: int, source: Measured, request: ExtractRequest, tiles: TilePass | None
 ) -> str:
     """Tell why there is no region, for messages; pixels in range are counted where there is a pass."""
-    sought = f"a mean {range_text(request.interval, found.axis)}"
+    sought = f"a mean {ranges.range_text(request.interval, found.axis)}"
     if found.below_minimum:
         return none_confident(found.below_minimum, request.min_confidence)
     if dropped:
@@ -247,24 +215,23 @@ def why_none(
         regions = regions if dropped == 1 else f"all {dropped:,} regions with {sought} are"
         return f"{regions} smaller than --min-area; a smaller one keeps more"
     none = f"no region has {sought}" + ("" if request.detail is None else f" and is {request.detail} wide")
-    if tile_pass is not None and isinstance(source, GreySource):
-        classes = Partition(detected.interval.edges, (0, 1, 0), ()).grey_table
-        outside, inside, *_ = count_pixels(source, classes, tile_pass.silent).tolist()
+    if tiles is not None and found.detected is not None and isinstance(source, GreySource):
+        interval = found.detected.interval
+        classes = Partition(interval.edges, (0, 1, 0), ()).grey_table
+        outside, inside, *_ = count_pixels(source, classes, tiles.silent).tolist()
         if inside:
-            ways = _ways(source, detected.interval, request, tile_pass.silent)
-            return f"{none}, {missed_text(inside, outside + inside, ways)}"
+            ways = _ways(source, interval, request, tiles.silent)
+            return f"{none}, {ranges.missed_text(inside, outside + inside, ways)}"
     by_v = isinstance(request.interval, IntensityRange)
-    return f"{none}; {where_to_look(source) if by_v else 'uavseg info shows which values there are'}"
+    return f"{none}; {ranges.where_to_look(source) if by_v else 'uavseg info shows which values there are'}"
 
 
-def _ways(
-    source: GreySource, interval: IntensityRange, request: ExtractRequest, tile_pass: TilePass
-) -> list[str]:
+def _ways(grey: GreySource, interval: IntensityRange, request: ExtractRequest, tiles: TilePass) -> list[str]:
     """Return options that find the pixels in range of which no region was found."""
-    ways = [] if request.segment.refine == "pixels" else [EACH_PIXEL]
+    ways = [] if request.segment.refine == "pixels" else [ranges.EACH_PIXEL]
     if request.detail is not None:
         return ["a smaller --detail keeps more", *ways]
-    if not request.thin_lines and has_thin_lines(source, interval, tile_pass):
+    if not request.thin_lines and has_thin_lines(grey, interval, tiles):
         return ["--thin-lines finds lines of 1 to 3 pixels", *ways]
     return ways
 
@@ -281,14 +248,9 @@ class Written:
     largest: tuple[int, float] = (0, 0.0)  # pixels and area of the largest
 
     def __add__(self, other: "Written") -> "Written":
-        return Written(
-            outlined=self.outlined + other.outlined,
-            below_minimum=self.below_minimum + other.below_minimum,
-            regions=self.regions + other.regions,
-            files=self.files + other.files,
-            area=self.area + other.area,
-            largest=max(self.largest, other.largest),
-        )
+        names = ("outlined", "below_minimum", "regions", "files", "area")
+        sums: dict[str, Any] = {name: getattr(self, name) + getattr(other, name) for name in names}
+        return Written(**sums, largest=max(self.largest, other.largest))
 
 
 def extract_partitions(
@@ -315,7 +277,7 @@ def extract_partitions(
     detail = narrow or detail_of(request.detail, source.geobox, request.segment.refine)
     check_region_folder(path, overwrite)
     stretching, joining, writing = work.over(source, block_map=False).stages(3)
-    grey, detected = grey_for(source, request.interval, stretching)
+    grey, detected = ranges.grey_for(source, request.interval, stretching)
     none = np.empty(0, np.int64)
     found = measure(number_regions(concatenate_sums([]), none, none, []), grey, detected, request)
     found = with_facts(found, source, request)
@@ -337,9 +299,7 @@ def extract_partitions(
             found = replace(found, below_minimum=written.below_minimum)
         if not written.files:  # readers find no columns in an empty folder
             write_regions(found.regions, folder / _name(0))
-            found = replace(
-                found, nothing=why_none(found, written.outlined, grey, detected, request, writing)
-            )
+            found = replace(found, nothing=why_none(found, written.outlined, grey, request, writing))
     return work.finished(found, *([found.nothing] if found.nothing else [])), written
 
 
@@ -364,9 +324,8 @@ def check_local(request: object) -> ExtractRequest:
         "the refinement none": request.segment.refine == "none",
     }
     if given := [what for what, is_given in refused.items() if is_given]:
-        raise ParameterError(
-            f"a folder of regions is written without {given[0]}; leave it out, or write one file"
-        )
+        why = f"a folder of regions is written without {given[0]}"
+        raise ParameterError(f"{why}; leave it out, or write one file")
     return request
 
 

@@ -20,13 +20,13 @@ from uavseg.regions.edit.small import as_area
 from uavseg.segmentation.params.segment import Levels
 
 if TYPE_CHECKING:
-    from uavseg.jobs.match.by_classes import MatchClassesRequest
     from uavseg.jobs.match.ranges_of_sample import SuggestLikeRequest
-    from uavseg.jobs.match.request import MatchRequest
-    from uavseg.jobs.segment_classes import ClassesRequest, LevelsRequest
     from uavseg.jobs.suggest import SuggestRequest
     from uavseg.options.reading import ReadOptions
     from uavseg.regions.sample.place import Disc
+
+
+Find = Callable[..., Extraction]
 
 
 @dataclass(frozen=True)
@@ -41,13 +41,12 @@ class RegionJob:
 def region_job(options: ExtractOptions | LevelsOptions | MatchOptions) -> RegionJob:
     """Return the job of some options, checked before any work."""
     if isinstance(options, ExtractOptions):
-        return _extract_job(options)
-    if isinstance(options, LevelsOptions):
-        from uavseg.jobs.segment_classes import levels
-
-        request = _levels_request(options)
-        return RegionJob(options.read, lambda source, work: levels(source, request, work), request)
-    return _match_job(options)
+        find, request = _extract(options)
+    elif isinstance(options, LevelsOptions):
+        find, request = _levels(options)
+    else:
+        find, request = _match(options)
+    return RegionJob(options.read, lambda source, work: find(source, request, work), request)
 
 
 def _sizes(options: ExtractOptions | LevelsOptions | MatchOptions) -> dict[str, Any]:
@@ -62,7 +61,7 @@ def _sizes(options: ExtractOptions | LevelsOptions | MatchOptions) -> dict[str, 
     }
 
 
-def _extract_job(options: ExtractOptions) -> RegionJob:
+def _extract(options: ExtractOptions) -> tuple[Find, Any]:
     classes = classes_of_options(options.ranges.range, options.class_texts, options.classes)
     ranges = (options.ranges.range, options.ranges.values, options.ranges.percentile)
     if options.classes is not None and any(one is not None for one in ranges):
@@ -70,70 +69,38 @@ def _extract_job(options: ExtractOptions) -> RegionJob:
     segment = options.division.segment_params(None if classes else options.refine)
     common = _sizes(options)
     if classes is None:
-        request = ExtractRequest(
-            requested_range(options.ranges), segment, thin_lines=options.thin_lines, **common
-        )
-        return RegionJob(options.read, lambda source, work: extract(source, request, work), request)
+        interval = requested_range(options.ranges)
+        return extract, ExtractRequest(interval, segment, thin_lines=options.thin_lines, **common)
     from uavseg.jobs.segment_classes import ClassesRequest, extract_classes, joint_params
 
     if options.thin_lines:
         raise ParameterError("thin lines are found for one range, not for classes; leave thin lines out")
-    several: ClassesRequest = ClassesRequest(classes, joint_params(segment, options.refine), **common)
-    return RegionJob(options.read, lambda source, work: extract_classes(source, several, work), several)
+    return extract_classes, ClassesRequest(classes, joint_params(segment, options.refine), **common)
 
 
-def _levels_request(options: LevelsOptions) -> LevelsRequest:
+def _levels(options: LevelsOptions) -> tuple[Find, Any]:
     from uavseg.jobs.ranges.level_breaks import breaks_of
-    from uavseg.jobs.segment_classes import LevelsRequest, level_params
+    from uavseg.jobs.segment_classes import LevelsRequest, level_params, levels
 
-    levels = breaks_of(options.breaks) if options.width is None else Levels(options.width)
-    sizes = _sizes(options)
+    wanted = breaks_of(options.breaks) if options.width is None else Levels(options.width)
+    sizes = _sizes(options) | {"small": options.small}
     del sizes["fill_holes"]
-    return LevelsRequest(
-        levels,
-        level_params(options.division.segment_params(), options.refine, levels),
-        small=options.small,  # type: ignore[arg-type]
-        **sizes,
-    )
+    segment = level_params(options.division.segment_params(), options.refine, wanted)
+    return levels, LevelsRequest(wanted, segment, **sizes)
 
 
-def _match_job(options: MatchOptions) -> RegionJob:
+def _match(options: MatchOptions) -> tuple[Find, Any]:
+    chosen: dict[str, Any] = {"bands": tuple(options.bands), "refine": options.refine}
     if options.classes is not None:
-        from uavseg.jobs.match.by_classes import match_classes
+        from uavseg.jobs.match.by_classes import MatchClassesRequest, match_classes
 
-        classes = _match_classes_request(options)
-        return RegionJob(options.read, lambda source, work: match_classes(source, classes, work), classes)
+        return match_classes, MatchClassesRequest(os.fspath(options.classes), **chosen, **_sizes(options))
     from uavseg.jobs.match.match import match
-
-    request = _match_request(options)
-    return RegionJob(options.read, lambda source, work: match(source, request, work).found, request)
-
-
-def _match_request(options: MatchOptions) -> MatchRequest:
     from uavseg.jobs.match.request import MatchRequest
 
-    return MatchRequest(
-        like=samples_of(options.like),
-        unlike=samples_of(options.unlike),
-        by=options.by,
-        window=options.window,
-        similarity=options.similarity,
-        intensity=options.intensity,
-        bands=tuple(options.bands),
-        refine=options.refine,
-        **_sizes(options),
-    )
-
-
-def _match_classes_request(options: MatchOptions) -> MatchClassesRequest:
-    from uavseg.jobs.match.by_classes import MatchClassesRequest
-
-    return MatchClassesRequest(
-        os.fspath(options.classes or ""),
-        bands=tuple(options.bands),
-        refine=options.refine,
-        **_sizes(options),
-    )
+    chosen |= {name: getattr(options, name) for name in ("by", "window", "similarity", "intensity")}
+    chosen |= {"like": samples_of(options.like), "unlike": samples_of(options.unlike)}
+    return lambda *given: match(*given).found, MatchRequest(**chosen, **_sizes(options))
 
 
 def suggest_request(options: SuggestOptions) -> SuggestRequest:

@@ -1,6 +1,7 @@
 """Segments of several intervals of v at once: extraction of several classes, and division into levels."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -11,25 +12,9 @@ from uavseg.errors import ParameterError
 from uavseg.execution.executors import decided, phase, trim_heap
 from uavseg.jobs.ranges.level_breaks import BreakChoice
 from uavseg.jobs.ranges.ranges import EACH_PIXEL, decided_grey, missed_text, where_to_look
-from uavseg.jobs.result.result import (
-    Drawing,
-    Extraction,
-    SourceInfo,
-    confidence_facts,
-    drawing_facts,
-    filled,
-    measured,
-    segment_facts,
-    with_metadata,
-)
-from uavseg.jobs.source.source import (
-    Blocks,
-    Pixels,
-    Source,
-    check_unchanged,
-    detail_of,
-    refuse_without_pixels,
-)
+from uavseg.jobs.result import result as results
+from uavseg.jobs.result.result import Drawing, Extraction, SourceInfo
+from uavseg.jobs.source.source import Blocks, Pixels, Source, check_unchanged, detail_of, refuse_at_cells
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.raster.grid.geobox import Length
 from uavseg.raster.grid.tiling import TilePass
@@ -40,15 +25,8 @@ from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.tiles.range_tiles import count_pixels
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaves import cell_classes
-from uavseg.segmentation.params.segment import (
-    Breaks,
-    Levels,
-    Partition,
-    SegmentParams,
-    ValueClass,
-    ValueClasses,
-    partition_of_levels,
-)
+from uavseg.segmentation.params import segment as params
+from uavseg.segmentation.params.segment import Breaks, Levels, Partition, SegmentParams, ValueClasses
 from uavseg.segmentation.pipeline import measure_block_map, measure_block_map_for
 from uavseg.segmentation.source import GreySource
 from uavseg.units import CELL, MAX_PIXEL_CLASSES
@@ -152,9 +130,9 @@ def _divided(
             blocks = measure_block_map(grey, tile_pass)
             partition = partition(blocks)
         decided("%d x %d blocks of 64 x 64 pixels", *blocks.blocks)
-        return partition, None if segment.decides_pixels else cell_classes(
-            blocks, partition, segment.division
-        )
+        if segment.decides_pixels:
+            return partition, None
+        return partition, cell_classes(blocks, partition, segment.division)
 
 
 def _check_count(partition: Partition, segment: SegmentParams) -> None:
@@ -189,21 +167,19 @@ def _outlined(
     from uavseg.regions.tiles.class_tiles import outline_refined_classes, outline_segments
 
     kinds_at: Callable[[Firsts], NDArray[np.int64]]
+    how = request.segment.refine
     if cells is not None:
         outlined, kinds_at = outline_segments(grey, cells, tile_pass), _of_cells(cells)
     else:
-        detail = detail_of(request.detail, grey.dataset.geobox, request.segment.refine, request.cover)
-        outlined, classes = outline_refined_classes(
-            grey, partition, request.segment.refine, tile_pass, expected, detail
-        )
+        detail = detail_of(request.detail, grey.dataset.geobox, how, request.cover)
+        outlined, classes = outline_refined_classes(grey, partition, how, tile_pass, expected, detail)
         kinds_at = classes.at
     trim_heap()
-    outlined = filled(grey, outlined, request.fill_holes, tile_pass)
+    outlined = results.filled(grey, outlined, request.fill_holes, tile_pass)
 
     def count() -> NDArray[np.int64]:
         return count_pixels(grey, partition.grey_table, tile_pass.silent)
 
-    how = request.segment.refine
     return Segmented(outlined, kinds_at, SourceInfo.of(grey), partition, how, count=count)
 
 
@@ -213,7 +189,7 @@ def _at_block_edges(
     """Return segments of whole cells with valid pixels, from the block map alone; `std` is not known."""
     from uavseg.regions.tiles.class_tiles import outline_block_map, sum_enclosed_cells
 
-    refuse_without_pixels(request.detail, request.segment.refine)
+    refuse_at_cells(request.detail, request.segment.refine)
     blocks = source.saved.blocks
     classes = cell_classes(blocks, partition, request.segment.division)
     outlined = outline_block_map(blocks, classes)
@@ -224,12 +200,7 @@ def _at_block_edges(
 
 def _of_cells(cells: NDArray[Any]) -> Callable[[Firsts], NDArray[np.int64]]:
     """Return the kinds of segments that end at cells, by their first pixels."""
-
-    def kinds_at(firsts: Firsts) -> NDArray[np.int64]:
-        row, col = firsts.T // CELL
-        return np.asarray(cells[row, col], np.int64)
-
-    return kinds_at
+    return lambda firsts: np.asarray(cells[tuple(firsts.T // CELL)], np.int64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -278,21 +249,19 @@ def extract_classes(source: Source, request: ClassesRequest, work: Work = SERIAL
     if missing := sorted(empty - present):
         hints.append(_why_none(missing, found, request, source))
     ends = low[kind], high[kind]
-    confidence = Confidence.of(
-        outlined, lambda: confidence_of(outlined, *ends), found.refine, request.min_confidence
-    )
-    result = measured(outlined, found.info, ends, request.drawing, columns, confidence=confidence)
-    how = {"classes": [f"{one.name}={one.interval.low:g},{one.interval.high:g}" for one in classes]}
-    metadata = segment_facts(request.segment) | drawing_facts(
-        request.drawing, request.fill_holes, request.min_area, request.detail
-    )
+    sure = partial(confidence_of, outlined, *ends)
+    confidence = Confidence.of(outlined, sure, found.refine, request.min_confidence)
+    result = results.measured(outlined, found.info, ends, request.drawing, columns, confidence=confidence)
+    names = [f"{one.name}={one.interval.low:g},{one.interval.high:g}" for one in classes]
+    how: dict[str, Any] = {"classes": names}
+    how |= results.segment_facts(request.segment) | results.drawing_facts(request)
     if result.below_minimum and not len(result.regions):
         hints.append(none_confident(result.below_minimum, request.min_confidence))
-    metadata |= confidence_facts(request.min_confidence)
-    return work.finished(with_metadata(result, source, "extract", how | metadata), *hints)
+    how |= {"min_confidence": request.min_confidence}
+    return work.finished(results.with_metadata(result, source, "extract", how), *hints)
 
 
-def _named(classes: Sequence[ValueClass], numbers: Sequence[int]) -> str:
+def _named(classes: Sequence[params.ValueClass], numbers: Sequence[int]) -> str:
     return ", ".join(str(classes[number - 1]) for number in numbers)
 
 
@@ -353,17 +322,15 @@ def levels(source: Source, request: LevelsRequest, work: Work = SERIAL) -> Extra
     classes = PartitionRequest(_partition(request), request.segment, detail=request.detail, cover=True)
     found = segment_classes(source, classes, work)
     notes = [*found.notes, *_notes(found.partition, request)]
-    small = {"small": request.small} if request.min_area is not None else {}
-    how = {"levels": [0.0, *found.partition.edges, 1.0]} | segment_facts(request.segment)
-    how |= drawing_facts(request.drawing, None, request.min_area, request.detail) | small
-    how |= confidence_facts(request.min_confidence)
-    result = with_metadata(_measured(found, request), source, "levels", how)
+    small = None if request.min_area is None else request.small
+    how = {"levels": [0.0, *found.partition.edges, 1.0]} | results.segment_facts(request.segment)
+    how |= results.drawing_facts(request) | {"small": small, "min_confidence": request.min_confidence}
+    result = results.with_metadata(_measured(found, request), source, "levels", how)
     if not len(result.regions) and result.below_minimum:
         notes.append(none_confident(result.below_minimum, request.min_confidence))
     elif not len(result.regions):
-        notes.append(
-            "no segment is left: no pixel is valid, or all segments are smaller than the minimum area"
-        )
+        why = "no pixel is valid, or all segments are smaller than the minimum area"
+        notes.append(f"no segment is left: {why}")
     return work.finished(result, *notes)
 
 
@@ -371,12 +338,9 @@ def _partition(request: LevelsRequest) -> Partition | ChoosePartition:
     """Return the levels, or what chooses them from a block map."""
     choice = request.levels
     if not isinstance(choice, BreakChoice):
-        return partition_of_levels(choice)
-
-    def choose(blocks: BlockMap) -> Partition:
-        return partition_of_levels(choice.breaks(blocks, request.segment.division))
-
-    return choose
+        return params.partition_of_levels(choice)
+    division = request.segment.division
+    return lambda blocks: params.partition_of_levels(choice.breaks(blocks, division))
 
 
 def _notes(partition: Partition, request: LevelsRequest) -> list[str]:
@@ -386,10 +350,8 @@ def _notes(partition: Partition, request: LevelsRequest) -> list[str]:
         if partition.count == 1:
             notes.append("all leaves have one mean, so there is one level")
         elif choice.count is not None and partition.count < choice.count:
-            notes.append(
-                f"the means of leaves differ too little for {choice.count} levels; "
-                f"there are {partition.count}"
-            )
+            little = f"the means of leaves differ too little for {choice.count} levels"
+            notes.append(f"{little}; there are {partition.count}")
     elif partition.count > MAX_PIXEL_CLASSES and request.segment.method == "adaptive":
         notes.append(
             f"more than {MAX_PIXEL_CLASSES} levels end at block edges; fewer are refined to the pixel"
@@ -406,7 +368,6 @@ def _measured(found: Segmented, request: LevelsRequest) -> Extraction:
         outlined, level = eliminate(outlined, level, info.geobox, request.min_area)
     bounds = np.array([0.0, *found.partition.edges, 1.0])
     ends = bounds[level], bounds[level + 1]
-    confidence = Confidence.of(
-        outlined, lambda: confidence_of(outlined, *ends), found.refine, request.min_confidence
-    )
-    return measured(outlined, info, ends, request.drawing, {"level": level}, confidence=confidence)
+    sure = partial(confidence_of, outlined, *ends)
+    confidence = Confidence.of(outlined, sure, found.refine, request.min_confidence)
+    return results.measured(outlined, info, ends, request.drawing, {"level": level}, confidence=confidence)

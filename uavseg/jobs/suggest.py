@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,6 +80,11 @@ class Suggestion:
     def regions_text(self) -> str:
         """The number of regions for people."""
         return f"{self.regions:,}" if self.exact else f"about {float(f'{self.regions:.2g}'):,.0f}"
+
+
+Ranges = tuple[Suggestion, ...]
+Cells = NDArray[np.uint8]
+Counts = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -174,10 +180,7 @@ def _suggestions(
     greys: NDArray[np.int64] | None = None,
     populations: tuple[float, ...] = (),
 ) -> Suggestions:
-    """Return the ranges with what they give at the edges of cells, which `refined` says will not be all.
-
-    With the pixels by grey, and the edges between their populations.
-    """
+    """Return the ranges with what they give at the edges of cells, which `refined` says will not be all."""
     how = request.segment
     histogram = histogram_of_means(blocks, how.division)
     if not histogram.any():
@@ -201,11 +204,8 @@ def _suggestions(
     found = _classes(blocks, chosen[: len(edges) + 1], intervals)
     for kind, part in enumerate(chosen[len(found) :], len(found) + 1):
         interval = IntensityRange(part.low, part.high)
-        inside = (
-            cells_with_mean_in_range(blocks, interval)
-            if refined
-            else cells_in_range(blocks, interval, how.division)
-        )
+        cells = cells_with_mean_in_range if refined else partial(cells_in_range, division=how.division)
+        inside = cells(blocks, interval)
         intervals[inside > 0] = kind
         pixels = int(blocks.counts[inside > 0].sum(dtype=np.int64))
         found.append(_suggestion(blocks, part, pixels, int(count_segments(blocks, inside, 1)[0])))
@@ -213,9 +213,7 @@ def _suggestions(
     return Suggestions(ranges, choice.explained, histogram, intervals, blocks, source, warnings)
 
 
-def _classes(
-    blocks: BlockMap, chosen: Sequence[ChosenRange], intervals: NDArray[np.uint8]
-) -> list[Suggestion]:
+def _classes(blocks: BlockMap, chosen: Sequence[ChosenRange], intervals: Cells) -> list[Suggestion]:
     """Return each range between two edges, with what it gives at the edges of cells."""
     pixels = np.bincount(intervals.reshape(-1), blocks.counts.reshape(-1), len(chosen) + 1)[1:]
     regions = count_segments(blocks, intervals, len(chosen))
@@ -228,7 +226,7 @@ def _suggestion(blocks: BlockMap, one: ChosenRange, pixels: int, regions: int) -
     return Suggestion(one.low, one.high, pixels, pixels / total, regions, part=one.is_part, contrast=contrast)
 
 
-def _in_values(ranges: Sequence[Suggestion], axis: ValueAxis | None) -> tuple[Suggestion, ...]:
+def _in_values(ranges: Sequence[Suggestion], axis: ValueAxis | None) -> Ranges:
     """Return the ranges with the values that they stand for."""
     if axis is None:
         return tuple(ranges)
@@ -240,12 +238,8 @@ def _in_values(ranges: Sequence[Suggestion], axis: ValueAxis | None) -> tuple[Su
 
 
 def _refined(
-    ranges: tuple[Suggestion, ...],
-    blocks: BlockMap,
-    grey: GreySource,
-    segment: SegmentParams,
-    tile_pass: TilePass,
-) -> tuple[Suggestion, ...]:
+    ranges: Ranges, blocks: BlockMap, grey: GreySource, segment: SegmentParams, tile_pass: TilePass
+) -> Ranges:
     """Return the ranges with their numbers of regions after refinement."""
     exact = math.prod(grey.shape) <= EXACT_PIXELS
     total = int(blocks.counts.sum(dtype=np.int64))
@@ -264,9 +258,7 @@ def _refined(
     return tuple(found)
 
 
-def _doubts(
-    choice: RangeChoice, wanted: int | None, histogram: NDArray[np.int64], parted: bool
-) -> tuple[str, ...]:
+def _doubts(choice: RangeChoice, wanted: int | None, histogram: Counts, parted: bool) -> tuple[str, ...]:
     """Return what the user should know of how far the ranges are to be trusted."""
     classes = len(choice.edges) + 1
     if classes == 1:

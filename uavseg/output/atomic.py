@@ -248,10 +248,8 @@ class Transaction:
             if not replaced:
                 place.unlink()
                 raise
-            warnings.warn(
-                f"{place} was replaced, but its folder could not be synced to disk ({error.strerror})",
-                stacklevel=2,
-            )
+            why = f"its folder could not be synced to disk ({error.strerror})"
+            warnings.warn(f"{place} was replaced, but {why}", stacklevel=2)
 
     def _journal(self, stage: Stage) -> Journal:
         """Return the renames of one folder: old main files are moved first, new ones last."""

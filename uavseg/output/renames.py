@@ -219,14 +219,12 @@ def _check_free(stage: Stage, journal: Journal, moved: list[str]) -> None:
     named = {file.name for file in journal.new if not os.path.lexists(_source(stage, file))}
     for name in (*moved, *sorted(named)):
         place = stage.home / name
-        if not os.path.lexists(place) or name in ours or _is_empty_folder(place):
-            continue
-        if name in moved and _are_same(stage.folder / _OLD / name, place):
-            continue
-        raise UndoError(
-            f"a run was killed while it replaced files, and the old ones in {stage.folder} cannot be put "
-            f"back: {place} is there again; move it away, or remove that folder"
-        )
+        free = not os.path.lexists(place) or name in ours or _is_empty_folder(place)
+        if not free and not (name in moved and _are_same(stage.folder / _OLD / name, place)):
+            raise UndoError(
+                f"a run was killed while it replaced files, and the old ones in {stage.folder} cannot be put "
+                f"back: {place} is there again; move it away, or remove that folder"
+            )
 
 
 def _take_back(source: Path, place: Path, file: NewFile) -> None:

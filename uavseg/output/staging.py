@@ -70,9 +70,8 @@ class Stage:
         _open_stages.discard(os.path.realpath(self.folder))
         if os.name == "nt":  # where open files are not removed
             os.close(self.lock)
-            shutil.rmtree(self.folder, ignore_errors=True)
-        else:
-            shutil.rmtree(self.folder, ignore_errors=True)
+        shutil.rmtree(self.folder, ignore_errors=True)
+        if os.name != "nt":
             os.close(self.lock)
 
     def leave(self) -> None:
@@ -130,11 +129,9 @@ def _is_private(folder: Path) -> bool:
 
 
 def _locked(folder: Path) -> tuple[int, bool | None]:
-    """Lock a file in a staging folder; returns its descriptor and the result of `try_lock`.
-
-    Another run may lock and remove a new folder before this one locks it, so the lock counts only if its file
-    still exists afterwards.
-    """
+    """Lock a file in a staging folder; returns its descriptor and the result of `try_lock`."""
+    # Another run may lock and remove a new folder before this one locks it, so the lock counts only if its
+    # file still exists afterwards.
     name = folder / _LOCK
     lock = os.open(name, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o600)
     locked = try_lock(lock)

@@ -12,11 +12,7 @@ from uavseg.errors import OutputError, OutputExistsError
 
 _PAM = (".aux.xml", ".ovr", ".msk", ".ovr.msk", ".msk.ovr")  # GDAL's sidecars of any raster
 _APPENDED: dict[str, tuple[str, ...]] = {  # suffixes after the whole name: t.tif.aux.xml
-    ".tif": _PAM,
-    ".tiff": _PAM,
-    ".vrt": _PAM,
-    ".png": _PAM,
-    ".pgm": _PAM,
+    **dict.fromkeys((".tif", ".tiff", ".vrt", ".png", ".pgm"), _PAM),
     ".gpkg": ("-wal", "-shm", "-journal", ".aux.xml"),  # of SQLite, which replays them into any t.gpkg
     ".shp": (".xml",),
 }
@@ -30,7 +26,7 @@ _REPLACED: dict[str, tuple[str, ...]] = {  # suffixes in place of its own: t.dbf
     ".png": (".pgw", ".pngw"),
     ".vrt": (".tiles",),
 }
-_SHARED = {".tif": (".wld",), ".tiff": (".wld",), ".png": (".wld",)}  # a sidecar of any raster of that stem
+_SHARED = dict.fromkeys((".tif", ".tiff", ".png"), (".wld",))  # a sidecar of any raster of that stem
 _FOLDERS = {".tiles", ".parquet"}  # of files that are one output
 _PLACEHOLDER = re.compile(r"\{\{|\}\}|\{([^{}]*)\}|[{}]")
 _PLACEHOLDERS = "{stem}, {name}, {suffix}, {parent} or {number}"
@@ -106,9 +102,8 @@ def _follow(link: Path) -> Path:
     """Return the file to which a link points, which may be absent; refuse one with other sidecars."""
     path = Path(os.path.realpath(link))
     if path.is_symlink():
-        raise OutputError(
-            f"{link} is a symbolic link that leads in a circle; remove it, or name another file"
-        )
+        why = "is a symbolic link that leads in a circle"
+        raise OutputError(f"{link} {why}; remove it, or name another file")
     if path.suffix.lower() != link.suffix.lower():
         raise OutputError(f"{link} is a symbolic link to {path}, which does not end in {link.suffix}")
     parts = {os.path.realpath(file) for file in sidecars(path)}
@@ -125,9 +120,8 @@ def _check_replaceable(target: Target, file: Path) -> None:
         return
     file_type = "a folder" if stat.S_ISDIR(mode) else "no regular file"
     file_type = "a symbolic link" if stat.S_ISLNK(mode) else file_type
-    raise OutputError(
-        f"{file} belongs to {target.given} and is {file_type}; move it away, or name another file"
-    )
+    what = f"{file} belongs to {target.given} and is {file_type}"
+    raise OutputError(f"{what}; move it away, or name another file")
 
 
 def _check_shared(target: Target) -> None:
@@ -147,22 +141,15 @@ def check_not_inputs(outputs: Iterable[Path_ | None], inputs: Iterable[Path_]) -
     The output "-" is standard output. Sidecar files of inputs are inputs too; whatever is not a local file is
     left out.
     """
-    made = {
-        file: path
-        for path in outputs
-        if path is not None and path != "-"
-        for file in _files_of(Path(os.path.realpath(path)))
-    }
+    named = [path for path in outputs if path is not None and path != "-"]
+    made = {file: path for path in named for file in _files_of(Path(os.path.realpath(path)))}
     if not made:
         return
-    read = {
-        identity: path for path in inputs for file in _files_of(Path(path)) if (identity := _identity(file))
-    }
+    read = {_identity(file): path for path in inputs for file in _files_of(Path(path))}
     for file, output in made.items():
-        if (identity := _identity(file)) in read:
-            raise OutputError(
-                f"{output} would replace {read[identity]}, which is read for it; name another output"
-            )
+        if (identity := _identity(file)) is not None and identity in read:
+            why = f"{output} would replace {read[identity]}, which is read for it"
+            raise OutputError(f"{why}; name another output")
 
 
 def _files_of(path: Path) -> list[Path]:

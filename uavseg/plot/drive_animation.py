@@ -13,14 +13,8 @@ from uavseg.output.atomic import atomic_file
 from uavseg.units import FREE, OCCUPIED, UNKNOWN
 
 _TRACK, _ROBOT = 4, 5  # in the palette, after the states
-_PALETTE = {
-    0: (150, 150, 150),
-    FREE: (255, 255, 255),
-    UNKNOWN: (150, 150, 150),
-    OCCUPIED: (20, 20, 20),
-    _TRACK: (34, 139, 230),
-    _ROBOT: (240, 62, 62),
-}
+_PALETTE = {0: (150, 150, 150), FREE: (255, 255, 255), UNKNOWN: (150, 150, 150), OCCUPIED: (20, 20, 20)}
+_PALETTE |= {_TRACK: (34, 139, 230), _ROBOT: (240, 62, 62)}
 _SIDE_PX = 640
 _MAX_FRAMES = 150
 _FRAME_MS, _LAST_MS = 80, 3000

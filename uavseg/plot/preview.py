@@ -15,7 +15,7 @@ from uavseg.occupancy.ros.ros_map import is_ros_map
 from uavseg.output.atomic import atomic_file
 from uavseg.plain_text import printable
 from uavseg.plot.layers import mission_layer
-from uavseg.plot.layers.raster_layers import LabelsLayer, LeavesLayer, StatesLayer, draw_raster
+from uavseg.plot.layers.raster_layers import AnyStretch, LabelsLayer, LeavesLayer, StatesLayer, draw_raster
 from uavseg.plot.layers.region_layer import LevelsLayer, RegionLayer
 from uavseg.plot.page import page
 from uavseg.raster.collar.find import check_collar
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from uavseg.occupancy.paths.find_path import PlannedPath
 
 File = str | os.PathLike[str]
-AnyStretch = Stretch | StretchSpec | str
 
 _WIDTH_IN, _HEAD_IN, _FOOT_IN, _MARGIN_IN = 9.0, 0.62, 0.34, 0.15  # the page; text keeps its size on it
 _MIN_HEIGHT_IN, _MAX_HEIGHT_IN = 2.6, 13.0
@@ -87,17 +86,8 @@ def preview(
     collar = "keep" if is_map else check_collar(collar)
     frame = page.Frame(dataset.geobox, dataset.local_metres)
     with phase("layers"):
-        layers = make_layers(
-            frame,
-            2 * width_px,
-            levels=levels,
-            states=states,
-            leaves=leaves,
-            labels=labels,
-            regions=regions,
-            path=path,
-            mission=mission,
-        )
+        sources = {"levels": levels, "states": states, "leaves": leaves, "labels": labels, "regions": regions}
+        layers = make_layers(frame, 2 * width_px, mission, **sources, path=path)
     with phase("picture"):
         figure = _figure(dataset, frame, grey, collar, layers, width_px / _WIDTH_IN)
         with atomic_file(target, overwrite) as temporary:

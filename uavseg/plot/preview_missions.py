@@ -73,15 +73,8 @@ def flight_profile(mission: Mission, dem: "Dem | None" = None) -> FlightProfile:
         ground_m = float(below[-1]) if len(below) else 0.0
         along, height = np.append(along, along[-1]), np.append(height, ground_m)
         is_line = np.append(is_line, False)
-    return FlightProfile(
-        along_m=along,
-        height_m=height,
-        is_line=is_line,
-        ground_along_m=ground_along,
-        ground_m=below,
-        lowest_m=lowest,
-        zero=zero,
-    )
+    ground_words = {"ground_along_m": ground_along, "ground_m": below}
+    return FlightProfile(along, height, is_line, **ground_words, lowest_m=lowest, zero=zero)
 
 
 def _ground(mission: Mission, dem: "Dem") -> Ground:
@@ -142,6 +135,7 @@ def draw_profiles(ax: Any, profiles: Sequence[FlightProfile], colors: Sequence[s
 
 
 File = str | os.PathLike[str]
+Named = Sequence[tuple[str, Mission]]
 
 _WIDTH_IN, _MARGIN_IN = 9.0, 0.15  # the page; text keeps its size on it
 _HEAD_IN, _PROFILE_IN, _LEFT_IN, _FOOT_IN = 0.62, 1.7, 0.6, 0.8
@@ -189,9 +183,7 @@ def preview_missions(
     named = read_missions(missions)
     for note in dict.fromkeys(note for _, mission in named for note in mission.notes):
         warnings.warn(note, stacklevel=2)
-    ground = None
-    if dem is not None:
-        ground = Dem.open(dem)
+    ground = None if dem is None else Dem.open(dem)
     decided("missions: %d, with %s", len(named), "no ground" if ground is None else ground.name)
 
     with phase("profiles"):
@@ -203,12 +195,7 @@ def preview_missions(
     return target
 
 
-def _figure(
-    named: Sequence[tuple[str, "Mission"]],
-    profiles: Sequence[FlightProfile],
-    dpi: float,
-    dem_name: str | None,
-) -> Any:
+def _figure(named: Named, profiles: Sequence[FlightProfile], dpi: float, dem_name: str | None) -> Any:
     missions = [mission for _, mission in named]
     frame = _frame(missions)
     layers, fence = mission_layers(named, frame), FenceLayer.of(missions, frame)

@@ -1,6 +1,5 @@
 """Picture of suggested ranges: their cells or pixels in colour over the map, beside the histogram."""
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,23 +9,12 @@ from affine import Affine
 from matplotlib.colors import to_rgba
 from numpy.typing import NDArray
 
+from uavseg.arrays import Path_
 from uavseg.jobs.source.inputs import keep_inputs
 from uavseg.jobs.suggest import Suggestion, Suggestions
 from uavseg.output.atomic import atomic_file
 from uavseg.plot.layers.raster_layers import draw_image, draw_raster
-from uavseg.plot.page.page import (
-    CAPTION_COLOR,
-    TEXT_COLOR,
-    Frame,
-    View,
-    check_png_target,
-    draw_furniture,
-    draw_spines,
-    fit_axes,
-    new_figure,
-    raster_caption,
-    save_figure,
-)
+from uavseg.plot.page import page
 from uavseg.raster.grid.geobox import scaled
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.read.dataset import Dataset, DatasetOverview
@@ -47,45 +35,41 @@ _BINS = 256
 
 
 def draw_suggestions(
-    suggestions: Suggestions,
-    out: str | os.PathLike[str],
-    dataset: Dataset | None = None,
-    overwrite: bool = False,
+    suggestions: Suggestions, out: Path_, dataset: Dataset | None = None, overwrite: bool = False
 ) -> Path:
     """Draw the ranges over the raster, or without it the cells, and their histogram with bounds, as PNG."""
-    target = check_png_target(out, overwrite)
+    target = page.check_png_target(out, overwrite)
     keep_inputs([target], dataset.paths if dataset is not None else ())
     figure = _figure(suggestions, dataset)
     with atomic_file(target, overwrite) as temporary:
-        save_figure(figure, temporary)
+        page.save_figure(figure, temporary)
     return target
 
 
 def _figure(suggestions: Suggestions, dataset: Dataset | None) -> Any:
     source = suggestions.source
-    frame = Frame(source.geobox, source.in_metres and source.geobox.crs is None)
+    frame = page.Frame(source.geobox, source.in_metres and source.geobox.crs is None)
     view, height = _view(frame, _MIN_PLOT_IN + _legend_height(suggestions))
-    page = height + _HEAD_IN + _FOOT_IN
-    figure = new_figure(_WIDTH_IN, page, _WIDTH_PX / _WIDTH_IN)
-    ax = figure.add_axes((_MARGIN_IN / _WIDTH_IN, _FOOT_IN / page, _MAP_IN / _WIDTH_IN, height / page))
-    point = fit_axes(ax, view, _MAP_IN, height)
+    page_in = height + _HEAD_IN + _FOOT_IN
+    figure = page.new_figure(_WIDTH_IN, page_in, _WIDTH_PX / _WIDTH_IN)
+    ax = figure.add_axes((_MARGIN_IN / _WIDTH_IN, _FOOT_IN / page_in, _MAP_IN / _WIDTH_IN, height / page_in))
+    point = page.fit_axes(ax, view, _MAP_IN, height)
     _draw_map(ax, point, frame, suggestions, dataset)
     left = _WIDTH_IN - _MARGIN_IN - _PLOT_IN
     plot_width = _PLOT_IN - (0 if source.axis is None else _VALUES_IN)
     plot_height = height - 0.1 - _legend_height(suggestions)
-    plot = figure.add_axes(
-        (left / _WIDTH_IN, (_FOOT_IN + 0.1) / page, plot_width / _WIDTH_IN, plot_height / page)
-    )
+    box = (left / _WIDTH_IN, (_FOOT_IN + 0.1) / page_in, plot_width / _WIDTH_IN, plot_height / page_in)
+    plot = figure.add_axes(box)
     _draw_histogram(plot, suggestions)
     _write_legend(figure, left / _WIDTH_IN, suggestions)
     x = _MARGIN_IN / _WIDTH_IN
-    figure.text(x, 1 - 0.12 / page, source.name, size=12, weight="bold", color=TEXT_COLOR, va="top")
-    caption = raster_caption(source.geobox, source.band_names, f"grey: {source.stretch.name}")
-    figure.text(x, 0.12 / page, caption, size=7.5, color=CAPTION_COLOR, va="bottom")
+    figure.text(x, 1 - 0.12 / page_in, source.name, size=12, weight="bold", color=page.TEXT_COLOR, va="top")
+    caption = page.raster_caption(source.geobox, source.band_names, f"grey: {source.stretch.name}")
+    figure.text(x, 0.12 / page_in, caption, size=7.5, color=page.CAPTION_COLOR, va="bottom")
     return figure
 
 
-def _view(frame: Frame, min_height: float) -> tuple[View, float]:
+def _view(frame: page.Frame, min_height: float) -> tuple[page.View, float]:
     """Return the view of the raster, and the height of the map in inches."""
     margin = 0.02 * float(np.ptp(frame.corners, axis=0).max())
     left, bottom = (float(end) - margin for end in frame.corners.min(axis=0))
@@ -94,7 +78,9 @@ def _view(frame: Frame, min_height: float) -> tuple[View, float]:
     return (left, right, bottom, top), min(max(height, min_height), _MAX_HEIGHT_IN)
 
 
-def _draw_map(ax: Any, point: float, frame: Frame, suggestions: Suggestions, dataset: Dataset | None) -> None:
+def _draw_map(
+    ax: Any, point: float, frame: page.Frame, suggestions: Suggestions, dataset: Dataset | None
+) -> None:
     counts = suggestions.blocks.counts
     if dataset is not None:
         draw_raster(ax, dataset, frame, suggestions.source.stretch, in_color=False)
@@ -110,10 +96,12 @@ def _draw_map(ax: Any, point: float, frame: Frame, suggestions: Suggestions, dat
     elif suggestions.ranges:
         intervals = suggestions.intervals * (counts > 0)  # a leaf may extend into nodata
         _draw_ranges(ax, *upsample_cells(intervals, frame, _MAX_PIXELS), _colors(suggestions))
-    draw_furniture(ax, frame, point)
+    page.draw_furniture(ax, frame, point)
 
 
-def upsample_cells(cells: NDArray[np.uint8], frame: Frame, max_side: int) -> tuple[NDArray[np.uint8], Affine]:
+def upsample_cells(
+    cells: NDArray[np.uint8], frame: page.Frame, max_side: int
+) -> tuple[NDArray[np.uint8], Affine]:
     """Upsample cells of 8 x 8 pixels to the extent of the raster (nearest neighbour).
 
     The picture has `max_side` rows and columns at most. The transform is from its pixel corners (col, row) to
@@ -141,14 +129,12 @@ def _ranges_of_pixels(coarse: Dataset, suggestions: Suggestions) -> NDArray[np.u
     return intervals * (np.uint8(1) if valid is None else valid)
 
 
-def _draw_ranges(
-    ax: Any, intervals: NDArray[np.uint8], plot_from_pixel: Affine, colors: Sequence[str]
-) -> None:
+def _draw_ranges(ax: Any, intervals: NDArray[np.uint8], transform: Affine, colors: Sequence[str]) -> None:
     """Draw each range in its colour, translucent over grey."""
     table = np.zeros((len(colors) + 1, 4), np.uint8)
     for k, color in enumerate(colors, start=1):
         table[k] = np.round(255 * np.array(to_rgba(color, _ALPHA)))
-    draw_image(ax, table[intervals], plot_from_pixel, zorder=2.2)
+    draw_image(ax, table[intervals], transform, zorder=2.2)
 
 
 def _colors(suggestions: Suggestions) -> list[str]:
@@ -181,18 +167,20 @@ def _draw_histogram(ax: Any, suggestions: Suggestions) -> None:
     ax.barh(v, np.sqrt(counts / counts.max()), 1 / _BINS, color=colors, lw=0)
     ax.set(xlim=(0, 1.28), ylim=(max(used[0] / _BINS - 0.03, 0), min((used[-1] + 1) / _BINS + 0.03, 1)))
     for edge in edges:
-        ax.axhline(edge, color=TEXT_COLOR, lw=0.9)
-        ax.text(1.27, edge, f"{edge:.7g}", size=8, weight="bold", color=TEXT_COLOR, ha="right", va="bottom")
+        ax.axhline(edge, color=page.TEXT_COLOR, lw=0.9)
+        ax.text(
+            1.27, edge, f"{edge:.7g}", size=8, weight="bold", color=page.TEXT_COLOR, ha="right", va="bottom"
+        )
     for one, color in colors_of:
         if one.part:
             ax.axhline(one.high if one.low == 0 else one.low, color=color, lw=1.2, ls=(0, (3, 2)))
     ax.set_xticks([])
-    ax.tick_params(labelsize=7, colors=CAPTION_COLOR, length=2.5)
-    ax.set_ylabel("v", size=8, color=CAPTION_COLOR, rotation=0, labelpad=6)
-    ax.set_xlabel("area (root)", size=7, color=CAPTION_COLOR)
+    ax.tick_params(labelsize=7, colors=page.CAPTION_COLOR, length=2.5)
+    ax.set_ylabel("v", size=8, color=page.CAPTION_COLOR, rotation=0, labelpad=6)
+    ax.set_xlabel("area (root)", size=7, color=page.CAPTION_COLOR)
     if suggestions.source.axis is not None:
         _draw_values(ax, suggestions.source.axis)
-    draw_spines(ax)
+    page.draw_spines(ax)
 
 
 def _draw_values(ax: Any, axis: ValueAxis) -> None:
@@ -202,9 +190,9 @@ def _draw_values(ax: Any, axis: ValueAxis) -> None:
         return
     other = ax.twinx()
     other.set_ylim(ends)
-    other.tick_params(labelsize=7, colors=CAPTION_COLOR, length=2.5)
+    other.tick_params(labelsize=7, colors=page.CAPTION_COLOR, length=2.5)
     other.ticklabel_format(useOffset=False)
-    other.set_title(axis.unit or "value", size=7, color=CAPTION_COLOR, loc="right", pad=3)
+    other.set_title(axis.unit or "value", size=7, color=page.CAPTION_COLOR, loc="right", pad=3)
     for side in other.spines.values():
         side.set_visible(False)
 
@@ -216,26 +204,25 @@ def _legend_height(suggestions: Suggestions) -> float:
 
 def _write_legend(figure: Any, x: float, suggestions: Suggestions) -> None:
     """Write the result of each range, the brightest first as in the histogram."""
-    page = figure.get_figheight()
-    y = 1 - (_HEAD_IN + 0.02) / page
+    page_in = figure.get_figheight()
+    y = 1 - (_HEAD_IN + 0.02) / page_in
     if not suggestions.ranges:
-        figure.text(x, y, "one class: no range to choose", size=8, color=TEXT_COLOR, va="top")
+        figure.text(x, y, "one class: no range to choose", size=8, color=page.TEXT_COLOR, va="top")
     colored = zip(suggestions.by_intensity, _colors(suggestions), strict=True)
     for chosen, color in sorted(colored, key=lambda pair: pair[0].range)[::-1]:
         figure.text(x, y, "◆" if chosen.part else "■", size=10, color=color, va="top")
         for x_in, text, side in _columns(chosen):
-            figure.text(x + x_in / _WIDTH_IN, y, text, size=8, color=TEXT_COLOR, va="top", ha=side)
-        y -= _LINE_IN / page
+            figure.text(x + x_in / _WIDTH_IN, y, text, size=8, color=page.TEXT_COLOR, va="top", ha=side)
+        y -= _LINE_IN / page_in
         if chosen.values_text:
-            figure.text(x + 0.2 / _WIDTH_IN, y, chosen.values_text, size=7, color=CAPTION_COLOR, va="top")
-            y -= _SMALL * _LINE_IN / page
+            figure.text(
+                x + 0.2 / _WIDTH_IN, y, chosen.values_text, size=7, color=page.CAPTION_COLOR, va="top"
+            )
+            y -= _SMALL * _LINE_IN / page_in
 
 
 def _columns(chosen: Suggestion) -> list[tuple[float, str, str]]:
     """Return inches from the left, text, and alignment of each column."""
     count = f"{chosen.regions_text} region{'s' if chosen.regions != 1 else ''}"
-    return [
-        (0.2, str(chosen).replace(",", " to "), "left"),
-        (1.65, f"{chosen.share:.1%}", "right"),
-        (_PLOT_IN, count, "right"),
-    ]
+    first = (0.2, str(chosen).replace(",", " to "), "left")
+    return [first, (1.65, f"{chosen.share:.1%}", "right"), (_PLOT_IN, count, "right")]

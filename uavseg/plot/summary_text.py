@@ -93,11 +93,10 @@ def _bands(summary: Summary) -> str:
     nodatas = {nodata for _, _, nodata in summary.bands}
     shared = f", nodata {_decimal(nodatas.pop())}" if len(nodatas) == 1 and nodatas != {None} else ""
     named = zip(summary.bands, summary.names, strict=True)
-    texts = [
-        f"{n}: {dtype} {_band_name(color, name)}"
-        + (f" (nodata {_decimal(nodata)})" if nodata is not None and not shared else "")
-        for n, ((dtype, color, nodata), name) in enumerate(named, start=1)
-    ]
+    texts = []
+    for n, ((dtype, color, nodata), name) in enumerate(named, start=1):
+        own = f" (nodata {_decimal(nodata)})" if nodata is not None and not shared else ""
+        texts.append(f"{n}: {dtype} {_band_name(color, name)}{own}")
     limit = 24 if any(summary.names) else 8
     shown = texts if len(texts) <= limit else [*texts[: limit - 1], f"... {len(texts)} in all"]
     return "; ".join(shown) + shared
@@ -164,11 +163,8 @@ def region_file_text(file: "RegionFile") -> str:
     lines = [f"{name:<16} {text}" for name, text in rows if text]
     if not file.metadata:
         return "\n".join([*lines, "", "The file does not say how its regions were made."])
-    made = [
-        f"{name:<16} {_metadata_text(name, file.metadata)}"
-        for name in file.metadata
-        if name not in _IN_OTHER_LINES
-    ]
+    names = [name for name in file.metadata if name not in _IN_OTHER_LINES]
+    made = [f"{name:<16} {_metadata_text(name, file.metadata)}" for name in names]
     return "\n".join([*lines, "", *made])
 
 

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from uavseg._jit import inlined, kernel
 from uavseg.dataclass import dataclass
 
+Labels = NDArray[np.uint32]
+
 WORD = 8  # pixels of a uint8 image that are compared at once
 STRIP = 256  # rows of a label image that are processed at a time: their working memory is reused
 
@@ -306,11 +308,7 @@ def _edge_keys(labels: NDArray[np.uint32], first: bool) -> NDArray[np.int64]:
 
 
 def border_steps(
-    image: NDArray[Any],
-    labels: NDArray[np.uint32],
-    count: int,
-    grey: NDArray[np.uint16],
-    valid: NDArray[np.uint8],
+    image: NDArray[Any], labels: Labels, count: int, grey: NDArray[np.uint16], valid: NDArray[np.uint8]
 ) -> NDArray[np.int64]:
     """Sum the differences of grey across the pixel edges along the borders of components.
 

@@ -16,15 +16,10 @@ from numpy.typing import NDArray
 from uavseg._jit import inlined, kernel
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, RasterError
+from uavseg.segmentation.blocks import lbp
 from uavseg.segmentation.blocks.block_map import find_leaves
 from uavseg.segmentation.blocks.g_statistic import g_of_region, n_ln_n_table
-from uavseg.segmentation.blocks.lbp import (
-    SYMBOLS,
-    UNCOUNTED,
-    contrast_bin_edges,
-    contrast_histogram,
-    lbp_symbols,
-)
+from uavseg.segmentation.blocks.lbp import SYMBOLS, UNCOUNTED
 from uavseg.segmentation.components import border_lengths, number_by_size, union_roots
 from uavseg.segmentation.in_memory import block_map_of_array, pad_to_blocks
 from uavseg.segmentation.params.segment import DivisionParams
@@ -89,11 +84,11 @@ def segment_lbpc(
     check_lbpc_size(grey.shape)
     mask = np.ones(grey.shape, np.bool_) if valid is None else valid
     image, padded_mask = pad_to_blocks(grey, mask)
-    symbols = lbp_symbols(image, padded_mask, contrast_bin_edges(contrast_histogram(image, padded_mask)))
+    edges = lbp.contrast_bin_edges(lbp.contrast_histogram(image, padded_mask))
+    symbols = lbp.lbp_symbols(image, padded_mask, edges)
     symbols = np.ascontiguousarray(symbols[: grey.shape[0], : grey.shape[1]])
-    labels, models = _merge_regions(
-        _leaf_labels(grey, mask, params.threshold), symbols, params.stop, params.untested
-    )
+    leaves = _leaf_labels(grey, mask, params.threshold)
+    labels, models = _merge_regions(leaves, symbols, params.stop, params.untested)
     _classify_boundaries(labels, symbols, models, params)
     return number_by_size(labels, len(models) - 1, np.ascontiguousarray(grey))[labels]
 
@@ -195,13 +190,10 @@ def _sweep(  # type: ignore[no-untyped-def]
 def _merge_regions(
     labels: NDArray[np.uint32], symbols: NDArray[np.uint16], stop: float, untested: float
 ) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
-    """Merge adjacent regions by texture, the most similar pair first, until MI exceeds Y times the largest.
-
-    Of two pairs with the same MI, the one with the smaller lower label comes first, then the one with the
-    smaller upper label. The stop is not tested during the share `untested` of all possible merges. The new
-    labels are 1..k in the order of the smallest label merged into each. The models, (k + 1, 2048), are the
-    histograms of the regions; row 0 is empty.
-    """
+    """Merge adjacent regions by texture, the most similar first, until MI exceeds Y times the largest."""
+    # Of two pairs with the same MI, the one with the smaller lower label comes first, then the one with the
+    # smaller upper label. The new labels are 1..k in the order of the smallest label merged into each; the
+    # models, (k + 1, 2048), are the histograms of the regions, row 0 is empty.
     count = int(labels.max(initial=0))
     regions = _Regions.of(labels, symbols, count)
     pairs, _ = border_lengths(labels)

@@ -37,6 +37,9 @@ from uavseg.segmentation.refine.total_variation import refine_by_tv, refine_clas
 from uavseg.segmentation.source import CACHED_SIDE, CAPACITY, BlockCache, GreySource, GreyTile
 from uavseg.units import BLOCK, CELL, CELLS, GREY_LEVELS, GREY_MAX
 
+Sources = Sequence[GreySource]
+_Job = tuple[Window, NDArray[np.uint32]]  # a tile, and bit masks of the ratios of its blocks
+
 IN_RANGE = np.uint8(1)
 
 
@@ -68,32 +71,23 @@ def measure_block_map(source: GreySource, tile_pass: TilePass) -> BlockMap:
 
 
 def measure_block_map_for(
-    source: GreySource,
-    intervals: Intervals,
-    params: SegmentParams,
-    tile_pass: TilePass,
-    part: Part | None = None,
+    source: GreySource, intervals: Intervals, params: SegmentParams, tiles: TilePass, part: Part | None = None
 ) -> BlockMap:
     """Measure a block map that answers one range, states or levels exactly, of a raster or of a part of it.
 
-    R is computed only where the means of a block's cells do not decide in which interval its leaves lie.
-    `tile_pass` has the tiles of the part.
+    R is computed only where the means of a block's cells do not decide in which interval its leaves lie. The
+    pass has the tiles of the part.
     """
-    return measure_block_maps_for([source], intervals, params, tile_pass, part)[0]
+    return measure_block_maps_for([source], intervals, params, tiles, part)[0]
 
 
 def measure_block_maps_for(
-    sources: Sequence[GreySource],
-    intervals: Intervals,
-    params: SegmentParams,
-    tile_pass: TilePass,
-    part: Part | None = None,
+    sources: Sources, intervals: Intervals, params: SegmentParams, tiles: TilePass, part: Part | None = None
 ) -> list[BlockMap]:
     """Measure the block maps of several sources of one shape in one pass; see `measure_block_map_for`."""
-    measuring, *dividing = tile_pass.stages(1 + len(sources))
-    queries = [
-        LeafQuery(intervals.edges, params.division, BlockCache(CAPACITY // len(sources))) for _ in sources
-    ]
+    measuring, *dividing = tiles.stages(1 + len(sources))
+    capacity = CAPACITY // len(sources)
+    queries = [LeafQuery(intervals.edges, params.division, BlockCache(capacity)) for _ in sources]
     several = _measure_several(sources, measuring, queries, part)
     for source, measured, query, tiles in zip(sources, several, queries, dividing, strict=True):
         required = query.required_ratios(measured.blocks.sums, measured.blocks.counts)
@@ -136,10 +130,7 @@ def measure_cells(source: GreySource, tile_pass: TilePass) -> MeasuredCells:
 
 
 def _measure_several(
-    sources: Sequence[GreySource],
-    tile_pass: TilePass,
-    queries: Sequence[LeafQuery | None],
-    part: Part | None = None,
+    sources: Sources, tile_pass: TilePass, queries: Sequence[LeafQuery | None], part: Part | None = None
 ) -> list[MeasuredCells]:
     whole = _window_of(sources[0], part)
     maps = [BlockMap.empty((whole.rows, whole.cols)) for _ in sources]
@@ -299,10 +290,7 @@ def _majority_sums(source: GreySource, greys: Sequence[int], window: Window) -> 
 
 
 def _divide_tile(
-    source: GreySource,
-    bin_edges: NDArray[np.int32],
-    query: LeafQuery | None,
-    job: tuple[Window, NDArray[np.uint32]],
+    source: GreySource, bin_edges: NDArray[np.int32], query: LeafQuery | None, job: _Job
 ) -> NDArray[np.float64]:
     window, bits = job
     corners = _block_corners(bits)

@@ -33,6 +33,7 @@ _MAX_PROPOSED = 6  # classes, where the caller gives no number
 _BINS = 256
 _BINS_NEAR = 4  # bins: maximum distance of an edge from the requested grey
 
+Part = tuple[float, float, bool]  # of a class: its ends, and True
 _DECIMALS = range(2, 7)
 _MIN_DECIMALS = 5  # see `edge_beside_means`
 
@@ -224,7 +225,7 @@ def choose_ranges(
     number of classes.
     """
     candidates = propose_ranges(histogram, n_classes)
-    edges, parts = candidates.edges, list[tuple[float, float, bool]]()
+    edges, parts = candidates.edges, list[Part]()
     if n_classes is None:
         if not candidates.clear and len(edges) == 1:
             edges = tuple(populations) or _minimum_entropy_edge(histogram, pairs) or edges
@@ -267,11 +268,9 @@ def _minimum_entropy_edge(histogram: NDArray[np.int64], pairs: CellPairs | None)
     return () if edge is None else (edge,)
 
 
-def _parts(
-    histogram: NDArray[np.int64], pairs: CellPairs, edges: Sequence[float]
-) -> list[tuple[float, float, bool]]:
+def _parts(histogram: NDArray[np.int64], pairs: CellPairs, edges: Sequence[float]) -> list[Part]:
     """Choose the part of the darkest class and that of the brightest with the best border."""
-    parts: list[tuple[float, float, bool]] = []
+    parts: list[Part] = []
     contrasts, crossing = pairs.contrasts()
     contrasts = np.where(crossing >= _MIN_PAIRS, contrasts, 0.0)
     minimum = max(_MIN_SHARE * contrasts.max(), np.finfo(float).tiny)

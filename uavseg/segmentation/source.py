@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.arrays import Integers
 from uavseg.dataclass import dataclass
 from uavseg.raster.grid.tiling import TilePass, Window, whole_blocks
 from uavseg.raster.intensity.stretch import Stretch, greys_beyond
@@ -163,9 +164,7 @@ def measure_illumination(source: GreySource, width: tuple[int, int], tile_pass: 
     return fit_illumination(sums, counts, step, width)
 
 
-def _tile_sums(
-    source: GreySource, step: int, window: Window
-) -> tuple[NDArray[np.int64], NDArray[np.int64]] | None:
+def _tile_sums(source: GreySource, step: int, window: Window) -> tuple[Integers, Integers] | None:
     """Sum and count the valid pixels of a window by the squares that it touches."""
     if source.dataset.is_empty(window):
         return None
@@ -175,9 +174,7 @@ def _tile_sums(
     return tuple(_by_squares(array[: cells[0], : cells[1]], step, window) for array in (sums, counts))  # type: ignore[return-value]
 
 
-def _by_squares(
-    cells: NDArray[np.uint32] | NDArray[np.uint8], step: int, window: Window
-) -> NDArray[np.int64]:
+def _by_squares(cells: NDArray[np.uint32] | NDArray[np.uint8], step: int, window: Window) -> Integers:
     """Add up the cells of a window by the squares in which they lie."""
     total = cells.astype(np.int64)
     for axis, first in enumerate((window.row, window.col)):

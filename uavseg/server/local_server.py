@@ -31,6 +31,13 @@ from uavseg.plain_text import printable
 MAX_BODY = 1 << 20
 _MAX_TARGET = 500
 _JSON = "application/json"
+_HEADERS = {
+    "Cache-Control": "no-store",
+    "Content-Security-Policy": "frame-ancestors 'none'",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+}
 _LENGTH = re.compile(r"[0-9]{1,9}")
 MAX_REQUESTS = 64  # that are open at the same time: a map that is zoomed cancels many, and sends others
 _MAX_ANSWERS = 4  # that are computed at the same time
@@ -245,11 +252,8 @@ class _Handler(BaseHTTPRequestHandler):
             self.send_response(answer.status)
             self.send_header("Content-Type", answer.media_type)
             self.send_header("Content-Length", str(len(answer.content)))
-            self.send_header("Cache-Control", "no-store")
-            self.send_header("Content-Security-Policy", "frame-ancestors 'none'")
-            self.send_header("Cross-Origin-Resource-Policy", "same-origin")
-            self.send_header("Referrer-Policy", "no-referrer")
-            self.send_header("X-Content-Type-Options", "nosniff")
+            for name, value in _HEADERS.items():
+                self.send_header(name, value)
             if answer.file_name:
                 self.send_header("Content-Disposition", f'attachment; filename="{answer.file_name}"')
             self.end_headers()

@@ -174,22 +174,18 @@ _OF_PLAN = ("altitude", "pattern", "spacing", "camera", "speed", "autopilot", "a
 def plan_question(body: bytes) -> PlanQuestion:
     """Return the question of a flight: regions by their ids, home, height, pattern, camera, zones."""
     words = Words.of(body, ("job", "ids", "home", "zones", *_OF_PLAN))
-    given = {
-        name: words.option(name, options_of(PlanOptions)[name]) for name in _OF_PLAN if name in words.values
-    }
+    described = {name: one for name, one in options_of(PlanOptions).items() if name in words.values}
+    given = {name: words.option(name, described[name]) for name in _OF_PLAN if name in described}
     if "camera" in given:
         words.word("camera", [one.name for one in cameras()])
     if "altitude" not in given:
         words.number("altitude")
-    ids = words.values.get("ids")
-    if ids is not None and not (
-        isinstance(ids, list)
-        and len(ids) <= 100_000
-        and all(type(one) is int and abs(one) < MAX_ID for one in ids)
-    ):
+    ids = words.values.get("ids", [])
+    is_list = isinstance(ids, list) and len(ids) <= 100_000
+    if not (is_list and all(type(one) is int and abs(one) < MAX_ID for one in ids)):
         raise ParameterError("ids are whole numbers")
     home = _home(words.values.get("home", "auto"))
-    request = plan_request(build(PlanOptions, given | {"home": home, "ids": ids}))
+    request = plan_request(build(PlanOptions, given | {"home": home, "ids": words.values.get("ids")}))
     return PlanQuestion(words.integer("job"), request, _zones(words.values.get("zones", [])))
 
 
@@ -309,9 +305,10 @@ class Site:
             task.stop.set()
         if name is None:
             return json_answer(task.report())
-        if name not in task.files:
-            return _MISSING
-        return Answer(task.files[name].read_bytes(), _MEDIA_TYPES[task.files[name].suffix], file_name=name)
+        file = task.files.get(name)
+        return (
+            _MISSING if file is None else Answer(file.read_bytes(), _MEDIA_TYPES[file.suffix], file_name=name)
+        )
 
     def _begin(self, command: str, body: bytes) -> Answer:
         job: Job

@@ -206,9 +206,9 @@ class Reporter:
         if not self.quiet:
             say(text)
 
-    def table(self, rows: dict[str, str]) -> None:
+    def table(self, rows: dict[str, str] | None = None, /, **more: str) -> None:
         """Print the short table at the end."""
-        for name, value in rows.items():
+        for name, value in {**(rows or {}), **more}.items():
             self.say(f"  {name:<12}{value}")
 
     def detail(self, text: str) -> None:

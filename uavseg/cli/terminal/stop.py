@@ -93,9 +93,8 @@ def _watched(unwound: threading.Event, written: object) -> Iterator[None]:
     heard, told = os.pipe()
     os.set_blocking(told, False)
     before = signal.set_wakeup_fd(told, warn_on_full_buffer=False)
-    watch = threading.Thread(
-        target=_watch, args=(heard, unwound, written), name=f"{OWN_THREAD}watch", daemon=True
-    )
+    given = heard, unwound, written
+    watch = threading.Thread(target=_watch, args=given, name=f"{OWN_THREAD}watch", daemon=True)
     watch.start()
     try:
         yield

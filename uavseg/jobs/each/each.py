@@ -15,7 +15,7 @@ from pathlib import Path
 
 from uavseg.arrays import Path_
 from uavseg.dataclass import dataclass
-from uavseg.errors import OutputError, OutputExistsError, RasterReadError, UavsegError
+from uavseg.errors import OUT_OF_MEMORY, OutputError, OutputExistsError, RasterReadError, UavsegError
 from uavseg.execution.executors import Progress, can_fork, fork_each, serial, threads, usable_cores
 from uavseg.jobs.requests import RegionJob
 from uavseg.jobs.source.inputs import keep_inputs
@@ -101,6 +101,9 @@ class SourceTask:
         return (self.output,) if self.labels is None else (self.output, self.labels)
 
 
+Tasks = Sequence[SourceTask]
+
+
 def plan_tasks(sources: Sequence[Path_], names: OutputNames) -> tuple[list[SourceTask], int]:
     """Return the sources with their outputs, checked before anything is computed.
 
@@ -132,11 +135,7 @@ def plan_tasks(sources: Sequence[Path_], names: OutputNames) -> tuple[list[Sourc
 
 
 def run_each(
-    tasks: Sequence[SourceTask],
-    job: RegionJob,
-    names: OutputNames,
-    work: Work = SERIAL,
-    count: int | None = None,
+    tasks: Tasks, job: RegionJob, names: OutputNames, work: Work = SERIAL, count: int | None = None
 ) -> list[Outcome]:
     """Run a job for each task; each output appears whole when it is finished.
 
@@ -151,7 +150,7 @@ def run_each(
     progress = work.progress or (lambda done, total: None)
     context = copy_context()
     most = usable_cores() if count is None else count
-    one = partial(_outcome, job=job, names=names, work=alone, most_tiles=most)
+    one = partial(_outcome, job=job, names=names, work=alone, most=most)
 
     def received(task: SourceTask, found: Outcome | None) -> None:
         if found is not None:
@@ -180,10 +179,8 @@ def run_each(
         for task in tasks:
             if task in outcomes:
                 continue
-            within = replace(
-                work, executor=run, local=run, progress=partial(_within, progress, done, len(tasks))
-            )
-            found = _outcome(task, job, names, within, None)
+            part = partial(_within, progress, done, len(tasks))
+            found = _outcome(task, job, names, replace(work, executor=run, local=run, progress=part), None)
             assert found is not None, "only where tiles are limited, a task is put off"
             outcomes[task] = found
             done += 1
@@ -201,11 +198,9 @@ def grouped_warnings(outcomes: Sequence[Outcome]) -> list[str]:
     for outcome in outcomes:
         for text in outcome.warnings:
             owners.setdefault(text, []).append(outcome.source)
-    texts = []
-    for text, (first, *rest) in owners.items():
-        more = f" and {len(rest):,} other{'s' * (len(rest) > 1)}" if rest else ""
-        texts.append(f"{first}{more}: {text}")
-    return texts
+    more = {text: len(sources) - 1 for text, sources in owners.items()}
+    others = {text: f" and {n:,} other{'s' * (n > 1)}" if n else "" for text, n in more.items()}
+    return [f"{sources[0]}{others[text]}: {text}" for text, sources in owners.items()]
 
 
 def _check_outputs(tasks: Sequence[SourceTask], overwrite: bool) -> None:
@@ -226,14 +221,14 @@ def _check_outputs(tasks: Sequence[SourceTask], overwrite: bool) -> None:
 
 
 def _outcome(
-    task: SourceTask, job: RegionJob, names: OutputNames, work: Work, most_tiles: int | None
+    task: SourceTask, job: RegionJob, names: OutputNames, work: Work, most: int | None
 ) -> Outcome | None:
     """Return what comes out of a task; None if it has more tiles than this, and nothing was done."""
     try:
         with gdal_env():  # once for all that is read
             source = open_source(task.source, job.read)
             tiles = 1 if isinstance(source, Blocks) else len(source.dataset.windows(work.tile))
-            if most_tiles is not None and tiles > most_tiles:
+            if most is not None and tiles > most:
                 return None
             return _answered(task, source, job, names, work)
     except (UavsegError, OSError, MemoryError) as error:
@@ -257,7 +252,7 @@ def _text_of(error: BaseException) -> str:
     if isinstance(error, UavsegError):
         return str(error)
     if isinstance(error, MemoryError):
-        return "out of memory; smaller tiles (--tile 1024) or fewer --threads need less"
+        return OUT_OF_MEMORY
     named = os.fsdecode(error.filename) if isinstance(error, OSError) and error.filename else ""
     return one_line(f"{named}: {cause_of(error)}" if named else cause_of(error))
 

@@ -9,7 +9,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
 from typing import Any
 
 from uavseg import _version
@@ -40,6 +39,7 @@ _PROGRAMS = ("qgis_process.bin", "qgis_process", "qgis_process-qgis.bat", "qgis_
 _KEPT = ("PATH", "LANG", "SYSTEMROOT")  # other variables may name libraries of Python's
 _FOLDERS = ("HOME", "XDG_RUNTIME_DIR", "QGIS_CUSTOM_CONFIG_PATH", "TEMP", "TMP")  # that QGIS may write to
 _TIMEOUT_S = 20.0
+_NAME_ONE = "name one that only you can write to in UAVSEG_CACHE"
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,10 +100,7 @@ def _libraries() -> Findings:
             if "libexpat" in failure:  # wheels of rasterio bring all libraries but this one
                 remedy = "install it from the system: apt install libexpat1"
             problems.append(f"{name} cannot be loaded ({failure}); {remedy}")
-    for name in _EXTRA:
-        version = _version_of(name)
-        facts[name] = version or "not installed (optional)"
-    return facts, problems
+    return facts | {name: _version_of(name) or "not installed (optional)" for name in _EXTRA}, problems
 
 
 def _loaded(name: str) -> tuple[str, str]:
@@ -111,26 +108,22 @@ def _loaded(name: str) -> tuple[str, str]:
     version = _version_of(name)
     try:
         module = importlib.import_module(name)
-        inside = [f"{label} {version_in(module)}" for label, version_in in _INSIDE.get(name, ())]
+        inside = [f"{label} {_dotted(getattr(module, one))}" for label, one in _INSIDE.get(name, {}).items()]
     except Exception as error:  # a damaged library raises anything, and that is what is looked for
         return version or "missing", cause_of(error)
     return f"{version or 'unknown version'}{', with ' if inside else ''}{', '.join(inside)}", ""
 
 
-def _dotted(version: tuple[int, ...]) -> str:
-    return ".".join(map(str, version))
-
-
-_INSIDE: dict[str, tuple[tuple[str, Callable[[Any], str]], ...]] = {
-    "rasterio": (
-        ("GDAL", lambda module: module.__gdal_version__),
-        ("PROJ", lambda module: module.__proj_version__),
-        ("GEOS", lambda module: module.__geos_version__),
-    ),
-    "pyogrio": (("GDAL", lambda module: _dotted(module.__gdal_version__)),),
-    "pyproj": (("PROJ", lambda module: module.proj_version_str),),
-    "shapely": (("GEOS", lambda module: _dotted(module.geos_version)),),
+_INSIDE = {
+    "rasterio": {"GDAL": "__gdal_version__", "PROJ": "__proj_version__", "GEOS": "__geos_version__"},
+    "pyogrio": {"GDAL": "__gdal_version__"},
+    "pyproj": {"PROJ": "proj_version_str"},
+    "shapely": {"GEOS": "geos_version"},
 }
+
+
+def _dotted(version: str | tuple[int, ...]) -> str:
+    return version if isinstance(version, str) else ".".join(map(str, version))
 
 
 def _version_of(name: str) -> str:
@@ -177,9 +170,7 @@ def _kernels() -> Findings:
             'install it: pip install "uavseg[compile]"'
         )
     if not kept:
-        problems.append(
-            "no folder can keep compiled kernels; name one that only you can write to in UAVSEG_CACHE"
-        )
+        problems.append(f"no folder can keep compiled kernels; {_NAME_ONE}")
     return facts, problems
 
 
@@ -199,10 +190,7 @@ def _environment() -> Findings:
 def _neighbours() -> Findings:
     """Look for QGIS and serial ports."""
     ports = serial_ports()
-    facts = {
-        "QGIS": find_qgis() or "not found",
-        "serial ports": ", ".join(str(port) for port in ports) or "none",
-    }
+    facts = {"QGIS": find_qgis() or "not found", "serial ports": ", ".join(map(str, ports)) or "none"}
     denied = [port.device for port in ports if not port.is_allowed]
     group = "; on Linux, add yourself to the group dialout" if sys.platform == "linux" else ""
     problems = [f"you may not read and write {device}{group}" for device in denied]
@@ -279,10 +267,8 @@ def warm_up(processes: int | None = None, progress: Progress | None = None) -> W
         importlib.import_module(name)
         report(done)
     if found["compiled"] and object_cache.is_temporary(object_cache.cache_folder()):
-        raise OutputError(
-            f"{found['compiled']} kernels were compiled, but no folder can keep them; "
-            "name one that only you can write to in UAVSEG_CACHE"
-        )
+        compiled = f"{found['compiled']} kernels were compiled"
+        raise OutputError(f"{compiled}, but no folder can keep them; {_NAME_ONE}")
     seconds = time.perf_counter() - start
     return WarmUp(found["shipped"], found["kept"], found["compiled"], len(_LIBRARIES), seconds)
 
@@ -293,13 +279,8 @@ def find_qgis() -> str:
     It is started to ask for its version, without the variables of this environment.
     """
     found = [program for program in _PROGRAMS if shutil.which(program)]
-    for program in found:
-        version = _qgis_version(program)
-        if version:
-            return version
-    if found or shutil.which("qgis"):
-        return "found, but it does not say its version"
-    return ""
+    silent = "found, but it does not say its version" if found or shutil.which("qgis") else ""
+    return next(filter(None, map(_qgis_version, found)), silent)
 
 
 def _qgis_version(program: str) -> str:
@@ -307,15 +288,10 @@ def _qgis_version(program: str) -> str:
     with tempfile.TemporaryDirectory(prefix="uavseg-") as folder:
         kept = {name: os.environ[name] for name in _KEPT if name in os.environ}
         own = {"QT_QPA_PLATFORM": "offscreen"} | dict.fromkeys(_FOLDERS, folder)
+        asked = [shutil.which(program) or program, "--version"]
+        how: dict[str, Any] = {"env": kept | own, "timeout": _TIMEOUT_S, "stdin": subprocess.DEVNULL}
         try:
-            answer = subprocess.run(
-                [shutil.which(program) or program, "--version"],
-                capture_output=True,
-                timeout=_TIMEOUT_S,
-                check=False,
-                env=kept | own,
-                stdin=subprocess.DEVNULL,
-            )
+            answer = subprocess.run(asked, capture_output=True, check=False, **how)
         except (OSError, subprocess.TimeoutExpired):  # then it says nothing of itself
             return ""
     lines = answer.stdout.decode("utf-8", "replace").splitlines()

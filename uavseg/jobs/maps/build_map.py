@@ -2,6 +2,7 @@
 
 import os
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,14 +54,9 @@ def topics_of(scan: str, odom: str | None, tf: bool) -> BagTopics:
 
 def merge_params(options: BuildMapOptions) -> MergeParams:
     """Return how the scans of a bag are merged."""
-    return MergeParams(
-        resolution_m=options.resolution,
-        sigma_m=options.sigma,
-        max_range_m=options.max_range,
-        heights=options.heights,
-        no_return=options.no_return,
-        beam_order=options.beam_order,
-    )
+    how: dict[str, Any] = {name: getattr(options, name) for name in ("heights", "no_return", "beam_order")}
+    how |= {"resolution_m": options.resolution, "sigma_m": options.sigma, "max_range_m": options.max_range}
+    return MergeParams(**how)
 
 
 def build_map(bag: str | os.PathLike[str], topics: BagTopics, params: MergeParams) -> BuiltMap:

@@ -10,15 +10,9 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import LostObstaclesError, MapError, ParameterError
 from uavseg.execution.executors import decided, phase, trim_heap
 from uavseg.jobs.ranges.ranges import decided_grey
-from uavseg.jobs.result.result import (
-    Drawing,
-    Extraction,
-    SourceInfo,
-    drawing_facts,
-    measured,
-    segment_facts,
-    with_metadata,
-)
+from uavseg.jobs.result import result as results
+from uavseg.jobs.result.result import Drawing, Extraction, SourceInfo
+from uavseg.jobs.source.open_source import map_of
 from uavseg.jobs.source.source import Blocks, ProbabilityMap
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.options.maps import ClassifyOptions
@@ -134,10 +128,7 @@ def classify(
     `segmentation.states.classify_strips`.
     """
     work = work.begun()
-    if isinstance(source, Blocks):
-        raise ParameterError(
-            f"{source.path} is a block map; states are refined with the map, so give the map itself"
-        )
+    source = map_of(source, "states are refined with the map, so give the map itself")
     tile_pass = work.over(source)
     grey = decided_grey(source.grey(tile_pass.silent), request.limits.edges, request.limits.edges)
     strips = state_strips(grey.shape, grey.dataset.file_block, work.tile)
@@ -162,14 +153,13 @@ def classify(
         outlined = drop_small_regions(outlined, source.geobox, request.min_area)
         bounds = _bounds(outlined.rings, source.geobox)
         ends = request.limits.occupied_above, 1.0
-        found = measured(outlined, info, ends, request.drawing, bounds)
-        objects = with_metadata(found, source, "classify", _metadata(request))
+        found = results.measured(outlined, info, ends, request.drawing, bounds)
+        objects = results.with_metadata(found, source, "classify", _metadata(request))
+    doubtful = ("occupied_in_free", "occupied_by_value", "unknown_in_free")
     classification = Classification(
         image=states.image,
         cells=states.pixels,
-        occupied_in_free=states.occupied_in_free,
-        occupied_by_value=states.occupied_by_value,
-        unknown_in_free=states.unknown_in_free,
+        **{name: getattr(states, name) for name in doubtful},
         restored=sum(states.thin.restored.values()),
         lost_obstacles=states.thin.lost,
         objects=objects,
@@ -211,8 +201,8 @@ def _warnings(name: str, states: ClassifiedStates, request: ClassifyRequest) -> 
 
 def _metadata(request: ClassifyRequest) -> dict[str, Any]:
     limits = {"free_below": request.limits.free_below, "occupied_above": request.limits.occupied_above}
-    segment = segment_facts(request.segment) | {"refine": request.refine}
-    return limits | segment | drawing_facts(request.drawing, None, request.min_area)
+    segment = results.segment_facts(request.segment) | {"refine": request.refine}
+    return limits | segment | results.drawing_facts(request)
 
 
 def _bounds(rings: Rings, geobox: GeoBox) -> dict[str, NDArray[np.float64]]:

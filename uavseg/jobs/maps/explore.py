@@ -66,22 +66,17 @@ class Explored:
             (about, {"type": "LineString", "coordinates": places if len(places) > 1 else places * 2})
         ]
         for number, scan in enumerate(drive.views, start=1):
+            driven = round(drive.metres[scan], 6)
             heading = round(math.degrees(drive.poses[scan].heading_rad) % 360, 3)
-            view = {
-                "view": number,
-                "scan": scan,
-                "heading_deg": heading,
-                "driven_m": round(drive.metres[scan], 6),
-            }
+            view = {"view": number, "scan": scan, "heading_deg": heading, "driven_m": driven}
             features.append((view, {"type": "Point", "coordinates": places[scan]}))
         return feature_collection(features)
 
     def table(self) -> str:
         """Return the scans as CSV: place, heading, metres driven and cells that are known."""
         lines = ["scan,x,y,heading_deg,driven_m,known_cells"]
-        for k, (pose, metres, known) in enumerate(
-            zip(self.drive.poses, self.drive.metres, self.drive.known, strict=True)
-        ):
+        scans = zip(self.drive.poses, self.drive.metres, self.drive.known, strict=True)
+        for k, (pose, metres, known) in enumerate(scans):
             heading = math.degrees(pose.heading_rad) % 360
             lines.append(f"{k},{pose.x:.6f},{pose.y:.6f},{heading:.3f},{metres:.6f},{known}")
         return "\n".join(lines) + "\n"
@@ -113,9 +108,8 @@ def explore(scene: str, request: ExploreRequest) -> Explored:
     explored = Explored(drive, knowable, tuple(warnings))
     if explored.share < _COMPLETE:
         known = f"only {100 * explored.share:.1f} % of what could be known is known"
-        warnings.append(
-            f"{known}; the rest was looked at in vain (a longer range, or smaller steps of the beams)"
-        )
+        why = "the rest was looked at in vain (a longer range, or smaller steps of the beams)"
+        warnings.append(f"{known}; {why}")
     return replace(explored, warnings=tuple(warnings))
 
 

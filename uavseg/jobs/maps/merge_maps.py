@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from uavseg.dataclass import dataclass
 from uavseg.errors import MapError, ParameterError
 from uavseg.execution.executors import decided, phase
-from uavseg.jobs.source.open_source import open_probability_map
-from uavseg.jobs.source.source import Pixels, ProbabilityMap
+from uavseg.jobs.source.open_source import map_of, open_probability_map
+from uavseg.jobs.source.source import Pixels
 from uavseg.occupancy.map_file import WritableMap
 from uavseg.occupancy.mapping.grid_io import check_cells
 from uavseg.occupancy.several_maps import PlacedMap, common_grid, cropped, merge
@@ -70,9 +70,7 @@ def read_map(source: Any, warnings: list[str]) -> PlacedMap:
     """Read a whole map of probabilities, exactly 0.5 where it is unknown; `warnings` grow."""
     if isinstance(source, str | os.PathLike) and Path(source).suffix.lower() in (".pgm", ".png", ".bmp"):
         raise MapError(f"{os.fspath(source)} is a picture without a position; give the .yaml of its map")
-    opened = open_probability_map(source)
-    if not isinstance(opened, ProbabilityMap):
-        raise ParameterError(f"{opened.path} is a block map; name the map that it was made from")
+    opened = map_of(open_probability_map(source), "name the map that it was made from")
     warnings.extend(opened.warnings)
     return placed_map(opened)
 

@@ -15,6 +15,7 @@ from uavseg.errors import MapError, ParameterError
 from uavseg.execution.executors import phase
 from uavseg.jobs.maps.classify import ClassifyRequest, classify
 from uavseg.jobs.maps.merge_maps import placed_map
+from uavseg.jobs.source.open_source import map_of
 from uavseg.jobs.source.source import Blocks, ProbabilityMap
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.occupancy.explore.frontiers import expected_bits
@@ -58,14 +59,9 @@ class ViewRequest:
 
 def view_request(options: NextViewOptions) -> ViewRequest:
     """Return the robot, its sensor and how many views are asked for."""
-    return ViewRequest(
-        options.pose,
-        options.range,
-        fov_deg=options.fov,
-        count=options.count,
-        clearance_m=options.clearance,
-        limits=StateLimits(options.free_below, options.occupied_above),
-    )
+    limits = StateLimits(options.free_below, options.occupied_above)
+    robot = options.pose, options.range, options.fov, options.count, options.clearance
+    return ViewRequest(*robot, limits=limits)
 
 
 @dataclass(frozen=True)
@@ -120,10 +116,7 @@ def pose_of(numbers: Sequence[float], name: str) -> Pose:
 def next_views(source: ProbabilityMap | Blocks, request: ViewRequest, work: Work = SERIAL) -> NextViews:
     """Find the views of a map from which a sensor would see what is unknown, in the order to go there."""
     work = work.begun()
-    if isinstance(source, Blocks):
-        raise ParameterError(
-            f"{source.path} is a block map; views are of single cells, so give the map itself"
-        )
+    source = map_of(source, "views are of single cells, so give the map itself")
     side, _, _ = placement(source.geobox)  # refuses cells that are not square or not in metres
     found = classify(source, ClassifyRequest(request.limits, objects=False), replace(work, progress=None))
     states = found.states
@@ -137,9 +130,8 @@ def next_views(source: ProbabilityMap | Blocks, request: ViewRequest, work: Work
     planner = ViewPlanner(states.shape, side, request.range_m, request.fov_deg, request.clearance_m)
     with phase("views"):
         tour = planner.tour(states, at)
-        views = (
-            () if tour is None else _ranked(planner, tour, states, probabilities, at, request, source.geobox)
-        )
+        given = states, probabilities, at, request, source.geobox
+        views = () if tour is None else _ranked(planner, tour, *given)
     notes = [*found.warnings]
     if not views:
         notes.append("nothing that a robot could see from where it can go is unknown: there is no next view")

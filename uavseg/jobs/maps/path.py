@@ -5,6 +5,7 @@ import time
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.jobs.extract import ExtractRequest, regions_of_pixels
+from uavseg.jobs.source.open_source import map_of
 from uavseg.jobs.source.source import Blocks, ProbabilityMap
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.occupancy.paths.find_path import FreeCells, PathParams, PlannedPath, find_path
@@ -36,13 +37,8 @@ def path_request(options: PathOptions) -> PathRequest:
         refine = "scan" if segment.method == "paper" else "pixels"
     if refine not in ("pixels", "scan"):
         raise ParameterError(f"regions of a path are refined by pixels or scan, not {refine}")
-    return PathRequest(
-        interval,
-        start=options.start,
-        goal=options.goal,
-        params=params,
-        segment=SegmentParams.from_options(segment.method, segment.threshold, segment.intensity_step, refine),
-    )
+    segment = SegmentParams.from_options(segment.method, segment.threshold, segment.intensity_step, refine)
+    return PathRequest(interval, start=options.start, goal=options.goal, params=params, segment=segment)
 
 
 @dataclass(frozen=True)
@@ -58,24 +54,17 @@ class PathFound:
 def path(source: ProbabilityMap | Blocks, request: PathRequest, work: Work = SERIAL) -> PathFound:
     """Find the shortest path between two positions in one region, over cells whose value is in range."""
     work = work.begun()
-    if isinstance(source, Blocks):
-        raise ParameterError(
-            f"{source.path} is a block map; a path follows the values of single cells, so give the map itself"
-        )
+    source = map_of(source, "a path follows the values of single cells, so give the map itself")
     free = free_cells(source, request, work)
     start = time.perf_counter()
     planned = find_path(free, request.start, request.goal, request.params, work.local)
     search_s = time.perf_counter() - start
-    return work.finished(
-        PathFound(path=planned, in_metres=source.in_metres, search_s=search_s, warnings=planned.warnings)
-    )
+    return work.finished(PathFound(planned, source.in_metres, search_s=search_s, warnings=planned.warnings))
 
 
 def free_cells(source: ProbabilityMap, request: PathRequest, work: Work = SERIAL) -> FreeCells:
     """Find the cells that a path may enter: in a region of `extract`, and their value in range."""
     regions = regions_of_pixels(source, ExtractRequest(request.interval, request.segment), work)
     assert regions.detected is not None, "an extraction holds its range"
-    grey = GreySource(source.dataset, regions.stretch)
-    return FreeCells(
-        source=grey, rings=regions.rings, interval=regions.detected.interval, warnings=regions.warnings
-    )
+    grey, interval = GreySource(source.dataset, regions.stretch), regions.detected.interval
+    return FreeCells(source=grey, rings=regions.rings, interval=interval, warnings=regions.warnings)

@@ -6,6 +6,7 @@ samples -> likeness of each class, against the samples of all others
 """
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,17 +14,9 @@ from numpy.typing import NDArray
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, SampleError
 from uavseg.execution.executors import decided, phase
-from uavseg.jobs.match.ranges_of_sample import color_sources
-from uavseg.jobs.result.result import (
-    Drawing,
-    Extraction,
-    SourceInfo,
-    confidence_facts,
-    drawing_facts,
-    filled,
-    measured,
-    with_metadata,
-)
+from uavseg.jobs.match.ranges_of_sample import LEAST_PARTING, color_sources
+from uavseg.jobs.result import result as results
+from uavseg.jobs.result.result import Drawing, Extraction, SourceInfo
 from uavseg.jobs.source.open_source import raster_of
 from uavseg.jobs.source.source import Source, detail_of
 from uavseg.jobs.source.work import SERIAL, Work
@@ -40,8 +33,6 @@ from uavseg.segmentation.pipeline import cells_to_refine, measure_block_maps_for
 from uavseg.segmentation.refine.detail import Detail
 from uavseg.segmentation.source import GreySource
 from uavseg.units import MAX_PIXEL_CLASSES
-
-_LEAST_PARTING = 0.15  # of the likeness of a class: that of its samples less that of the others
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,9 +69,8 @@ def match_classes(source: Source, request: MatchClassesRequest, work: Work = SER
     places = class_masks(request.classes, raster.geobox)
     detail = detail_of(request.detail, raster.geobox, request.refine)
     if len(places) > MAX_PIXEL_CLASSES:
-        raise SampleError(
-            f"{request.classes} has {len(places)} classes; at most {MAX_PIXEL_CLASSES} are told apart"
-        )
+        most = f"at most {MAX_PIXEL_CLASSES} are told apart"
+        raise SampleError(f"{request.classes} has {len(places)} classes; {most}")
     passes = work.over(raster).stages(3)
     grey = raster.grey(passes[0])
     bands = BlurredBands(color_sources(raster, grey, request.bands, passes[0].silent))
@@ -89,29 +79,24 @@ def match_classes(source: Source, request: MatchClassesRequest, work: Work = SER
     hints = [
         f"color hardly parts the samples of {name} from the others"
         for name, found in zip(places, likenesses, strict=True)
-        if found.table.separation < _LEAST_PARTING
+        if found.table.separation < LEAST_PARTING
     ]
     outlined, classes = outlines_by_classes(grey, likenesses, params, passes[1:], detail)
-    outlined = filled(grey, outlined, request.fill_holes, passes[-1])
+    outlined = results.filled(grey, outlined, request.fill_holes, passes[-1])
     outlined = drop_small_regions(outlined, grey.dataset.geobox, request.min_area)
     kind = classes.at(outlined.sums.firsts) - 1
     columns = {"class": np.array(list(places), object)[kind]}
     hints += [f"no region is of {name}" for n, name in enumerate(places) if not (kind == n).any()]
-    confidence = Confidence.of(
-        outlined,
-        lambda: OF_CLASSES.probability(class_terms(outlined, *alike(likenesses, kind))),
-        request.refine,
-        request.min_confidence,
-    )
-    result = measured(
-        outlined, SourceInfo.of(grey), (0.0, 1.0), request.drawing, columns, confidence=confidence
-    )
+    terms = partial(class_terms, outlined, *alike(likenesses, kind))
+    least = request.refine, request.min_confidence
+    confidence = Confidence.of(outlined, lambda: OF_CLASSES.probability(terms()), *least)
+    drawn = request.drawing, columns
+    result = results.measured(outlined, SourceInfo.of(grey), (0.0, 1.0), *drawn, confidence=confidence)
     if result.below_minimum and not len(result.regions):
         hints.append(none_confident(result.below_minimum, request.min_confidence))
-    metadata = {"classes": request.classes, "refine": request.refine, "bands": request.bands or None}
-    metadata |= confidence_facts(request.min_confidence)
-    metadata |= drawing_facts(request.drawing, request.fill_holes, request.min_area, request.detail)
-    return work.finished(with_metadata(result, raster, "match", metadata), *hints)
+    how = {"classes": request.classes, "refine": request.refine, "bands": request.bands or None}
+    metadata = how | {"min_confidence": request.min_confidence} | results.drawing_facts(request)
+    return work.finished(results.with_metadata(result, raster, "match", metadata), *hints)
 
 
 def learn_classes(
@@ -126,12 +111,8 @@ def learn_classes(
         with phase(f"colors of {name}"):
             colors = sample_colors(bands.bands, own, tile_pass, others, f"the sample of {name}", spread)
             found = colors.similarity(bands)
-        decided(
-            "%s: likeness %.3f in its samples, %.3f in the others",
-            name,
-            found.table.sample_mean,
-            found.table.other_mean,
-        )
+        means = found.table.sample_mean, found.table.other_mean
+        decided("%s: likeness %.3f in its samples, %.3f in the others", name, *means)
         likenesses.append(found)
     return likenesses
 

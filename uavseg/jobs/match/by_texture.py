@@ -10,6 +10,7 @@ measured -> sample: its histograms, and how unlike each other its own windows ar
 
 from collections.abc import Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,15 +43,13 @@ from uavseg.segmentation.blocks.leaves import cells_to_pixels
 from uavseg.segmentation.components import label_components
 from uavseg.segmentation.pipeline import measure_cells
 from uavseg.segmentation.refine.detail import Detail
+from uavseg.segmentation.sample import pixel_decision
 from uavseg.segmentation.sample.g_scores import NULL_SCORE, SCORE_UNITS, separability
-from uavseg.segmentation.sample.pixel_decision import (
-    DECISION_HALO,
-    PixelWeights,
-    classify_pixels,
-    undecided_cells,
-)
+from uavseg.segmentation.sample.pixel_decision import DECISION_HALO, PixelWeights
 from uavseg.segmentation.source import GreySource
 from uavseg.units import CELL, GREY_MAX
+
+Passes = Sequence[TilePass]
 
 _PIECE = Area(CELL * CELL, in_pixels=True)
 # A tile, its cells with those around it, and the edges of the regions that matches are clipped to, if any.
@@ -98,11 +97,7 @@ class TextureSearch:
 
 
 def search_texture(
-    grey: GreySource,
-    bands: Sequence[GreySource],
-    place: SampleMask,
-    request: MatchRequest,
-    passes: Sequence[TilePass],
+    grey: GreySource, bands: Sequence[GreySource], place: SampleMask, request: MatchRequest, passes: Passes
 ) -> TextureSearch:
     """Score all cells of a raster against a sample, in two passes; the intensity of `bands` counts too."""
     side = (request.window or fitting_window(place) or USUAL_WINDOWS[-1]) // CELL
@@ -117,16 +112,14 @@ def search_texture(
     return TextureSearch(grey, place, request, side, sample, criterion, scores, known.blocks.counts > 0)
 
 
-def regions_by_texture(
-    search: TextureSearch, passes: Sequence[TilePass], within: Rings | None = None
-) -> Extraction:
+def regions_by_texture(search: TextureSearch, passes: Passes, within: Rings | None = None) -> Extraction:
     """Return regions whose texture and intensity are like a sample's; arguments of `outlines_by_texture`."""
     outlined, scores = outlines_by_texture(search, passes, within)
     return _measured(search, outlined, scores, passes[1])
 
 
 def outlines_by_texture(
-    search: TextureSearch, passes: Sequence[TilePass], within: Rings | None = None
+    search: TextureSearch, passes: Passes, within: Rings | None = None
 ) -> tuple[RegionOutlines, CellScores]:
     """Outline regions whose texture and intensity are like a sample's, and score their cells, in two passes.
 
@@ -149,39 +142,35 @@ def outlines_by_texture(
 
 
 def _outlined(
-    search: TextureSearch, scores: CellScores, within: Rings | None, tile_pass: TilePass
+    search: TextureSearch, scores: CellScores, within: Rings | None, tiles: TilePass
 ) -> RegionOutlines:
     criterion, request = search.criterion, search.request
     matched = scores.best <= criterion.limit
     if request.refine == "none" and within is None:
-        return outline_segments(search.grey, matched.view(np.uint8), tile_pass)
+        return outline_segments(search.grey, matched.view(np.uint8), tiles)
     if request.refine == "none":
         cells = matched.view(np.uint8)
     else:
-        cells = undecided_cells(matched, search.valid & ~matched, search.side // 2)
+        cells = pixel_decision.undecided_cells(matched, search.valid & ~matched, search.side // 2)
     weights = PixelWeights.between(criterion.model, scores.rest, np.isfinite(request.intensity))
     detail = detail_of(request.detail, search.grey.dataset.geobox, request.refine)
-    return outline_matches(
-        search.grey, cells, criterion, weights, scores.rest_colors, tile_pass, within, detail
-    )
+    how = criterion, weights, scores.rest_colors, tiles, within, detail
+    return outline_matches(search.grey, cells, *how)
 
 
 def _measured(
-    search: TextureSearch, outlined: RegionOutlines, scores: CellScores, tile_pass: TilePass
+    search: TextureSearch, outlined: RegionOutlines, scores: CellScores, tiles: TilePass
 ) -> Extraction:
     """Return regions with their attributes; holes are filled before small ones are dropped."""
     grey, request, sample = search.grey, search.request, search.sample
-    outlined = filled(grey, outlined, request.fill_holes, tile_pass)
+    outlined = filled(grey, outlined, request.fill_holes, tiles)
     outlined = drop_small_regions(outlined, grey.dataset.geobox, request.min_area)
     bounds = sample.bounds(request.intensity)
     interval = bounds.low / GREY_MAX, bounds.high / GREY_MAX
-    confidence = Confidence.of(
-        outlined,
-        lambda: OF_TEXTURES.probability(texture_terms(outlined, parting_of(search))),
-        request.refine,
-        request.min_confidence,
-    )
-    more = {"similarity": sample.similarity(mean_scores(outlined, scores.best, tile_pass))}
+    how = request.refine, request.min_confidence
+    terms = partial(texture_terms, outlined)
+    confidence = Confidence.of(outlined, lambda: OF_TEXTURES.probability(terms(parting_of(search))), *how)
+    more = {"similarity": sample.similarity(mean_scores(outlined, scores.best, tiles))}
     return measured(outlined, SourceInfo.of(grey), interval, request.drawing, more, confidence=confidence)
 
 
@@ -215,9 +204,7 @@ def outline_matches(
     return TileStitcher(source.shape, windows, tiles).finish()
 
 
-def _match_job(
-    jobs: Sequence[tuple[Window, NDArray[np.uint8]]], tables: Sequence[EdgeTable] | None, k: int
-) -> _MatchJob:
+def _match_job(jobs: Sequence[Any], tables: Sequence[EdgeTable] | None, k: int) -> _MatchJob:
     return *jobs[k], None if tables is None else tables[k]
 
 
@@ -238,7 +225,7 @@ def _outline_match(
         known, edges = tile.mask, criterion.bin_edges
         names = lbp_symbols(tile.grey, known, edges), coarse_symbols(tile.grey, known, edges)
         planes = color_planes(criterion.colors, rest_colors, decided, DECISION_HALO)
-        pixels = classify_pixels(cells, tile.valid, tile.grey, names, weights, planes)
+        pixels = pixel_decision.classify_pixels(cells, tile.valid, tile.grey, names, weights, planes)
     else:
         pixels = cells_to_pixels(cells, tile.valid)
     if within is not None:

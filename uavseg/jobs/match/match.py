@@ -15,17 +15,10 @@ from numpy.typing import NDArray
 from uavseg.dataclass import dataclass
 from uavseg.execution.executors import decided, phase
 from uavseg.jobs.match.by_texture import TextureSample, TextureSearch, regions_by_texture, search_texture
-from uavseg.jobs.match.ranges_of_sample import band_sources, color_sources
+from uavseg.jobs.match.ranges_of_sample import LEAST_PARTING, band_sources, color_sources
 from uavseg.jobs.match.request import MatchRequest
-from uavseg.jobs.result.result import (
-    Extraction,
-    SourceInfo,
-    confidence_facts,
-    drawing_facts,
-    filled,
-    measured,
-    with_metadata,
-)
+from uavseg.jobs.result import result as results
+from uavseg.jobs.result.result import Extraction, SourceInfo
 from uavseg.jobs.source.open_source import raster_of
 from uavseg.jobs.source.source import Raster, Source, detail_of
 from uavseg.jobs.source.work import SERIAL, Work
@@ -46,9 +39,10 @@ from uavseg.segmentation.sample.similarity_table import SimilarityTable
 from uavseg.segmentation.source import GreySource
 from uavseg.units import GREY_MAX
 
-_LEAST_PARTING = 0.15  # of likeness: that of the sample less that of the raster, where color parts them
 _LEAST_WINDOW = 24  # pixels: smaller ones tell textures apart where these differ much
 _LEAST_SEPARABILITY = 0.8  # of the scores of smaller windows
+Masks = Sequence[SampleMask]
+
 _HARDLY = "color hardly parts the sample from the rest of the raster; texture may (--by texture)"
 _MIXED = "color hardly parts the samples of what is wanted from the others; give bands or an index that does"
 _NEITHER = (
@@ -77,9 +71,7 @@ class Match:
         """Where to look for a further sample, as a line with what to type."""
         if self.next_sample is None:
             return None
-        x, y, radius = (
-            f"{value:.15g}" for value in (self.next_sample.x, self.next_sample.y, self.next_sample.radius)
-        )
+        x, y, radius = (f"{getattr(self.next_sample, name):.15g}" for name in ("x", "y", "radius"))
         disc = f"{x},{y},{radius}"
         return f"undecided is what lies at {x}, {y}: look there, and add --like {disc} or --unlike {disc}"
 
@@ -107,16 +99,12 @@ def match(source: Source, request: MatchRequest, work: Work = SERIAL) -> Match:
         hints.append(_MIXED if not request.is_one else _HARDLY if request.by == "color" else _NEITHER)
     if result.found.below_minimum and not len(result.found.regions):
         hints.append(none_confident(result.found.below_minimum, request.min_confidence))
-    found = with_metadata(result.found, raster, "match", _facts(request, result))
+    found = results.with_metadata(result.found, raster, "match", _facts(request, result))
     return replace(result, found=work.finished(found, *hints))
 
 
 def _compared(
-    raster: Raster,
-    grey: GreySource,
-    places: Sequence[SampleMask],
-    request: MatchRequest,
-    passes: Sequence[TilePass],
+    raster: Raster, grey: GreySource, places: Masks, request: MatchRequest, passes: Sequence[TilePass]
 ) -> Match:
     """Compare texture alone; or color, and unless that alone is chosen, texture where it tells more."""
 
@@ -143,16 +131,15 @@ def _compared(
         inner = inner_cells(outlined.rings, raster.geobox.shape, passes[5].silent)
         if is_bimodal(search.scores.best[inner], search.criterion.limit):
             decided("texture clearly parts what has the colors of the sample")
-            return Match(
-                regions_by_texture(search, passes[5:7], outlined.rings), similarity.table, search.how
-            )
+            found = regions_by_texture(search, passes[5:7], outlined.rings)
+            return Match(found, similarity.table, search.how)
     found = regions_by_color(grey, similarity, outlined, request, passes[2])
     return Match(found, similarity.table, None, proposed)
 
 
 def _parts(table: SimilarityTable) -> bool:
     """Return whether color parts the sample from the rest of the raster."""
-    return table.separation >= _LEAST_PARTING
+    return table.separation >= LEAST_PARTING
 
 
 def _facts(request: MatchRequest, made: Match) -> dict[str, Any]:
@@ -165,36 +152,27 @@ def _facts(request: MatchRequest, made: Match) -> dict[str, Any]:
         any_intensity = made.color is not None or not np.isfinite(request.intensity)
         metadata |= {"intensity": "any" if any_intensity else request.intensity}
     metadata |= {"refine": request.refine, "bands": request.bands or None}
-    metadata |= confidence_facts(request.min_confidence)
+    metadata |= {"min_confidence": request.min_confidence}
     if made.next_sample is not None:
         metadata |= {"next_sample": _fact(made.next_sample)}
-    return metadata | drawing_facts(request.drawing, request.fill_holes, request.min_area, request.detail)
+    return metadata | results.drawing_facts(request)
 
 
 def _fact(like: Disc | str) -> list[float] | str:
     return [like.x, like.y, like.radius] if isinstance(like, Disc) else like
 
 
-def learn(
-    bands: Sequence[GreySource],
-    places: Sequence[SampleMask],
-    unlike: Sequence[SampleMask],
-    tile_pass: TilePass,
-) -> SimilaritySource:
+def learn(bands: Sequence[GreySource], places: Masks, unlike: Masks, tile_pass: TilePass) -> SimilaritySource:
     """Return the raster as likeness to samples, and not to others."""
     with phase("colours of the sample"):
         result = sample_colors(bands, places, tile_pass, unlike).similarity(BlurredBands(bands))
-    decided(
-        "likeness %.3f in the sample, %.3f in the raster", result.table.sample_mean, result.table.raster_mean
-    )
+    means = result.table.sample_mean, result.table.raster_mean
+    decided("likeness %.3f in the sample, %.3f in the raster", *means)
     return result
 
 
 def outlines_by_color(
-    similarity: SimilaritySource,
-    request: MatchRequest,
-    samples: Sequence[SampleMask],
-    passes: Sequence[TilePass],
+    similarity: SimilaritySource, request: MatchRequest, samples: Masks, passes: Sequence[TilePass]
 ) -> tuple[RegionOutlines, Disc | None]:
     """Return outlines where likeness is one half and more, and the best next sample; in two passes."""
     params = SegmentParams(refine="none") if request.refine == "none" else SegmentParams()
@@ -211,28 +189,19 @@ def outlines_by_color(
 
 
 def regions_by_color(
-    grey: GreySource,
-    similarity: SimilaritySource,
-    outlined: RegionOutlines,
-    request: MatchRequest,
-    tile_pass: TilePass,
+    grey: GreySource, like: SimilaritySource, outlined: RegionOutlines, request: MatchRequest, tiles: TilePass
 ) -> Extraction:
     """Return outlines of `outlines_by_color` as regions, with attributes of the intensity `grey`."""
-    outlined = filled(similarity, outlined, request.fill_holes, tile_pass)
+    outlined = results.filled(like, outlined, request.fill_holes, tiles)
     outlined = drop_small_regions(outlined, grey.dataset.geobox, request.min_area)
-    shares = similarity_of(outlined, similarity.table.sample_mean)
-    alike = shares, similarity.table.sample_mean - similarity.table.raster_mean
-    confidence = Confidence.of(
-        outlined,
-        lambda: OF_MATCHES.probability(match_terms(outlined, *alike)),
-        request.refine,
-        request.min_confidence,
-    )
+    shares = similarity_of(outlined, like.table.sample_mean)
+    alike = shares, like.table.sample_mean - like.table.raster_mean
+    how = request.refine, request.min_confidence
+    confidence = Confidence.of(outlined, lambda: OF_MATCHES.probability(match_terms(outlined, *alike)), *how)
     with phase("attributes and drawing"):
-        outlined = replace(outlined, sums=sum_regions(grey, outlined, tile_pass))
-        info = SourceInfo.of(grey)
-        more = {"similarity": shares}
-        return measured(outlined, info, (0.0, 1.0), request.drawing, more, confidence=confidence)
+        outlined = replace(outlined, sums=sum_regions(grey, outlined, tiles))
+        drawn = request.drawing, {"similarity": shares}
+        return results.measured(outlined, SourceInfo.of(grey), (0.0, 1.0), *drawn, confidence=confidence)
 
 
 def similarity_of(outlined: RegionOutlines, own: float) -> NDArray[np.float64]:

@@ -34,7 +34,7 @@ from uavseg.segmentation.source import GreySource
 from uavseg.units import GREY_MAX
 
 _MOST_BANDS = 16  # that are compared unless they are chosen
-_LEAST_PARTING = 0.15  # of likeness: that of the sample less that of the raster, where color parts them
+LEAST_PARTING = 0.15  # of likeness: that of the sample less that of the raster, where color parts them
 _LEAST_AGREEMENT = 0.5
 _SIMPLER = {"band": 0.02, "index": 0.01, "sum": 0.0}  # agreement that what is simpler to read may lack
 _HARDLY = (
@@ -227,9 +227,8 @@ def ranges_of_sample(raster: Raster, request: SuggestLikeRequest, work: Work = S
     """
     work = work.begun()
     [tile_pass] = work.over(raster).stages(1)
-    places, others = (
-        [sample_mask(one, raster.geobox) for one in several] for several in (request.like, request.unlike)
-    )
+    places = [sample_mask(one, raster.geobox) for one in request.like]
+    others = [sample_mask(one, raster.geobox) for one in request.unlike]
     options = raster.options
     alone = not request.bands and (options.band is not None or options.formula.is_formula)
     bands = [] if alone or raster.dataset.choice.expanded else _bands(raster, request.bands)
@@ -246,11 +245,15 @@ def ranges_of_sample(raster: Raster, request: SuggestLikeRequest, work: Work = S
             ranges = _as_chosen(raster, sources[0], colors, similarity)
     info = SourceInfo.of(sources[0])
     hints = []
-    if table.separation < _LEAST_PARTING:
+    if table.separation < LEAST_PARTING:
         hints.append(_HARDLY)
     elif not ranges or ranges[0].agreement < _LEAST_AGREEMENT:
         hints.append(_MIXED.format(ranges[0].agreement if ranges else 0))
     return work.finished(SampleRanges(tuple(ranges), info, raster.warnings), *hints)
+
+
+Greys = Sequence[GreySource]
+Ranges = list[SampleRange]
 
 
 def _bands(raster: Raster, wanted: Sequence[int | str]) -> list[int]:
@@ -269,9 +272,7 @@ def _bands(raster: Raster, wanted: Sequence[int | str]) -> list[int]:
     return result
 
 
-def _as_chosen(
-    raster: Raster, source: GreySource, colors: SampledColors, similarity: Floats
-) -> list[SampleRange]:
+def _as_chosen(raster: Raster, source: GreySource, colors: SampledColors, similarity: Floats) -> Ranges:
     """Return the range of the one number per pixel that was chosen."""
     axis = axis_of(source.dataset, source.stretch) or ValueAxis(source.stretch.low, source.stretch.high)
     points, own = (axis.values(values[:, 0] / GREY_MAX) for values in (colors.points, colors.sample))
@@ -285,12 +286,8 @@ def _as_chosen(
 
 
 def _of_bands(
-    raster: Raster,
-    sources: Sequence[GreySource],
-    bands: Sequence[int],
-    colors: SampledColors,
-    similarity: Floats,
-) -> list[SampleRange]:
+    raster: Raster, sources: Greys, bands: Sequence[int], colors: SampledColors, similarity: Floats
+) -> Ranges:
     """Return the best range of each kind of feature."""
     options, layout = raster.options, raster.dataset.mosaic.files[0].layout
     scales = {band: scale_of(source.dataset) for band, source in zip(bands, sources, strict=True)}
@@ -320,9 +317,7 @@ def _of_bands(
     return ranges
 
 
-def _stored(
-    sources: Sequence[GreySource], bands: Sequence[int], greys: NDArray[np.uint16]
-) -> dict[int, Floats]:
+def _stored(sources: Greys, bands: Sequence[int], greys: NDArray[np.uint16]) -> dict[int, Floats]:
     """Stored numbers of pixels of each band, from their greys."""
     result = {}
     for band, source, column in zip(bands, sources, greys.T, strict=True):
@@ -346,9 +341,7 @@ def _rounded(value: float, step: float) -> float:
     return round(value, decimals) + 0.0
 
 
-def color_sources(
-    raster: Raster, grey: GreySource, bands: Sequence[int | str], tile_pass: TilePass
-) -> list[GreySource]:
+def color_sources(raster: Raster, grey: GreySource, bands: Sequence[int | str], tile_pass: TilePass) -> Greys:
     """Return the chosen bands, or those whose luminance is the intensity, or the intensity itself."""
     if bands or (raster.dataset.choice.formula is None and len(raster.dataset.bands) > 1):
         return band_sources(raster, bands or raster.dataset.bands, tile_pass)

@@ -53,9 +53,8 @@ class MatchRequest:
         if not 0 < self.similarity <= 1:
             raise ParameterError(f"a similarity is above 0 and at most 1, not {self.similarity:g}")
         if not self.intensity >= 0:
-            raise ParameterError(
-                f"an intensity is a number of deviations that is not negative, not {self.intensity:g}"
-            )
+            why = "an intensity is a number of deviations that is not negative"
+            raise ParameterError(f"{why}, not {self.intensity:g}")
         if self.bands and math.isinf(self.intensity):
             raise ParameterError("an infinite intensity compares texture alone; leave the bands out, or it")
         if self.refine not in ("pixel", "none"):
@@ -63,9 +62,8 @@ class MatchRequest:
         if self.by not in ("auto", "color", "texture"):
             raise ParameterError(f"regions are compared by auto, color or texture, not {self.by!r}")
         if self.by == "color" and self.chooses_texture:
-            raise ParameterError(
-                "window, similarity and intensity are of texture, and not of color; leave them out"
-            )
+            why = "window, similarity and intensity are of texture, and not of color"
+            raise ParameterError(f"{why}; leave them out")
 
     @property
     def chooses_texture(self) -> bool:

@@ -20,7 +20,7 @@ from uavseg.errors import ParameterError
 from uavseg.jobs.source.source import Blocks, Raster, Source
 from uavseg.options.reading import ReadOptions
 from uavseg.plain_text import printable
-from uavseg.raster.grid.geobox import GeoBox, Length
+from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import TilePass
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.intensity.value_range import DetectedRange, axis_of
@@ -35,9 +35,8 @@ from uavseg.segmentation.blocks.block_file import Origin
 from uavseg.segmentation.params.segment import SegmentParams
 from uavseg.segmentation.source import GreySource
 
-_BANDS = re.compile(
-    r"band (\d{1,6})|luminance of bands (\d{1,6}),(\d{1,6}),(\d{1,6})"
-)  # see `BandChoice.name`
+_BANDS = re.compile(r"band \d{1,6}|luminance of bands \d{1,6}(,\d{1,6}){2}")  # see `BandChoice.name`
+_CHOSEN = ("nodata", "index", "expr", "band_names", "flatten")
 # by what they result in
 _SAID_OTHERWISE = (
     *("band", "rgb", "index", "expr", "band_names", "stretch"),
@@ -45,14 +44,12 @@ _SAID_OTHERWISE = (
 )
 
 
-def filled(
-    grey: GreySource, outlined: RegionOutlines, smallest: Area | None, tile_pass: TilePass
-) -> RegionOutlines:
+def filled(grey: GreySource, outlined: RegionOutlines, area: Area | None, tiles: TilePass) -> RegionOutlines:
     """Fill holes of less than an area, with the sums of all pixels that regions then enclose."""
-    if smallest is None:
+    if area is None:
         return outlined
-    found = fill_small_holes(outlined, grey.dataset.geobox, smallest)
-    return outlined if found is outlined else replace(found, sums=sum_regions(grey, found, tile_pass))
+    found = fill_small_holes(outlined, grey.dataset.geobox, area)
+    return outlined if found is outlined else replace(found, sums=sum_regions(grey, found, tiles))
 
 
 @dataclass(frozen=True)
@@ -166,18 +163,8 @@ def measured(
     regions = with_values(regions, sums, info.axis, None if detected is None else detected.ends)
     columns = {"id": regions.columns["id"], **more} | regions.columns
     regions = drawing.drawn(replace(regions, columns=columns), rings, info.geobox)
-    return Extraction(
-        regions,
-        rings,
-        info.geobox,
-        info.stretch,
-        info.band_names,
-        info.warnings,
-        in_metres=info.in_metres,
-        axis=info.axis,
-        detected=detected,
-        below_minimum=below_minimum,
-    )
+    about = info.geobox, info.stretch, info.band_names, info.warnings, info.in_metres, info.axis
+    return Extraction(regions, rings, *about, detected=detected, below_minimum=below_minimum)
 
 
 def _kept(ends: ArrayLike, kept: NDArray[np.bool_]) -> ArrayLike:
@@ -186,18 +173,9 @@ def _kept(ends: ArrayLike, kept: NDArray[np.bool_]) -> ArrayLike:
 
 def with_metadata(found: Extraction, source: Source, job: str, how: Mapping[str, Any]) -> Extraction:
     """Return a result whose regions say what they were made from, and `how` (as JSON has it; no None)."""
-    stretch = found.stretch
-    facts = {
-        "software": f"uavseg {__version__}",
-        "job": job,
-        "sources": _names(source),
-        "band": found.band_names,
-        **_reading(source),
-        "stretch": stretch.name,
-        "stretch_low": stretch.low,
-        "stretch_high": stretch.high,
-        **how,
-    }
+    stretch, made = found.stretch, {"software": f"uavseg {__version__}", "job": job}
+    facts = {**made, "sources": _names(source), "band": found.band_names, **_reading(source)}
+    facts |= {"stretch": stretch.name, "stretch_low": stretch.low, "stretch_high": stretch.high, **how}
     known = {name: _plain(value) for name, value in facts.items() if value is not None}
     return replace(found, regions=replace(found.regions, metadata=known))
 
@@ -212,20 +190,12 @@ def same_reading(metadata: Mapping[str, Any], raster: Raster) -> ReadOptions | N
     if not isinstance(named, list) or [Path(str(name)).name for name in named] != ours:
         return None
     read = str(metadata.get("band"))
-    bands = [int(number) for number in re.findall(r"\d+", read)] if _BANDS.fullmatch(read) else []
+    bands = tuple(map(int, re.findall(r"\d+", read))) if _BANDS.fullmatch(read) else ()
     try:
         ends = float(metadata["stretch_low"]), float(metadata["stretch_high"])
-        return replace(
-            raster.options,
-            band=bands[0] if len(bands) == 1 else None,
-            rgb=(bands[0], bands[1], bands[2]) if len(bands) == 3 else None,
-            nodata=metadata.get("nodata"),
-            stretch=Stretch(*ends, str(metadata.get("stretch"))),
-            index=metadata.get("index"),
-            expr=metadata.get("expr"),
-            band_names=metadata.get("band_names"),
-            flatten=metadata.get("flatten"),
-        )
+        chosen: dict[str, Any] = {name: metadata.get(name) for name in _CHOSEN}
+        chosen |= {"band": bands[0] if len(bands) == 1 else None, "rgb": bands if len(bands) == 3 else None}
+        return replace(raster.options, stretch=Stretch(*ends, str(metadata.get("stretch"))), **chosen)
     except (KeyError, ValueError, TypeError, ParameterError):
         return None
 
@@ -244,33 +214,16 @@ def range_facts(detected: DetectedRange | None, axis: ValueAxis | None) -> dict[
 def segment_facts(segment: SegmentParams) -> dict[str, Any]:
     """Return how blocks were divided and boundaries refined."""
     step = segment.intensity_step if segment.method == "adaptive" else None
-    return {
-        "method": segment.method,
-        "threshold": segment.threshold,
-        "intensity_step": step,
-        "refine": segment.refine,
-    }
+    how = {"method": segment.method, "threshold": segment.threshold}
+    return {**how, "intensity_step": step, "refine": segment.refine}
 
 
-def drawing_facts(
-    drawing: Drawing,
-    fill_holes: Area | None = None,
-    min_area: Area | None = None,
-    detail: Length | None = None,
-) -> dict[str, Any]:
-    """Return what was done to regions after they were outlined."""
-    return {
-        "detail": None if detail is None else str(detail),
-        "fill_holes": _area(fill_holes),
-        "min_area": _area(min_area),
-        "smooth_outline_m": drawing.smooth_m,
-        "simplify_m": drawing.simplify_m,
-    }
-
-
-def confidence_facts(minimum: float | None) -> dict[str, Any]:
-    """Return which regions were left out because of their confidence."""
-    return {} if minimum is None else {"min_confidence": minimum}
+def drawing_facts(request: Any) -> dict[str, Any]:
+    """Return what a request of regions does to them after they were outlined."""
+    detail, fill_holes = getattr(request, "detail", None), getattr(request, "fill_holes", None)
+    areas = {"fill_holes": _area(fill_holes), "min_area": _area(request.min_area)}
+    lengths = {"smooth_outline_m": request.drawing.smooth_m, "simplify_m": request.drawing.simplify_m}
+    return {"detail": None if detail is None else str(detail), **areas, **lengths}
 
 
 def _area(area: Area | None) -> str | None:
@@ -291,13 +244,10 @@ def _reading(source: Source) -> dict[str, Any]:
         return {"nodata": source.saved.origin.nodata, **_of_origin(source.saved.origin)}
     if not isinstance(source, Raster):
         return {}
-    chosen = {field.name: getattr(source.options, field.name) for field in fields(source.options)}
-    others = {
-        name: value
-        for name, value in chosen.items()
-        if name not in _SAID_OTHERWISE and not (isinstance(value, bool | tuple | None) and not value)
-    }
-    return others | _of_origin(source.origin)
+    names = [field.name for field in fields(source.options) if field.name not in _SAID_OTHERWISE]
+    chosen = {name: getattr(source.options, name) for name in names}
+    usual = [name for name, value in chosen.items() if isinstance(value, bool | tuple | None) and not value]
+    return {name: chosen[name] for name in names if name not in usual} | _of_origin(source.origin)
 
 
 def _of_origin(origin: Origin) -> dict[str, str | None]:

@@ -92,6 +92,13 @@ def pixels_of(source: Source, refusal: str = "") -> Raster | ProbabilityMap:
     return source
 
 
+def map_of(source: ProbabilityMap | Blocks, why: str) -> ProbabilityMap:
+    """Return the map itself; refuse a block map with ParameterError."""
+    if isinstance(source, Blocks):
+        raise ParameterError(f"{source.path} is a block map; {why}")
+    return source
+
+
 def raster_of(source: Source, refusal: str = "") -> Raster:
     """Return the source, a raster; a block map is refused as by `pixels_of`, others by RasterReadError."""
     pixels = pixels_of(source, refusal)
@@ -159,9 +166,8 @@ def _blocks(parts: Sequence[Any], options: ReadOptions) -> Blocks:
         raise ParameterError(f"{parts[0]} is a block map, which is no part of a mosaic; name it alone")
     if options.chooses_pixels or options.stretches("auto"):
         raise ParameterError("a block map has its bands, nodata and stretch already; leave these options out")
-    _refuse_flatten(
-        options, "the light of a block map was taken away when it was made (uavseg divide --flatten), or not"
-    )
+    why = "the light of a block map was taken away when it was made (uavseg divide --flatten), or not"
+    _refuse_flatten(options, why)
     return Blocks(read_block_map(parts[0]), os.fspath(parts[0]), options.skip_bad_tiles)
 
 
@@ -180,10 +186,9 @@ def _ros_map(parts: Sequence[Any], options: ReadOptions) -> ProbabilityMap:
 
 def _unknown_polarity(picture: Path) -> str:
     """Tell why a picture alone is refused, with its YAML file if there is one of the same name."""
-    described = next(
-        (path for ending in (".yaml", ".yml") if (path := picture.with_suffix(ending)).exists()), None
-    )
-    hint = "the YAML file of the map" if described is None else f"{described.name}, which is beside it"
+    beside = [picture.with_suffix(ending) for ending in (".yaml", ".yml")]
+    named = [f"{path.name}, which is beside it" for path in beside if path.exists()]
+    hint = [*named, "the YAML file of the map"][0]
     return (
         f"{picture.name} is a picture without its YAML file, which says whether free is white or black and "
         f"how large a cell is; give {hint}, or else --free-is-white or --free-is-black"

@@ -3,6 +3,7 @@
 from dataclasses import field, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,7 +57,7 @@ def detail_of(length: Length | None, geobox: GeoBox, refine: str, cover: bool = 
     return Detail(rows, cols, cover)
 
 
-def refuse_without_pixels(length: Length | None, refine: str) -> None:
+def refuse_at_cells(length: Length | None, refine: str) -> None:
     """Refuse a detail, or a refinement by the values of pixels, where there is a block map alone."""
     if refine == "pixels":
         raise ParameterError(
@@ -261,9 +262,8 @@ class Blocks:
     def grey(self, raster: Pixels, tile_pass: TilePass) -> GreySource:
         """Return the pixels of its raster, as it was made from them."""
         assert isinstance(raster.stretch, Stretch), "that of the block map, or of a map of probabilities"
-        return GreySource(
-            raster.cleaned(tile_pass.silent), raster.stretch, illumination=self.saved.illumination
-        )
+        cleaned = raster.cleaned(tile_pass.silent)
+        return GreySource(cleaned, raster.stretch, illumination=self.saved.illumination)
 
     @cached_property
     def raster(self) -> Raster | ProbabilityMap | None:
@@ -277,18 +277,10 @@ class Blocks:
             return None
         if is_ros_map(paths[0]):
             return ProbabilityMap(*open_map(paths[0]), ros_map=paths[0])
-        stretch = self.saved.stretch
-        options = ReadOptions(
-            band=origin.band,
-            rgb=origin.rgb,
-            index=origin.words.index,
-            expr=origin.words.expr,
-            band_names=origin.words.names,
-            nodata=origin.nodata,
-            stretch=stretch,
-            collar=origin.collar,
-            skip_bad_tiles=self.skip_bad_tiles,
-        )
+        stretch, words = self.saved.stretch, origin.words
+        chosen: dict[str, Any] = {name: getattr(origin, name) for name in ("band", "rgb", "nodata", "collar")}
+        chosen |= {"index": words.index, "expr": words.expr, "band_names": words.names}
+        options = ReadOptions(**chosen, stretch=stretch, skip_bad_tiles=self.skip_bad_tiles)
         return Raster(options.open(paths), stretch, options, tuple(paths))
 
 

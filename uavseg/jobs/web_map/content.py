@@ -63,18 +63,12 @@ def to_mercator(image: NDArray[np.uint8], geobox: GeoBox, ground: GroundGrid, si
     shape = (max(round((top - bottom) / step), 1), max(round((right - left) / step), 1))
     transform = Affine((right - left) / shape[1], 0, left, 0, -(top - bottom) / shape[0], top)
     placed = np.zeros((4, *shape), np.uint8)
+    grids = {"src_transform": geobox.transform, "src_crs": geobox.crs}
+    grids |= {"dst_transform": transform, "dst_crs": WEB_MERCATOR}
     try:
         with gdal_env():
             for band, method in zip(range(4), [Resampling.bilinear] * 3 + [Resampling.nearest], strict=True):
-                reproject(
-                    image[band],
-                    placed[band],
-                    src_transform=geobox.transform,
-                    src_crs=geobox.crs,
-                    dst_transform=transform,
-                    dst_crs=WEB_MERCATOR,
-                    resampling=method,
-                )
+                reproject(image[band], placed[band], **grids, resampling=method)
             content = webp_of(placed)
     except GDAL_ERRORS as error:
         raise RasterError(f"the picture cannot be drawn in Web Mercator ({cause_of(error)})") from error
@@ -108,9 +102,8 @@ class FieldMapRequest:
 
     def __post_init__(self) -> None:
         if not MIN_SIZE <= self.size <= MAX_SIZE:
-            raise ParameterError(
-                f"the longest side of the picture is {MIN_SIZE} to {MAX_SIZE} pixels, not {self.size}"
-            )
+            bounds = f"{MIN_SIZE} to {MAX_SIZE} pixels"
+            raise ParameterError(f"the longest side of the picture is {bounds}, not {self.size}")
 
 
 @dataclass(frozen=True)
@@ -166,7 +159,5 @@ def field_map(source: Source, request: FieldMapRequest = FieldMapRequest(), work
 
 def _cells(blocks: BlockMap, segment: SegmentParams) -> CellCodes:
     rows, cols = (-(-length // CELL) for length in blocks.shape)
-    codes, counts = leaf_codes(blocks, segment.division)[:rows, :cols], blocks.counts[:rows, :cols]
-    return CellCodes(
-        shape=blocks.shape, codes=np.ascontiguousarray(codes), counts=np.ascontiguousarray(counts)
-    )
+    codes = np.ascontiguousarray(leaf_codes(blocks, segment.division)[:rows, :cols])
+    return CellCodes(blocks.shape, codes, np.ascontiguousarray(blocks.counts[:rows, :cols]))

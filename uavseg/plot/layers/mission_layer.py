@@ -4,7 +4,7 @@ import os
 from collections.abc import Iterable, Sequence
 from dataclasses import field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from matplotlib.collections import LineCollection, PolyCollection
@@ -52,9 +52,7 @@ class MissionLayer:
     color: str = FLIGHT_COLORS[0]
 
     @classmethod
-    def of(
-        cls, mission: "Mission", frame: Frame, name: str = "", color: str = FLIGHT_COLORS[0]
-    ) -> "MissionLayer":
+    def of(cls, mission: "Mission", frame: Frame, name: str = "", color: str = FLIGHT_COLORS[0]) -> Self:
         """Place a mission in a picture; parameters as of the class."""
         from uavseg.flight.mission.estimate import flown_path
 
@@ -164,9 +162,8 @@ def mission_title(layers: Sequence[MissionLayer]) -> list[str]:
     estimates = [mission.estimate for mission in missions]
     items, shots = sum(len(one.items) for one in missions), sum(one.photographs for one in estimates)
     subject = "mission" if len(layers) == 1 else f"{len(layers)} flights"
-    estimate = estimate_text(
-        sum(one.distance_m for one in estimates), sum(one.duration_s for one in estimates)
-    )
+    metres, seconds = sum(one.distance_m for one in estimates), sum(one.duration_s for one in estimates)
+    estimate = estimate_text(metres, seconds)
     photographs = [f"{shots:,} photograph{'s' * (shots != 1)}"] if shots else []
     return [", ".join([f"{subject} of {items} items, {estimate}", *photographs])]
 
@@ -307,16 +304,8 @@ class PathLayer:
             return
         angles = np.radians(self.headings)
         ahead = 14 * point * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        ax.quiver(
-            *self.views.T,
-            *ahead.T,
-            color=_GOAL_COLOR,
-            angles="xy",
-            scale_units="xy",
-            scale=1,
-            width=0.004,
-            zorder=4.94,
-        )
+        units = {"angles": "xy", "scale_units": "xy", "scale": 1}
+        ax.quiver(*self.views.T, *ahead.T, color=_GOAL_COLOR, width=0.004, zorder=4.94, **units)
         ax.scatter(*self.views.T, marker="o", color=_GOAL_COLOR, label="views", **(edge | {"s": 26}))
 
 

@@ -13,6 +13,7 @@ from matplotlib.patches import Polygon
 from matplotlib.transforms import Affine2D
 from numpy.typing import NDArray
 
+from uavseg.arrays import Integers
 from uavseg.dataclass import dataclass
 from uavseg.errors import MapError, ParameterError, RasterError
 from uavseg.occupancy.ros.ros_map import is_ros_map, read_ros_map
@@ -37,17 +38,13 @@ _SIDE_BAND = 2  # band of a block map that holds the side of each leaf
 _LEAF_COLOR = "#ffd43b"
 
 File = str | os.PathLike[str]
+AnyStretch = Stretch | StretchSpec | str
 Contours = tuple[NDArray[np.float64], ...]
 _MAX_OVERSAMPLING = 1.5  # pixels of a raster beside one of the picture; with more, four become one
 
 
 def draw_raster(
-    ax: Any,
-    dataset: Dataset,
-    frame: Frame,
-    stretch: Stretch | StretchSpec | str,
-    collar: str = "keep",
-    in_color: bool = True,
+    ax: Any, dataset: Dataset, frame: Frame, stretch: AnyStretch, collar: str = "keep", in_color: bool = True
 ) -> str:
     """Draw a raster, hatched where it is invalid, and return what of it is drawn and the name of the stretch.
 
@@ -191,10 +188,9 @@ def contours_of(labels: NDArray[np.uint32], plot_from_pixel: Affine) -> Contours
 
 def _borders(labels: NDArray[np.uint32]) -> NDArray[np.uint8]:
     """Draw an RGBA picture: white along borders of segments, dark beside them."""
-    border = np.zeros(labels.shape, bool)
+    border, beside = np.zeros((2, *labels.shape), bool)
     border[:-1] |= labels[1:] != labels[:-1]
     border[:, :-1] |= labels[:, 1:] != labels[:, :-1]
-    beside = np.zeros(labels.shape, bool)
     beside[1:] |= border[:-1]
     beside[:, 1:] |= border[:, :-1]
     picture = np.zeros((*labels.shape, 4), np.uint8)
@@ -271,9 +267,8 @@ class LeavesLayer:
         dataset = Dataset.open(source, band=_SIDE_BAND)
         sides, sides_box = _read_band(dataset, frame, max_side)
         if sides.shape != cells.shape or not sides_box.transform.almost_equals(cells.transform):
-            raise RasterError(
-                f"{dataset.source} is not the block map of this raster; uavseg divide makes one"
-            )
+            what = "the block map of this raster"
+            raise RasterError(f"{dataset.source} is not {what}; uavseg divide makes one")
         if not np.isin(sides, _LEAF_SIDES).all():
             raise RasterError(f"{dataset.source} is not a block map; uavseg divide makes one")
         squares, lengths = leaf_squares(sides.astype(np.int64), box.shape)
@@ -290,9 +285,7 @@ class LeavesLayer:
         ax.add_collection(outlines)
 
 
-def leaf_squares(
-    sides: NDArray[np.int64], shape: tuple[int, int]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def leaf_squares(sides: Integers, shape: tuple[int, int]) -> tuple[Integers, Integers]:
     """List the leaves that cells of 8 x 8 pixels belong to: corners, (k, 4, 2), and sides, (k,), in pixels.
 
     `sides`, (m, n), are those of the leaf of each cell in pixels. Leaves are clipped to the shape of the

@@ -137,9 +137,8 @@ def _table_of_file(name: str) -> PolygonTable:
             vector_files.check_count(len(polygons), features, name)
     if polygons is None:
         raise RegionError(f"{name} is a table without geometry; give a file of polygons")
-    return PolygonTable(
-        _complete(polygons, name), metadata["crs"], dict(zip(metadata["fields"], columns, strict=True))
-    )
+    named = dict(zip(metadata["fields"], columns, strict=True))
+    return PolygonTable(_complete(polygons, name), metadata["crs"], named)
 
 
 def _table_of_parquet(name: str) -> PolygonTable:
@@ -151,11 +150,9 @@ def _table_of_parquet(name: str) -> PolygonTable:
         metadata = json.loads(table.schema.metadata[b"geo"])
         column = metadata["primary_column"]
         crs = metadata["columns"][column].get("crs", "OGC:CRS84")
-        return PolygonTable(
-            _complete(shapely.from_wkb(table[column].to_numpy()), name),
-            crs if isinstance(crs, str | None) else json.dumps(crs),
-            {key: table[key].to_numpy() for key in _DRAWN_COLUMNS if key in table.column_names},
-        )
+        polygons = _complete(shapely.from_wkb(table[column].to_numpy()), name)
+        drawn = {key: table[key].to_numpy() for key in _DRAWN_COLUMNS if key in table.column_names}
+        return PolygonTable(polygons, crs if isinstance(crs, str | None) else json.dumps(crs), drawn)
 
 
 def _complete(polygons: PolygonArray, name: str) -> PolygonArray:
@@ -238,9 +235,7 @@ def _is_scalar(value: Any) -> bool:
     return value is not None and np.ndim(value) == 0 and value == value
 
 
-def class_colors(
-    columns: Columns, palette: Sequence[str] = PALETTE
-) -> tuple[NDArray[np.object_], dict[str, str]] | None:
+def class_colors(columns: Columns, palette: Sequence[str] = PALETTE) -> tuple[Any, dict[str, str]] | None:
     """Return a colour for each region, and those of the legend by class; None with too many classes or none.
 
     The columns, (n,), have the names of classes in `class`, and colours such as "#ff8c1a" in `color` where

@@ -17,6 +17,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from uavseg.arrays import Path_
 from uavseg.dataclass import dataclass
 from uavseg.errors import OutputError, UavsegError
 from uavseg.flight.camera.camera import Photos
@@ -41,6 +42,7 @@ from uavseg.regions.formats.metadata import METADATA_KEY, about_file
 if TYPE_CHECKING:
     from uavseg.flight.mission.mission import Mission
 
+Json = dict[str, Any]
 DEFAULT_RANGE = (550, 1000)  # in steps of the slider
 _LARGE_BYTES = 10 << 20
 _FOOTPRINT_DECIMALS, _REGION_DECIMALS = 7, 9  # of degrees: a centimetre, a tenth of a millimetre
@@ -116,10 +118,7 @@ def asset(name: str) -> str:
 
 
 def page_of(
-    field_map: FieldMap,
-    regions: dict[str, Any] | None,
-    missions: Sequence[dict[str, Any]],
-    server: dict[str, Any] | None = None,
+    field_map: FieldMap, regions: Json | None, missions: Sequence[Json], server: Json | None = None
 ) -> bytes:
     """Render a map as HTML, with regions and missions as read here; `server` is what a server offers."""
     data = data_of(field_map, regions, missions) | {"server": server}
@@ -131,9 +130,7 @@ def title_of(field_map: FieldMap) -> str:
     return printable(field_map.info.name)
 
 
-def data_of(
-    field_map: FieldMap, regions: dict[str, Any] | None, missions: Sequence[dict[str, Any]]
-) -> dict[str, Any]:
+def data_of(field_map: FieldMap, regions: Json | None, missions: Sequence[Json]) -> Json:
     """Return the data for the page's program, values of JSON; parameters as of `page_of`."""
     return {
         "title": title_of(field_map),
@@ -222,17 +219,12 @@ def read_collection(regions: Any) -> dict[str, Any]:
     """Convert regions of a file or GeoDataFrame to GeoJSON features in WGS 84, with their metadata."""
     table = open_regions(regions)
     columns = {name: _values(column) for name, column in table.columns.items()}
-    rounded = shapely.transform(
-        shapely.orient_polygons(table.polygons), lambda xy: xy.round(_REGION_DECIMALS)
-    )
-    features = [
-        {
-            "type": "Feature",
-            "properties": {name: values[n] for name, values in columns.items()},
-            "geometry": shapely.geometry.mapping(polygon),
-        }
-        for n, polygon in enumerate(rounded)
-    ]
+    oriented = shapely.orient_polygons(table.polygons)
+    features = []
+    for n, polygon in enumerate(shapely.transform(oriented, lambda xy: xy.round(_REGION_DECIMALS))):
+        properties = {name: values[n] for name, values in columns.items()}
+        shape = shapely.geometry.mapping(polygon)
+        features.append({"type": "Feature", "properties": properties, "geometry": shape})
     is_path = isinstance(regions, str | os.PathLike)
     made = about_file(regions).metadata if is_path else regions.attrs.get(METADATA_KEY)
     return {"type": "FeatureCollection", **({METADATA_KEY: made} if made else {}), "features": features}
@@ -257,9 +249,7 @@ def first_range(collection: dict[str, Any] | None, info: SourceInfo) -> tuple[in
         return DEFAULT_RANGE
     features = [] if collection is None else collection["features"]
     ranges = {tuple(one["properties"].get(name) for name in ("range_low", "range_high")) for one in features}
-    if len(ranges) != 1:
-        return DEFAULT_RANGE
-    [ends] = ranges
+    ends = ranges.pop() if len(ranges) == 1 else (None, None)
     if not all(isinstance(end, float | int) and 0 <= end <= 1 for end in ends):
         return DEFAULT_RANGE
     low, high = (round(end * STEPS) for end in ends)
@@ -291,7 +281,7 @@ class PageFile:
     @classmethod
     def prepared(
         cls,
-        output: str | os.PathLike[str],
+        output: Path_,
         overwrite: bool,
         source: Any,
         regions: Any = None,
@@ -303,9 +293,8 @@ class PageFile:
         `source` are rasters, which the page must not replace.
         """
         if Path(output).suffix.lower() not in {".html", ".htm"}:
-            raise OutputError(
-                f"a map is an HTML file: expected a name that ends in .html, got {Path(output).name!r}"
-            )
+            why = "a map is an HTML file: expected a name that ends in .html"
+            raise OutputError(f"{why}, got {Path(output).name!r}")
         target = check_target(output, overwrite)
         keep_inputs([target], [source, regions, missions, camera])
         collection = None if regions is None else read_collection(regions)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.access import current_policy, is_address
+from uavseg.arrays import Path_
 from uavseg.dataclass import dataclass
 from uavseg.errors import RasterError, RasterReadError, UavsegError
 from uavseg.output.targets import check_not_inputs
@@ -116,10 +117,8 @@ def _is_finite(value: Any) -> bool:
 
 def _is_nodata(value: Any) -> bool:
     """Accept a number, as in earlier versions, or the text of a nodata value."""
-    return _is_number(value) or (
-        isinstance(value, str)
-        and (value == "none" or _is_number(value.removeprefix("only:").removeprefix(_ALSO)))
-    )
+    text = value.removeprefix("only:").removeprefix(_ALSO) if isinstance(value, str) else value
+    return value == "none" or _is_number(value) or _is_number(text)
 
 
 def _is_values(value: Any) -> bool:
@@ -223,20 +222,11 @@ def axis_of_header(header: dict[str, Any], stretch: Stretch) -> ValueAxis | None
 
 def header_text(saved: SavedBlocks) -> str:
     """Write the header of a block map as JSON, which `checked_header` accepts."""
-    origin = saved.origin
-    header = {
-        "rows": saved.geobox.shape[0],
-        "cols": saved.geobox.shape[1],
-        "low": saved.stretch.low,
-        "high": saved.stretch.high,
-        "stretch": saved.stretch.name,
-        "bands": saved.band_names,
-        "rasters": list(origin.rasters),
-        "folder": origin.folder,
-        "band": origin.band,
-        "rgb": origin.rgb,
-        "nodata": f"{_ALSO}{origin.nodata!r}" if isinstance(origin.nodata, float) else origin.nodata,
-    }
+    (rows, cols), stretch, origin = saved.geobox.shape, saved.stretch, saved.origin
+    nodata = f"{_ALSO}{origin.nodata!r}" if isinstance(origin.nodata, float) else origin.nodata
+    header: dict[str, Any] = {"rows": rows, "cols": cols, "low": stretch.low, "high": stretch.high}
+    header |= {"stretch": stretch.name, "bands": saved.band_names, "rasters": list(origin.rasters)}
+    header |= {"folder": origin.folder, "band": origin.band, "rgb": origin.rgb, "nodata": nodata}
     if origin.collar != "keep":
         header["collar"] = origin.collar
     if saved.illumination is not None:
@@ -342,9 +332,7 @@ def read_block_map(path: str | os.PathLike[str]) -> SavedBlocks:
     return SavedBlocks(blocks, geobox, stretch, header["bands"], origin, axis, illumination)
 
 
-def _read_page(
-    path: str | os.PathLike[str], page: int, shape: tuple[int, int], bands: int, dtype: Any
-) -> NDArray[Any]:
+def _read_page(path: Path_, page: int, shape: tuple[int, int], bands: int, dtype: Any) -> NDArray[Any]:
     content = read_geotiff(path, page, shape, bands)[0]
     if content.dtype != dtype:
         raise ValueError(f"page {page} is of {content.dtype}, not of {np.dtype(dtype)}")

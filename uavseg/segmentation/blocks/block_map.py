@@ -26,6 +26,8 @@ try:
 except ImportError:  # Windows
     resource = None
 
+Floats = NDArray[np.float64]
+
 _MAX_SIDE = 360  # pixels of a thumbnail
 _STRIP_BLOCKS = 64  # rows of blocks in a strip of `leaf_means_by_strip`
 
@@ -44,10 +46,8 @@ class BlockMap:
         """Allocate the block map of an image without valid pixels; see `check_memory`."""
         check_memory(shape)
         rows, cols = (-(-length // (8 * CELLS)) for length in shape)
-        cells = (rows * CELLS, cols * CELLS)
-        return cls(
-            shape, np.zeros(cells, np.uint32), np.zeros(cells, np.uint8), np.zeros((rows, cols, RATIOS))
-        )
+        cells, ratios = (rows * CELLS, cols * CELLS), np.zeros((rows, cols, RATIOS))
+        return cls(shape, np.zeros(cells, np.uint32), np.zeros(cells, np.uint8), ratios)
 
     @property
     def blocks(self) -> tuple[int, int]:
@@ -84,9 +84,7 @@ def find_leaves(
     return side, mean
 
 
-def leaf_means_by_strip(
-    blocks: BlockMap, division: DivisionParams
-) -> Iterator[tuple[slice, NDArray[np.float64]]]:
+def leaf_means_by_strip(blocks: BlockMap, division: DivisionParams) -> Iterator[tuple[slice, Floats]]:
     """Yield the means of `find_leaves` strip by strip: rows of cells, and their (m, 8 C) float64 array."""
     for top in range(0, blocks.blocks[0], _STRIP_BLOCKS):
         _, mean = find_leaves(blocks, division, slice(top, top + _STRIP_BLOCKS))

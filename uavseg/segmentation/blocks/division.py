@@ -24,15 +24,14 @@ from uavseg.segmentation.blocks.lbp import (
 )
 from uavseg.units import BLOCK
 
+Mask = NDArray[np.uint8]
+
 RATIOS = 21  # of one block: side 64, then four of side 32, then sixteen of side 16, each row by row
 ALL_RATIOS = np.uint32((1 << RATIOS) - 1)  # bit mask
 
 
 def block_ratios(
-    grey: NDArray[np.uint16],
-    valid: NDArray[np.uint8] | None,
-    bin_edges: NDArray[np.int32],
-    corners: NDArray[np.int64],
+    grey: NDArray[np.uint16], valid: Mask | None, bin_edges: NDArray[np.int32], corners: NDArray[np.int64]
 ) -> NDArray[np.float64]:
     """Compute R of blocks of 64 x 64 pixels and of the blocks of 32 and 16 within them.
 
@@ -52,7 +51,7 @@ def block_ratios(
 
 def selected_ratios(
     grey: NDArray[np.uint16],
-    valid: NDArray[np.uint8] | None,
+    valid: Mask | None,
     bin_edges: NDArray[np.int32],
     corners: NDArray[np.int64],
     selected: NDArray[np.uint32],

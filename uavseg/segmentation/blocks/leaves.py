@@ -11,6 +11,8 @@ from uavseg.segmentation.blocks.block_map import BlockMap, leaf_means_by_strip
 from uavseg.segmentation.params.segment import DivisionParams, IntensityRange, Partition
 from uavseg.units import GREY_LEVELS, GREY_MAX
 
+Mask = NDArray[np.uint8]
+
 STEPS = 1000
 NO_CODE = 65535
 
@@ -61,9 +63,7 @@ def cells_to_pixels(cells: NDArray[Any], valid: NDArray[np.uint8]) -> NDArray[An
     return pixels
 
 
-def pixels_in_range(
-    grey: NDArray[np.uint16], valid: NDArray[np.uint8], low: int, high: int
-) -> NDArray[np.uint8]:
+def pixels_in_range(grey: NDArray[np.uint16], valid: Mask, low: int, high: int) -> Mask:
     """Return the valid pixels whose grey lies in low..high, both ends included, see `IntensityRange.greys`.
 
     All arrays are (M, N); `low` is larger than `high` where no grey lies in the range.
@@ -73,9 +73,7 @@ def pixels_in_range(
     return in_range
 
 
-def pixel_classes(
-    grey: NDArray[np.uint16], valid: NDArray[np.uint8], table: NDArray[np.uint8]
-) -> NDArray[np.uint8]:
+def pixel_classes(grey: NDArray[np.uint16], valid: Mask, table: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Return the class of each pixel's grey by a (65536,) table, 0 where not valid; all others are (M, N)."""
     classes = np.empty_like(valid)
     _pixel_classes(grey.reshape(-1), valid.reshape(-1), table, classes.reshape(-1))

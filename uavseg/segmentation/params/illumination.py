@@ -18,6 +18,7 @@ _STRIP = 256  # rows of squares that are fitted at once
 _TRUSTED, _REFUSED = 6.0, 12.0  # variance of the plane's value over that of the mean
 _RIDGE = 1e-9  # makes a plane of squares in one line determined, and changes no other by half a grey
 
+Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 Moments = dict[tuple[int, int], Floats]
 
@@ -30,9 +31,7 @@ class Illumination:
     step: int  # side of a square in pixels, a power of two
     target: int  # mean grey of all valid pixels
 
-    def subtract_from(
-        self, grey: NDArray[np.uint16], valid: NDArray[np.bool_] | None, corner: tuple[int, int]
-    ) -> None:
+    def subtract_from(self, grey: NDArray[np.uint16], valid: Bools | None, corner: tuple[int, int]) -> None:
         """Replace grey by clip(grey − illumination + target, 0, 65535), in place; invalid pixels stay 0.
 
         `corner` is the row and column of the first pixel within the raster.

@@ -204,9 +204,8 @@ class Levels(_OfLevels):
         if not 0 < self.width <= 1:
             raise ParameterError(f"the width of a level is above 0 and at most 1, not {self.width:g}")
         if 1 / self.width > GREY_MAX:
-            raise ParameterError(
-                f"levels of {self.width:g} are finer than the {GREY_LEVELS} greys; give a larger width"
-            )
+            why = f"levels of {self.width:g} are finer than the {GREY_LEVELS} greys"
+            raise ParameterError(f"{why}; give a larger width")
 
     @property
     def edges(self) -> tuple[float, ...]:
@@ -261,9 +260,8 @@ class Breaks(_OfLevels):
             given = ",".join(f"{edge:g}" for edge in self.edges)
             raise ParameterError(f"breaks increase, above 0 and below 1, such as 0.2,0.5; got {given}")
         if len(self.edges) >= GREY_MAX:
-            raise ParameterError(
-                f"there are {len(self.edges)} breaks, and no more than {GREY_MAX - 1} differ"
-            )
+            most = f"no more than {GREY_MAX - 1} differ"
+            raise ParameterError(f"there are {len(self.edges)} breaks, and {most}")
 
 
 def partition_of_levels(levels: Levels | Breaks) -> Partition:

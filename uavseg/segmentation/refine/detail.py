@@ -67,13 +67,10 @@ class PixelDisc:
 
 @dataclass(frozen=True, slots=True)
 class _Chords:
-    """Rows of a disc: first column and index of the length of each, and how lengths are built up.
-
-    Length k + 1 of `shifts` is the maximum of length k and of the same one shifted by `shifts[k]`.
-    """
+    """Rows of a disc: first column and index of the length of each, and how lengths are built up."""
 
     rows: NDArray[np.int64]
-    shifts: NDArray[np.int64]
+    shifts: NDArray[np.int64]  # length k + 1 is the maximum of length k and of the same shifted by shifts[k]
 
 
 @lru_cache(maxsize=64)
@@ -346,11 +343,8 @@ def _offsets(angle: float) -> tuple[Offsets, Offsets]:
         along = [(math.floor(t * down / across + 0.5), t) for t in half]
     else:
         along = [(t, math.floor(t * across / down + 0.5)) for t in half]
-    sides = [
-        (math.floor(side * far * across + 0.5), math.floor(-side * far * down + 0.5))
-        for side in (1, -1)
-        for far in _SIDES
-    ]
+    places = [(side * far * across, -side * far * down) for side in (1, -1) for far in _SIDES]
+    sides = [(math.floor(row + 0.5), math.floor(col + 0.5)) for row, col in places]
     return np.array(along, np.int64), np.array(sides, np.int64)
 
 

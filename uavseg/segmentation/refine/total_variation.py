@@ -22,6 +22,9 @@ from uavseg.segmentation.refine.noise import NOISE_SIDE, estimate_noise
 from uavseg.segmentation.refine.specks import drop_specks
 from uavseg.units import CELL, GREY_LEVELS
 
+Image = NDArray[np.uint8]
+Arrays = tuple[NDArray[Any], ...]
+
 SWEEPS = 5
 TV_HALO = 32  # columns, whole cells: a sweep reaches six columns, two along rows, two in each pair of rows
 MAX_WEIGHT = 16000  # in units of half a grey: difference plus flow fit 16 bits
@@ -36,11 +39,7 @@ _WEIGHT_PER_NOISE = 0.34  # weight of a pair of neighbours / standard deviation 
 
 
 def _classify_panels(
-    grey: NDArray[np.uint16],
-    valid: NDArray[np.uint8],
-    weights: NDArray[np.int16],
-    table: NDArray[np.uint8],
-    classes: NDArray[np.uint8],
+    grey: NDArray[np.uint16], valid: Image, weights: NDArray[np.int16], table: Image, classes: Image
 ) -> None:
     """Classify pixels by the class of their denoised grey, in place; unchanged pixels keep their class."""
     # M is even, N a multiple of 8. A cell has one weight, in units of half a grey, 0 to `MAX_WEIGHT`; between
@@ -50,9 +49,7 @@ def _classify_panels(
         _classify_tv(grey, valid, *panel, half_greys, *buffers, classes)
 
 
-def _panels(
-    weights: NDArray[np.int16], cols: int
-) -> Iterator[tuple[tuple[NDArray[Any], ...], tuple[NDArray[Any], ...]]]:
+def _panels(weights: NDArray[np.int16], cols: int) -> Iterator[tuple[Arrays, Arrays]]:
     """Yield the panels with active cells, each with its line buffers."""
     # A panel is the weights of its even columns with its halo, which are those of the odd ones too; its runs
     # of active chunks; its first column in the halo, its first column, and the column after its last.
@@ -98,7 +95,7 @@ def _find_runs(active, runs):  # type: ignore[no-untyped-def]
                 before = active[kind, row, chunk]
 
 
-def _line_buffers(half: int) -> tuple[NDArray[Any], ...]:
+def _line_buffers(half: int) -> Arrays:
     """Allocate the active lines: u, weights, diagonal weights, and flows of the eight groups of pairs."""
     # In a line, the pixels of even columns come first. A group touches no pixel twice. The last array, (8,
     # 2), holds the first pixel of each group in the upper and in the lower line. The two diagonals of a
@@ -232,12 +229,8 @@ def _classify_tv(  # type: ignore[no-untyped-def]
 
 
 def refine_by_tv(
-    inside: NDArray[np.uint8],
-    valid: NDArray[np.uint8],
-    grey: NDArray[np.uint16],
-    greys: tuple[int, int],
-    separate: bool = True,
-) -> NDArray[np.uint8]:
+    inside: Image, valid: Image, grey: NDArray[np.uint16], greys: tuple[int, int], separate: bool = True
+) -> Image:
     """Classify the pixels around a bound of a range by denoised v; the weights follow the local noise.
 
     Cells with pixels on both sides and the cells around them are denoised; all other pixels are decided by
@@ -254,12 +247,8 @@ def refine_by_tv(
 
 
 def refine_classes_by_tv(
-    classes: NDArray[np.uint8],
-    valid: NDArray[np.uint8],
-    grey: NDArray[np.uint16],
-    table: NDArray[np.uint8],
-    separate: bool = True,
-) -> NDArray[np.uint8]:
+    classes: Image, valid: Image, grey: NDArray[np.uint16], table: Image, separate: bool = True
+) -> Image:
     """Classify the pixels around the bounds of several classes by denoised v, in place.
 
     Each pixel gets the class of its denoised grey, so classes share their borders. With one class the result

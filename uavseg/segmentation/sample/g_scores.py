@@ -32,6 +32,7 @@ GREY_BINS = 64
 _LOG_SCALE = 1 << 20  # fixed point of n ln n
 _MIN_COVERAGE = (7, 8)  # share of a window's pixels that must be counted
 
+Image = NDArray[np.uint16]
 T = TypeVar("T", bound=np.integer[Any])
 _FEW = 32  # cells
 _SEPARABLE = 0.8  # minimum share of the variance between the two classes
@@ -75,11 +76,7 @@ class GreyBounds:
 
 
 def texture_model(
-    symbols: NDArray[np.uint16],
-    grey: NDArray[np.uint16],
-    cells: NDArray[np.uint8],
-    margin: int = 0,
-    coarse: NDArray[np.uint16] | None = None,
+    symbols: Image, grey: Image, cells: NDArray[np.uint8], margin: int = 0, coarse: Image | None = None
 ) -> TextureModel:
     """Count the textures and greys of selected cells of an image.
 

@@ -88,11 +88,8 @@ def _fit_seeded(sample: Points, mixture: Mixture, points: Points) -> Mixture:
     # of them show it.
     seed = _estimate(sample, np.ones((1, len(sample))))
     shares = np.append(mixture.shares * (1 - _SEED_SHARE), _SEED_SHARE)
-    seeded = Mixture(
-        np.concatenate([mixture.means, seed.means]),
-        np.concatenate([mixture.covariances, seed.covariances]),
-        shares,
-    )
+    covariances = np.concatenate([mixture.covariances, seed.covariances])
+    seeded = Mixture(np.concatenate([mixture.means, seed.means]), covariances, shares)
     everything = np.concatenate([points, sample])
     counts = np.ones(len(everything))
     counts[len(points) :] = RARE * len(points) / len(sample)

@@ -56,9 +56,8 @@ class SampleWeights:
         """
         means = np.sort(_sample_window_means(sample, background, side))
         lowest = means[len(means) * _SAMPLE_QUANTILE[0] // _SAMPLE_QUANTILE[1]] if len(means) else 0.0
-        return cls(
-            _log_ratio_weights(symbol_counts(sample), background), min(math.floor(lowest * WEIGHT_UNITS), 0)
-        )
+        weights = _log_ratio_weights(symbol_counts(sample), background)
+        return cls(weights, min(math.floor(lowest * WEIGHT_UNITS), 0))
 
     def threshold(self, similarity: float) -> int:
         """Return the smallest mean weight of a window with at least this similarity to the sample."""

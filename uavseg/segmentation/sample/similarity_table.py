@@ -125,9 +125,8 @@ class _Decision:
 def _decide(points: Points, sample: Points, unlike: Points | None) -> _Decision:
     """Return the usual vote, or the one with seeded components if the two differ much."""
     # The usual one is better at the rim, where pixels of two classes are mixed.
-    usual, *seeded = (
-        _Decision.of(vote, points, sample, unlike) for vote in sample_votes(points, sample, unlike)
-    )
+    given = points, sample, unlike
+    usual, *seeded = (_Decision.of(vote, *given) for vote in sample_votes(*given))
     for other in seeded:
         first, second = (decision.similarity(points) >= 0.5 for decision in (usual, other))
         if (first & second).sum() < _AGREED * (first | second).sum():

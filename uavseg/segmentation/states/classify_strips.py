@@ -38,6 +38,7 @@ from uavseg.units import BLOCK, CELL, FREE, GREY_MAX, OCCUPIED, UNKNOWN
 
 StateRefinement = Literal["none", "scan"]
 
+NO_OBSTACLES = ThinObstacles({FREE: 0, UNKNOWN: 0}, 0)
 _MAX_STRIP_PIXELS = 1 << 25  # pixels of a strip, unless 64 rows have more
 
 
@@ -99,9 +100,8 @@ def classify_states(
     upwards = [tile for strip in reversed(strips) for tile in strip]
     encoding, finding = tile_pass.stages(2)
     encode_tile = partial(_encode_tile, source, limits, restore)
-    jobs = LazySequence(
-        len(upwards), lambda k: (upwards[k], np.ascontiguousarray(cells[window_cells(upwards[k])]))
-    )
+    parts = LazySequence(len(upwards), lambda k: np.ascontiguousarray(cells[window_cells(upwards[k])]))
+    jobs = LazySequence(len(upwards), lambda k: (upwards[k], parts[k]))
     results = zip(upwards, encoding.run(encode_tile, jobs), strict=True)
     codes, statistics = np.zeros(16, np.int64), obstacle_evidence.ValueStatistics.empty()
     previous = np.zeros(image.cols, np.uint8)
@@ -119,10 +119,8 @@ def classify_states(
     next(results, None)  # lets the executor finish and report it
     if refine == "scan":
         codes = _scan(image, [(strip[0].row, whole_blocks(strip[0].rows)) for strip in strips])
-    thin = ThinObstacles({FREE: 0, UNKNOWN: 0}, 0)
-    states = ClassifiedStates(
-        image=image, codes=codes, thin=thin, noise=statistics.noise, trinary=statistics.trinary
-    )
+    noise, trinary = statistics.noise, statistics.trinary
+    states = ClassifiedStates(image=image, codes=codes, thin=NO_OBSTACLES, noise=noise, trinary=trinary)
     return _with_thin_obstacles(source, states, limits, restore, finding)
 
 
@@ -146,8 +144,7 @@ def states_by_value(source: GreySource, limits: StateLimits, tile_pass: TilePass
             part = _assemble_strip(strip, parts, image.cols)
             image.write_codes(row, part)
             codes += state_scans.count_codes(part)
-    thin = ThinObstacles({FREE: 0, UNKNOWN: 0}, 0)
-    return ClassifiedStates(image=image, codes=codes, thin=thin, noise=0.0, trinary=True)
+    return ClassifiedStates(image=image, codes=codes, thin=NO_OBSTACLES, noise=0.0, trinary=True)
 
 
 def _with_thin_obstacles(
@@ -158,9 +155,8 @@ def _with_thin_obstacles(
         if tile_pass.progress is not None:
             tile_pass.progress(1, 1)
         return states
-    rule = obstacle_evidence.evidence_rule(
-        limits, int(states.codes.sum() - states.codes[0]), states.noise, states.trinary
-    )
+    valid = int(states.codes.sum() - states.codes[0])
+    rule = obstacle_evidence.evidence_rule(limits, valid, states.noise, states.trinary)
     thin = find_thin_obstacles(source, states.image, rule, tile_pass, restore)
     codes = states.codes.copy()
     for state, number in thin.restored.items():

@@ -30,6 +30,8 @@ from uavseg.dataclass import dataclass
 from uavseg.segmentation.params.segment import StateLimits
 from uavseg.units import BLOCK, GREY_LEVELS, GREY_MAX
 
+Image = NDArray[np.uint8]
+
 MIN_CELLS = 3  # of an obstacle that is not attached to an occupied one, in a map of probabilities
 STRONG = 128  # bit of a cell with strong evidence
 PARTS = 8  # evidence is counted in eighths of a nat
@@ -120,9 +122,7 @@ class ValueStatistics:
         return ValueStatistics(levels, self.responses + other.responses)
 
 
-def value_statistics(
-    grey: NDArray[np.uint16], valid: NDArray[np.uint8], states: NDArray[np.uint8]
-) -> ValueStatistics:
+def value_statistics(grey: NDArray[np.uint16], valid: Image, states: Image) -> ValueStatistics:
     """Measure the statistics of the values of whole blocks: (M, N) arrays, multiples of 64.
 
     `states` are those of each pixel's value.
@@ -140,9 +140,7 @@ def value_statistics(
     return statistics
 
 
-def value_levels(
-    grey: NDArray[np.uint16], valid: NDArray[np.uint8], states: NDArray[np.uint8]
-) -> ValueStatistics:
+def value_levels(grey: NDArray[np.uint16], valid: Image, states: Image) -> ValueStatistics:
     """Measure the levels of `value_statistics` alone, without responses."""
     statistics = ValueStatistics.empty()
     _find_levels(grey, valid, states, statistics.levels)

@@ -51,9 +51,8 @@ class StateImage:
         if last > first:
             self._file.seek(first * self._cols // 2)
             content = self._file.read((last - first) * self._cols // 2)
-            unpack_codes(
-                np.frombuffer(content, np.uint8).reshape(last - first, -1), codes[first - row : last - row]
-            )
+            pairs = np.frombuffer(content, np.uint8).reshape(last - first, -1)
+            unpack_codes(pairs, codes[first - row : last - row])
         return codes
 
     def read(self, window: Window | None = None) -> NDArray[np.uint8]:

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.arrays import Bools
 from uavseg.dataclass import dataclass
 from uavseg.raster.grid.tiling import TilePass, Window, whole_blocks
 from uavseg.segmentation.components import WORD, label_components, union_roots
@@ -34,10 +35,7 @@ from uavseg.units import BLOCK, FREE, OCCUPIED, UNKNOWN
 
 _CHUNK_PIXELS = 1 << 22  # pixels of the rows that are labelled at once, unless 64 rows have more
 
-BY_VALUE_ALONE = (
-    FREE | OCCUPIED << 2,
-    UNKNOWN | OCCUPIED << 2,
-)  # codes: the value is occupied, the state is not
+BY_VALUE_ALONE = FREE | OCCUPIED << 2, UNKNOWN | OCCUPIED << 2  # codes: the state alone is not occupied
 _KEPT = OCCUPIED | OCCUPIED << 2
 # A candidate has a code that no other pixel has: its state, shifted left twice where its evidence is strong.
 _STRONG_SHIFT = 2
@@ -91,10 +89,7 @@ def find_thin_obstacles(
 
 
 def _restore(
-    image: StateImage,
-    chunks: Sequence[tuple[int, int]],
-    obstacles: NDArray[np.bool_],
-    parts: NDArray[np.bool_],
+    image: StateImage, chunks: Sequence[tuple[int, int]], obstacles: Bools, parts: Bools
 ) -> dict[int, int]:
     """Make candidates of the chosen components occupied, reset the others; return counts by state."""
     restored = np.zeros(4, np.int64)
@@ -109,9 +104,7 @@ def _restore(
     return {FREE: int(restored[FREE]), UNKNOWN: int(restored[UNKNOWN])}
 
 
-def _chosen(
-    mask: NDArray[np.uint8], chosen: NDArray[np.bool_]
-) -> tuple[tuple[NDArray[np.uint32], NDArray[np.bool_]], NDArray[np.bool_]]:
+def _chosen(mask: Mask, chosen: Bools) -> tuple[tuple[NDArray[np.uint32], Bools], Bools]:
     """Label a chunk; return labels with whether each is chosen, and the choices of later chunks."""
     labels, count = label_components(mask, diagonally=True)
     return (labels, np.concatenate([[False], chosen[:count]])), chosen[count:]
@@ -273,11 +266,8 @@ class ThinComponents:
 
     def _unite(self, first: NDArray[np.int64]) -> None:
         """Unite the components of a chunk's first row with those that touch them from above."""
-        for here, above in (
-            (first, self._above),
-            (first[1:], self._above[:-1]),
-            (first[:-1], self._above[1:]),
-        ):
+        beside = (first[1:], self._above[:-1]), (first[:-1], self._above[1:])
+        for here, above in ((first, self._above), *beside):
             touching = (here > 0) & (above > 0)
             if touching.any():
                 pairs = np.stack([here[touching], above[touching]], axis=1) - 1
