@@ -180,9 +180,9 @@ def test_a_pixel_is_where_the_ground_is_exactly(tmp_path: Path) -> None:
         np.array([left, right, left, right]), np.array([top, top, bottom, bottom])
     )
     interpolated = [_between(found, (TILE, TILE)) for found in view.plane.xy_from_lonlat(*corners)]
-    places, drawn = view.places(np.column_stack([*interpolated, np.full(TILE * TILE, -view.height_m)]))
+    places, drawn = view.places(np.stack([*interpolated, np.full(TILE * TILE, -view.height_m)]))
     assert drawn.all()
-    assert np.abs(places - exact).max() < 0.01
+    assert np.abs(places.T - exact).max() < 0.01
 
 
 @pytest.mark.parametrize(
@@ -273,9 +273,9 @@ def test_over_hills_each_pixel_is_of_the_nearest_camera(slope: Path, tmp_path: P
     heights = ground.heights_m(lon, lat)
     distances = np.full((len(photographs), len(row)), np.inf)
     for distance, view in zip(distances, mosaic.views, strict=True):
-        offsets = np.column_stack([*view.plane.xy_from_lonlat(lon, lat), heights - view.height_m])
+        offsets = np.stack([*view.plane.xy_from_lonlat(lon, lat), heights - view.height_m])
         seen = view.places(offsets)[1]
-        distance[seen] = np.linalg.norm(offsets, axis=1)[seen]
+        distance[seen] = np.linalg.norm(offsets, axis=0)[seen]
     nearest = np.where(np.isfinite(distances.min(axis=0)), 10 + distances.argmin(axis=0), 0)
     assert len(np.unique(nearest)) == 6
     assert (nearest == pixels[0, row, col]).mean() > 0.998
@@ -329,6 +329,19 @@ def test_a_coarse_map_is_of_means(scene: Path, tmp_path: Path) -> None:
     assert np.abs(pixels[0][inner] - theirs[inner]).mean() < 6
 
 
+def test_pixels_may_be_larger_than_a_photograph(scene: Path, tmp_path: Path) -> None:
+    one = photograph(tmp_path / "a.tif")
+    draw(one, scene)
+    with warnings.catch_warnings(action="ignore"), rasterio.open(one.path) as file:
+        mean = file.read(1).mean()
+    shown = 0
+    for pixel_m in range(55, 100, 5):
+        value, alpha = drawn(Mosaic([one], Ground(), float(pixel_m)))
+        shown += np.count_nonzero(alpha)
+        assert (np.abs(value[alpha > 0] - mean) < 10).all()
+    assert shown > 3
+
+
 def test_hidden_ground_is_not_drawn(tmp_path: Path) -> None:
     # A wall of 20 m, 30 m east of the camera; what lies behind it is compared by marching from each place.
     heights = np.full((1, 400, 400), 100.0, np.float32)
@@ -350,7 +363,7 @@ def test_hidden_ground_is_not_drawn(tmp_path: Path) -> None:
     up = ground.heights_m(lon, lat) - 140.0
     open_view = copy(view)
     open_view.horizon = None
-    inside = open_view.places(np.column_stack([east, north, up]))[1]  # of the image, and not too coarse
+    inside = open_view.places(np.stack([east, north, up]))[1]  # of the image, and not too coarse
     depth = np.full(len(east), np.inf)  # of the ground along the line of sight below it
     for share in np.linspace(0.02, 0.98, 300):
         place = view.plane.lonlat_from_xy(share * east, share * north)

@@ -70,16 +70,15 @@ class View:
         along, middle = np.linspace(0, 1, _NODES), _NODES**2 // 2
         pixels = np.stack(np.meshgrid(along, along), axis=-1).reshape(-1, 2) * photograph.image_px
         offsets = ground.seen(photograph, pixels) - (0, 0, self.height_m)
-        sides_m = _sides_m(photograph, offsets)
+        away, below = np.hypot(offsets[:, 0], offsets[:, 1]), -offsets[:, 2]
+        sides_m = _sides_m(offsets @ photograph.axes[0], below, photograph.focal_px)
         self.coarsest_m = COARSEST * sides_m[middle]  # side of a pixel, beyond which nothing is drawn
         drawn = sides_m <= self.coarsest_m
         if not drawn[middle]:
-            where = "" if ground.dem is None else ", or beyond the elevation model"
-            raise PhotographError(f"its middle looks to the horizon{where}")
+            raise PhotographError("its middle looks to the horizon, or beyond the elevation model")
         self.drawn = float(drawn.mean())  # share of the image
         # Ground sampling distance across the line of sight, in the middle of the image.
         self.gsd_m = float(np.linalg.norm(offsets[middle]) / photograph.focal_px)
-        away, below = np.hypot(offsets[:, 0], offsets[:, 1]), -offsets[:, 2]
         self.lean = float((away / below)[drawn].max())  # metres off at the edge, for each of height
         errors = likely_error_m(photograph, away, below)
         self.errors_m = float(errors[middle]), float(errors[drawn].max())  # in the middle, and the largest
@@ -100,26 +99,28 @@ class View:
             self.horizon = np.fmax.accumulate(slope, axis=1)
 
     def places(self, offsets: Floats) -> tuple[Floats, Bools]:
-        """Return where ground (n, 3), metres from the camera, is in the image (n, 2), and what is drawn."""
-        found, (east, north, up) = self.photograph.pixels(offsets), offsets.T
-        (col, row), (cols, rows) = found.T, self.photograph.image_px
-        far = np.hypot(east, north)
-        drawn: Bools = (col >= 0) & (col <= cols) & (row >= 0) & (row <= rows)
+        """Return where ground (3, n), metres from the camera, is in the image (2, n), and what is drawn."""
+        one, (east, north, up), far = self.photograph, offsets, np.hypot(*offsets[:2])
+        ahead, right, down = (axis[0] * east + axis[1] * north + axis[2] * up for axis in one.axes)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            col = one.focal_px * right / ahead + one.image_px[0] / 2
+            row = one.focal_px * down / ahead + one.image_px[1] / 2
+        drawn: Bools = (col >= 0) & (col <= one.image_px[0]) & (row >= 0) & (row <= one.image_px[1])
         drawn &= -up > math.cos(math.radians(HORIZON_DEG)) * np.hypot(far, up)
-        drawn &= _sides_m(self.photograph, offsets) <= self.coarsest_m
+        drawn &= _sides_m(ahead, -up, one.focal_px) <= self.coarsest_m
         if self.horizon is not None:
             azimuth = np.rint(np.arctan2(east, north) * (_AZIMUTHS / math.tau)).astype(np.int64) % _AZIMUTHS
             # The ring before the last one, so that ground never hides itself.
             ring = np.minimum((far * (_RINGS / self.reach_m)).astype(np.int64), _RINGS) - 2
             slope = self.horizon[azimuth, np.maximum(ring, 0)]
             drawn &= (ring < 0) | ~(up <= slope * far + _SUNK * up)
-        return found, drawn
+        return np.stack([col, row]), drawn
 
 
-def _sides_m(photograph: Photograph, offsets: Floats) -> Floats:
-    """Return the root of the area of a pixel on level ground (n, 3); NaN where none is seen."""
+def _sides_m(ahead: Floats, below: Floats, focal_px: float) -> Floats:
+    """Return the root of the area of a pixel on level ground; NaN behind the camera or above it."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        sides: Floats = np.sqrt((offsets @ photograph.axes[0]) ** 3 / -offsets[:, 2]) / photograph.focal_px
+        sides: Floats = np.sqrt(ahead**3 / below) / focal_px
     return sides
 
 
@@ -158,14 +159,13 @@ class Mosaic:
             )
         cut = sorted((view.drawn, view.photograph.path) for view in views if view.drawn < 1)
         why = (
-            f"is not drawn: near the horizon, {COARSEST:g} times as coarse as the middle, or ground not known"
+            f"is not drawn: near the horizon, {COARSEST:g} times as coarse as the middle, or no known ground"
         )
         notes += grouped("up to ", ((path, f"{100 * (1 - drawn):.0f} % {why}") for drawn, path in cut))
         if ground.dem is None:
             notes.append(
                 "the ground is taken to be as high as the place of takeoff; what is 1 m higher or lower lies "
-                f"up to {max(view.lean for view in views):.2g} m off its place: give an elevation model with "
-                "--dem"
+                f"up to {max(view.lean for view in views):.2g} m off: give an elevation model with --dem"
             )
         self.views, self.ground, self.warnings = views, ground, notes
         self.geobox = GeoBox((int(rows), int(cols)), Affine(side, 0, left * side, 0, -side, top * side), crs)
@@ -214,18 +214,18 @@ class Mosaic:
                 for k, view in enumerate(self.views)
                 if (view.bounds[:2] < (x[1], y[0])).all() and (view.bounds[2:] > (x[0], y[2])).all()
             ]
-        best, chosen, place = np.full(size, np.inf), np.full(size, -1), np.zeros((size, 2))
+        best, chosen, place = np.full(size, np.inf), np.full(size, -1), np.zeros((2, size))
         for k, view, xy in near:
-            offsets = np.stack([*(_between(corners, shape) for corners in xy), heights - view.height_m], 1)
-            distance2 = np.einsum("ij,ij->i", offsets, offsets) / view.photograph.focal_px**2
+            offsets = np.stack([*(_between(corners, shape) for corners in xy), heights - view.height_m])
+            distance2 = (offsets**2).sum(axis=0) / view.photograph.focal_px**2
             closer = np.flatnonzero(distance2 < best)
-            found, drawn = view.places(offsets[closer])
+            found, drawn = view.places(offsets[:, closer])
             closer = closer[drawn]
-            best[closer], chosen[closer], place[closer] = distance2[closer], k, found[drawn]
+            best[closer], chosen[closer], place[:, closer] = distance2[closer], k, found[:, drawn]
         pixels = np.zeros((len(self.types) + 1, size), self.dtype)
         for k in np.unique(chosen[chosen >= 0]).tolist():
             at, image = np.flatnonzero(chosen == k), self._image(k)
-            centred = place[at, ::-1].T / self._factor(k) - 0.5
+            centred = place[::-1, at] / self._factor(k) - 0.5
             for band, values in zip(pixels, image, strict=False):
                 band[at] = map_coordinates(values, centred, self.dtype, order=1, mode="nearest")
             pixels[-1, at] = np.iinfo(self.dtype).max
@@ -233,7 +233,8 @@ class Mosaic:
 
     def _factor(self, k: int) -> int:
         """Return how many pixels of a photograph are averaged to one, across and down."""
-        return max(int(self.geobox.transform.a / self.views[k].gsd_m), 1)
+        view = self.views[k]
+        return max(min(int(self.geobox.transform.a / view.gsd_m), *view.photograph.image_px), 1)
 
     def _image(self, k: int) -> NDArray[Any]:
         """Return a photograph, (bands, rows, cols), decoded now if it is not among those that are kept."""
@@ -244,7 +245,7 @@ class Mosaic:
                     del self._images[next(iter(self._images))]
                 image, side = inspect_file(self.views[k].photograph.path).read_whole(), self._factor(k)
                 if side > 1:
-                    rows, cols = (max(length // side, 1) for length in image.shape[1:])
+                    rows, cols = (length // side for length in image.shape[1:])
                     blocks = image[:, : rows * side, : cols * side].reshape(-1, rows, side, cols, side)
                     image = np.rint(blocks.mean(axis=(2, 4), dtype=np.float32)).astype(self.dtype)
             self._images[k] = image
