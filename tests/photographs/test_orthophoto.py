@@ -2,6 +2,7 @@
 
 import math
 import warnings
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -22,8 +23,7 @@ from tests.photographs.make import ground_lonlat
 from uavseg.errors import PhotographError
 from uavseg.execution.executors import threads
 from uavseg.photographs.ground import Ground
-from uavseg.photographs.likely_error import likely_error_m
-from uavseg.photographs.orthophoto import TILE, Mosaic, View, _between, _bilinear, mosaic_of
+from uavseg.photographs.orthophoto import TILE, Mosaic, View, _between, likely_error_m
 from uavseg.photographs.photograph import Photograph
 from uavseg.raster.elevation.dem import Dem
 from uavseg.raster.geodesy.globe import WGS84, transform_between, utm_crs
@@ -152,14 +152,14 @@ POSES: list[dict[str, Any]] = [
 def test_on_flat_ground(pose: dict[str, Any], scene: Path, tmp_path: Path) -> None:
     one = photograph(tmp_path / "a.tif", **pose)
     draw(one, scene)
-    assert_agrees(mosaic_of([one], Ground()), scene)
+    assert_agrees(Mosaic([one], Ground()), scene)
 
 
 @pytest.mark.parametrize("pose", POSES[1:4])
 def test_over_a_slope(pose: dict[str, Any], scene: Path, slope: Path, tmp_path: Path) -> None:
     one = photograph(tmp_path / "a.tif", **pose | {"relative_m": None, "altitude_m": 560.0})
     draw(one, scene, dem=slope)
-    assert_agrees(mosaic_of([one], Ground(Dem.open(slope))), scene)
+    assert_agrees(Mosaic([one], Ground(Dem.open(slope))), scene)
 
 
 def test_a_pixel_is_where_the_ground_is_exactly(tmp_path: Path) -> None:
@@ -167,7 +167,7 @@ def test_a_pixel_is_where_the_ground_is_exactly(tmp_path: Path) -> None:
     one = photograph(
         tmp_path / "a.tif", pitch_deg=-55.0, roll_deg=8.0, image_px=(5472, 3648), focal_px=3666.0
     )
-    view = View.of(one, Ground(), transform_between(WGS84, utm_crs(*PLACE).to_wkt()))
+    view = View(one, Ground(), transform_between(WGS84, utm_crs(*PLACE).to_wkt()))
     side = view.gsd_m
     x = (view.bounds[0] + view.bounds[2]) / 2 + side * (np.arange(TILE) + 0.5)
     y = (view.bounds[1] + view.bounds[3]) / 2 - side * (np.arange(TILE) + 0.5)
@@ -180,18 +180,9 @@ def test_a_pixel_is_where_the_ground_is_exactly(tmp_path: Path) -> None:
         np.array([left, right, left, right]), np.array([top, top, bottom, bottom])
     )
     interpolated = [_between(found, (TILE, TILE)) for found in view.plane.xy_from_lonlat(*corners)]
-    col, row, drawn = view.places(*interpolated, np.full(TILE * TILE, -view.height_m))
+    places, drawn = view.places(np.stack([*interpolated, np.full(TILE * TILE, -view.height_m)]))
     assert drawn.all()
-    assert np.abs(np.column_stack([col, row]) - exact).max() < 0.01
-
-
-def test_images_are_interpolated_as_scipy_does() -> None:
-    image = texture(2, side=40).transpose(1, 2, 0)
-    place = np.random.default_rng(5).uniform(0, 40, (2, 500))
-    ours = _bilinear(image, *place)
-    for band in range(2):
-        theirs = map_coordinates(image[..., band].astype(float), place[::-1] - 0.5, order=1, mode="nearest")
-        assert np.abs(ours[:, band] - theirs).max() <= 0.5 + 1e-4
+    assert np.abs(places.T - exact).max() < 0.01
 
 
 @pytest.mark.parametrize(
@@ -201,7 +192,7 @@ def test_in_other_places(place: tuple[float, float], tmp_path: Path) -> None:
     scene = write(tmp_path / "scene.tif", texture(side=700), place, PIXEL_M)
     one = photograph(tmp_path / "a.tif", lat=place[0], lon=place[1], pitch_deg=-75.0)
     draw(one, scene)
-    mosaic = mosaic_of([one], Ground())
+    mosaic = Mosaic([one], Ground())
     assert str(mosaic.geobox.crs) == str(rasterio.open(scene).crs)
     assert_agrees(mosaic, scene)
 
@@ -212,7 +203,7 @@ def test_bands_and_types_are_those_of_the_photographs(dtype: str, bands: int, tm
     scene = write(tmp_path / "scene.tif", texture(bands, side=700).astype(dtype) * scale, PLACE, PIXEL_M)
     one = photograph(tmp_path / "a.tif", pitch_deg=-70.0)
     draw(one, scene)
-    mosaic = mosaic_of([one], Ground())
+    mosaic = Mosaic([one], Ground())
     pixels = drawn(mosaic)
     assert pixels.dtype == dtype and len(pixels) == bands + 1
     assert set(np.unique(pixels[-1])) == {0, np.iinfo(dtype).max}
@@ -235,7 +226,7 @@ def survey(folder: Path, scene: Path) -> list[Photograph]:
 
 def test_a_survey_is_one_map_without_seams(scene: Path, tmp_path: Path) -> None:
     photographs = survey(tmp_path, scene)
-    mosaic = mosaic_of(photographs, Ground())
+    mosaic = Mosaic(photographs, Ground())
     pixels = assert_agrees(mosaic, scene, patches=30)
     # Each pixel is of the nearest camera that sees it: of those alone, one has the pixel.
     row, col = np.argwhere(pixels[-1] > 0)[::12000].T
@@ -254,7 +245,8 @@ def test_a_survey_is_one_map_without_seams(scene: Path, tmp_path: Path) -> None:
 def mosaic_tile(mosaic: Mosaic, k: int, row: int, col: int) -> Array:
     """A pixel as one of the photographs shows it."""
     tile = Window(row // TILE * TILE, col // TILE * TILE, TILE, TILE).clipped(mosaic.geobox.shape)
-    alone = replace(mosaic, views=mosaic.views[k : k + 1], _images=type(mosaic._images)())
+    alone = copy(mosaic)
+    alone.views, alone._images = mosaic.views[k : k + 1], {}
     return alone.tile(tile)[:, row - tile.row, col - tile.col]
 
 
@@ -273,7 +265,7 @@ def test_over_hills_each_pixel_is_of_the_nearest_camera(slope: Path, tmp_path: P
             file.write(np.full((1, *IMAGE[::-1]), 10 + k, np.uint8))
         photographs.append(one)
     ground = Ground(Dem.open(slope))
-    mosaic = mosaic_of(photographs, ground, 0.25)
+    mosaic = Mosaic(photographs, ground, 0.25)
     pixels = drawn(mosaic)
     rng = np.random.default_rng(8)
     row, col = (rng.integers(0, length, 4000) for length in mosaic.geobox.shape)
@@ -281,8 +273,8 @@ def test_over_hills_each_pixel_is_of_the_nearest_camera(slope: Path, tmp_path: P
     heights = ground.heights_m(lon, lat)
     distances = np.full((len(photographs), len(row)), np.inf)
     for distance, view in zip(distances, mosaic.views, strict=True):
-        offsets = *view.plane.xy_from_lonlat(lon, lat), heights - view.height_m
-        seen = view.places(*offsets)[2]
+        offsets = np.stack([*view.plane.xy_from_lonlat(lon, lat), heights - view.height_m])
+        seen = view.places(offsets)[1]
         distance[seen] = np.linalg.norm(offsets, axis=0)[seen]
     nearest = np.where(np.isfinite(distances.min(axis=0)), 10 + distances.argmin(axis=0), 0)
     assert len(np.unique(nearest)) == 6
@@ -293,12 +285,12 @@ def test_order_and_threads_and_strips_change_nothing(
     scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     photographs = survey(tmp_path, scene)
-    first = drawn(mosaic_of(photographs, Ground()))
-    assert (drawn(mosaic_of(photographs, Ground()), map=threads(3)) == first).all()
-    assert (drawn(mosaic_of(photographs[::-1], Ground())) == first).all()
+    first = drawn(Mosaic(photographs, Ground()))
+    assert (drawn(Mosaic(photographs, Ground()), map=threads(3)) == first).all()
+    assert (drawn(Mosaic(photographs[::-1], Ground())) == first).all()
     monkeypatch.setattr("uavseg.photographs.orthophoto.STRIP_BYTES", 1)
     monkeypatch.setattr("uavseg.photographs.orthophoto.CACHE_BYTES", 1)
-    assert (drawn(mosaic_of(photographs, Ground())) == first).all()
+    assert (drawn(Mosaic(photographs, Ground())) == first).all()
 
 
 def test_two_cameras_make_one_map(scene: Path, tmp_path: Path) -> None:
@@ -306,7 +298,7 @@ def test_two_cameras_make_one_map(scene: Path, tmp_path: Path) -> None:
     other = photograph(tmp_path / "b.tif", lon=PLACE[1] + 0.0003, focal_px=700.0, image_px=(640, 480))
     for each in (one, other):
         draw(each, scene)
-    mosaic = mosaic_of([one, other], Ground())
+    mosaic = Mosaic([one, other], Ground())
     assert_agrees(mosaic, scene)
     assert mosaic.geobox.transform.a == pytest.approx((60 / 400 + 60 / 700) / 2, rel=5e-3)
 
@@ -314,7 +306,7 @@ def test_two_cameras_make_one_map(scene: Path, tmp_path: Path) -> None:
 def test_a_coarse_map_is_of_means(scene: Path, tmp_path: Path) -> None:
     one = photograph(tmp_path / "a.tif")
     draw(one, scene)
-    fine, coarse = mosaic_of([one], Ground(), 0.15), mosaic_of([one], Ground(), 0.9)
+    fine, coarse = Mosaic([one], Ground(), 0.15), Mosaic([one], Ground(), 0.9)
     assert coarse.geobox.transform.a == 0.9
     for edge in (coarse.geobox.transform.c, coarse.geobox.transform.f):
         assert edge / 0.9 == pytest.approx(round(edge / 0.9), abs=1e-6)
@@ -337,6 +329,19 @@ def test_a_coarse_map_is_of_means(scene: Path, tmp_path: Path) -> None:
     assert np.abs(pixels[0][inner] - theirs[inner]).mean() < 6
 
 
+def test_pixels_may_be_larger_than_a_photograph(scene: Path, tmp_path: Path) -> None:
+    one = photograph(tmp_path / "a.tif")
+    draw(one, scene)
+    with warnings.catch_warnings(action="ignore"), rasterio.open(one.path) as file:
+        mean = file.read(1).mean()
+    shown = 0
+    for pixel_m in range(55, 100, 5):
+        value, alpha = drawn(Mosaic([one], Ground(), float(pixel_m)))
+        shown += np.count_nonzero(alpha)
+        assert (np.abs(value[alpha > 0] - mean) < 10).all()
+    assert shown > 3
+
+
 def test_hidden_ground_is_not_drawn(tmp_path: Path) -> None:
     # A wall of 20 m, 30 m east of the camera; what lies behind it is compared by marching from each place.
     heights = np.full((1, 400, 400), 100.0, np.float32)
@@ -348,7 +353,7 @@ def test_hidden_ground_is_not_drawn(tmp_path: Path) -> None:
     )
     draw(replace(one, relative_m=40.0), scene)
     ground = Ground(Dem.open(dem))
-    mosaic = mosaic_of([one], ground)
+    mosaic = Mosaic([one], ground)
     alpha = drawn(mosaic)[-1] > 0
     view = mosaic.views[0]
     rng = np.random.default_rng(3)
@@ -356,7 +361,9 @@ def test_hidden_ground_is_not_drawn(tmp_path: Path) -> None:
     lon, lat = mosaic.geobox.lonlat_from_xy(*mosaic.geobox.xy_from_pixel(row + 0.5, col + 0.5))
     east, north = view.plane.xy_from_lonlat(lon, lat)
     up = ground.heights_m(lon, lat) - 140.0
-    inside = replace(view, horizon=None).places(east, north, up)[2]  # of the image, and not too coarse
+    open_view = copy(view)
+    open_view.horizon = None
+    inside = open_view.places(np.stack([east, north, up]))[1]  # of the image, and not too coarse
     depth = np.full(len(east), np.inf)  # of the ground along the line of sight below it
     for share in np.linspace(0.02, 0.98, 300):
         place = view.plane.lonlat_from_xy(share * east, share * north)
@@ -371,7 +378,7 @@ def test_hidden_ground_is_not_drawn(tmp_path: Path) -> None:
 def test_ground_beyond_a_limit_is_left_out_and_said(pitch: float, scene: Path, tmp_path: Path) -> None:
     one = photograph(tmp_path / "a.tif", pitch_deg=pitch + 40, focal_px=200.0)
     draw(one, scene)
-    mosaic = mosaic_of([one], Ground())
+    mosaic = Mosaic([one], Ground())
     view = mosaic.views[0]
     pixels = drawn(mosaic)
     row, col = np.argwhere(pixels[-1] > 0).T
@@ -401,11 +408,10 @@ def test_likely_error_is_the_spread_of_perturbed_poses(
 ) -> None:
     one = photograph(Path("a.jpg"), yaw_deg=yaw, pitch_deg=pitch, roll_deg=roll, relative_m=height)
     pixels = np.array([[240.0, 180.0], [100.0, 300.0], [400.0, 350.0]])
-    below = np.full(3, height)
-    errors = likely_error_m(one, pixels, below)
     rng = np.random.default_rng(1)
     rays = one.rays(pixels)
     true = rays[:, :2] * (height / -rays[:, 2:])
+    errors = likely_error_m(one, np.linalg.norm(true, axis=1), np.full(3, height))
     off = []
     for _ in range(3000):
         east, north, up = np.radians(rng.normal(0, 1, 3) * (0.5, 0.5, 1.5))
@@ -418,11 +424,11 @@ def test_likely_error_is_the_spread_of_perturbed_poses(
 
 def test_likely_error_follows_the_file_and_grows_outwards() -> None:
     one = photograph(Path("a.jpg"))
-    pixels, below = np.array([[240.0, 180.0], [480.0, 360.0]]), np.array([60.0, 60.0])
-    middle, corner = likely_error_m(one, pixels, below)
+    away, below = np.array([0.0, 60 * math.hypot(240, 180) / FOCAL]), np.array([60.0, 60.0])
+    middle, corner = likely_error_m(one, away, below)
     assert middle == pytest.approx(math.sqrt(9 + 2 * (60 * math.radians(0.5)) ** 2), rel=1e-3)
     assert corner > middle
-    exact = likely_error_m(replace(one, position_error_m=0.02), pixels, below)
+    exact = likely_error_m(replace(one, position_error_m=0.02), away, below)
     assert exact[0] == pytest.approx(math.hypot(0.02, math.sqrt(2) * 60 * math.radians(0.5)), rel=1e-3)
     assert (exact < [middle, corner]).all()
 
@@ -436,14 +442,14 @@ def test_what_does_not_fit_is_refused(scene: Path, tmp_path: Path) -> None:
     sky = replace(one, pitch_deg=0.0)
     wrong = replace(one, image_px=(4000, 3000))
     with pytest.raises(PhotographError, match="of one kind"):
-        mosaic_of([one, deep], Ground())
+        Mosaic([one, deep], Ground())
     with pytest.raises(PhotographError, match="do all show one place"):
-        mosaic_of([one, far], Ground())
+        Mosaic([one, far], Ground())
     with pytest.raises(PhotographError, match="do all show one place"):
-        mosaic_of([one], Ground(), 1e-5)
+        Mosaic([one], Ground(), 1e-5)
     with pytest.raises(PhotographError, match="looks to the horizon"):
-        mosaic_of([sky], Ground())
+        Mosaic([sky], Ground())
     with pytest.raises(PhotographError, match="holds 480 x 360 pixels"):
-        mosaic_of([wrong], Ground())
-    mosaic = mosaic_of([sky, one], Ground())
+        Mosaic([wrong], Ground())
+    mosaic = Mosaic([sky, one], Ground())
     assert len(mosaic.views) == 1 and mosaic.warnings[0].startswith("a.tif: left out, as its middle")

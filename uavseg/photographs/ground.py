@@ -1,7 +1,9 @@
 """The ground that photographs show: flat, or an elevation model."""
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import field
+from typing import TypeVar
 
 import numpy as np
 import shapely
@@ -9,12 +11,15 @@ import shapely
 from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, PhotographError
+from uavseg.execution.executors import Progress
 from uavseg.flight.mission.items import HomePosition
 from uavseg.flight.mission.track import Plane
 from uavseg.photographs.photograph import HORIZON_DEG, Photograph
-from uavseg.plain_text import shown
+from uavseg.photographs.read import grouped
+from uavseg.plain_text import one_line, shown
 from uavseg.raster.elevation.dem import Dem, SeaHeights, sea_from_ellipsoid
 
+Result = TypeVar("Result")
 BORDER_STEPS = 16
 """Places per side of an image whose ground is computed over an elevation model."""
 DOUBT = 0.2
@@ -116,6 +121,33 @@ class Ground:
             f"{above:.0f} m above the ground by altitude, but {relative:.0f} m above takeoff: if takeoff was "
             "as high as the ground below, give its place with --home",
         )
+
+    def each(
+        self,
+        photographs: Sequence[Photograph],
+        make: Callable[[Photograph], Result],
+        progress: Progress | None = None,
+    ) -> tuple[list[Result], list[str]]:
+        """Return what is made of each photograph, and notes: what is left out, doubtful or assumed.
+
+        One of which `make` raises a PhotographError is left out; a PhotographError says that none is left.
+        """
+        made: list[Result] = []
+        left: list[tuple[str, str]] = []
+        doubts: list[tuple[str, str]] = []
+        for done, one in enumerate(photographs, start=1):
+            try:
+                made.append(make(one))
+                doubts += [(one.path, note) for note in self.notes(one)]
+            except PhotographError as error:
+                left.append((one.path, str(error)))
+            if progress is not None:
+                progress(done, len(photographs))
+        left_out = grouped("left out, as ", left)
+        if not made:
+            reasons = "; ".join(["no photograph shows ground that is known", *left_out])
+            raise PhotographError(one_line(reasons))
+        return made, [*left_out, *grouped("", doubts), *([] if self.dem is None else self.dem.notes())]
 
     def heights_m(self, lon: Floats, lat: Floats) -> Floats:
         """Return heights of the ground at places in degrees, (n,); NaN where the model has none."""

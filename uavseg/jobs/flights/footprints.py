@@ -11,14 +11,12 @@ from shapely.affinity import translate
 
 from uavseg.arrays import Path_
 from uavseg.dataclass import dataclass
-from uavseg.errors import PhotographError
-from uavseg.execution.executors import Progress
+from uavseg.execution.executors import Progress, split_progress
 from uavseg.flight.camera.camera import Camera, camera_named
-from uavseg.options.photographs import FootprintsOptions
+from uavseg.options.photographs import FootprintsOptions, GeoreferenceOptions
 from uavseg.photographs.ground import Ground
 from uavseg.photographs.photograph import Photograph
-from uavseg.photographs.read import grouped, read_photographs
-from uavseg.plain_text import one_line
+from uavseg.photographs.read import Taken, read_photographs
 from uavseg.raster.elevation.dem import Dem
 from uavseg.raster.geodesy.globe import WGS84, define_crs, geod_wgs84
 from uavseg.regions.table import Regions
@@ -40,29 +38,22 @@ def footprints(
     A PhotographError says that none can be placed, and why; a ParameterError or MissionError that the camera
     is not known, or the place of takeoff not on Earth.
     """
+    reading, laying = split_progress(progress or (lambda done, total: None), 2)
+    taken, ground = read_over_ground(photographs, options, reading)
+    rows, notes = ground.each(taken.photographs, lambda one: _row(one, ground), laying)
+    return Footprints(_regions(rows), (*taken.notes, *notes))
+
+
+def read_over_ground(
+    photographs: Sequence[Path_], options: FootprintsOptions | GeoreferenceOptions, progress: Progress
+) -> tuple[Taken, Ground]:
+    """Read photographs, which are files or folders, and open the ground below them."""
     poses, camera = options.poses, options.poses.camera
     if camera is not None and not isinstance(camera, Camera):
         camera = camera_named(camera)
     dem = None if poses.dem is None else Dem.open(poses.dem)
     ground = Ground(dem, None if poses.home is None else tuple(poses.home))
-    reading = progress and (lambda done, total: progress(done, 2 * total))
-    taken = read_photographs(photographs, reading, camera)
-    rows: list[dict[str, Any]] = []
-    left: list[tuple[str, str]] = []
-    doubts: list[tuple[str, str]] = []
-    for done, one in enumerate(taken.photographs, start=len(taken.photographs) + 1):
-        try:
-            rows.append(_row(one, ground))
-            doubts += [(one.path, note) for note in ground.notes(one)]
-        except PhotographError as error:
-            left.append((one.path, str(error)))
-        if progress is not None:
-            progress(done, 2 * len(taken.photographs))
-    left_out = grouped("left out, as ", left)
-    if not rows:
-        raise PhotographError(one_line("; ".join(["no photograph shows ground that is known", *left_out])))
-    notes = (*taken.notes, *left_out, *grouped("", doubts), *(() if dem is None else dem.notes()))
-    return Footprints(_regions(rows), notes)
+    return read_photographs(photographs, progress, camera), ground
 
 
 def _regions(rows: list[dict[str, Any]]) -> Regions:

@@ -117,29 +117,28 @@ def write_image_geotiff(
     path: Path_,
     strips: Iterable[tuple[int, NDArray[Any]]],
     geobox: GeoBox,
-    bands: int,
-    dtype: np.dtype[Any],
+    types: Sequence[str],
     overwrite: bool = False,
     tags: Mapping[str, str] | None = None,
 ) -> None:
-    """Write an image whose last band is alpha as a tiled, compressed GeoTIFF; three bands are colours.
+    """Write bands of one type and an alpha band as a tiled, compressed GeoTIFF; three are colours.
 
-    `strips` are first rows, and pixels (bands, rows, cols) with the alpha band counted in `bands`: from the
-    top, each but the last a multiple of 256 rows. Errors are those of `write_geotiff`.
+    `strips` are first rows, and pixels (bands and alpha, rows, cols): from the top, each but the last a
+    multiple of 256 rows. `types` are of the bands without alpha. Errors are those of `write_geotiff`.
     """
+    creation = CreationOptions(predictor=2, threads=usable_cores())
+    options = _profile(geobox, len(types) + 1, np.dtype(types[0]), creation)
+    # Blocks of all bands together: those that leave GDAL's cache early are in the order of the others.
+    options |= {
+        "interleave": "pixel",
+        "photometric": "rgb" if len(types) == 3 else "minisblack",
+        "alpha": "yes",
+    }
     with atomic_file(path, overwrite) as target, _write_errors(path):
-        options = _profile(geobox, bands, dtype, CreationOptions(predictor=2, threads=usable_cores()))
-        # Blocks of all bands together: those that leave GDAL's cache early are in the order of the others.
-        options |= {
-            "interleave": "pixel",
-            "photometric": "rgb" if bands == 4 else "minisblack",
-            "alpha": "yes",
-        }
         with quiet_open(target, "w", **options) as file:
             file.update_tags(**(tags or {}))
             for top, strip in strips:
-                for row, rows in ((k, strip[:, k : k + STRIPE]) for k in range(0, strip.shape[1], STRIPE)):
-                    file.write(rows, window=FileWindow(0, top + row, rows.shape[2], rows.shape[1]))
+                file.write(strip, window=FileWindow(0, top, strip.shape[2], strip.shape[1]))
         _check_complete(target)
 
 
