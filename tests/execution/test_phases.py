@@ -65,7 +65,7 @@ def test_the_clock_goes_on() -> None:
             ("missions: 1, with no ground", "phase profiles", "phase picture"),
             marks=pytest.mark.slow,
         ),
-        (("preview", QUARRY), ("phase layers", "phase picture", "band 1, dtype -> 0..255")),
+        (("preview", QUARRY), ("phase layers", "phase picture", "band 1, grey: dtype -> 0..255")),
         (("simulate", "lens", "--poses", "2", "-o", "m.tif"), ("2 poses of 151 beams", "phase scans")),
         (
             ("build-map", "run.bag", "-o", "m.tif"),
