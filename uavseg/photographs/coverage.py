@@ -168,7 +168,7 @@ def coverage(
         gaps=tuple(_in_degrees(gaps, plane)),
         gap_areas_m2=tuple(shapely.area(gaps).tolist()),
         slivers_m2=slivers_m2,
-        overlap=_overlaps(np.where(match >= 0, outlines[match], None), plan.line, beside),
+        overlap=_overlaps(np.where(match >= 0, outlines[match], np.array(None, object)), plan.line, beside),
         planned_overlap=_overlaps(expected, plan.line, beside),
         blurred=blurred,
         blur_not_known=blur_not_known,
@@ -199,7 +199,8 @@ def planned_photographs(
     A MissionError says that the camera looks at places, or that there are more than `MAX_PLANNED`.
     """
     if ground is not None and ground.dem is not None:
-        known = [(one.lat, one.lon) for one in (mission.home, *mission.items)]
+        known = [(mission.home.lat, mission.home.lon)]
+        known += [(one.lat, one.lon) for one in mission.items if one.has_position]
         lat, lon = np.array(known).T
         heights = dict(zip(known, ground.heights_m(lon, lat).tolist(), strict=True))
         mission = replace(mission, ground=Below(below_m=heights, lowest_m=0.0, highest_m=0.0))
@@ -320,7 +321,9 @@ def _counts(wanted: Any, outlines: Objects) -> Integers:
     tried = PLACES * min(math.prod(high - low) / wanted.area, _SPARSE)
     xy = low + np.arange(1, tried + 1)[:, None] * _SPREAD % 1 * (high - low)
     places = shapely.points(xy[shapely.contains_xy(wanted, xy)])
-    return np.bincount(shapely.STRtree(places).query(outlines, "contains")[1], minlength=len(places))
+    shown = shapely.STRtree(places).query(outlines, "contains")[1]
+    counts: Integers = np.bincount(shown, minlength=len(places))
+    return counts
 
 
 def _gaps(wanted: Any, unseen: Any, outlines: Objects) -> tuple[Objects, float]:
