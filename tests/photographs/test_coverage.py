@@ -223,6 +223,15 @@ def test_the_next_flight_over_the_gaps_makes_the_area_whole(how: dict[str, Any])
         assert whole.covered >= COVERED and whole.is_whole
 
 
+def test_shares_of_fields_far_apart_are_those_of_each() -> None:
+    """Half is seen of one whole field and one that nothing shows, 50 km away; and half of what is twice."""
+    far = box(50_000, 50, 300, 200)
+    near, both = (coverage(MISSION, PLAN.photographs, FLAT, area=area) for area in ([FIELD], [FIELD, far]))
+    assert near.seen_twice > near.seen_three_times > 0.3
+    halves = [share / 2 for share in seen(near)]
+    assert list(seen(both)) == pytest.approx(halves, abs=2e-3)
+
+
 def test_a_tilted_camera_sees_ahead() -> None:
     photos = Photos(CAMERA, Overlap(70, 60), pitch_deg=-60)
     params = PlanParams(

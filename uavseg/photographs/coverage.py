@@ -39,7 +39,7 @@ MAX_PLANNED = 50_000
 PLACES = 30_000
 """Places in the area at which is counted what photographs show twice and three times."""
 _SPREAD = (0.7548776662466927, 0.5698402909980532)  # R2 sequence: evenly spread, and along no line
-_SPARSE = 50  # times as many places are tried where the area is a small part of its bounds
+_SPARSE = 50  # times as many places are tried where a part is small in its bounds
 _STRAIGHT = math.cos(math.radians(15))
 _LONGEST_EDGE_M = 300.0  # which bends by less than a centimetre in degrees
 _LEAST_M2 = 1.0  # of slivers that a note is about
@@ -316,11 +316,13 @@ def _matched(plan: Planned, taken: Floats, sizes: Floats) -> tuple[Integers, Boo
 
 
 def _counts(wanted: Any, outlines: Objects) -> Integers:
-    """Return how many outlines show each of about `PLACES` places in an area."""
-    low, high = np.array(wanted.bounds).reshape(2, 2)
-    tried = PLACES * min(math.prod(high - low) / wanted.area, _SPARSE)
-    xy = low + np.arange(1, tried + 1)[:, None] * _SPREAD % 1 * (high - low)
-    places = shapely.points(xy[shapely.contains_xy(wanted, xy)])
+    """Return how many outlines show each of about `PLACES` places, evenly spread over an area."""
+    places = [shapely.point_on_surface(wanted)]
+    for part in shapely.get_parts(wanted):
+        low, high = np.array(part.bounds).reshape(2, 2)
+        tried = PLACES * min(math.prod(high - low) / wanted.area, _SPARSE * part.area / wanted.area)
+        xy = low + np.arange(1, tried + 1)[:, None] * _SPREAD % 1 * (high - low)
+        places.extend(shapely.points(xy[shapely.contains_xy(part, xy)]))
     shown = shapely.STRtree(places).query(outlines, "contains")[1]
     counts: Integers = np.bincount(shown, minlength=len(places))
     return counts
