@@ -368,9 +368,11 @@ def _beside(plan: Planned, outlines: Objects, sizes: Floats) -> Integers:
     near = near[np.lexsort((line[near], np.abs(right[near])))]
     near = near[np.unique(2 * k[near] + (right[near] > 0), return_index=True)[1]]
     near = near[np.abs(beyond[near]) < 1e-3 * sizes[k[near]]]
-    pairs = np.column_stack([k, line])[near]
+    pairs: Integers = np.column_stack([k, line])[near]
     shares = _shares_beside(outlines, plan.line, pairs)
-    return pairs[shares > np.median(shares) / 2] if len(pairs) else pairs  # others are of another block
+    if len(pairs):
+        pairs = pairs[shares > np.median(shares) / 2]  # others are of another block
+    return pairs
 
 
 def _shares_beside(outlines: Objects, line: Integers, pairs: Integers) -> Floats:

@@ -231,7 +231,7 @@ def check(source: str | os.PathLike[str] | Mission, request: CheckRequest) -> Mi
     if request.photographs:
         with phase("coverage"):
             home = mission.home
-            level = (home.altitude_m,) if home.altitude_m and request.dem is None else ()
+            level = (home.altitude_m,) if home.altitude_m and request.dem is None else ()  # 0 is not known
             ground = Ground(request.dem, request.home or (home.lat, home.lon, *level))
             found = coverage(mission, request.photographs, ground, request.camera, request.area)
         if not found.is_whole:
