@@ -46,6 +46,7 @@ from uavseg.photographs.read import read_photographs
 from uavseg.plain_text import shown
 from uavseg.raster.elevation.dem import Dem
 from uavseg.raster.geodesy.globe import WGS84, define_crs, wrap_lon_beyond_180
+from uavseg.regions.formats.export import check_region_path, write_regions
 from uavseg.regions.table import Regions
 
 if TYPE_CHECKING:
@@ -116,6 +117,10 @@ class MissionCheck:
     def gaps(self) -> "GeoDataFrame":
         """What photographs do not show, as regions that `plan` takes; none without photographs."""
         return gap_regions(self.coverage).frame()
+
+    def write_gaps(self, path: str, overwrite: bool = False) -> None:
+        """Write them to a file, as `uavseg check --gaps` does."""
+        write_regions(gap_regions(self.coverage), path, overwrite)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -267,6 +272,8 @@ def check_request(options: CheckOptions) -> CheckRequest:
         for name in ("gaps", "regions", "camera", "home"):
             if getattr(options, name) is not None:
                 raise ParameterError(f"--{name} is for photographs of the flight; give them with --photos")
+    if options.gaps is not None:
+        check_region_path(options.gaps, options.files.overwrite)
     if limits.max_altitude is None:
         limits = replace(limits, max_altitude=MAX_HEIGHT_M)
     if camera is not None and not isinstance(camera, Camera):
