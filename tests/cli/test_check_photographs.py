@@ -150,9 +150,9 @@ def test_the_ground_of_an_elevation_model_is_covered(tmp_path: Path) -> None:
         whole = uavseg.check(path, photos=photos, dem=dem).coverage
     assert flat is not None and hill is not None and whole is not None
     assert not flat.missing and not hill.missing and whole.is_whole
-    assert hill.seen[1] < flat.seen[1]
-    assert hill.overlaps.beside is not None and flat.overlaps.beside is not None
-    assert hill.overlaps.beside[0] < flat.overlaps.beside[0]
+    assert hill.seen_twice < flat.seen_twice
+    assert hill.overlap["beside"] is not None and flat.overlap["beside"] is not None
+    assert hill.overlap["beside"]["median"] < flat.overlap["beside"]["median"]
 
 
 def test_python_gives_the_same(flown: Path, tmp_path: Path) -> None:

@@ -91,6 +91,10 @@ def in_metres(found: Coverage, plane: Plane) -> Any:
     return shapely.union_all(plane.project_polygons(found.gaps)) if found.gaps else shapely.Polygon()
 
 
+def seen(found: Coverage) -> tuple[float, float, float]:
+    return found.covered, found.seen_twice, found.seen_three_times
+
+
 def cut(polygon: Any, plane: Plane) -> Any:
     """A polygon in metres that crosses the antimeridian, in degrees, cut there."""
     turned = shapely.transform(degrees(polygon, plane), lambda lonlat: lonlat + [360, 0] * (lonlat < 0))
@@ -118,9 +122,9 @@ def test_all_planned_photographs_are_whole(how: dict[str, Any]) -> None:
     assert len(plan.photographs) == mission.estimate.photographs
     for area in ((), tuple(how.get("regions", [FIELD]))):
         found = coverage(mission, plan.photographs, Ground(home=mission_home(mission)), area=area)
-        assert found.seen[0] == pytest.approx(1, abs=1e-9) and found.is_whole and not found.gaps
+        assert found.covered == pytest.approx(1, abs=1e-9) and found.is_whole and not found.gaps
         assert (found.missing, found.others, found.planned) == ((), 0, found.taken)
-        assert found.overlaps == found.planned_overlaps
+        assert found.overlap == found.planned_overlap
 
 
 def mission_home(mission: Mission) -> tuple[float, ...]:
@@ -132,10 +136,10 @@ def test_overlaps_are_those_that_were_asked_for() -> None:
         found = coverage(
             survey(overlap=(front, side)), planned(survey(overlap=(front, side))).photographs, FLAT
         )
-        along, beside = found.overlaps.along, found.overlaps.beside
+        along, beside = found.overlap["along"], found.overlap["beside"]
         assert along is not None and beside is not None
-        assert front / 100 - 1e-3 < along[1] <= along[0] < front / 100 + 0.05
-        assert side / 100 - 1e-3 < beside[1] <= beside[0] < side / 100 + 0.1
+        assert front / 100 - 1e-3 < along["least"] <= along["median"] < front / 100 + 0.05
+        assert side / 100 - 1e-3 < beside["least"] <= beside["median"] < side / 100 + 0.1
 
 
 def test_a_line_that_is_left_out_leaves_exactly_its_strip() -> None:
@@ -149,10 +153,10 @@ def test_a_line_that_is_left_out_leaves_exactly_its_strip() -> None:
     assert in_metres(found, plane).symmetric_difference(field - shown).area < 1e-3 * (field - shown).area
     assert [one.number - 1 for one in found.missing] == np.flatnonzero(plan.line == left).tolist()
     assert len({one.item for one in found.missing}) == 1
-    assert found.overlaps.beside is not None and found.overlaps.beside[1] == 0
-    beside = found.planned_overlaps.beside
+    assert found.overlap["beside"] is not None and found.overlap["beside"]["least"] == 0
+    beside = found.planned_overlap["beside"]
     assert beside is not None  # neither neighbour shows the rest of 90 m, over 200 m
-    assert sum(found.gap_areas_m2) == pytest.approx(90 * (1 - 2 * beside[0]) * 200, rel=0.01)
+    assert sum(found.gap_areas_m2) == pytest.approx(90 * (1 - 2 * beside["median"]) * 200, rel=0.01)
 
 
 @pytest.mark.parametrize("how", SURVEYS)
@@ -174,7 +178,7 @@ def test_gaps_are_the_cells_that_no_footprint_covers(how: dict[str, Any]) -> Non
         counted += [(counts >= least).sum() for least in range(4)]
     assert wrong * 0.25 <= found.slivers_m2 + 1 and found.slivers_m2 <= LOST * found.area_m2
     assert found.area_m2 == pytest.approx(everywhere * 0.25, rel=0.01)
-    assert found.seen == pytest.approx(tuple(counted[1:] / everywhere), abs=2e-3)
+    assert seen(found) == pytest.approx(tuple(counted[1:] / everywhere), abs=2e-3)
     assert not found.is_whole
     matched = {one.number - 1 for one in found.missing}
     assert matched == {k for k, one in enumerate(everything) if one not in taken}
@@ -196,13 +200,13 @@ def test_more_photographs_never_leave_more_gaps_and_their_order_does_not_matter(
         return coverage(MISSION, [PLAN.photographs[k] for k in order], FLAT, area=[FIELD])
 
     one, both, again = of(few), of(few | more), of(few | more)
-    assert all(a <= b + 1e-9 for a, b in zip(one.seen, both.seen, strict=True))
+    assert all(a <= b + 1e-9 for a, b in zip(seen(one), seen(both), strict=True))
     assert sum(both.gap_areas_m2) + both.slivers_m2 <= sum(one.gap_areas_m2) + one.slivers_m2 + 1e-3
     assert {m.number for m in both.missing} == set(range(1, len(PLAN.photographs) + 1)) - {
         k + 1 for k in few | more
     }
-    assert both.seen == pytest.approx(again.seen, abs=1e-9)
-    assert both.missing == again.missing and both.overlaps.as_dict() == again.overlaps.as_dict()
+    assert seen(both) == pytest.approx(seen(again), abs=1e-9)
+    assert both.missing == again.missing and both.overlap == again.overlap
 
 
 @pytest.mark.parametrize("how", SURVEYS)
@@ -216,7 +220,16 @@ def test_the_next_flight_over_the_gaps_makes_the_area_whole(how: dict[str, Any])
         assert not first.is_whole
         second = planned(survey(**how | {"regions": list(gap_regions(first).polygons)}))
         whole = coverage(mission, [*taken, *second.photographs], ground, area=area)
-        assert whole.seen[0] >= COVERED and whole.is_whole
+        assert whole.covered >= COVERED and whole.is_whole
+
+
+def test_shares_of_fields_far_apart_are_those_of_each() -> None:
+    """Half is seen of one whole field and one that nothing shows, 50 km away; and half of what is twice."""
+    far = box(50_000, 50, 300, 200)
+    near, both = (coverage(MISSION, PLAN.photographs, FLAT, area=area) for area in ([FIELD], [FIELD, far]))
+    assert near.seen_twice > near.seen_three_times > 0.3
+    halves = [share / 2 for share in seen(near)]
+    assert list(seen(both)) == pytest.approx(halves, abs=2e-3)
 
 
 def test_a_tilted_camera_sees_ahead() -> None:
@@ -228,7 +241,7 @@ def test_a_tilted_camera_sees_ahead() -> None:
     plan = planned(mission)
     assert {one.pitch_deg for one in plan.photographs} == {-60}
     found = coverage(mission, plan.photographs, FLAT, area=[FIELD])
-    assert found.is_whole and found.overlaps.along is not None
+    assert found.is_whole and found.overlap["along"] is not None
 
 
 def moved(photographs: Sequence[Photograph], ahead_m: float, aside_m: float = 0.0) -> list[Photograph]:
@@ -256,7 +269,7 @@ def test_photographs_are_those_of_triggers_within_half_their_distance() -> None:
         coverage(MISSION, away, FLAT)
     with_others = coverage(MISSION, [*PLAN.photographs, *away[:7]], FLAT)
     assert with_others.others == 7 and not with_others.missing
-    assert with_others.overlaps == coverage(MISSION, PLAN.photographs, FLAT).overlaps
+    assert with_others.overlap == coverage(MISSION, PLAN.photographs, FLAT).overlap
 
 
 def test_one_photograph_is_that_of_one_trigger() -> None:
@@ -273,8 +286,8 @@ def test_motion_blur_is_exposure_times_speed() -> None:
     assert coverage(MISSION, sharp, FLAT).blurred == ()
     blurred = [*sharp[:3], replace(sharp[3], exposure_s=1.01 * gsd_m / 5), *sharp[4:]]
     found = coverage(MISSION, blurred, FLAT)
-    assert (found.blurred, found.not_judged) == (("number 4",), 0)
-    assert coverage(MISSION, PLAN.photographs, FLAT).not_judged == len(PLAN.photographs)
+    assert (found.blurred, found.blur_not_known) == (("number 4",), 0)
+    assert coverage(MISSION, PLAN.photographs, FLAT).blur_not_known == len(PLAN.photographs)
 
 
 def test_speeds_that_are_not_told_follow_from_places_and_times() -> None:

@@ -22,19 +22,17 @@ def command(options: CheckOptions) -> None:
     Exit code 1: FILE cannot be read, its mission would not be safe, leaves its fence, comes near to a zone of
     --avoid, exceeds a limit, the autopilot refuses it, or the photographs show less than 99.9 %.
     """
-    from uavseg.jobs.flights.check import check, check_request, gap_regions
-    from uavseg.regions.formats import export
+    from uavseg.jobs.flights.check import check, check_request
 
     quiet, gaps = Reporter(options.messages).quiet, options.gaps
     if gaps is not None:
-        export.check_region_path(gaps, options.files.overwrite)
         keep_inputs(
             [gaps], options.file, options.photos, options.regions, options.terrain.dem, options.camera
         )
     with showing_phases(quiet):
         found = check(options.file, check_request(options))
     if gaps is not None:
-        export.write_regions(gap_regions(found.coverage), gaps, options.files.overwrite)
+        found.write_gaps(gaps, options.files.overwrite)
     if options.as_json:
         import json
 

@@ -14,7 +14,7 @@ from rasterio.crs import CRS
 from uavseg.errors import OutputError
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.regions.outline.trace import trace
-from uavseg.regions.table import make_regions
+from uavseg.regions.table import Regions, make_regions
 from uavseg.regions.wgs84 import to_wgs84
 from uavseg.segmentation.components import Sums
 
@@ -178,6 +178,27 @@ def test_batches_change_nothing():
     pieces = list(to_wgs84.wgs84_batches(regions, vertices=1))
     assert len(pieces) == len(regions) and len(whole) == len(regions)
     assert sum(len(batch.others) for batch in pieces) == (shapely.get_type_id(whole) == 6).sum() > 0
+
+
+@pytest.mark.parametrize("azimuth", [20, 75, 108, 140, 200, 250])
+@pytest.mark.parametrize("left_m", [1e-5, 1e-4, 1e-3])
+def test_notches_that_nearly_cut_a_region_leave_it_valid(azimuth, left_m):
+    """It is valid in the map; in degrees, tips of notches may lie across the edge that they come near to."""
+    tips = [(x, left_m) for x in (5700, 3700, 1200)]
+    notches = [corner for x, y in tips for corner in ((x + 300, 600), (x, y), (x - 300, 600))]
+    shape = [(0, 0), (8000, 0), (8000, 600), *notches, (0, 600)]
+    turn = np.radians(azimuth)
+    matrix = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    region = shapely.Polygon(np.array(shape) @ matrix + [600_000, 5_200_000])
+    assert region.is_valid
+    wkt = CRS.from_epsg(32632).to_wkt()
+    table = Regions(
+        {"id": np.array([1]), "area_m2": np.array([region.area])}, np.array([region], object), wkt
+    )
+    (found,) = to_wgs84.wgs84_geometries(table)
+    assert found.is_valid and found.geom_type in {"Polygon", "MultiPolygon"}
+    area_m2 = abs(pyproj.Geod(ellps="WGS84").geometry_area_perimeter(found)[0])
+    assert area_m2 == pytest.approx(region.area, rel=1e-3)  # the scale of UTM
 
 
 def test_another_celestial_body_is_refused():

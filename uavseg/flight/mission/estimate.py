@@ -70,12 +70,6 @@ class FlownPath:
         above = self.xyz_m[:, 2] - self.rise_m
         return np.maximum(above[:-1], above[1:])
 
-    def places_m(self, leg: int, shares: Floats) -> Floats:
-        """Return places (n, 3) at shares (n,) of a leg."""
-        start, end = self.xyz_m[leg : leg + 2]
-        places: Floats = start + shares[:, None] * (end - start)
-        return places
-
     def direction(self, leg: int) -> Floats:
         """Return the unit vector of a leg, east and north; one of no length has that of another one."""
         steps = np.diff(self.xyz_m[:, :2], axis=0)
@@ -445,10 +439,12 @@ def _on_ground(path: FlownPath, leg: int, shares: Floats, corners: Floats) -> Fl
 
     Photographs at or below the ground show none of it: their corners coincide.
     """
+    start, end = path.xyz_m[leg], path.xyz_m[leg + 1]
     heights = path.xyz_m[leg : leg + 2, 2] - path.rise_m[leg : leg + 2]
     height = np.maximum(heights[0] + shares * (heights[1] - heights[0]), 0.0)
     along = path.direction(leg)
     across = np.array([along[1], -along[0]])
     offsets = corners[:, :1] * across + corners[:, 1:] * along
-    ground: Floats = path.places_m(leg, shares)[:, None, :2] + height[:, None, None] * offsets
+    places = start[:2] + shares[:, None] * (end - start)[:2]
+    ground: Floats = places[:, None] + height[:, None, None] * offsets
     return ground

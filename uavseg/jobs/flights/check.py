@@ -48,6 +48,7 @@ from uavseg.photographs.read import read_photographs
 from uavseg.plain_text import shown
 from uavseg.raster.elevation.dem import Dem
 from uavseg.raster.geodesy.globe import WGS84, define_crs, wrap_lon_beyond_180
+from uavseg.regions.formats.export import check_region_path, write_regions
 from uavseg.regions.table import Regions
 
 if TYPE_CHECKING:
@@ -119,6 +120,10 @@ class MissionCheck:
         """What photographs do not show, as regions that `plan` takes; none without photographs."""
         return gap_regions(self.coverage).frame()
 
+    def write_gaps(self, path: str, overwrite: bool = False) -> None:
+        """Write them to a file, as `uavseg check --gaps` does."""
+        write_regions(gap_regions(self.coverage), path, overwrite)
+
     @property
     def warnings(self) -> tuple[str, ...]:
         """What the person who flies it should know."""
@@ -171,8 +176,7 @@ def gap_regions(found: Coverage | None) -> Regions:
     """Return the gaps of photographs as regions."""
     gaps = np.array([*(found.gaps if found else ()), None], object)[:-1]
     lon, lat = shapely.get_coordinates(shapely.point_on_surface(gaps)).T
-    area_m2 = np.array(found.gap_areas_m2 if found else (), float)
-    ids = np.arange(1, len(gaps) + 1)
+    ids, area_m2 = np.arange(1, len(gaps) + 1), np.array(found.gap_areas_m2 if found else (), float)
     columns = {"id": ids, "area_m2": area_m2, "lon": wrap_lon_beyond_180(lon), "lat": lat}
     wkt = define_crs(WGS84).wkt2
     return replace(in_degrees(Regions(columns, gaps, wkt)), wkt=wkt)
@@ -181,17 +185,21 @@ def gap_regions(found: Coverage | None) -> Regions:
 def _findings(found: Coverage) -> Iterator[str]:
     """Yield what the person who flew a mission should know of its photographs."""
     yield from found.notes
-    legs = Counter(one.item for one in found.missing)
-    if legs:
-        listed = ", ".join(f"{count:,} on the leg to item {item}" for item, count in [*legs.items()][:LISTED])
-        more = f" and on {len(legs) - LISTED:,} more legs" if len(legs) > LISTED else ""
-        yield f"{len(found.missing):,} of {found.planned:,} photographs are missing: {listed}{more}"
+    if found.missing:
+        legs = Counter(one.item for one in found.missing)
+        listed = _listed([f"{count:,} on the leg to item {item}" for item, count in legs.items()], " legs")
+        yield f"{len(found.missing):,} of {found.planned:,} photographs are missing: {listed}"
     if found.others:
         yield f"{found.others:,} photographs are not near any that the mission takes"
     if found.blurred:
-        names = ", ".join(shown(Path(name).name, quoted=False) for name in found.blurred[:LISTED])
-        more = f" and {len(found.blurred) - LISTED:,} more" if len(found.blurred) > LISTED else ""
-        yield f"{names}{more}: blurred by motion, over more than {BLUR_PX:g} pixel"
+        names = _listed([shown(Path(name).name, quoted=False) for name in found.blurred])
+        yield f"{names}: blurred by motion, over more than {BLUR_PX:g} pixel"
+
+
+def _listed(names: list[str], what: str = "") -> str:
+    """Return the first of names, and how many more there are."""
+    more = f" and {len(names) - LISTED:,} more{what}" if len(names) > LISTED else ""
+    return ", ".join(names[:LISTED]) + more
 
 
 def check(source: str | os.PathLike[str] | Mission, request: CheckRequest) -> MissionCheck:
@@ -229,25 +237,18 @@ def check(source: str | os.PathLike[str] | Mission, request: CheckRequest) -> Mi
     found = None
     if request.photographs:
         with phase("coverage"):
-            found = coverage(
-                mission, request.photographs, _ground(mission, request), request.camera, request.area
-            )
+            home = mission.home
+            level = (home.altitude_m,) if home.altitude_m and request.dem is None else ()  # 0 is not known
+            ground = Ground(request.dem, request.home or (home.lat, home.lon, *level))
+            found = coverage(mission, request.photographs, ground, request.camera, request.area)
         if not found.is_whole:
-            count, area_m2 = len(found.gaps), sum(found.gap_areas_m2)
             problems.append(
-                f"the photographs show {100 * found.as_dict()['covered']:.2f} % of the area, with "
-                f"{count:,} gap{'s' * (count != 1)} of {area_m2:,.0f} m2: plan the next flight over them "
+                f"the photographs show {100 * found.as_dict()['covered']:.2f} % of the area: "
+                f"{sum(found.gap_areas_m2):,.0f} m2 in {len(found.gaps):,} gaps are left for the next flight "
                 "(--gaps gaps.geojson, then uavseg plan gaps.geojson)"
             )
     mission = replace(mission, notes=(*request.notes, *mission.notes))
     return MissionCheck(mission, requested or mission.autopilot, tuple(verdicts), tuple(problems), found)
-
-
-def _ground(mission: Mission, request: CheckRequest) -> Ground:
-    """Return the ground that photographs show; home gives its height, unless the mission does not say it."""
-    home = mission.home
-    level = (home.altitude_m,) if home.altitude_m and request.dem is None else ()
-    return Ground(request.dem, request.home or (home.lat, home.lon, *level))
 
 
 def _not_followed(mission: Mission) -> list[str]:
@@ -273,6 +274,8 @@ def check_request(options: CheckOptions) -> CheckRequest:
         for name in ("gaps", "regions", "camera", "home"):
             if getattr(options, name) is not None:
                 raise ParameterError(f"--{name} is for photographs of the flight; give them with --photos")
+    if options.gaps is not None:
+        check_region_path(options.gaps, options.files.overwrite)
     if limits.max_altitude is None:
         limits = replace(limits, max_altitude=MAX_HEIGHT_M)
     if camera is not None and not isinstance(camera, Camera):

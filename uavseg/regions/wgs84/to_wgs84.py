@@ -221,10 +221,16 @@ def _rounding_is_safe(flat: RaggedPolygons, units: Floats, pixel: float) -> bool
 
 
 def _round(geometry: Any) -> Any:
-    """Return a valid geometry of whole numbers, exteriors counter-clockwise; unrounded if it would vanish."""
+    """Return a valid geometry of whole numbers, exteriors counter-clockwise; unrounded if it would vanish.
+
+    Edges that nearly touch in the map may cross in degrees: then it is made valid, and stays unrounded.
+    """
     rounded = shapely.transform(geometry, np.rint)
     if not rounded.is_valid:
-        rounded = shapely.set_precision(geometry, 1)
+        try:
+            rounded = shapely.set_precision(geometry, 1)
+        except shapely.errors.GEOSException:
+            rounded = shapely.make_valid(geometry, method="structure", keep_collapsed=False)
     parts = shapely.get_parts(shapely.orient_polygons(geometry if rounded.is_empty else rounded))
     return parts[0] if len(parts) == 1 else shapely.MultiPolygon(parts.tolist())
 
