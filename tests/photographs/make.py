@@ -46,7 +46,8 @@ def turns(photograph: Any) -> Array:
     about_down = [[math.cos(yaw), -math.sin(yaw), 0], [math.sin(yaw), math.cos(yaw), 0], [0, 0, 1]]
     about_right = [[math.cos(pitch), 0, math.sin(pitch)], [0, 1, 0], [-math.sin(pitch), 0, math.cos(pitch)]]
     about_sight = [[1, 0, 0], [0, math.cos(roll), -math.sin(roll)], [0, math.sin(roll), math.cos(roll)]]
-    return np.array(about_down) @ np.array(about_right) @ np.array(about_sight)
+    turned: Array = np.array(about_down) @ np.array(about_right) @ np.array(about_sight)
+    return turned
 
 
 def pix4d_angles(photograph: Any) -> tuple[float, float, float]:
@@ -147,7 +148,7 @@ def draw_photograph(
         pixels = np.moveaxis(grey.reshape(-1, rows, cols), 0, -1).round().astype(np.uint8).squeeze()
     image = Image.fromarray(pixels)
     tags = _exif(photograph, maker, exif or {}, gps or {})
-    packet = _packet(_xmp(photograph, maker) | (xmp or {}), maker)
+    packet = _packet({**_xmp(photograph, maker), **(xmp or {})}, maker)
     if path.suffix.lower() in (".tif", ".tiff"):
         from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
@@ -223,7 +224,7 @@ def _sexagesimal(degrees: float) -> tuple[IFDRational, ...]:
     )
 
 
-def _xmp(photograph: Any, maker: str) -> dict[str, str | None]:
+def _xmp(photograph: Any, maker: str) -> dict[str, str]:
     angles = {name: getattr(photograph, f"{name.lower()}_deg") for name in ("Yaw", "Pitch", "Roll")}
     heights = {"RelativeAltitude": photograph.relative_m, "AbsoluteAltitude": photograph.altitude_m}
     known = {name: f"{height:+.3f}" for name, height in heights.items() if height is not None}
