@@ -209,8 +209,10 @@ def _exif(photograph: Any, maker: str, exif: dict[int, Any], gps: dict[int, Any]
     for tag, value in image.items():
         if value is not None:
             tags[tag] = value
-    tags.get_ifd(0x8769).update({tag: value for tag, value in shot.items() if value is not None})
-    tags.get_ifd(0x8825).update({tag: value for tag, value in place.items() if value is not None})
+    for number, ifd in ((0x8769, shot), (0x8825, place)):
+        known = {tag: value for tag, value in ifd.items() if value is not None}
+        tags.get_ifd(number).update(known)
+        tags[number] = known  # Pillow 11.0 writes what is here alone
     return tags
 
 
