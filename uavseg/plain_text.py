@@ -2,6 +2,7 @@
 
 import re
 import struct
+from collections.abc import Sequence
 
 MAX_MESSAGE = 500  # characters
 MAX_WORD = 160
@@ -99,6 +100,12 @@ def shown(value: object, quoted: bool = True) -> str:
     except Exception:  # a huge int has no text, and a stranger's object may raise anything
         text = f"a value of type {type(value).__name__}"
     return one_line(" ".join(text.split()), 40 if len(text) > 60 else 60)
+
+
+def first_of(texts: Sequence[object], most: int, what: str = "") -> str:
+    """List the first of some texts, and how many more of `what` there are."""
+    more = f" and {len(texts) - most} more{what}" if len(texts) > most else ""
+    return ", ".join(map(str, texts[:most])) + more
 
 
 def _shortened(text: str, max_length: int) -> str:

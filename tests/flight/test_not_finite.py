@@ -1,7 +1,6 @@
 """NaN and infinity from outside: every option, argument, value and file refuses them, by name."""
 
 import dataclasses
-import importlib
 import inspect
 import io
 import json
@@ -192,7 +191,7 @@ def test_an_option_refuses_them_by_name(command: str, line: str) -> None:
 @pytest.mark.parametrize("command", OPTIONS)
 def test_every_option_that_may_hold_a_number_is_in_the_table(command: str) -> None:
     known = {word for line in OPTIONS[command] for word in line.split() if word.startswith("--")}
-    for option in importlib.import_module(f"uavseg.cli.{command}").command.params:
+    for option in main.get_command(click.Context(main), command).params:
         classes = click.types.FloatParamType | click.types.StringParamType
         if isinstance(option.type, classes) and option.name not in NO_NUMBERS:
             assert not isinstance(option, click.Option) or set(option.opts) & known, option.opts

@@ -168,12 +168,14 @@ def prepare() -> None:
         os.environ["MPLBACKEND"] = "agg"
     for name in (*LIBRARIES, *MODULES):
         importlib.import_module(name)
+    import click
+
     from uavseg import cli
     from uavseg._jit.kernels import Kernel
     from uavseg._jit.object_cache import cache_folder
 
     for command in cli._COMMANDS:
-        importlib.import_module(f"uavseg.cli.{command.replace('-', '_')}")
+        cli.main.get_command(click.Context(cli.main), command)
     for path in sorted(Path(cli.__file__).parents[1].rglob("*.py")):
         if "kernel" in path.read_text(encoding="utf-8"):
             importlib.import_module(

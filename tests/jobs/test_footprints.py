@@ -54,10 +54,10 @@ def quiet(*sources: Any, **words: Any) -> geopandas.GeoDataFrame:
         return uavseg.footprints(list(sources), **words)
 
 
-def told(*sources: Any, **words: Any) -> list[str]:
+def warnings_of(*sources: Any, **options: Any) -> list[str]:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        uavseg.footprints(list(sources), **words)
+        uavseg.footprints(list(sources), **options)
     return [str(one.message) for one in caught]
 
 
@@ -154,20 +154,20 @@ def test_those_that_show_no_ground_are_named() -> None:
         draw_photograph(f"{number}.jpg", replace(PHOTO, pitch_deg=-5.0))
     draw_photograph("low.jpg", replace(PHOTO, relative_m=-3.0))
     draw_photograph("lower.jpg", replace(PHOTO, relative_m=-4.0))
-    notes = told(".")
+    notes = warnings_of(".")
     assert notes[0] == "0.jpg, 1.jpg, 2.jpg and 2 more: left out, as a part of it looks to the horizon"
     assert notes[1].startswith("low.jpg, lower.jpg: left out, as its height is 3.0 m below the ground")
     assert len(notes) == 2
     assert quiet(".").photo.tolist() == ["good.jpg"]
 
 
-def test_heights_that_differ_are_told() -> None:
+def test_heights_that_differ_are_a_warning() -> None:
     dem = write_dem(Path("dem.tif"), lambda east, north: 500)
     draw_photograph("a.jpg", replace(PHOTO, relative_m=40))
-    notes = told("a.jpg", dem=dem)
+    notes = warnings_of("a.jpg", dem=dem)
     assert notes[0].startswith("a.jpg: 60 m above the ground by altitude, but 40 m above takeoff")
     assert "does not say what its heights are above" in notes[1]
-    notes = told("a.jpg", dem=dem, home=(LAT, LON))
+    notes = warnings_of("a.jpg", dem=dem, home=(LAT, LON))
     assert notes[0] == "a.jpg: 40 m above the ground by takeoff, but 60 m by altitude"
 
 

@@ -132,10 +132,10 @@ def test_regions_of_the_map_are_those_of_the_scene() -> None:
 def test_match_takes_the_map() -> None:
     mapped("sample.tif")
     x, y = Transformer.from_crs(4326, 32632, always_xy=True).transform(PLACE[1], PLACE[0])
-    words = ["match", "sample.tif", "--like", f"{x:.2f},{y:.2f},6", "-o", "alike.geojson", "-q"]
+    words = ["match", "sample.tif", "--like", f"{x:.2f},{y:.2f},6", "-o", "similar.geojson", "-q"]
     result = CliRunner().invoke(main, words)
     assert result.exit_code == 0, result.stderr
-    assert Path("alike.geojson").exists()
+    assert Path("similar.geojson").exists()
 
 
 @pytest.mark.parametrize(

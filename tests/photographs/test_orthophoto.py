@@ -173,16 +173,16 @@ def test_a_pixel_is_where_the_ground_is_exactly(tmp_path: Path) -> None:
     y = (view.bounds[1] + view.bounds[3]) / 2 - side * (np.arange(TILE) + 0.5)
     lon, lat = transform_between(utm_crs(*PLACE).to_wkt(), WGS84)(*map(np.ravel, np.meshgrid(x, y)))
     east, north = view.plane.xy_from_lonlat(lon, lat)
-    exact = one.pixels(np.column_stack([east, north, np.full(len(east), -view.height_m)]))
+    exact = one.pixels(np.stack([east, north, np.full(len(east), -view.height_m)]))
     left, right = x[0] - side / 2, x[-1] + side / 2
     top, bottom = y[0] + side / 2, y[-1] - side / 2
     corners = transform_between(utm_crs(*PLACE).to_wkt(), WGS84)(
         np.array([left, right, left, right]), np.array([top, top, bottom, bottom])
     )
     interpolated = [_between(found, (TILE, TILE)) for found in view.plane.xy_from_lonlat(*corners)]
-    places, drawn = view.places(np.stack([*interpolated, np.full(TILE * TILE, -view.height_m)]))
+    places, drawn = view.places(np.stack([*interpolated, np.full(TILE * TILE, -view.height_m)]), None)
     assert drawn.all()
-    assert np.abs(places.T - exact).max() < 0.01
+    assert np.abs(places - exact).max() < 0.01
 
 
 @pytest.mark.parametrize(
@@ -274,7 +274,7 @@ def test_over_hills_each_pixel_is_of_the_nearest_camera(slope: Path, tmp_path: P
     distances = np.full((len(photographs), len(row)), np.inf)
     for distance, view in zip(distances, mosaic.views, strict=True):
         offsets = np.stack([*view.plane.xy_from_lonlat(lon, lat), heights - view.height_m])
-        seen = view.places(offsets)[1]
+        seen = view.places(offsets, view.horizon(ground))[1]
         distance[seen] = np.linalg.norm(offsets, axis=0)[seen]
     nearest = np.where(np.isfinite(distances.min(axis=0)), 10 + distances.argmin(axis=0), 0)
     assert len(np.unique(nearest)) == 6
@@ -361,9 +361,7 @@ def test_hidden_ground_is_not_drawn(tmp_path: Path) -> None:
     lon, lat = mosaic.geobox.lonlat_from_xy(*mosaic.geobox.xy_from_pixel(row + 0.5, col + 0.5))
     east, north = view.plane.xy_from_lonlat(lon, lat)
     up = ground.heights_m(lon, lat) - 140.0
-    open_view = copy(view)
-    open_view.horizon = None
-    inside = open_view.places(np.stack([east, north, up]))[1]  # of the image, and not too coarse
+    inside = view.places(np.stack([east, north, up]), None)[1]  # of the image, and not too coarse
     depth = np.full(len(east), np.inf)  # of the ground along the line of sight below it
     for share in np.linspace(0.02, 0.98, 300):
         place = view.plane.lonlat_from_xy(share * east, share * north)
@@ -386,10 +384,8 @@ def test_ground_beyond_a_limit_is_left_out_and_said(pitch: float, scene: Path, t
     east, north = view.plane.xy_from_lonlat(lon, lat)
     sides = []
     for step in ((0, 0), (0.01, 0), (0, 0.01)):  # of ground, in the image: the area of a pixel
-        sides.append(
-            one.pixels(np.column_stack([east + step[0], north + step[1], np.full(len(east), -60.0)]))
-        )
-    (a, b), (c, d) = ((sides[k] - sides[0]).T / 0.01 for k in (1, 2))
+        sides.append(one.pixels(np.stack([east + step[0], north + step[1], np.full(len(east), -60.0)])))
+    (a, b), (c, d) = ((sides[k] - sides[0]) / 0.01 for k in (1, 2))
     area = 1 / np.abs(a * d - b * c)
     middle = one.rays(np.array([IMAGE]) / 2)[0]
     assert np.sqrt(area).max() < 1.001 * view.coarsest_m

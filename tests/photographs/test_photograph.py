@@ -48,8 +48,8 @@ def test_places_come_back_to_their_pixels(
     photograph: Photograph, col: float, row: float, length: float
 ) -> None:
     pixels = np.array([[col, row]])
-    np.testing.assert_allclose(photograph.pixels(photograph.rays(pixels) * length), pixels, atol=1e-6)
-    assert np.isnan(photograph.pixels(-photograph.rays(pixels))).all()
+    np.testing.assert_allclose(photograph.pixels((photograph.rays(pixels) * length).T).T, pixels, atol=1e-6)
+    assert np.isnan(photograph.pixels(-photograph.rays(pixels).T)).all()
 
 
 def corners_m(photograph: Photograph) -> Any:

@@ -59,7 +59,7 @@ def refused(path: Path, **how: Any) -> str:
 def assert_same_pose(found: Photograph, expected: Photograph, pixels: float = 0.05) -> None:
     """Assert that places are seen within some pixels of where they should be, and the rest is the same."""
     rays = expected.rays(expected.border(3))
-    assert np.abs(found.pixels(rays) - expected.pixels(rays)).max() < pixels
+    assert np.abs(found.pixels(rays.T) - expected.pixels(rays.T)).max() < pixels
     assert found.lat == pytest.approx(expected.lat, abs=1e-8)
     assert abs(math.remainder(found.lon - expected.lon, 360)) < 1e-8
     assert found.image_px == expected.image_px
@@ -416,7 +416,9 @@ def test_a_camera_of_another_shape_is_refused(tmp_path: Path) -> None:
 def test_a_turned_image_is_read_as_it_is_stored(tmp_path: Path) -> None:
     found = read(draw_photograph(tmp_path / "a.jpg", PHOTO, exif={0x0112: 3}))
     rays = PHOTO.rays(PHOTO.border(2))
-    np.testing.assert_allclose(found.pixels(rays), np.array(PHOTO.image_px) - PHOTO.pixels(rays), atol=1e-6)
+    np.testing.assert_allclose(
+        found.pixels(rays.T).T, np.array(PHOTO.image_px) - PHOTO.pixels(rays.T).T, atol=1e-6
+    )
     for orientation in (2, 4, 5, 6, 7, 8, 9):
         path = draw_photograph(tmp_path / "b.jpg", PHOTO, exif={0x0112: orientation})
         assert f"orientation tag is {orientation}" in refused(path)

@@ -22,7 +22,8 @@ from uavseg.jobs.flights.plan import plan as run_plan
 from uavseg.jobs.flights.request import open_regions, plan_request, widths_of, zone_polygons
 from uavseg.jobs.flights.resume import resume as run_resume
 from uavseg.jobs.source.open_source import open_source
-from uavseg.options.flights import CheckOptions, PlanOptions
+from uavseg.options.flights import PlanOptions
+from uavseg.options.missions import CheckOptions
 from uavseg.options.option import build
 
 if TYPE_CHECKING:

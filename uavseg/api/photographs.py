@@ -11,9 +11,9 @@ from uavseg.api._values import progress_of, warn
 from uavseg.arguments import checked
 from uavseg.execution.executors import Progress
 from uavseg.flight.camera.camera import Camera
-from uavseg.jobs.flights.footprints import footprints as run_footprints
-from uavseg.jobs.flights.georeference import Georeferenced
-from uavseg.jobs.flights.georeference import georeference as run_georeference
+from uavseg.jobs.flights.photographs import Georeferenced
+from uavseg.jobs.flights.photographs import footprints as run_footprints
+from uavseg.jobs.flights.photographs import georeference as run_georeference
 from uavseg.options.option import build
 from uavseg.options.photographs import FootprintsOptions, GeoreferenceOptions
 
@@ -69,9 +69,8 @@ def footprints(
         If the elevation model cannot be read, or a parameter is wrong.
     """
     options = build(FootprintsOptions, locals())
-    sources = [photographs] if isinstance(photographs, str | os.PathLike) else list(photographs)
     with allowing(allow_path, allow_network):
-        found = run_footprints(sources, options, progress_of(progress))
+        found = run_footprints(photographs, options, progress_of(progress))
     warn(found.warnings)
     return found.regions.frame()
 
@@ -127,8 +126,7 @@ def georeference(
         If the elevation model cannot be read, a parameter is wrong, or the map may not be written.
     """
     options = build(GeoreferenceOptions, locals())
-    sources = [photographs] if isinstance(photographs, str | os.PathLike) else list(photographs)
     with allowing(allow_path, allow_network):
-        found = run_georeference(sources, options, progress_of(progress))
+        found = run_georeference(photographs, options, progress_of(progress))
     warn(found.warnings)
     return found

@@ -48,6 +48,8 @@ _COMMANDS = {
     "warm-up": "Load or compile everything once, before going to the field.",
 }
 
+_BESIDE = {"footprints": "photographs", "georeference": "photographs"}  # commands that share a module
+
 
 class _Group(click.Group):
     """A group whose commands are imported when they are needed."""
@@ -58,7 +60,8 @@ class _Group(click.Group):
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         if name not in _COMMANDS:
             return None
-        command: click.Command = importlib.import_module(f"uavseg.cli.{name.replace('-', '_')}").command
+        module = importlib.import_module(f"uavseg.cli.{_BESIDE.get(name, name.replace('-', '_'))}")
+        command: click.Command = getattr(module, name if name in _BESIDE else "command")
         if ctx.resilient_parsing:  # of a shell that completes the line
             from uavseg.cli.command import completing_files
 

@@ -8,7 +8,7 @@ from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter, say, show, showing_phases
 from uavseg.cli.write import keep_inputs
 from uavseg.errors import MissionError
-from uavseg.options.flights import CheckOptions
+from uavseg.options.missions import CheckOptions
 
 
 @job_command("check", CheckOptions)
@@ -27,7 +27,7 @@ def command(options: CheckOptions) -> None:
     quiet, gaps = Reporter(options.messages).quiet, options.gaps
     if gaps is not None:
         keep_inputs(
-            [gaps], options.file, options.photos, options.regions, options.terrain.dem, options.camera
+            [gaps], options.file, options.photos, options.regions, options.terrain.dem, options.poses.camera
         )
     with showing_phases(quiet):
         found = check(options.file, check_request(options))

@@ -4,7 +4,7 @@ from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter
 from uavseg.cli.upload import vehicle_report
 from uavseg.cli.write import write_mission_output
-from uavseg.options.flights import DownloadOptions
+from uavseg.options.missions import DownloadOptions
 
 
 @job_command("download", DownloadOptions)

@@ -12,6 +12,7 @@ from uavseg.cli import write
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter, showing_phases, work_of
 from uavseg.options.regions import ExtractOptions
+from uavseg.plain_text import first_of
 
 if TYPE_CHECKING:
     from uavseg.jobs.requests import RegionJob
@@ -75,8 +76,9 @@ def command(options: ExtractOptions) -> None:
     unwritten: list[str] = []
     with write.transaction():
         if planned is not None and options.mission is not None:
-            how = options.mission, files.overwrite, options.flight.files
-            paths, unwritten = write.write_plan_output(planned, *how)
+            paths, unwritten = write.write_plan_output(
+                planned, options.mission, files.overwrite, options.flight.files
+            )
         files.write(found, work)
     if planned is not None and not reporter.quiet:
         from uavseg.cli.mission_report import report
@@ -149,8 +151,7 @@ def _class_rows(found: Extraction, request: Any) -> dict[str, str]:
         return {}
     names = found.regions.columns["class"].tolist()
     counts = [f"{name} {names.count(name):,}" for name in known]
-    more = f" and {len(counts) - _LISTED} more" if len(counts) > _LISTED else ""
-    return {"classes": ", ".join(counts[:_LISTED]) + more}
+    return {"classes": first_of(counts, _LISTED)}
 
 
 def _check_flyable(wkt: str | None) -> None:

@@ -10,6 +10,7 @@ from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter, work_of
 from uavseg.cli.write import RegionFiles, answer_each, shown, summary_rows, transaction
 from uavseg.options.regions import LevelsOptions
+from uavseg.plain_text import first_of
 
 if TYPE_CHECKING:
     from uavseg.jobs.result.result import Extraction
@@ -74,8 +75,7 @@ def _levels_row(found: Extraction, request: LevelsRequest) -> str:
     if isinstance(wanted, BreakChoice):
         ends = (found.regions.columns[name].tolist() for name in ("range_low", "range_high"))
         intervals = sorted(set(zip(*ends, strict=True)))
-        shown_ends = [f"{low:.7g}..{high:.7g}" for low, high in intervals[:_LISTED]]
-        more = f" and {len(intervals) - _LISTED} more" if len(intervals) > _LISTED else ""
-        return f"{there:,} by {wanted.rule}: {', '.join(shown_ends)}{more}"
+        bounds = [f"{low:.7g}..{high:.7g}" for low, high in intervals]
+        return f"{there:,} by {wanted.rule}: {first_of(bounds, _LISTED)}"
     each = f", each {_width(found, wanted.width)} wide" if isinstance(wanted, Levels) else ""
     return f"{there:,} of {wanted.count:,} are there{each}"

@@ -49,8 +49,10 @@ def command(options: PlanOptions) -> None:
         planned = plan(found, request, zones, raster, notes)
     paths, unwritten = write_plan_output(planned, output, overwrite, options.mission.files)
     notes = [*planned.warnings, *unwritten]
-    told = planned.missions, planned.regions, paths, notes
     if options.as_json:
-        show(json.dumps(missions_json(*told, with_footprints=options.footprints), allow_nan=False))
+        written = missions_json(
+            planned.missions, planned.regions, paths, notes, with_footprints=options.footprints
+        )
+        show(json.dumps(written, allow_nan=False))
     if not reporter.quiet:
-        report(*told)
+        report(planned.missions, planned.regions, paths, notes)

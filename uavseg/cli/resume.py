@@ -8,7 +8,7 @@ from uavseg.cli.command import job_command
 from uavseg.cli.mission_report import report
 from uavseg.cli.terminal.say import Reporter, showing_phases
 from uavseg.cli.write import keep_inputs, write_plan_output
-from uavseg.options.flights import ResumeOptions
+from uavseg.options.missions import ResumeOptions
 
 
 @job_command("resume", ResumeOptions)

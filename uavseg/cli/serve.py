@@ -25,8 +25,8 @@ def command(options: ServeOptions) -> None:
     reporter = Reporter(options.messages, options.progress)
     request = FieldMapRequest(options.division.segment_params(), options.size.size)
     source = open_source(options.source.rasters, options.read)
-    how, flown = work_of(options.run, reporter), (options.photos, options.mission)
-    with MapServer(source, request, how, options.port, *flown) as server:
+    work, photos, mission = work_of(options.run, reporter), options.photos, options.mission
+    with MapServer(source, request, work, options.port, photos=photos, mission=mission) as server:
         written_here().ended = "the server is closed, and the files of its jobs are deleted"
         reporter.finish(server.warnings)
         show(f"{server.url}")

@@ -34,9 +34,15 @@ def command(options: SimulateOptions) -> None:
     keep_inputs([path for path in (output, png, truth) if path], scene)
     outputs = _check_targets(output, png, truth, overwrite)
     creation = creation_of(options.creation, {output: "float32", truth: "uint8"})
-    sensor_words = {"sigma_m": options.sigma, "max_range_m": options.max_range}
-    sensor_words |= {"fov_deg": options.fov, "step_deg": options.step}
-    found = simulate(scene, SimulateRequest(options.seed, options.poses, **sensor_words))
+    request = SimulateRequest(
+        options.seed,
+        options.poses,
+        sigma_m=options.sigma,
+        max_range_m=options.max_range,
+        fov_deg=options.fov,
+        step_deg=options.step,
+    )
+    found = simulate(scene, request)
     grid, simulation, sensor = found.grid, found.simulation, found.simulation.sensor
     tags = {"scene": scene, "seed": str(options.seed)}
     with transaction():

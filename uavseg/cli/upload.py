@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter
-from uavseg.options.flights import UploadOptions
+from uavseg.options.missions import UploadOptions
 
 if TYPE_CHECKING:
     from uavseg.flight.mission.mission import Mission

@@ -16,7 +16,7 @@ from uavseg.errors import OutputError
 if TYPE_CHECKING:
     from uavseg.cli.terminal.say import Reporter
     from uavseg.flight.mission.mission import Mission
-    from uavseg.jobs.flights.footprints import Footprints
+    from uavseg.jobs.flights.photographs import Footprints
     from uavseg.jobs.flights.plan import MissionPlan
     from uavseg.jobs.maps.compare import Comparison
     from uavseg.jobs.requests import RegionJob

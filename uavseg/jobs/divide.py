@@ -37,5 +37,13 @@ def block_map_of(source: Raster | ProbabilityMap, tile_pass: TilePass) -> tuple[
         blocks = measure_block_map(grey, dividing)
     decided("%d x %d blocks of 64 x 64 pixels", *blocks.blocks)
     dataset, info = source.dataset, SourceInfo.of(grey)
-    about = dataset.geobox, grey.stretch, dataset.band_names, source.origin, info.axis
-    return SavedBlocks(blocks, *about, illumination=grey.illumination), info
+    saved = SavedBlocks(
+        blocks,
+        dataset.geobox,
+        grey.stretch,
+        dataset.band_names,
+        source.origin,
+        axis=info.axis,
+        illumination=grey.illumination,
+    )
+    return saved, info

@@ -105,7 +105,7 @@ def extract(source: Source, request: ExtractRequest, work: Work = SERIAL) -> Ext
 def with_facts(found: Extraction, source: Source, request: ExtractRequest) -> Extraction:
     """Return a result whose regions say what they were made from, and how."""
     how = results.range_facts(found.detected, found.axis) | results.segment_facts(request.segment)
-    how |= results.drawing_facts(request)
+    how |= results.drawing_facts(request.drawing, request.fill_holes, request.min_area, request.detail)
     how |= {"thin_lines": request.thin_lines or None, "min_confidence": request.min_confidence}
     return results.with_metadata(found, source, "extract", how)
 
@@ -248,9 +248,14 @@ class Written:
     largest: tuple[int, float] = (0, 0.0)  # pixels and area of the largest
 
     def __add__(self, other: "Written") -> "Written":
-        names = ("outlined", "below_minimum", "regions", "files", "area")
-        sums: dict[str, Any] = {name: getattr(self, name) + getattr(other, name) for name in names}
-        return Written(**sums, largest=max(self.largest, other.largest))
+        return Written(
+            outlined=self.outlined + other.outlined,
+            below_minimum=self.below_minimum + other.below_minimum,
+            regions=self.regions + other.regions,
+            files=self.files + other.files,
+            area=self.area + other.area,
+            largest=max(self.largest, other.largest),
+        )
 
 
 def extract_partitions(

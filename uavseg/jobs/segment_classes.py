@@ -254,7 +254,9 @@ def extract_classes(source: Source, request: ClassesRequest, work: Work = SERIAL
     result = results.measured(outlined, found.info, ends, request.drawing, columns, confidence=confidence)
     names = [f"{one.name}={one.interval.low:g},{one.interval.high:g}" for one in classes]
     how: dict[str, Any] = {"classes": names}
-    how |= results.segment_facts(request.segment) | results.drawing_facts(request)
+    how |= results.segment_facts(request.segment) | results.drawing_facts(
+        request.drawing, request.fill_holes, request.min_area, request.detail
+    )
     if result.below_minimum and not len(result.regions):
         hints.append(none_confident(result.below_minimum, request.min_confidence))
     how |= {"min_confidence": request.min_confidence}
@@ -324,7 +326,10 @@ def levels(source: Source, request: LevelsRequest, work: Work = SERIAL) -> Extra
     notes = [*found.notes, *_notes(found.partition, request)]
     small = None if request.min_area is None else request.small
     how = {"levels": [0.0, *found.partition.edges, 1.0]} | results.segment_facts(request.segment)
-    how |= results.drawing_facts(request) | {"small": small, "min_confidence": request.min_confidence}
+    how |= results.drawing_facts(request.drawing, None, request.min_area, request.detail) | {
+        "small": small,
+        "min_confidence": request.min_confidence,
+    }
     result = results.with_metadata(_measured(found, request), source, "levels", how)
     if not len(result.regions) and result.below_minimum:
         notes.append(none_confident(result.below_minimum, request.min_confidence))

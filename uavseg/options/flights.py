@@ -1,4 +1,4 @@
-"""Options of missions: how to fly, what to keep away from; and of plan, check, upload and download."""
+"""Options of missions: how to fly, what to keep away from; and of plan."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from uavseg.options import texts
 from uavseg.options.option import Options, argument, group, option
 from uavseg.options.reading import AccessOptions
-from uavseg.options.running import OverwriteOptions, ProgressOptions, VerbosityOptions, output_option
+from uavseg.options.running import OverwriteOptions, VerbosityOptions, output_option
 
 if TYPE_CHECKING:
     from uavseg.flight.camera.camera import Camera
@@ -386,142 +386,3 @@ class PlanOptions(Options):
     files: OverwriteOptions = group(OverwriteOptions, overwrite={"help": "Replace a mission that is there."})
     messages: VerbosityOptions = group(VerbosityOptions)
     access: AccessOptions = group(AccessOptions)
-
-
-class CheckOptions(Options):
-    """Check."""
-
-    file: str = argument("FILE", required=True)
-    autopilot: str | None = option(
-        "What it is checked for.  [default: what FILE is for, if its format says so]",
-        choices=AUTOPILOTS,
-        basic=True,
-        label="Autopilot",
-    )
-    safety: SafetyOptions = group(
-        SafetyOptions,
-        *("allow_edge", "fence", "rally"),
-        avoid={
-            "help": "Keep-out zones; may be given several times.",
-            "metavar": "FILE",
-            "parse": None,
-            "basic": True,
-        },
-        avoid_margin={"basic": True},
-        max_altitude={
-            "default": None,
-            "basic": True,
-            "help": "Refuse more above home, or with --dem above the ground.",
-        },
-        max_distance={"basic": True, "help": "Refuse more from home."},
-    )
-    wind: float | Sequence[float] | None = option(
-        "Wind to estimate for, and the azimuth in degrees that it comes from; by default any.  "
-        "[default: calm air]",
-        metavar="M_S[,FROM]",
-        parse=texts.numbers("--wind is M_S or M_S,FROM, such as 6 or 6,270"),
-        label="Wind in m/s",
-    )
-    terrain: TerrainOptions = group(
-        TerrainOptions,
-        *("terrain", "terrain_tolerance", "climb", "descent"),
-        dem={
-            "basic": True,
-            "help": "Refuse to fly nearer than 5 m to the ground of this elevation model; may be repeated.",
-        },
-    )
-    photos: Paths = option(
-        "Photographs that came back from the flight: files, folders, or with --camera its log (.bin, .ulg). "
-        "What they do not show is found, on flat ground or that of --dem. May be repeated.",
-        metavar="PATH",
-        multiple=True,
-        parse=texts.or_none,
-        basic=True,
-    )
-    gaps: str | None = option(
-        "With --photos: write the gaps as regions, for the next flight with uavseg plan: .geojson, .gpkg, "
-        ".fgb, .parquet, .shp or .kml.",
-        metavar="PATH",
-        python=False,
-        basic=True,
-    )
-    regions: Any = option(
-        "With --photos: what they should show, a file of polygons.  [default: what FILE plans to show, but a "
-        "rim of 5 % of a photograph]",
-        metavar="REGIONS",
-        basic=True,
-    )
-    camera: str | os.PathLike[str] | Camera | None = option(
-        "With --photos: all were, and are planned to be, taken with this camera.  [default: the focal length "
-        "in the files]",
-        metavar="NAME|FILE.json",
-        label="Camera",
-    )
-    home: Sequence[float] | None = option(
-        "With --photos: place of takeoff, and its metres above the sea.  [default: the home of FILE]",
-        metavar="LAT,LON[,M]",
-        parse=texts.numbers("--home is LAT,LON or LAT,LON,M in degrees and metres"),
-    )
-    files: OverwriteOptions = group(OverwriteOptions, overwrite={"help": "Replace gaps that are there."})
-    as_json: bool = option("Write JSON, for programs.", "--json", default=False, python=False, basic=True)
-    messages: VerbosityOptions = group(VerbosityOptions)
-    access: AccessOptions = group(AccessOptions)
-
-
-class ResumeOptions(Options):
-    """Resume."""
-
-    file: str = argument("MISSION", required=True)
-    start: Any = option(
-        "Where the flight was cut: LAT,LON; or ITEM that it flew to, by its number on the vehicle (home is 0 "
-        "and takeoff 1; with PX4, takeoff is 0), 12.4 where 40 % of the leg to 12 were flown; or LOG of the "
-        "flight, a .bin of ArduPilot or a .ulg of PX4.",
-        "--from",
-        required=True,
-        metavar="LAT,LON|ITEM|LOG",
-        parse=texts.place_item_or_file,
-        basic=True,
-    )
-    output: str = output_option("The rest: .plan or another mission file as of uavseg plan.", "FILE")
-    mission_files: MissionFileOptions = group(MissionFileOptions, "editable")
-    files: OverwriteOptions = group(OverwriteOptions, overwrite={"help": "Replace a mission that is there."})
-    messages: VerbosityOptions = group(VerbosityOptions)
-
-
-class LinkOptions(Options):
-    """Vehicle."""
-
-    connect: str = option(
-        "Where the vehicle is: udpout:HOST:PORT, udpin:HOST:PORT, tcp:HOST:PORT or serial:DEVICE[:BAUD].",
-        required=True,
-        metavar="ADDRESS",
-        basic=True,
-    )
-    timeout: float = option(
-        "Seconds to wait for an answer, and without progress.", default=10.0, metavar="S", basic=True
-    )
-
-
-class UploadOptions(Options):
-    """Upload."""
-
-    file: str = argument("FILE", required=True)
-    while_armed: bool = option(
-        "Replace the mission of a vehicle whose motors are armed; it may be flying, and ArduPilot replaces "
-        "the items one by one.",
-        default=False,
-        basic=True,
-    )
-    link: LinkOptions = group(LinkOptions)
-    progress: ProgressOptions = group(ProgressOptions)
-    messages: VerbosityOptions = group(VerbosityOptions)
-
-
-class DownloadOptions(Options):
-    """Download."""
-
-    link: LinkOptions = group(LinkOptions)
-    output: str = output_option("The mission: .plan or another file as of uavseg plan.", "FILE")
-    files: OverwriteOptions = group(OverwriteOptions, overwrite={"help": "Replace a mission that is there."})
-    progress: ProgressOptions = group(ProgressOptions)
-    messages: VerbosityOptions = group(VerbosityOptions)

@@ -44,24 +44,28 @@ class PoseOptions(Options):
     )
 
 
-class FootprintsOptions(Options):
-    """Footprints."""
+class PhotographOptions(Options):
+    """Photographs."""
 
     photographs: tuple[str, ...] = argument("PHOTO", multiple=True, required=True)
-    output: str = output_option(
-        "The footprints: .geojson, .gpkg, .fgb, .parquet, .shp or .kml; - is GeoJSON on stdout.", "PATH"
-    )
     poses: PoseOptions = group(PoseOptions)
-    files: OverwriteOptions = group(OverwriteOptions)
     messages: VerbosityOptions = group(VerbosityOptions)
     progress: ProgressOptions = group(ProgressOptions)
     access: AccessOptions = group(AccessOptions)
 
 
-class GeoreferenceOptions(Options):
+class FootprintsOptions(PhotographOptions):
+    """Footprints."""
+
+    output: str = output_option(
+        "The footprints: .geojson, .gpkg, .fgb, .parquet, .shp or .kml; - is GeoJSON on stdout.", "PATH"
+    )
+    files: OverwriteOptions = group(OverwriteOptions)
+
+
+class GeoreferenceOptions(PhotographOptions):
     """Map."""
 
-    photographs: tuple[str, ...] = argument("PHOTO", multiple=True, required=True)
     output: str | os.PathLike[str] = option(
         "The map: a GeoTIFF in the UTM zone of the place, with an alpha band.",
         *("-o", "--output"),
@@ -75,8 +79,4 @@ class GeoreferenceOptions(Options):
         basic=True,
         label="Side of a pixel in cm",
     )
-    poses: PoseOptions = group(PoseOptions)
     files: OverwriteOptions = group(OverwriteOptions, overwrite={"python": True})
-    messages: VerbosityOptions = group(VerbosityOptions)
-    progress: ProgressOptions = group(ProgressOptions)
-    access: AccessOptions = group(AccessOptions)

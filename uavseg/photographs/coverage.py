@@ -23,7 +23,6 @@ from uavseg.flight.mission.track import Plane
 from uavseg.flight.mission.vehicle import default_vehicle
 from uavseg.photographs.ground import Ground
 from uavseg.photographs.photograph import Photograph
-from uavseg.photographs.read import grouped
 from uavseg.raster.geodesy.globe import wrap_lon
 
 Objects = NDArray[np.object_]
@@ -83,14 +82,14 @@ class Coverage:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the coverage as plain values, for JSON; without the outlines of gaps."""
-        about = asdict(self) | {"gaps": len(self.gaps), "gaps_m2": float(sum(self.gap_areas_m2))}
+        about = asdict(replace(self, gaps=())) | {"gaps": len(self.gaps), "gaps_m2": sum(self.gap_areas_m2)}
         del about["gap_areas_m2"], about["notes"]
         plain: dict[str, Any] = _plain("", about)
         return plain
 
 
 def _plain(name: str, value: Any) -> Any:
-    """Return a value for JSON, cut rather than rounded: what is not whole is not told as whole."""
+    """Return a value for JSON, cut rather than rounded: 0.99999 of an area is not 1."""
     if isinstance(value, dict):
         return {key: _plain(key, one) for key, one in value.items()}
     if isinstance(value, tuple):
@@ -117,16 +116,16 @@ def coverage(
     """
     home = mission.home
     plane = Plane(home.lat, home.lon)
-    known, outlines, notes = _outlines(photographs, ground, plane)
-    if not known:
-        raise PhotographError("; ".join(["no photograph shows ground", *notes]))
+    seen, notes = ground.each(photographs, lambda one: (one, ground.footprint(one)), steps_done)
+    known, outlines = [one for one, _ in seen], _in_metres([outline for _, outline in seen], plane)
     plan = planned_photographs(mission, _lens(camera, known), ground)
     frames = {item.frame for item in mission.items if item.has_position}
     level = (home.altitude_m,) if ground.dem is None or FRAME_AMSL in frames else ()
-    below = replace(ground, home=(home.lat, home.lon, *level))
-    poses, expected, why = _outlines(plan.photographs, below, plane)
-    if len(poses) < len(plan.photographs):
-        raise MissionError(f"what the mission plans to show is not known: {why[0]}")
+    below, poses = replace(ground, home=(home.lat, home.lon, *level)), plan.photographs
+    try:
+        expected = _in_metres(list(map(below.footprint, poses)), plane)
+    except PhotographError as error:
+        raise MissionError(f"what the mission plans to show is not known: {error}") from error
     if area:
         wanted = shapely.union_all(plane.project_polygons(area))
     elif not poses:
@@ -263,30 +262,18 @@ def _lines(xy: Floats, along: Floats, pitch: Floats, single: Bools) -> tuple[Int
 def _lens(camera: Camera | None, photographs: Sequence[Photograph]) -> tuple[tuple[int, int], float]:
     """Return image size and focal length in pixels: of a camera, or of most photographs."""
     if camera is not None:
-        return camera.image_px, camera.focal_mm * camera.image_px[0] / camera.sensor_mm[0]
+        return camera.image_px, camera.focal_px
     counted = Counter((one.image_px, one.focal_px) for one in photographs)
     return max(counted, key=lambda lens: (counted[lens], lens))
 
 
-def _outlines(
-    photographs: Sequence[Photograph], ground: Ground, plane: Plane
-) -> tuple[list[Photograph], Objects, list[str]]:
-    """Return the photographs that show ground, its outlines in metres, and notes on the others and doubts."""
-    known: list[Photograph] = []
-    found, left_out, doubts = [], [], []
-    for number, one in enumerate(photographs, 1):
-        try:
-            found.append(ground.footprint(one))
-            known.append(one)
-            doubts += [(one.path, note) for note in ground.notes(one)]
-        except PhotographError as error:
-            left_out.append((one.path, str(error)))
-        steps_done(number, len(photographs))
+def _in_metres(outlines: Sequence[Any], plane: Plane) -> Objects:
+    """Return outlines in degrees as outlines on a plane."""
     metres: Objects = shapely.transform(
-        np.array([*found, None], object)[:-1],
+        np.array([*outlines, None], object)[:-1],
         lambda lonlat: np.column_stack(plane.xy_from_lonlat(lonlat[:, 0], lonlat[:, 1])),
     )
-    return known, metres, [*grouped("left out, as ", left_out), *grouped("", doubts)]
+    return metres
 
 
 def _turned(offset: Floats, yaw: Floats) -> tuple[Floats, Floats]:
@@ -404,8 +391,8 @@ def _blurred(
 
     A speed that a photograph does not tell is that of its line, without waits, unless the vehicle hovers.
     """
-    told = [(one.taken_s, one.exposure_s, one.speed_m_s, math.prod(one.image_px)) for one in photographs]
-    taken_s, exposure_s, speed_m_s, pixels = np.array(told, float).T
+    tags = [(one.taken_s, one.exposure_s, one.speed_m_s, math.prod(one.image_px)) for one in photographs]
+    taken_s, exposure_s, speed_m_s, pixels = np.array(tags, float).T
     for one in () if plan.is_hovering else np.unique(plan.line).tolist():
         which = match[(plan.line == one) & (match >= 0)]
         seconds, metres = np.abs(np.diff(taken_s[which])), np.hypot(*np.diff(taken[which], axis=0).T)

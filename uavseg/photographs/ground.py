@@ -31,7 +31,7 @@ _HALVINGS = 18  # of a step, to where a ray meets the ground
 
 @dataclass(frozen=True)
 class Ground:
-    """What cameras look at, and how their heights are told.
+    """What cameras look at, and what heights are measured from.
 
     Without `dem` the ground is flat, at the height of the place of takeoff, and heights are above it. With it
     they are those of the model. `home` is the place of takeoff: latitude and longitude in degrees, and its

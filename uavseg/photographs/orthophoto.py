@@ -3,6 +3,7 @@
 import math
 import threading
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -31,7 +32,8 @@ POSITION_M = 3.0  # horizontal, of a satellite receiver without corrections
 HEIGHT_M, HEIGHT_SHARE = 2.0, 0.02  # of a height above the ground, whichever is more
 YAW_DEG, TILT_DEG = 1.5, 0.5  # of gimbals: about the vertical, and about each of two level axes
 _NODES = 17  # places along each side of an image that are looked at beforehand
-_AZIMUTHS, _RINGS = 720, 128  # of the heights around a camera that may hide others: 0.4 MB
+_AZIMUTHS, _RINGS = 720, 128  # of the heights around a camera that may hide others: 0.7 MB
+HORIZONS = 128  # of cameras, that are kept
 _SUNK = 1e-3  # of the height of the camera: so far below a line of sight, ground is hidden
 _TYPES = ({"uint8"}, {"uint16"})
 
@@ -90,31 +92,32 @@ class View:
         # Left, bottom, right and top on the map.
         self.bounds = np.concatenate([xy.min(axis=1) - margin, xy.max(axis=1) + margin])
         self.reach_m = away[around].max() + 2 * margin
-        self.horizon: Floats | None = None  # (azimuths, rings), steepest slope to the ground up to each ring
-        if ground.dem is not None:
-            azimuth = np.arange(_AZIMUTHS)[:, None] * (math.tau / _AZIMUTHS)
-            far = np.arange(1, _RINGS + 1) * (self.reach_m / _RINGS)
-            places = plane.lonlat_from_xy((np.sin(azimuth) * far).ravel(), (np.cos(azimuth) * far).ravel())
-            slope = (ground.heights_m(*places).reshape(_AZIMUTHS, _RINGS) - self.height_m) / far
-            self.horizon = np.fmax.accumulate(slope, axis=1)
 
-    def places(self, offsets: Floats) -> tuple[Floats, Bools]:
+    def horizon(self, ground: Ground) -> Floats:
+        """Return the steepest slope from the camera to the ground up to each ring: (azimuths, rings)."""
+        azimuth = np.arange(_AZIMUTHS)[:, None] * (math.tau / _AZIMUTHS)
+        far = np.arange(1, _RINGS + 1) * (self.reach_m / _RINGS)
+        places = self.plane.lonlat_from_xy((np.sin(azimuth) * far).ravel(), (np.cos(azimuth) * far).ravel())
+        slope = (ground.heights_m(*places).reshape(_AZIMUTHS, _RINGS) - self.height_m) / far
+        steepest: Floats = np.fmax.accumulate(slope, axis=1)
+        return steepest
+
+    def places(self, offsets: Floats, horizon: Floats | None) -> tuple[Floats, Bools]:
         """Return where ground (3, n), metres from the camera, is in the image (2, n), and what is drawn."""
         one, (east, north, up), far = self.photograph, offsets, np.hypot(*offsets[:2])
-        ahead, right, down = (axis[0] * east + axis[1] * north + axis[2] * up for axis in one.axes)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            col = one.focal_px * right / ahead + one.image_px[0] / 2
-            row = one.focal_px * down / ahead + one.image_px[1] / 2
+        col, row = found = one.pixels(offsets)
         drawn: Bools = (col >= 0) & (col <= one.image_px[0]) & (row >= 0) & (row <= one.image_px[1])
         drawn &= -up > math.cos(math.radians(HORIZON_DEG)) * np.hypot(far, up)
+        sight = one.axes[0]
+        ahead = sight[0] * east + sight[1] * north + sight[2] * up
         drawn &= _sides_m(ahead, -up, one.focal_px) <= self.coarsest_m
-        if self.horizon is not None:
+        if horizon is not None:
             azimuth = np.rint(np.arctan2(east, north) * (_AZIMUTHS / math.tau)).astype(np.int64) % _AZIMUTHS
             # The ring before the last one, so that ground never hides itself.
             ring = np.minimum((far * (_RINGS / self.reach_m)).astype(np.int64), _RINGS) - 2
-            slope = self.horizon[azimuth, np.maximum(ring, 0)]
+            slope = horizon[azimuth, np.maximum(ring, 0)]
             drawn &= (ring < 0) | ~(up <= slope * far + _SUNK * up)
-        return np.stack([col, row]), drawn
+        return found, drawn
 
 
 def _sides_m(ahead: Floats, below: Floats, focal_px: float) -> Floats:
@@ -172,6 +175,7 @@ class Mosaic:
         self.types, self.dtype = types, np.dtype(types[0])  # of the bands without alpha
         self._to_lonlat = transform_between(crs.to_wkt(), WGS84)
         self._images: dict[int, NDArray[Any]] = {}  # the last used last
+        self._horizon = lru_cache(HORIZONS)(lambda view: view.horizon(ground))
         self._lock = threading.Lock()  # of PROJ, the elevation model and the images
 
     def strips(
@@ -210,16 +214,16 @@ class Mosaic:
                 corners = *dem.pixels(lon, lat), wrap_lon(lon, around=float(lon[0])), lat
                 heights = dem.heights_at(*(_between(values, shape) for values in corners))
             near = [
-                (k, view, view.plane.xy_from_lonlat(lon, lat))
+                (k, view, view.plane.xy_from_lonlat(lon, lat), None if dem is None else self._horizon(view))
                 for k, view in enumerate(self.views)
                 if (view.bounds[:2] < (x[1], y[0])).all() and (view.bounds[2:] > (x[0], y[2])).all()
             ]
         best, chosen, place = np.full(size, np.inf), np.full(size, -1), np.zeros((2, size))
-        for k, view, xy in near:
+        for k, view, xy, horizon in near:
             offsets = np.stack([*(_between(corners, shape) for corners in xy), heights - view.height_m])
             distance2 = (offsets**2).sum(axis=0) / view.photograph.focal_px**2
             closer = np.flatnonzero(distance2 < best)
-            found, drawn = view.places(offsets[:, closer])
+            found, drawn = view.places(offsets[:, closer], horizon)
             closer = closer[drawn]
             best[closer], chosen[closer], place[:, closer] = distance2[closer], k, found[:, drawn]
         pixels = np.zeros((len(self.types) + 1, size), self.dtype)

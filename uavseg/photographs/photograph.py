@@ -66,23 +66,19 @@ class Photograph:
         return seen / self.focal_px
 
     def pixels(self, offsets_m: Floats) -> Floats:
-        """Return where places (n, 3), metres east, north and up of the camera, are in the image (n, 2).
+        """Return where places (3, n), metres east, north and up of the camera, are in the image (2, n).
 
         The inverse of `rays`; NaN behind the camera.
         """
-        ahead, right, below = self.axes @ np.asarray(offsets_m, float).T
-        ahead = np.where(ahead > 0, ahead, np.nan)
-        across_along = np.column_stack([right / ahead, below / ahead])
-        place: Floats = self.focal_px * across_along + np.array(self.image_px) / 2
-        return place
+        east, north, up = offsets_m  # products one by one: those of matrices depend on their size
+        ahead, right, below = (axis[0] * east + axis[1] * north + axis[2] * up for axis in self.axes)
+        scale = np.divide(self.focal_px, ahead, out=np.full_like(ahead, np.nan), where=ahead > 0)
+        return np.stack([right * scale + self.image_px[0] / 2, below * scale + self.image_px[1] / 2])
 
     def border(self, steps: int = 1) -> Floats:
         """Return places along the border of the image (4 steps, 2), clockwise from its upper left corner."""
         cols, rows = self.image_px
         corners = np.array([[0, 0], [cols, 0], [cols, rows], [0, rows]], float)
-        share = np.arange(steps)[:, None] / steps
-        sides = [
-            start + share * (end - start)
-            for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True)
-        ]
-        return np.concatenate(sides)
+        along = np.roll(corners, -1, axis=0) - corners
+        sides: Floats = corners[:, None] + np.arange(steps)[:, None] / steps * along[:, None]
+        return sides.reshape(-1, 2)

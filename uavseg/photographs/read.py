@@ -27,7 +27,7 @@ from uavseg.execution.executors import Progress
 from uavseg.flight.camera.camera import Camera, cameras
 from uavseg.inputs import regular_file
 from uavseg.photographs.photograph import Photograph
-from uavseg.plain_text import cause_of, one_line, shown
+from uavseg.plain_text import cause_of, first_of, one_line, shown
 from uavseg.warning_filters import changing_filters
 
 SUFFIXES = (".jpg", ".jpeg", ".tif", ".tiff")
@@ -85,7 +85,7 @@ class Taken:
 
 
 def read_photographs(
-    sources: Sequence[Path_], progress: Progress | None = None, camera: Camera | None = None
+    sources: Path_ | Sequence[Path_], progress: Progress | None = None, camera: Camera | None = None
 ) -> Taken:
     """Read the poses of photographs from files, and from folders and their subfolders.
 
@@ -122,13 +122,12 @@ def grouped(start: str, reasons: Iterable[tuple[str, str]]) -> list[str]:
         groups.setdefault(re.sub(r"\d+(\.\d+)?", "0", reason), []).append((Path(path).name, reason))
     lines = []
     for group in groups.values():
-        names = ", ".join(shown(name, quoted=False) for name, _ in group[:_FIRST])
-        more = f" and {len(group) - _FIRST} more" if len(group) > _FIRST else ""
-        lines.append(f"{names}{more}: {start}{group[0][1]}")
+        names = first_of([shown(name, quoted=False) for name, _ in group], _FIRST)
+        lines.append(f"{names}: {start}{group[0][1]}")
     return lines
 
 
-def _files(sources: Sequence[Path_]) -> tuple[list[str], int]:
+def _files(sources: Path_ | Sequence[Path_]) -> tuple[list[str], int]:
     """Return the names of files, each once, and how many files of folders are no photographs."""
     names: list[str] = []
     ignored = 0
@@ -136,7 +135,7 @@ def _files(sources: Sequence[Path_]) -> tuple[list[str], int]:
     def refuse(error: OSError) -> None:
         raise PhotographError(f"{error.filename} cannot be listed ({cause_of(error)})") from error
 
-    for source in sources:
+    for source in [sources] if isinstance(sources, str | os.PathLike) else sources:
         if not os.path.isdir(source):  # noqa: PTH112 - false for a name that is too long
             names.append(os.fspath(regular_file(source, PhotographError)))
             continue

@@ -2,7 +2,6 @@
 
 import json
 import math
-import os
 import re
 import warnings
 from collections.abc import Iterator, Sequence
@@ -20,8 +19,7 @@ from uavseg.execution.executors import Progress, threads
 from uavseg.flight.camera.camera import cameras
 from uavseg.inputs import parse_json
 from uavseg.jobs.extract import ExtractRequest, extract
-from uavseg.jobs.flights.check import check, check_request, gap_regions
-from uavseg.jobs.flights.footprints import footprints
+from uavseg.jobs.flights.check import check, check_request, gap_regions, ground_below
 from uavseg.jobs.flights.plan import Home, PlanRequest, plan
 from uavseg.jobs.flights.request import open_regions, plan_request
 from uavseg.jobs.match.match import match
@@ -30,9 +28,10 @@ from uavseg.jobs.source.source import Raster
 from uavseg.jobs.source.work import Work
 from uavseg.jobs.web_map.content import FieldMap, FieldMapRequest, webp_of
 from uavseg.jobs.web_map.tiles import CellTiles, read_map_tile
-from uavseg.options.flights import CheckOptions, Paths, PlanOptions
+from uavseg.options.flights import Paths, PlanOptions
+from uavseg.options.missions import CheckOptions
 from uavseg.options.option import Option, build, options_of
-from uavseg.options.photographs import FootprintsOptions
+from uavseg.photographs.ground import Ground
 from uavseg.plain_text import printable
 from uavseg.plot.web.field_map import read_collection, read_flights
 from uavseg.raster.geodesy.globe import WGS84, geod_wgs84, transform_between
@@ -240,14 +239,14 @@ class Flown:
         """
         if photos is None:
             raise ParameterError("--mission is that of photographs; give them with --photos")
-        paths = [photos] if isinstance(photos, str | os.PathLike) else photos
-        found = footprints(paths, FootprintsOptions())
-        rings = [shapely.get_coordinates(one).round(7).tolist() for one in found.regions.polygons]
-        if mission is None:
-            return cls(rings, [], None, found.warnings)
-        checked = check(mission, check_request(CheckOptions(photos=paths)))
-        notes = dict.fromkeys((*found.warnings, *checked.warnings))
-        return cls(rings, read_flights(mission), gap_regions(checked.coverage), tuple(notes))
+        request = check_request(CheckOptions(photos=photos))
+        checked = None if mission is None else check(mission, request)
+        ground = Ground() if checked is None else ground_below(request, checked.mission)
+        outlines, notes = ground.each(request.photographs, ground.footprint)
+        rings = [shapely.get_coordinates(one).round(7).tolist() for one in outlines]
+        if checked is None:
+            return cls(rings, [], None, (*request.notes, *notes))
+        return cls(rings, read_flights(mission), gap_regions(checked.coverage), checked.warnings)
 
 
 @dataclass(frozen=True)

@@ -82,6 +82,11 @@ class Camera:
         sizes = dict(zip(_KEYS, (*self.sensor_mm, *self.image_px, self.focal_mm), strict=True))
         return {"name": self.name, **sizes, "min_interval_s": self.min_interval_s}
 
+    @property
+    def focal_px(self) -> float:
+        """The focal length in pixels."""
+        return self.focal_mm * self.image_px[0] / self.sensor_mm[0]
+
     def gsd_m(self, height_m: float, pitch_deg: float = NADIR_DEG) -> float:
         """Return the ground sampling distance (GSD) in metres, across the flight, in the image centre.
 
@@ -190,13 +195,15 @@ def find_cameras(text: str) -> list[Camera]:
     return [camera for camera in cameras() if all(word in _plain(camera.name) for word in words)]
 
 
-def camera_named(name: str | os.PathLike[str]) -> Camera:
-    """Return a camera by its name in the catalogue, or from a JSON file.
+def camera_named(name: str | os.PathLike[str] | Camera) -> Camera:
+    """Return a camera by its name in the catalogue, or from a JSON file; a camera as it is.
 
     `name` is a name in any case, a part of one that only one camera has, or a file that ends in .json. A
     ParameterError says that there is no such camera (with the nearest names), that several have the words, or
     that the file is not that of a camera.
     """
+    if isinstance(name, Camera):
+        return name
     if str(name).lower().endswith(".json"):
         return read_camera(name)
     plain = _plain(str(name))

@@ -11,7 +11,7 @@ from uavseg.flight.formats.options import FileOptions
 from uavseg.flight.mission import items as mav
 from uavseg.flight.mission.items import HomePosition, MissionItem
 from uavseg.flight.mission.mission import Mission
-from uavseg.plain_text import cause_of, shown
+from uavseg.plain_text import cause_of, first_of, shown
 
 HEADER = "QGC WPL 110"
 _ENDS = mav.TAKEOFFS | mav.LANDINGS
@@ -142,8 +142,7 @@ class ItemReader:
     def notes(self) -> list[str]:
         """What was taken from the state of the vehicle."""
         means = "altitude 0 is the height that the vehicle has, and position 0,0 where it is, to ArduPilot"
-        more = f" and {len(self.filled) - 3} more" if len(self.filled) > 3 else ""
-        return [f"{means}: {', '.join(self.filled[:3])}{more}"] if self.filled else []
+        return [f"{means}: {first_of(self.filled, 3)}"] if self.filled else []
 
     def _filled(self, number: int, fields: dict[str, Any]) -> dict[str, Any]:
         command, at_vehicle = fields["command"], fields["lat"] == 0 and fields["lon"] == 0

@@ -182,7 +182,7 @@ def _ulog_messages(path: Path) -> list[Message]:
     try:
         with contextlib.redirect_stdout(io.StringIO()):  # pyulog prints what is damaged
             topics = {one.name: one.data for one in ULog(os.fspath(path), list(_TOPICS)).data_list[::-1]}
-        if "camera_capture" in topics:  # what the camera tells, in place of what it was told
+        if "camera_capture" in topics:  # photographs that were taken, in place of triggers
             topics.pop("camera_trigger", None)
         rows = [
             (

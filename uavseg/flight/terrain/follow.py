@@ -280,8 +280,10 @@ def _heights(
             frame, height = FRAME_RELATIVE, height - home_m
             _check_above_home(flight.ground, kept, height)
         height = np.round(height, 3)
-    where = {"height_m": height, "added": ~is_corner, "speed_m_s": speed}
-    return WaypointHeights(frame=frame, takeoff_m=takeoff_m, **where), kept
+    heights = WaypointHeights(
+        frame=frame, height_m=height, takeoff_m=takeoff_m, added=~is_corner, speed_m_s=speed
+    )
+    return heights, kept
 
 
 def _check_above_home(ground: GroundProfile, kept: Integers, height_m: Floats) -> None:

@@ -40,12 +40,12 @@ from uavseg.flight.safety.check import Clearance, SafetyCheck
 from uavseg.flight.terrain.altitude_profile import climbs_early
 from uavseg.inputs import read_bytes
 from uavseg.jobs.flights.request import in_degrees, open_regions, safety_params, wind_of, zone_polygons
-from uavseg.options.flights import CheckOptions
+from uavseg.options.missions import CheckOptions
 from uavseg.photographs.coverage import Coverage, coverage
 from uavseg.photographs.ground import Ground
 from uavseg.photographs.photograph import Photograph
 from uavseg.photographs.read import read_photographs
-from uavseg.plain_text import shown
+from uavseg.plain_text import first_of, shown
 from uavseg.raster.elevation.dem import Dem
 from uavseg.raster.geodesy.globe import WGS84, define_crs, wrap_lon_beyond_180
 from uavseg.regions.formats.export import check_region_path, write_regions
@@ -187,19 +187,14 @@ def _findings(found: Coverage) -> Iterator[str]:
     yield from found.notes
     if found.missing:
         legs = Counter(one.item for one in found.missing)
-        listed = _listed([f"{count:,} on the leg to item {item}" for item, count in legs.items()], " legs")
+        counts = [f"{count:,} on the leg to item {item}" for item, count in legs.items()]
+        listed = first_of(counts, LISTED, " legs")
         yield f"{len(found.missing):,} of {found.planned:,} photographs are missing: {listed}"
     if found.others:
         yield f"{found.others:,} photographs are not near any that the mission takes"
     if found.blurred:
-        names = _listed([shown(Path(name).name, quoted=False) for name in found.blurred])
+        names = first_of([shown(Path(name).name, quoted=False) for name in found.blurred], LISTED)
         yield f"{names}: blurred by motion, over more than {BLUR_PX:g} pixel"
-
-
-def _listed(names: list[str], what: str = "") -> str:
-    """Return the first of names, and how many more there are."""
-    more = f" and {len(names) - LISTED:,} more{what}" if len(names) > LISTED else ""
-    return ", ".join(names[:LISTED]) + more
 
 
 def check(source: str | os.PathLike[str] | Mission, request: CheckRequest) -> MissionCheck:
@@ -237,9 +232,7 @@ def check(source: str | os.PathLike[str] | Mission, request: CheckRequest) -> Mi
     found = None
     if request.photographs:
         with phase("coverage"):
-            home = mission.home
-            level = (home.altitude_m,) if home.altitude_m and request.dem is None else ()  # 0 is not known
-            ground = Ground(request.dem, request.home or (home.lat, home.lon, *level))
+            ground = ground_below(request, mission)
             found = coverage(mission, request.photographs, ground, request.camera, request.area)
         if not found.is_whole:
             problems.append(
@@ -251,6 +244,13 @@ def check(source: str | os.PathLike[str] | Mission, request: CheckRequest) -> Mi
     return MissionCheck(mission, requested or mission.autopilot, tuple(verdicts), tuple(problems), found)
 
 
+def ground_below(request: CheckRequest, mission: Mission) -> Ground:
+    """Return the ground that photographs show, as high as home of the mission where that is known (not 0)."""
+    home = mission.home
+    level = (home.altitude_m,) if home.altitude_m and request.dem is None else ()
+    return Ground(request.dem, request.home or (home.lat, home.lon, *level))
+
+
 def _not_followed(mission: Mission) -> list[str]:
     """Return a sentence about the items after which the vehicle is elsewhere than on straight legs."""
     items = [
@@ -258,9 +258,8 @@ def _not_followed(mission: Mission) -> list[str]:
         for number, item in enumerate(mission.items, start=1)
         if item.command in ELSEWHERE or (item.command < LAST_NAV and item.command not in KNOWN)
     ]
-    more = f" and {len(items) - 1} more" if len(items) > 1 else ""
     unknown = "where the vehicle flies there is not known here, so it is neither checked nor counted"
-    return [f"{items[0]}{more}: {unknown}"] if items else []
+    return [f"{first_of(items, 1)}: {unknown}"] if items else []
 
 
 def check_request(options: CheckOptions) -> CheckRequest:
@@ -269,17 +268,17 @@ def check_request(options: CheckOptions) -> CheckRequest:
     A ParameterError says that options go with photographs alone; a PhotographError that none can be placed.
     """
     limits, dem = options.safety, options.terrain.dem
-    photos, camera = options.photos, options.camera
+    photos, poses = options.photos, options.poses
     if photos is None:
-        for name in ("gaps", "regions", "camera", "home"):
-            if getattr(options, name) is not None:
+        alone = {"gaps": options.gaps, "regions": options.regions, "camera": poses.camera, "home": poses.home}
+        for name, given in alone.items():
+            if given is not None:
                 raise ParameterError(f"--{name} is for photographs of the flight; give them with --photos")
     if options.gaps is not None:
         check_region_path(options.gaps, options.files.overwrite)
     if limits.max_altitude is None:
         limits = replace(limits, max_altitude=MAX_HEIGHT_M)
-    if camera is not None and not isinstance(camera, Camera):
-        camera = camera_named(camera)
+    camera = None if poses.camera is None else camera_named(poses.camera)
     zones, notes = zone_polygons(limits)
     area = () if options.regions is None else tuple(open_regions(options.regions).polygons)
     photographs: tuple[Photograph, ...] = ()
@@ -302,7 +301,7 @@ def check_request(options: CheckOptions) -> CheckRequest:
         photographs=photographs,
         area=area,
         camera=camera,
-        home=None if options.home is None else tuple(options.home),
+        home=None if poses.home is None else tuple(poses.home),
         notes=tuple(notes),
     )
 
@@ -320,7 +319,7 @@ def _logged(path: Path_, camera: Camera | None) -> Iterator[Photograph]:
             altitude_m=shot.altitude_m,
             yaw_deg=shot.yaw_deg,
             image_px=camera.image_px,
-            focal_px=camera.focal_mm * camera.image_px[0] / camera.sensor_mm[0],
+            focal_px=camera.focal_px,
             camera=camera.name,
             taken_s=shot.taken_s,
         )

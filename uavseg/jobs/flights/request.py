@@ -241,7 +241,7 @@ def _camera(options: PhotoOptions) -> Camera | None:
             raise ParameterError(
                 f"--camera knows its sensor, image and focal length; leave --{given[0].replace('_', '-')} out"
             )
-        return options.camera if isinstance(options.camera, Camera) else camera_named(options.camera)
+        return camera_named(options.camera)
     if not given:
         return None
     sensor, image, focal = options.sensor, options.image, options.focal

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from uavseg.errors import RegionError
 from uavseg.flight.safety.keep_out import IsGround
 from uavseg.jobs.source.source import Blocks, Pixels, Source
+from uavseg.plain_text import first_of
 from uavseg.raster.geodesy.globe import WGS84, transform_between
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import TilePass, Window
@@ -42,10 +43,9 @@ def without_edge_regions(
     found = regions.columns["id"][touches & chosen].tolist()
     if not found:
         return regions.select(np.flatnonzero(~touches)), []
-    more = f" and {len(found) - MAX_LISTED} more" if len(found) > MAX_LISTED else ""
     one = len(found) == 1
     what = (
-        f"region{'s' * (not one)} {', '.join(map(str, found[:MAX_LISTED]))}{more} "
+        f"region{'s' * (not one)} {first_of(found, MAX_LISTED)} "
         f"touch{'es' * one} the edge of {raster.name}: {'it' if one else 'they'} may go on beyond it, or be "
         "a collar"
     )

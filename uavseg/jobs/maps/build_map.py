@@ -2,7 +2,6 @@
 
 import os
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,9 +53,14 @@ def topics_of(scan: str, odom: str | None, tf: bool) -> BagTopics:
 
 def merge_params(options: BuildMapOptions) -> MergeParams:
     """Return how the scans of a bag are merged."""
-    how: dict[str, Any] = {name: getattr(options, name) for name in ("heights", "no_return", "beam_order")}
-    how |= {"resolution_m": options.resolution, "sigma_m": options.sigma, "max_range_m": options.max_range}
-    return MergeParams(**how)
+    return MergeParams(
+        resolution_m=options.resolution,
+        sigma_m=options.sigma,
+        max_range_m=options.max_range,
+        heights=options.heights,
+        no_return=options.no_return,
+        beam_order=options.beam_order,
+    )
 
 
 def build_map(bag: str | os.PathLike[str], topics: BagTopics, params: MergeParams) -> BuiltMap:

@@ -202,7 +202,7 @@ def _warnings(name: str, states: ClassifiedStates, request: ClassifyRequest) -> 
 def _metadata(request: ClassifyRequest) -> dict[str, Any]:
     limits = {"free_below": request.limits.free_below, "occupied_above": request.limits.occupied_above}
     segment = results.segment_facts(request.segment) | {"refine": request.refine}
-    return limits | segment | results.drawing_facts(request)
+    return limits | segment | results.drawing_facts(request.drawing, None, request.min_area)
 
 
 def _bounds(rings: Rings, geobox: GeoBox) -> dict[str, NDArray[np.float64]]:

@@ -59,9 +59,14 @@ class ViewRequest:
 
 def view_request(options: NextViewOptions) -> ViewRequest:
     """Return the robot, its sensor and how many views are asked for."""
-    limits = StateLimits(options.free_below, options.occupied_above)
-    robot = options.pose, options.range, options.fov, options.count, options.clearance
-    return ViewRequest(*robot, limits=limits)
+    return ViewRequest(
+        options.pose,
+        options.range,
+        fov_deg=options.fov,
+        count=options.count,
+        clearance_m=options.clearance,
+        limits=StateLimits(options.free_below, options.occupied_above),
+    )
 
 
 @dataclass(frozen=True)
@@ -130,8 +135,9 @@ def next_views(source: ProbabilityMap | Blocks, request: ViewRequest, work: Work
     planner = ViewPlanner(states.shape, side, request.range_m, request.fov_deg, request.clearance_m)
     with phase("views"):
         tour = planner.tour(states, at)
-        given = states, probabilities, at, request, source.geobox
-        views = () if tour is None else _ranked(planner, tour, *given)
+        views: tuple[View, ...] = ()
+        if tour is not None:
+            views = _ranked(planner, tour, states, probabilities, at, request, source.geobox)
     notes = [*found.warnings]
     if not views:
         notes.append("nothing that a robot could see from where it can go is unknown: there is no next view")

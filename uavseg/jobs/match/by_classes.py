@@ -88,14 +88,19 @@ def match_classes(source: Source, request: MatchClassesRequest, work: Work = SER
     columns = {"class": np.array(list(places), object)[kind]}
     hints += [f"no region is of {name}" for n, name in enumerate(places) if not (kind == n).any()]
     terms = partial(class_terms, outlined, *alike(likenesses, kind))
-    least = request.refine, request.min_confidence
-    confidence = Confidence.of(outlined, lambda: OF_CLASSES.probability(terms()), *least)
-    drawn = request.drawing, columns
-    result = results.measured(outlined, SourceInfo.of(grey), (0.0, 1.0), *drawn, confidence=confidence)
+    confidence = Confidence.of(
+        outlined, lambda: OF_CLASSES.probability(terms()), request.refine, request.min_confidence
+    )
+    info, drawing = SourceInfo.of(grey), request.drawing
+    result = results.measured(outlined, info, (0.0, 1.0), drawing, columns, confidence=confidence)
     if result.below_minimum and not len(result.regions):
         hints.append(none_confident(result.below_minimum, request.min_confidence))
     how = {"classes": request.classes, "refine": request.refine, "bands": request.bands or None}
-    metadata = how | {"min_confidence": request.min_confidence} | results.drawing_facts(request)
+    metadata = (
+        how
+        | {"min_confidence": request.min_confidence}
+        | results.drawing_facts(request.drawing, request.fill_holes, request.min_area, request.detail)
+    )
     return work.finished(results.with_metadata(result, raster, "match", metadata), *hints)
 
 

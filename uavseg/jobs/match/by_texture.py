@@ -154,8 +154,7 @@ def _outlined(
         cells = pixel_decision.undecided_cells(matched, search.valid & ~matched, search.side // 2)
     weights = PixelWeights.between(criterion.model, scores.rest, np.isfinite(request.intensity))
     detail = detail_of(request.detail, search.grey.dataset.geobox, request.refine)
-    how = criterion, weights, scores.rest_colors, tiles, within, detail
-    return outline_matches(search.grey, cells, *how)
+    return outline_matches(search.grey, cells, criterion, weights, scores.rest_colors, tiles, within, detail)
 
 
 def _measured(

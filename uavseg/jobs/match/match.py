@@ -155,7 +155,9 @@ def _facts(request: MatchRequest, made: Match) -> dict[str, Any]:
     metadata |= {"min_confidence": request.min_confidence}
     if made.next_sample is not None:
         metadata |= {"next_sample": _fact(made.next_sample)}
-    return metadata | results.drawing_facts(request)
+    return metadata | results.drawing_facts(
+        request.drawing, request.fill_holes, request.min_area, request.detail
+    )
 
 
 def _fact(like: Disc | str) -> list[float] | str:
@@ -195,13 +197,17 @@ def regions_by_color(
     outlined = results.filled(like, outlined, request.fill_holes, tiles)
     outlined = drop_small_regions(outlined, grey.dataset.geobox, request.min_area)
     shares = similarity_of(outlined, like.table.sample_mean)
-    alike = shares, like.table.sample_mean - like.table.raster_mean
-    how = request.refine, request.min_confidence
-    confidence = Confidence.of(outlined, lambda: OF_MATCHES.probability(match_terms(outlined, *alike)), *how)
+    parting = like.table.sample_mean - like.table.raster_mean
+    confidence = Confidence.of(
+        outlined,
+        lambda: OF_MATCHES.probability(match_terms(outlined, shares, parting)),
+        request.refine,
+        request.min_confidence,
+    )
     with phase("attributes and drawing"):
-        outlined = replace(outlined, sums=sum_regions(grey, outlined, tiles))
-        drawn = request.drawing, {"similarity": shares}
-        return results.measured(outlined, SourceInfo.of(grey), (0.0, 1.0), *drawn, confidence=confidence)
+        outlined, info = replace(outlined, sums=sum_regions(grey, outlined, tiles)), SourceInfo.of(grey)
+        more = {"similarity": shares}
+        return results.measured(outlined, info, (0.0, 1.0), request.drawing, more, confidence=confidence)
 
 
 def similarity_of(outlined: RegionOutlines, own: float) -> NDArray[np.float64]:

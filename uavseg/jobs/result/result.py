@@ -20,7 +20,7 @@ from uavseg.errors import ParameterError
 from uavseg.jobs.source.source import Blocks, Raster, Source
 from uavseg.options.reading import ReadOptions
 from uavseg.plain_text import printable
-from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.geobox import GeoBox, Length
 from uavseg.raster.grid.tiling import TilePass
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.intensity.value_range import DetectedRange, axis_of
@@ -163,8 +163,18 @@ def measured(
     regions = with_values(regions, sums, info.axis, None if detected is None else detected.ends)
     columns = {"id": regions.columns["id"], **more} | regions.columns
     regions = drawing.drawn(replace(regions, columns=columns), rings, info.geobox)
-    about = info.geobox, info.stretch, info.band_names, info.warnings, info.in_metres, info.axis
-    return Extraction(regions, rings, *about, detected=detected, below_minimum=below_minimum)
+    return Extraction(
+        regions,
+        rings,
+        info.geobox,
+        info.stretch,
+        info.band_names,
+        info.warnings,
+        in_metres=info.in_metres,
+        axis=info.axis,
+        detected=detected,
+        below_minimum=below_minimum,
+    )
 
 
 def _kept(ends: ArrayLike, kept: NDArray[np.bool_]) -> ArrayLike:
@@ -218,12 +228,20 @@ def segment_facts(segment: SegmentParams) -> dict[str, Any]:
     return {**how, "intensity_step": step, "refine": segment.refine}
 
 
-def drawing_facts(request: Any) -> dict[str, Any]:
-    """Return what a request of regions does to them after they were outlined."""
-    detail, fill_holes = getattr(request, "detail", None), getattr(request, "fill_holes", None)
-    areas = {"fill_holes": _area(fill_holes), "min_area": _area(request.min_area)}
-    lengths = {"smooth_outline_m": request.drawing.smooth_m, "simplify_m": request.drawing.simplify_m}
-    return {"detail": None if detail is None else str(detail), **areas, **lengths}
+def drawing_facts(
+    drawing: Drawing,
+    fill_holes: Area | None = None,
+    min_area: Area | None = None,
+    detail: Length | None = None,
+) -> dict[str, Any]:
+    """Return what was done to regions after they were outlined."""
+    return {
+        "detail": None if detail is None else str(detail),
+        "fill_holes": _area(fill_holes),
+        "min_area": _area(min_area),
+        "smooth_outline_m": drawing.smooth_m,
+        "simplify_m": drawing.simplify_m,
+    }
 
 
 def _area(area: Area | None) -> str | None:

@@ -295,7 +295,7 @@ def open_checked(path: str) -> Iterator[DatasetReader]:
 
 
 def open_by(path: str, drivers: tuple[str, ...]) -> DatasetReader:
-    """Return a raster, opened by the first of these drivers that can, or any; else the first one's error."""
+    """Return a raster, opened by one of these drivers or any; RasterioIOError of the first if none can."""
     first: RasterioIOError | None = None
     for driver in drivers or (None,):
         try:
