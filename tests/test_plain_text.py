@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uavseg.errors import RasterReadError, UavsegError
-from uavseg.plain_text import MAX_MESSAGE, cause_of, one_line, shown
+from uavseg.plain_text import MAX_MESSAGE, cause_of, first_of, one_line, shown
 
 
 @given(st.text(max_size=2000))
@@ -80,3 +80,8 @@ def test_a_wrong_value_is_shown_whatever_it_is() -> None:
     assert shown(Silent()) == "a value of type Silent"
     assert shown(10**5000) == "a value of type int"
     assert len(shown("a" * 10_000)) <= 60
+
+
+def test_first_texts_and_how_many_more() -> None:
+    assert first_of([1, 2, 3], 3) == "1, 2, 3" and first_of([], 2) == ""
+    assert first_of(["a", "b", "c", "d"], 2, " letters") == "a, b and 2 more letters"

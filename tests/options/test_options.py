@@ -14,7 +14,7 @@ from click.testing import CliRunner
 
 import uavseg
 from uavseg.cli import main
-from uavseg.options import flights, maps, pages, photographs, regions
+from uavseg.options import flights, maps, missions, pages, photographs, regions
 from uavseg.options.option import arguments_of, build, group, option, options_of
 
 JOBS: dict[str, type] = {
@@ -27,10 +27,10 @@ JOBS: dict[str, type] = {
     "original": regions.OriginalOptions,
     "info": regions.InfoOptions,
     "plan": flights.PlanOptions,
-    "check": flights.CheckOptions,
-    "resume": flights.ResumeOptions,
-    "upload": flights.UploadOptions,
-    "download": flights.DownloadOptions,
+    "check": missions.CheckOptions,
+    "resume": missions.ResumeOptions,
+    "upload": missions.UploadOptions,
+    "download": missions.DownloadOptions,
     "footprints": photographs.FootprintsOptions,
     "georeference": photographs.GeoreferenceOptions,
     "classify": maps.ClassifyOptions,
@@ -160,10 +160,10 @@ def flat(made: Any) -> dict[str, Any]:
 
 def test_a_group_may_leave_out_and_change_options() -> None:
     assert "fill_holes" not in options_of(regions.LevelsOptions)
-    assert options_of(flights.CheckOptions)["max_altitude"].default is None
+    assert options_of(missions.CheckOptions)["max_altitude"].default is None
     assert options_of(flights.PlanOptions)["max_altitude"].default == 120
-    assert build(flights.CheckOptions, {}).safety.max_altitude is None
-    assert build(flights.CheckOptions, {"fence": 3}).safety.fence == 50  # an option that it does not have
+    assert build(missions.CheckOptions, {}).safety.max_altitude is None
+    assert build(missions.CheckOptions, {"fence": 3}).safety.fence == 50  # an option that it does not have
 
 
 def test_values_reach_their_groups() -> None:
