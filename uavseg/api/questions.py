@@ -13,6 +13,7 @@ from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress
 from uavseg.jobs.info import info as run_info
 from uavseg.jobs.info import info_regions, names_regions, open_to_describe
+from uavseg.jobs.match.match import Ask
 from uavseg.jobs.match.ranges_of_sample import SampleRange, open_all_bands, ranges_of_sample
 from uavseg.jobs.requests import suggest_like_request, suggest_request
 from uavseg.jobs.source.open_source import open_source
@@ -38,6 +39,7 @@ def match(
     *,
     unlike: Sequence[Sample] = (),
     classes: str | os.PathLike[str] | None = None,
+    ask: Ask | None = None,
     window: int | None = None,
     similarity: float = 0.9,
     intensity: float = 1.0,
@@ -83,6 +85,10 @@ def match(
     classes : path, optional
         In place of `like`: a file of polygons with a column `class`. The colors of the samples of each class
         are compared with those of all others; every pixel is of the likeliest class, or of none.
+    ask : function, optional
+        Called with the disc (x, y, radius) whose answer helps most, again and again until none helps much:
+        True makes it a sample of what is wanted, False one of what is not, "skip" asks about another place,
+        None ends the questions. The regions are those of `like` and `unlike` with these discs.
     window : int, optional
         Side in pixels of the window whose texture is compared: 16, 24, 32, 48, 64, 96 or 128. By default 32,
         or 24 or 16 where the sample is small.
@@ -128,11 +134,13 @@ def match(
     '50%'
     """
     if classes is not None and (
-        is_given(like) or is_given(unlike) or (window, similarity, intensity, by) != (None, 0.9, 1.0, "auto")
+        is_given(like)
+        or is_given(unlike)
+        or (ask, window, similarity, intensity, by) != (None, None, 0.9, 1.0, "auto")
     ):
         raise ParameterError(
-            "classes compares the colors of all its samples; leave out like, unlike, window, similarity, "
-            "intensity and by"
+            "classes compares the colors of all its samples; leave out like, unlike, ask, window, "
+            "similarity, intensity and by"
         )
     return regions_of(source, build(MatchOptions, locals()), progress)
 

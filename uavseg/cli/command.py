@@ -18,6 +18,7 @@ from uavseg.options.texts import OptionTextError
 
 T = TypeVar("T")
 _HELP_ALL = "--help-all"
+ARGUMENTS = "uavseg.arguments"  # of a command, as they were given, in the meta of its context
 _FILES = {"RASTER", "PATH", "FILE", "DEM", "SAMPLE", "MAP", "REGIONS", "BAG", "LABELS", "SCENE"}
 _FILES |= {"MISSION", "LOG"}
 
@@ -47,6 +48,7 @@ class JobCommand(click.Command):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Parse as click does, with the numbers after --home joined."""
+        ctx.meta[ARGUMENTS] = list(args)
         return super().parse_args(ctx, joined_home(args) if "home" in options_of(self.job) else args)
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:

@@ -2,18 +2,31 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import math
+import shlex
+import sys
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from uavseg.cli.command import job_command
-from uavseg.cli.terminal.say import Reporter, work_of
+from uavseg.cli.command import ARGUMENTS, job_command
+from uavseg.cli.terminal.say import Reporter, say, work_of
 from uavseg.cli.write import RegionFiles, answer_each, confidence_row, shown, summary_rows, transaction
 from uavseg.options.regions import MatchOptions
 
 if TYPE_CHECKING:
     from uavseg.jobs.match.match import Match
+    from uavseg.jobs.match.request import MatchRequest
     from uavseg.jobs.result.result import Extraction
+    from uavseg.jobs.source.source import Source
+    from uavseg.options.reading import ReadOptions
+    from uavseg.regions.sample.place import Disc
+
+_ANSWERS: dict[str, Any] = {"y": True, "yes": True, "n": False, "no": False, "s": "skip", "skip": "skip"}
+_ANSWERS |= {"q": None, "quit": None}
+_MAX_ANSWER = 1000  # bytes of a line
 
 
 @job_command("match", MatchOptions)
@@ -34,14 +47,15 @@ def command(options: MatchOptions) -> None:
     all others; what is like none of them is left out.
 
     Where color leaves much of the raster undecided, a line says where to look, and what to add: the disc that
-    would help most as another sample.
+    would help most as another sample. With --ask such places are asked about one after the other, until no
+    answer is expected to change much.
 
     Each region has its similarity, 1 where it is as like the sample as the sample is to itself.
 
     RASTER may be a folder, a pattern in quotes, @LIST (a file of names) or - (names on standard input). Its
     rasters are one mosaic, unless --each is given.
     """
-    from uavseg.jobs.match.match import match
+    from uavseg.jobs.match.match import match, with_answers
     from uavseg.jobs.match.request import MatchRequest
     from uavseg.jobs.requests import region_job
     from uavseg.jobs.source.open_source import open_source
@@ -51,13 +65,18 @@ def command(options: MatchOptions) -> None:
     job = region_job(options)
     if answer_each(options, job, ".match.geojson", reporter):
         return
-    files = RegionFiles(options, ".match.geojson", options.like, options.unlike, options.classes)
+    picture = _picture(options) if options.ask else None
+    inputs = options.like, options.unlike, options.classes
+    files = RegionFiles(options, ".match.geojson", *inputs, others=[picture])
     source = open_source(options.source.rasters, job.read)
     files.check_crs(source.geobox.wkt)
     work = work_of(options.run, reporter)
     advice = None
     if isinstance(job.request, MatchRequest):
-        made = match(source, job.request, work)
+        request = job.request
+        if picture is not None:
+            request = with_answers(source, request, partial(_ask, source, options.read, picture), work)
+        made = match(source, request, work)
         found, compared, advice = made.found, _compared(made), made.advice
     else:
         found = job.find(source, work)
@@ -65,6 +84,8 @@ def command(options: MatchOptions) -> None:
     reporter.finish([*found.warnings, *files.notes(found, source.geobox.wkt)])
     if advice is not None:
         reporter.say(advice)
+    if picture is not None:
+        reporter.say(f"the same without questions: {_line(request, job.request)}")
     with transaction():
         files.write(found, work)
     common = summary_rows(found)
@@ -76,16 +97,62 @@ def command(options: MatchOptions) -> None:
 
 def _check_samples(options: MatchOptions) -> None:
     """Refuse samples of two sorts: those of `like`, or of classes."""
+    if options.ask and options.each.each:
+        raise click.UsageError("--ask is for one source; leave it out, or --each")
     if options.classes is None:
         if not options.like:
             raise click.UsageError("give a sample with --like, or samples of several classes with --classes")
         return
-    given = [f"--{name}" for name in ("like", "unlike", "window") if getattr(options, name)]
+    given = [f"--{name}" for name in ("like", "unlike", "ask", "window") if getattr(options, name)]
     usual = {"by": "auto", "similarity": 0.9, "intensity": 1.0}
     given += [f"--{name}" for name, value in usual.items() if getattr(options, name) != value]
     if given:
         why = "--classes compares the colors of all its samples"
         raise click.UsageError(f"{why}; leave out {', '.join(given)}")
+
+
+def _picture(options: MatchOptions) -> str:
+    """Return the name of the picture of a place, beside the output, checked before any work."""
+    from uavseg.plot.page.page import check_png_target
+    from uavseg.raster.read.source_list import stem_of
+
+    target = Path(options.outputs.output or "-")
+    stem = stem_of(options.source.rasters[0]) if target.name == "-" else target.stem
+    return str(check_png_target(target.with_name(f"{stem}.place.png"), options.files.overwrite))
+
+
+def _ask(source: Source, read: ReadOptions, picture: str, disc: Disc) -> Any:
+    """Say where a disc lies, draw it, and read from standard input whether it is wanted."""
+    from uavseg.jobs.source.source import Blocks
+    from uavseg.plain_text import shown
+    from uavseg.plot.preview import preview_place
+
+    assert not isinstance(source, Blocks)  # which has no colors
+    preview_place(source.dataset, disc, picture, read.spec or "auto")
+    x, y, _ = disc.word.split(",")
+    lon, lat = (math.nan,) * 2 if source.geobox.wkt is None else source.geobox.lonlat_from_xy(disc.x, disc.y)
+    where = f" (latitude {lat:.7f}, longitude {lon:.7f})" if math.isfinite(lat) else ""
+    say(f"what lies at {x}, {y}{where}? It is drawn in {picture}")
+    while True:
+        say("Is this wanted? [y/n/s(kip)/q]")
+        line = b"" if sys.stdin is None else sys.stdin.buffer.readline(_MAX_ANSWER)
+        if not line:
+            say("standard input has ended, and so have the questions")
+            return None
+        answer = line.decode(errors="replace").strip().lower()
+        if answer in _ANSWERS:
+            return _ANSWERS[answer]
+        say(f"an answer is y, n, s or q, not {shown(answer)}")
+
+
+def _line(request: MatchRequest, before: MatchRequest) -> str:
+    """Return the command that finds the regions of a request without questions."""
+    likes, unlikes = request.samples[len(before.samples) :], request.unlike[len(before.unlike) :]
+    pairs: Any = [*(("like", one) for one in likes), *(("unlike", one) for one in unlikes)]
+    more = [f"--{name}={disc.word}" for name, disc in pairs]
+    given = [word for word in click.get_current_context().meta[ARGUMENTS] if word != "--ask"]
+    end = given.index("--") if "--" in given else len(given)
+    return shlex.join(["uavseg", "match", *given[:end], *more, *given[end:]])
 
 
 def _compared(match: Match) -> dict[str, str]:

@@ -95,12 +95,18 @@ def _match(options: MatchOptions) -> tuple[Find, Any]:
         from uavseg.jobs.match.by_classes import MatchClassesRequest, match_classes
 
         return match_classes, MatchClassesRequest(os.fspath(options.classes), **chosen, **_sizes(options))
-    from uavseg.jobs.match.match import match
+    from uavseg.jobs.match.match import match, with_answers
     from uavseg.jobs.match.request import MatchRequest
 
     chosen |= {name: getattr(options, name) for name in ("by", "window", "similarity", "intensity")}
     chosen |= {"like": samples_of(options.like), "unlike": samples_of(options.unlike)}
-    return lambda *given: match(*given).found, MatchRequest(**chosen, **_sizes(options))
+
+    def find(source: Source, request: MatchRequest, work: Work) -> Extraction:
+        if options.ask:
+            request = with_answers(source, request, options.ask, work)
+        return match(source, request, work).found
+
+    return find, MatchRequest(**chosen, **_sizes(options))
 
 
 def suggest_request(options: SuggestOptions) -> SuggestRequest:

@@ -286,6 +286,12 @@ class MatchOptions(TiledJobOptions):
         metavar="SAMPLES",
         basic=True,
     )
+    ask: Any = option(
+        "Ask about places whose answers help most, until none helps much: yes adds a --like, no an --unlike. "
+        "Each is drawn in STEM.place.png beside the output; answers are read from standard input.",
+        type=bool,
+        basic=True,
+    )
     outputs: RegionOutputs = group(
         RegionOutputs,
         output={

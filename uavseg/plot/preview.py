@@ -19,8 +19,10 @@ from uavseg.plot.layers.raster_layers import AnyStretch, LabelsLayer, LeavesLaye
 from uavseg.plot.layers.region_layer import LevelsLayer, RegionLayer
 from uavseg.plot.page import page
 from uavseg.raster.collar.find import check_collar
-from uavseg.raster.intensity.stretch import Stretch, StretchSpec
-from uavseg.raster.read.dataset import Dataset
+from uavseg.raster.grid.tiling import TilePass, Window
+from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch
+from uavseg.raster.read.dataset import Dataset, DatasetOverview
+from uavseg.regions.sample.place import Disc, sample_mask
 
 if TYPE_CHECKING:
     from uavseg.flight.mission.mission import Mission
@@ -30,6 +32,8 @@ File = str | os.PathLike[str]
 
 _WIDTH_IN, _HEAD_IN, _FOOT_IN, _MARGIN_IN = 9.0, 0.62, 0.34, 0.15  # the page; text keeps its size on it
 _MIN_HEIGHT_IN, _MAX_HEIGHT_IN = 2.6, 13.0
+_PLACE_IN, _AROUND = 6.0, 4  # width of the picture of a disc, whose surroundings are so many times as wide
+_MAX_FITTED = 1024  # rows and columns to which its stretch is fitted
 
 
 def preview(
@@ -93,6 +97,29 @@ def preview(
         with atomic_file(target, overwrite) as temporary:
             page.save_figure(figure, temporary)
     return target
+
+
+def preview_place(dataset: Dataset, disc: Disc, out: File, stretch: AnyStretch = "auto") -> None:
+    """Draw the surroundings of a disc in colour, with its outline, as PNG, over what is there.
+
+    A dataset of one band, or of a formula, is drawn in grey.
+    """
+    place, shape = sample_mask(disc, dataset.geobox), dataset.geobox.shape
+    window = place.window.grown(_AROUND * max(place.window.rows, place.window.cols)).clipped(shape)
+    inside = np.zeros((window.rows, window.cols), bool)
+    inside[place.window.relative_to(window).slices] = place.mask
+    coarse = DatasetOverview.of(dataset, _MAX_FITTED)
+    fitted = fit_stretch(coarse, stretch, TilePass([Window(0, 0, *coarse.geobox.shape)]))
+    figure = page.new_figure(_PLACE_IN, _PLACE_IN * window.rows / window.cols, dpi=100)
+    ax = figure.add_axes((0, 0, 1, 1))
+    ax.set_axis_off()
+    ax.imshow(
+        fitted.colored(*dataset.read(window)).transpose(1, 2, 0), interpolation="nearest", aspect="auto"
+    )
+    for color, width in (("black", 4), ("white", 1.5)):
+        ax.contour(inside, [0.5], colors=color, linewidths=width)
+    with atomic_file(out, overwrite=True) as temporary:
+        page.save_figure(figure, temporary)
 
 
 def _paths_of(raster: Any) -> Any:

@@ -6,6 +6,7 @@ import re
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import astuple
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,7 @@ from uavseg.jobs.extract import ExtractRequest, extract
 from uavseg.jobs.flights.check import check, check_request, gap_regions, ground_below
 from uavseg.jobs.flights.plan import Home, PlanRequest, plan
 from uavseg.jobs.flights.request import open_regions, plan_request
-from uavseg.jobs.match.match import match
+from uavseg.jobs.match.match import match, with_answers
 from uavseg.jobs.match.request import MatchRequest
 from uavseg.jobs.source.source import Raster
 from uavseg.jobs.source.work import Work
@@ -39,7 +40,7 @@ from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.read.dataset import Dataset
 from uavseg.regions.edit.small import Area
 from uavseg.regions.formats.export import write_regions
-from uavseg.regions.sample.place import Disc
+from uavseg.regions.sample.place import Disc, disc_polygon
 from uavseg.regions.table import Regions
 from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
 from uavseg.server.local_server import Answer, BusyError, Job, Tasks, json_answer, refusal
@@ -66,7 +67,7 @@ FIELDS = {  # of the page, by the options that messages name
     "--speed": "Speed",
 }
 _MISSING = refusal(404, "there is no such thing here")
-MAX_ZONES, MAX_CORNERS = 100, 1000
+MAX_ZONES, MAX_CORNERS, MAX_ANSWERS = 100, 1000, 100
 MAX_ID = 1 << 63
 
 
@@ -138,13 +139,27 @@ def extract_request(body: bytes, segment: SegmentParams) -> ExtractRequest:
 def match_request(body: bytes, geobox: GeoBox) -> MatchRequest:
     """Read `{"center": [lat, lon], "edge": [lat, lon], "similarity": ..., "min_area": ...}`.
 
-    Center and edge are those of a disc, the sample.
+    Center and edge are those of a disc, the sample; `like` and `unlike` are answers about other discs, each
+    [x, y, radius] in coordinates of the raster.
     """
-    words = Words.of(body, ("center", "edge", "similarity", "min_area"))
+    words = Words.of(body, ("center", "edge", "similarity", "min_area", "like", "unlike"))
     what = "center and edge of a sample are [lat, lon]"
     ends = [_place(words.values.get(name), what) for name in ("center", "edge")]
-    area = words.area("min_area")
-    return MatchRequest(_disc(ends, geobox), similarity=words.number("similarity", 0.9), min_area=area)
+    like, unlike = (_discs(words.values.get(name, [])) for name in ("like", "unlike"))
+    return MatchRequest(
+        (_disc(ends, geobox), *like),
+        unlike=unlike,
+        similarity=words.number("similarity", 0.9),
+        min_area=words.area("min_area"),
+    )
+
+
+def _discs(value: Any) -> tuple[Disc, ...]:
+    is_list = isinstance(value, list) and len(value) <= MAX_ANSWERS
+    if not is_list or not all(isinstance(one, list) and len(one) == 3 for one in value):
+        raise ParameterError(f"answers are lists of [x, y, radius], at most {MAX_ANSWERS}")
+    rows = [Words(dict(zip("xyr", one, strict=True))) for one in value]
+    return tuple(Disc(*map(row.number, "xyr")) for row in rows)
 
 
 def _disc(ends: Sequence[tuple[float, float]], geobox: GeoBox) -> Disc:
@@ -337,9 +352,20 @@ class Site:
 
     def _match(self, request: MatchRequest, folder: Path, progress: Progress) -> _Result:
         found = match(self.raster, request, _work(progress)).found
+        asked: list[Disc] = []
+        if not request.texture_alone:
+            with_answers(self.raster, request, asked.append, _work(progress))
         answer, files = _regions(found.regions, found.warnings, folder)
-        assert isinstance(request.like, Disc)
-        return answer | {"like": [request.like.x, request.like.y, request.like.radius]}, files
+        first, *_ = request.samples
+        assert isinstance(first, Disc)
+        answer |= {"like": astuple(first), "ask": [self._shown(disc) for disc in asked]}
+        return answer, files
+
+    def _shown(self, disc: Disc) -> dict[str, Any]:
+        """Return a disc with its outline as [lat, lon]."""
+        x, y = shapely.get_coordinates(disc_polygon(disc, self.raster.geobox)).T
+        ring = np.stack(self.raster.geobox.lonlat_from_xy(x, y)[::-1], 1)
+        return {"disc": astuple(disc), "ring": ring.round(8).tolist()}
 
     def _plan(self, question: PlanQuestion, regions: Path, folder: Path, progress: Progress) -> _Result:
         progress(0, 1)

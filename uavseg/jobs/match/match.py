@@ -5,14 +5,15 @@ color -> outlined: where the raster has the colors of the sample, see `regions_b
 texture alone, see `by_texture`: where color hardly parts the sample from the raster, or as chosen
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.dataclass import dataclass
+from uavseg.errors import ParameterError
 from uavseg.execution.executors import decided, phase
 from uavseg.jobs.match.by_texture import TextureSample, TextureSearch, regions_by_texture, search_texture
 from uavseg.jobs.match.ranges_of_sample import LEAST_PARTING, band_sources, color_sources
@@ -22,6 +23,7 @@ from uavseg.jobs.result.result import Extraction, SourceInfo
 from uavseg.jobs.source.open_source import raster_of
 from uavseg.jobs.source.source import Raster, Source, detail_of
 from uavseg.jobs.source.work import SERIAL, Work
+from uavseg.plain_text import shown
 from uavseg.raster.grid.tiling import TilePass
 from uavseg.regions.confidence import OF_MATCHES, Confidence, match_terms, none_confident
 from uavseg.regions.edit.small import drop_small_regions
@@ -29,7 +31,14 @@ from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.sample.model import fitting_window
 from uavseg.regions.sample.place import Disc, SampleMask, sample_mask
 from uavseg.regions.sample.scores import inner_cells
-from uavseg.regions.sample.similarity import BlurredBands, SimilaritySource, next_place, sample_colors
+from uavseg.regions.sample.similarity import (
+    BlurredBands,
+    SimilaritySource,
+    next_place,
+    place_to_ask,
+    sample_colors,
+    window_colors,
+)
 from uavseg.regions.tiles.class_tiles import LIKELY
 from uavseg.regions.tiles.range_tiles import outline_regions, sum_regions
 from uavseg.segmentation.params.segment import SegmentParams
@@ -42,6 +51,8 @@ from uavseg.units import GREY_MAX
 _LEAST_WINDOW = 24  # pixels: smaller ones tell textures apart where these differ much
 _LEAST_SEPARABILITY = 0.8  # of the scores of smaller windows
 Masks = Sequence[SampleMask]
+Ask = Callable[[Disc], bool | Literal["skip"] | None]
+"""A disc -> whether it is wanted, "skip" for another place, None for no more questions."""
 
 _HARDLY = "color hardly parts the sample from the rest of the raster; texture may (--by texture)"
 _MIXED = "color hardly parts the samples of what is wanted from the others; give bands or an index that does"
@@ -71,8 +82,8 @@ class Match:
         """Where to look for a further sample, as a line with what to type."""
         if self.next_sample is None:
             return None
-        x, y, radius = (f"{getattr(self.next_sample, name):.15g}" for name in ("x", "y", "radius"))
-        disc = f"{x},{y},{radius}"
+        disc = self.next_sample.word
+        x, y, _ = disc.split(",")
         return f"undecided is what lies at {x}, {y}: look there, and add --like {disc} or --unlike {disc}"
 
     @property
@@ -101,6 +112,35 @@ def match(source: Source, request: MatchRequest, work: Work = SERIAL) -> Match:
         hints.append(none_confident(result.found.below_minimum, request.min_confidence))
     found = results.with_metadata(result.found, raster, "match", _facts(request, result))
     return replace(result, found=work.finished(found, *hints))
+
+
+def with_answers(source: Source, request: MatchRequest, ask: Ask, work: Work = SERIAL) -> MatchRequest:
+    """Return a request with a sample more for each place that was answered, until none is worth asking about.
+
+    See `place_to_ask`. A ParameterError says that texture is compared alone, or that an answer is none; a
+    SampleError is as of `match`.
+    """
+    if request.texture_alone:
+        raise ParameterError("answers are compared by color; leave out the words of texture, or the asking")
+    raster = raster_of(source, "a block map holds no colors to be compared; name the raster itself")
+    passes = replace(work, progress=None, started=None).over(raster)
+    colors = color_sources(raster, raster.grey(passes), request.bands, passes)
+    windows, skipped = window_colors(colors, passes), list[Disc]()
+    while True:
+        several = request.samples, request.unlike, skipped
+        like, unlike, others = ([sample_mask(one, raster.geobox) for one in discs] for discs in several)
+        disc = place_to_ask(colors, windows, like, unlike, others, passes)
+        answer = None if disc is None else ask(disc)
+        if disc is None or answer is None:
+            return request
+        if isinstance(answer, str) and answer == "skip":
+            skipped.append(disc)
+        elif not isinstance(answer, bool | np.bool_):
+            raise ParameterError(f'an answer is True, False, "skip" or None, not {shown(answer)}')
+        elif answer:
+            request = replace(request, like=(*request.samples, disc))
+        else:
+            request = replace(request, unlike=(*request.unlike, disc))
 
 
 def _compared(

@@ -38,6 +38,11 @@ class Disc:
                 f"{self.x:g},{self.y:g},{self.radius:g}"
             )
 
+    @property
+    def word(self) -> str:
+        """As options of the command line take it."""
+        return f"{self.x:.15g},{self.y:.15g},{self.radius:.15g}"
+
 
 def parse_like(text: str) -> Disc | str:
     """Parse a sample: a disc if the text is three numbers between commas, else the name of a file.
@@ -99,7 +104,7 @@ def sample_mask(like: Disc | str, geobox: GeoBox) -> SampleMask:
     that the file cannot be read as polygons.
     """
     if isinstance(like, Disc):
-        return _mask(to_pixels(_disc_polygon(like, geobox), geobox), geobox, "the sample")
+        return _mask(to_pixels(disc_polygon(like, geobox), geobox), geobox, "the sample")
     return _mask(_read_polygons(like, geobox)[1], geobox, f"the sample {like}")
 
 
@@ -155,8 +160,8 @@ def _mask(on_grid: NDArray[np.object_], geobox: GeoBox, name: str) -> SampleMask
     return SampleMask(window, np.packbits(pixels_inside(on_grid, window), axis=1))
 
 
-def _disc_polygon(disc: Disc, geobox: GeoBox) -> NDArray[np.object_]:
-    """Return a disc as a polygon in map coordinates; geodesic if they are degrees."""
+def disc_polygon(disc: Disc, geobox: GeoBox) -> NDArray[np.object_]:
+    """Return a disc as a polygon in map coordinates, (1,); geodesic if they are degrees."""
     angles = np.linspace(0, 360, _CORNERS, endpoint=False)
     wkt = geobox.wkt
     if wkt is not None and is_geographic(wkt):

@@ -4,6 +4,7 @@ import math
 import threading
 from collections.abc import Iterator, Sequence
 from functools import partial
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,10 @@ _MIN_UNCERTAINTY = 0.5  # of the pixels of a disc on average
 _MIN_RADIUS, _MAX_RADIUS = 8.0, 16.0  # pixels
 _GAP = 2  # radii from the samples
 _CANDIDATES = 16  # discs whose pixels are read
+_NEAR = 0.3  # root mean square difference of colours, in deviations of the raster, of one kind of ground
+_SURPRISE = 0.1  # minimum probability that a colour is not what it seems to be
+_MIN_PART = 0.9  # of the pixels of a disc, that are valid and within the raster
+_MIN_GAIN = 0.02  # of what is found, that an answer is expected to change
 _MAX_ASPECT = 4  # of a pixel: longer ones make a disc of too few cells
 _STRIP = 1 << 20  # cells that are scored at a time, in whole rows
 _FORBIDDEN = -(1 << 40)  # score of a cell that no disc may touch: no disc can outweigh it
@@ -128,8 +133,12 @@ def sample_colors(
 
 def spread_colors(bands: Sequence[GreySource], tile_pass: TilePass) -> NDArray[np.uint16]:
     """Return colours of pixels in small windows that are spread evenly over a raster: (n, bands) uint16."""
-    windows = _spread_windows(bands[0].shape)
-    return np.concatenate(list(tile_pass.silent.run(partial(_colors, bands), windows)))
+    return np.concatenate(window_colors(bands, tile_pass))
+
+
+def window_colors(bands: Sequence[GreySource], tile_pass: TilePass) -> list[NDArray[np.uint16]]:
+    """Return colours of pixels in each of the windows of `spread_colors`."""
+    return list(tile_pass.silent.run(partial(_colors, bands), _spread_windows(bands[0].shape)))
 
 
 def _colors_of(
@@ -204,14 +213,7 @@ def next_place(
     if source.table.uncertain < _MIN_SHARE:
         return None
     geobox = source.dataset.geobox
-    long, wide = _pixel_extents(geobox, geobox.shape[0] / 2, geobox.shape[1] / 2)
-    aspect = long / wide if wide > 0 and math.isfinite(long) else math.inf
-    if aspect > _MAX_ASPECT:
-        return None
-    pixels = np.mean([np.count_nonzero(place.mask) for place in samples])
-    mean_radius = float(min(max(round(math.sqrt(pixels / math.pi)), _MIN_RADIUS), _MAX_RADIUS))
-    for radius in dict.fromkeys((mean_radius, _MIN_RADIUS)):
-        reach = radius * math.sqrt(aspect)
+    for radius, reach in _radii(geobox, samples):
         taken = _cells_near(samples, blocks.counts.shape, _GAP * radius)
         cells = most_uncertain_cells(blocks.sums, blocks.counts, taken, reach, _CANDIDATES, _MIN_UNCERTAINTY)
         discs = [_disc(geobox, row, col, reach) for row, col in cells.tolist()]
@@ -222,6 +224,67 @@ def next_place(
         if first is not None and values[first] >= _MIN_UNCERTAINTY:
             return candidates[first][0]
     return None
+
+
+def _radii(geobox: GeoBox, samples: Sequence[SampleMask]) -> list[tuple[float, float]]:
+    """Return radii of a disc in pixels, and along the shorter side of these; none where no disc is round."""
+    long, wide = _pixel_extents(geobox, geobox.shape[0] / 2, geobox.shape[1] / 2)
+    aspect = long / wide if wide > 0 and math.isfinite(long) else math.inf
+    if aspect > _MAX_ASPECT:
+        return []
+    pixels = np.mean([np.count_nonzero(place.mask) for place in samples])
+    mean_radius = float(min(max(round(math.sqrt(pixels / math.pi)), _MIN_RADIUS), _MAX_RADIUS))
+    return [(one, one * math.sqrt(aspect)) for one in dict.fromkeys((mean_radius, _MIN_RADIUS))]
+
+
+def place_to_ask(
+    bands: Sequence[GreySource],
+    colors: Sequence[NDArray[np.uint16]],
+    samples: Sequence[SampleMask],
+    unlike: Sequence[SampleMask],
+    skipped: Sequence[SampleMask],
+    tile_pass: TilePass,
+) -> Disc | None:
+    """Return the disc about which an answer is expected to change most; None where that is hardly anything.
+
+    An answer tells about ground of like colours: the expected change is the sum of the probabilities that the
+    windows of `window_colors` are decided wrongly, each by how near its colour is to the place and how far
+    from all samples, over the windows that are expected to be found (expected error reduction by a kernel of
+    the colours; N. Roy and A. McCallum, Toward Optimal Active Learning through Monte Carlo Estimation of
+    Error Reduction, ICML 2001). Places of mixed ground count less. `skipped` are places that were not
+    answered. The disc is as of `next_place`.
+    """
+    known = [*samples, *unlike, *skipped]
+    table = sample_colors(bands, samples, tile_pass, unlike, spread=np.concatenate(colors)).table()
+    full = max(map(len, colors))
+    whole = [k for k, one in enumerate(colors) if len(one) == full > 0]
+    if not whole:
+        return None
+    pixels = np.stack([colors[k] for k in whole])
+    likeness = table.of(pixels.reshape(-1, len(bands))).reshape(-1, full).mean(1) / GREY_MAX
+    scale = np.maximum(pixels.std((0, 1)), 1)
+    means, mixed = pixels.mean(1) / scale, (pixels.std(1) / scale).mean(1)
+    of_known = list(tile_pass.silent.run(partial(_sample_colors, bands), known))
+    told = _nearness(means, np.stack([one.mean(0) / scale for one in of_known if len(one)])).max(1)
+    wrong = np.maximum(np.minimum(likeness, 1 - likeness), _SURPRISE) * (1 - told)
+    gains = (_nearness(means, means) * wrong).sum(1) / max(float(likeness.sum()), 1.0)
+    geobox, windows = bands[0].dataset.geobox, _spread_windows(bands[0].shape)
+    order = np.argsort(-gains / (1 + mixed / _NEAR), kind="stable")
+    for (radius, reach), k in product(_radii(geobox, known), order[gains[order] >= _MIN_GAIN].tolist()):
+        window = windows[whole[k]]
+        cell = (window.row + window.rows // 2) // CELL, (window.col + window.cols // 2) // CELL
+        disc = _disc(geobox, *cell, reach)
+        mask = _mask_apart(disc, geobox, known)
+        read = [] if mask is None else tile_pass.silent.run(partial(_sample_colors, bands), [mask])
+        if any(len(one) >= _MIN_PART * math.pi * radius**2 for one in read):
+            return disc
+    return None
+
+
+def _nearness(colors: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return how near (n, bands) colours are to (m, bands) others, 1 where they are equal: (n, m)."""
+    squares = sum(np.subtract.outer(one, other) ** 2 for one, other in zip(colors.T, others.T, strict=True))
+    return np.asarray(np.exp(-squares / (2 * _NEAR**2 * colors.shape[1])))
 
 
 def _uncertainty(source: SimilaritySource, place: SampleMask) -> float:

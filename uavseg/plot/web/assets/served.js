@@ -15,6 +15,9 @@ function addServed(page) {
   const area = field("Smallest region, m\u00b2", "min-area", 0);
   const exact = button("Exact regions of the range", "exact"), like = button("Regions like a sample", "like");
   panel.append(make("section", {}, make("h2", {textContent: "Find regions"}), ...ends(data), area.label, exact, " ", like, status, bar, " ", stop));
+  const wanted = button("Wanted", "wanted"), unwanted = button("Not wanted", "unwanted"), place = L.layerGroup().addTo(map);
+  const question = make("p", {id: "question", hidden: true}, "What is in the circle would help most: ", wanted, " ", unwanted);
+  status.before(question);
   const list = new RegionList(page, "Exact regions", COLORS.file, "exact.geojson");
   list.layer.addTo(map);
   list.show({type: "FeatureCollection", features: []});
@@ -25,7 +28,7 @@ function addServed(page) {
     low: Number(document.getElementById("low-number").value), high: Number(document.getElementById("high-number").value),
   });
   like.onclick = () => drawing.disc("Click the centre of the sample, then its edge.", (center, edge) => {
-    find("match", {center: [center.lat, center.lng], edge: [edge.lat, edge.lng]});
+    find("match", {center: [center.lat, center.lng], edge: [edge.lat, edge.lng], like: [], unlike: []});
   });
 
   if (data.server.footprints) {
@@ -37,15 +40,29 @@ function addServed(page) {
   async function find(kind, body) {
     const report = await run(kind, kind === "gaps" ? body : {...body, min_area: area.value() || null});
     if (!report) return;
+    about(body, report.answer.ask || []);
     own.job = report.job;
     list.show(report.answer.regions);
     files.replaceChildren(...links(report));
     status.replaceChildren(...report.answer.warnings.map((text) => make("span", {className: "warning", textContent: text})));
   }
 
+  /** Show the place whose answer would help most, and find regions again with the answer. */
+  function about(body, asked) {
+    place.clearLayers();
+    question.hidden = !asked.length;
+    for (const {disc, ring} of asked) {
+      const shape = L.polygon(ring, {color: "#ffffff", weight: 3, rim: 1.5, fill: false, interactive: false});
+      place.addLayer(shape);
+      map.fitBounds(shape.getBounds().pad(4));
+      wanted.onclick = () => find("match", {...body, like: [...body.like, disc]});
+      unwanted.onclick = () => find("match", {...body, unlike: [...body.unlike, disc]});
+    }
+  }
+
   /** Run a job with its progress shown; nothing where it failed, which is said. */
   async function run(kind, body) {
-    const buttons = [exact, like, plan];
+    const buttons = [exact, like, plan, wanted, unwanted];
     buttons.forEach((one) => { one.disabled = true; });
     status.textContent = "Running";
     bar.hidden = stop.hidden = false;
