@@ -1,6 +1,7 @@
 """A second disc where `match` proposes one, compared with one at a random place.
 
     python -m benchmarks.next_sample [FOLDER]
+    python -m benchmarks.next_sample --ask [FOLDER]
 
 FOLDER and the first discs are those of `benchmarks.likeness`. The second disc is as large as the proposed
 one, and given as --like or --unlike by what most of it is in the truth; of random ones the mean of three is
@@ -9,10 +10,16 @@ care of; the proposed ones need not.
 
 Without a folder scenes are drawn of seven kinds of ground, of which two with colors near each other are
 wanted.
+
+With --ask, the overlap after each of ten truthful answers, beginning with one disc in each picture: about the
+places of `uavseg match --ask`, about random ones, and that of a random forest with the same random ones. They
+are compared by pixels alone, without refinement; where the questions end, the last overlap stays. A disc is
+answered by what most of it is in the truth. Then how many answers it took to 0.80, and to the best that the
+forest reached (11 where it was not reached), and how many were asked for.
 """
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -22,10 +29,12 @@ import numpy as np
 from benchmarks import table
 from benchmarks.likeness import Query, queries
 from benchmarks.match import overlap
+from benchmarks.samples import Samples, by_forest
 
 RANDOM = 3  # discs at random places, of each sort
 SCENES, SIDE, KINDS = 10, 320, 7
 RADII = (8, 16)  # of drawn scenes
+ANSWERS, ENOUGH = 10, 0.8
 SPREAD, NOISE = 0.09, 0.035  # of the colors of kinds, and within a kind
 
 Place = tuple[float, float, float]  # row, column, radius
@@ -119,8 +128,123 @@ def _random_places(query: Query, rng: np.random.Generator, radius: float, of_one
     return [(r + 0.5, c + 0.5, radius) for r, c in rng.permutation(places)[:RANDOM]]
 
 
+Answers = list[tuple[Place, bool]]
+
+
+def answered(query: Query) -> tuple[dict[str, list[float]], int]:
+    """Overlap after each answer, by method, and the number of answers that were asked for."""
+    from uavseg.jobs.match.match import with_answers
+    from uavseg.jobs.match.request import MatchRequest
+    from uavseg.jobs.source.open_source import open_raster
+    from uavseg.regions.sample.place import Disc
+
+    source = open_raster(str(query.path))
+    transform, asked, random = source.geobox.transform, Answers(), Answers()
+
+    def ask(disc: Disc) -> bool | None:
+        if len(asked) == ANSWERS:
+            return None
+        col, row = ~transform * (disc.x, disc.y)
+        place = row, col, disc.radius / abs(transform.a)
+        asked.append((place, _wanted(query, place)))
+        return asked[-1][1]
+
+    x, y = transform * (query.disc[1], query.disc[0])
+    with_answers(source, MatchRequest(Disc(x, y, query.disc[2] * abs(transform.a)), by="color"), ask)
+    rng = np.random.default_rng([*map(int, query.disc)])
+    rows, cols = query.truth.shape
+    while len(random) < ANSWERS:
+        radius = float(query.disc[2])
+        row, col = rng.uniform(radius, rows - radius), rng.uniform(radius, cols - radius)
+        if all(
+            np.hypot(row - r, col - c) > 2 * radius + 2 for r, c, _ in [query.disc, *(p for p, _ in random)]
+        ):
+            random.append(((row, col, radius), _wanted(query, (row, col, radius))))
+    ways = {"as asked": (pixels, asked), "at random": (pixels, random), "forest, at random": (forest, random)}
+    return {name: _overlaps(query, find, answers) for name, (find, answers) in ways.items()}, len(asked)
+
+
+def _overlaps(query: Query, find: Callable[[Query, Answers], Any], answers: Answers) -> list[float]:
+    values = [overlap(find(query, answers[:count]), query.truth) for count in range(len(answers) + 1)]
+    return values + values[-1:] * (ANSWERS + 1 - len(values))
+
+
+def _wanted(query: Query, place: Place) -> bool:
+    return bool(query.truth[_inside(query, place)].mean() >= 0.5)
+
+
+def pixels(query: Query, answers: Answers) -> Any:
+    """Where the likeness of `match` by color is one half or more."""
+    from uavseg.jobs.match.match import learn
+    from uavseg.jobs.match.ranges_of_sample import color_sources
+    from uavseg.jobs.source.open_source import open_raster
+    from uavseg.jobs.source.work import SERIAL
+    from uavseg.raster.grid.tiling import Window
+    from uavseg.regions.sample.place import Disc, sample_mask
+    from uavseg.units import GREY_MAX
+
+    raster = open_raster(str(query.path))
+    tile_pass, transform = SERIAL.begun().over(raster), raster.geobox.transform
+    masks: dict[bool, list[Any]] = {True: [], False: []}
+    for place, wanted in [(query.disc, True), *answers]:
+        x, y = transform * (place[1], place[0])
+        masks[wanted].append(sample_mask(Disc(x, y, place[2] * abs(transform.a)), raster.geobox))
+    colors = color_sources(raster, raster.grey(tile_pass), (), tile_pass)
+    rows, cols = query.truth.shape
+    tile = learn(colors, masks[True], masks[False], tile_pass).read(Window(0, 0, rows, cols), 0)
+    return tile.grey[:rows, :cols] >= GREY_MAX / 2
+
+
+def forest(query: Query, answers: Answers) -> Any:
+    """A random forest with the same discs; all is wanted as long as it has none of what is not."""
+    unlike = [place for place, wanted in answers if not wanted]
+    like = [query.disc, *(place for place, wanted in answers if wanted)]
+    if not unlike:
+        return np.ones_like(query.truth)
+    return by_forest(Samples(query.path, query.image, query.truth, like, unlike))
+
+
+def print_answers(folder: Path | None, made: Path) -> None:
+    """Print the mean overlap after each answer, and how many answers were needed."""
+    curves: dict[str, list[list[float]]] = {}
+    needed: dict[str, list[list[float]]] = {}
+    for query in _smallest(folder, made):
+        found, count = answered(query)
+        best = max(found["forest, at random"])
+        for name, values in found.items():
+            kind = query.path.stem.rstrip(" 0123456789")
+            for group in (f"{kind}, {name}", f"all, {name}"):
+                curves.setdefault(group, []).append(values)
+            firsts: list[float] = [
+                _first(values, ENOUGH),
+                _first(values, best),
+                count if name == "as asked" else ANSWERS,
+            ]
+            needed.setdefault(name, []).append(firsts)
+    print(table.mean_rows(dict(sorted(curves.items())), ["", "discs", *map(str, range(ANSWERS + 1))]))
+    print()
+    print(table.mean_rows(needed, ["answers", "discs", "to 0.80", "to the best of the forest", "asked for"]))
+
+
+def _smallest(folder: Path | None, made: Path) -> Iterator[Query]:
+    """The first disc of the smallest radius in each picture."""
+    seen: set[Path] = set()
+    for query in drawn(made) if folder is None else queries(folder):
+        if query.disc[2] == RADII[0] and query.path not in seen:
+            seen.add(query.path)
+            yield query
+
+
+def _first(values: Sequence[float], level: float) -> int:
+    return next((count for count, value in enumerate(values) if value >= level), ANSWERS + 1)
+
+
 def main() -> None:
     """Print a row for each picture and radius, and the means."""
+    if sys.argv[1:2] == ["--ask"]:
+        with TemporaryDirectory() as made:
+            print_answers(Path(sys.argv[2]) if len(sys.argv) > 2 else None, Path(made))
+        return
     found: dict[str, list[list[float]]] = {}
     silent = 0
     with TemporaryDirectory() as made:

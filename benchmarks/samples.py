@@ -9,6 +9,7 @@ and outside of what is wanted; every method gets the same.
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ RADII = (8, 16)
 EACH = 3  # discs for, and against
 DRAWS = 3
 
-Place = tuple[float, float, int]  # row, column, radius
+Place = tuple[float, float, float]  # row, column, radius
 
 
 @dataclass(frozen=True)
@@ -91,11 +92,9 @@ def _matched(requested: Samples, against: list[Place]) -> Any:
 
 def by_forest(requested: Samples) -> Any:
     """scikit-image's example of trainable segmentation: features at several scales, and a random forest."""
-    from skimage.feature import multiscale_basic_features
     from sklearn.ensemble import RandomForestClassifier
 
-    planes = np.moveaxis(requested.image.astype(float), 0, -1)
-    features = multiscale_basic_features(planes, sigma_min=1, sigma_max=16, channel_axis=-1)
+    features = _features(requested.path)
     inside, outside = (_within(discs, requested.truth.shape) for discs in (requested.like, requested.unlike))
     forest = RandomForestClassifier(n_estimators=50, max_depth=10, max_samples=0.05, random_state=0)
     forest.fit(
@@ -103,6 +102,16 @@ def by_forest(requested: Samples) -> Any:
         np.arange(inside.sum() + outside.sum()) < inside.sum(),
     )
     return forest.predict(features.reshape(-1, features.shape[-1])).reshape(requested.truth.shape)
+
+
+@lru_cache(1)
+def _features(path: Path) -> Any:
+    import rasterio
+    from skimage.feature import multiscale_basic_features
+
+    with rasterio.open(path) as file:
+        planes = np.moveaxis(file.read().astype(float), 0, -1)
+    return multiscale_basic_features(planes, sigma_min=1, sigma_max=16, channel_axis=-1)
 
 
 def _within(discs: list[Place], shape: tuple[int, int]) -> Any:

@@ -96,6 +96,8 @@ def each(
     if job not in _JOBS:
         raise ParameterError("job is uavseg.extract, uavseg.levels or uavseg.match")
     regions, run = _requested(job, words)
+    if words.get("ask") is not None:
+        raise ParameterError("ask is for one source; leave it out")
     if run.resume is not None:
         raise ParameterError("resume is for one source; skip_existing=True leaves out what is done")
     creation = creation_for(creation_options, {labels: "uint32"})

@@ -85,7 +85,7 @@ def command(options: MatchOptions) -> None:
     if advice is not None:
         reporter.say(advice)
     if picture is not None:
-        reporter.say(f"the same without questions: {_line(request, job.request)}")
+        reporter.say(f"no more questions; the same regions without them: {_line(request, job.request)}")
     with transaction():
         files.write(found, work)
     common = summary_rows(found)

@@ -30,7 +30,7 @@ _MIN_UNCERTAINTY = 0.5  # of the pixels of a disc on average
 _MIN_RADIUS, _MAX_RADIUS = 8.0, 16.0  # pixels
 _GAP = 2  # radii from the samples
 _CANDIDATES = 16  # discs whose pixels are read
-_NEAR = 0.3  # root mean square difference of colours, in deviations of the raster, of one kind of ground
+_NEAR = 0.5  # root mean square difference of colours, in deviations of the raster, of one kind of ground
 _SURPRISE = 0.1  # minimum probability that a colour is not what it seems to be
 _MIN_PART = 0.9  # of the pixels of a disc, that are valid and within the raster
 _MIN_GAIN = 0.02  # of what is found, that an answer is expected to change
@@ -263,13 +263,13 @@ def place_to_ask(
     pixels = np.stack([colors[k] for k in whole])
     likeness = table.of(pixels.reshape(-1, len(bands))).reshape(-1, full).mean(1) / GREY_MAX
     scale = np.maximum(pixels.std((0, 1)), 1)
-    means, mixed = pixels.mean(1) / scale, (pixels.std(1) / scale).mean(1)
+    means, pure = pixels.mean(1) / scale, 1 / (1 + (pixels.std(1) / scale).mean(1) / _NEAR)
     of_known = list(tile_pass.silent.run(partial(_sample_colors, bands), known))
-    told = _nearness(means, np.stack([one.mean(0) / scale for one in of_known if len(one)])).max(1)
-    wrong = np.maximum(np.minimum(likeness, 1 - likeness), _SURPRISE) * (1 - told)
+    untold = 1 - _nearness(means, np.stack([one.mean(0) / scale for one in of_known if len(one)]))
+    wrong = np.maximum(np.minimum(likeness, 1 - likeness), _SURPRISE) * untold.prod(1) * pure
     gains = (_nearness(means, means) * wrong).sum(1) / max(float(likeness.sum()), 1.0)
     geobox, windows = bands[0].dataset.geobox, _spread_windows(bands[0].shape)
-    order = np.argsort(-gains / (1 + mixed / _NEAR), kind="stable")
+    order = np.argsort(-gains * pure, kind="stable")
     for (radius, reach), k in product(_radii(geobox, known), order[gains[order] >= _MIN_GAIN].tolist()):
         window = windows[whole[k]]
         cell = (window.row + window.rows // 2) // CELL, (window.col + window.cols // 2) // CELL
