@@ -134,7 +134,10 @@ def test_the_place_is_that_of_the_largest_expected_change(tile: Path) -> None:
     sample = sample_mask(LEFT, raster.geobox)
     table = similarity.sample_colors(bands, [sample], tile_pass).table()
     every = np.concatenate(colors).astype(float)
-    nearness = lambda a, b: np.exp(-(((a - b) / every.std() / 0.5) ** 2) / 2)  # noqa: E731
+
+    def nearness(one: float, other: float) -> float:
+        return float(np.exp(-(((one - other) / every.std() / 0.5) ** 2) / 2))
+
     own = similarity._sample_colors(bands, sample).mean()
     chance = [table.of(one).mean() / 65535 for one in colors]
     pure = [1 / (1 + one.std() / every.std() / 0.5) for one in colors]

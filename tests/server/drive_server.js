@@ -64,6 +64,15 @@ const [, , url, folder, executablePath] = process.argv;
   await clickMap([0.81, 0.5]);
   await settled();
   seen.like = [await page.innerText("#job-status"), await page.locator("[data-download='exact.geojson']").locator("..").innerText()];
+  seen.question = await page.isVisible("#question");
+  if (seen.question) {
+    const before = await page.innerText("#job-status");
+    const asked = page.waitForRequest((request) => request.url().endsWith("jobs/match"));
+    await page.click("#unwanted");
+    seen.answer = JSON.parse((await asked).postData());
+    await settled();
+    seen.answered = [before, await page.innerText("#job-status")];
+  }
   await page.fill("#altitude", "-5");
   await page.click("#plan");
   await settled();

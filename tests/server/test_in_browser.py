@@ -87,6 +87,11 @@ def test_regions_like_a_sample_are_found(seen: dict[str, Any]) -> None:
     assert re.search(r"[1-9]\d* of [1-9]\d* chosen", seen["like"][1])
 
 
+def test_an_answer_about_the_place_that_is_shown_is_sent(seen: dict[str, Any]) -> None:
+    assert seen["question"]
+    assert seen["answer"]["like"] == [] and [len(disc) for disc in seen["answer"]["unlike"]] == [3]
+
+
 def test_gaps_of_photographs_are_flown_over_next(folder: Path, tmp_path: Path) -> None:
     mission, photographs = surveyed(tmp_path)
     seen = drive("drive_gaps.js", folder, photos=photographs, mission=mission)

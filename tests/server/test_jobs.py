@@ -85,6 +85,37 @@ def test_regions_like_a_sample_are_those_of_match(server: MapServer, tmp_path: P
     assert saved(server, report, "regions.gpkg") == expected.read_bytes()
 
 
+def test_answers_about_a_place_are_samples_of_match(server: MapServer, tmp_path: Path) -> None:
+    """The place is that of `ask=`, the answers are --like and --unlike; the place after them is the next."""
+    with rasterio.open(SAMPLE) as file:
+        x, y = file.xy(file.height // 2, file.width // 2)
+    places = geopandas.GeoSeries([shapely.Point(x, y), shapely.Point(x + 25, y)], crs=file.crs).to_crs(4326)
+    body: dict[str, Any] = {
+        name: [one.y, one.x] for name, one in zip(("center", "edge"), places, strict=True)
+    }
+    first = run_job(server.url, "match", body)["answer"]
+    (question,) = first["ask"]
+    asked: list[Any] = []
+
+    def ask(disc: Any) -> bool | None:
+        asked.append([disc.x, disc.y, disc.radius])
+        return False if len(asked) == 1 else None
+
+    with warnings.catch_warnings(action="ignore"):
+        uavseg.match(SAMPLE, tuple(first["like"]), ask=ask)
+    assert question["disc"] == asked[0]
+    ring = shapely.Polygon(np.array(question["ring"])[:, ::-1])
+    disc = geopandas.GeoSeries([shapely.Point(asked[0][:2]).buffer(asked[0][2], 64)], crs=file.crs)
+    (expected,) = disc.to_crs(4326)
+    assert ring.intersection(expected).area > 0.99 * ring.union(expected).area
+    report = run_job(server.url, "match", body | {"like": [], "unlike": [question["disc"]]})
+    assert [one["disc"] for one in report["answer"]["ask"]] == asked[1:]
+    target = tmp_path / "regions.gpkg"
+    like, unlike = (",".join(map(str, one)) for one in (first["like"], asked[0]))
+    run("match", SAMPLE, f"--like={like}", f"--unlike={unlike}", "-o", target, "-q")
+    assert saved(server, report, "regions.gpkg") == target.read_bytes()
+
+
 @pytest.mark.parametrize("home", [pytest.param("auto", marks=pytest.mark.slow), [49.4586, -122.8276]])
 def test_missions_are_those_of_plan(home: Any, server: MapServer, tmp_path: Path) -> None:
     regions = run_job(server.url, "extract", {"low": 0.55, "high": 1, "min_area": 200})
@@ -158,6 +189,11 @@ def places_of(plan: Any) -> Any:
         ("extract", {"low": 0, "high": 1, "output": "/tmp/x"}, "object with the names"),
         ("extract", [], "object with the names"),
         ("match", {"center": "/etc/passwd", "edge": [0, 0]}, "[lat, lon]"),
+        ("match", {"center": [0, 0], "edge": [0, 1], "like": [[1, 2]]}, "[x, y, radius]"),
+        ("match", {"center": [0, 0], "edge": [0, 1], "unlike": "a"}, "[x, y, radius]"),
+        ("match", {"center": [0, 0], "edge": [0, 1], "unlike": [[1, 2, "3"]]}, "r is a number"),
+        ("match", {"center": [0, 0], "edge": [0, 1], "unlike": [[1, 2, 3]] * 101}, "at most 100"),
+        ("match", {"center": [0, 0], "edge": [0, 1], "unlike": [[1, 2, -3]]}, "a radius above 0"),
         ("plan", {"job": 1, "altitude": 60, "camera": str(SAMPLE)}, "camera is one of"),
         (
             "plan",
