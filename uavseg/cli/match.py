@@ -44,7 +44,6 @@ def command(options: MatchOptions) -> None:
     from uavseg.jobs.match.match import match
     from uavseg.jobs.match.request import MatchRequest
     from uavseg.jobs.requests import region_job
-    from uavseg.jobs.source.open_source import open_source
 
     reporter = Reporter(options.messages, options.progress)
     _check_samples(options)
@@ -52,7 +51,7 @@ def command(options: MatchOptions) -> None:
     if answer_each(options, job, ".match.geojson", reporter):
         return
     files = RegionFiles(options, ".match.geojson", options.like, options.unlike, options.classes)
-    source = open_source(options.source.rasters, job.read)
+    source = job.opened(options.source.rasters, job.read)
     files.check_crs(source.geobox.wkt)
     work = work_of(options.run, reporter)
     advice = None
