@@ -60,25 +60,25 @@ def places(mask: Any, radius: int, rng: np.random.Generator, count: int) -> list
     return [(row + 0.5, col + 0.5, radius) for row, col in rng.permutation(room)[:count]]
 
 
-def by_match(requested: Samples) -> Any:
+def by_match(requested: Samples, bands: tuple[int, ...] = ()) -> Any:
     """`uavseg match` with all discs."""
-    return _matched(requested, requested.unlike)
+    return _matched(requested, requested.unlike, bands)
 
 
-def by_match_without(requested: Samples) -> Any:
+def by_match_without(requested: Samples, bands: tuple[int, ...] = ()) -> Any:
     """`uavseg match` with the discs of what is wanted."""
-    return _matched(requested, [])
+    return _matched(requested, [], bands)
 
 
-def _matched(requested: Samples, against: list[Place]) -> Any:
+def _matched(requested: Samples, against: list[Place], bands: tuple[int, ...]) -> Any:
     from uavseg.jobs.match.match import match
     from uavseg.jobs.match.request import MatchRequest
-    from uavseg.jobs.source.open_source import open_raster
+    from uavseg.jobs.source.open_source import open_all_bands
     from uavseg.raster.grid.tiling import Window
     from uavseg.regions.outline.rings import rasterise
     from uavseg.regions.sample.place import Disc
 
-    source = open_raster(str(requested.path))
+    source = open_all_bands(str(requested.path))
     transform = source.geobox.transform
 
     def disc(place: Place) -> Disc:
@@ -86,7 +86,7 @@ def _matched(requested: Samples, against: list[Place]) -> Any:
         return Disc(x, y, place[2] * abs(transform.a))
 
     like, unlike = (tuple(map(disc, within)) for within in (requested.like, against))
-    found = match(source, MatchRequest(like, by="color", unlike=unlike)).found
+    found = match(source, MatchRequest(like, by="color", unlike=unlike, bands=bands)).found
     return rasterise(found.rings, Window(0, 0, *requested.truth.shape)) > 0
 
 

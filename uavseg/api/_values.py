@@ -13,7 +13,6 @@ from uavseg.dataclass import dataclass
 from uavseg.execution.executors import Progress
 from uavseg.execution.progress_bar import ProgressLine
 from uavseg.jobs.requests import RegionJob, region_job
-from uavseg.jobs.source.open_source import open_source
 from uavseg.jobs.source.work import Work
 
 if TYPE_CHECKING:
@@ -87,6 +86,6 @@ def regions_of(
         if requested is not None:
             requested.job, requested.run = job, options.run
             return None
-        found = job.find(open_source(source, job.read), how)
+        found = job.find(job.opened(source, job.read), how)
     warn(found.warnings, 5)
     return found.regions.frame()

@@ -58,7 +58,6 @@ def command(options: MatchOptions) -> None:
     from uavseg.jobs.match.match import match, with_answers
     from uavseg.jobs.match.request import MatchRequest
     from uavseg.jobs.requests import region_job
-    from uavseg.jobs.source.open_source import open_source
 
     reporter = Reporter(options.messages, options.progress)
     _check_samples(options)
@@ -68,7 +67,7 @@ def command(options: MatchOptions) -> None:
     picture = _picture(options) if options.ask else None
     inputs = options.like, options.unlike, options.classes
     files = RegionFiles(options, ".match.geojson", *inputs, others=[picture])
-    source = open_source(options.source.rasters, job.read)
+    source = job.opened(options.source.rasters, job.read)
     files.check_crs(source.geobox.wkt)
     work = work_of(options.run, reporter)
     advice = None

@@ -11,6 +11,7 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.jobs.extract import ExtractRequest, extract
 from uavseg.jobs.result.result import Drawing, Extraction
+from uavseg.jobs.source.open_source import open_all_bands, open_source
 from uavseg.jobs.source.source import Source
 from uavseg.jobs.source.work import Work
 from uavseg.options.classes import classes_of_options, requested_range
@@ -36,6 +37,7 @@ class RegionJob:
     read: ReadOptions
     find: Callable[[Source, Work], Extraction]
     request: Any = None
+    opened: Callable[[Any, ReadOptions], Source] = open_source  # by what its sources are opened
 
 
 def region_job(options: ExtractOptions | LevelsOptions | MatchOptions) -> RegionJob:
@@ -46,7 +48,8 @@ def region_job(options: ExtractOptions | LevelsOptions | MatchOptions) -> Region
         find, request = _levels(options)
     else:
         find, request = _match(options)
-    return RegionJob(options.read, lambda source, work: find(source, request, work), request)
+    opened = open_all_bands if isinstance(options, MatchOptions) else open_source
+    return RegionJob(options.read, lambda source, work: find(source, request, work), request, opened)
 
 
 def _sizes(options: ExtractOptions | LevelsOptions | MatchOptions) -> dict[str, Any]:

@@ -19,7 +19,6 @@ from uavseg.errors import OUT_OF_MEMORY, OutputError, OutputExistsError, RasterR
 from uavseg.execution.executors import Progress, can_fork, fork_each, serial, threads, usable_cores
 from uavseg.jobs.requests import RegionJob
 from uavseg.jobs.source.inputs import keep_inputs
-from uavseg.jobs.source.open_source import open_source
 from uavseg.jobs.source.source import Blocks, Source
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.output.atomic import atomic_file, check_target, output_errors, transaction
@@ -226,7 +225,7 @@ def _outcome(
     """Return what comes out of a task; None if it has more tiles than this, and nothing was done."""
     try:
         with gdal_env():  # once for all that is read
-            source = open_source(task.source, job.read)
+            source = job.opened(task.source, job.read)
             tiles = 1 if isinstance(source, Blocks) else len(source.dataset.windows(work.tile))
             if most is not None and tiles > most:
                 return None

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.dataclass import dataclass
-from uavseg.errors import ParameterError
+from uavseg.errors import ParameterError, UnchosenBandsError
 from uavseg.execution.executors import decided, phase
 from uavseg.jobs.match.by_texture import TextureSample, TextureSearch, regions_by_texture, search_texture
 from uavseg.jobs.match.ranges_of_sample import LEAST_PARTING, band_sources, color_sources
@@ -99,6 +99,13 @@ def match(source: Source, request: MatchRequest, work: Work = SERIAL) -> Match:
     """
     work = work.begun()
     raster = raster_of(source, "a block map holds no texture to be compared; name the raster itself")
+    if raster.all_bands:
+        if request.texture_alone:
+            raise UnchosenBandsError(
+                "texture is that of an intensity, and no band is chosen; choose with --band, --rgb, --index or "
+                "--expr"
+            )
+        request = replace(request, by="color")
     detail_of(request.detail, raster.geobox, request.refine)  # refused before any work
     places = tuple(sample_mask(like, raster.geobox) for like in request.samples)
     passes = work.over(raster).stages(7)

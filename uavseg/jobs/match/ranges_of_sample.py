@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 
 from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
-from uavseg.errors import ParameterError, UnchosenBandsError
+from uavseg.errors import ParameterError
 from uavseg.execution.executors import decided, phase
 from uavseg.jobs.result.result import SourceInfo
-from uavseg.jobs.source.open_source import open_source, raster_of
+from uavseg.jobs.source import open_source
+from uavseg.jobs.source.open_source import raster_of
 from uavseg.jobs.source.source import AUTO, Raster
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.options.reading import ReadOptions
@@ -26,14 +27,15 @@ from uavseg.raster.grid.tiling import TilePass
 from uavseg.raster.intensity.features import Feature, alike, features_of, weighted_sum
 from uavseg.raster.intensity.stretch import fit_stretch
 from uavseg.raster.intensity.value_range import axis_of, scale_of
-from uavseg.raster.spectral.band_names import find_band, listed
+from uavseg.raster.read.raster_file import MOST_UNCHOSEN
+from uavseg.raster.spectral.band_names import find_band
 from uavseg.raster.spectral.bands import BandScale, ValueAxis, values_text
 from uavseg.regions.sample.place import Disc, sample_mask
-from uavseg.regions.sample.similarity import SampledColors, sample_colors
+from uavseg.regions.sample.similarity import SampledColors, sample_colors, spread_stretches
 from uavseg.segmentation.source import GreySource
 from uavseg.units import GREY_MAX
 
-_MOST_BANDS = 16  # that are compared unless they are chosen
+_MOST_SUMMED = 8  # bands in a weighted sum, which people read
 LEAST_PARTING = 0.15  # of likeness: that of the sample less that of the raster, where color parts them
 _LEAST_AGREEMENT = 0.5
 _SIMPLER = {"band": 0.02, "index": 0.01, "sum": 0.0}  # agreement that what is simpler to read may lack
@@ -211,11 +213,7 @@ def open_all_bands(source: Any, options: ReadOptions) -> Raster:
             "a sample is parted by ranges of values, which do not fit without slow light; leave flatten out"
         )
     refusal = "a block map holds no colors to be compared; name the raster itself"
-    try:
-        return raster_of(open_source(source, options), refusal)
-    except UnchosenBandsError:
-        raster = raster_of(open_source(source, replace(options, band=1)), refusal)
-        return replace(raster, options=options)
+    return raster_of(open_source.open_all_bands(source, options), refusal)
 
 
 def ranges_of_sample(raster: Raster, request: SuggestLikeRequest, work: Work = SERIAL) -> SampleRanges:
@@ -263,13 +261,13 @@ def _bands(raster: Raster, wanted: Sequence[int | str]) -> list[int]:
         return [find_band(layout, band) if isinstance(band, str) else band for band in wanted]
     if raster.options.rgb is not None:
         return list(raster.dataset.bands)
-    result = [number for number, role in enumerate(layout.roles, start=1) if role != "alpha"]
-    if len(result) > _MOST_BANDS:
-        raise ParameterError(
-            f"the raster has {len(result)} bands, and at most {_MOST_BANDS} are compared; choose with "
-            f"--bands; the bands are {listed(layout)}"
-        )
-    return result
+    return _plain_bands(raster)
+
+
+def _plain_bands(raster: Raster) -> list[int]:
+    """Return the numbers of all bands that are not alpha."""
+    roles = raster.dataset.mosaic.files[0].layout.roles
+    return [number for number, role in enumerate(roles, start=1) if role != "alpha"]
 
 
 def _as_chosen(raster: Raster, source: GreySource, colors: SampledColors, similarity: Floats) -> Ranges:
@@ -342,14 +340,25 @@ def _rounded(value: float, step: float) -> float:
 
 
 def color_sources(raster: Raster, grey: GreySource, bands: Sequence[int | str], tile_pass: TilePass) -> Greys:
-    """Return the chosen bands, or those whose luminance is the intensity, or the intensity itself."""
+    """Return the chosen bands, or those whose luminance is the intensity, or the intensity itself.
+
+    Where nothing is chosen of more than four bands, all are returned but alpha.
+    """
+    if raster.all_bands and not bands:
+        bands = _plain_bands(raster)
     if bands or (raster.dataset.choice.formula is None and len(raster.dataset.bands) > 1):
         return band_sources(raster, bands or raster.dataset.bands, tile_pass)
     return [grey]
 
 
 def band_sources(raster: Raster, bands: Sequence[int | str], tile_pass: TilePass) -> list[GreySource]:
-    """Return each band as grey, by the stretch of the raster, fitted to it."""
-    dataset = raster.cleaned(tile_pass)
-    datasets = [dataset.of_band(band, raster.options.nodata) for band in bands]
-    return [GreySource(one, fit_stretch(one, raster.options.spec or AUTO, tile_pass)) for one in datasets]
+    """Return each band as grey, by the stretch of the raster, fitted to it; of many, by quantiles."""
+    dataset, nodata = raster.cleaned(tile_pass), raster.options.nodata
+    spec = raster.options.spec or AUTO
+    datasets = [dataset.of_band(band, nodata) for band in bands]
+    if len(bands) > MOST_UNCHOSEN and len({one.dtype for one in datasets}) == 1:
+        stack = dataset.stack([one.bands[0] for one in datasets], nodata)
+        datasets = [replace(one, mosaic=stack.mosaic) for one in datasets]
+        if spec == AUTO:
+            return list(map(GreySource, datasets, spread_stretches(stack, tile_pass)))
+    return [GreySource(one, fit_stretch(one, spec, tile_pass)) for one in datasets]

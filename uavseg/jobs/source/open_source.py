@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from uavseg.errors import MapError, ParameterError, RasterReadError
+from uavseg.errors import MapError, ParameterError, RasterReadError, UnchosenBandsError
 from uavseg.jobs.source.source import AUTO, Blocks, ProbabilityMap, Raster, Source
 from uavseg.options.reading import ReadOptions
 from uavseg.plain_text import shown
@@ -46,6 +46,15 @@ def open_source(source: Any, options: ReadOptions = ReadOptions()) -> Source:
         return _raster(source, options)
     first = inspect_unless(parts[0], is_block_map)
     return _blocks(parts, options) if first is None else _raster(source, options, first)
+
+
+def open_all_bands(source: Any, options: ReadOptions = ReadOptions()) -> Source:
+    """Return a source as `open_source`; where no band has to be chosen, band 1 of many is the intensity."""
+    try:
+        return open_source(source, options)
+    except UnchosenBandsError:
+        raster = raster_of(open_source(source, replace(options, band=1)))
+        return replace(raster, options=options, all_bands=True)
 
 
 def open_raster(source: Any, options: ReadOptions = ReadOptions()) -> Raster:

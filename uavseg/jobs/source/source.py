@@ -178,6 +178,7 @@ class Raster(Pixels):
 
     options: ReadOptions = ReadOptions()
     given: tuple[str, ...] = ()
+    all_bands: bool = False  # it has more than four, and none was chosen as the intensity
     _cleaned: list[Dataset] = field(default_factory=list, repr=False, compare=False)
 
     def cleaned(self, tile_pass: TilePass) -> Dataset:

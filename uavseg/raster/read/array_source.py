@@ -75,8 +75,7 @@ class ArraySource:
         nodatas = [self.nodatas[band - 1] for band in choice.bands]
         transparency = None if alpha is None else np.ma.getdata(planes[-1])
         values = values.astype(choice.dtype, copy=False)
-        by_band = choice.formula is not None
-        return values, valid_pixels(values, nodatas, transparency, mask, by_band, self.added_nodata)
+        return values, valid_pixels(values, nodatas, transparency, mask, choice.by_band, self.added_nodata)
 
     def is_empty(self, _handles: object, _choice: BandChoice, _window: Window) -> bool:
         """Return False: it is not known without reading."""

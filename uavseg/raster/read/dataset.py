@@ -201,6 +201,14 @@ class Dataset:
         files, warnings = with_nodata(self.mosaic.files, choice, nodata)
         return replace(self, mosaic=replace(self.mosaic, files=files), choice=choice, warnings=warnings)
 
+    def stack(self, bands: Sequence[int | str], nodata: float | str | None = None) -> "Dataset":
+        """Return the same raster with the stored values of several bands of one type, valid where all are."""
+        chosen = [self.of_band(band, nodata).choice for band in bands]
+        numbers = tuple(one.bands[0] for one in chosen)
+        choice = replace(chosen[0], bands=numbers, bits=max(one.bits for one in chosen), stacked=True)
+        files, _ = with_nodata(self.mosaic.files, choice, nodata)
+        return replace(self, mosaic=replace(self.mosaic, files=files), choice=choice)
+
     @property
     def in_metres(self) -> bool:
         """Whether lengths are metres (on the ground, where there is a CRS) rather than units of the map."""

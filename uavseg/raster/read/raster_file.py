@@ -140,7 +140,7 @@ class RasterFile:
         too.
         """
         nodatas = [self.nodatas[band - 1] for band in choice.bands]
-        valid = valid_pixels(values, nodatas, alpha, mask, choice.formula is not None, self.added_nodata)
+        valid = valid_pixels(values, nodatas, alpha, mask, choice.by_band, self.added_nodata)
         if self.palette is not None and choice.expanded:
             table = np.array(self.palette, np.uint8)
             index = values[0].view(f"u{values.itemsize}")  # numbers of colours have no sign

@@ -150,8 +150,8 @@ class BandLayout:
 class BandChoice:
     """The bands, counted from 1, that are read as intensity: one, three for luminance, or those of a formula.
 
-    If `expanded`, the one band is an index into a palette, and is read as three bands of colours. `dtype` and
-    `bits` are those of the bands.
+    If `expanded`, the one band is an index into a palette, and is read as three bands of colours. Bands that
+    are `stacked` are no colours. `dtype` and `bits` are those of the bands.
     """
 
     bands: tuple[int, ...]
@@ -159,6 +159,12 @@ class BandChoice:
     bits: int
     expanded: bool = False
     formula: "Formula | None" = None
+    stacked: bool = False
+
+    @property
+    def by_band(self) -> bool:
+        """Whether nodata in any band makes a pixel invalid."""
+        return self.stacked or self.formula is not None
 
     @property
     def planes(self) -> int:

@@ -3,6 +3,7 @@
 import math
 import threading
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import product
 
@@ -14,10 +15,13 @@ from uavseg.errors import SampleError
 from uavseg.raster.geodesy.globe import is_geographic
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.ground import ground_steps
-from uavseg.raster.grid.tiling import TilePass, Window
+from uavseg.raster.grid.tiling import TilePass, Window, tile_side, whole_blocks
+from uavseg.raster.intensity.stretch import Stretch
+from uavseg.raster.read.dataset import Dataset
+from uavseg.raster.read.raster_file import MOST_UNCHOSEN
 from uavseg.regions.sample.place import Disc, SampleMask, sample_mask
 from uavseg.segmentation.blocks.block_map import BlockMap
-from uavseg.segmentation.sample.similarity_table import BLUR_HALO, SimilarityTable, blurred
+from uavseg.segmentation.sample.similarity_table import BLUR_HALO, Axes, SimilarityTable, blurred
 from uavseg.segmentation.source import GreySource, GreyTile
 from uavseg.units import CELL, GREY_MAX
 
@@ -37,6 +41,8 @@ _MIN_GAIN = 0.02  # of what is found, that an answer is expected to change
 _MAX_ASPECT = 4  # of a pixel: longer ones make a disc of too few cells
 _STRIP = 1 << 20  # cells that are scored at a time, in whole rows
 _FORBIDDEN = -(1 << 40)  # score of a cell that no disc may touch: no disc can outweigh it
+_VALUES = 1 << 22  # of many bands that are read at a time
+_NEAR = (0.02, 0.98)  # quantiles of a band, of which the range is mapped to the middle third of its greys
 _FULL = CELL * CELL  # pixels of a cell
 _CERTAIN = _FULL * GREY_MAX  # sum of a cell whose similarity is 1
 
@@ -64,23 +70,26 @@ class SimilaritySource(GreySource):
 
 
 class BlurredBands:
-    """Blurred bands of a raster, which several similarities share; each thread caches its last window."""
+    """Blurred bands of a raster, which several similarities share; each thread caches its last window.
 
-    def __init__(self, bands: Sequence[GreySource]) -> None:
-        self.bands = tuple(bands)
+    With axes, what is blurred are sums of bands.
+    """
+
+    def __init__(self, bands: Sequence[GreySource], axes: Axes | None = None) -> None:
+        self.bands, self.axes = tuple(bands), axes
         self._last = threading.local()
 
-    def __reduce__(self) -> tuple[type["BlurredBands"], tuple[tuple[GreySource, ...]]]:
-        return BlurredBands, (self.bands,)
+    def __reduce__(self) -> tuple[type["BlurredBands"], tuple[tuple[GreySource, ...], Axes | None]]:
+        return BlurredBands, self.fingerprint()
 
-    def fingerprint(self) -> tuple[GreySource, ...]:
-        """Return the bands: no result depends on the cache."""
-        return self.bands
+    def fingerprint(self) -> tuple[tuple[GreySource, ...], Axes | None]:
+        """Return the bands and axes: no result depends on the cache."""
+        return self.bands, self.axes
 
     def read(self, window: Window, margin: int) -> tuple[list[NDArray[np.uint16]], NDArray[np.uint8]]:
         """Read blurred bands of a window, and where all are valid; do not change the arrays."""
         if getattr(self._last, "place", None) != (window, margin):
-            self._last.tile = _read_blurred(self.bands, window, margin)
+            self._last.tile = _read_blurred(self.bands, window, margin, self.axes)
             self._last.place = window, margin
         tile: tuple[list[NDArray[np.uint16]], NDArray[np.uint8]] = self._last.tile
         return tile
@@ -100,8 +109,10 @@ class SampledColors:
 
     def similarity(self, bands: BlurredBands) -> SimilaritySource:
         """Return the raster as similarity to the samples, of the bands from which the colours are."""
-        first = bands.bands[0]
-        return SimilaritySource(first.dataset, first.stretch, bands, self.table())
+        first, table = bands.bands[0], self.table()
+        if _stack_of(bands.bands) is not None:
+            bands, table = BlurredBands(bands.bands, table.axes), table.on_axes
+        return SimilaritySource(first.dataset, first.stretch, bands, table)
 
 
 def sample_colors(
@@ -139,6 +150,24 @@ def spread_colors(bands: Sequence[GreySource], tile_pass: TilePass) -> NDArray[n
 def window_colors(bands: Sequence[GreySource], tile_pass: TilePass) -> list[NDArray[np.uint16]]:
     """Return colours of pixels in each of the windows of `spread_colors`."""
     return list(tile_pass.silent.run(partial(_colors, bands), _spread_windows(bands[0].shape)))
+
+
+def spread_stretches(dataset: Dataset, tile_pass: TilePass) -> list[Stretch]:
+    """Return a stretch of each band of a stack, by quantiles in small windows all over the raster."""
+    windows = _spread_windows(dataset.geobox.shape)
+    found = np.concatenate(list(tile_pass.silent.run(partial(_values, dataset), windows)))
+    lows, highs = np.quantile(found, _NEAR, axis=0) if len(found) else np.zeros((2, len(dataset.bands)))
+    wide = np.where(np.abs(highs) + np.abs(lows) < np.finfo(np.float32).max, highs - lows, 0)
+    ends = zip((lows - wide).tolist(), (highs + wide).tolist(), strict=True)
+    return [Stretch(low, high, f"quantiles -> {low:g}..{high:g}") for low, high in ends]
+
+
+def _values(dataset: Dataset, window: Window) -> NDArray[np.float64]:
+    """Return stored values of every fourth pixel of a window in every fourth row: (n, bands)."""
+    values, valid = dataset.read(window)
+    chosen = np.s_[_STEP // 2 :: _STEP, _STEP // 2 :: _STEP]
+    known = np.ones(values.shape[1:], bool) if valid is None else valid
+    return values[:, *chosen][:, known[chosen]].T.astype(np.float64)
 
 
 def _colors_of(
@@ -187,13 +216,47 @@ def _sample_colors(bands: Sequence[GreySource], place: SampleMask) -> NDArray[np
 
 
 def _read_blurred(
-    bands: Sequence[GreySource], window: Window, margin: int
+    bands: Sequence[GreySource], window: Window, margin: int, axes: Axes | None = None
 ) -> tuple[list[NDArray[np.uint16]], NDArray[np.uint8]]:
-    """Read blurred bands of a window with a margin, and where all of them are valid."""
+    """Read blurred bands, or sums of them, of a window with a margin, and where all bands are valid."""
     inner = np.s_[BLUR_HALO:-BLUR_HALO, BLUR_HALO:-BLUR_HALO]
+    stack = _stack_of(bands)
+    if stack is not None:
+        shape = whole_blocks(window.rows), whole_blocks(window.cols)
+        grown = Window(window.row, window.col, *shape).grown(margin + BLUR_HALO)
+        count = len(bands) if axes is None else len(axes.weights)
+        greys = np.zeros((count, grown.rows, grown.cols), np.uint16)
+        valid = np.zeros(greys.shape[1:], np.uint8)
+        for part in _parts(stack, grown.clipped(stack.geobox.shape)):
+            here = part.relative_to(grown).slices
+            values, mask = stack.read(part)
+            if values.dtype.itemsize <= 2:
+                values = values.astype(np.float32)  # of the same greys, and without a table for each band
+            planes = (band.stretch.apply(plane[None]) for band, plane in zip(bands, values, strict=True))
+            greys[:, *here] = list(planes) if axes is None else axes.of(planes)
+            valid[here] = 1 if mask is None else mask
+        return [blurred(plane, valid) for plane in greys], np.ascontiguousarray(valid[inner])
     tiles = [band.read(window, margin + BLUR_HALO) for band in bands]
     valid = np.bitwise_and.reduce([tile.valid[inner] for tile in tiles])
     return [blurred(tile.grey, tile.valid) for tile in tiles], np.ascontiguousarray(valid)
+
+
+def _stack_of(bands: Sequence[GreySource]) -> Dataset | None:
+    """Return the raster of which many bands are read together; None for few, or those of several types."""
+    choices = [band.dataset.choice for band in bands]
+    if len(bands) <= MOST_UNCHOSEN or len({choice.dtype for choice in choices}) > 1:
+        return None
+    numbers = tuple(choice.bands[0] for choice in choices)
+    return replace(bands[0].dataset, choice=replace(choices[0], bands=numbers, stacked=True))
+
+
+def _parts(dataset: Dataset, window: Window) -> Iterator[Window]:
+    """Yield the parts of a window of which all bands are read at a time, whose memory is about the same."""
+    rows, cols = tile_side(dataset.geobox.shape, dataset.file_block, _VALUES // len(dataset.bands))
+    down, across = window.blocks(rows, cols)
+    for row in range(down.start, down.stop):
+        for col in range(across.start, across.stop):
+            yield Window(row * rows, col * cols, rows, cols).common(window)
 
 
 def next_place(

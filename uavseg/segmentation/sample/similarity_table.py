@@ -4,8 +4,9 @@ Bands are blurred by a binomial filter of 5 x 5 pixels (a Gaussian of one pixel)
 single pixels and leaves edges where they are. Of more than three bands, three linear combinations are used.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +20,27 @@ BLUR_HALO = 2  # pixels
 _BINS = {1: 4096, 2: 512, 3: 64}  # along each of so many axes
 _TAILS = (0.001, 0.999)  # quantiles between which bins lie; values outside belong to the outer ones
 _AXES = 3
+_STEPS = 256  # of an axis in each bin
+_ROOM = 24576  # steps below the first bin, and as many above the last
 _MIN_LIMIT = 0.25  # of the way in similarity from pixels that are certainly of other classes to the sample
 _UNCERTAIN = 0.5  # twice the distance from 0.5 below which a similarity is uncertain: 0.25 to 0.75
 _AGREED = 0.8  # intersection over union from which two votes agree
 _OTHERS = 0.05  # share of the raster that is certainly of other classes
+
+
+@dataclass(frozen=True)
+class Axes:
+    """Weighted sums of many bands, as 16-bit numbers."""
+
+    weights: NDArray[np.float64]  # (axes, bands)
+    offsets: NDArray[np.float64]  # (axes,)
+
+    def of(self, planes: Iterable[NDArray[np.uint16]]) -> NDArray[np.uint16]:
+        """Sum bands, each (M, N), which are taken one after the other: (axes, M, N)."""
+        total: Any = self.offsets[:, None, None]
+        for weights, plane in zip(self.weights.T, planes, strict=True):
+            total = total + weights[:, None, None] * plane
+        return np.asarray(np.clip(total, 0, GREY_MAX).astype(np.uint16))
 
 
 @dataclass(frozen=True)
@@ -70,6 +88,18 @@ class SimilarityTable:
             other_mean=None if unlike is None else float(table.of(unlike).mean()) / GREY_MAX,
             uncertain=float((np.abs(2 * (of_points / GREY_MAX) - 1) < _UNCERTAIN).mean()),
         )
+
+    @property
+    def axes(self) -> Axes:
+        """The axes with 256 steps in each bin, and room for noise on both sides of the bins."""
+        return Axes(self.weights * (_STEPS * self.scales)[:, None], _ROOM - _STEPS * self.scales * self.lows)
+
+    @property
+    def on_axes(self) -> "SimilarityTable":
+        """The same table for what `axes` makes of the bands."""
+        count = len(self.weights)
+        lows, scales = np.full(count, float(_ROOM)), np.full(count, 1 / _STEPS)
+        return replace(self, weights=np.eye(count), lows=lows, scales=scales)
 
     @property
     def separation(self) -> float:
