@@ -203,3 +203,71 @@ def test_real_pictures(shared_data: Path, name: str, least: float) -> None:
     made = match(source, MatchRequest(Disc(x, y, 8 * abs(source.geobox.transform.a)), by="color"))
     box = made.found.geobox
     assert overlap(rasterise(made.found.rings, Window(0, 0, *box.shape)) > 0, wanted) > least
+
+
+ROOFS = ((30, 60), (110, 60), (110, 200))
+
+
+def roofs_on_a_slope() -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
+    """Roofs on ground whose colours change without a step, theirs among them; and where the roofs are."""
+    row, col = np.indices(SHAPE)
+    rng = np.random.default_rng(2)
+    slow = ndimage.gaussian_filter(rng.normal(0, 1, (3, *SHAPE)), (0, 12, 12))
+    ground = 120 + 45 * slow / slow.std((1, 2), keepdims=True)
+    ground[1:] = 0.6 * ground[:1] + 0.4 * ground[1:]
+    roofs = np.any([(abs(row - r) < 14) & (abs(col - c) < 18) for r, c in ROOFS], axis=0)
+    colors = np.where(roofs, np.array([170, 160, 140])[:, None, None], ground)
+    return np.rint(np.clip(colors + rng.normal(0, 5, (3, *SHAPE)), 0, 255)).astype(np.uint8), roofs
+
+
+@pytest.fixture
+def slope(tmp_path: Path) -> Path:
+    return write(tmp_path / "slope.tif", roofs_on_a_slope()[0])
+
+
+def answered(path: Path, answer: int, **words: Any) -> Match:
+    x, y = 1000 + ROOFS[0][1], 1000 - ROOFS[0][0]
+    return match(open_raster(str(path)), MatchRequest(Disc(x, y, 8), answer=answer, **words))
+
+
+def test_what_touches_the_sample_are_the_finer_regions_with_its_pixels(slope: Path) -> None:
+    finer, touching = answered(slope, 3), answered(slope, 2)
+    regions, _ = ndimage.label(painted(finer))
+    own = regions[ROOFS[0]]
+    assert own > 0 and np.array_equal(painted(touching), regions == own)
+    assert len(touching.found.regions) == 1 < len(finer.found.regions)
+
+
+def test_answers_that_differ_are_named_the_same_whichever_is_asked_for(slope: Path) -> None:
+    made = [answered(slope, n) for n in (1, 2, 3)]
+    assert [one.answers for one in made] == [(1, 2, 3)] * 3 and len({one.others for one in made}) == 1
+    roofs = roofs_on_a_slope()[1]
+    assert overlap(painted(made[2]), roofs) > 2 * overlap(painted(made[0]), roofs)
+    table = made[0].color
+    assert table is not None and table.finer_share == pytest.approx(painted(made[2]).mean(), abs=0.05)
+    assert table.share == pytest.approx(painted(made[0]).mean(), abs=0.05)
+
+
+def test_finer_kinds_that_find_the_same_are_no_answer(tile: Path) -> None:
+    made = match(open_raster(str(tile)), MatchRequest(DISC, by="color"))
+    assert made.answers == (1, 2) and made.found.regions.metadata["answers"] == [
+        "the whole kind",
+        "what touches the sample",
+    ]
+    touching = match(open_raster(str(tile)), MatchRequest(DISC, by="color", answer=2))
+    assert np.array_equal(painted(touching), painted(made) & (ndimage.label(painted(made))[0] == 1))
+    with pytest.raises(ParameterError, match="no answer 3, because finer kinds find no less"):
+        match(open_raster(str(tile)), MatchRequest(DISC, by="color", answer=3))
+
+
+def test_tiles_change_no_answer(slope: Path) -> None:
+    source, request = open_raster(str(slope)), MatchRequest(Disc(1060, 970, 8), answer=2, by="color")
+    whole, parts = (match(source, request, Work(tile=side)).found for side in (None, 64))
+    assert whole.regions.columns.keys() == parts.regions.columns.keys()
+    assert np.array_equal(whole.rings.vertices, parts.rings.vertices)
+
+
+@pytest.mark.parametrize("words", [{"answer": 0}, {"answer": 4}, {"answer": 2, "by": "texture"}])
+def test_answers_that_are_none_are_refused(words: dict[str, Any]) -> None:
+    with pytest.raises(ParameterError, match=r"an answer is 1, 2 or 3|texture has one answer"):
+        MatchRequest(DISC, **words)

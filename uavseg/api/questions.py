@@ -44,6 +44,7 @@ def match(
     similarity: float = 0.9,
     intensity: float = 1.0,
     by: str = "auto",
+    answer: int = 1,
     bands: Sequence[int | str] = (),
     band: int | str | None = None,
     rgb: tuple[int | str, int | str, int | str] | None = None,
@@ -101,6 +102,9 @@ def match(
         intensity. By default color, with texture where that clearly parts what has the colors of the sample;
         and texture where color hardly parts the sample from the raster, or one of `window`, `similarity` and
         `intensity` is given.
+    answer : {1, 2, 3}
+        1 for the whole kind; by color also 2, what touches the samples, of finer kinds (a thing among others
+        of its color), and 3, finer kinds (where the whole kind takes too much).
     bands : sequence of int or str
         Bands to compare, each by itself; beside texture too.
     refine : {"pixel", "none"}
@@ -117,7 +121,7 @@ def match(
         is to itself. Of regions by texture, `range_low` and `range_high` are the means that windows may have.
         Where color decided and left much of the raster undecided, `regions.attrs["uavseg"]["next_sample"]` is
         x, y and radius of the disc that would help most as another sample, of what is wanted or of what is
-        not.
+        not. Where several answers differ, "answers" there names them.
 
     Raises
     ------
@@ -136,11 +140,11 @@ def match(
     if classes is not None and (
         is_given(like)
         or is_given(unlike)
-        or (ask, window, similarity, intensity, by) != (None, None, 0.9, 1.0, "auto")
+        or (ask, window, similarity, intensity, by, answer) != (None, None, 0.9, 1.0, "auto", 1)
     ):
         raise ParameterError(
             "classes compares the colors of all its samples; leave out like, unlike, ask, window, "
-            "similarity, intensity and by"
+            "similarity, intensity, by and answer"
         )
     return regions_of(source, build(MatchOptions, locals()), progress)
 

@@ -50,6 +50,9 @@ def command(options: MatchOptions) -> None:
     would help most as another sample. With --ask such places are asked about one after the other, until no
     answer is expected to change much.
 
+    Where answers by color differ, a line names them, and --answer writes another: 2 what touches the sample,
+    for a thing among others of its color, 3 finer kinds, where the whole kind takes too much.
+
     Each region has its similarity, 1 where it is as like the sample as the sample is to itself.
 
     RASTER may be a folder, a pattern in quotes, @LIST (a file of names) or - (names on standard input). Its
@@ -70,19 +73,19 @@ def command(options: MatchOptions) -> None:
     source = job.opened(options.source.rasters, job.read)
     files.check_crs(source.geobox.wkt)
     work = work_of(options.run, reporter)
-    advice = None
+    advice: list[str | None] = []
     if isinstance(job.request, MatchRequest):
         request = job.request
         if picture is not None:
             request = with_answers(source, request, partial(_ask, source, options.read, picture), work)
         made = match(source, request, work)
-        found, compared, advice = made.found, _compared(made), made.advice
+        found, compared, advice = made.found, _compared(made), [made.others, made.advice]
     else:
         found = job.find(source, work)
         compared = _classes(found)
     reporter.finish([*found.warnings, *files.notes(found, source.geobox.wkt)])
-    if advice is not None:
-        reporter.say(advice)
+    for line in filter(None, advice):
+        reporter.say(line)
     if picture is not None:
         reporter.say(f"no more questions; the same regions without them: {_line(request, job.request)}")
     with transaction():
@@ -103,7 +106,7 @@ def _check_samples(options: MatchOptions) -> None:
             raise click.UsageError("give a sample with --like, or samples of several classes with --classes")
         return
     given = [f"--{name}" for name in ("like", "unlike", "ask", "window") if getattr(options, name)]
-    usual = {"by": "auto", "similarity": 0.9, "intensity": 1.0}
+    usual: dict[str, Any] = {"by": "auto", "answer": 1, "similarity": 0.9, "intensity": 1.0}
     given += [f"--{name}" for name, value in usual.items() if getattr(options, name) != value]
     if given:
         why = "--classes compares the colors of all its samples"

@@ -101,7 +101,7 @@ def _match(options: MatchOptions) -> tuple[Find, Any]:
     from uavseg.jobs.match.match import match, with_answers
     from uavseg.jobs.match.request import MatchRequest
 
-    chosen |= {name: getattr(options, name) for name in ("by", "window", "similarity", "intensity")}
+    chosen |= {name: getattr(options, name) for name in ("by", "answer", "window", "similarity", "intensity")}
     chosen |= {"like": samples_of(options.like), "unlike": samples_of(options.unlike)}
 
     def find(source: Source, request: MatchRequest, work: Work) -> Extraction:

@@ -307,6 +307,14 @@ class MatchOptions(TiledJobOptions):
         basic=True,
         label="Compare by",
     )
+    answer: int = option(
+        "The answer to write: 1 the whole kind; by color also 2, what touches the sample, of finer kinds, or "
+        "3, finer kinds.",
+        default=1,
+        metavar="N",
+        basic=True,
+        label="Answer",
+    )
     window: int | None = option(
         "Side of the window whose texture is compared: 16, 24, 32, 48, 64, 96 or 128.  "
         "[default: 32, or 24 or 16 where the sample is small]",

@@ -94,7 +94,7 @@ def test_a_rare_kind_has_a_component_that_begins_at_its_sample(seed: int) -> Non
     frequent = clouds(seed, [[-2.0, 0.0], [2.0, 0.0], [0.0, 2.5]], 4000)
     rare = rng.normal((0.9, 0.9), 0.1, (60, 2))
     points = np.concatenate([frequent, rare])
-    usual, begun = (vote.similarity(points) for vote in sample_votes(points, rare[:30]))
+    usual, begun = (vote.similarity(points) for vote in sample_votes(points, rare[:30])[0])
     assert begun[-60:].mean() > 0.8
     assert begun[:-60].sum() < 20 < usual[:-60].sum()
 
@@ -102,7 +102,7 @@ def test_a_rare_kind_has_a_component_that_begins_at_its_sample(seed: int) -> Non
 def test_a_kind_that_is_no_cloud_of_its_own_is_not_narrowed_to_its_sample() -> None:
     """Evenly spread points, of which the sample shows a part."""
     points = np.concatenate([np.linspace(-1, 2, 3000), np.linspace(-2, -1.5, 500)])[:, None]
-    assert len(sample_votes(points, points[2000:2100])) == 1
+    assert len(sample_votes(points, points[2000:2100])[0]) == 1
 
 
 def test_what_is_found_for_certain_leaves_nothing_undecided() -> None:

@@ -17,7 +17,7 @@ from uavseg.errors import ParameterError, UnchosenBandsError
 from uavseg.execution.executors import decided, phase
 from uavseg.jobs.match.by_texture import TextureSample, TextureSearch, regions_by_texture, search_texture
 from uavseg.jobs.match.ranges_of_sample import LEAST_PARTING, band_sources, color_sources
-from uavseg.jobs.match.request import MatchRequest
+from uavseg.jobs.match.request import ANSWERS, MatchRequest
 from uavseg.jobs.result import result as results
 from uavseg.jobs.result.result import Extraction, SourceInfo
 from uavseg.jobs.source.open_source import raster_of
@@ -27,7 +27,7 @@ from uavseg.plain_text import shown
 from uavseg.raster.grid.tiling import TilePass
 from uavseg.regions.confidence import OF_MATCHES, Confidence, match_terms, none_confident
 from uavseg.regions.edit.small import drop_small_regions
-from uavseg.regions.outline.rings import RegionOutlines
+from uavseg.regions.outline.rings import Rasteriser, RegionOutlines, renumber_by_size
 from uavseg.regions.sample.model import fitting_window
 from uavseg.regions.sample.place import Disc, SampleMask, sample_mask
 from uavseg.regions.sample.scores import inner_cells
@@ -70,6 +70,7 @@ class Match:
     color: SimilarityTable | None  # where colors were compared
     texture: TextureSample | None  # where texture was compared
     next_sample: Disc | None = None  # where a further sample helps most, if color alone left much undecided
+    answers: tuple[int, ...] = (1,)  # that differ, of `ANSWERS`
 
     @property
     def compared(self) -> str:
@@ -87,6 +88,18 @@ class Match:
         return f"undecided is what lies at {x}, {y}: look there, and add --like {disc} or --unlike {disc}"
 
     @property
+    def others(self) -> str | None:
+        """What the other answers are, as a line with what to type; None where there is one."""
+        table = self.color
+        if table is None or len(self.answers) == 1:
+            return None
+        shares = {1: table.share, 3: table.finer_share}
+        known = {n: share for n, share in shares.items() if share is not None}
+        about = {n: f", about {100 * share:.2g} % of the raster" for n, share in known.items()}
+        texts = [f"--answer {n} ({ANSWERS[n]}{about.get(n, '')})" for n in self.answers]
+        return f"there are {len(texts)} answers: {', '.join(texts)}"
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """What the user should know."""
         return self.found.warnings
@@ -102,8 +115,8 @@ def match(source: Source, request: MatchRequest, work: Work = SERIAL) -> Match:
     if raster.all_bands:
         if request.texture_alone:
             raise UnchosenBandsError(
-                "texture is that of an intensity, and no band is chosen; choose with --band, --rgb, --index or "
-                "--expr"
+                "texture is that of an intensity, and no band is chosen; choose with --band, --rgb, --index "
+                "or --expr"
             )
         request = replace(request, by="color")
     detail_of(request.detail, raster.geobox, request.refine)  # refused before any work
@@ -117,6 +130,14 @@ def match(source: Source, request: MatchRequest, work: Work = SERIAL) -> Match:
         hints.append(_MIXED if not request.is_one else _HARDLY if request.by == "color" else _NEITHER)
     if result.found.below_minimum and not len(result.found.regions):
         hints.append(none_confident(result.found.below_minimum, request.min_confidence))
+    if result.color is not None:
+        is_finer = result.color.finer_share is not None
+        touching = is_finer or request.answer == 2 or len(result.found.regions) > 1
+        result = replace(result, answers=(1, *[2] * touching, *[3] * is_finer))
+        if request.answer not in result.answers:
+            raise ParameterError(
+                f"there is no answer {request.answer}, because finer kinds find no less; leave it out"
+            )
     found = results.with_metadata(result.found, raster, "match", _facts(request, result))
     return replace(result, found=work.finished(found, *hints))
 
@@ -164,8 +185,9 @@ def _compared(
         return Match(regions_by_texture(search, passes[2:4]), None, search.how)
     colors = color_sources(raster, grey, request.bands, passes[0].silent)
     unlike = [sample_mask(one, raster.geobox) for one in request.unlike]
-    similarity = learn(colors, places, unlike, passes[0])
-    window = fitting_window(places[0]) if request.by == "auto" and request.is_one else None
+    similarity = learn(colors, places, unlike, passes[0], request.answer != 1)
+    auto = request.by == "auto" and request.is_one and request.answer == 1
+    window = fitting_window(places[0]) if auto else None
     if window is not None and not _parts(similarity.table):
         search = search_with_bands()
         if window >= _LEAST_WINDOW or separability(search.scores.best.ravel()) >= _LEAST_SEPARABILITY:
@@ -180,8 +202,18 @@ def _compared(
             decided("texture clearly parts what has the colors of the sample")
             found = regions_by_texture(search, passes[5:7], outlined.rings)
             return Match(found, similarity.table, search.how)
+    if request.answer == 2:
+        outlined = _touching(outlined, places)
     found = regions_by_color(grey, similarity, outlined, request, passes[2])
     return Match(found, similarity.table, None, proposed)
+
+
+def _touching(outlined: RegionOutlines, places: Masks) -> RegionOutlines:
+    """Keep the regions with pixels of a sample."""
+    label, kept = Rasteriser(outlined.rings), np.zeros(len(outlined.sums.counts) + 1, bool)
+    for place in places:
+        kept[label(place.window)[place.mask]] = True
+    return renumber_by_size(outlined.rings, outlined.sums, kept[outlined.rings.labels])
 
 
 def _parts(table: SimilarityTable) -> bool:
@@ -200,6 +232,8 @@ def _facts(request: MatchRequest, made: Match) -> dict[str, Any]:
         metadata |= {"intensity": "any" if any_intensity else request.intensity}
     metadata |= {"refine": request.refine, "bands": request.bands or None}
     metadata |= {"min_confidence": request.min_confidence}
+    if len(made.answers) > 1:
+        metadata |= {"answer": request.answer, "answers": [ANSWERS[n] for n in made.answers]}
     if made.next_sample is not None:
         metadata |= {"next_sample": _fact(made.next_sample)}
     return metadata | results.drawing_facts(
@@ -211,10 +245,12 @@ def _fact(like: Disc | str) -> list[float] | str:
     return [like.x, like.y, like.radius] if isinstance(like, Disc) else like
 
 
-def learn(bands: Sequence[GreySource], places: Masks, unlike: Masks, tile_pass: TilePass) -> SimilaritySource:
-    """Return the raster as likeness to samples, and not to others."""
+def learn(
+    bands: Sequence[GreySource], places: Masks, unlike: Masks, tile_pass: TilePass, finer: bool = False
+) -> SimilaritySource:
+    """Return the raster as likeness to samples, and not to others; by the finest mixture if asked for."""
     with phase("colours of the sample"):
-        result = sample_colors(bands, places, tile_pass, unlike).similarity(BlurredBands(bands))
+        result = sample_colors(bands, places, tile_pass, unlike).similarity(BlurredBands(bands), finer)
     means = result.table.sample_mean, result.table.raster_mean
     decided("likeness %.3f in the sample, %.3f in the raster", *means)
     return result

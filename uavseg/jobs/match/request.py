@@ -11,6 +11,7 @@ from uavseg.regions.edit.small import Area
 from uavseg.regions.sample.place import Disc
 
 WINDOWS = (16, 24, 32, 48, 64, 96, 128)
+ANSWERS = {1: "the whole kind", 2: "what touches the sample", 3: "finer kinds"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +38,7 @@ class MatchRequest:
     unlike: tuple[Disc | str, ...] = ()  # what is not wanted; compared by color
     detail: Length | None = None
     min_confidence: float | None = None  # regions of less are dropped at last
+    answer: int = 1  # the whole kind; 2 what touches the samples, of finer kinds; 3 finer kinds; by color
 
     def __post_init__(self) -> None:
         check_minimum(self.min_confidence, self.refine)
@@ -61,6 +63,10 @@ class MatchRequest:
             raise ParameterError(f"a refinement of matches is pixel or none, not {self.refine!r}")
         if self.by not in ("auto", "color", "texture"):
             raise ParameterError(f"regions are compared by auto, color or texture, not {self.by!r}")
+        if self.answer not in ANSWERS:
+            raise ParameterError(f"an answer is 1, 2 or 3, not {self.answer}")
+        if self.answer != 1 and self.texture_alone:
+            raise ParameterError("texture has one answer; leave out the answer, or the words of texture")
         if self.by == "color" and self.chooses_texture:
             why = "window, similarity and intensity are of texture, and not of color"
             raise ParameterError(f"{why}; leave them out")

@@ -42,7 +42,7 @@ _MAX_ASPECT = 4  # of a pixel: longer ones make a disc of too few cells
 _STRIP = 1 << 20  # cells that are scored at a time, in whole rows
 _FORBIDDEN = -(1 << 40)  # score of a cell that no disc may touch: no disc can outweigh it
 _VALUES = 1 << 22  # of many bands that are read at a time
-_NEAR = (0.02, 0.98)  # quantiles of a band, of which the range is mapped to the middle third of its greys
+_BULK = (0.02, 0.98)  # quantiles of a band, of which the range is mapped to the middle third of its greys
 _FULL = CELL * CELL  # pixels of a cell
 _CERTAIN = _FULL * GREY_MAX  # sum of a cell whose similarity is 1
 
@@ -103,13 +103,13 @@ class SampledColors:
     sample: NDArray[np.uint16]
     unlike: NDArray[np.uint16] | None
 
-    def table(self) -> SimilarityTable:
-        """Fit the model of the samples, against the whole raster as background."""
-        return SimilarityTable.fit(self.points, self.sample, self.unlike)
+    def table(self, finer: bool = False) -> SimilarityTable:
+        """Fit the model of the samples, or one of finer kinds, against the whole raster as background."""
+        return SimilarityTable.fit(self.points, self.sample, self.unlike, finer)
 
-    def similarity(self, bands: BlurredBands) -> SimilaritySource:
+    def similarity(self, bands: BlurredBands, finer: bool = False) -> SimilaritySource:
         """Return the raster as similarity to the samples, of the bands from which the colours are."""
-        first, table = bands.bands[0], self.table()
+        first, table = bands.bands[0], self.table(finer)
         if _stack_of(bands.bands) is not None:
             bands, table = BlurredBands(bands.bands, table.axes), table.on_axes
         return SimilaritySource(first.dataset, first.stretch, bands, table)
@@ -156,7 +156,7 @@ def spread_stretches(dataset: Dataset, tile_pass: TilePass) -> list[Stretch]:
     """Return a stretch of each band of a stack, by quantiles in small windows all over the raster."""
     windows = _spread_windows(dataset.geobox.shape)
     found = np.concatenate(list(tile_pass.silent.run(partial(_values, dataset), windows)))
-    lows, highs = np.quantile(found, _NEAR, axis=0) if len(found) else np.zeros((2, len(dataset.bands)))
+    lows, highs = np.quantile(found, _BULK, axis=0) if len(found) else np.zeros((2, len(dataset.bands)))
     wide = np.where(np.abs(highs) + np.abs(lows) < np.finfo(np.float32).max, highs - lows, 0)
     ends = zip((lows - wide).tolist(), (highs + wide).tolist(), strict=True)
     return [Stretch(low, high, f"quantiles -> {low:g}..{high:g}") for low, high in ends]

@@ -165,12 +165,15 @@ def _add_moments(points, memberships, counts, sums, products):  # type: ignore[n
                 products[k, b, a] = products[k, a, b]
 
 
-def sample_votes(points: Points, sample: Points, unlike: Points | None = None) -> list["SampleVote"]:
-    """Return the vote of mixtures of points on a sample, and that of mixtures seeded at the sample.
+def sample_votes(
+    points: Points, sample: Points, unlike: Points | None = None
+) -> tuple[list["SampleVote"], "SampleVote"]:
+    """Return the vote of mixtures of points on a sample and that of mixtures seeded at it; and of the finest.
 
-    Of the latter only those vote that leave half as much undecided; where none does, there is one vote. The
-    points, (n, d), are all over the raster, with a variance of about 1 in each dimension; `sample` and
-    `unlike` are those of `SampleVote.of`.
+    Of the seeded ones only those vote that leave half as much undecided; where none does, there is one vote.
+    The finest mixture, alone, tells apart what coarse ones take together. The points, (n, d), are all over
+    the raster, with a variance of about 1 in each dimension; `sample` and `unlike` are those of
+    `SampleVote.of`.
     """
     mixtures = fit_mixtures(points)
     usual = SampleVote.of(mixtures, sample, unlike)
@@ -182,7 +185,8 @@ def sample_votes(points: Points, sample: Points, unlike: Points | None = None) -
         if mixture.memberships(sample)[-1].mean() > 0.5
         and SampleVote.of([mixture], sample, unlike).undecided(points) < limit
     ]
-    return [usual, SampleVote.of(clear, sample, unlike)] if clear else [usual]
+    votes = [usual, SampleVote.of(clear, sample, unlike)] if clear else [usual]
+    return votes, SampleVote.of(mixtures[-1:], sample, unlike)
 
 
 @dataclass(frozen=True)

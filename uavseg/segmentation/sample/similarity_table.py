@@ -55,23 +55,33 @@ class SimilarityTable:
     raster_mean: float  # of the raster's pixels
     other_mean: float | None = None  # of pixels of samples of other classes
     uncertain: float = 0.0  # share of the raster's pixels with 0.25 to 0.75
+    share: float = 0.0  # of the raster's pixels with one half and more, by the usual vote
+    finer_share: float | None = None  # the same by the finest mixture; None where that is not clearly less
 
     @classmethod
     def fit(
-        cls, points: NDArray[np.uint16], sample: NDArray[np.uint16], unlike: NDArray[np.uint16] | None = None
+        cls,
+        points: NDArray[np.uint16],
+        sample: NDArray[np.uint16],
+        unlike: NDArray[np.uint16] | None = None,
+        finer: bool = False,
     ) -> "SimilarityTable":
         """Fit a table to (n, bands) blurred colours of a raster, of a sample, and of other classes if given.
 
         One half lies at least in the middle between the similarity of the sample and that of the least
         similar twentieth of the raster; with a sample of other classes, in the middle between the two. From
-        there it is lowered to the limit above which the expected intersection over union is largest.
+        there it is lowered to the limit above which the expected intersection over union is largest. `finer`
+        kinds are those of the finest mixture, where it finds less.
         """
         weights = _axes(points.astype(np.float64), sample.astype(np.float64))
         raster, of_sample = (_project(values, weights) for values in (points, sample))
         mean = raster.mean(0)
         deviation = np.maximum(raster.std(0), 1)
         other = None if unlike is None else (_project(unlike, weights) - mean) / deviation
-        decision = _decide((raster - mean) / deviation, (of_sample - mean) / deviation, other)
+        scaled = (raster - mean) / deviation
+        usual, finest = _decide(scaled, (of_sample - mean) / deviation, other)
+        shares = [None if one is None else float(one.takes(scaled).mean()) for one in (usual, finest)]
+        decision = finest if finer and finest is not None else usual
         bins = _BINS[len(weights)]
         lows, highs = np.quantile(np.concatenate([raster, of_sample]), _TAILS, axis=0)
         scales = bins / np.maximum(highs - lows, 1)
@@ -87,6 +97,8 @@ class SimilarityTable:
             raster_mean=float(of_points.mean()) / GREY_MAX,
             other_mean=None if unlike is None else float(table.of(unlike).mean()) / GREY_MAX,
             uncertain=float((np.abs(2 * (of_points / GREY_MAX) - 1) < _UNCERTAIN).mean()),
+            share=shares[0] or 0.0,
+            finer_share=shares[1],
         )
 
     @property
@@ -151,17 +163,25 @@ class _Decision:
         """Compute the similarity of points; those of one half and more are of the class."""
         return _moved(_moved(self.vote.similarity(points), self.middle), self.limit)
 
+    def takes(self, points: Points) -> NDArray[np.bool_]:
+        """Return which points are of the class."""
+        return self.similarity(points) >= 0.5
 
-def _decide(points: Points, sample: Points, unlike: Points | None) -> _Decision:
-    """Return the usual vote, or the one with seeded components if the two differ much."""
+
+def _decide(points: Points, sample: Points, unlike: Points | None) -> tuple[_Decision, _Decision | None]:
+    """Return the usual vote, or the one with seeded components if the two differ much; and a finer one."""
     # The usual one is better at the rim, where pixels of two classes are mixed.
     given = points, sample, unlike
-    usual, *seeded = (_Decision.of(vote, *given) for vote in sample_votes(*given))
-    for other in seeded:
-        first, second = (decision.similarity(points) >= 0.5 for decision in (usual, other))
-        if (first & second).sum() < _AGREED * (first | second).sum():
-            return other
-    return usual
+    votes, finest = sample_votes(*given)
+    usual, *seeded, finer = (_Decision.of(vote, *given) for vote in (*votes, finest))
+    chosen = next((other for other in seeded if not _agree(usual, other, points)), usual)
+    is_less = finer.takes(points).sum() < chosen.takes(points).sum()
+    return chosen, finer if is_less and not _agree(chosen, finer, points) else None
+
+
+def _agree(one: _Decision, other: _Decision, points: Points) -> bool:
+    first, second = one.takes(points), other.takes(points)
+    return bool((first & second).sum() >= _AGREED * (first | second).sum())
 
 
 def blurred(grey: NDArray[np.uint16], valid: NDArray[np.uint8]) -> NDArray[np.uint16]:
