@@ -93,7 +93,7 @@ class Match:
         table = self.color
         if table is None or len(self.answers) == 1:
             return None
-        shares = {1: table.share, 3: table.finer_share}
+        shares = {1: table.share if self.texture is None else None, 3: table.finer_share}
         known = {n: share for n, share in shares.items() if share is not None}
         about = {n: f", about {100 * share:.2g} % of the raster" for n, share in known.items()}
         texts = [f"--answer {n} ({ANSWERS[n]}{about.get(n, '')})" for n in self.answers]
