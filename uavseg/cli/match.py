@@ -18,7 +18,6 @@ from uavseg.options.regions import MatchOptions
 
 if TYPE_CHECKING:
     from uavseg.jobs.match.match import Match
-    from uavseg.jobs.match.request import MatchRequest
     from uavseg.jobs.result.result import Extraction
     from uavseg.jobs.source.source import Source
     from uavseg.options.reading import ReadOptions
@@ -71,21 +70,25 @@ def command(options: MatchOptions) -> None:
     source = open_source(options.source.rasters, job.read)
     files.check_crs(source.geobox.wkt)
     work = work_of(options.run, reporter)
-    advice = None
+    advice, answers = None, list[str]()
     if isinstance(job.request, MatchRequest):
         request = job.request
         if picture is not None:
-            request = with_answers(source, request, partial(_ask, source, options.read, picture), work)
+            ask = partial(_ask, source, options.read, picture, answers)
+            request = with_answers(source, request, ask, work)
         made = match(source, request, work)
         found, compared, advice = made.found, _compared(made), made.advice
     else:
         found = job.find(source, work)
         compared = _classes(found)
     reporter.finish([*found.warnings, *files.notes(found, source.geobox.wkt)])
-    if advice is not None:
+    if advice is not None and picture is None:
         reporter.say(advice)
     if picture is not None:
-        reporter.say(f"no more questions; the same regions without them: {_line(request, job.request)}")
+        given = [word for word in click.get_current_context().meta[ARGUMENTS] if word != "--ask"]
+        end = given.index("--") if "--" in given else len(given)
+        line = shlex.join(["uavseg", "match", *given[:end], *answers, *given[end:]])
+        reporter.say(f"no more questions; the same regions without them: {line}")
     with transaction():
         files.write(found, work)
     common = summary_rows(found)
@@ -121,8 +124,8 @@ def _picture(options: MatchOptions) -> str:
     return str(check_png_target(target.with_name(f"{stem}.place.png"), options.files.overwrite))
 
 
-def _ask(source: Source, read: ReadOptions, picture: str, disc: Disc) -> Any:
-    """Say where a disc lies, draw it, and read from standard input whether it is wanted."""
+def _ask(source: Source, read: ReadOptions, picture: str, answers: list[str], disc: Disc) -> Any:
+    """Say where a disc lies, draw it, read whether it is wanted, and add that to answers, as an option."""
     from uavseg.jobs.source.source import Blocks
     from uavseg.plain_text import shown
     from uavseg.plot.preview import preview_place
@@ -141,18 +144,11 @@ def _ask(source: Source, read: ReadOptions, picture: str, disc: Disc) -> Any:
             return None
         answer = line.decode(errors="replace").strip().lower()
         if answer in _ANSWERS:
-            return _ANSWERS[answer]
+            wanted = _ANSWERS[answer]
+            if isinstance(wanted, bool):
+                answers.append(f"--{'like' if wanted else 'unlike'}={disc.word}")
+            return wanted
         say(f"an answer is y, n, s or q, not {shown(answer)}")
-
-
-def _line(request: MatchRequest, before: MatchRequest) -> str:
-    """Return the command that finds the regions of a request without questions."""
-    likes, unlikes = request.samples[len(before.samples) :], request.unlike[len(before.unlike) :]
-    pairs: Any = [*(("like", one) for one in likes), *(("unlike", one) for one in unlikes)]
-    more = [f"--{name}={disc.word}" for name, disc in pairs]
-    given = [word for word in click.get_current_context().meta[ARGUMENTS] if word != "--ask"]
-    end = given.index("--") if "--" in given else len(given)
-    return shlex.join(["uavseg", "match", *given[:end], *more, *given[end:]])
 
 
 def _compared(match: Match) -> dict[str, str]:
