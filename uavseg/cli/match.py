@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import shlex
 import sys
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,14 +12,21 @@ import click
 
 from uavseg.cli.command import ARGUMENTS, job_command
 from uavseg.cli.terminal.say import Reporter, say, work_of
-from uavseg.cli.write import RegionFiles, answer_each, confidence_row, shown, summary_rows, transaction
+from uavseg.cli.write import (
+    RegionFiles,
+    answer_each,
+    confidence_row,
+    keep_inputs,
+    shown,
+    summary_rows,
+    transaction,
+)
 from uavseg.options.regions import MatchOptions
 
 if TYPE_CHECKING:
     from uavseg.jobs.match.match import Match
     from uavseg.jobs.result.result import Extraction
-    from uavseg.jobs.source.source import Source
-    from uavseg.options.reading import ReadOptions
+    from uavseg.raster.grid.geobox import GeoBox
     from uavseg.regions.sample.place import Disc
 
 _ANSWERS: dict[str, Any] = {"y": True, "yes": True, "n": False, "no": False, "s": "skip", "skip": "skip"}
@@ -55,7 +61,6 @@ def command(options: MatchOptions) -> None:
     rasters are one mosaic, unless --each is given.
     """
     from uavseg.jobs.match.match import match, with_answers
-    from uavseg.jobs.match.request import MatchRequest
     from uavseg.jobs.requests import region_job
     from uavseg.jobs.source.open_source import open_source
 
@@ -64,17 +69,24 @@ def command(options: MatchOptions) -> None:
     job = region_job(options)
     if answer_each(options, job, ".match.geojson", reporter):
         return
-    picture = _picture(options) if options.ask else None
-    inputs = options.like, options.unlike, options.classes
-    files = RegionFiles(options, ".match.geojson", *inputs, others=[picture])
-    source = open_source(options.source.rasters, job.read)
+    files = RegionFiles(options, ".match.geojson", options.like, options.unlike, options.classes)
+    picture = "match.place.png" if files.target == "-" else str(Path(files.target).with_suffix(".place.png"))
+    if options.ask:
+        from uavseg.plot.preview import PlacePicture
+
+        drawn = PlacePicture(picture, files.overwrite)
+        keep_inputs([picture], options.source.rasters, options.like, options.unlike)
+    source: Any = open_source(options.source.rasters, job.read)
     files.check_crs(source.geobox.wkt)
     work = work_of(options.run, reporter)
-    advice, answers = None, list[str]()
-    if isinstance(job.request, MatchRequest):
-        request = job.request
-        if picture is not None:
-            ask = partial(_ask, source, options.read, picture, answers)
+    advice, answers, request = None, list[str](), job.request
+
+    def ask(disc: Disc) -> Any:
+        drawn.draw(source.dataset, disc, job.read.spec or "auto")
+        return _answer(disc, source.geobox, picture, answers)
+
+    if options.classes is None:
+        if options.ask:
             request = with_answers(source, request, ask, work)
         made = match(source, request, work)
         found, compared, advice = made.found, _compared(made), made.advice
@@ -82,9 +94,9 @@ def command(options: MatchOptions) -> None:
         found = job.find(source, work)
         compared = _classes(found)
     reporter.finish([*found.warnings, *files.notes(found, source.geobox.wkt)])
-    if advice is not None and picture is None:
+    if advice is not None and not options.ask:
         reporter.say(advice)
-    if picture is not None:
+    if options.ask:
         given = [word for word in click.get_current_context().meta[ARGUMENTS] if word != "--ask"]
         end = given.index("--") if "--" in given else len(given)
         line = shlex.join(["uavseg", "match", *given[:end], *answers, *given[end:]])
@@ -114,26 +126,10 @@ def _check_samples(options: MatchOptions) -> None:
         raise click.UsageError(f"{why}; leave out {', '.join(given)}")
 
 
-def _picture(options: MatchOptions) -> str:
-    """Return the name of the picture of a place, beside the output, checked before any work."""
-    from uavseg.plot.page.page import check_png_target
-    from uavseg.raster.read.source_list import stem_of
-
-    target = Path(options.outputs.output or "-")
-    stem = stem_of(options.source.rasters[0]) if target.name == "-" else target.stem
-    return str(check_png_target(target.with_name(f"{stem}.place.png"), options.files.overwrite))
-
-
-def _ask(source: Source, read: ReadOptions, picture: str, answers: list[str], disc: Disc) -> Any:
-    """Say where a disc lies, draw it, read whether it is wanted, and add that to answers, as an option."""
-    from uavseg.jobs.source.source import Blocks
-    from uavseg.plain_text import shown
-    from uavseg.plot.preview import preview_place
-
-    assert not isinstance(source, Blocks)  # which has no colors
-    preview_place(source.dataset, disc, picture, read.spec or "auto")
+def _answer(disc: Disc, geobox: GeoBox, picture: str, answers: list[str]) -> Any:
+    """Say where a disc lies, read whether it is wanted, and add that to answers, as an option."""
     x, y, _ = disc.word.split(",")
-    lon, lat = (math.nan,) * 2 if source.geobox.wkt is None else source.geobox.lonlat_from_xy(disc.x, disc.y)
+    lon, lat = (math.nan,) * 2 if geobox.wkt is None else geobox.lonlat_from_xy(disc.x, disc.y)
     where = f" (latitude {lat:.7f}, longitude {lon:.7f})" if math.isfinite(lat) else ""
     say(f"what lies at {x}, {y}{where}? It is drawn in {picture}")
     while True:
@@ -148,7 +144,7 @@ def _ask(source: Source, read: ReadOptions, picture: str, answers: list[str], di
             if isinstance(wanted, bool):
                 answers.append(f"--{'like' if wanted else 'unlike'}={disc.word}")
             return wanted
-        say(f"an answer is y, n, s or q, not {shown(answer)}")
+        say(f"an answer is y, n, s or q, not {answer!r}")
 
 
 def _compared(match: Match) -> dict[str, str]:
