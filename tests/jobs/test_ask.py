@@ -84,12 +84,12 @@ def test_answers_become_samples_in_their_order(tile: Path) -> None:
     wanted = tuple(disc for disc in ask.asked if disc.x < 1088)
     assert request.samples == (LEFT, *wanted)
     assert request.unlike == tuple(disc for disc in ask.asked if disc not in wanted)
-    assert request_of(tile, lambda disc: None) == MatchRequest(LEFT, by="color")
+    assert request_of(tile, lambda disc: None) == MatchRequest((LEFT,), by="color")
 
 
 def test_what_is_skipped_is_no_sample_and_not_asked_about_again(tile: Path) -> None:
     ask = Answers(lambda disc: "skip")
-    assert request_of(tile, ask) == MatchRequest(LEFT, by="color")
+    assert request_of(tile, ask) == MatchRequest((LEFT,), by="color")
     assert 1 <= len(set(ask.asked)) == len(ask.asked) < MOST
 
 
