@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 _ANSWERS: dict[str, Any] = {"y": True, "yes": True, "n": False, "no": False, "s": "skip", "skip": "skip"}
 _ANSWERS |= {"q": None, "quit": None}
-_MAX_ANSWER = 1000  # bytes of a line
+_MAX_ANSWER = 1 << 16  # bytes of a line
 
 
 @job_command("match", MatchOptions)
@@ -144,7 +144,7 @@ def _answer(disc: Disc, geobox: GeoBox, picture: str, answers: list[str]) -> Any
             if isinstance(wanted, bool):
                 answers.append(f"--{'like' if wanted else 'unlike'}={disc.word}")
             return wanted
-        say(f"an answer is y, n, s or q, not {answer!r}")
+        say(f"an answer is y, n, s or q, not {answer[:40]!r}")
 
 
 def _compared(match: Match) -> dict[str, str]:
