@@ -11,15 +11,17 @@ care of; the proposed ones need not.
 Without a folder scenes are drawn of seven kinds of ground, of which two with colors near each other are
 wanted.
 
-With --ask, the overlap after each of ten truthful answers, beginning with one disc in each picture: about the
-places of `uavseg match --ask`, about random ones, and that of a random forest with the same random ones. They
-are compared by pixels alone, without refinement; where the questions end, the last overlap stays. A disc is
-answered by what most of it is in the truth. Then how many answers it took to 0.80, and to the best that the
-forest reached (11 where it was not reached), and how many were asked for.
+With --ask, the overlap after each of ten truthful answers, beginning with one disc in each scene, or in two
+pictures of each kind: about the places of `uavseg match --ask`, about random ones, and that of a random
+forest with the same random ones. They are compared by pixels alone, without refinement; where the questions
+end, the last overlap stays. A disc is answered by what most of it is in the truth. Then how many answers it
+took to 0.80, and to the best that the forest reached (11 where it was not reached), and how many were asked
+for.
 """
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -205,34 +207,37 @@ def forest(query: Query, answers: Answers) -> Any:
 
 
 def print_answers(folder: Path | None, made: Path) -> None:
-    """Print the mean overlap after each answer, and how many answers were needed."""
+    """Print the overlap after each answer, and how many answers were needed, with the means at the end."""
     curves: dict[str, list[list[float]]] = {}
     needed: dict[str, list[list[float]]] = {}
-    for query in _smallest(folder, made):
-        found, count = answered(query)
-        best = max(found["forest, at random"])
-        for name, values in found.items():
-            kind = query.path.stem.rstrip(" 0123456789")
-            for group in (f"{kind}, {name}", f"all, {name}"):
-                curves.setdefault(group, []).append(values)
-            firsts: list[float] = [
-                _first(values, ENOUGH),
-                _first(values, best),
-                count if name == "as asked" else ANSWERS,
-            ]
-            needed.setdefault(name, []).append(firsts)
+    asked_of = list(_smallest(folder, made))
+    with ProcessPoolExecutor(2) as pool:
+        for query, (found, count) in zip(asked_of, pool.map(answered, asked_of), strict=True):
+            best = max(found["forest, at random"])
+            for name, values in found.items():
+                print(query.path.stem, name, *(f"{value:.3f}" for value in values), flush=True)
+                for group in (f"{_kind(query)}, {name}", f"all, {name}"):
+                    curves.setdefault(group, []).append(values)
+                firsts: list[float] = [_first(values, ENOUGH), _first(values, best)]
+                needed.setdefault(name, []).append([*firsts, count if name == "as asked" else ANSWERS])
+    print()
     print(table.mean_rows(dict(sorted(curves.items())), ["", "discs", *map(str, range(ANSWERS + 1))]))
     print()
     print(table.mean_rows(needed, ["answers", "discs", "to 0.80", "to the best of the forest", "asked for"]))
 
 
 def _smallest(folder: Path | None, made: Path) -> Iterator[Query]:
-    """The first disc of the smallest radius in each picture."""
-    seen: set[Path] = set()
+    """The first disc of the smallest radius in each drawn scene, and in two pictures of each kind."""
+    seen: dict[str, set[Path]] = {}
     for query in drawn(made) if folder is None else queries(folder):
-        if query.disc[2] == RADII[0] and query.path not in seen:
-            seen.add(query.path)
+        paths = seen.setdefault(_kind(query), set())
+        if query.disc[2] == RADII[0] and query.path not in paths and (folder is None or len(paths) < 2):
+            paths.add(query.path)
             yield query
+
+
+def _kind(query: Query) -> str:
+    return query.path.stem.rstrip(" 0123456789")
 
 
 def _first(values: Sequence[float], level: float) -> int:

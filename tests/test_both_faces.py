@@ -177,11 +177,11 @@ def told(lines: str) -> set[str]:
     }
 
 
-def on_the_command_line(job: str, arguments: list[str], output: str) -> Answer:
+def on_the_command_line(job: str, arguments: list[str], output: str, answers: str = "") -> Answer:
     if output:
         Path(output).unlink(missing_ok=True)
     command = main.get_command(click.Context(main), job)
-    result = CliRunner().invoke(command, arguments)  # type: ignore[arg-type]
+    result = CliRunner().invoke(command, arguments, input=answers)  # type: ignore[arg-type]
     if isinstance(result.exception, uavseg.UavsegError):
         assert not output or not Path(output).exists()
         return Answer((type(result.exception).__name__, str(result.exception)), set())
@@ -403,6 +403,37 @@ def test_regions(job: str, source: Any, words: Words) -> None:
     call = getattr(uavseg, job)
     expected = on_the_command_line(job, arguments, "out.geojson")
     assert_equal(in_python(lambda: geojson_of(call(source, **words))), expected)
+
+
+@pytest.mark.parametrize(
+    ("source", "words"),
+    some_fast(
+        [
+            ("fields.tif", {"like": (4e5 + 60, 5e6 - 140, 20), "by": "color"}),
+            ("tile.tif", {"like": DISC, "unlike": [(4e5 + 60, 5e6 - 200, 30)], "tile": 64, "detail": "9px"}),
+            ("bands.tif", {"like": DISC, "bands": (1, 2, 3), "min_confidence": 0.3}),
+            ("tile.tif", {"like": DISC, "by": "texture"}),
+            ("tile.tif", {"like": "missing.gpkg"}),
+            ("blocks.tif", {"like": DISC}),
+            ("tile.tif", {"classes": "missing.gpkg"}),
+        ],
+        step=4,
+    ),
+)
+def test_answers_to_questions(source: str, words: Words) -> None:
+    given = [False, True, "skip", None]
+    lines = "".join({False: "n\n", True: "y\n", "skip": "s\n", None: "q\n"}[one] for one in given)
+    arguments = [source, *options(words), "--ask", "--overwrite", "-o", "out.geojson"]
+    answers = iter(given)
+
+    def call() -> bytes:
+        return geojson_of(uavseg.match(source, **words, ask=lambda disc: next(answers)))
+
+    if "classes" in words:
+        assert CliRunner().invoke(main, ["match", *arguments]).exit_code == 2
+        assert in_python(call).content[0] == "ParameterError"
+    else:
+        assert_equal(in_python(call), on_the_command_line("match", arguments, "out.geojson", lines))
 
 
 @pytest.mark.parametrize(

@@ -326,7 +326,8 @@ def _check(error: Exception, call: Call, package: Path) -> None:
     from uavseg.errors import UavsegError
 
     text = str(error)
-    if text.startswith(("len() takes", "int() can't convert", "int() base must be")) and {
+    of_disc = ("int() argument must be", "object of type 'Disc' has no len()")
+    if text.startswith(("len() takes", "int() can't convert", "int() base must be", *of_disc)) and {
         "function",
         "class",
     } & {*call.given.values()}:

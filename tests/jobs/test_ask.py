@@ -24,6 +24,7 @@ from uavseg.jobs.match.ranges_of_sample import color_sources
 from uavseg.jobs.match.request import MatchRequest
 from uavseg.jobs.source.open_source import open_raster
 from uavseg.jobs.source.work import SERIAL, Work
+from uavseg.plot.preview import PlacePicture
 from uavseg.regions.sample import similarity
 from uavseg.regions.sample.place import Disc, sample_mask
 
@@ -83,12 +84,12 @@ def test_answers_become_samples_in_their_order(tile: Path) -> None:
     wanted = tuple(disc for disc in ask.asked if disc.x < 1088)
     assert request.samples == (LEFT, *wanted)
     assert request.unlike == tuple(disc for disc in ask.asked if disc not in wanted)
-    assert request_of(tile, lambda disc: None) == MatchRequest(LEFT, by="color")
+    assert request_of(tile, lambda disc: None) == MatchRequest((LEFT,), by="color")
 
 
 def test_what_is_skipped_is_no_sample_and_not_asked_about_again(tile: Path) -> None:
     ask = Answers(lambda disc: "skip")
-    assert request_of(tile, ask) == MatchRequest(LEFT, by="color")
+    assert request_of(tile, ask) == MatchRequest((LEFT,), by="color")
     assert 1 <= len(set(ask.asked)) == len(ask.asked) < MOST
 
 
@@ -241,10 +242,9 @@ def test_each_question_says_where_and_draws_it(tile: Path, tmp_path: Path) -> No
 
 
 def test_the_picture_is_in_the_colours_of_the_raster(tmp_path: Path) -> None:
-    from uavseg.plot.preview import preview_place
-
     path = write(tmp_path / "tile.tif", picture())
-    preview_place(open_raster(str(path)).dataset, Disc(1220, 900, 10), tmp_path / "p.png", "dtype")
+    drawn_in = PlacePicture(tmp_path / "p.png")
+    drawn_in.draw(open_raster(str(path)).dataset, Disc(1220, 900, 10), "dtype")
     with Image.open(tmp_path / "p.png") as drawn:
         pixels = np.asarray(drawn.convert("RGB")).astype(float)
     middle = pixels[pixels.shape[0] // 2 - 9 :][:18, pixels.shape[1] // 2 :][:, :18]
@@ -269,7 +269,7 @@ def test_a_raster_without_a_place_on_the_globe_has_no_latitude(
     line = ["match", str(path), "--like", "44,100,10", "--by", "color", "--ask", "-o", "-"]
     said = CliRunner().invoke(main, line, input="q\n")
     assert said.exit_code == 0, said.output
-    assert (tmp_path / "plain.place.png").exists()
+    assert (tmp_path / "match.place.png").exists()
     assert said.stdout.startswith("{") and "latitude" not in said.stderr and "what lies at" in said.stderr
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import shlex
 import sys
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,20 +12,26 @@ import click
 
 from uavseg.cli.command import ARGUMENTS, job_command
 from uavseg.cli.terminal.say import Reporter, say, work_of
-from uavseg.cli.write import RegionFiles, answer_each, confidence_row, shown, summary_rows, transaction
+from uavseg.cli.write import (
+    RegionFiles,
+    answer_each,
+    confidence_row,
+    keep_inputs,
+    shown,
+    summary_rows,
+    transaction,
+)
 from uavseg.options.regions import MatchOptions
 
 if TYPE_CHECKING:
     from uavseg.jobs.match.match import Match
-    from uavseg.jobs.match.request import MatchRequest
     from uavseg.jobs.result.result import Extraction
-    from uavseg.jobs.source.source import Source
-    from uavseg.options.reading import ReadOptions
+    from uavseg.raster.grid.geobox import GeoBox
     from uavseg.regions.sample.place import Disc
 
 _ANSWERS: dict[str, Any] = {"y": True, "yes": True, "n": False, "no": False, "s": "skip", "skip": "skip"}
 _ANSWERS |= {"q": None, "quit": None}
-_MAX_ANSWER = 1000  # bytes of a line
+_MAX_ANSWER = 1 << 16  # bytes of a line
 
 
 @job_command("match", MatchOptions)
@@ -59,7 +64,6 @@ def command(options: MatchOptions) -> None:
     rasters are one mosaic, unless --each is given.
     """
     from uavseg.jobs.match.match import match, with_answers
-    from uavseg.jobs.match.request import MatchRequest
     from uavseg.jobs.requests import region_job
 
     reporter = Reporter(options.messages, options.progress)
@@ -67,27 +71,40 @@ def command(options: MatchOptions) -> None:
     job = region_job(options)
     if answer_each(options, job, ".match.geojson", reporter):
         return
-    picture = _picture(options) if options.ask else None
-    inputs = options.like, options.unlike, options.classes
-    files = RegionFiles(options, ".match.geojson", *inputs, others=[picture])
-    source = job.opened(options.source.rasters, job.read)
+    files = RegionFiles(options, ".match.geojson", options.like, options.unlike, options.classes)
+    picture = "match.place.png" if files.target == "-" else str(Path(files.target).with_suffix(".place.png"))
+    if options.ask:
+        from uavseg.plot.preview import PlacePicture
+
+        drawn = PlacePicture(picture, files.overwrite)
+        keep_inputs([picture], options.source.rasters, options.like, options.unlike)
+    source: Any = job.opened(options.source.rasters, job.read)
     files.check_crs(source.geobox.wkt)
     work = work_of(options.run, reporter)
     advice: list[str | None] = []
-    if isinstance(job.request, MatchRequest):
-        request = job.request
-        if picture is not None:
-            request = with_answers(source, request, partial(_ask, source, options.read, picture), work)
+    answers, request = list[str](), job.request
+
+    def ask(disc: Disc) -> Any:
+        drawn.draw(source.dataset, disc, job.read.spec or "auto")
+        return _answer(disc, source.geobox, picture, answers)
+
+    if options.classes is None:
+        if options.ask:
+            request = with_answers(source, request, ask, work)
         made = match(source, request, work)
-        found, compared, advice = made.found, _compared(made), [made.others, made.advice]
+        found, compared = made.found, _compared(made)
+        advice = [made.others, None if options.ask else made.advice]
     else:
         found = job.find(source, work)
         compared = _classes(found)
     reporter.finish([*found.warnings, *files.notes(found, source.geobox.wkt)])
     for line in filter(None, advice):
         reporter.say(line)
-    if picture is not None:
-        reporter.say(f"no more questions; the same regions without them: {_line(request, job.request)}")
+    if options.ask:
+        given = [word for word in click.get_current_context().meta[ARGUMENTS] if word != "--ask"]
+        end = given.index("--") if "--" in given else len(given)
+        words = shlex.join(["uavseg", "match", *given[:end], *answers, *given[end:]])
+        reporter.say(f"no more questions; the same regions without them: {words}")
     with transaction():
         files.write(found, work)
     common = summary_rows(found)
@@ -113,26 +130,10 @@ def _check_samples(options: MatchOptions) -> None:
         raise click.UsageError(f"{why}; leave out {', '.join(given)}")
 
 
-def _picture(options: MatchOptions) -> str:
-    """Return the name of the picture of a place, beside the output, checked before any work."""
-    from uavseg.plot.page.page import check_png_target
-    from uavseg.raster.read.source_list import stem_of
-
-    target = Path(options.outputs.output or "-")
-    stem = stem_of(options.source.rasters[0]) if target.name == "-" else target.stem
-    return str(check_png_target(target.with_name(f"{stem}.place.png"), options.files.overwrite))
-
-
-def _ask(source: Source, read: ReadOptions, picture: str, disc: Disc) -> Any:
-    """Say where a disc lies, draw it, and read from standard input whether it is wanted."""
-    from uavseg.jobs.source.source import Blocks
-    from uavseg.plain_text import shown
-    from uavseg.plot.preview import preview_place
-
-    assert not isinstance(source, Blocks)  # which has no colors
-    preview_place(source.dataset, disc, picture, read.spec or "auto")
+def _answer(disc: Disc, geobox: GeoBox, picture: str, answers: list[str]) -> Any:
+    """Say where a disc lies, read whether it is wanted, and add that to answers, as an option."""
     x, y, _ = disc.word.split(",")
-    lon, lat = (math.nan,) * 2 if source.geobox.wkt is None else source.geobox.lonlat_from_xy(disc.x, disc.y)
+    lon, lat = (math.nan,) * 2 if geobox.wkt is None else geobox.lonlat_from_xy(disc.x, disc.y)
     where = f" (latitude {lat:.7f}, longitude {lon:.7f})" if math.isfinite(lat) else ""
     say(f"what lies at {x}, {y}{where}? It is drawn in {picture}")
     while True:
@@ -143,18 +144,11 @@ def _ask(source: Source, read: ReadOptions, picture: str, disc: Disc) -> Any:
             return None
         answer = line.decode(errors="replace").strip().lower()
         if answer in _ANSWERS:
-            return _ANSWERS[answer]
-        say(f"an answer is y, n, s or q, not {shown(answer)}")
-
-
-def _line(request: MatchRequest, before: MatchRequest) -> str:
-    """Return the command that finds the regions of a request without questions."""
-    likes, unlikes = request.samples[len(before.samples) :], request.unlike[len(before.unlike) :]
-    pairs: Any = [*(("like", one) for one in likes), *(("unlike", one) for one in unlikes)]
-    more = [f"--{name}={disc.word}" for name, disc in pairs]
-    given = [word for word in click.get_current_context().meta[ARGUMENTS] if word != "--ask"]
-    end = given.index("--") if "--" in given else len(given)
-    return shlex.join(["uavseg", "match", *given[:end], *more, *given[end:]])
+            wanted = _ANSWERS[answer]
+            if isinstance(wanted, bool):
+                answers.append(f"--{'like' if wanted else 'unlike'}={disc.word}")
+            return wanted
+        say(f"an answer is y, n, s or q, not {answer[:40]!r}")
 
 
 def _compared(match: Match) -> dict[str, str]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from uavseg.dataclass import dataclass
 from uavseg.execution.executors import decided, phase
 from uavseg.jobs.source.inputs import keep_inputs
 from uavseg.occupancy.map_file import open_map, stretch_of
@@ -99,27 +100,33 @@ def preview(
     return target
 
 
-def preview_place(dataset: Dataset, disc: Disc, out: File, stretch: AnyStretch = "auto") -> None:
-    """Draw the surroundings of a disc in colour, with its outline, as PNG, over what is there.
+@dataclass(frozen=True)
+class PlacePicture:
+    """PNG of the surroundings of a disc, drawn anew for each; OutputError if it may not be written."""
 
-    A dataset of one band, or of a formula, is drawn in grey.
-    """
-    place, shape = sample_mask(disc, dataset.geobox), dataset.geobox.shape
-    window = place.window.grown(_AROUND * max(place.window.rows, place.window.cols)).clipped(shape)
-    inside = np.zeros((window.rows, window.cols), bool)
-    inside[place.window.relative_to(window).slices] = place.mask
-    coarse = DatasetOverview.of(dataset, _MAX_FITTED)
-    fitted = fit_stretch(coarse, stretch, TilePass([Window(0, 0, *coarse.geobox.shape)]))
-    figure = page.new_figure(_PLACE_IN, _PLACE_IN * window.rows / window.cols, dpi=100)
-    ax = figure.add_axes((0, 0, 1, 1))
-    ax.set_axis_off()
-    ax.imshow(
-        fitted.colored(*dataset.read(window)).transpose(1, 2, 0), interpolation="nearest", aspect="auto"
-    )
-    for color, width in (("black", 4), ("white", 1.5)):
-        ax.contour(inside, [0.5], colors=color, linewidths=width)
-    with atomic_file(out, overwrite=True) as temporary:
-        page.save_figure(figure, temporary)
+    out: File
+    overwrite: bool = False  # whether a picture that is there before the first may be replaced
+
+    def __post_init__(self) -> None:
+        page.check_png_target(self.out, self.overwrite)
+
+    def draw(self, dataset: Dataset, disc: Disc, stretch: AnyStretch = "auto") -> None:
+        """Draw a disc in the colours of a dataset of three bands, or on its grey."""
+        place, shape = sample_mask(disc, dataset.geobox), dataset.geobox.shape
+        window = place.window.grown(_AROUND * max(place.window.rows, place.window.cols)).clipped(shape)
+        inside = np.zeros((window.rows, window.cols), bool)
+        inside[place.window.relative_to(window).slices] = place.mask
+        coarse = DatasetOverview.of(dataset, _MAX_FITTED)
+        fitted = fit_stretch(coarse, stretch, TilePass([Window(0, 0, *coarse.geobox.shape)]))
+        picture = fitted.colored(*dataset.read(window)).transpose(1, 2, 0)
+        figure = page.new_figure(_PLACE_IN, _PLACE_IN * window.rows / window.cols, dpi=100)
+        ax = figure.add_axes((0, 0, 1, 1))
+        ax.set_axis_off()
+        ax.imshow(picture, interpolation="nearest", aspect="auto")
+        for color, width in (("black", 4), ("white", 1.5)):
+            ax.contour(inside, [0.5], colors=color, linewidths=width)
+        with atomic_file(self.out, overwrite=True) as temporary:
+            page.save_figure(figure, temporary)
 
 
 def _paths_of(raster: Any) -> Any:

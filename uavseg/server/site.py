@@ -146,12 +146,8 @@ def match_request(body: bytes, geobox: GeoBox) -> MatchRequest:
     what = "center and edge of a sample are [lat, lon]"
     ends = [_place(words.values.get(name), what) for name in ("center", "edge")]
     like, unlike = (_discs(words.values.get(name, [])) for name in ("like", "unlike"))
-    return MatchRequest(
-        (_disc(ends, geobox), *like),
-        unlike=unlike,
-        similarity=words.number("similarity", 0.9),
-        min_area=words.area("min_area"),
-    )
+    similarity, area = words.number("similarity", 0.9), words.area("min_area")
+    return MatchRequest((_disc(ends, geobox), *like), unlike=unlike, similarity=similarity, min_area=area)
 
 
 def _discs(value: Any) -> tuple[Disc, ...]:
@@ -358,14 +354,11 @@ class Site:
         answer, files = _regions(found.regions, found.warnings, folder)
         first, *_ = request.samples
         assert isinstance(first, Disc)
-        answer |= {"like": astuple(first), "ask": [self._shown(disc) for disc in asked]}
-        return answer, files
-
-    def _shown(self, disc: Disc) -> dict[str, Any]:
-        """Return a disc with its outline as [lat, lon]."""
-        x, y = shapely.get_coordinates(disc_polygon(disc, self.raster.geobox)).T
-        ring = np.stack(self.raster.geobox.lonlat_from_xy(x, y)[::-1], 1)
-        return {"disc": astuple(disc), "ring": ring.round(8).tolist()}
+        geobox = self.raster.geobox
+        rings = [shapely.get_coordinates(disc_polygon(disc, geobox)) for disc in asked]
+        outlines = [np.stack(geobox.lonlat_from_xy(*ring.T)[::-1], 1).round(8).tolist() for ring in rings]
+        shown = [{"disc": astuple(*asked), "ring": ring} for ring in outlines]  # [lat, lon]; one at most
+        return answer | {"like": astuple(first), "ask": shown}, files
 
     def _plan(self, question: PlanQuestion, regions: Path, folder: Path, progress: Progress) -> _Result:
         progress(0, 1)

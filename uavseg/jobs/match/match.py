@@ -153,22 +153,17 @@ def with_answers(source: Source, request: MatchRequest, ask: Ask, work: Work = S
     raster = raster_of(source, "a block map holds no colors to be compared; name the raster itself")
     passes = replace(work, progress=None, started=None).over(raster)
     colors = color_sources(raster, raster.grey(passes), request.bands, passes)
-    windows, skipped = window_colors(colors, passes), list[Disc]()
+    windows = window_colors(colors, passes)
+    asked: dict[Any, list[Any]] = {True: [*request.samples], False: [*request.unlike], "skip": []}
     while True:
-        several = request.samples, request.unlike, skipped
-        like, unlike, others = ([sample_mask(one, raster.geobox) for one in discs] for discs in several)
-        disc = place_to_ask(colors, windows, like, unlike, others, passes)
+        like, unlike, skipped = ([sample_mask(one, raster.geobox) for one in asked[key]] for key in asked)
+        disc = place_to_ask(colors, windows, like, unlike, skipped, passes)
         answer = None if disc is None else ask(disc)
-        if disc is None or answer is None:
-            return request
-        if isinstance(answer, str) and answer == "skip":
-            skipped.append(disc)
-        elif not isinstance(answer, bool | np.bool_):
+        if answer is None:
+            return replace(request, like=tuple(asked[True]), unlike=tuple(asked[False]))
+        if not isinstance(answer, bool | np.bool_ | str) or answer not in asked:
             raise ParameterError(f'an answer is True, False, "skip" or None, not {shown(answer)}')
-        elif answer:
-            request = replace(request, like=(*request.samples, disc))
-        else:
-            request = replace(request, unlike=(*request.unlike, disc))
+        asked[answer].append(disc)
 
 
 def _compared(

@@ -310,12 +310,10 @@ def place_to_ask(
 ) -> Disc | None:
     """Return the disc about which an answer is expected to change most; None where that is hardly anything.
 
-    An answer tells about ground of like colours: the expected change is the sum of the probabilities that the
-    windows of `window_colors` are decided wrongly, each by how near its colour is to the place and how far
-    from all samples, over the windows that are expected to be found (expected error reduction by a kernel of
-    the colours; N. Roy and A. McCallum, Toward Optimal Active Learning through Monte Carlo Estimation of
-    Error Reduction, ICML 2001). Places of mixed ground count less. `skipped` are places that were not
-    answered. The disc is as of `next_place`.
+    The expected change is the sum of the probabilities that windows of `window_colors` are decided wrongly,
+    each by how near its colour is to the place and how far from all samples, over the windows expected to be
+    found (expected error reduction, by a kernel of colours; N. Roy and A. McCallum, ICML 2001). Mixed ground
+    counts less. `skipped` are places without an answer. The disc is as of `next_place`.
     """
     known = [*samples, *unlike, *skipped]
     table = sample_colors(bands, samples, tile_pass, unlike, spread=np.concatenate(colors)).table()
