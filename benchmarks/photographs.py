@@ -25,15 +25,18 @@ from tests.photographs.make import draw_photograph
 from uavseg.flight.formats.files import read_mission
 from uavseg.photographs.coverage import planned_photographs
 
-SIDES_M = (250, 900)
+SIDES_M = (150, 450)
 SMALL, LARGE = ((80, 60), 60.0), ((5472, 3648), 3648.0)  # columns and rows, focal length in pixels
-MAPS = (6, 24)  # photographs
+MAPS = (4, 12)  # photographs
 
 
 def main() -> None:
     """Print the table."""
+    rows = []
     with TemporaryDirectory() as folder:
-        rows = list(measured(Path(folder)))
+        for row in measured(Path(folder)):
+            print(*row, file=sys.stderr, flush=True)
+            rows.append(row)
     print(table.rows(["command", "photographs", "wall s", "CPU s", "peak MB"], rows))
 
 
@@ -46,7 +49,7 @@ def measured(folder: Path) -> Iterator[list[str]]:
         prints = folder / f"footprints{side_m}.gpkg"
         yield ["footprints", count, *run("footprints", flown, "-o", str(prints))]
         start = time.perf_counter()
-        shapely.union_all(geopandas.read_file(prints).geometry.to_numpy())
+        shapely.union_all(geopandas.read_file(prints, layer="regions").geometry.to_numpy())
         yield ["- shapely.union_all", count, f"{time.perf_counter() - start:.2f}", "", ""]
         yield ["check --photos", count, *run("check", str(mission), "--photos", flown)]
         middle = str(len(read_mission(mission).items) // 2)
