@@ -84,7 +84,12 @@ class RangeWidget(anywidget.AnyWidget):  # type: ignore[misc]
         **words: Any,
     ) -> None:
         self._source, self._words = source, words
-        given = _words_of_extract(source, words)
+        for name in _OTHER_RANGES:
+            if words.get(name) is not None:
+                raise ParameterError(f"the slider chooses the range in v; {name} is for uavseg.extract")
+        bound = inspect.signature(extract).bind(source, None, **words)
+        bound.apply_defaults()
+        given = dict(bound.arguments)
         with allowing(given["allow_path"], given["allow_network"]):
             collection = None if regions is None else web_page.read_collection(regions)
             flights = [] if mission is None else web_page.read_flights(mission)
@@ -120,16 +125,6 @@ class RangeWidget(anywidget.AnyWidget):  # type: ignore[misc]
         if not _MIN_HEIGHT <= height <= _MAX_HEIGHT:
             raise ParameterError(f"the height is {_MIN_HEIGHT} to {_MAX_HEIGHT} pixels, not {height}")
         return height
-
-
-def _words_of_extract(source: Any, words: dict[str, Any]) -> dict[str, Any]:
-    """All words of `uavseg.extract` with their values; an error for words that it does not have."""
-    for name in _OTHER_RANGES:
-        if words.get(name) is not None:
-            raise ParameterError(f"the slider chooses the range in v; {name} is for uavseg.extract")
-    bound = inspect.signature(extract).bind(source, None, **words)
-    bound.apply_defaults()
-    return dict(bound.arguments)
 
 
 def _field_map(source: Any, given: dict[str, Any], size: int) -> FieldMap:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from uavseg.arrays import Path_
 from uavseg.jobs.source.inputs import keep_inputs
-from uavseg.jobs.suggest import Suggestion, Suggestions
+from uavseg.jobs.suggest import Suggestions
 from uavseg.output.atomic import atomic_file
 from uavseg.plot.layers.raster_layers import draw_image, draw_raster
 from uavseg.plot.page import page
@@ -211,7 +211,9 @@ def _write_legend(figure: Any, x: float, suggestions: Suggestions) -> None:
     colored = zip(suggestions.by_intensity, _colors(suggestions), strict=True)
     for chosen, color in sorted(colored, key=lambda pair: pair[0].range)[::-1]:
         figure.text(x, y, "◆" if chosen.part else "■", size=10, color=color, va="top")
-        for x_in, text, side in _columns(chosen):
+        count = f"{chosen.regions_text} region{'s' if chosen.regions != 1 else ''}"
+        first = (0.2, str(chosen).replace(",", " to "), "left")  # inches from the left, text, and alignment
+        for x_in, text, side in (first, (1.65, f"{chosen.share:.1%}", "right"), (_PLOT_IN, count, "right")):
             figure.text(x + x_in / _WIDTH_IN, y, text, size=8, color=page.TEXT_COLOR, va="top", ha=side)
         y -= _LINE_IN / page_in
         if chosen.values_text:
@@ -219,10 +221,3 @@ def _write_legend(figure: Any, x: float, suggestions: Suggestions) -> None:
                 x + 0.2 / _WIDTH_IN, y, chosen.values_text, size=7, color=page.CAPTION_COLOR, va="top"
             )
             y -= _SMALL * _LINE_IN / page_in
-
-
-def _columns(chosen: Suggestion) -> list[tuple[float, str, str]]:
-    """Return inches from the left, text, and alignment of each column."""
-    count = f"{chosen.regions_text} region{'s' if chosen.regions != 1 else ''}"
-    first = (0.2, str(chosen).replace(",", " to "), "left")
-    return [first, (1.65, f"{chosen.share:.1%}", "right"), (_PLOT_IN, count, "right")]

@@ -1,7 +1,7 @@
 """Classification job: free, unknown and occupied cells of a map of probabilities, and occupied objects."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -154,7 +154,10 @@ def classify(
         bounds = _bounds(outlined.rings, source.geobox)
         ends = request.limits.occupied_above, 1.0
         found = results.measured(outlined, info, ends, request.drawing, bounds)
-        objects = results.with_metadata(found, source, "classify", _metadata(request))
+        how = {"free_below": request.limits.free_below, "occupied_above": request.limits.occupied_above}
+        how |= results.segment_facts(request.segment) | {"refine": request.refine}
+        how |= results.drawing_facts(request.drawing, None, request.min_area)
+        objects = results.with_metadata(found, source, "classify", how)
     doubtful = ("occupied_in_free", "occupied_by_value", "unknown_in_free")
     classification = Classification(
         image=states.image,
@@ -197,12 +200,6 @@ def _warnings(name: str, states: ClassifiedStates, request: ClassifyRequest) -> 
         cells = "1 unknown cell" if one else f"{states.unknown_in_free:,} unknown cells"
         warnings.append(f"{cells} of {name} {'is' if one else 'are'} called free")
     return warnings
-
-
-def _metadata(request: ClassifyRequest) -> dict[str, Any]:
-    limits = {"free_below": request.limits.free_below, "occupied_above": request.limits.occupied_above}
-    segment = results.segment_facts(request.segment) | {"refine": request.refine}
-    return limits | segment | results.drawing_facts(request.drawing, None, request.min_area)
 
 
 def _bounds(rings: Rings, geobox: GeoBox) -> dict[str, NDArray[np.float64]]:

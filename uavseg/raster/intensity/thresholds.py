@@ -190,7 +190,10 @@ def population_edges(greys: Counts) -> tuple[float, ...]:
     """
     if np.count_nonzero(greys) < 2:
         return ()
-    greys = _unsaturated(greys)
+    counted, reach = greys, int(np.ptp(np.flatnonzero(greys)) * _SATURATED) + 1
+    greys = counted.copy()  # without the pixels at an end of v that others lie beside
+    greys[0] *= not counted[1 : 1 + reach].any()
+    greys[GREY_MAX] *= not counted[GREY_MAX - reach : GREY_MAX].any()
     shares = np.cumsum(greys) / greys.sum()
     first, last = (int(one) for one in np.searchsorted(shares, [_LEAST / 2, 1 - _LEAST / 2]))
     width = -(-(last - first + 1) // _BINS)
@@ -215,14 +218,6 @@ def rarest_population(greys: Counts, edges: Sequence[float]) -> tuple[float, flo
     counts = np.add.reduceat(greys, [0, *(math.floor(edge * GREY_MAX) + 1 for edge in edges)])
     rarest = len(edges) - int(np.argmin(counts[::-1]))
     return (0.0, *edges, 1.0)[rarest], (*edges, 1.0)[rarest]
-
-
-def _unsaturated(greys: Counts) -> Counts:
-    """Return the histogram without the pixels at an end of v that others lie beside."""
-    result, reach = greys.copy(), int(np.ptp(np.flatnonzero(greys)) * _SATURATED) + 1
-    result[0] *= not greys[1 : 1 + reach].any()
-    result[GREY_MAX] *= not greys[GREY_MAX - reach : GREY_MAX].any()
-    return result
 
 
 def _valleys(bins: Counts, smooth: NDArray[np.float64], begin: int, end: int) -> list[int]:
