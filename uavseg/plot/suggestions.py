@@ -91,7 +91,12 @@ def _draw_map(
         draw_image(ax, np.stack([grey, grey, grey, alpha], axis=-1), plot_from_pixel, zorder=2)
     if suggestions.ranges and suggestions.by_pixel and dataset is not None:
         coarse = DatasetOverview.of(dataset, _MAX_PIXELS)
-        intervals = _ranges_of_pixels(coarse, suggestions)
+        values, valid = coarse.read(Window(0, 0, *coarse.geobox.shape))
+        v = suggestions.source.stretch.apply(values, valid) / GREY_MAX
+        intervals = np.zeros(v.shape, np.uint8)  # the range of each pixel, counted from 1; 0 for none
+        for number, one in enumerate(suggestions.by_intensity, 1):
+            intervals[(v >= one.range[0]) & (v <= one.range[1])] = number
+        intervals = intervals * (np.uint8(1) if valid is None else valid)
         _draw_ranges(ax, intervals, frame.plot_from_map * coarse.geobox.transform, _colors(suggestions))
     elif suggestions.ranges:
         intervals = suggestions.intervals * (counts > 0)  # a leaf may extend into nodata
@@ -116,17 +121,6 @@ def upsample_cells(
     )
     plot_from_pixel = frame.plot_from_map * scaled(box.transform, box.shape[0] / rows, box.shape[1] / cols)
     return cells[np.ix_(row, col)], plot_from_pixel
-
-
-def _ranges_of_pixels(coarse: Dataset, suggestions: Suggestions) -> NDArray[np.uint8]:
-    """Return the range of each pixel of a downsampled dataset, counted from 1; 0 for none."""
-    values, valid = coarse.read(Window(0, 0, *coarse.geobox.shape))
-    v = suggestions.source.stretch.apply(values, valid) / GREY_MAX
-    intervals = np.zeros(v.shape, np.uint8)
-    for number, one in enumerate(suggestions.by_intensity, 1):
-        low, high = one.range
-        intervals[(v >= low) & (v <= high)] = number
-    return intervals * (np.uint8(1) if valid is None else valid)
 
 
 def _draw_ranges(ax: Any, intervals: NDArray[np.uint8], transform: Affine, colors: Sequence[str]) -> None:

@@ -31,13 +31,9 @@ Counts = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class Classes:
-    """A partition of a histogram into classes of adjacent bins.
+    """A partition of a histogram into classes of adjacent bins; any threshold in the gaps is as good."""
 
-    All bins between the end of a class and the start of the next are empty, so any threshold between them is
-    equally good.
-    """
-
-    ends: tuple[int, ...]  # the last non-empty bin of each class but the last
+    ends: tuple[int, ...]  # the last non-empty bin of each class but the last; empty ones follow
     starts: tuple[int, ...]  # the first non-empty bin of each class but the first
     explained: float  # between-class variance as a share of the total variance, 0 to 1
 

@@ -218,15 +218,11 @@ _MAX_NAME = 80
 
 @dataclass(frozen=True, slots=True)
 class Partition:
-    """Intervals between increasing edges in 0..1, each with the number of a class: 1, 2, ..., or 0 for none.
+    """Intervals between edges in 0..1, each with the number of a class."""
 
-    There is one class more than there are edges; a value on an edge belongs to the interval below it.
-    `bounds` are the requested ends of the intervals.
-    """
-
-    edges: tuple[float, ...]
-    classes: tuple[int, ...]
-    bounds: tuple[float, ...]
+    edges: tuple[float, ...]  # increasing; a value on an edge belongs to the interval below it
+    classes: tuple[int, ...]  # 1, 2, ..., or 0 for none; one more than there are edges
+    bounds: tuple[float, ...]  # the requested ends of the intervals
 
     @property
     def count(self) -> int:
