@@ -211,7 +211,7 @@ class Sums:
     firsts: NDArray[np.int64]  # (n, 2): first pixel in raster order; pixels also of whole cells
     excess: NDArray[np.int64] | None = None  # (n,): sum of `greys_beyond`; None if it is 0
     steps: NDArray[np.int64] | None = None  # (n, 2): see `border_steps`; None if not measured
-    similarity: NDArray[np.int64] | None = None  # (n, 3): of classes, with steps of it; pixels, sums, squares
+    similarity: NDArray[np.int64] | None = None  # (n, 3): of classes, as their steps: pixels, sums, squares
 
 
 def with_excess(sums: Sums, labels: NDArray[np.uint32], excess: NDArray[np.int32] | None) -> Sums:

@@ -71,13 +71,14 @@ def render_page(title: str, data: dict[str, Any], served: bool = False, embedded
     )
     # JSON without a character that ends a script element or begins a comment in one
     encoded = json.dumps(data, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    encoded = encoded.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
     page = Template(asset("page.html")).substitute(
         policy=policy,
         title=html.escape(title),
         icon='<link rel="icon" href="data:,">' if served else "",  # or the browser asks for one
         licence=asset("leaflet/LICENSE").replace("--", "- -"),
         style=style,
-        data=encoded.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026"),
+        data=encoded,
         script=script,
     )
     return page.encode()

@@ -150,12 +150,7 @@ class _DeflateBlocks(_Blocks):
             if own is None:
                 at = (block.row, block.row + block.rows), (block.col, block.col + block.cols)
                 own = source.read(list(bands), window=at)
-            pixels = np.moveaxis(own, 0, -1)
-            if self._predictor == "2":  # rows are stored by their differences
-                before, pixels = pixels, pixels.copy()
-                pixels[:, 1:] -= before[:, :-1]
-            decoded = np.ascontiguousarray(pixels).tobytes()
-            if zlib.adler32(decoded) == int.from_bytes(stored.read(-4), "big"):
+            if zlib.adler32(self._decoded(own)) == int.from_bytes(stored.read(-4), "big"):
                 return True
         rows = self._shape[0] if self._is_tiled else block.rows
         bits = int(self._bits or 8 * np.dtype(source.dtypes[bands[0] - 1]).itemsize)
@@ -164,6 +159,14 @@ class _DeflateBlocks(_Blocks):
             return len(decoder.decompress(stored.read(), size + 1)) == size and decoder.eof
         except zlib.error:
             return False
+
+    def _decoded(self, values: Values) -> bytes:
+        """Return what was compressed: rows of pixels, by their differences if there is a predictor."""
+        pixels = np.moveaxis(values, 0, -1)
+        if self._predictor == "2":
+            before, pixels = pixels, pixels.copy()
+            pixels[:, 1:] -= before[:, :-1]
+        return np.ascontiguousarray(pixels).tobytes()
 
 
 class _JpegBlocks(_Blocks):

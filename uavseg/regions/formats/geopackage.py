@@ -219,11 +219,7 @@ def _pack_index(base: sqlite3.Connection, index: str, bounds: NDArray[np.float64
     x_rank = np.argsort(np.argsort(bounds[:, 0], kind="stable"))
     order = np.lexsort([bounds[:, 2], x_rank * slices // max(len(bounds), 1)])
     cells = np.empty(len(bounds), _CELL)
-    exact = bounds[order]  # least and greatest values, in turn, which are rounded outward
-    rounded = exact.astype(np.float32)
-    lower = np.where(rounded > exact, np.nextafter(rounded, np.float32(-np.inf)), rounded)
-    upper = np.where(rounded < exact, np.nextafter(rounded, np.float32(np.inf)), rounded)
-    cells["id"], cells["bounds"] = order + 1, np.where([True, False, True, False], lower, upper)
+    cells["id"], cells["bounds"] = order + 1, _rounded_outward(bounds[order])
     base.execute(f'DELETE FROM "{index}_node"')
     first, depth, links = 2, 0, "rowid"
     while True:
@@ -249,6 +245,14 @@ def _pack_index(base: sqlite3.Connection, index: str, bounds: NDArray[np.float64
         above["bounds"][:, ::2] = np.minimum.reduceat(cells["bounds"][:, ::2], starts)
         above["bounds"][:, 1::2] = np.maximum.reduceat(cells["bounds"][:, 1::2], starts)
         cells, first, depth, links = above, first + count, depth + 1, "parent"
+
+
+def _rounded_outward(bounds: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Round least and greatest values, in turn, to float32 that enclose them."""
+    rounded = bounds.astype(np.float32)
+    lower = np.where(rounded > bounds, np.nextafter(rounded, np.float32(-np.inf)), rounded)
+    upper = np.where(rounded < bounds, np.nextafter(rounded, np.float32(np.inf)), rounded)
+    return np.where([True, False, True, False], lower, upper)
 
 
 def _geometries(

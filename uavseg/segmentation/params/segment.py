@@ -20,14 +20,10 @@ PIXELWISE = ("pixels", "tv")  # refinements that decide each pixel, whatever the
 
 @dataclass(frozen=True, slots=True)
 class DivisionParams:
-    """Thresholds above which a block is divided into its four children.
+    """Thresholds above which a block is divided into its four children."""
 
-    It is divided where R = G_max / G_min is larger than X, the `threshold`, and where the means of its
-    children differ by more than tau, the `step`, which is infinite for no intensity test.
-    """
-
-    threshold: float
-    step: float
+    threshold: float  # X: divided where R = G_max / G_min is larger
+    step: float  # tau: and where the means of the children differ by more; infinite for no such test
 
 
 @checked

@@ -87,15 +87,11 @@ def _chords(disc: PixelDisc) -> _Chords:
 
 @dataclass(frozen=True, slots=True)
 class Detail:
-    """Smallest structure that remains.
-
-    With `cover` narrow structures take the class of a pixel nearby or keep theirs, and none is dropped: for
-    classes that cover a raster, as levels do.
-    """
+    """Smallest structure that remains."""
 
     rows: int  # size along a column, 1..128 pixels
     cols: int  # along a row
-    cover: bool = False
+    cover: bool = False  # as levels do: what is narrow takes a class nearby or keeps its own, none is dropped
 
     @property
     def discs(self) -> Iterator[PixelDisc]:
@@ -130,14 +126,19 @@ def apply_detail(classes: Image, valid: Image, detail: Detail) -> Image:
     if len(present) == 0 or present.min() == present.max():
         return classes
     for disc in detail.discs:
-        covered, nearest = opening_mask(classes, valid, disc), classes.copy()
-        up, down = np.empty_like(classes), np.empty_like(classes)
-        _measure_columns(covered, np.int64(disc.rows), up, down)
-        _take(classes, covered, valid, up, down, np.array([disc.rows, disc.cols], np.int64), nearest)
-        classes = nearest
+        classes = _take_nearest(classes, opening_mask(classes, valid, disc), valid, disc)
     if not detail.cover:
         classes = classes * opening_mask(classes, valid, PixelDisc(detail.rows, detail.cols))
     return classes
+
+
+def _take_nearest(classes: Image, covered: Image, valid: Image, disc: PixelDisc) -> Image:
+    """Take the class of the nearest covered pixel within the disc's width; keep the class without one."""
+    up, down = np.empty_like(classes), np.empty_like(classes)
+    nearest = classes.copy()
+    _measure_columns(covered, np.int64(disc.rows), up, down)
+    _take(classes, covered, valid, up, down, np.array([disc.rows, disc.cols], np.int64), nearest)
+    return nearest
 
 
 @kernel("void(u1[:,::1], i8, u1[:,::1], u1[:,::1])")
