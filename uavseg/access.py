@@ -25,12 +25,9 @@ _LOCAL_SCHEMES = ("file://", "zip://", "tar://", "gzip://", "vrt://")
 
 @dataclass(frozen=True, slots=True)
 class AccessPolicy:
-    """Folders and addresses that the content of a file may name, beside its folder.
+    """Folders and addresses that the content of a file may name, beside its folder."""
 
-    Files may be opened from `allow_paths` and from below them.
-    """
-
-    allow_paths: tuple[str, ...] = ()
+    allow_paths: tuple[str, ...] = ()  # folders from and below which files may be opened
     allow_network: bool = False
 
     def check_file(self, owner: str | os.PathLike[str], named: str | os.PathLike[str]) -> Path:

@@ -111,7 +111,7 @@ def _rule_of_one(kind: Any) -> tuple[Check, str]:
         return callable, "a function"
     if _is_array_like(kind):
         return _holds_numbers, "an array of numbers"
-    if _is_array(kind):
+    if getattr(origin, "__module__", "") == "numpy":
         return lambda value: hasattr(value, "ndim") and _holds_numbers(value), "an array of numbers"
     expected = origin or kind
     name = f"a {getattr(expected, '__name__', kind)}"
@@ -155,11 +155,6 @@ def _is_sequence(value: Any) -> bool:
     if isinstance(value, str | bytes):
         return False
     return isinstance(value, collections.abc.Sequence) or getattr(value, "ndim", None) == 1
-
-
-def _is_array(kind: Any) -> bool:
-    """Return whether a type is numpy's array."""
-    return getattr(get_origin(kind), "__module__", "") == "numpy"
 
 
 def _is_array_like(kind: Any) -> bool:

@@ -17,7 +17,7 @@ from uavseg.errors import IntensityRangeError, MissingLibraryError, ParameterErr
 from uavseg.execution.executors import threads as thread_pool
 from uavseg.jobs.source.open_source import open_source
 from uavseg.jobs.source.work import Work
-from uavseg.jobs.web_map.content import FieldMap, FieldMapRequest, field_map
+from uavseg.jobs.web_map.content import FieldMapRequest, field_map
 from uavseg.options.option import build
 from uavseg.options.pages import MapOptions
 from uavseg.plot.web import field_map as web_page
@@ -84,11 +84,20 @@ class RangeWidget(anywidget.AnyWidget):  # type: ignore[misc]
         **words: Any,
     ) -> None:
         self._source, self._words = source, words
-        given = _words_of_extract(source, words)
+        for name in _OTHER_RANGES:
+            if words.get(name) is not None:
+                raise ParameterError(f"the slider chooses the range in v; {name} is for uavseg.extract")
+        bound = inspect.signature(extract).bind(source, None, **words)
+        bound.apply_defaults()
+        given = dict(bound.arguments)
         with allowing(given["allow_path"], given["allow_network"]):
             collection = None if regions is None else web_page.read_collection(regions)
             flights = [] if mission is None else web_page.read_flights(mission)
-            found = _field_map(source, given, size)
+            options = build(MapOptions, given | {"size": size})
+            request = FieldMapRequest(options.division.segment_params(), size)
+            run = thread_pool(options.run.threads)
+            work = Work(options.run.tile, run, run, checkpoint=options.run.resume)
+            found = field_map(open_source(source, options.read), request, work)
         if found.cells is None:
             raise ParameterError(f"{found.warnings[-1]}: crop the raster, or extract a range")
         super().__init__(range=range, height=height)
@@ -120,21 +129,3 @@ class RangeWidget(anywidget.AnyWidget):  # type: ignore[misc]
         if not _MIN_HEIGHT <= height <= _MAX_HEIGHT:
             raise ParameterError(f"the height is {_MIN_HEIGHT} to {_MAX_HEIGHT} pixels, not {height}")
         return height
-
-
-def _words_of_extract(source: Any, words: dict[str, Any]) -> dict[str, Any]:
-    """All words of `uavseg.extract` with their values; an error for words that it does not have."""
-    for name in _OTHER_RANGES:
-        if words.get(name) is not None:
-            raise ParameterError(f"the slider chooses the range in v; {name} is for uavseg.extract")
-    bound = inspect.signature(extract).bind(source, None, **words)
-    bound.apply_defaults()
-    return dict(bound.arguments)
-
-
-def _field_map(source: Any, given: dict[str, Any], size: int) -> FieldMap:
-    options = build(MapOptions, given | {"size": size})
-    request = FieldMapRequest(options.division.segment_params(), size)
-    run = thread_pool(options.run.threads)
-    work = Work(options.run.tile, run, run, checkpoint=options.run.resume)
-    return field_map(open_source(source, options.read), request, work)

@@ -32,6 +32,7 @@ def command(options: ClassifyOptions) -> None:
     from uavseg.jobs.source.open_source import open_probability_map
     from uavseg.occupancy.map_file import write_states
     from uavseg.occupancy.ros.ros_map import check_ros_map, image_path, is_ros_map
+    from uavseg.output.atomic import check_target
     from uavseg.regions.formats.export import check_region_crs
 
     reporter = Reporter(options.messages, options.progress)
@@ -39,7 +40,11 @@ def command(options: ClassifyOptions) -> None:
     request = classify_request(options)
     creation = write.creation_of(options.creation, {options.labels: "uint32", target: "uint8"})
     overwrite = options.files.overwrite
-    _check_targets(target, options)
+    if Path(target).suffix.lower() not in (".tif", ".tiff", ".yaml", ".yml"):
+        raise OutputError(f"{target}: states are written to .tif, or to .yaml for a ROS map")
+    check_target(target, overwrite)
+    write.check_targets(options.objects, options.labels, overwrite)
+    write.check_distinct(target, options.objects, options.labels)
     mode = options.mode.mode or "trinary"
     files = [target, str(image_path(target, mode))] if is_ros_map(target) else [target]
     write.keep_inputs([*files, options.objects, options.labels], options.path)
@@ -62,17 +67,6 @@ def command(options: ClassifyOptions) -> None:
         reporter.warn(f"a ROS map knows no nodata: {cells}")
     rows = _rows(found, request.limits, target, options.objects)
     reporter.table(rows | {"seconds": f"{reporter.seconds:.2f}"})
-
-
-def _check_targets(target: str, options: ClassifyOptions) -> None:
-    """Nothing is computed that could not be written."""
-    from uavseg.output.atomic import check_target
-
-    if Path(target).suffix.lower() not in (".tif", ".tiff", ".yaml", ".yml"):
-        raise OutputError(f"{target}: states are written to .tif, or to .yaml for a ROS map")
-    check_target(target, options.files.overwrite)
-    write.check_targets(options.objects, options.labels, options.files.overwrite)
-    write.check_distinct(target, options.objects, options.labels)
 
 
 def _rows(found: Classification, limits: StateLimits, target: str, objects: str | None) -> dict[str, str]:

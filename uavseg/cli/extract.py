@@ -16,7 +16,6 @@ from uavseg.plain_text import first_of
 
 if TYPE_CHECKING:
     from uavseg.jobs.requests import RegionJob
-    from uavseg.jobs.result.result import Extraction
 
 _LISTED = 12  # classes in the table at the end
 
@@ -83,10 +82,18 @@ def command(options: ExtractOptions) -> None:
     if planned is not None and not reporter.quiet:
         from uavseg.cli.mission_report import report
 
-        notes = [*planned.warnings, *unwritten, *_avoid_notes(options)]
+        notes = [*planned.warnings, *unwritten]
+        if options.avoid_classes and (options.sizes.min_area, options.sizes.fill_holes) != (None, None):
+            names = ", ".join(options.avoid_classes)
+            notes.append(
+                f"regions of {names} that --min-area drops or --fill-holes fills are not kept out of"
+            )
         report(planned.missions, planned.regions, paths, notes)
     rows = {"regions": f"{len(found.regions):,} -> {write.shown(files.target)}"}
-    rows |= _class_rows(found, job.request) | write.summary_rows(found)
+    if known := _class_names(job.request):
+        names = found.regions.columns["class"].tolist()
+        rows["classes"] = first_of([f"{name} {names.count(name):,}" for name in known], _LISTED)
+    rows |= write.summary_rows(found)
     reporter.table(rows | {"seconds": f"{reporter.seconds:.2f}"})
 
 
@@ -134,24 +141,6 @@ def _check_classes(options: ExtractOptions, known: list[str]) -> None:
             f"say which class the mission flies over, such as --mission-class {known[0]!r}; "
             "--avoid-class names those it keeps out of"
         )
-
-
-def _avoid_notes(options: ExtractOptions) -> list[str]:
-    """Return what a pilot should know of keep-out zones that are regions of classes."""
-    sizes = options.sizes
-    if not options.avoid_classes or (sizes.min_area is None and sizes.fill_holes is None):
-        return []
-    names = ", ".join(options.avoid_classes)
-    return [f"regions of {names} that --min-area drops or --fill-holes fills are not kept out of"]
-
-
-def _class_rows(found: Extraction, request: Any) -> dict[str, str]:
-    """Return the row of classes in the table at the end, with the regions of each; empty without classes."""
-    if not (known := _class_names(request)):
-        return {}
-    names = found.regions.columns["class"].tolist()
-    counts = [f"{name} {names.count(name):,}" for name in known]
-    return {"classes": first_of(counts, _LISTED)}
 
 
 def _check_flyable(wkt: str | None) -> None:

@@ -39,16 +39,11 @@ def command(options: InfoOptions) -> None:
 
         show(json.dumps(values, indent=2, allow_nan=False))
     else:
-        show(_printable(text))
-
-
-def _printable(text: str) -> str:
-    """Return the text with # for bars where the terminal's encoding has none."""
-    encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
-    try:
-        text.encode(encoding)
-    except UnicodeEncodeError:
-        return "".join(
-            "#" if "▁" <= letter <= "█" else "" if "█" < letter <= "▏" else letter for letter in text
-        )
-    return text
+        encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
+        try:
+            text.encode(encoding)
+        except UnicodeEncodeError:  # no bars: # in their place
+            text = "".join(
+                "#" if "▁" <= letter <= "█" else "" if "█" < letter <= "▏" else letter for letter in text
+            )
+        show(text)

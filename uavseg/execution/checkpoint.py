@@ -17,7 +17,7 @@ import struct
 import sys
 import zipfile
 import zlib
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
 from dataclasses import fields, is_dataclass
 from fractions import Fraction
@@ -169,7 +169,11 @@ def with_checkpoint(map: Map, folder: str | os.PathLike[str], on_resume: OnResum
                     result = next(computed)
                     _save(stage, key, result)
                 else:
-                    result = _read_or_compute(stage, key, partial(map, function, lazy_selection(items, [k])))
+                    try:
+                        result = decode_result((stage / f"{key}.npz").read_bytes(), key)
+                    except (OSError, DamagedResultError):
+                        [result] = map(function, lazy_selection(items, [k]))
+                        _save(stage, key, result)
                 yield result
                 if progress is not None:
                     progress(k + 1, len(keys))
@@ -215,16 +219,6 @@ def _save(stage: Path, key: str, result: Any) -> None:
     """Write a result; not synced, since a file torn by a power cut is detected and computed again."""
     with atomic_file(stage / f"{key}.npz", overwrite=True, sync=False) as path:
         path.write_bytes(encode_result(result, key))
-
-
-def _read_or_compute(stage: Path, key: str, compute: Callable[[], Iterator[Any]]) -> Any:
-    """Read a result from its file; compute it again where that is damaged."""
-    try:
-        return decode_result((stage / f"{key}.npz").read_bytes(), key)
-    except (OSError, DamagedResultError):
-        [result] = compute()
-        _save(stage, key, result)
-        return result
 
 
 def fingerprint(*values: Any) -> str:

@@ -236,13 +236,6 @@ def split_progress(progress: Progress, count: int) -> list[Progress]:
     return [partial(report, k) for k in range(count)]
 
 
-def end_with_parent() -> None:
-    """End this copy of a process by SIGTERM when that ends, on Linux."""
-    c_library = _c_library()
-    if c_library is not None:
-        c_library.prctl(1, 15)  # PR_SET_PDEATHSIG
-
-
 def keep_heap() -> None:
     """Keep freed memory for the next tile, where the C library can (glibc); for a process of our own.
 
@@ -360,7 +353,9 @@ def _serve(function: Callable[[Item], Any], calls: Any, others: Sequence[Any]) -
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the other process says when to end
     signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGTERM])
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    end_with_parent()
+    c_library = _c_library()
+    if c_library is not None:  # on Linux, end by SIGTERM when the other process ends
+        c_library.prctl(1, 15)  # PR_SET_PDEATHSIG
     with watched(None), suppress(KeyboardInterrupt, Exception):  # the other process does what has no result
         while True:
             item = calls.recv()

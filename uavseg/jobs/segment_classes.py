@@ -38,35 +38,26 @@ Small = Literal["drop", "merge"]
 
 @dataclass(frozen=True, slots=True)
 class PartitionRequest:
-    """Which intervals, or what chooses them from the whole block map, and how their segments are found.
-
-    Segments are refined by "tv", "pixels" or "none". Structures that are narrower than a detail become part
-    of what is near; `cover` tells whether kinds cover the raster, so that a detail leaves no pixel without
-    one.
-    """
+    """Which intervals, or what chooses them from the whole block map, and how their segments are found."""
 
     partition: Partition | ChoosePartition
-    segment: SegmentParams
+    segment: SegmentParams  # refined by "tv", "pixels" or "none"
     fill_holes: Area | None = None
-    detail: Length | None = None
-    cover: bool = False
+    detail: Length | None = None  # structures that are narrower become part of what is near
+    cover: bool = False  # kinds cover the raster, so a detail leaves no pixel without one
 
 
 @dataclass(frozen=True)
 class Segmented:
-    """Segments of several kinds.
-
-    First pixels tell the kinds also after segments were dropped or renumbered. The count is there where
-    pixels are, not a block map alone; see `count_pixels`.
-    """
+    """Segments of several kinds."""
 
     outlined: RegionOutlines
-    kinds_at: Callable[[Firsts], NDArray[np.int64]]  # the kinds (k,) of first pixels (k, 2)
+    kinds_at: Callable[[Firsts], NDArray[np.int64]]  # of first pixels (k, 2), also after renumbering
     info: SourceInfo
     partition: Partition
     refine: str  # "tv", "pixels", or "none" for segments at block edges
     notes: tuple[str, ...] = ()
-    count: Callable[[], NDArray[np.int64]] | None = None  # pixels of each kind by their own value
+    count: Callable[[], NDArray[np.int64]] | None = None  # by value; not of a block map
 
 
 def joint_params(segment: SegmentParams, refine: str | None) -> SegmentParams:

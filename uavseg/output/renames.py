@@ -34,16 +34,13 @@ class UndoError(OutputError):
 
 @dataclass(frozen=True, slots=True)
 class NewFile:
-    """A file or folder that gets its name, with what identifies it, in a subfolder of the staging folder.
-
-    A folder has neither size nor time: they are 0.
-    """
+    """A file or folder that gets its name, with what identifies it, in a subfolder of the staging folder."""
 
     folder: str
     name: str
     inode: int
-    size: int
-    mtime_ns: int
+    size: int  # 0 of a folder
+    mtime_ns: int  # likewise
 
     @classmethod
     def of(cls, path: Path) -> "NewFile":
@@ -67,14 +64,10 @@ class NewFile:
 
 @dataclass(frozen=True, slots=True)
 class Journal:
-    """The renames between a staging folder and the folder in which it lies.
+    """The renames between a staging folder and the folder in which it lies."""
 
-    First the `old` names are moved into the subfolder `old`, main files first; then `new` files are moved out
-    of the staging folder, main files last.
-    """
-
-    old: tuple[str, ...]
-    new: tuple[NewFile, ...]
+    old: tuple[str, ...]  # first moved into the subfolder `old`, main files first
+    new: tuple[NewFile, ...]  # then moved out of the staging folder, main files last
 
     def write(self, stage: Path) -> None:
         """Write the journal to a staging folder, whole and on the disk, or not at all."""
@@ -166,7 +159,13 @@ def undo(stage: Stage, journal: Journal) -> None:
     for file in reversed(journal.new):
         _take_back(_source(stage, file), stage.home / file.name, file)
     for name in reversed(moved):
-        _restore(stage.folder / _OLD / name, stage.home / name)
+        old, place = stage.folder / _OLD / name, stage.home / name
+        if _is_empty_folder(place):
+            place.rmdir()
+        if _are_same(old, place):
+            old.unlink()  # it has both names
+        else:
+            put_new(old, place)
     sync_folder(stage.home)
     remove_journal(stage.folder)
 
@@ -236,15 +235,6 @@ def _take_back(source: Path, place: Path, file: NewFile) -> None:
             place.replace(source)
     elif source.is_dir() and _is_empty_folder(place):
         place.rmdir()
-
-
-def _restore(moved: Path, place: Path) -> None:
-    if _is_empty_folder(place):
-        place.rmdir()
-    if _are_same(moved, place):
-        moved.unlink()  # it has both names
-    else:
-        put_new(moved, place)
 
 
 def _is_empty_folder(place: Path) -> bool:

@@ -52,7 +52,15 @@ def flight_profile(mission: Mission, dem: "Dem | None" = None) -> FlightProfile:
     With a DEM they are above its zero. Without it they are above home, and heights above the terrain count as
     above home.
     """
-    known = mission if dem is None else replace(mission, ground=_ground(mission, dem))
+    known = mission
+    if dem is not None:  # with the ground at home and at the items
+        items = [item for item in mission.items if item.has_position and not item.is_at_vehicle]
+        places = [(mission.home.lat, mission.home.lon), *((item.lat, item.lon) for item in items)]
+        lat, lon = np.array(places).T
+        heights = dem.heights_m(lon, lat)
+        check_known(dem, lon, lat, heights)
+        above_zero = dict(zip(places, heights.tolist(), strict=True))
+        known = replace(mission, ground=Ground(above_zero, np.nan, np.nan))
     path = flown_path(known, mission.vehicle or default_vehicle(mission.autopilot))
     along, height = np.r_[0.0, np.cumsum(path.length_m)], path.xyz_m[:, 2]
     is_line, ground_along, below, lowest, zero = path.is_line, np.empty(0), np.empty(0), np.nan, "home"
@@ -60,7 +68,15 @@ def flight_profile(mission: Mission, dem: "Dem | None" = None) -> FlightProfile:
         lon, lat = Plane(mission.home.lat, mission.home.lon).lonlat_from_xy(*path.xyz_m[:, :2].T)
         ground = profile_along(dem, lon, lat, GAP_M)
         ground_along, below, corners = ground.along_m, ground.upper_m, ground.corners
-        height = height + _zero_m(mission, dem, float(below[0]))
+        home_m = float(below[0])
+        if FRAME_AMSL in _frames(mission):
+            if not dem.is_above_sea:
+                raise MissionError(
+                    f"the mission has heights above the sea, and {dem.name} above the ellipsoid, which PROJ "
+                    "cannot convert on this machine: give a model with heights above the sea"
+                )
+            home_m = mission.home.altitude_m
+        height = height + home_m
         if _frames(mission) == {FRAME_TERRAIN}:  # the vehicle follows the ground between waypoints too
             above = np.interp(ground_along, ground_along[corners], height - below[corners])
             line, leg = below + above, np.searchsorted(corners, np.arange(1, len(below)), side="left") - 1
@@ -77,31 +93,9 @@ def flight_profile(mission: Mission, dem: "Dem | None" = None) -> FlightProfile:
     return FlightProfile(along, height, is_line, **ground_words, lowest_m=lowest, zero=zero)
 
 
-def _ground(mission: Mission, dem: "Dem") -> Ground:
-    """Read the ground at home and at the items of a mission."""
-    places = [(mission.home.lat, mission.home.lon)]
-    places += [(item.lat, item.lon) for item in mission.items if item.has_position and not item.is_at_vehicle]
-    lat, lon = np.array(places).T
-    height = dem.heights_m(lon, lat)
-    check_known(dem, lon, lat, height)
-    return Ground(dict(zip(places, height.tolist(), strict=True)), np.nan, np.nan)
-
-
 def _frames(mission: Mission) -> set[int]:
     """Return the frames of the positions that are flown to, except for the takeoff."""
     return {item.frame for item in mission.items if item.has_position and item.command not in TAKEOFFS}
-
-
-def _zero_m(mission: Mission, dem: "Dem", ground_m: float) -> float:
-    """Return the height of home above the zero of a DEM, as the heights of the mission have it."""
-    if FRAME_AMSL not in _frames(mission):
-        return ground_m
-    if not dem.is_above_sea:
-        raise MissionError(
-            f"the mission has heights above the sea, and {dem.name} above the ellipsoid, which PROJ cannot "
-            "convert on this machine: give a model with heights above the sea"
-        )
-    return mission.home.altitude_m
 
 
 def draw_profiles(ax: Any, profiles: Sequence[FlightProfile], colors: Sequence[str]) -> None:

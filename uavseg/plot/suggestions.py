@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from uavseg.arrays import Path_
 from uavseg.jobs.source.inputs import keep_inputs
-from uavseg.jobs.suggest import Suggestion, Suggestions
+from uavseg.jobs.suggest import Suggestions
 from uavseg.output.atomic import atomic_file
 from uavseg.plot.layers.raster_layers import draw_image, draw_raster
 from uavseg.plot.page import page
@@ -91,7 +91,12 @@ def _draw_map(
         draw_image(ax, np.stack([grey, grey, grey, alpha], axis=-1), plot_from_pixel, zorder=2)
     if suggestions.ranges and suggestions.by_pixel and dataset is not None:
         coarse = DatasetOverview.of(dataset, _MAX_PIXELS)
-        intervals = _ranges_of_pixels(coarse, suggestions)
+        values, valid = coarse.read(Window(0, 0, *coarse.geobox.shape))
+        v = suggestions.source.stretch.apply(values, valid) / GREY_MAX
+        intervals = np.zeros(v.shape, np.uint8)  # the range of each pixel, counted from 1; 0 for none
+        for number, one in enumerate(suggestions.by_intensity, 1):
+            intervals[(v >= one.range[0]) & (v <= one.range[1])] = number
+        intervals = intervals * (np.uint8(1) if valid is None else valid)
         _draw_ranges(ax, intervals, frame.plot_from_map * coarse.geobox.transform, _colors(suggestions))
     elif suggestions.ranges:
         intervals = suggestions.intervals * (counts > 0)  # a leaf may extend into nodata
@@ -116,17 +121,6 @@ def upsample_cells(
     )
     plot_from_pixel = frame.plot_from_map * scaled(box.transform, box.shape[0] / rows, box.shape[1] / cols)
     return cells[np.ix_(row, col)], plot_from_pixel
-
-
-def _ranges_of_pixels(coarse: Dataset, suggestions: Suggestions) -> NDArray[np.uint8]:
-    """Return the range of each pixel of a downsampled dataset, counted from 1; 0 for none."""
-    values, valid = coarse.read(Window(0, 0, *coarse.geobox.shape))
-    v = suggestions.source.stretch.apply(values, valid) / GREY_MAX
-    intervals = np.zeros(v.shape, np.uint8)
-    for number, one in enumerate(suggestions.by_intensity, 1):
-        low, high = one.range
-        intervals[(v >= low) & (v <= high)] = number
-    return intervals * (np.uint8(1) if valid is None else valid)
 
 
 def _draw_ranges(ax: Any, intervals: NDArray[np.uint8], transform: Affine, colors: Sequence[str]) -> None:
@@ -211,7 +205,9 @@ def _write_legend(figure: Any, x: float, suggestions: Suggestions) -> None:
     colored = zip(suggestions.by_intensity, _colors(suggestions), strict=True)
     for chosen, color in sorted(colored, key=lambda pair: pair[0].range)[::-1]:
         figure.text(x, y, "◆" if chosen.part else "■", size=10, color=color, va="top")
-        for x_in, text, side in _columns(chosen):
+        count = f"{chosen.regions_text} region{'s' if chosen.regions != 1 else ''}"
+        first = (0.2, str(chosen).replace(",", " to "), "left")  # inches from the left, text, and alignment
+        for x_in, text, side in (first, (1.65, f"{chosen.share:.1%}", "right"), (_PLOT_IN, count, "right")):
             figure.text(x + x_in / _WIDTH_IN, y, text, size=8, color=page.TEXT_COLOR, va="top", ha=side)
         y -= _LINE_IN / page_in
         if chosen.values_text:
@@ -219,10 +215,3 @@ def _write_legend(figure: Any, x: float, suggestions: Suggestions) -> None:
                 x + 0.2 / _WIDTH_IN, y, chosen.values_text, size=7, color=page.CAPTION_COLOR, va="top"
             )
             y -= _SMALL * _LINE_IN / page_in
-
-
-def _columns(chosen: Suggestion) -> list[tuple[float, str, str]]:
-    """Return inches from the left, text, and alignment of each column."""
-    count = f"{chosen.regions_text} region{'s' if chosen.regions != 1 else ''}"
-    first = (0.2, str(chosen).replace(",", " to "), "left")
-    return [first, (1.65, f"{chosen.share:.1%}", "right"), (_PLOT_IN, count, "right")]

@@ -16,7 +16,10 @@ _IN_OTHER_LINES = ("range_values", "unit", "stretch_low", "stretch_high")  # met
 
 def summary_text(summary: Summary) -> str:
     """Format a summary, one property per line."""
-    megapixels = summary.rows * summary.cols / 1e6
+    megapixels, share = summary.rows * summary.cols / 1e6, summary.nodata_share
+    percent = "none" if share == 0 else f"{100 * share:.2f} %" if share >= 0.0001 else "less than 0.01 %"
+    looked_at = f"from a coarse look: {summary.counted} pixels of {summary.rows * summary.cols}"
+    counted = f"all {summary.counted} counted" if summary.exact else looked_at
     rows = [
         ("file", _files(summary)),
         ("size", f"{summary.cols} x {summary.rows} pixels, {megapixels:.3g} megapixels; {summary.driver}"),
@@ -26,7 +29,7 @@ def summary_text(summary: Summary) -> str:
         ("centre", "" if summary.center is None else "lat {1:.6f}, lon {0:.6f}".format(*summary.center)),
         ("bands", _bands(summary)),
         ("intensity", f"{summary.used}, stretched by {summary.stretch}"),
-        ("nodata", f"{_percent(summary.nodata_share)} of the pixels ({_counted(summary)})"),
+        ("nodata", f"{percent} of the pixels ({counted})"),
         ("v", _moments(summary)),
         ("values", _values(summary)),
     ]
@@ -136,16 +139,6 @@ def _bin_values(summary: Summary, n: int) -> str:
 
 def _decimal(value: float | None) -> str:
     return f"{value:.10g}" if value is not None else "none"
-
-
-def _percent(share: float) -> str:
-    return "none" if share == 0 else f"{100 * share:.2f} %" if share >= 0.0001 else "less than 0.01 %"
-
-
-def _counted(summary: Summary) -> str:
-    if summary.exact:
-        return f"all {summary.counted} counted"
-    return f"from a coarse look: {summary.counted} pixels of {summary.rows * summary.cols}"
 
 
 def region_file_text(file: "RegionFile") -> str:

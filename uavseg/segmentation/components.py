@@ -203,10 +203,7 @@ def _union(pairs, parents):  # type: ignore[no-untyped-def]
 
 @dataclass(frozen=True, slots=True)
 class Sums:
-    """Sums over the pixels of each component; those of tiles merge by adding.
-
-    Those of classes have sums of similarity, and steps of similarity in place of greys.
-    """
+    """Sums over the pixels of each component; those of tiles merge by adding."""
 
     counts: NDArray[np.int64]  # (n,): number of pixels
     greys: NDArray[np.uint64]  # (n,): sum of g
@@ -214,7 +211,7 @@ class Sums:
     firsts: NDArray[np.int64]  # (n, 2): first pixel in raster order; pixels also of whole cells
     excess: NDArray[np.int64] | None = None  # (n,): sum of `greys_beyond`; None if it is 0
     steps: NDArray[np.int64] | None = None  # (n, 2): see `border_steps`; None if not measured
-    similarity: NDArray[np.int64] | None = None  # (n, 3): pixels, sums of it and of its squares
+    similarity: NDArray[np.int64] | None = None  # (n, 3): of classes, as their steps: pixels, sums, squares
 
 
 def with_excess(sums: Sums, labels: NDArray[np.uint32], excess: NDArray[np.int32] | None) -> Sums:

@@ -40,13 +40,10 @@ _MIN_DECIMALS = 5  # see `edge_beside_means`
 
 @dataclass(frozen=True, slots=True)
 class RangeCandidates:
-    """Thresholds that split a histogram of means into ranges: decimal numbers of few digits, increasing.
-
-    `clear` tells whether valleys of the histogram separate all classes.
-    """
+    """Thresholds that split a histogram of means into ranges: decimal numbers of few digits, increasing."""
 
     edges: tuple[float, ...]
-    clear: bool
+    clear: bool  # whether valleys of the histogram separate all classes
 
 
 def propose_ranges(histogram: NDArray[np.int64], n_classes: int | None = None) -> RangeCandidates:
@@ -153,10 +150,7 @@ def _edge(below: NDArray[np.int64], under: int, gap: tuple[int, int], end: int, 
 
 @dataclass(frozen=True, slots=True)
 class ChosenRange:
-    """A range of v, with the shape and contrast of its cells.
-
-    All classes together are 0..1.
-    """
+    """A range of v, with the shape and contrast of its cells; all classes together are 0..1."""
 
     low: float  # 0, 1, or a decimal number of few digits
     high: float  # likewise
@@ -174,13 +168,10 @@ class ChosenRange:
 
 @dataclass(frozen=True, slots=True)
 class RangeChoice:
-    """Ranges of a raster: the classes, the darkest first, then the part of the darkest and of the brightest.
+    """Ranges of a raster."""
 
-    `explained` is the share of the variance of the leaf means that lies between the classes.
-    """
-
-    ranges: tuple[ChosenRange, ...]
-    explained: float
+    ranges: tuple[ChosenRange, ...]  # classes, darkest first, then part of the darkest and brightest
+    explained: float  # the share of the variance of the leaf means that lies between the classes
 
     @property
     def edges(self) -> tuple[float, ...]:

@@ -20,10 +20,7 @@ from uavseg.units import BLOCK, CELL
 
 @dataclass(frozen=True, slots=True)
 class GreyTile:
-    """Grey of a window with a margin; pixels outside the raster are invalid.
-
-    M and N are the sides of the window, rounded up to whole blocks, and m is the margin.
-    """
+    """Grey of a window, M x N in whole blocks, with a margin m; pixels outside the raster are invalid."""
 
     grey: NDArray[np.uint16]  # (M + 2 m, N + 2 m): 0 where invalid
     valid: NDArray[np.uint8]  # (M + 2 m, N + 2 m): 1 where a pixel is valid

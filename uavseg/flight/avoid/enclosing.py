@@ -62,11 +62,6 @@ def without_small_holes(area: Any, min_m2: float) -> Any:
     return shapely.union_all([filled(part) for part in shapely.get_parts(area)])
 
 
-def without_holes(area: Any) -> Any:
-    """Fill the holes of an area, and the parts in them."""
-    return shapely.union_all(filled_parts(area))
-
-
 def filled_parts(areas: Any) -> NDArray[np.object_]:
     """Return the polygons of areas without their holes."""
     rings = shapely.get_exterior_ring(shapely.get_parts(areas))
@@ -97,7 +92,7 @@ def merged(areas: Sequence[Any], fill: bool = False) -> Any:
         left = []
         for group in groups:
             area = shapely.union_all(group)
-            left.append(without_holes(area) if fill else area)
+            left.append(shapely.union_all(filled_parts(area)) if fill else area)
             done += len(group)
             steps_done(done, done + len(groups))
     return left[0]

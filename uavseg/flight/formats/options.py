@@ -13,10 +13,7 @@ TURNS = (TURN_STOP, TURN_THROUGH)
 
 @dataclass(frozen=True, slots=True)
 class DjiModel:
-    """DJI aircraft with its camera, by the numbers of DJI's product support page.
-
-    Those of aircraft that DJI Fly flies are not published: they are as in files of that app, see `note`.
-    """
+    """DJI aircraft with its camera, by the numbers of DJI's product support page, or of files of DJI Fly."""
 
     name: str
     drone: int  # droneEnumValue of WPML

@@ -158,7 +158,9 @@ class _WaylineBuilder:
             changes = {"looks_at": None}
         elif item.command == mav.CAMERA_DISTANCE:
             changes = {"trigger_m": max(first, 0.0)}
-            if first <= 0 and self._begins_trigger():  # on and off at one waypoint: the photograph at once
+            before, point = self.points[-2:-1], self.points[-1:]
+            begun = any(one.trigger_m > 0 for one in point) and not any(one.trigger_m > 0 for one in before)
+            if first <= 0 and begun:  # on and off at one waypoint: the photograph at once
                 changes["photo"] = True
         elif item.command == mav.IMAGE_STOP:
             changes = {"interval_s": 0.0}
@@ -179,11 +181,6 @@ class _WaylineBuilder:
             self.now = replace(self.now, **changes)  # type: ignore[arg-type]
             if not self.points:
                 self.approach_m_s = self.now.speed_m_s
-
-    def _begins_trigger(self) -> bool:
-        """Return whether photographs at a distance have begun at the last waypoint."""
-        before, point = self.points[-2:-1], self.points[-1:]
-        return any(one.trigger_m > 0 for one in point) and not any(one.trigger_m > 0 for one in before)
 
 
 def wayline_of(mission: Mission, format_name: str) -> Wayline:

@@ -303,8 +303,13 @@ def read_waylines(document: bytes) -> tuple[Wayline, list[str]]:
     for placemark in placemarks:
         for group in placemark.findall("actionGroup"):
             reader.add_group(group)
+    pitch = None
+    points = []
+    for point in reader.points:  # a pitch holds until the next one, but for those of a place to look at
+        pitch = pitch if point.pitch_deg is None or point.looks_at else point.pitch_deg
+        points.append(replace(point, pitch_deg=pitch))
     wayline = Wayline(
-        points=tuple(reader.with_pitches()),
+        points=tuple(points),
         takeoff_m=_number_at(config, "takeOffSecurityHeight", max(reader.points[0].altitude_m, 1.0)),
         approach_m_s=_number_at(config, "globalTransitionalSpeed"),
         finish=_finish(_text(config, "finishAction"), reader.notes),
@@ -331,7 +336,10 @@ class _Reader:
         if mode == "smoothTransition":
             heading = _number_at(placemark, "waypointHeadingParam/waypointHeadingAngle")
         elif mode == "towardPOI" and target is not None:
-            looks_at = _poi(target)
+            numbers = [_float(part, "waypointPoiPoint") for part in target.split(",")]
+            if len(numbers) != 3:
+                raise MissionError(f"waypointPoiPoint is {shown(target)}; expected latitude,longitude,height")
+            looks_at = numbers[0], numbers[1], numbers[2]
         elif mode != "followWayline":
             self.notes[f"the heading mode {shown(mode)} was not read"] = None
         if placemark.findtext("waypointTurnParam/waypointTurnMode", TURN_MODE) != TURN_MODE:
@@ -372,22 +380,6 @@ class _Reader:
 
     def _change(self, index: int, **changes: object) -> None:
         self.points[index] = replace(self.points[index], **changes)  # type: ignore[arg-type]
-
-    def with_pitches(self) -> list[WaylinePoint]:
-        """Return the waypoints; a pitch holds until the next one, but for those of a place to look at."""
-        pitch = None
-        points = []
-        for point in self.points:
-            pitch = pitch if point.pitch_deg is None or point.looks_at else point.pitch_deg
-            points.append(replace(point, pitch_deg=pitch))
-        return points
-
-
-def _poi(text: str) -> tuple[float, float, float]:
-    numbers = [_float(part, "waypointPoiPoint") for part in text.split(",")]
-    if len(numbers) != 3:
-        raise MissionError(f"waypointPoiPoint is {shown(text)}; expected latitude,longitude,height")
-    return numbers[0], numbers[1], numbers[2]
 
 
 def _turns_pitch(action: ET.Element) -> bool:

@@ -214,7 +214,12 @@ class Link:
         if self._vehicle is None:
             return None
         if (system, source) != (self._vehicle.system, self._vehicle.source):
-            self._check_other(message, system)
+            if name in _WRITES and message.target_system in (self.vehicle.system, 0):
+                raise LinkError(_conflict(system))
+            if name in _FOR_US and self._is_for_us(message):
+                raise LinkError(
+                    f"another system ({system}) answers on the link; give an address of one vehicle"
+                )
             return None
         if name == "STATUSTEXT":
             self.texts.append(str(message.text).strip())
@@ -253,14 +258,6 @@ class Link:
             )
         if component == current.component:  # a gimbal or a camera of the system says nothing of the motors
             self._vehicle = replace(current, is_armed=armed)
-
-    def _check_other(self, message: Any, system: int) -> None:
-        """Refuse another ground station that writes, and another system that answers us."""
-        name = message.get_type()
-        if name in _WRITES and message.target_system in (self.vehicle.system, 0):
-            raise LinkError(_conflict(system))
-        if name in _FOR_US and self._is_for_us(message):
-            raise LinkError(f"another system ({system}) answers on the link; give an address of one vehicle")
 
     def close(self) -> None:
         """Release the port."""

@@ -186,7 +186,12 @@ def upload_mission(
     UnverifiedError that the vehicle accepted a list that could not be read back, a LinkError that it is
     armed, refuses a list, falls silent, or holds another one afterwards.
     """
-    _check_autopilot(mission, link.vehicle)
+    ours, theirs = mission.autopilot, link.vehicle.autopilot
+    if theirs != "generic" and ours in AUTOPILOT_NAMES and ours != theirs:
+        raise MissionError(
+            f"the mission is for {AUTOPILOT_NAMES[ours]}, and the vehicle is {link.vehicle}; plan it for "
+            f"{AUTOPILOT_NAMES[theirs]} (a .waypoints file is always for ArduPilot)"
+        )
     warnings = []
     lists = {
         MissionType.FENCE: messages.items_of_fence(mission.fence),
@@ -213,17 +218,6 @@ def upload_mission(
         if left:
             warnings.append(f"the vehicle keeps its {list_type} ({left} items): the mission has none")
     return tuple(warnings)
-
-
-def _check_autopilot(mission: Mission, vehicle: LinkedVehicle) -> None:
-    """Raise MissionError if a mission is for another autopilot than the vehicle's."""
-    autopilot = vehicle.autopilot
-    if autopilot == "generic" or mission.autopilot not in AUTOPILOT_NAMES or mission.autopilot == autopilot:
-        return
-    raise MissionError(
-        f"the mission is for {AUTOPILOT_NAMES[mission.autopilot]}, and the vehicle is {vehicle}; plan it for "
-        f"{AUTOPILOT_NAMES[autopilot]} (a .waypoints file is always for ArduPilot)"
-    )
 
 
 def _check_disarmed(vehicle: LinkedVehicle, sent: Sequence[MissionType]) -> None:

@@ -435,10 +435,7 @@ def _none(note: str) -> Footprints:
 
 
 def _on_ground(path: FlownPath, leg: int, shares: Floats, corners: Floats) -> Floats:
-    """Project corners (4, 2) at a height of 1 m to metres east and north of home, for shares of a leg.
-
-    Photographs at or below the ground show none of it: their corners coincide.
-    """
+    """Project corners (4, 2) at a height of 1 m to metres from home; they coincide at or below the ground."""
     start, end = path.xyz_m[leg], path.xyz_m[leg + 1]
     heights = path.xyz_m[leg : leg + 2, 2] - path.rise_m[leg : leg + 2]
     height = np.maximum(heights[0] + shares * (heights[1] - heights[0]), 0.0)

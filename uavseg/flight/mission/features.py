@@ -270,7 +270,10 @@ def _drawing(mission: Mission) -> str:
     features.sort(key=lambda feature: _DRAWN.index(feature.role))
     home = np.array([mission.home.lat, mission.home.lon])
     degree = np.array([1.0, np.cos(np.radians(mission.home.lat))])  # lengths, against one of latitude
-    lines = [_from_home(feature, home) * degree for feature in features]
+    lines = [np.array([place[:2] for place in feature.places]) - home for feature in features]
+    for line in lines:  # in metres, over the antimeridian where that is shorter
+        line[:, 1] = (line[:, 1] + 180) % 360 - 180
+        line *= degree
     low, high = np.vstack(lines).min(axis=0), np.vstack(lines).max(axis=0)
     extent = np.maximum(high - low, 1e-9)
     scale = min(_HEIGHT / extent[0], _WIDTH / extent[1])
@@ -285,13 +288,6 @@ def _drawing(mission: Mission) -> str:
     size = f'width="{extent[1] * scale + 8:.0f}" height="{extent[0] * scale + 8:.0f}"'
     svg = f'<svg xmlns="http://www.w3.org/2000/svg" {size}><g fill="none">{shapes}</g></svg>'
     return f"{svg}<p><small>{legend}</small></p>"
-
-
-def _from_home(feature: MissionFeature, home: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """Return degrees from home, over the antimeridian where that is shorter."""
-    degrees: np.ndarray[Any, Any] = np.array([place[:2] for place in feature.places]) - home
-    degrees[:, 1] = (degrees[:, 1] + 180) % 360 - 180
-    return degrees
 
 
 def _shape(feature: MissionFeature, points: np.ndarray[Any, Any]) -> str:

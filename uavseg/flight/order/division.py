@@ -26,18 +26,14 @@ MAX_REGIONS = 100  # whose order is changed
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pieces:
-    """Time and items of pieces of a route in the order of flight.
+    """Time and items of pieces of a route in the order of flight."""
 
-    Arrays are (n,), those of transits to the next piece are 0 for the last one. `ways_s` and `ways_items`
-    (4, n) are those out to the start of each piece, back from its start, out to its end and back from it.
-    """
-
-    seconds: Floats
-    items: Floats
-    transit_s: Floats
-    transit_items: Floats
-    ways_s: Floats
-    ways_items: Floats
+    seconds: Floats  # (n,)
+    items: Floats  # (n,)
+    transit_s: Floats  # (n,): to the next piece; 0 for the last one
+    transit_items: Floats  # (n,): likewise
+    ways_s: Floats  # (4, n): out to the start of each piece, back from its start, out to its end and back
+    ways_items: Floats  # (4, n): likewise
 
     def cut(self, longest_s: float, most_items: float, flight_s: float = 0.0) -> list[tuple[int, int]]:
         """Return the first and last piece of each flight for the least sum of times, and `flight_s` for each.

@@ -82,7 +82,8 @@ def _split(
         larger = max(_fullness(mission, params) for mission in missions)
         if slower <= 1 and larger <= 1:
             return tracks, missions
-        allowed = allowed.tighter(0.99 / max(slower, 0.99), 0.99 / max(larger, 0.99))
+        items = math.floor(allowed.items * (0.99 / max(larger, 0.99)))
+        allowed = replace(allowed, seconds=allowed.seconds * (0.99 / max(slower, 0.99)), items=items)
     raise MissionError(
         "no way to divide the mission was found whose flights fit; give more --endurance or --max-items"
     )

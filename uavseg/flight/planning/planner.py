@@ -65,19 +65,16 @@ def region_parts(
     parts = []
     places = np.column_stack(plane.xy_from_lonlat(*np.array(points).T)).tolist()
     for region, (x, y) in zip(regions, places, strict=True):
-        for polygon in _connected_parts(region):
-            point = _point_in(polygon, (x, y))
-            lon, lat = plane.lonlat_from_xy(*point)
-            parts.append(RegionPart(polygon, point, f"{float(lat):.5f},{float(lon):.5f}"))
+        if region.geom_type == "MultiPolygon":
+            region = shapely.union_all(shapely.get_parts(region), grid_size=1e-3)
+        if not shapely.is_valid(region):
+            region = shapely.make_valid(region, method="structure", keep_collapsed=False)
+        for polygon in shapely.get_parts(region):
+            if polygon.geom_type == "Polygon" and polygon.area > 0:
+                point = _point_in(polygon, (x, y))
+                lon, lat = plane.lonlat_from_xy(*point)
+                parts.append(RegionPart(polygon, point, f"{float(lat):.5f},{float(lon):.5f}"))
     return parts
-
-
-def _connected_parts(region: Any) -> list[Any]:
-    if region.geom_type == "MultiPolygon":
-        region = shapely.union_all(shapely.get_parts(region), grid_size=1e-3)
-    if not shapely.is_valid(region):
-        region = shapely.make_valid(region, method="structure", keep_collapsed=False)
-    return [part for part in shapely.get_parts(region) if part.geom_type == "Polygon" and part.area > 0]
 
 
 def _point_in(polygon: Any, point: tuple[float, float]) -> tuple[float, float]:
@@ -161,7 +158,12 @@ def plan_missions(
         candidates = patterns.surveys(parts, params, place)
     else:
         candidates = _PATTERN_FUNCTIONS[params.pattern](parts, params)
-    _check_count(candidates)
+    corners = sum(min(len(track.xy) for track in tracks) for tracks in candidates.tracks)
+    if corners > MAX_WAYPOINTS:
+        raise MissionError(
+            f"the mission would have {corners:,} waypoints; at most {MAX_WAYPOINTS:,} are planned: choose "
+            "fewer regions, a wider spacing or a larger tolerance"
+        )
     tracks = _reachable(candidates, place, keep_out)
     winds = (params.wind or CALM).directions()
     limits = [flight_limits(LegCosts(plane, params, wind), params) for wind in winds]
@@ -196,15 +198,6 @@ def _reach_m(regions: NDArray[np.object_], params: PlanParams) -> float:
         lines += 2 * abs(one.photos.side_reach_m(one.altitude_m)) if one.photos else 0
     margins = 0 if params.how in (None, PARAMS_OF[params.pattern]()) else 2 * MAX_MARGIN_M
     return MIN_REACH_M + around + lines + margins
-
-
-def _check_count(candidates: patterns.Candidates) -> None:
-    corners = sum(min(len(track.xy) for track in tracks) for tracks in candidates.tracks)
-    if corners > MAX_WAYPOINTS:
-        raise MissionError(
-            f"the mission would have {corners:,} waypoints; at most {MAX_WAYPOINTS:,} are planned: choose "
-            "fewer regions, a wider spacing or a larger tolerance"
-        )
 
 
 def _reachable(candidates: patterns.Candidates, home: Floats, keep_out: KeepOut) -> list[list[Track]]:

@@ -179,7 +179,8 @@ def without_short_legs(track: Track, space: FreeSpace) -> Track:
     """
     track, k = replace(track, xy=track.xy.copy()), 1
     while k < len(track.xy) - 1:
-        if not _is_of_transit(track, k) or leg_lengths(track.xy[k - 1 : k + 2]).min() >= MIN_LEG_M:
+        on_line_or_stop = track.is_line[k - 1 : k + 1].any() or track.shots[k] or track.hold_s[k]
+        if on_line_or_stop or leg_lengths(track.xy[k - 1 : k + 2]).min() >= MIN_LEG_M:
             k += 1
         elif space.sees(track.xy[k - 1, None], track.xy[k + 1, None])[0]:
             straight = Track.transit(track.xy[[k - 1, k + 1]])
@@ -211,11 +212,6 @@ def with_pitch_points(track: Track) -> Track:
         turn.pitch_deg[1] = track.pitch_deg[line]
         track = Track.joined([track.part(0, last + 1), turn, track.part_from(last + 2)])
     return track
-
-
-def _is_of_transit(track: Track, k: int) -> bool:
-    """Return whether a corner lies between legs of transits, without hold or photograph."""
-    return not (track.is_line[k - 1 : k + 1].any() or track.shots[k] or track.hold_s[k])
 
 
 def _shorten_line(track: Track, k: int, space: FreeSpace) -> None:
@@ -257,10 +253,6 @@ class FlightLimits:
     def flown_items(self) -> float:
         """Items that are left for them."""
         return self.items - self.fixed_items
-
-    def tighter(self, seconds: float, items: float) -> "FlightLimits":
-        """Return limits of shares of the time and of the items."""
-        return replace(self, seconds=self.seconds * seconds, items=math.floor(self.items * items))
 
 
 def split_route(route: RegionRoute, limits: FlightLimits) -> list[Track]:

@@ -204,7 +204,12 @@ def fence_problems(mission: Mission) -> list[str]:
                 f"the flight {breach} (shape {number}) near {float(at_lat):.6f},{float(at_lon):.6f}, "
                 f"for {wrong.length:.1f} m"
             )
-        problems += _rally_problems(mission, area, shape.inclusion, number, plane)
+        for rally, point in enumerate(mission.rally, start=1):
+            x, y = plane.xy_from_lonlat(point.lon, point.lat)
+            if shapely.intersects(area, shapely.Point(float(x), float(y))) != shape.inclusion:
+                where = "outside of the fence" if shape.inclusion else "in the zone to keep out of"
+                at = f"{point.lat:.6f},{point.lon:.6f}"
+                problems.append(f"rally point {rally} at {at} lies {where} (shape {number})")
     return problems
 
 
@@ -226,16 +231,6 @@ def rally_of_flights(missions: Sequence[Mission]) -> list[Mission]:
         rally = tuple(point for point, out in zip(mission.rally, left_out, strict=True) if not out)
         flights.append(replace(mission, rally=rally, notes=(*mission.notes, *notes)))
     return flights
-
-
-def _rally_problems(
-    mission: Mission, area: shapely.Geometry, inclusion: bool, number: int, plane: Plane
-) -> Iterator[str]:
-    for rally, point in enumerate(mission.rally, start=1):
-        x, y = plane.xy_from_lonlat(point.lon, point.lat)
-        if shapely.intersects(area, shapely.Point(float(x), float(y))) != inclusion:
-            where = "outside of the fence" if inclusion else "in the zone to keep out of"
-            yield f"rally point {rally} at {point.lat:.6f},{point.lon:.6f} lies {where} (shape {number})"
 
 
 def area_of(shape: Fence, plane: Plane) -> shapely.Geometry:

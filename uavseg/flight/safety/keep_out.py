@@ -20,7 +20,6 @@ from uavseg.flight.avoid.enclosing import (
     filled_parts,
     merged,
     neighbour_groups,
-    without_holes,
 )
 from uavseg.flight.avoid.free_space import FreeSpace
 from uavseg.flight.mission.track import Plane, Track, leg_lengths, plane_around
@@ -343,4 +342,4 @@ def _cleared(areas: NDArray[np.object_]) -> Any:
     else:
         simple = shapely.simplify(filled_parts(areas), SIMPLIFIED_M)
         grown = shapely.union_all(shapely.buffer(simple, CLEARANCE_M + 2 * SIMPLIFIED_M, quad_segs=4))
-    return without_holes(grown)
+    return shapely.union_all(filled_parts(grown))

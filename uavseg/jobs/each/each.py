@@ -37,15 +37,12 @@ _HEADER = ("source", "output", "regions", "area_m2", "warnings", "error")
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What came out of one source: how many regions, or the error why there are none.
-
-    `area_m2` is their total area, in the units of the raster where it has no CRS.
-    """
+    """What came out of one source: how many regions, or the error why there are none."""
 
     source: str
     output: str
     regions: int | None = None
-    area_m2: float | None = None
+    area_m2: float | None = None  # in total; in the units of the raster where it has no CRS
     warnings: tuple[str, ...] = ()
     error: str | None = None
 

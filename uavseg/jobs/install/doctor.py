@@ -201,16 +201,12 @@ def _neighbours() -> Findings:
 
 @dataclass(frozen=True, slots=True)
 class WarmUp:
-    """What was done before the work begins: numbers of kernels, of libraries that were loaded, and seconds.
+    """What was done before the work begins."""
 
-    The machine code of kernels came with the package (`shipped`), was compiled on this machine before
-    (`kept`), or now.
-    """
-
-    shipped: int
-    kept: int
-    compiled: int
-    libraries: int
+    shipped: int  # kernels whose machine code came with the package
+    kept: int  # kernels that were compiled on this machine before
+    compiled: int  # and those that were now
+    libraries: int  # that were loaded
     seconds: float
 
     def __str__(self) -> str:

@@ -23,14 +23,11 @@ DEFAULT_ODOM = "/odom"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BuiltMap(WritableMap):
-    """The map of a bag, in the coordinate `frame` that its poses are in, such as "odom" or "map".
+    """The map of a bag."""
 
-    `grid.save` keeps the log-odds; `scans` counts merged and omitted ones.
-    """
-
-    grid: OccupancyGrid
-    frame: str
-    scans: ScanCounts
+    grid: OccupancyGrid  # its `save` keeps the log-odds
+    frame: str  # the coordinate frame of its poses, such as "odom" or "map"
+    scans: ScanCounts  # merged and omitted ones
     warnings: tuple[str, ...]
 
     @property

@@ -1,7 +1,7 @@
 """Classification job: free, unknown and occupied cells of a map of probabilities, and occupied objects."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,14 +17,12 @@ from uavseg.jobs.source.source import Blocks, ProbabilityMap
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.options.maps import ClassifyOptions
 from uavseg.raster.grid.geobox import GeoBox
-from uavseg.raster.grid.tiling import TilePass
 from uavseg.regions.edit.small import Area, as_area, drop_small_regions
 from uavseg.regions.outline.rings import Rings
 from uavseg.regions.tiles.class_tiles import outline_state
 from uavseg.segmentation.blocks.leaves import cell_intervals
 from uavseg.segmentation.params.segment import SegmentParams, StateLimits
 from uavseg.segmentation.pipeline import measure_block_map_for
-from uavseg.segmentation.source import GreySource
 from uavseg.segmentation.states.classify_strips import (
     ClassifiedStates,
     StateRefinement,
@@ -138,7 +136,12 @@ def classify(
     with phase("states"):
         states = states_by_value(grey, request.limits, tile_pass.silent) if request.restores else None
     if states is None:
-        leaves = _leaf_states(grey, request, dividing)
+        with phase("division"):
+            blocks = measure_block_map_for(grey, request.limits, request.segment, dividing)
+        decided("%d x %d blocks of 64 x 64 pixels", *blocks.blocks)
+        leaves = cell_intervals(blocks, request.limits.edges, request.segment.division)  # 1 free, 2 unknown
+        del blocks
+        trim_heap()
         with phase("states"):
             states = classify_states(grey, leaves, request.limits, request.refine, deciding, request.restores)
     elif deciding.progress is not None:
@@ -154,7 +157,10 @@ def classify(
         bounds = _bounds(outlined.rings, source.geobox)
         ends = request.limits.occupied_above, 1.0
         found = results.measured(outlined, info, ends, request.drawing, bounds)
-        objects = results.with_metadata(found, source, "classify", _metadata(request))
+        how = {"free_below": request.limits.free_below, "occupied_above": request.limits.occupied_above}
+        how |= results.segment_facts(request.segment) | {"refine": request.refine}
+        how |= results.drawing_facts(request.drawing, None, request.min_area)
+        objects = results.with_metadata(found, source, "classify", how)
     doubtful = ("occupied_in_free", "occupied_by_value", "unknown_in_free")
     classification = Classification(
         image=states.image,
@@ -167,16 +173,6 @@ def classify(
         warnings=info.warnings,
     )
     return work.finished(classification, *hints)
-
-
-def _leaf_states(grey: GreySource, request: ClassifyRequest, tile_pass: TilePass) -> NDArray[np.uint8]:
-    with phase("division"):
-        blocks = measure_block_map_for(grey, request.limits, request.segment, tile_pass)
-    decided("%d x %d blocks of 64 x 64 pixels", *blocks.blocks)
-    cells = cell_intervals(blocks, request.limits.edges, request.segment.division)  # 1 free, 2 unknown, ...
-    del blocks
-    trim_heap()
-    return cells
 
 
 def _warnings(name: str, states: ClassifiedStates, request: ClassifyRequest) -> list[str]:
@@ -197,12 +193,6 @@ def _warnings(name: str, states: ClassifiedStates, request: ClassifyRequest) -> 
         cells = "1 unknown cell" if one else f"{states.unknown_in_free:,} unknown cells"
         warnings.append(f"{cells} of {name} {'is' if one else 'are'} called free")
     return warnings
-
-
-def _metadata(request: ClassifyRequest) -> dict[str, Any]:
-    limits = {"free_below": request.limits.free_below, "occupied_above": request.limits.occupied_above}
-    segment = results.segment_facts(request.segment) | {"refine": request.refine}
-    return limits | segment | results.drawing_facts(request.drawing, None, request.min_area)
 
 
 def _bounds(rings: Rings, geobox: GeoBox) -> dict[str, NDArray[np.float64]]:

@@ -36,14 +36,11 @@ class MergeRequest:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MergedMap(WritableMap):
-    """A map merged from others: probabilities, (rows, cols), exactly 0.5 where unknown.
+    """A map merged from others."""
 
-    `disputed` cells are free in one map and occupied in another, and hence occupied.
-    """
-
-    probabilities: NDArray[np.float32]
+    probabilities: NDArray[np.float32]  # (rows, cols): exactly 0.5 where unknown
     geobox: GeoBox
-    disputed: int
+    disputed: int  # cells that are free in one map and occupied in another, and hence occupied
     warnings: tuple[str, ...]
 
 

@@ -106,7 +106,13 @@ def _of_map(options: DescribeOptions, work: Work) -> Description:
     grey, geobox = GreySource(source.dataset, found.source.stretch), found.geobox
     regions = found.objects.regions
     if options.gap:
-        regions = _joined(regions, options.gap)
+        polygons = np.asarray(regions.polygons)
+        groups = shapely.get_parts(shapely.union_all(shapely.buffer(polygons, options.gap / 2)))
+        group = shapely.STRtree(groups).query(shapely.point_on_surface(polygons), "within")[1]
+        rules = {name: _OF_PARTS.get(name, "first") for name in regions.columns}
+        frame = regions.frame().dissolve(group, aggfunc=rules).sort_values("id")
+        columns = {name: frame[name].to_numpy() for name in rules}
+        regions = replace(regions, columns=columns, polygons=frame.geometry.to_numpy())
     views = [_view(polygon, grey, options.gap) for polygon in to_pixels(np.asarray(regions.polygons), geobox)]
     evidence, seen, solid = zip(*views, strict=True) if views else ((), (), ())
     polygons = np.array(solid, object)
@@ -118,16 +124,6 @@ def _of_map(options: DescribeOptions, work: Work) -> Description:
 
 def _with(regions: Regions, columns: dict[str, Any]) -> Regions:
     return replace(regions, columns=plain_columns(regions.columns | columns))
-
-
-def _joined(regions: Regions, gap_m: float) -> Regions:
-    """Join objects nearer to each other than a gap."""
-    polygons = np.asarray(regions.polygons)
-    groups = shapely.get_parts(shapely.union_all(shapely.buffer(polygons, gap_m / 2)))
-    group = shapely.STRtree(groups).query(shapely.point_on_surface(polygons), "within")[1]
-    how = {name: _OF_PARTS.get(name, "first") for name in regions.columns}
-    frame = regions.frame().dissolve(group, aggfunc=how).sort_values("id")
-    return replace(regions, columns={k: frame[k].to_numpy() for k in how}, polygons=frame.geometry.to_numpy())
 
 
 def _view(polygon: Any, grey: GreySource, gap_m: float) -> tuple[fit.Evidence | None, float, Any]:

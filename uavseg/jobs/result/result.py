@@ -78,19 +78,15 @@ class Extraction:
 
 @dataclass(frozen=True, slots=True)
 class SourceInfo:
-    """What a result says of its source.
+    """What a result says of its source."""
 
-    The name is that of the first file, without folder. `in_metres` tells whether lengths are metres rather
-    than units of the map, `axis` how v maps to values in the raster's own units, where that is known.
-    """
-
-    name: str
+    name: str  # of the first file, without folder
     geobox: GeoBox
     stretch: Stretch
     band_names: str
     warnings: tuple[str, ...]
-    in_metres: bool
-    axis: ValueAxis | None = None
+    in_metres: bool  # whether lengths are metres rather than units of the map
+    axis: ValueAxis | None = None  # how v maps to values in the raster's own units, where known
 
     @classmethod
     def of(cls, source: GreySource | Blocks) -> "SourceInfo":

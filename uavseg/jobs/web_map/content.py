@@ -91,14 +91,11 @@ def webp_of(image: NDArray[np.uint8]) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class FieldMapRequest:
-    """Options of a web map: the longest side of the picture in pixels, 64 to 8192, and the division.
-
-    `all_cells` tells whether cells are computed even where they are too many for a page.
-    """
+    """Options of a web map."""
 
     segment: SegmentParams = SegmentParams()
-    size: int = 2048
-    all_cells: bool = False
+    size: int = 2048  # the longest side of the picture in pixels, 64 to 8192
+    all_cells: bool = False  # compute cells even where they are too many for a page
 
     def __post_init__(self) -> None:
         if not MIN_SIZE <= self.size <= MAX_SIZE:

@@ -109,15 +109,11 @@ def _file_tile(
 
 @dataclass(frozen=True)
 class CellTiles:
-    """Tiles of the codes of cells, which a page colours for any range of a slider, where it cannot hold all.
+    """Tiles of the codes of cells, which a page that cannot hold all colours for any range of a slider."""
 
-    For codes, (m, n), see `leaf_codes`; they are 65535 where a cell has no valid pixel. `areas`, (2001,), are
-    the square metres of the cells of each code.
-    """
-
-    codes: NDArray[np.uint16]
+    codes: NDArray[np.uint16]  # (m, n): see `leaf_codes`; 65535 where a cell has no valid pixel
     geobox: GeoBox
-    areas: NDArray[np.float64]
+    areas: NDArray[np.float64]  # (2001,): square metres of the cells of each code
 
     @classmethod
     def of(cls, field_map: FieldMap) -> "CellTiles":

@@ -79,17 +79,6 @@ def shortest_path(mask: NDArray[np.bool_], start: tuple[int, int], goal: tuple[i
     >>> shortest_path(np.ones((3, 3), bool), (0, 0), (2, 2)).cost == 2 * 2**0.5
     True
     """
-    _check_ends(mask, start, goal)
-    first, last = (start[0] + 1, start[1] + 1), (goal[0] + 1, goal[1] + 1)
-    rows = pack_mask(mask)
-    fill_dead_ends(rows, first, last)
-    turns, expanded = _search_turns(rows, transpose_bitmap(rows, mask.shape[1]), mask.shape, first, last)
-    cells = _fill_between(turns - 1)
-    diagonal = int(np.abs(np.diff(cells, axis=0)).prod(axis=1).sum())
-    return CellPath(cells=cells, straight=len(cells) - 1 - diagonal, diagonal=diagonal, expanded=expanded)
-
-
-def _check_ends(mask: NDArray[np.bool_], start: tuple[int, int], goal: tuple[int, int]) -> None:
     rows, cols = mask.shape
     if (rows + 2) * (cols + 2) > MAX_SEARCH_CELLS:
         raise ParameterError(
@@ -98,6 +87,13 @@ def _check_ends(mask: NDArray[np.bool_], start: tuple[int, int], goal: tuple[int
     for name, (row, col) in (("start", start), ("goal", goal)):
         if not (0 <= row < rows and 0 <= col < cols) or not mask[row, col]:
             raise PathError(f"the {name}, row {row} and column {col}, is not a passable cell")
+    first, last = (start[0] + 1, start[1] + 1), (goal[0] + 1, goal[1] + 1)
+    bitmap = pack_mask(mask)
+    fill_dead_ends(bitmap, first, last)
+    turns, expanded = _search_turns(bitmap, transpose_bitmap(bitmap, cols), mask.shape, first, last)
+    cells = _fill_between(turns - 1)
+    diagonal = int(np.abs(np.diff(cells, axis=0)).prod(axis=1).sum())
+    return CellPath(cells=cells, straight=len(cells) - 1 - diagonal, diagonal=diagonal, expanded=expanded)
 
 
 def _search_turns(

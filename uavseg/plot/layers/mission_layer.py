@@ -276,7 +276,13 @@ class PathLayer:
         if not isinstance(source, str | os.PathLike):
             raise PathError(f"a path to draw is a file or a path of uavseg.path, not {shown(source)}")
         if Path(source).suffix.lower() in _MISSION_SUFFIXES:
-            return cls((_read_mission_path(source, frame),), None)
+            from uavseg.flight.formats import files
+
+            waypoints = [item for item in files.read_mission(source).items if item.command == WAYPOINT]
+            if not waypoints:
+                raise PathError(f"{source} has no waypoints, so there is no path to draw")
+            lon, lat = [item.lon for item in waypoints], [item.lat for item in waypoints]
+            return cls((frame.plot_from_lonlat(lon, lat),), None)
         lines, length, views, headings = _read_geojson(Path(source))
         if frame.geobox.crs is None:
             placed = [frame.plot_from_xy(line) for line in (*lines, views)]
@@ -307,15 +313,6 @@ class PathLayer:
         units = {"angles": "xy", "scale_units": "xy", "scale": 1}
         ax.quiver(*self.views.T, *ahead.T, color=_GOAL_COLOR, width=0.004, zorder=4.94, **units)
         ax.scatter(*self.views.T, marker="o", color=_GOAL_COLOR, label="views", **(edge | {"s": 26}))
-
-
-def _read_mission_path(source: str | os.PathLike[str], frame: Frame) -> Floats:
-    from uavseg.flight.formats import files
-
-    waypoints = [item for item in files.read_mission(source).items if item.command == WAYPOINT]
-    if not waypoints:
-        raise PathError(f"{source} has no waypoints, so there is no path to draw")
-    return frame.plot_from_lonlat([item.lon for item in waypoints], [item.lat for item in waypoints])
 
 
 def _read_geojson(source: Path) -> tuple[list[Floats], float | None, Floats, tuple[float, ...]]:

@@ -109,16 +109,6 @@ def draw_image(ax: Any, picture: NDArray[np.uint8], transform: Affine, zorder: f
     image.set_clip_path(ax.patch)
 
 
-def read_overview(dataset: Dataset, frame: Frame, max_side: int) -> DatasetOverview:
-    """Reduce another raster over that of the picture to at most `max_side` rows and columns."""
-    if dataset.geobox.crs != frame.geobox.crs:
-        raise RasterError(
-            f"{dataset.source} has another coordinate system than the raster of the picture; "
-            "draw it over the one that it was made from"
-        )
-    return DatasetOverview.of(dataset, max_side)
-
-
 def _max_side(ax: Any) -> int:
     box = ax.get_window_extent()
     return int(2 * max(box.width, box.height))
@@ -172,7 +162,12 @@ class LabelsLayer:
 
 def _read_band(dataset: Dataset, frame: Frame, max_side: int) -> tuple[NDArray[Any], GeoBox]:
     """Read the first band coarsely, 0 where it is invalid."""
-    coarse = read_overview(dataset, frame, max_side)
+    if dataset.geobox.crs != frame.geobox.crs:
+        raise RasterError(
+            f"{dataset.source} has another coordinate system than the raster of the picture; "
+            "draw it over the one that it was made from"
+        )
+    coarse = DatasetOverview.of(dataset, max_side)
     values, valid = coarse.read(Window(0, 0, *coarse.geobox.shape))
     band = values[0] if valid is None else np.where(valid, values[0], 0)
     return band, coarse.geobox

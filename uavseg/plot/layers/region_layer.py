@@ -193,7 +193,7 @@ class RegionLayer:
         """Read regions from a file, `Regions` or a GeoDataFrame; raises RegionError if it cannot be read."""
         table = PolygonTable.of(regions)
         ids, areas = table.columns.get("id"), table.columns.get("area_m2")
-        if ids is None or not all(map(_is_scalar, ids)):
+        if ids is None or not all(one is not None and np.ndim(one) == 0 and one == one for one in ids):
             ids = np.arange(1, len(table.polygons) + 1)
         has_areas = areas is not None and areas.dtype.kind in "iuf"
         total = float(np.nansum(areas)) if has_areas else None  # type: ignore[arg-type]
@@ -229,10 +229,6 @@ class RegionLayer:
                 outlines.set_linestyle(style.line)
                 ax.add_collection(outlines)
         _draw_labels(ax, self.ids[visible], shapes, point)
-
-
-def _is_scalar(value: Any) -> bool:
-    return value is not None and np.ndim(value) == 0 and value == value
 
 
 def class_colors(columns: Columns, palette: Sequence[str] = PALETTE) -> tuple[Any, dict[str, str]] | None:

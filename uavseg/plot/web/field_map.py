@@ -69,13 +69,16 @@ def render_page(title: str, data: dict[str, Any], served: bool = False, embedded
         f"default-src 'none'; script-src '{_hash(script)}'; style-src '{_hash(style)}'; "
         f"worker-src blob:; {sources}; base-uri 'none'; form-action 'none'"
     )
+    # JSON without a character that ends a script element or begins a comment in one
+    encoded = json.dumps(data, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    encoded = encoded.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
     page = Template(asset("page.html")).substitute(
         policy=policy,
         title=html.escape(title),
         icon='<link rel="icon" href="data:,">' if served else "",  # or the browser asks for one
         licence=asset("leaflet/LICENSE").replace("--", "- -"),
         style=style,
-        data=_json(data),
+        data=encoded,
         script=script,
     )
     return page.encode()
@@ -84,12 +87,6 @@ def render_page(title: str, data: dict[str, Any], served: bool = False, embedded
 def data_url(content: bytes, media_type: str) -> str:
     """Encode a file as a URL that holds it."""
     return f"data:{media_type};base64,{base64.b64encode(content).decode()}"
-
-
-def _json(data: dict[str, Any]) -> str:
-    """Encode as JSON without a character that ends a script element or begins a comment in one."""
-    text = json.dumps(data, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
-    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
 @cache
@@ -323,14 +320,9 @@ class PageFile:
         with atomic_file(self.path, self.overwrite) as temporary:
             temporary.write_bytes(content)
         other = other_intensity(self.regions, field_map.info)
-        notes = [*([other] if other else []), *_footprint_notes(self.flights, self.camera)]
+        notes = [other] if other else []
+        if self.camera is not None and not self.flights:
+            notes.append("the camera is for footprints of photographs; name a mission too")
+        elif self.camera is not None:
+            notes += [f"{flight['name']}: {flight['unseen']}" for flight in self.flights if flight["unseen"]]
         return len(content), (*field_map.warnings, *notes, *size_notes(content))
-
-
-def _footprint_notes(flights: Sequence[dict[str, Any]], camera: Any) -> list[str]:
-    """Return the reasons why footprints are not shown, where a camera was named for them."""
-    if camera is None:
-        return []
-    if not flights:
-        return ["the camera is for footprints of photographs; name a mission too"]
-    return [f"{flight['name']}: {flight['unseen']}" for flight in flights if flight["unseen"]]

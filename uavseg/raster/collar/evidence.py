@@ -259,11 +259,7 @@ def _direction(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """What speaks for a collar.
-
-    Each line of a straight border is at least an eighth of the shorter side of the raster, and sixteen times
-    the tolerance.
-    """
+    """What speaks for a collar."""
 
     counts: RimCounts
     is_straight: bool  # a few straight lines hold most of the border, see `SHARP`
@@ -277,7 +273,7 @@ class Evidence:
     ) -> "Evidence":
         """Judge by histograms of the rim, the pixels, the raster's shape, corners held, and pieces."""
         most, share, tolerance = SMEARED if counts.is_smeared else SHARP
-        length = max(min(shape) / 8, 16 * tolerance)
+        length = max(min(shape) / 8, 16 * tolerance)  # of each line of a straight border
         straight = straight_share(outline_points(mask, shape), tolerance, length, most)
         of_edge = sum(int(mask.read(side).sum()) for side in sides(shape)) / (2 * sum(shape))
         along_edge = of_edge >= EDGE_AROUND

@@ -61,13 +61,9 @@ class CrsDefinition:
 
 @dataclass(frozen=True, slots=True)
 class Ellipsoid:
-    """The ellipsoid under a CRS, and the transform from the map to its longitude and latitude.
+    """The ellipsoid under a CRS, and the transform from the map to its longitude and latitude."""
 
-    There is no transform where map coordinates are longitude and latitude already, and the pole is that of
-    the ellipsoid.
-    """
-
-    inverse: Transform | None  # from map coordinates to longitude and latitude
+    inverse: Transform | None  # to longitude and latitude; None if the map has them, of its pole
     unit: float  # radians in one unit of longitude and latitude
     unit_m: float  # metres, roughly, in one unit of the map
     radius: float  # semi-major axis in metres

@@ -31,13 +31,9 @@ Counts = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class Classes:
-    """A partition of a histogram into classes of adjacent bins.
+    """A partition of a histogram into classes of adjacent bins; any threshold in the gaps is as good."""
 
-    All bins between the end of a class and the start of the next are empty, so any threshold between them is
-    equally good.
-    """
-
-    ends: tuple[int, ...]  # the last non-empty bin of each class but the last
+    ends: tuple[int, ...]  # the last non-empty bin of each class but the last; empty ones follow
     starts: tuple[int, ...]  # the first non-empty bin of each class but the first
     explained: float  # between-class variance as a share of the total variance, 0 to 1
 
@@ -190,7 +186,10 @@ def population_edges(greys: Counts) -> tuple[float, ...]:
     """
     if np.count_nonzero(greys) < 2:
         return ()
-    greys = _unsaturated(greys)
+    counted, reach = greys, int(np.ptp(np.flatnonzero(greys)) * _SATURATED) + 1
+    greys = counted.copy()  # without the pixels at an end of v that others lie beside
+    greys[0] *= not counted[1 : 1 + reach].any()
+    greys[GREY_MAX] *= not counted[GREY_MAX - reach : GREY_MAX].any()
     shares = np.cumsum(greys) / greys.sum()
     first, last = (int(one) for one in np.searchsorted(shares, [_LEAST / 2, 1 - _LEAST / 2]))
     width = -(-(last - first + 1) // _BINS)
@@ -215,14 +214,6 @@ def rarest_population(greys: Counts, edges: Sequence[float]) -> tuple[float, flo
     counts = np.add.reduceat(greys, [0, *(math.floor(edge * GREY_MAX) + 1 for edge in edges)])
     rarest = len(edges) - int(np.argmin(counts[::-1]))
     return (0.0, *edges, 1.0)[rarest], (*edges, 1.0)[rarest]
-
-
-def _unsaturated(greys: Counts) -> Counts:
-    """Return the histogram without the pixels at an end of v that others lie beside."""
-    result, reach = greys.copy(), int(np.ptp(np.flatnonzero(greys)) * _SATURATED) + 1
-    result[0] *= not greys[1 : 1 + reach].any()
-    result[GREY_MAX] *= not greys[GREY_MAX - reach : GREY_MAX].any()
-    return result
 
 
 def _valleys(bins: Counts, smooth: NDArray[np.float64], begin: int, end: int) -> list[int]:

@@ -259,8 +259,12 @@ def fit_values(
     if isinstance(spec, StretchSpec) and spec.form == "auto":
         found = _widened(found, ends, limits)
     _check_inside(found, ends, requested, isinstance(spec, Stretch))
-    if not isinstance(spec, Stretch):
-        found = _with_guard(found, ends)
+    if ends and not isinstance(spec, Stretch):  # its ends get other greys than the bounds
+        low, high = found.low, found.high
+        span = high - low or 1e-6 * abs(low) or 1e-30  # any, if all pixels are one intensity
+        grey = span / GREY_MAX
+        low, high = min(low, ends[0] - _GREYS * grey), max(high, ends[-1] + _GREYS * grey)
+        found = replace(found, low=low, high=high)
     found = replace(found, borders=_borders(dataset, found, inner))
     return found, DetectedRange(_in_v(dataset, found, inner), asked_ends(requested, bounds, scale))
 
@@ -318,16 +322,6 @@ def _check_inside(stretch: Stretch, ends: Sequence[float], requested: ValueRange
                 f"stretch {stretch.name}, which makes all values there alike; use the stretch auto, or "
                 f"{first - more:g},{last + more:g}"
             )
-
-
-def _with_guard(stretch: Stretch, ends: Sequence[float]) -> Stretch:
-    """Return a stretch whose ends have other greys than the bounds."""
-    if not ends:
-        return stretch
-    low, high = stretch.low, stretch.high
-    grey = (high - low or 1e-6 * abs(low) or 1e-30) / GREY_MAX  # any span, if all pixels are one intensity
-    low, high = min(low, ends[0] - _GREYS * grey), max(high, ends[-1] + _GREYS * grey)
-    return stretch if (low, high) == (stretch.low, stretch.high) else replace(stretch, low=low, high=high)
 
 
 def _grey(stretch: Stretch, intensity: float) -> int:

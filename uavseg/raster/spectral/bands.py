@@ -148,18 +148,14 @@ class BandLayout:
 
 @dataclass(frozen=True, slots=True)
 class BandChoice:
-    """The bands, counted from 1, that are read as intensity: one, three for luminance, or those of a formula.
+    """The bands that are read as intensity: one, three for luminance, or those of a formula."""
 
-    If `expanded`, the one band is an index into a palette, and is read as three bands of colours. Bands that
-    are `stacked` are no colours. `dtype` and `bits` are those of the bands.
-    """
-
-    bands: tuple[int, ...]
-    dtype: np.dtype[np.generic]
+    bands: tuple[int, ...]  # counted from 1
+    dtype: np.dtype[np.generic]  # of the bands, as are the bits
     bits: int
-    expanded: bool = False
+    expanded: bool = False  # the one band is an index into a palette, read as three bands of colours
     formula: "Formula | None" = None
-    stacked: bool = False
+    stacked: bool = False  # bands that are no colours
 
     @property
     def by_band(self) -> bool:

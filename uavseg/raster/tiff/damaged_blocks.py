@@ -154,7 +154,11 @@ class _DeflateBlocks(_Blocks):
                 return True
         rows = self._shape[0] if self._is_tiled else block.rows
         bits = int(self._bits or 8 * np.dtype(source.dtypes[bands[0] - 1]).itemsize)
-        return _ends_at(stored.read(), rows * -(-self._shape[1] * len(bands) * bits // 8))
+        size, decoder = rows * -(-self._shape[1] * len(bands) * bits // 8), zlib.decompressobj()
+        try:
+            return len(decoder.decompress(stored.read(), size + 1)) == size and decoder.eof
+        except zlib.error:
+            return False
 
     def _decoded(self, values: Values) -> bytes:
         """Return what was compressed: rows of pixels, by their differences if there is a predictor."""
@@ -163,16 +167,6 @@ class _DeflateBlocks(_Blocks):
             before, pixels = pixels, pixels.copy()
             pixels[:, 1:] -= before[:, :-1]
         return np.ascontiguousarray(pixels).tobytes()
-
-
-def _ends_at(stream: bytes, size: int) -> bool:
-    """Return whether a stream gives exactly so many bytes."""
-    decoder = zlib.decompressobj()
-    try:
-        found = len(decoder.decompress(stream, size + 1))
-    except zlib.error:
-        return False
-    return found == size and decoder.eof
 
 
 class _JpegBlocks(_Blocks):

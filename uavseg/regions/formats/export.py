@@ -198,7 +198,16 @@ def _write_parquet(regions: Regions, path: Path) -> None:
     aliases = {name: _ARROW_TYPES[column.dtype.kind] for name, column in regions.columns.items()}
     fields = [(name, pyarrow.type_for_alias(alias)) for name, alias in aliases.items()]
     schema = pyarrow.schema([*fields, ("geometry", pyarrow.binary())])
-    geo = {"geo": json.dumps(_geo_metadata(regions))}
+    column: dict[str, Any] = {
+        "encoding": "WKB",
+        "geometry_types": sorted({polygon.geom_type for polygon in regions.polygons}),
+        "crs": None if regions.wkt is None else parse_crs(regions.wkt).to_json_dict(),
+    }
+    if len(regions):
+        with changing_filters():  # shapely changes them itself
+            column["bbox"] = [float(bound) for bound in shapely.total_bounds(regions.polygons)]
+    about = {"version": "1.0.0", "primary_column": "geometry", "columns": {"geometry": column}}
+    geo = {"geo": json.dumps(about)}
     schema = schema.with_metadata(geo | metadata_items(regions.metadata))
     with pyarrow.parquet.ParquetWriter(path, schema, compression="zstd") as file:
         for part in batch_slices(regions.polygons):
@@ -226,18 +235,6 @@ def _arrow_array(column: NDArray[Any], kind: Any) -> Any:
         buffers = (ends.astype(np.int32), b"".join(parts))
     mask = None if there.all() else pyarrow.py_buffer(np.packbits(there, bitorder="little"))
     return pyarrow.Array.from_buffers(kind, len(column), [mask, *map(pyarrow.py_buffer, buffers)])
-
-
-def _geo_metadata(regions: Regions) -> dict[str, Any]:
-    column: dict[str, Any] = {
-        "encoding": "WKB",
-        "geometry_types": sorted({polygon.geom_type for polygon in regions.polygons}),
-        "crs": None if regions.wkt is None else parse_crs(regions.wkt).to_json_dict(),
-    }
-    if len(regions):
-        with changing_filters():  # shapely changes them itself
-            column["bbox"] = [float(bound) for bound in shapely.total_bounds(regions.polygons)]
-    return {"version": "1.0.0", "primary_column": "geometry", "columns": {"geometry": column}}
 
 
 _WRITERS: dict[str, Callable[[Regions, Path], None]] = {

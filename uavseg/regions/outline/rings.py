@@ -171,15 +171,12 @@ def edge_tables(rings: Rings, windows: Sequence[Window]) -> "LazySequence[EdgeTa
 
 @dataclass(frozen=True, slots=True)
 class EdgeTable:
-    """Edge table of one window for scan-line fill: all that is needed to rasterise its labels.
-
-    Where a row crosses an edge from left to right, its step is added to the label, modulo 2^32.
-    """
+    """Edge table of one window for scan-line fill: all that is needed to rasterise its labels."""
 
     window: Window
     first: NDArray[np.uint32]  # (rows,): labels of the first column
     edges: NDArray[np.int32]  # (e, 3): vertical edges to the right of it: first row, end row, column
-    steps: NDArray[np.uint32]  # (e,)
+    steps: NDArray[np.uint32]  # (e,): added to the label, modulo 2^32, from left to right across an edge
 
     def rasterise(self) -> NDArray[np.uint32]:
         """Return the labels of the window, (rows, cols) uint32."""
@@ -191,14 +188,11 @@ class EdgeTable:
 
 @dataclass(frozen=True, slots=True)
 class LazyLabels:
-    """Label image whose rows are rasterised when they are indexed.
-
-    `shape` is that of the raster; `numbers`, (n + 1,), replace the labels, if given.
-    """
+    """Label image whose rows are rasterised when they are indexed."""
 
     rasteriser: "Rasteriser"
-    shape: tuple[int, int]
-    numbers: NDArray[np.uint32] | None = None
+    shape: tuple[int, int]  # of the raster
+    numbers: NDArray[np.uint32] | None = None  # (n + 1,): they replace the labels
 
     def __getitem__(self, rows: slice) -> NDArray[np.uint32]:
         """Return the labels of some rows, (rows, cols) uint32."""

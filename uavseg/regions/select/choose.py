@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from uavseg.errors import RegionError
 from uavseg.expressions import ALWAYS, ARITHMETIC, LOGIC, Evaluator, Tristate
+from uavseg.plain_text import first_of
 from uavseg.regions.table import Regions
 
 MAX_LISTED = 10  # ids in a message
@@ -68,13 +69,10 @@ def of_classes(regions: Regions, names: Sequence[str]) -> NDArray[np.bool_]:
     known = sorted(set(column.tolist()))
     for name in names:
         if name not in known:
-            raise RegionError(f"no region is of the class {name}; there are {_names(known)}")
+            raise RegionError(
+                f"no region is of the class {name}; there are {first_of(known, MAX_LISTED) or 'none'}"
+            )
     return np.isin(column, list(names))
-
-
-def _names(known: Sequence[str]) -> str:
-    more = f" and {len(known) - MAX_LISTED} more" if len(known) > MAX_LISTED else ""
-    return ", ".join(known[:MAX_LISTED]) + more if known else "none"
 
 
 def _listed(ids: Sequence[int]) -> str:

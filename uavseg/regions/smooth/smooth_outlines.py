@@ -208,15 +208,11 @@ def _areas(rings: Rings) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, slots=True)
 class SmoothRings:
-    """Smooth rings and the arcs that they are made of.
+    """Smooth rings and the arcs that they are made of."""
 
-    The rings are in steps, STEPS_PER_PIXEL to a pixel, and may begin at any of their vertices. The key of an
-    arc is the same in both rings that share it; `owners` are the rings that arcs belong to.
-    """
-
-    rings: Rings
-    arcs: Integers
-    owners: Integers
+    rings: Rings  # in steps, STEPS_PER_PIXEL to a pixel; they may begin at any of their vertices
+    arcs: Integers  # their keys, the same in both rings that share an arc
+    owners: Integers  # the rings that the arcs belong to
 
 
 def smooth_rings(

@@ -53,15 +53,12 @@ def outline_regions(
 
 @dataclass(frozen=True, slots=True)
 class TileJob:
-    """Tile, its cells with those around it, and the sums and counts that its cells must have.
-
-    `refined` is the window that is refined: the tile, grown by the halo of a detail.
-    """
+    """Tile, its cells with those around it, and the sums and counts that its cells must have."""
 
     window: Window
     cells: NDArray[np.uint8]
     expected: tuple[NDArray[np.uint32], NDArray[np.uint8]] | None
-    refined: Window
+    refined: Window  # the tile, grown by the halo of a detail
 
 
 def tile_jobs(

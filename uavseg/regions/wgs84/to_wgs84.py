@@ -39,16 +39,11 @@ _SAG = 1 / 500  # largest distance of an edge from its true course, in pixels
 
 @dataclass(frozen=True, slots=True)
 class Wgs84Batch:
-    """A batch of consecutive regions in WGS 84.
+    """A batch of consecutive regions in WGS 84."""
 
-    The vertices of the polygons are int64 longitudes and latitudes in units of the last of `decimals`, see
-    `globe.decimals_for`. `others` are geometries in degrees of regions without polygons, by their index in
-    the batch.
-    """
-
-    polygons: RaggedPolygons
-    decimals: int
-    others: dict[int, Any]
+    polygons: RaggedPolygons  # int64 longitudes and latitudes in units of the last of `decimals`
+    decimals: int  # see `globe.decimals_for`
+    others: dict[int, Any]  # geometries in degrees of regions without polygons, by index in the batch
 
     def geometries(self) -> Objects:
         """Return the regions as shapely geometries, in degrees."""
@@ -221,12 +216,9 @@ def _rounding_is_safe(flat: RaggedPolygons, units: Floats, pixel: float) -> bool
 
 
 def _round(geometry: Any) -> Any:
-    """Return a valid geometry of whole numbers, exteriors counter-clockwise; unrounded if it would vanish.
-
-    Edges that nearly touch in the map may cross in degrees: then it is made valid, and stays unrounded.
-    """
+    """Return a valid geometry of whole numbers, exteriors counter-clockwise; unrounded if it would vanish."""
     rounded = shapely.transform(geometry, np.rint)
-    if not rounded.is_valid:
+    if not rounded.is_valid:  # edges that nearly touch in the map may cross in degrees
         try:
             rounded = shapely.set_precision(geometry, 1)
         except shapely.errors.GEOSException:

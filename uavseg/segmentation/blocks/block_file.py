@@ -71,10 +71,7 @@ class Origin:
 
 @dataclass(frozen=True)
 class SavedBlocks:
-    """Block map with its georeference, the stretch of its grey, its origin and the axis of its values.
-
-    `illumination` is what was subtracted from its grey.
-    """
+    """Block map with its georeference, the stretch of its grey, its origin and the axis of its values."""
 
     blocks: BlockMap
     geobox: GeoBox
@@ -82,7 +79,7 @@ class SavedBlocks:
     band_names: str
     origin: Origin
     axis: ValueAxis | None = None
-    illumination: Illumination | None = None
+    illumination: Illumination | None = None  # what was subtracted from its grey
 
 
 def _is_list(value: Any, fits: Callable[[Any], bool]) -> bool:

@@ -282,16 +282,13 @@ def _thumbnail(sums: NDArray[np.uint32], counts: NDArray[np.uint8], maximum: flo
     from PIL import Image
 
     step = max(1, -(-max(sums.shape) // _MAX_SIDE))
-    total, number = (_sum_squares(band, step) for band in (sums, counts))
+    rows, cols = (np.arange(0, length, step) for length in sums.shape)
+    total, number = (
+        np.add.reduceat(np.add.reduceat(band.astype(float), rows, 0), cols, 1) for band in (sums, counts)
+    )
     means = np.divide(total, number, out=np.zeros(total.shape), where=number > 0)
     grey = np.rint(np.clip(means / maximum, 0, 1) * 255).astype(np.uint8)
     alpha = np.where(number > 0, 255, 0).astype(np.uint8)
     stream = io.BytesIO()
     Image.fromarray(np.dstack([grey, alpha])).save(stream, "PNG")
     return "data:image/png;base64," + base64.b64encode(stream.getvalue()).decode()
-
-
-def _sum_squares(band: NDArray[np.integer], step: int) -> NDArray[np.float64]:
-    """Sum squares of cells; those at the edge may be smaller."""
-    rows, cols = (np.arange(0, length, step) for length in band.shape)
-    return np.add.reduceat(np.add.reduceat(band.astype(float), rows, 0), cols, 1)

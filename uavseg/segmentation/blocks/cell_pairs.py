@@ -23,10 +23,7 @@ Counts = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class RangeBorder:
-    """Shape and contrast of the cells of a range of means.
-
-    The background touches the frame, objects on it do not.
-    """
+    """Shape and contrast of the cells of a range; a background touches the frame, objects on it do not."""
 
     share: float  # of the cells
     frame: float  # in the range, of cells beside the edge of the raster or nodata

@@ -20,14 +20,10 @@ PIXELWISE = ("pixels", "tv")  # refinements that decide each pixel, whatever the
 
 @dataclass(frozen=True, slots=True)
 class DivisionParams:
-    """Thresholds above which a block is divided into its four children.
+    """Thresholds above which a block is divided into its four children."""
 
-    It is divided where R = G_max / G_min is larger than X, the `threshold`, and where the means of its
-    children differ by more than tau, the `step`, which is infinite for no intensity test.
-    """
-
-    threshold: float
-    step: float
+    threshold: float  # X: divided where R = G_max / G_min is larger
+    step: float  # tau: and where the means of the children differ by more; infinite for no such test
 
 
 @checked
@@ -218,15 +214,11 @@ _MAX_NAME = 80
 
 @dataclass(frozen=True, slots=True)
 class Partition:
-    """Intervals between increasing edges in 0..1, each with the number of a class: 1, 2, ..., or 0 for none.
+    """Intervals between edges in 0..1, each with the number of a class."""
 
-    There is one class more than there are edges; a value on an edge belongs to the interval below it.
-    `bounds` are the requested ends of the intervals.
-    """
-
-    edges: tuple[float, ...]
-    classes: tuple[int, ...]
-    bounds: tuple[float, ...]
+    edges: tuple[float, ...]  # increasing; a value on an edge belongs to the interval below it
+    classes: tuple[int, ...]  # 1, 2, ..., or 0 for none; one more than there are edges
+    bounds: tuple[float, ...]  # the requested ends of the intervals
 
     @property
     def count(self) -> int:

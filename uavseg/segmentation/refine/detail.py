@@ -87,15 +87,11 @@ def _chords(disc: PixelDisc) -> _Chords:
 
 @dataclass(frozen=True, slots=True)
 class Detail:
-    """Smallest structure that remains.
-
-    With `cover` narrow structures take the class of a pixel nearby or keep theirs, and none is dropped: for
-    classes that cover a raster, as levels do.
-    """
+    """Smallest structure that remains."""
 
     rows: int  # size along a column, 1..128 pixels
     cols: int  # along a row
-    cover: bool = False
+    cover: bool = False  # as levels do: what is narrow takes a class nearby or keeps its own, none is dropped
 
     @property
     def discs(self) -> Iterator[PixelDisc]:

@@ -261,16 +261,12 @@ def refine_classes_by_tv(
     if mixed.any():
         active = dilate(mixed)
         bounds = 1 + np.flatnonzero(table[1:] != table[:-1]) if separate else np.empty(0, np.int64)
-        weights = _weights(estimate_noise(grey, valid, active, bounds), active)
+        noise = estimate_noise(grey, valid, active, bounds)
+        weights = np.minimum(np.rint(_WEIGHT_PER_NOISE / 2 * noise), MAX_WEIGHT).astype(np.int16)
+        weights = weights.repeat(NOISE_SIDE // 8, axis=0).repeat(NOISE_SIDE // 8, axis=1) * active
         _classify_panels(grey, valid, weights, table, classes)
         drop_specks(classes, valid, (weights > 0).view(np.uint8))
     return classes
-
-
-def _weights(noise: NDArray[np.float64], active: NDArray[np.uint8]) -> NDArray[np.int16]:
-    """Return the weights of the pixels of each cell, in units of half a grey; 0 in inactive cells."""
-    weights = np.minimum(np.rint(_WEIGHT_PER_NOISE / 2 * noise), MAX_WEIGHT).astype(np.int16)
-    return weights.repeat(NOISE_SIDE // 8, axis=0).repeat(NOISE_SIDE // 8, axis=1) * active
 
 
 @inlined

@@ -44,18 +44,13 @@ _MAX_STRIP_PIXELS = 1 << 25  # pixels of a strip, unless 64 rows have more
 
 @dataclass(frozen=True)
 class ClassifiedStates:
-    """States of a raster's pixels, with counts by state and by the state of their value.
-
-    `codes` are the numbers of pixels by code, (16,), see `state_scans`; `thin` the thin obstacles that were
-    restored, or lost; `noise` is the standard deviation of the noise of v, and `trinary` whether free,
-    unknown and occupied pixels have one value each.
-    """
+    """States of a raster's pixels, with counts by state and by the state of their value."""
 
     image: StateImage
-    codes: NDArray[np.int64]
-    thin: ThinObstacles
-    noise: float
-    trinary: bool
+    codes: NDArray[np.int64]  # (16,): numbers of pixels by code, see `state_scans`
+    thin: ThinObstacles  # restored or lost
+    noise: float  # standard deviation of the noise of v
+    trinary: bool  # free, unknown and occupied pixels have one value each
 
     @property
     def pixels(self) -> dict[int, int]:

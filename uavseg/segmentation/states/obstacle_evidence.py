@@ -87,14 +87,10 @@ def evidence_rule(limits: StateLimits, cells: int, noise: float, trinary: bool) 
 
 @dataclass(frozen=True, slots=True)
 class ValueStatistics:
-    """Statistics of the values of a map, or of a tile of it.
+    """Statistics of the values of a map, or of a tile of it."""
 
-    `levels` are the greys of the pixels of each state by value, (4,); -1 where there are none, -2 for several
-    greys. `responses` is the histogram of |response|, (8192,), in bins of 64.
-    """
-
-    levels: NDArray[np.int32]
-    responses: NDArray[np.int64]
+    levels: NDArray[np.int32]  # (4,): grey of each state by value; -1 for none, -2 for several
+    responses: NDArray[np.int64]  # (8192,): histogram of |response|, in bins of 64
 
     @classmethod
     def empty(cls) -> "ValueStatistics":

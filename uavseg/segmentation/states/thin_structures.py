@@ -46,13 +46,10 @@ Mask = NDArray[np.uint8]
 
 @dataclass(frozen=True, slots=True)
 class ThinObstacles:
-    """Counts of thin obstacles: those that are lost, without an occupied pixel, and restored pixels.
+    """Counts of thin obstacles."""
 
-    The latter, which became occupied, are counted by the state that they had: 1 free, 2 unknown.
-    """
-
-    restored: dict[int, int]
-    lost: int
+    restored: dict[int, int]  # pixels that became occupied, by the state they had: 1 free, 2 unknown
+    lost: int  # obstacles without an occupied pixel
 
 
 def find_thin_obstacles(
