@@ -3,7 +3,7 @@
 histogram of leaf means -> classes: Otsu's, or two of minimum cross entropy where no valleys separate them
 histogram of pixels -> classes too small or too dense for leaves: populations that valleys separate
 co-occurrence histograms -> darkest and brightest objects: the bound with the largest average contrast
-                         -> rank: compact, closed and contrasting ranges first
+                         -> rank: compact, closed and contrasting classes first, then their parts
 """
 
 import math
@@ -21,8 +21,9 @@ from uavseg.segmentation.params.segment import IntensityRange
 from uavseg.units import GREY_MAX
 
 MIN_CONTRAST = 2.5  # of a border; noise, uneven light and fractal surfaces have at most 2.4 at any bound
-_PART_CONTRAST = 4.0  # of the border of a part of a class
-_PART_WEIGHT = 0.5  # of its score: it must have twice the score to come before a class
+_PART_CONTRAST = 4.0  # of the border of small things in a class
+_THING_CONTRAST = 3 * MIN_CONTRAST  # of small things that are a class of their own
+_THING_WEIGHT = 0.5  # of their score: it must be twice that of any class
 _MAX_PART = 0.8  # of the cells of its class: a part that holds more is the class itself
 _PROMINENCE = 1.25  # of a bound's average contrast, over the minimum between it and a higher one
 _MIN_SHARE = 0.25  # of the largest average contrast
@@ -166,10 +167,8 @@ class ChosenRange:
 
     @property
     def score(self) -> float:
-        """Score by which ranges are ranked."""
-        if self.border is None:
-            return 0.0
-        return self.border.score * (_PART_WEIGHT if self.is_part else 1)
+        """Score by which classes, and then parts, are ranked."""
+        return 0.0 if self.border is None else self.border.score
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,8 +194,8 @@ class RangeChoice:
 
     @property
     def ranked(self) -> tuple[int, ...]:
-        """Indices of the ranges, those with the best figure-ground score first, then the rarest."""
-        ends = [(-one.score, one.pixels, -one.low if one.pixels else 0) for one in self.ranges]
+        """Indices of the classes, the best figure-ground score first, then the rarest; then of the parts."""
+        ends = [(one.is_part, -one.score, one.pixels, -one.low * (one.pixels > 0)) for one in self.ranges]
         return tuple(sorted(range(len(self.ranges)), key=lambda k: (ends[k], k)))
 
     @property
@@ -219,6 +218,7 @@ def choose_ranges(
     `histogram`, (65536,), is of valid pixels by the mean grey of their leaf, not all 0, and `pairs` are of
     the same block map. `n_classes` is the number of Otsu's classes, without parts of them; by default as many
     as valleys of the histogram separate, and where there are no such valleys, two of minimum cross entropy.
+    Small things that stand out far are a class of their own.
     `refined` tells whether regions are refined to the pixel, so that a cell may differ from its leaf.
     `greys`, (65536,), are pixels by grey, and `populations` the edges between populations of them, see
     `population_edges`: these replace edges that separate the same cells, and are added otherwise; not with a
@@ -230,7 +230,13 @@ def choose_ranges(
         if not candidates.clear and len(edges) == 1:
             edges = tuple(populations) or _minimum_entropy_edge(histogram, pairs) or edges
         if pairs is not None and edges:
-            parts = _parts(pairs.histogram() if refined else histogram, pairs, edges)
+            means = pairs.histogram() if refined else histogram
+            steps = _steps(means, pairs)
+            edges = tuple(sorted({*edges, *_things(pairs, edges, steps)}))
+            small = _outermost(pairs, edges, steps, _PART_CONTRAST)
+            small += _outermost(pairs, edges, propose_ranges(means, 3).edges, MIN_CONTRAST)
+            largest = {part[0] > 0: part for _, part in sorted(small, key=lambda one: one[0].share)}
+            parts = sorted(largest.values())
         if populations:
             others = {edge for edge in edges if _is_new(edge, populations, pairs)}
             edges = tuple(sorted(others.union(populations)))
@@ -268,9 +274,8 @@ def _minimum_entropy_edge(histogram: NDArray[np.int64], pairs: CellPairs | None)
     return () if edge is None else (edge,)
 
 
-def _parts(histogram: NDArray[np.int64], pairs: CellPairs, edges: Sequence[float]) -> list[Part]:
-    """Choose the part of the darkest class and that of the brightest with the best border."""
-    parts: list[Part] = []
+def _steps(histogram: NDArray[np.int64], pairs: CellPairs) -> list[float]:
+    """Return the edges in the middle of many steps between cells."""
     contrasts, crossing = pairs.contrasts()
     contrasts = np.where(crossing >= _MIN_PAIRS, contrasts, 0.0)
     minimum = max(_MIN_SHARE * contrasts.max(), np.finfo(float).tiny)
@@ -282,21 +287,36 @@ def _parts(histogram: NDArray[np.int64], pairs: CellPairs, edges: Sequence[float
         between = [contrasts[min(top, one) : max(top, one) + 1].min() for one in bounds]
         if all(_PROMINENCE * lowest <= contrasts[top] for lowest in between):
             bounds.append(top)
+    edges = (edge_near(histogram, pairs.grey_of(bound)) for bound in bounds)
+    return [edge for edge in edges if edge is not None]
+
+
+def _things(pairs: CellPairs, edges: Sequence[float], steps: Sequence[float]) -> list[float]:
+    """Return the edge of the best small things, where they stand out far and twice as much as any class."""
+    borders = [_border(pairs, low, high) for low, high in pairwise((0.0, *edges, 1.0))]
+    score = max(border.score for border in borders if border is not None)
+    found = _outermost(pairs, edges, steps, _PART_CONTRAST)
+    for border, (low, high, _) in sorted(found, key=lambda one: -one[0].score)[:1]:
+        if border.contrast >= _THING_CONTRAST and _THING_WEIGHT * border.score > score:
+            return [low or high]
+    return []
+
+
+def _outermost(
+    pairs: CellPairs, edges: Sequence[float], bounds: Sequence[float], contrast: float
+) -> list[tuple[RangeBorder, Part]]:
+    """Return the parts of the darkest and of the brightest class that end at a bound and stand out."""
+    found = []
     for outer, inner in ((0.0, edges[0]), (1.0, edges[-1])):
-        (low, high), scores = sorted((outer, inner)), []
+        whole = _border(pairs, min(outer, inner), max(outer, inner))
         for bound in bounds:
-            edge = edge_near(histogram, pairs.grey_of(bound), low, high)
-            if edge is None:
-                continue
-            part = (min(outer, edge), max(outer, edge))
-            border, whole = _border(pairs, *part), _border(pairs, low, high)
-            if border is None or whole is None or border.contrast < _PART_CONTRAST:
+            low, high = min(outer, bound), max(outer, bound)
+            border = _border(pairs, low, high) if abs(outer - bound) < abs(outer - inner) else None
+            if border is None or whole is None or border.contrast < contrast:
                 continue
             if border.share < _MAX_PART * whole.share:
-                scores.append((border.score, border.share, part))
-        if scores:
-            parts.append((*max(scores)[2], True))
-    return parts
+                found.append((border, (low, high, True)))
+    return found
 
 
 def _border(pairs: CellPairs | None, low: float, high: float) -> RangeBorder | None:
