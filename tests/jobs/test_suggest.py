@@ -156,7 +156,7 @@ def test_a_part_has_the_cells_whose_own_mean_lies_in_it() -> None:
 
 
 def test_a_number_of_classes_is_without_parts() -> None:
-    image = discs(0.02, 0.3, noise=0.08)
+    image = discs(0.01, 0.3, 2, 0.08)
     assert any(one.part for one in suggested(image, segment=SegmentParams()).ranges)
     for classes in (2, 4):
         found = suggested(image, classes, SegmentParams())

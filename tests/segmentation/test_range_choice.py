@@ -112,8 +112,11 @@ def test_what_a_choice_is(seed: int, n_classes: int | None, scale: float, refine
         assert (part.low == 0 and part.high < found.edges[0]) or (
             part.high == 1 and part.low > found.edges[-1]
         )
-    scores = [found.ranges[k].score for k in found.ranked]
-    assert scores == sorted(scores, reverse=True)
+    ranked = [found.ranges[k] for k in found.ranked]
+    assert all(not one.is_part for one in ranked[: len(classes)])
+    for group in (ranked[: len(classes)], ranked[len(classes) :]):
+        scores = [one.score for one in group]
+        assert scores == sorted(scores, reverse=True)
     assert 0 <= found.explained <= 1 + 1e-12
 
 

@@ -16,14 +16,13 @@ from numpy.typing import NDArray
 
 from uavseg.dataclass import dataclass
 from uavseg.raster.intensity.thresholds import are_separated, least_cross_entropy, multi_otsu, select_classes
-from uavseg.segmentation.blocks.cell_pairs import BINS, CellPairs, RangeBorder
+from uavseg.segmentation.blocks.cell_pairs import BINS, CellPairs, Counts, RangeBorder
 from uavseg.segmentation.params.segment import IntensityRange
 from uavseg.units import GREY_MAX
 
 MIN_CONTRAST = 2.5  # of a border; noise, uneven light and fractal surfaces have at most 2.4 at any bound
-_PART_CONTRAST = 4.0  # of the border of small things in a class
-_THING_CONTRAST = 3 * MIN_CONTRAST  # of small things that are a class of their own
-_THING_WEIGHT = 0.5  # of their score: it must be twice that of any class
+_PART_CONTRAST = 4.0  # of the border of a part of a class that steps bound
+_THING_CONTRAST = 3 * MIN_CONTRAST  # of small things that are a class, with twice the score of any other
 _MAX_PART = 0.8  # of the cells of its class: a part that holds more is the class itself
 _PROMINENCE = 1.25  # of a bound's average contrast, over the minimum between it and a higher one
 _MIN_SHARE = 0.25  # of the largest average contrast
@@ -34,7 +33,9 @@ _MAX_PROPOSED = 6  # classes, where the caller gives no number
 _BINS = 256
 _BINS_NEAR = 4  # bins: maximum distance of an edge from the requested grey
 
+Edges = tuple[float, ...]
 Part = tuple[float, float, bool]  # of a class: its ends, and True
+Bordered = list[tuple[RangeBorder, Part]]
 _DECIMALS = range(2, 7)
 _MIN_DECIMALS = 5  # see `edge_beside_means`
 
@@ -154,10 +155,7 @@ def _edge(below: NDArray[np.int64], under: int, gap: tuple[int, int], end: int, 
 
 @dataclass(frozen=True, slots=True)
 class ChosenRange:
-    """A range of v, with the shape and contrast of its cells.
-
-    All classes together are 0..1.
-    """
+    """A range of v, with the shape and contrast of its cells; all classes together are 0..1."""
 
     low: float  # 0, 1, or a decimal number of few digits
     high: float  # likewise
@@ -175,11 +173,13 @@ class ChosenRange:
 class RangeChoice:
     """Ranges of a raster: the classes, the darkest first, then the part of the darkest and of the brightest.
 
-    `explained` is the share of the variance of the leaf means that lies between the classes.
+    `explained` is the share of the variance of the leaf means that lies between the classes. `separated` is
+    false where no valley of a histogram lies between classes whose number was not given.
     """
 
     ranges: tuple[ChosenRange, ...]
     explained: float
+    separated: bool = True
 
     @property
     def edges(self) -> tuple[float, ...]:
@@ -199,10 +199,9 @@ class RangeChoice:
         return tuple(sorted(range(len(self.ranges)), key=lambda k: (ends[k], k)))
 
     @property
-    def contrast(self) -> float | None:
-        """Largest contrast of any range; None where no cell counts."""
-        contrasts = [one.border.contrast for one in self.ranges if one.border is not None]
-        return max(contrasts, default=None)
+    def contrast(self) -> float:
+        """Largest contrast of any range; infinite where no cell counts."""
+        return max((one.border.contrast for one in self.ranges if one.border is not None), default=math.inf)
 
 
 def choose_ranges(
@@ -217,12 +216,11 @@ def choose_ranges(
 
     `histogram`, (65536,), is of valid pixels by the mean grey of their leaf, not all 0, and `pairs` are of
     the same block map. `n_classes` is the number of Otsu's classes, without parts of them; by default as many
-    as valleys of the histogram separate, and where there are no such valleys, two of minimum cross entropy.
-    Small things that stand out far are a class of their own.
-    `refined` tells whether regions are refined to the pixel, so that a cell may differ from its leaf.
-    `greys`, (65536,), are pixels by grey, and `populations` the edges between populations of them, see
-    `population_edges`: these replace edges that separate the same cells, and are added otherwise; not with a
-    number of classes.
+    as valleys of the histogram separate, and where there are no such valleys, two of minimum cross entropy;
+    small things that stand out far are one more. `refined` tells whether regions are refined to the pixel, so
+    that a cell may differ from its leaf. `greys`, (65536,), are pixels by grey, and `populations` the edges
+    between populations of them, see `population_edges`: these replace edges that separate the same cells, and
+    are added otherwise; not with a number of classes.
     """
     candidates = propose_ranges(histogram, n_classes)
     edges, parts = candidates.edges, list[Part]()
@@ -230,13 +228,7 @@ def choose_ranges(
         if not candidates.clear and len(edges) == 1:
             edges = tuple(populations) or _minimum_entropy_edge(histogram, pairs) or edges
         if pairs is not None and edges:
-            means = pairs.histogram() if refined else histogram
-            steps = _steps(means, pairs)
-            edges = tuple(sorted({*edges, *_things(pairs, edges, steps)}))
-            small = _outermost(pairs, edges, steps, _PART_CONTRAST)
-            small += _outermost(pairs, edges, propose_ranges(means, 3).edges, MIN_CONTRAST)
-            largest = {part[0] > 0: part for _, part in sorted(small, key=lambda one: one[0].share)}
-            parts = sorted(largest.values())
+            edges, parts = _figures(pairs.histogram() if refined else histogram, pairs, edges)
         if populations:
             others = {edge for edge in edges if _is_new(edge, populations, pairs)}
             edges = tuple(sorted(others.union(populations)))
@@ -246,7 +238,8 @@ def choose_ranges(
         first, last = IntensityRange(low, high).greys
         pixels = 0 if greys is None else int(greys[first : last + 1].sum())
         chosen.append(ChosenRange(low, high, is_part, _border(pairs, low, high), pixels))
-    return RangeChoice(tuple(chosen), explained_variance(histogram, edges))
+    separated = n_classes is not None or candidates.clear or bool(populations)
+    return RangeChoice(tuple(chosen), explained_variance(histogram, edges), separated)
 
 
 def _is_new(edge: float, populations: Sequence[float], pairs: CellPairs | None) -> bool:
@@ -261,9 +254,8 @@ def _is_new(edge: float, populations: Sequence[float], pairs: CellPairs | None) 
             return False
     begin = max(one for one in bounds if one <= place)
     end = min((one for one in bounds if one > place), default=BINS)
-    if not pairs.cells[begin:place].any() or not pairs.cells[place:end].any():
-        return False
-    return pairs.within(begin, end).border(begin, place).contrast >= MIN_CONTRAST
+    filled = pairs.cells[begin:place].any() and pairs.cells[place:end].any()
+    return bool(filled and pairs.within(begin, end).border(begin, place).contrast >= MIN_CONTRAST)
 
 
 def _minimum_entropy_edge(histogram: NDArray[np.int64], pairs: CellPairs | None) -> tuple[float, ...]:
@@ -274,48 +266,41 @@ def _minimum_entropy_edge(histogram: NDArray[np.int64], pairs: CellPairs | None)
     return () if edge is None else (edge,)
 
 
-def _steps(histogram: NDArray[np.int64], pairs: CellPairs) -> list[float]:
-    """Return the edges in the middle of many steps between cells."""
+def _figures(histogram: Counts, pairs: CellPairs, edges: Edges) -> tuple[Edges, list[Part]]:
+    """Add the edge of small things that stand out far, and choose parts of the outermost classes."""
     contrasts, crossing = pairs.contrasts()
-    contrasts = np.where(crossing >= _MIN_PAIRS, contrasts, 0.0)
-    minimum = max(_MIN_SHARE * contrasts.max(), np.finfo(float).tiny)
-    tops = 1 + np.flatnonzero((contrasts[1:-1] >= contrasts[:-2]) & (contrasts[1:-1] >= contrasts[2:]))
+    steps = np.where(crossing >= _MIN_PAIRS, contrasts, 0.0)
+    minimum = max(_MIN_SHARE * steps.max(), np.finfo(float).tiny)
+    tops = 1 + np.flatnonzero(steps[1:-1] >= np.maximum(np.maximum(steps[:-2], steps[2:]), minimum))
     bounds: list[int] = []
-    for top in tops[np.argsort(-contrasts[tops], kind="stable")].tolist():
-        if contrasts[top] < minimum:
-            break
-        between = [contrasts[min(top, one) : max(top, one) + 1].min() for one in bounds]
-        if all(_PROMINENCE * lowest <= contrasts[top] for lowest in between):
+    for top in tops[np.argsort(-steps[tops], kind="stable")].tolist():
+        between = [steps[min(top, one) : max(top, one) + 1].min() for one in bounds]
+        if all(_PROMINENCE * lowest <= steps[top] for lowest in between):
             bounds.append(top)
-    edges = (edge_near(histogram, pairs.grey_of(bound)) for bound in bounds)
-    return [edge for edge in edges if edge is not None]
-
-
-def _things(pairs: CellPairs, edges: Sequence[float], steps: Sequence[float]) -> list[float]:
-    """Return the edge of the best small things, where they stand out far and twice as much as any class."""
-    borders = [_border(pairs, low, high) for low, high in pairwise((0.0, *edges, 1.0))]
-    score = max(border.score for border in borders if border is not None)
-    found = _outermost(pairs, edges, steps, _PART_CONTRAST)
+    greys = {pairs.grey_of(bound): _PART_CONTRAST for bound in bounds}
+    scores = [one.score for one in (_border(pairs, *ends) for ends in pairwise((0.0, *edges, 1.0))) if one]
+    found = _outermost(histogram, pairs, edges, greys)
     for border, (low, high, _) in sorted(found, key=lambda one: -one[0].score)[:1]:
-        if border.contrast >= _THING_CONTRAST and _THING_WEIGHT * border.score > score:
-            return [low or high]
-    return []
+        if border.contrast >= _THING_CONTRAST and border.score > 2 * max(scores):
+            edges = tuple(sorted((*edges, low or high)))
+    greys = {edge * GREY_MAX: MIN_CONTRAST for edge in propose_ranges(histogram, 3).edges} | greys
+    found = sorted(_outermost(histogram, pairs, edges, greys), key=lambda one: one[0].share)
+    return edges, sorted({part[0] > 0: part for _, part in found}.values())
 
 
-def _outermost(
-    pairs: CellPairs, edges: Sequence[float], bounds: Sequence[float], contrast: float
-) -> list[tuple[RangeBorder, Part]]:
-    """Return the parts of the darkest and of the brightest class that end at a bound and stand out."""
-    found = []
+def _outermost(histogram: Counts, pairs: CellPairs, edges: Edges, greys: dict[float, float]) -> Bordered:
+    """Return the outer parts of the darkest and brightest class with a contrast above theirs and a limit."""
+    found: Bordered = []
     for outer, inner in ((0.0, edges[0]), (1.0, edges[-1])):
-        whole = _border(pairs, min(outer, inner), max(outer, inner))
-        for bound in bounds:
-            low, high = min(outer, bound), max(outer, bound)
-            border = _border(pairs, low, high) if abs(outer - bound) < abs(outer - inner) else None
-            if border is None or whole is None or border.contrast < contrast:
+        low, high = sorted((outer, inner))
+        whole = _border(pairs, low, high)
+        for grey, contrast in greys.items():
+            if (edge := edge_near(histogram, grey, low, high)) is None:
                 continue
-            if border.share < _MAX_PART * whole.share:
-                found.append((border, (low, high, True)))
+            part = (min(outer, edge), max(outer, edge), True)
+            border = _border(pairs, *part[:2])
+            if border and whole and border.contrast >= max(contrast, whole.contrast):
+                found += [(border, part)] * (border.share < _MAX_PART * whole.share)
     return found
 
 
