@@ -42,13 +42,10 @@ _MIN_DECIMALS = 5  # see `edge_beside_means`
 
 @dataclass(frozen=True, slots=True)
 class RangeCandidates:
-    """Thresholds that split a histogram of means into ranges: decimal numbers of few digits, increasing.
-
-    `clear` tells whether valleys of the histogram separate all classes.
-    """
+    """Thresholds that split a histogram of means into ranges: decimal numbers of few digits, increasing."""
 
     edges: tuple[float, ...]
-    clear: bool
+    clear: bool  # valleys of the histogram separate all classes
 
 
 def propose_ranges(histogram: NDArray[np.int64], n_classes: int | None = None) -> RangeCandidates:
@@ -165,21 +162,17 @@ class ChosenRange:
 
     @property
     def score(self) -> float:
-        """Score by which classes, and then parts, are ranked."""
+        """Figure-ground score of its cells; 0 where no cell counts."""
         return 0.0 if self.border is None else self.border.score
 
 
 @dataclass(frozen=True, slots=True)
 class RangeChoice:
-    """Ranges of a raster: the classes, the darkest first, then the part of the darkest and of the brightest.
-
-    `explained` is the share of the variance of the leaf means that lies between the classes. `separated` is
-    false where no valley of a histogram lies between classes whose number was not given.
-    """
+    """Ranges of a raster: the classes, the darkest first, then a part of the darkest and of the brightest."""
 
     ranges: tuple[ChosenRange, ...]
-    explained: float
-    separated: bool = True
+    explained: float  # share of the variance of the leaf means that lies between the classes
+    separated: bool = True  # false where no valley lies between the classes, and their number was not given
 
     @property
     def edges(self) -> tuple[float, ...]:
@@ -189,13 +182,20 @@ class RangeChoice:
     @property
     def bounds(self) -> tuple[float, ...]:
         """Ends of all ranges, 0 and 1 aside."""
-        ends = {end for one in self.ranges for end in (one.low, one.high)}
-        return tuple(sorted(ends - {0.0, 1.0}))
+        return tuple(sorted({end for one in self.ranges for end in (one.low, one.high)} - {0.0, 1.0}))
 
     @property
     def ranked(self) -> tuple[int, ...]:
-        """Indices of the classes, the best figure-ground score first, then the rarest; then of the parts."""
-        ends = [(one.is_part, -one.score, one.pixels, -one.low * (one.pixels > 0)) for one in self.ranges]
+        """Indices of the ranges, the best figure-ground score first, then the rarest.
+
+        A part counts half. It comes after its class, and after two classes.
+        """
+        classes = [one for one in self.ranges if not one.is_part]
+        second = sorted(one.score for one in classes)[-2:][0]
+        ends = []
+        for one in self.ranges:
+            limit = min(second, classes[-(one.high == 1)].score, one.score / 2) if one.is_part else one.score
+            ends.append((-limit, one.is_part, -one.score, one.pixels, -one.low * (one.pixels > 0)))
         return tuple(sorted(range(len(self.ranges)), key=lambda k: (ends[k], k)))
 
     @property
