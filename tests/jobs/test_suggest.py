@@ -211,7 +211,7 @@ def blurred(seed: int, sigma: float) -> np.ndarray:
 
 def texture(seed: int) -> np.ndarray:
     """One ground whose brightness has a long tail, as of leaves or of light on water."""
-    image = 0.06 * np.exp(0.7 * blurred(seed, 8)) + 0.018 * blurred(seed + 9, 0.1)
+    image = 0.15 * np.exp(0.4 * blurred(seed, 8)) + 0.018 * blurred(seed + 9, 0.1)
     return np.clip(image, 0, 1).astype(np.float32)
 
 

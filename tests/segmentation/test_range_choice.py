@@ -54,7 +54,7 @@ def check_order(found: RangeChoice) -> None:
             [whole] = [one for one in classes if one.low <= part.low and part.high <= one.high]
             assert whole in ranked[:place]
             assert part.border is not None and whole.border is not None
-            assert part.border.contrast >= max(MIN_CONTRAST, whole.border.contrast)
+            assert part.border.contrast >= min(4, max(MIN_CONTRAST, whole.border.contrast))
             assert part.border.share < whole.border.share
 
 

@@ -283,13 +283,13 @@ def _figures(histogram: Counts, pairs: CellPairs, edges: Edges) -> tuple[Edges, 
     for border, (low, high, _) in sorted(found, key=lambda one: -one[0].score)[:1]:
         if border.contrast >= _THING_CONTRAST and border.score > 2 * max(scores):
             edges = tuple(sorted((*edges, low or high)))
-    greys = {edge * GREY_MAX: MIN_CONTRAST for edge in propose_ranges(histogram, 3).edges} | greys
+    greys = {edge * GREY_MAX: 0.0 for edge in propose_ranges(histogram, 3).edges} | greys
     found = sorted(_outermost(histogram, pairs, edges, greys), key=lambda one: one[0].share)
     return edges, sorted({part[0] > 0: part for _, part in found}.values())
 
 
 def _outermost(histogram: Counts, pairs: CellPairs, edges: Edges, greys: dict[float, float]) -> Bordered:
-    """Return the outer parts of the darkest and brightest class with a contrast above theirs and a limit."""
+    """Return the outer parts of the darkest and brightest class with a contrast, 0: with more than theirs."""
     found: Bordered = []
     for outer, inner in ((0.0, edges[0]), (1.0, edges[-1])):
         low, high = sorted((outer, inner))
@@ -299,7 +299,7 @@ def _outermost(histogram: Counts, pairs: CellPairs, edges: Edges, greys: dict[fl
                 continue
             part = (min(outer, edge), max(outer, edge), True)
             border = _border(pairs, *part[:2])
-            if border and whole and border.contrast >= max(contrast, whole.contrast):
+            if border and whole and border.contrast >= (contrast or max(MIN_CONTRAST, whole.contrast)):
                 found += [(border, part)] * (border.share < _MAX_PART * whole.share)
     return found
 
