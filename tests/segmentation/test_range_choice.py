@@ -99,11 +99,23 @@ def test_the_list_of_a_negative_is_the_list_mirrored(seed: int) -> None:
 @pytest.mark.parametrize("step", [0.25, -0.25])
 def test_small_things_that_stand_out_far_are_a_class(seed: int, step: float) -> None:
     found = chosen(squares(seed, step))
-    outermost = found.ranges[-1 if step > 0 else 0]
-    assert not any(one.is_part for one in found.ranges) and outermost is found.ranges[found.ranked[0]]
+    classes = [one for one in found.ranges if not one.is_part]
+    outermost = classes[-1 if step > 0 else 0]
+    assert outermost is found.ranges[found.ranked[0]]
     assert outermost.border is not None and outermost.border.contrast >= 3 * MIN_CONTRAST
-    others = [one.score for one in found.ranges if one is not outermost]
+    others = [one.score for one in classes if one is not outermost]
     assert outermost.score > 2 * max(others)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_few_cells_of_a_texture_are_no_class(seed: int) -> None:
+    """The brightest cells of a tail stand out from its classes, but less than three times as far as these."""
+    v = 0.15 * np.exp(0.4 * noise(seed, 8, 1)) + noise(seed + 9, 0, 0.018)
+    for found in (chosen(v), chosen(1 - v)):
+        classes = [one for one in found.ranges if not one.is_part]
+        assert len(classes) == 2 and not found.separated
+        assert all(one.border is not None and one.border.share > 0.1 for one in classes)
+        assert [found.ranges[k].is_part for k in found.ranked] == [False, False, True]
 
 
 @pytest.mark.parametrize("seed", range(3))

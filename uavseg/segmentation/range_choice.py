@@ -22,7 +22,7 @@ from uavseg.units import GREY_MAX
 
 MIN_CONTRAST = 2.5  # of a border; noise, uneven light and fractal surfaces have at most 2.4 at any bound
 _PART_CONTRAST = 4.0  # of the border of a part of a class that steps bound
-_THING_CONTRAST = 3 * MIN_CONTRAST  # of small things that are a class, with twice the score of any other
+_FAR = 3  # times the contrast of noise, or of the classes if less: small things that are a class themselves
 _MAX_PART = 0.8  # of the cells of its class: a part that holds more is the class itself
 _PROMINENCE = 1.25  # of a bound's average contrast, over the minimum between it and a higher one
 _MIN_SHARE = 0.25  # of the largest average contrast
@@ -278,10 +278,11 @@ def _figures(histogram: Counts, pairs: CellPairs, edges: Edges) -> tuple[Edges, 
         if all(_PROMINENCE * lowest <= steps[top] for lowest in between):
             bounds.append(top)
     greys = {pairs.grey_of(bound): _PART_CONTRAST for bound in bounds}
-    scores = [one.score for one in (_border(pairs, *ends) for ends in pairwise((0.0, *edges, 1.0))) if one]
+    classes = [one for one in (_border(pairs, *ends) for ends in pairwise((0.0, *edges, 1.0))) if one]
+    far = _FAR * min(MIN_CONTRAST, max(one.contrast for one in classes))
     found = _outermost(histogram, pairs, edges, greys)
     for border, (low, high, _) in sorted(found, key=lambda one: -one[0].score)[:1]:
-        if border.contrast >= _THING_CONTRAST and border.score > 2 * max(scores):
+        if border.contrast >= far and border.score > 2 * max(one.score for one in classes):
             edges = tuple(sorted((*edges, low or high)))
     greys = {edge * GREY_MAX: 0.0 for edge in propose_ranges(histogram, 3).edges} | greys
     found = sorted(_outermost(histogram, pairs, edges, greys), key=lambda one: one[0].share)
@@ -292,10 +293,9 @@ def _outermost(histogram: Counts, pairs: CellPairs, edges: Edges, greys: dict[fl
     """Return the outer parts of the darkest and brightest class with a contrast, 0: with more than theirs."""
     found: Bordered = []
     for outer, inner in ((0.0, edges[0]), (1.0, edges[-1])):
-        low, high = sorted((outer, inner))
-        whole = _border(pairs, low, high)
+        whole = _border(pairs, *sorted((outer, inner)))
         for grey, contrast in greys.items():
-            if (edge := edge_near(histogram, grey, low, high)) is None:
+            if (edge := edge_near(histogram, grey, *sorted((outer, inner)))) is None:
                 continue
             part = (min(outer, edge), max(outer, edge), True)
             border = _border(pairs, *part[:2])
