@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from affine import Affine
+from scipy import ndimage
 
 import uavseg
 from uavseg.errors import ParameterError, RasterError
@@ -109,6 +110,27 @@ def test_tiles_threads_and_a_block_map_change_nothing() -> None:
         assert found.ranges == wanted.ranges and np.array_equal(found.intervals, wanted.intervals)
 
 
+def test_tiles_change_neither_parts_nor_doubt() -> None:
+    wanted = suggested(texture(1), segment=SegmentParams())
+    assert [one.part for one in wanted.ranges] == [False, False, True] and len(wanted.warnings) == 1
+    for tile in (64, 192, 4096):
+        found = suggested(texture(1), segment=SegmentParams(), work=Work(tile, threads(2)))
+        assert found.ranges == wanted.ranges and found.warnings == wanted.warnings
+        assert np.array_equal(found.intervals, wanted.intervals)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_list_of_a_negative_is_the_list_mirrored(seed: int) -> None:
+    for image in (texture(seed), discs(0.02, 0.3, seed, 0.08), scene(seed)):
+        here, negative = (suggested(v, segment=SegmentParams()) for v in (image, 1 - image))
+        mirrored = sorted((one.part, 1 - one.high, 1 - one.low) for one in negative.ranges)
+        assert mirrored == [pytest.approx((one.part, *one.range), abs=0.015) for one in here.by_intensity]
+        first = negative.ranges[0]
+        assert here.ranges[0].range == pytest.approx((1 - first.high, 1 - first.low), abs=0.015)
+        kinds = [[text.split(" (")[0] for text in found.warnings] for found in (here, negative)]
+        assert kinds[0] == kinds[1]
+
+
 def test_known_classes_are_found() -> None:
     found = classes_of(suggested(scene(3)))
     assert len(found) == 3
@@ -156,7 +178,7 @@ def test_a_part_has_the_cells_whose_own_mean_lies_in_it() -> None:
 
 
 def test_a_number_of_classes_is_without_parts() -> None:
-    image = discs(0.02, 0.3, noise=0.08)
+    image = discs(0.01, 0.3, 2, 0.08)
     assert any(one.part for one in suggested(image, segment=SegmentParams()).ranges)
     for classes in (2, 4):
         found = suggested(image, classes, SegmentParams())
@@ -180,6 +202,46 @@ def test_fewer_means_than_classes_are_reported() -> None:
 def test_doubt_is_reported() -> None:
     image = np.random.default_rng(4).normal(0.5, 0.1, (512, 512)).astype(np.float32)
     assert "no range stands out at its borders (contrast 2." in suggested(image).warnings[0]
+
+
+def blurred(seed: int, sigma: float) -> np.ndarray:
+    field = ndimage.gaussian_filter(np.random.default_rng(seed).normal(size=(384, 384)), sigma, mode="wrap")
+    return np.asarray(field / field.std())
+
+
+def texture(seed: int) -> np.ndarray:
+    """One ground whose brightness has a long tail, as of leaves or of light on water."""
+    image = 0.15 * np.exp(0.4 * blurred(seed, 8)) + 0.018 * blurred(seed + 9, 0.1)
+    return np.clip(image, 0, 1).astype(np.float32)
+
+
+def grounds(step: float, seed: int = 1) -> np.ndarray:
+    """Two grounds with texture of their own size; without a step they are one."""
+    field = blurred(seed, 16)
+    image = 0.4 + 0.1 * field + step * (field > 0.3) + 0.1 * blurred(seed + 7, 0.1)
+    return np.clip(image, 0, 1).astype(np.float32)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_each_doubt_has_its_words(seed: int) -> None:
+    told = {
+        "no range stands out at its borders": 0.5 + 0.1 * blurred(seed, 10).astype(np.float32),
+        "several ranges stand out alike, a part more than any class": texture(seed),
+        "the classes overlap, and no valley parts them": grounds(0.1, seed),
+    }
+    for doubt, image in told.items():
+        found = suggested(image, segment=SegmentParams())
+        [warning] = found.warnings
+        assert warning.startswith(f"{doubt} (contrast ") and "look.png" in warning
+        best = max(one.contrast or 0 for one in found.ranges)
+        assert f"(contrast {best:.1f};" in warning
+    assert suggested(grounds(0.5, seed), segment=SegmentParams()).warnings == ()
+
+
+def test_a_requested_number_of_classes_has_no_doubt_of_their_number() -> None:
+    for image in (texture(0), grounds(0.1)):
+        assert suggested(image, segment=SegmentParams()).warnings != ()
+        assert suggested(image, 2, SegmentParams()).warnings == ()
 
 
 def test_what_cannot_be_is_refused() -> None:

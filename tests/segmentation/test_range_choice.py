@@ -44,6 +44,80 @@ def squares(seed: int, step: float) -> np.ndarray:
     return np.asarray(v)
 
 
+def check_order(found: RangeChoice) -> None:
+    """A part comes after the class that it stands out from, and after a class and its complement."""
+    ranked = [found.ranges[k] for k in found.ranked]
+    classes = [one for one in found.ranges if not one.is_part]
+    assert not any(one.is_part for one in ranked[:2])
+    for place, part in enumerate(ranked):
+        if part.is_part:
+            [whole] = [one for one in classes if one.low <= part.low and part.high <= one.high]
+            assert whole in ranked[:place]
+            assert part.border is not None and whole.border is not None
+            assert part.border.contrast >= min(4, max(MIN_CONTRAST, whole.border.contrast))
+            assert part.border.share < whole.border.share
+
+
+def skewed(seed: int, scale: float = 20) -> np.ndarray:
+    """Texture whose bright tail no valley separates, as of light on water or leaves."""
+    return np.asarray(0.1 * np.exp(0.7 * noise(seed, scale, 1)) + noise(seed + 9, 0, 0.03))
+
+
+def overlapping(seed: int, level: float = 0.1) -> np.ndarray:
+    """Two grounds a standard deviation apart, in texture of their own size."""
+    field = noise(seed, 16, 1)
+    return np.asarray(0.5 + 0.1 * field + 0.1 * (field > 0.3) + noise(seed + 7, 0, level))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_class_then_its_complement_then_its_parts(seed: int) -> None:
+    for v in (skewed(seed), skewed(seed, 8), squares(seed, 0.12), squares(seed, -0.08), overlapping(seed)):
+        found = chosen(v)
+        check_order(found)
+        classes = [one for one in found.ranges if not one.is_part]
+        if len(classes) == 2:
+            assert [found.ranges[k] for k in found.ranked[:2]] == sorted(classes, key=lambda one: -one.score)
+    assert any(one.is_part for one in chosen(skewed(0)).ranges)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_list_of_a_negative_is_the_list_mirrored(seed: int) -> None:
+    for v in (skewed(seed), squares(seed, 0.25), squares(seed, -0.25), overlapping(seed)):
+        here, negative = chosen(v), chosen(1 - v)
+        ends = [
+            [(one.low, one.high) for one in map(found.ranges.__getitem__, found.ranked)]
+            for found in (here, negative)
+        ]
+        assert [(1 - high, 1 - low) for low, high in ends[1]] == [
+            pytest.approx(one, abs=0.012) for one in ends[0]
+        ]
+        assert negative.separated == here.separated
+        assert negative.contrast == pytest.approx(here.contrast, rel=0.1)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("step", [0.25, -0.25])
+def test_small_things_that_stand_out_far_are_a_class(seed: int, step: float) -> None:
+    found = chosen(squares(seed, step))
+    classes = [one for one in found.ranges if not one.is_part]
+    outermost = classes[-1 if step > 0 else 0]
+    assert outermost is found.ranges[found.ranked[0]]
+    assert outermost.border is not None and outermost.border.contrast >= 3 * MIN_CONTRAST
+    others = [one.score for one in classes if one is not outermost]
+    assert outermost.score > 2 * max(others)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_few_cells_of_a_texture_are_no_class(seed: int) -> None:
+    """The brightest cells of a tail stand out from its classes, but less than three times as far as these."""
+    v = 0.15 * np.exp(0.4 * noise(seed, 8, 1)) + noise(seed + 9, 0, 0.018)
+    for found in (chosen(v), chosen(1 - v)):
+        classes = [one for one in found.ranges if not one.is_part]
+        assert len(classes) == 2 and not found.separated
+        assert all(one.border is not None and one.border.share > 0.1 for one in classes)
+        assert [found.ranges[k].is_part for k in found.ranked] == [False, False, True]
+
+
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("step", [0.25, -0.25])
 def test_small_things_come_first(seed: int, step: float) -> None:
@@ -112,8 +186,10 @@ def test_what_a_choice_is(seed: int, n_classes: int | None, scale: float, refine
         assert (part.low == 0 and part.high < found.edges[0]) or (
             part.high == 1 and part.low > found.edges[-1]
         )
-    scores = [found.ranges[k].score for k in found.ranked]
+    ranked = [found.ranges[k] for k in found.ranked]
+    scores = [one.score for one in ranked if not one.is_part]
     assert scores == sorted(scores, reverse=True)
+    check_order(found)
     assert 0 <= found.explained <= 1 + 1e-12
 
 

@@ -197,10 +197,10 @@ def suggest(
     Returns
     -------
     ranges : list of Suggestion, or with a sample list of SampleRange
-        Those that look most like things on a ground first: `low` and `high`, together `range`; valid `pixels`
-        and their `share` of all; `regions`, the number that `extract` gives; where `exact` is false, an
-        estimate of it; the `contrast` at its borders; whether it is a `part` of another one. Empty where all
-        leaves have one mean. What makes the ranges doubtful is a warning. With a sample, the best first:
+        The class that looks most like things on a ground, the other classes, then parts: `low` and `high`,
+        together `range`; valid `pixels` and their `share` of all; `regions`, the number that `extract` gives;
+        where `exact` is false, an estimate of it; the `contrast` at its borders; whether it is a `part` of a
+        class. Empty where all leaves have one mean. Doubt is a warning. With a sample, the best first:
         `extract(source, values=found.values, **found.words)` extracts one, which has the `agreement` that is
         expected, from 0 to 1.
 

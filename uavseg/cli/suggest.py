@@ -36,10 +36,10 @@ def command(options: SuggestOptions) -> None:
     The ranges cut the histogram of the means of leaves into the classes that vary least within (Otsu's
     thresholds), as many as its valleys separate; without a valley, into two by the smallest cross entropy.
     Valleys between the values of pixels cut too: rows, grids and small things hardly show in means.
-    Things that stand out in the darkest or the brightest of them get a range of their own, a "part". What
-    looks most like things on a ground comes first: compact, closed, with a contrast at its borders (their
-    step, as a multiple of the differences on one side; noise and slow light reach 2.5). RASTER may also be a
-    block map from `uavseg divide`, which answers by itself.
+    The class that looks most like things on a ground comes first: compact, closed, with a contrast at its
+    borders (their step, as a multiple of the differences on one side; noise and slow light reach 2.5); then
+    the others, its complement; then a "part" of the darkest and the brightest that stands out more. A warning
+    says which doubt there is. RASTER may also be a block map from `uavseg divide`, which answers by itself.
 
     With --like, all bands are looked at: the best band, the best index or ratio and the best weighted sum of
     bands, each with the range of its values that fits what has the colors of the sample, and how well it is

@@ -21,7 +21,7 @@ from uavseg.raster.spectral.bands import ValueAxis, values_text
 from uavseg.regions.tiles.class_tiles import count_segments
 from uavseg.regions.tiles.range_tiles import count_greys, estimate_regions, outline_regions
 from uavseg.segmentation.blocks.block_map import BlockMap
-from uavseg.segmentation.blocks.cell_pairs import cells_with_mean_in_range, count_cell_pairs
+from uavseg.segmentation.blocks.cell_pairs import Counts, cells_with_mean_in_range, count_cell_pairs
 from uavseg.segmentation.blocks.leaves import cell_intervals, cells_in_range, histogram_of_means, means_among
 from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
 from uavseg.segmentation.pipeline import with_majority_means
@@ -54,7 +54,7 @@ class Suggestion:
     value_low: float | None = None  # in the units of the raster; None where open, or values are not known
     value_high: float | None = None
     unit: str = ""  # of the values; empty where it is not known
-    part: bool = False  # of the darkest or brightest range, of small things in it; the others make up 0..1
+    part: bool = False  # of the darkest or brightest range, which it stands out from; the others make up 0..1
     # Difference of the means on both sides of its borders, as a multiple of that between means on one side;
     # below 2.5, the borders are those of noise or of slow light. None where it is not known.
     contrast: float | None = None
@@ -83,16 +83,14 @@ class Suggestion:
 
 
 Ranges = tuple[Suggestion, ...]
-Cells = NDArray[np.uint8]
-Counts = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class Suggestions:
     """Ranges of v, and what they come from.
 
-    Those that look most like things on a ground come first: compact, closed and contrasting at their borders.
-    There are none where all leaves have one mean.
+    The class that looks most like things on a ground comes first: compact, closed and contrasting at its
+    borders; then the other classes, then parts. There are none where all leaves have one mean.
     """
 
     ranges: tuple[Suggestion, ...]
@@ -201,23 +199,17 @@ def _suggestions(
     chosen = [replace(one, low=beside[one.low], high=beside[one.high]) for one in choice.ranges]
     edges = [beside[edge] for edge in choice.edges]
     intervals = cell_intervals(blocks, edges, how.division)
-    found = _classes(blocks, chosen[: len(edges) + 1], intervals)
+    pixels = np.bincount(intervals.reshape(-1), blocks.counts.reshape(-1), len(edges) + 2)[1:].tolist()
+    regions = count_segments(blocks, intervals, len(edges) + 1).tolist()
+    found = [_suggestion(blocks, *each) for each in zip(chosen, map(int, pixels), regions, strict=False)]
     for kind, part in enumerate(chosen[len(found) :], len(found) + 1):
-        interval = IntensityRange(part.low, part.high)
         cells = cells_with_mean_in_range if refined else partial(cells_in_range, division=how.division)
-        inside = cells(blocks, interval)
+        inside = cells(blocks, IntensityRange(part.low, part.high))
         intervals[inside > 0] = kind
-        pixels = int(blocks.counts[inside > 0].sum(dtype=np.int64))
-        found.append(_suggestion(blocks, part, pixels, int(count_segments(blocks, inside, 1)[0])))
+        held = int(blocks.counts[inside > 0].sum(dtype=np.int64))
+        found.append(_suggestion(blocks, part, held, int(count_segments(blocks, inside, 1)[0])))
     ranges = _in_values([found[k] for k in choice.ranked], source.axis)
     return Suggestions(ranges, choice.explained, histogram, intervals, blocks, source, warnings)
-
-
-def _classes(blocks: BlockMap, chosen: Sequence[ChosenRange], intervals: Cells) -> list[Suggestion]:
-    """Return each range between two edges, with what it gives at the edges of cells."""
-    pixels = np.bincount(intervals.reshape(-1), blocks.counts.reshape(-1), len(chosen) + 1)[1:]
-    regions = count_segments(blocks, intervals, len(chosen))
-    return [_suggestion(blocks, one, int(pixels[k]), int(regions[k])) for k, one in enumerate(chosen)]
 
 
 def _suggestion(blocks: BlockMap, one: ChosenRange, pixels: int, regions: int) -> Suggestion:
@@ -267,9 +259,13 @@ def _doubts(choice: RangeChoice, wanted: int | None, histogram: Counts, parted: 
     found = []
     if wanted is not None and classes < wanted:
         found.append(f"the means of the leaves fall into {classes} bins, which are no {wanted} classes")
-    if not parted and choice.contrast is not None and choice.contrast < MIN_CONTRAST:
-        found.append(
-            f"no range stands out at its borders (contrast {choice.contrast:.1f}; noise and slow light reach "
-            f"{MIN_CONTRAST}); look where the ranges lie (-o look.png) before you trust them"
-        )
+    alike, weak = max(choice.ranges, key=lambda one: one.score).is_part, choice.contrast / MIN_CONTRAST
+    doubts = {
+        "no range stands out at its borders": weak < 1 and not parted,
+        "several ranges stand out alike, a part more than any class": alike and not choice.separated,
+        "the classes overlap, and no valley parts them": weak < 2 and not choice.separated,
+    }
+    how_far = f"contrast {choice.contrast:.1f}; noise and slow light reach {MIN_CONTRAST}"
+    trust = f"({how_far}); look where the ranges lie (-o look.png) before you trust them"
+    found += [f"{doubt} {trust}" for doubt, is_true in doubts.items() if is_true][:1]
     return tuple(found)

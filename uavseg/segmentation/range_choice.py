@@ -3,7 +3,7 @@
 histogram of leaf means -> classes: Otsu's, or two of minimum cross entropy where no valleys separate them
 histogram of pixels -> classes too small or too dense for leaves: populations that valleys separate
 co-occurrence histograms -> darkest and brightest objects: the bound with the largest average contrast
-                         -> rank: compact, closed and contrasting ranges first
+                         -> rank: compact, closed and contrasting classes first, then their parts
 """
 
 import math
@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 
 from uavseg.dataclass import dataclass
 from uavseg.raster.intensity.thresholds import are_separated, least_cross_entropy, multi_otsu, select_classes
-from uavseg.segmentation.blocks.cell_pairs import BINS, CellPairs, RangeBorder
+from uavseg.segmentation.blocks.cell_pairs import BINS, CellPairs, Counts, RangeBorder
 from uavseg.segmentation.params.segment import IntensityRange
 from uavseg.units import GREY_MAX
 
 MIN_CONTRAST = 2.5  # of a border; noise, uneven light and fractal surfaces have at most 2.4 at any bound
-_PART_CONTRAST = 4.0  # of the border of a part of a class
-_PART_WEIGHT = 0.5  # of its score: it must have twice the score to come before a class
+_PART_CONTRAST = 4.0  # of the border of a part of a class that steps bound
+_FAR = 3  # times the contrast of noise, or of the classes if less: small things that are a class themselves
 _MAX_PART = 0.8  # of the cells of its class: a part that holds more is the class itself
 _PROMINENCE = 1.25  # of a bound's average contrast, over the minimum between it and a higher one
 _MIN_SHARE = 0.25  # of the largest average contrast
@@ -33,7 +33,9 @@ _MAX_PROPOSED = 6  # classes, where the caller gives no number
 _BINS = 256
 _BINS_NEAR = 4  # bins: maximum distance of an edge from the requested grey
 
+Edges = tuple[float, ...]
 Part = tuple[float, float, bool]  # of a class: its ends, and True
+Bordered = list[tuple[RangeBorder, Part]]
 _DECIMALS = range(2, 7)
 _MIN_DECIMALS = 5  # see `edge_beside_means`
 
@@ -43,7 +45,7 @@ class RangeCandidates:
     """Thresholds that split a histogram of means into ranges: decimal numbers of few digits, increasing."""
 
     edges: tuple[float, ...]
-    clear: bool  # whether valleys of the histogram separate all classes
+    clear: bool  # valleys of the histogram separate all classes
 
 
 def propose_ranges(histogram: NDArray[np.int64], n_classes: int | None = None) -> RangeCandidates:
@@ -160,18 +162,17 @@ class ChosenRange:
 
     @property
     def score(self) -> float:
-        """Score by which ranges are ranked."""
-        if self.border is None:
-            return 0.0
-        return self.border.score * (_PART_WEIGHT if self.is_part else 1)
+        """Figure-ground score of its cells; 0 where no cell counts."""
+        return 0.0 if self.border is None else self.border.score
 
 
 @dataclass(frozen=True, slots=True)
 class RangeChoice:
-    """Ranges of a raster."""
+    """Ranges of a raster: the classes, the darkest first, then a part of the darkest and of the brightest."""
 
-    ranges: tuple[ChosenRange, ...]  # classes, darkest first, then part of the darkest and brightest
-    explained: float  # the share of the variance of the leaf means that lies between the classes
+    ranges: tuple[ChosenRange, ...]
+    explained: float  # share of the variance of the leaf means that lies between the classes
+    separated: bool = True  # false where no valley lies between the classes, and their number was not given
 
     @property
     def edges(self) -> tuple[float, ...]:
@@ -181,20 +182,26 @@ class RangeChoice:
     @property
     def bounds(self) -> tuple[float, ...]:
         """Ends of all ranges, 0 and 1 aside."""
-        ends = {end for one in self.ranges for end in (one.low, one.high)}
-        return tuple(sorted(ends - {0.0, 1.0}))
+        return tuple(sorted({end for one in self.ranges for end in (one.low, one.high)} - {0.0, 1.0}))
 
     @property
     def ranked(self) -> tuple[int, ...]:
-        """Indices of the ranges, those with the best figure-ground score first, then the rarest."""
-        ends = [(-one.score, one.pixels, -one.low if one.pixels else 0) for one in self.ranges]
+        """Indices of the ranges, the best figure-ground score first, then the rarest.
+
+        A part counts half. It comes after its class, and after two classes.
+        """
+        classes = [one for one in self.ranges if not one.is_part]
+        second = sorted(one.score for one in classes)[-2:][0]
+        ends = []
+        for one in self.ranges:
+            limit = min(second, classes[-(one.high == 1)].score, one.score / 2) if one.is_part else one.score
+            ends.append((-limit, one.is_part, -one.score, one.pixels, -one.low * (one.pixels > 0)))
         return tuple(sorted(range(len(self.ranges)), key=lambda k: (ends[k], k)))
 
     @property
-    def contrast(self) -> float | None:
-        """Largest contrast of any range; None where no cell counts."""
-        contrasts = [one.border.contrast for one in self.ranges if one.border is not None]
-        return max(contrasts, default=None)
+    def contrast(self) -> float:
+        """Largest contrast of any range; infinite where no cell counts."""
+        return max((one.border.contrast for one in self.ranges if one.border is not None), default=math.inf)
 
 
 def choose_ranges(
@@ -209,11 +216,11 @@ def choose_ranges(
 
     `histogram`, (65536,), is of valid pixels by the mean grey of their leaf, not all 0, and `pairs` are of
     the same block map. `n_classes` is the number of Otsu's classes, without parts of them; by default as many
-    as valleys of the histogram separate, and where there are no such valleys, two of minimum cross entropy.
-    `refined` tells whether regions are refined to the pixel, so that a cell may differ from its leaf.
-    `greys`, (65536,), are pixels by grey, and `populations` the edges between populations of them, see
-    `population_edges`: these replace edges that separate the same cells, and are added otherwise; not with a
-    number of classes.
+    as valleys of the histogram separate, and where there are no such valleys, two of minimum cross entropy;
+    small things that stand out far are one more. `refined` tells whether regions are refined to the pixel, so
+    that a cell may differ from its leaf. `greys`, (65536,), are pixels by grey, and `populations` the edges
+    between populations of them, see `population_edges`: these replace edges that separate the same cells, and
+    are added otherwise; not with a number of classes.
     """
     candidates = propose_ranges(histogram, n_classes)
     edges, parts = candidates.edges, list[Part]()
@@ -221,7 +228,7 @@ def choose_ranges(
         if not candidates.clear and len(edges) == 1:
             edges = tuple(populations) or _minimum_entropy_edge(histogram, pairs) or edges
         if pairs is not None and edges:
-            parts = _parts(pairs.histogram() if refined else histogram, pairs, edges)
+            edges, parts = _figures(pairs.histogram() if refined else histogram, pairs, edges)
         if populations:
             others = {edge for edge in edges if _is_new(edge, populations, pairs)}
             edges = tuple(sorted(others.union(populations)))
@@ -231,7 +238,8 @@ def choose_ranges(
         first, last = IntensityRange(low, high).greys
         pixels = 0 if greys is None else int(greys[first : last + 1].sum())
         chosen.append(ChosenRange(low, high, is_part, _border(pairs, low, high), pixels))
-    return RangeChoice(tuple(chosen), explained_variance(histogram, edges))
+    separated = n_classes is not None or candidates.clear or bool(populations)
+    return RangeChoice(tuple(chosen), explained_variance(histogram, edges), separated)
 
 
 def _is_new(edge: float, populations: Sequence[float], pairs: CellPairs | None) -> bool:
@@ -246,9 +254,8 @@ def _is_new(edge: float, populations: Sequence[float], pairs: CellPairs | None) 
             return False
     begin = max(one for one in bounds if one <= place)
     end = min((one for one in bounds if one > place), default=BINS)
-    if not pairs.cells[begin:place].any() or not pairs.cells[place:end].any():
-        return False
-    return pairs.within(begin, end).border(begin, place).contrast >= MIN_CONTRAST
+    filled = pairs.cells[begin:place].any() and pairs.cells[place:end].any()
+    return bool(filled and pairs.within(begin, end).border(begin, place).contrast >= MIN_CONTRAST)
 
 
 def _minimum_entropy_edge(histogram: NDArray[np.int64], pairs: CellPairs | None) -> tuple[float, ...]:
@@ -259,35 +266,42 @@ def _minimum_entropy_edge(histogram: NDArray[np.int64], pairs: CellPairs | None)
     return () if edge is None else (edge,)
 
 
-def _parts(histogram: NDArray[np.int64], pairs: CellPairs, edges: Sequence[float]) -> list[Part]:
-    """Choose the part of the darkest class and that of the brightest with the best border."""
-    parts: list[Part] = []
+def _figures(histogram: Counts, pairs: CellPairs, edges: Edges) -> tuple[Edges, list[Part]]:
+    """Add the edge of small things that stand out far, and choose parts of the outermost classes."""
     contrasts, crossing = pairs.contrasts()
-    contrasts = np.where(crossing >= _MIN_PAIRS, contrasts, 0.0)
-    minimum = max(_MIN_SHARE * contrasts.max(), np.finfo(float).tiny)
-    tops = 1 + np.flatnonzero((contrasts[1:-1] >= contrasts[:-2]) & (contrasts[1:-1] >= contrasts[2:]))
+    steps = np.where(crossing >= _MIN_PAIRS, contrasts, 0.0)
+    minimum = max(_MIN_SHARE * steps.max(), np.finfo(float).tiny)
+    tops = 1 + np.flatnonzero(steps[1:-1] >= np.maximum(np.maximum(steps[:-2], steps[2:]), minimum))
     bounds: list[int] = []
-    for top in tops[np.argsort(-contrasts[tops], kind="stable")].tolist():
-        if contrasts[top] < minimum:
-            break
-        between = [contrasts[min(top, one) : max(top, one) + 1].min() for one in bounds]
-        if all(_PROMINENCE * lowest <= contrasts[top] for lowest in between):
+    for top in tops[np.argsort(-steps[tops], kind="stable")].tolist():
+        between = [steps[min(top, one) : max(top, one) + 1].min() for one in bounds]
+        if all(_PROMINENCE * lowest <= steps[top] for lowest in between):
             bounds.append(top)
+    greys = {pairs.grey_of(bound): _PART_CONTRAST for bound in bounds}
+    classes = [one for one in (_border(pairs, *ends) for ends in pairwise((0.0, *edges, 1.0))) if one]
+    far = _FAR * min(MIN_CONTRAST, max(one.contrast for one in classes))
+    found = _outermost(histogram, pairs, edges, greys)
+    for border, (low, high, _) in sorted(found, key=lambda one: -one[0].score)[:1]:
+        if border.contrast >= far and border.score > 2 * max(one.score for one in classes):
+            edges = tuple(sorted((*edges, low or high)))
+    greys = {edge * GREY_MAX: 0.0 for edge in propose_ranges(histogram, 3).edges} | greys
+    found = sorted(_outermost(histogram, pairs, edges, greys), key=lambda one: one[0].share)
+    return edges, sorted({part[0] > 0: part for _, part in found}.values())
+
+
+def _outermost(histogram: Counts, pairs: CellPairs, edges: Edges, greys: dict[float, float]) -> Bordered:
+    """Return the outer parts of the darkest and brightest class with a contrast, 0: with more than theirs."""
+    found: Bordered = []
     for outer, inner in ((0.0, edges[0]), (1.0, edges[-1])):
-        (low, high), scores = sorted((outer, inner)), []
-        for bound in bounds:
-            edge = edge_near(histogram, pairs.grey_of(bound), low, high)
-            if edge is None:
+        whole = _border(pairs, *sorted((outer, inner)))
+        for grey, contrast in greys.items():
+            if (edge := edge_near(histogram, grey, *sorted((outer, inner)))) is None:
                 continue
-            part = (min(outer, edge), max(outer, edge))
-            border, whole = _border(pairs, *part), _border(pairs, low, high)
-            if border is None or whole is None or border.contrast < _PART_CONTRAST:
-                continue
-            if border.share < _MAX_PART * whole.share:
-                scores.append((border.score, border.share, part))
-        if scores:
-            parts.append((*max(scores)[2], True))
-    return parts
+            part = (min(outer, edge), max(outer, edge), True)
+            border = _border(pairs, *part[:2])
+            if border and whole and border.contrast >= (contrast or max(MIN_CONTRAST, whole.contrast)):
+                found += [(border, part)] * (border.share < _MAX_PART * whole.share)
+    return found
 
 
 def _border(pairs: CellPairs | None, low: float, high: float) -> RangeBorder | None:
